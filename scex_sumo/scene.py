@@ -62,6 +62,15 @@ class States:
         """Exchange two axes."""
         return self.map(lambda values: values.swapaxes(first, second))
 
+    def ahead(self, way: FloatArray, speed: FloatArray) -> States:
+        """Return states (n, T) straight ahead of these (n,), by ways (n, T) in m, with speeds (n, T)."""
+        return States(
+            x=self.x[:, None] + way * np.cos(self.heading)[:, None],
+            y=self.y[:, None] + way * np.sin(self.heading)[:, None],
+            heading=np.repeat(self.heading[:, None], way.shape[1], axis=1),
+            speed=speed,
+        )
+
     @classmethod
     def empty(cls, shape: tuple[int, ...]) -> States:
         """Allocate states without values."""

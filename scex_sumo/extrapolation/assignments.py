@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -29,10 +29,18 @@ def random_assignments(
     weights: Sequence[float], futures: Sequence[int] | IntArray, vehicles: int, *, seed: int
 ) -> IntArray:
     """Draw a model (C, V) for every vehicle of every future, independently, by the models' weights (M,)."""
-    upper = np.cumsum(np.asarray(weights, dtype=np.float64))
-    upper /= upper[-1]
-    draws = np.stack([future_generator(seed, int(c), _ASSIGNMENT_STREAM).random(vehicles) for c in futures])
-    return np.searchsorted(upper, draws, side="right").astype(np.int64)
+    return _levels(weights, _draws(futures, vehicles, seed, _ASSIGNMENT_STREAM))
+
+
+def _draws(futures: Iterable[int], count: int, seed: int, stream: int) -> FloatArray:
+    """Return numbers (C, count) in [0, 1), of each future alone."""
+    return np.stack([future_generator(seed, int(c), stream).random(count) for c in futures])
+
+
+def _levels(weights: Iterable[float], draws: FloatArray) -> IntArray:
+    """Return the model that each number in [0, 1) draws by the models' weights."""
+    upper = np.cumsum([*weights])
+    return np.searchsorted(upper / upper[-1], draws, side="right").astype(np.int64)
 
 
 @lru_cache(maxsize=32)
@@ -58,13 +66,12 @@ def people_assignments(
     weights: Mapping[str, Mapping[int, float]], kinds: Sequence[str], futures: int, *, seed: int
 ) -> IntArray:
     """Draw a model (C, P) for every person of every future by the weights of the models of its kind."""
-    draws = [future_generator(seed, c, _PEOPLE_STREAM).random(len(kinds)) for c in range(futures)]
-    result = np.empty((futures, len(kinds)), dtype=np.int64)
-    for person, kind in enumerate(kinds):
-        upper = np.cumsum([*weights[kind].values()])
-        level = np.searchsorted(upper / upper[-1], [draw[person] for draw in draws], side="right")
-        result[:, person] = np.array([*weights[kind]])[level]
-    return result
+    draws = _draws(range(futures), len(kinds), seed, _PEOPLE_STREAM).T
+    models = [
+        np.array([*weights[kind]])[_levels(weights[kind].values(), own)]
+        for kind, own in zip(kinds, draws, strict=True)
+    ]
+    return np.stack(models, axis=1)
 
 
 def all_assignments(choices: Sequence[int]) -> IntArray:

@@ -77,9 +77,4 @@ def slide(now: States, speed: FloatArray, steps: int) -> States:
     time = STEP_S * np.arange(1, steps + 1)
     later = np.maximum(speed[:, None] - CRASH_MPS2 * time, 0.0)
     way = (speed[:, None] ** 2 - later**2) / (2 * CRASH_MPS2)
-    return States(
-        x=now.x[:, None] + way * np.cos(now.heading)[:, None],
-        y=now.y[:, None] + way * np.sin(now.heading)[:, None],
-        heading=np.repeat(now.heading[:, None], steps, axis=1),
-        speed=later,
-    )
+    return now.ahead(way, later)

@@ -74,7 +74,7 @@ def generate_command(
     from scex_sumo.converters.naming import map_name
     from scex_sumo.converters.registries import map_format
     from scex_sumo.generators.generate import generated_scene
-    from scex_sumo.generators.people import with_people
+    from scex_sumo.generators.people import add_people
     from scex_sumo.generators.scene_context import lane_cells
     from scex_sumo.generators.scene_model import SHIPPED, load_scenes
     from scex_sumo.results.region import region_of
@@ -104,7 +104,7 @@ def generate_command(
         for k in range(number):
             if tick is not None:
                 tick(k, number)
-            made.append(with_people(one(number=k), people, seed=seed + k))
+            made.append(add_people(one(number=k), people, seed=seed + k))
     warn(sorted({note for scene in made for note in scene.notes}))
     about: dict[str, Any] = {}
     if critical:

@@ -34,7 +34,7 @@ _BESIDE_M, _EDGE_M = 0.9, 0.6  # from the right bound, outside of the lane and i
 _TRIES = 50  # a person
 
 
-def with_people(scene: SeedScene, people: int, *, seed: int = 0) -> SeedScene:
+def add_people(scene: SeedScene, people: int, *, seed: int = 0) -> SeedScene:
     """Return a scene with people at constant speeds, which touch no vehicle in the last 1 and the next 3 s.
 
     A note says how many found no place.
@@ -158,14 +158,8 @@ def _moving(line: FloatArray | None, kind: str, rng: np.random.Generator) -> Sta
 
 def _motion(scene: SeedScene) -> States:
     """Return (V, 11 + F) recorded states of vehicles; without a future they go straight on."""
-    ahead, now = STEP_S * np.arange(1, _STEPS + 1), scene.now
-    way = now.speed[:, None] * ahead
-    later = States(
-        x=now.x[:, None] + way * np.cos(now.heading)[:, None],
-        y=now.y[:, None] + way * np.sin(now.heading)[:, None],
-        heading=np.repeat(now.heading[:, None], _STEPS, axis=1),
-        speed=np.repeat(now.speed[:, None], _STEPS, axis=1),
-    )
+    way = scene.now.speed[:, None] * (STEP_S * np.arange(1, _STEPS + 1))
+    later = scene.now.ahead(way, np.repeat(scene.now.speed[:, None], _STEPS, axis=1))
     return States.concatenate([scene.history, later if scene.future is None else scene.future], axis=1)
 
 

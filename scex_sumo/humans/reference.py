@@ -60,13 +60,13 @@ def _options(
     options: RunOptions, folder: Path, bar: Callable[[str], AbstractContextManager[Progress | None]]
 ) -> RunOptions:
     """Return the options of the reference of a run in a folder."""
-    return RunOptions(
+    return dataclasses.replace(
+        options,
         out=folder / REFERENCE,
         bar=bar,
-        cache=options.cache,
-        command=options.command,
-        compared=options.compared,
-        keep_doubtful=options.keep_doubtful,
+        batch=None,
+        gui=False,
+        extra=(),
         overwrite=True,
         is_reference=True,
     )

@@ -15,6 +15,7 @@ from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.datasets.reader import repaired
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import Recording
+from scex_sumo.converters.tracks.road_users import PEOPLE
 from scex_sumo.evaluation.recordings import LoadedRecording, seed_at
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.recorder import Recorded
@@ -42,7 +43,7 @@ class Moment:
     def vehicles(self) -> list[str]:
         """SUMO's names of the vehicles of the moment; pedestrians and cyclists are none."""
         users = self.recorded.users
-        return [n for n in self.recorded.frames[-1][1] if users[n][0] not in ("pedestrian", "bicycle")]
+        return [n for n in self.recorded.frames[-1][1] if users[n][0] not in PEOPLE]
 
     @property
     def motorised(self) -> list[str]:

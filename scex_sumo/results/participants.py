@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -27,7 +28,7 @@ def with_people(scene: SeedScene, vru: str) -> SeedScene:
         return scene
     people = np.array([road_user(kind) in PEOPLE for kind in others.types])
     if vru == "none":
-        return replace(scene, obstacles=_some(others, ~people))
+        return replace(scene, obstacles=some_obstacles(others, ~people))
     taking = people & others.present[:, HISTORY_STEPS]
     notes = []
     if taking.sum() > MAX_PEOPLE:
@@ -36,12 +37,12 @@ def with_people(scene: SeedScene, vru: str) -> SeedScene:
         count = int(taking.sum())
         notes.append(f"{count - MAX_PEOPLE} of {count} people, those farthest from vehicles, are replayed")
         taking = np.isin(np.arange(len(far)), np.argsort(far, kind="stable")[:MAX_PEOPLE])
-    if (people_now := _some(others, taking)) is None:
+    if (people_now := some_obstacles(others, taking)) is None:
         return scene
-    joined, wrong = _joined(scene, people_now)
+    taking_part, wrong = _taking_part(scene, people_now)
     if wrong:
         notes.append(f"people without a usable size have the usual one: {wrong}")
-    return replace(joined, obstacles=_some(others, ~taking), notes=(*scene.notes, *notes))
+    return replace(taking_part, obstacles=some_obstacles(others, ~taking), notes=(*scene.notes, *notes))
 
 
 def people_apart(scene: SeedScene) -> SeedScene:
@@ -65,29 +66,46 @@ def people_apart(scene: SeedScene) -> SeedScene:
     return replace(scene.reordered(vehicles.tolist(), name=scene.name), obstacles=apart, people=None)
 
 
-def _joined(scene: SeedScene, people: Obstacles) -> tuple[SeedScene, str]:
+def _taking_part(scene: SeedScene, people: Obstacles) -> tuple[SeedScene, str]:
     """Return the scene with people as its last vehicles, and the names of those of unusable size."""
     kinds = tuple(_kind(kind, states) for kind, states in zip(people.types, _rows(people), strict=True))
     length, width, wrong = _sizes(people, kinds)
-    history, known = people.states[:, : HISTORY_STEPS + 1], people.present[:, :HISTORY_STEPS]
-    future, valid = _futures(people, 0 if scene.future is None else scene.future.shape[1])
-    ids = _numbers(people.ids, scene.track_ids)
-    joined = replace(
+    known = people.present[:, :HISTORY_STEPS]
+    taking = joined(
         scene,
-        track_ids=np.concatenate([scene.track_ids, ids]),
-        types=(*scene.types, *kinds),
-        length=np.concatenate([scene.length, length]),
-        width=np.concatenate([scene.width, width]),
+        people,
+        track_ids=_numbers(people.ids, scene.track_ids),
+        types=kinds,
+        sizes=(length, width),
+        recorded_steps=np.cumprod(known[:, ::-1], axis=1).sum(axis=1, dtype=np.int64),
+    )
+    return replace(taking, people=np.arange(taking.vehicles) >= scene.vehicles), wrong
+
+
+def joined(
+    scene: SeedScene,
+    people: Obstacles,
+    *,
+    track_ids: IntArray,
+    types: Sequence[str],
+    sizes: tuple[FloatArray, FloatArray],
+    recorded_steps: IntArray,
+) -> SeedScene:
+    """Return the scene with obstacles (P,) as its last vehicles, too; sizes are length and width, m."""
+    future, valid = _futures(people, 0 if scene.future is None else scene.future.shape[1])
+    history = people.states[:, : HISTORY_STEPS + 1]
+    return replace(
+        scene,
+        track_ids=np.concatenate([scene.track_ids, track_ids]),
+        types=(*scene.types, *types),
+        length=np.concatenate([scene.length, sizes[0]]),
+        width=np.concatenate([scene.width, sizes[1]]),
         history=States.concatenate([scene.history, history], axis=0),
-        recorded_steps=np.concatenate(
-            [scene.recorded_steps, np.cumprod(known[:, ::-1], axis=1).sum(axis=1, dtype=np.int64)]
-        ),
+        recorded_steps=np.concatenate([scene.recorded_steps, recorded_steps]),
         future=None if scene.future is None else States.concatenate([scene.future, future], axis=0),
         future_valid=None if scene.future_valid is None else np.concatenate([scene.future_valid, valid]),
-        intentions=scene.intentions and (*scene.intentions, *(None,) * len(ids)),
-        people=np.arange(scene.vehicles + len(ids)) >= scene.vehicles,
+        intentions=scene.intentions and (*scene.intentions, *(None,) * len(track_ids)),
     )
-    return joined, wrong
 
 
 def _rows(people: Obstacles) -> list[States]:
@@ -139,7 +157,7 @@ def _distance(scene: SeedScene, others: Obstacles) -> FloatArray:
     return np.asarray(apart.min(axis=1, initial=np.inf))
 
 
-def _some(others: Obstacles, keep: BoolArray) -> Obstacles | None:
+def some_obstacles(others: Obstacles, keep: BoolArray) -> Obstacles | None:
     """Return some obstacles; None if there are none."""
     at = np.flatnonzero(keep)
     if not len(at):

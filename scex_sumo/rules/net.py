@@ -63,7 +63,7 @@ def read_rules(root: Element, lanes: LaneTable, road: Road) -> tuple[Rules, tupl
             continue
         lit = any(link.light is not None for link in mine)
         if not lit and junction.get("type", "").startswith("traffic_light"):
-            continue
+            continue  # its lights were left out
         # Without regulations the net's right of way is guessed.
         if lit or ((road.regulations or road.net) and any(link.yields for link in mine)):
             twice = _contradiction(mine)

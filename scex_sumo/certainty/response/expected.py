@@ -19,9 +19,10 @@ from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.certainty.response.blocked import Lines
-from scex_sumo.converters.tracks.road_users import road_user
+from scex_sumo.converters.tracks.road_users import PEOPLE, road_user
 from scex_sumo.humans.driven_line import driven_paths
-from scex_sumo.scene import HISTORY_STEPS, STEP_S, Plan, SceneHistory, SeedScene, States, VehicleIndex
+from scex_sumo.results.participants import joined, some_obstacles
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
 
 DRIVER: Final = "likely_driver:spread=0:inattention=0"
 STEPS: Final = 80
@@ -31,7 +32,6 @@ _DRAWS = 5  # of the path; the line in the middle of them is the expected one
 _SPACING_M = 1.0
 _BACK_M = 10.0
 _BEYOND_M = 10.0  # of the way at kept speed
-_WALKING = ("pedestrian", "bicycle")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,31 +89,27 @@ def expected_motion(scene: SeedScene) -> Expected:
 def with_people(driven: Expected) -> Expected:
     """Return the expected motion of vehicles and of the pedestrians and cyclists of their scene."""
     scene, others = driven.scene, driven.scene.obstacles
-    around = () if others is None else np.flatnonzero(others.present[:, HISTORY_STEPS])
-    people = [k for k in around if road_user(others.types[k]) in _WALKING] if others is not None else []
-    if others is None or not people:
+    if others is None:
         return driven
-    count, now, valid = len(people), HISTORY_STEPS + 1, scene.future_valid
-    states, present = others.states[np.array(people)], others.present[people]
-    past, after = states[:, :now], slice(now, now if scene.future is None else now + scene.future.shape[1])
-    joined = replace(
+    walking = [road_user(kind) in PEOPLE for kind in others.types]
+    taking = others.present[:, HISTORY_STEPS] & np.array(walking, dtype=np.bool_)
+    people = some_obstacles(others, taking)
+    if people is None:
+        return driven
+    whole = joined(
         scene,
-        track_ids=np.concatenate([scene.track_ids, -1 - np.array(people)]),
-        types=(*scene.types, *(others.types[k] for k in people)),
-        length=np.concatenate([scene.length, others.length[people]]),
-        width=np.concatenate([scene.width, others.width[people]]),
-        history=States.concatenate([scene.history, past], axis=0),
-        recorded_steps=np.concatenate([scene.recorded_steps, present[:, : now - 1].sum(axis=1)]),
-        future=scene.future and States.concatenate([scene.future, states[:, after]], axis=0),
-        future_valid=None if valid is None else np.concatenate([valid, present[:, after]]),
-        intentions=(),
+        people,
+        track_ids=-1 - np.flatnonzero(taking),
+        types=people.types,
+        sizes=(people.length, people.width),
+        recorded_steps=people.present[:, :HISTORY_STEPS].sum(axis=1),
     )
-    here, old = past[:, -1], driven.lines
+    here, old, count = people.states[:, HISTORY_STEPS], driven.lines, len(people.ids)
     way = old.start[0] + old.spacing_m * np.arange(old.x.shape[1])
     heading = np.repeat(here.heading[:, None], len(way), axis=1)
     speed = np.repeat(here.speed[:, None], driven.s.shape[1], axis=1)
     return Expected(
-        scene=joined,
+        scene=replace(whole, intentions=()),
         vehicles=driven.vehicles,
         lines=Lines(
             x=np.concatenate([old.x, here.x[:, None] + way * np.cos(heading)]),

@@ -16,6 +16,7 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.extras import Decision, Row
 from scex_sumo.results.participants import people_apart
 from scex_sumo.results.run import Run
+from scex_sumo.scene import SeedScene
 
 if TYPE_CHECKING:
     from scex_sumo.certainty.response.decision import PairResponse
@@ -55,7 +56,8 @@ class ResponseExtra(CriticalResponse):
         from scex_sumo.certainty.response.answer import any_collision, once_in, responses_and_maps
 
         if not work.is_reference:
-            self._write(work, *responses_and_maps(people_apart(work.job.scene), self._file))
+            scene = people_apart(work.job.scene)
+            self._write(work, scene, *responses_and_maps(scene, self._file))
             return (Row(name=_ROW, value=None),)
         import pyarrow.parquet as pq
 
@@ -63,7 +65,7 @@ class ResponseExtra(CriticalResponse):
         value = any_collision(rows, doubtful=work.options.keep_doubtful)
         return (Row(name=_ROW, value=once_in(value)),)
 
-    def _write(self, work: Work, table: Any, maps: Mapping[str, Any]) -> None:
+    def _write(self, work: Work, scene: SeedScene, table: Any, maps: Mapping[str, Any]) -> None:
         import pyarrow.parquet as pq
 
         from scex_sumo.base.files import replacing, write_atomic
@@ -72,13 +74,13 @@ class ResponseExtra(CriticalResponse):
 
         population = self._population()
         if population is not None:
-            table = with_usual(table, population, work.job.scene.location)
+            table = with_usual(table, population, scene.location)
         with replacing(work.job.folder / RESPONSE) as temporary:
             pq.write_table(table, temporary)
         decision = decide(
             table.to_pylist(),
             keep_doubtful=work.options.keep_doubtful,
-            varied=lambda pair: varied(people_apart(work.job.scene), pair, self._file),
+            varied=lambda pair: varied(scene, pair, self._file),
         )
         write_atomic(work.job.folder / MAPS, json.dumps(maps, allow_nan=False).encode())
         write_atomic(work.job.folder / DECISION, json.dumps(dataclasses.asdict(decision)).encode())

@@ -43,7 +43,6 @@ _TURNS_RAD = np.deg2rad(30.0)
 _TOGETHER_M, _CROSS_M = 2.0, 1.0  # between lines that come together, and that cross
 _BEYOND_M = 15.0  # way after that place, by which it is known whether the lines part again
 _SECOND = round(1.0 / STEP_S)
-_ROADSIDE = ("pedestrian", "bicycle")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +144,7 @@ def _person_kind(expected: Expected, one: int, turn: float) -> str | None:
     """Return the kind of a conflict with somebody on foot or bicycle who acts; None for a vehicle."""
     if one < expected.vehicles:
         return None
-    who = "pedestrian" if road_user(expected.scene.types[one]) == _ROADSIDE[0] else "cyclist"
+    who = "pedestrian" if road_user(expected.scene.types[one]) == "pedestrian" else "cyclist"
     stands = expected.scene.now.speed[one] < _STANDS_MPS
     crosses = not stands and _ALONG_RAD <= turn <= np.pi - _ALONG_RAD
     return f"{who} {'crossing' if crosses else 'along'}"

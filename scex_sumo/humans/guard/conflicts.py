@@ -257,16 +257,7 @@ def _stay_apart(view: _View, i: IntArray, j: IntArray, time_s: FloatArray) -> Bo
     )
     sizes = (scene.length[vehicle], scene.width[vehicle]), (around.others.length[j], around.others.width[j])
     boxes = [
-        Rectangles.of(
-            States(
-                x=now.x[:, None] + way * np.cos(now.heading)[:, None],
-                y=now.y[:, None] + way * np.sin(now.heading)[:, None],
-                heading=np.repeat(now.heading[:, None], len(t), axis=1),
-                speed=way,
-            ),
-            length[:, None],
-            width[:, None],
-        )
+        Rectangles.of(now.ahead(way, way), length[:, None], width[:, None])
         for now, way, (length, width) in zip((one, two), ways, sizes, strict=True)
     ]
     distance = np.where(t <= time_s[:, None], rectangle_distance(*boxes), np.inf)
