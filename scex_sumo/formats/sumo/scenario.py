@@ -61,8 +61,10 @@ def options_of(config: Path) -> dict[str, str]:
     """Read the options of a ``.sumocfg``, by the names in the file.
 
     Raises:
-        MapError: it cannot be read as a configuration.
+        MapError: there is no such file, or it cannot be read as a configuration.
     """
+    if not config.is_file():
+        raise MapError(f"{config}: no such file; check the path of the configuration")
     try:
         root = ElementTree.fromstring(unpacked(config))
     except (MapError, ElementTree.ParseError, LookupError, ValueError) as error:

@@ -17,7 +17,7 @@ from scex_sumo.evaluation.recordings import load_recording, recording_moments, s
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.own_sumo import user_sumo
 from scex_sumo.formats.sumo.phases import Light, Programme, with_lights
-from scex_sumo.formats.sumo.scenario import PrivateRun, simulate
+from scex_sumo.formats.sumo.scenario import PrivateRun, options_of, simulate
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
 from scex_sumo.world.batch import RunningBatch
@@ -163,6 +163,8 @@ def test_a_type_with_an_ssm_device_runs_without_it(tmp_path: Path) -> None:
 
 def test_a_configuration_that_does_not_load_says_why(grid: Simulation, tmp_path: Path) -> None:
     bad = tmp_path / "bad.sumocfg"
+    with pytest.raises(MapError, match=r"bad\.sumocfg: no such file; check the path of the configuration"):
+        options_of(bad)
 
     def fails(text: str, words: str, kind: type[ScexError] = MapError) -> None:
         bad.write_text(text)
