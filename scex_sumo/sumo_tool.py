@@ -44,15 +44,15 @@ def _add(parser: Any, param: Any) -> None:
         return
     kind = param.type.name
     types = {"integer": int, "int": int, "float": float, "path": parser.file}
-    made: dict[str, Any] = {"type": types.get(kind, str), "help": text, "fix_path": kind == "path"}
-    made["category"] = "output" if param.name == "out" else "input" if kind == "path" else "processing"
+    options: dict[str, Any] = {"type": types.get(kind, str), "help": text, "fix_path": kind == "path"}
+    options["category"] = "output" if param.name == "out" else "input" if kind == "path" else "processing"
     if isinstance(param.default, int | float | str):
-        made["default"] = param.default
+        options["default"] = param.default
     if kind == "float" and param.metavar == "S":
-        made["type"] = parser.time  # also H:M:S
+        options["type"] = parser.time  # also H:M:S
     if param.nargs == -1 or getattr(param, "multiple", False):
-        made |= {"nargs": "+", "type": parser.file_list if kind == "path" else str}
-    parser.add_argument(*names, dest=param.name, required=param.required, **made)
+        options |= {"nargs": "+", "type": parser.file_list if kind == "path" else str}
+    parser.add_argument(*names, dest=param.name, required=param.required, **options)
 
 
 def _names(param: Any) -> list[str]:

@@ -40,10 +40,10 @@ class Registry:
     def paths(self) -> dict[str, str]:
         """Import path by name: the built-in ones first, then entry points; nobody takes a name of ours."""
         points = _entry_points(importlib.metadata.entry_points, self.group, tuple(sys.path))
-        found = dict(self.builtin)
+        paths = dict(self.builtin)
         for name, _, path in sorted((p.name, not _of_package(p.value), p.value) for p in points):
-            found.setdefault(name, path)
-        return found
+            paths.setdefault(name, path)
+        return paths
 
     def is_ours(self, name: str) -> bool:
         """Return whether a name belongs to this package."""

@@ -97,13 +97,13 @@ def numbers_by_name(option: str, entries: Iterable[str], form: str) -> dict[str,
     Raises:
         UsageError: an entry has another form; it tells the right ``form``, with an example.
     """
-    found = {}
+    numbers = {}
     for entry in entries:
         name, _, number = (part.strip() for part in entry.rpartition("="))
         try:
-            found[name] = float(number)
+            numbers[name] = float(number)
         except ValueError:
             name = ""
         if not name:
             raise UsageError(f"{option} {entry}: needs {form}")
-    return found
+    return numbers

@@ -44,10 +44,11 @@ def run_answer(run: Run) -> dict[str, Any]:
     }
 
 
-def meeting_rows(found: Sequence[Meeting]) -> list[dict[str, Any]]:
+def meeting_rows(encounters: Sequence[Meeting]) -> list[dict[str, Any]]:
     """Return encounters as rows."""
     return [
-        {"futures": one.futures, **one.row, "exact_collision": one.encounter.collision.exact} for one in found
+        {"futures": meeting.futures, **meeting.row, "exact_collision": meeting.encounter.collision.exact}
+        for meeting in encounters
     ]
 
 

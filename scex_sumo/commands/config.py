@@ -62,13 +62,13 @@ def _of_toml(ctx: Any, path: Path) -> dict[str, Any]:
         content = tomllib.loads(_read(path))
     except tomllib.TOMLDecodeError as error:
         raise UsageError(f"--config {path}: {error}") from None
-    known, found = _keys(ctx.command), {}
+    known, options = _keys(ctx.command), {}
     for key, value in content.items():
         param, positive = known.get(key.replace("_", "-"), (None, True))
         if param is None:
             raise UsageError(f"--config {path}: unknown key {key!r}; nearest: {nearest(key, known)}")
-        found[param.name] = _value(param, value, path, key, positive=positive)
-    return found
+        options[param.name] = _value(param, value, path, key, positive=positive)
+    return options
 
 
 def _keys(command: TyperCommand) -> dict[str, tuple[Any, bool]]:

@@ -41,15 +41,15 @@ def parameters_of(kind: type) -> list[inspect.Parameter]:
     ]
 
 
-def _parameter(one: Field[Any], about: Option, hint: Any) -> inspect.Parameter:
+def _parameter(option_field: Field[Any], about: Option, hint: Any) -> inspect.Parameter:
     if about.several:
         hint, default = list[str] | None, None
     elif about.takes is not None:
         hint, default = about.takes | None, None
     else:
-        default = None if one.default is MISSING else one.default
-    names = about.names or ((f"--{one.name.replace('_', '-')}",) if hint is not bool else ())
+        default = None if option_field.default is MISSING else option_field.default
+    names = about.names or ((f"--{option_field.name.replace('_', '-')}",) if hint is not bool else ())
     option = typer.Option(*names, metavar=about.metavar, help=about.help, autocompletion=about.complete)
     return inspect.Parameter(
-        one.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[hint, option]
+        option_field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[hint, option]
     )

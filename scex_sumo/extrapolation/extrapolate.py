@@ -87,13 +87,13 @@ def _python_message(message: str) -> str:
         flags = {one.name for one in dataclasses.fields(kind) if isinstance(one.default, bool)}
         for name, one in options_of(kind).items():
             words |= _arguments(name, one, is_flag=name in flags)
-    return re.sub(r"(?<![\w-])--?[a-z][a-z-]*(?![\w-])", lambda found: words.get(found[0], found[0]), message)
+    return re.sub(r"(?<![\w-])--?[a-z][a-z-]*(?![\w-])", lambda match: words.get(match[0], match[0]), message)
 
 
-def _arguments(name: str, one: Option, *, is_flag: bool) -> dict[str, str]:
+def _arguments(name: str, option: Option, *, is_flag: bool) -> dict[str, str]:
     """Return the words for an option in Python by its names on the command line."""
     words: dict[str, str] = {}
-    for pair in one.names or (f"--{name.replace('_', '-')}",):
+    for pair in option.names or (f"--{name.replace('_', '-')}",):
         on, _, off = pair.partition("/")
         words |= {on: f"{name}=True" if is_flag else name}
         if is_flag:

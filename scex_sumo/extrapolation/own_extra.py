@@ -36,9 +36,9 @@ def extra_named(given: str | Extra) -> Extra:
     return kind(**values)
 
 
-def _value(one: Option, default: Any, text: str, given: str) -> Any:
-    if one.read is not None:
-        return one.read([text] if one.several else text)
+def _value(option: Option, default: Any, text: str, given: str) -> Any:
+    if option.read is not None:
+        return option.read([text] if option.several else text)
     if isinstance(default, bool):
         return text.lower() in ("true", "1")
     try:

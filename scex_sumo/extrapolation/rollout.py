@@ -114,11 +114,11 @@ def roll_out(
         if step % replan == 0:
             history = history_at(scene, window, batch.futures, batch.route_draw, step=step)
             groups = groups_of(np.where(crashed, -1, batch.assignment), len(batch.models))
-            for index, made in plans_of(batch.models, groups, history, road, batch.generators):
+            for index, model_plan in plans_of(batch.models, groups, history, road, batch.generators):
                 who = groups[index]
-                usable = checked_plan(made, len(who), plan.shape[2], batch.names[index])
+                usable = checked_plan(model_plan, len(who), plan.shape[2], batch.names[index])
                 plan.assign((who.future, who.vehicle), usable)
-                replaced += _replaced(made, groups[index], batch, step)
+                replaced += _replaced(model_plan, groups[index], batch, step)
             gone, now = np.nonzero(crashed), window[:, :, -1][crashed]
             plan.assign(gone, slide(now, now.speed, plan.shape[2]))
             plan_x[:, step // replan] = plan.x[:, :, :PLAN_STEPS]
@@ -167,10 +167,10 @@ def groups_of(assignment: IntArray, models: int) -> list[VehicleIndex]:
     return [VehicleIndex(future=future, vehicle=vehicle) for future, vehicle in drivers]
 
 
-def checked_plan(made: Plan, count: int, steps: int, name: str) -> States:
+def checked_plan(plan: Plan, count: int, steps: int, name: str) -> States:
     """Return the first (n, steps) states of a model's plan; raise a `ScexError` for a bad plan."""
     for key in ("x", "y", "heading", "speed"):
-        values = getattr(made, key)
+        values = getattr(plan, key)
         if values.ndim != 2 or values.shape[0] != count or values.shape[1] < steps:
             raise ScexError(
                 f"behaviour model {name}: plan.{key} has shape {values.shape}, "
@@ -179,18 +179,18 @@ def checked_plan(made: Plan, count: int, steps: int, name: str) -> States:
         if not np.isfinite(values[:, :steps]).all():
             bad = int((~np.isfinite(values[:, :steps])).any(axis=1).sum())
             raise ScexError(f"behaviour model {name}: plan.{key} is not finite for {bad} of {count} vehicles")
-    return made[:, :steps]
+    return plan[:, :steps]
 
 
-def _replaced(made: Plan, who: VehicleIndex, batch: Batch, step: int) -> list[Replaced]:
-    if made.fallback is None:
+def _replaced(plan: Plan, who: VehicleIndex, batch: Batch, step: int) -> list[Replaced]:
+    if plan.fallback is None:
         return []
     return [
         Replaced(
             future=int(batch.futures[who.future[row]]),
             vehicle=int(who.vehicle[row]),
             step=step,
-            reason=made.reasons[row] if made.reasons else BY_ITSELF,
+            reason=plan.reasons[row] if plan.reasons else BY_ITSELF,
         )
-        for row in np.flatnonzero(made.fallback).tolist()
+        for row in np.flatnonzero(plan.fallback).tolist()
     ]

@@ -329,7 +329,7 @@ class RunSettings:
 
 def checked_thresholds(thresholds: Mapping[str, float], columns: Sequence[str] = COLUMNS) -> dict[str, float]:
     """Return thresholds by column; raise a `UsageError` for an unknown metric or no number."""
-    found = {}
+    checked = {}
     for name, value in thresholds.items():
         try:
             column = column_named(name, columns)
@@ -337,8 +337,8 @@ def checked_thresholds(thresholds: Mapping[str, float], columns: Sequence[str] =
             raise UsageError(f"--threshold: {error}") from None
         if not math.isfinite(value):
             raise UsageError(f"--threshold {column}={value}: not a finite number; give one")
-        found[column] = value
-    return found
+        checked[column] = value
+    return checked
 
 
 def no_bar(label: str) -> AbstractContextManager[None]:

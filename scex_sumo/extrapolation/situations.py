@@ -30,8 +30,8 @@ def plans_of(
     along = {index: one for index in some if (one := _intent(models[index], history, road, groups[index]))}
     together = dict(zip(along, driven(history, list(along.values())), strict=True))
     for index in some:
-        made = together.get(index)
-        yield index, plan_once(models[index], history, road, groups[index], rng) if made is None else made
+        plan = together.get(index)
+        yield index, plan_once(models[index], history, road, groups[index], rng) if plan is None else plan
 
 
 def _intent(model: Behavior, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent | None:

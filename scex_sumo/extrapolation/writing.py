@@ -78,8 +78,10 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
     folder.write_table("assignments.parquet", assignments_table(job.scene, job.assignment, job.models.names))
     folder.write_table(DENSITIES, densities_table(metrics, columns, intervals, reflect=settings.reflect))
     if recorded is not None:
-        found = recorded.values
-        folder.write_table("recorded.parquet", values_table(columns, found.values, found.defined))
+        recorded_values = recorded.values
+        folder.write_table(
+            "recorded.parquet", values_table(columns, recorded_values.values, recorded_values.defined)
+        )
     write_tracks(folder.path / "seed.csv", job.scene)
     if written is not None:
         from scex_sumo.extrapolation.pool import succeeded

@@ -166,27 +166,35 @@ def drawn_road(drawn: DrawnMap, *, name: str, country: str = GERMANY, projection
 
 def _lanes(drawn: DrawnMap, ids: Mapping[Hashable, int], country: str) -> dict[int, Lane]:
     lines: dict[int, tuple[DrawnLane, FloatArray, list[FloatArray]]] = {}
-    for one in drawn.lanes:
-        left, right, centre = (polyline(line, drawn.frame) for line in (one.left, one.right, one.centre))
+    for drawn_lane in drawn.lanes:
+        left, right, centre = (
+            polyline(line, drawn.frame) for line in (drawn_lane.left, drawn_lane.right, drawn_lane.centre)
+        )
         bounds = [left, right] if len(left) > 1 and len(right) > 1 else []
         if len(centre) < 2 and bounds:
             centre = without_repeats(mean_line(bounds))
         if len(centre) < 2 or length_of(centre) < MIN_LENGTH_M:
-            drawn.note("lanes left out, no usable line", str(one.name)[:24])
-        elif ids[one.name] in lines:
-            drawn.note("lanes with one name, the first kept", str(one.name)[:24])
+            drawn.note("lanes left out, no usable line", str(drawn_lane.name)[:24])
+        elif ids[drawn_lane.name] in lines:
+            drawn.note("lanes with one name, the first kept", str(drawn_lane.name)[:24])
         else:
-            lines[ids[one.name]] = one, centre, bounds
-    widths = [one.width_m for one, *_ in lines.values() if one.width_m and math.isfinite(one.width_m)]
+            lines[ids[drawn_lane.name]] = drawn_lane, centre, bounds
+    widths = [
+        drawn_lane.width_m
+        for drawn_lane, *_ in lines.values()
+        if drawn_lane.width_m and math.isfinite(drawn_lane.width_m)
+    ]
     usual = float(np.clip(np.median(widths), *WIDTHS_M)) if widths else WIDTH_M
     lanes, unlimited = {}, set()
-    for i, (one, centre, bounds) in sorted(lines.items()):
-        width = float(np.nan_to_num(np.clip(one.width_m or math.nan, *WIDTHS_M), nan=usual))
+    for i, (drawn_lane, centre, bounds) in sorted(lines.items()):
+        width = float(np.nan_to_num(np.clip(drawn_lane.width_m or math.nan, *WIDTHS_M), nan=usual))
         left, right = bounds or (beside(centre, side * width / 2) for side in (1, -1))
-        speed = default_speed_mps({"subtype": one.subtype, "location": one.location}, one.kind, country)
-        if one.limit_mps and MIN_LIMIT_MPS <= one.limit_mps <= MAX_LIMIT_MPS:
-            speed = one.limit_mps
-        elif one.kind == "vehicle":
+        speed = default_speed_mps(
+            {"subtype": drawn_lane.subtype, "location": drawn_lane.location}, drawn_lane.kind, country
+        )
+        if drawn_lane.limit_mps and MIN_LIMIT_MPS <= drawn_lane.limit_mps <= MAX_LIMIT_MPS:
+            speed = drawn_lane.limit_mps
+        elif drawn_lane.kind == "vehicle":
             unlimited.add(i)
         lanes[i] = Lane(
             lane_id=i,
@@ -195,9 +203,9 @@ def _lanes(drawn: DrawnMap, ids: Mapping[Hashable, int], country: str) -> dict[i
             right_bound=right,
             width_m=mean_width_m(left, right) if bounds else width,
             speed_limit_mps=speed,
-            kind=one.kind,
-            subtype=one.subtype,
-            location=one.location,
+            kind=drawn_lane.kind,
+            subtype=drawn_lane.subtype,
+            location=drawn_lane.location,
         )
     if not all(bounds for *_, bounds in lines.values()):
         drawn.remarks.append(

@@ -31,15 +31,15 @@ def overlapping(lanes: Mapping[int, Lane], centres: Mapping[int, FloatArray]) ->
     # Without heights: low is inf, high is -inf.
     low = {i: line[:, 2:].min(initial=np.inf) for i, line in centres.items()}
     high = {i: line[:, 2:].max(initial=-np.inf) for i, line in centres.items()}
-    found: dict[int, set[int]] = {i: set() for i in ids}
+    overlaps: dict[int, set[int]] = {i: set() for i in ids}
     for one, other in shapely.STRtree(areas).query(areas, predicate="intersects").T.tolist():
         a, b = ids[one], ids[other]
         if a < b and not _follow_or_neighbour(lanes[a], lanes[b]):
             level = max(high[a] - low[b], high[b] - low[a]) < MIN_HEADROOM_M
             if level or _on_one_level(centres[a], centres[b], shapely.intersection(areas[one], areas[other])):
-                found[a].add(b)
-                found[b].add(a)
-    return {i: replace(lane, conflicts=tuple(sorted(found.get(i, ())))) for i, lane in lanes.items()}
+                overlaps[a].add(b)
+                overlaps[b].add(a)
+    return {i: replace(lane, conflicts=tuple(sorted(overlaps.get(i, ())))) for i, lane in lanes.items()}
 
 
 def _follow_or_neighbour(a: Lane, b: Lane) -> bool:

@@ -102,10 +102,10 @@ def _map_of(path: Path) -> Path:
     if not all(name and Path(name).name == name for name in names):
         raise ValueError("the log has no map")
     place = Path("maps", names[0], f"{names[0]}_{names[1]}.arrow")
-    found = next((above / place for above in path.absolute().parents if (above / place).is_file()), None)
-    if found is None:
+    file = next((above / place for above in path.absolute().parents if (above / place).is_file()), None)
+    if file is None:
         raise ValueError(f"its map {place} is in no folder above it")
-    return found
+    return file
 
 
 def _read_road(path: Path, **options: Any) -> Road:
@@ -144,22 +144,22 @@ def _drawn(path: Path) -> DrawnMap:
     return drawn
 
 
-def _lane(number: int, one: Mapping[str, Any], inside: set[int]) -> DrawnLane:
-    kind, freeway = one["lane_type"], one["lane_type"] == 1
+def _lane(number: int, lane: Mapping[str, Any], inside: set[int]) -> DrawnLane:
+    kind, freeway = lane["lane_type"], lane["lane_type"] == 1
     return DrawnLane(
         name=number,
-        centre=one["centerline"],
-        left=one["left_boundary"],
-        right=one["right_boundary"],
+        centre=lane["centerline"],
+        left=lane["left_boundary"],
+        right=lane["right_boundary"],
         kind=_KINDS.get(kind, "vehicle"),
         subtype="highway" if freeway else "road",
         location="" if freeway else "urban",
-        limit_mps=one["speed_limit_mps"],
-        inside=one["lane_group_id"] in inside,
-        successors=one["successor_ids"],
-        predecessors=one["predecessor_ids"],
-        left_neighbours=[one["left_lane_id"]],
-        right_neighbours=[one["right_lane_id"]],
+        limit_mps=lane["speed_limit_mps"],
+        inside=lane["lane_group_id"] in inside,
+        successors=lane["successor_ids"],
+        predecessors=lane["predecessor_ids"],
+        left_neighbours=[lane["left_lane_id"]],
+        right_neighbours=[lane["right_lane_id"]],
     )
 
 

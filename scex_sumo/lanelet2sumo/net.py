@@ -37,15 +37,15 @@ def write_net(road: Road, signals: Path | None = None) -> WrittenNet:
     if points:
         raise MapError(f"{road.name}: lanelets without length: {', '.join(map(str, points[:5]))}; drop them")
     lanes = add_entries(lanes, road.lanes)
-    found = conflicts(lanes, border_forks=True)
-    if (approached := add_approaches(lanes, found, road.lanes)).keys() != lanes.keys():
-        lanes, found = approached, conflicts(approached, border_forks=True)
-    layout, walks, lost = _plan(road, lanes, found)
+    clashes = conflicts(lanes, border_forks=True)
+    if (approached := add_approaches(lanes, clashes, road.lanes)).keys() != lanes.keys():
+        lanes, clashes = approached, conflicts(approached, border_forks=True)
+    layout, walks, lost = _plan(road, lanes, clashes)
     lights, notes = list[Programme](), list[str]()
     if signals is not None or any(rule.kind == "traffic_light" for rule in road.regulations):
         from scex_sumo.lanelet2sumo.plan.lights import plan_lights
 
-        lights, notes = plan_lights(road, lanes, found, layout, walks, signals)
+        lights, notes = plan_lights(road, lanes, clashes, layout, walks, signals)
     layout = layout.beside(_side_lanes(road))
     table = lane_table([*layout.places(), *walks.places()], layout.ends(), road.lanes)
     why = "not possible in SUMO, because the lanes lie in different edges"
@@ -61,18 +61,18 @@ def write_net(road: Road, signals: Path | None = None) -> WrittenNet:
 
 
 def _plan(
-    road: Road, lanes: Mapping[int, Lane], found: Sequence[Conflict]
+    road: Road, lanes: Mapping[int, Lane], clashes: Sequence[Conflict]
 ) -> tuple[NetLayout, Walks, list[tuple[int, int]]]:
     """Return the plan of the vehicle lanes, that of the footways, and the lane changes that are lost."""
     if all(lane.kind != "pedestrian" for lane in road.lanes.values()):
-        topology, lost = cut_lanes(lanes, found)
-        return plan_net(topology, road.regulations, found), Walks(), lost
+        topology, lost = cut_lanes(lanes, clashes)
+        return plan_net(topology, road.regulations, clashes), Walks(), lost
     from scex_sumo.lanelet2sumo.plan.footways import crossed_zones, footways
     from scex_sumo.lanelet2sumo.plan.pedestrians import plan_walks
 
     ways = footways(road.lanes, lanes)
-    topology, lost = cut_lanes(lanes, found, crossed_zones(ways))
-    layout = plan_net(topology, road.regulations, found)
+    topology, lost = cut_lanes(lanes, clashes, crossed_zones(ways))
+    layout = plan_net(topology, road.regulations, clashes)
     return layout, plan_walks(ways, topology, layout), lost
 
 

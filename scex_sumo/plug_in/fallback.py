@@ -59,20 +59,20 @@ class Fallible:
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Return the plan with `Plan.fallback` and `Plan.reasons`; see `Behavior.plan`."""
-        made, reasons, bad = self._ask(history, road, who, rng)
+        plan, reasons, bad = self._ask(history, road, who, rng)
         if bad.any():
-            made.assign(bad, follow_path(history, road, who[bad]))
-        return replace(made, fallback=np.array([r != "" for r in reasons], bool), reasons=tuple(reasons))
+            plan.assign(bad, follow_path(history, road, who[bad]))
+        return replace(plan, fallback=np.array([r != "" for r in reasons], bool), reasons=tuple(reasons))
 
     def try_on(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> None:
         """Raise a `ScexError` if the model has no usable plan for any of these vehicles."""
-        made = self.plan(history, road, who, rng)
-        if len(who) == 0 or made.fallback is None or not made.fallback.all():
+        plan = self.plan(history, road, who, rng)
+        if len(who) == 0 or plan.fallback is None or not plan.fallback.all():
             return
         none = f"no usable plan for any of {len(who)} vehicles of the seed scene"
-        why = f"{self._short_name()}: {none}: {made.reasons[0]}"
+        why = f"{self._short_name()}: {none}: {plan.reasons[0]}"
         if not is_ours(self.inner):
             why += (
                 f"; it is {describe_source(self.inner)}; needs a Plan of x, y, heading, speed, each "
@@ -98,8 +98,8 @@ class Fallible:
         try:
             with staying(), self._limited(len(who)):
                 planned = self.inner.plan(history, road, who, rng)
-            made = plan_arrays(planned, len(who))
-            defects = plan_defects(made, history, who)
+            plan = plan_arrays(planned, len(who))
+            defects = plan_defects(plan, history, who)
         except OutOfTimeError:
             raise
         except (Exception, SystemExit) as error:  # of a user's code
@@ -110,10 +110,10 @@ class Fallible:
             single = np.arange(len(who))
             parts = np.unique(who.future, return_inverse=True)[1] if len(futures) > 1 else single
             return self._ask_each(history, road, who, parts, rng)
-        said = made.reasons or (BY_ITSELF,) * len(who)
-        fell = np.zeros(len(who), bool) if made.fallback is None else made.fallback
+        said = plan.reasons or (BY_ITSELF,) * len(who)
+        fell = np.zeros(len(who), bool) if plan.fallback is None else plan.fallback
         reasons = [d or (s if f else "") for d, s, f in zip(defects, said, fell, strict=True)]
-        return made, reasons, np.array([d != "" for d in defects], bool)
+        return plan, reasons, np.array([d != "" for d in defects], bool)
 
     def _ask_each(
         self,
@@ -128,8 +128,8 @@ class Fallible:
         reasons, bad = [""] * count, np.zeros(count, dtype=np.bool_)
         for number in range(int(part.max()) + 1):
             at = np.flatnonzero(part == number)
-            made, why, bad[at] = self._ask(history, road, who[at], rng)
-            whole.assign(at, made)
+            plan, why, bad[at] = self._ask(history, road, who[at], rng)
+            whole.assign(at, plan)
             for index, reason in zip(at.tolist(), why, strict=True):
                 reasons[index] = reason
         return whole, reasons, bad
@@ -139,31 +139,31 @@ def _blank(count: int) -> Plan:
     return Plan(**vars(States.empty((count, PLAN_STEPS)).map(np.zeros_like)))
 
 
-def plan_arrays(made: Any, count: int) -> Plan:
+def plan_arrays(plan: Any, count: int) -> Plan:
     """Copy the first 30 steps of a model's plan; raise a `ScexError` if it is none."""
     parts = {}
     for key in STATES:
-        if not hasattr(made, key):
-            raise ScexError(f"returned {type(made).__name__}, which has no {key}; needs a scex_sumo.Plan")
-        values = np.asarray(getattr(made, key), dtype=np.float64)
+        if not hasattr(plan, key):
+            raise ScexError(f"returned {type(plan).__name__}, which has no {key}; needs a scex_sumo.Plan")
+        values = np.asarray(getattr(plan, key), dtype=np.float64)
         if values.ndim != 2 or values.shape[0] != count or values.shape[1] < PLAN_STEPS:
             raise ScexError(
                 f"plan.{key} has shape {values.shape}, needs ({count}, {PLAN_STEPS}) or more steps"
             )
         parts[key] = values[:, :PLAN_STEPS].copy()
-    return Plan(**parts, fallback=getattr(made, "fallback", None), reasons=getattr(made, "reasons", ()))
+    return Plan(**parts, fallback=getattr(plan, "fallback", None), reasons=getattr(plan, "reasons", ()))
 
 
-def plan_defects(made: Plan, history: SceneHistory, who: VehicleIndex) -> list[str]:
+def plan_defects(plan: Plan, history: SceneHistory, who: VehicleIndex) -> list[str]:
     """Return why each plan is unusable; an empty text for a usable plan.
 
     A plan must be finite, and no state more than 5 m from the straight continuation of the motion before it.
     """
     reasons = [""] * len(who)
-    finite = np.stack([np.isfinite(getattr(made, key)).all(axis=1) for key in STATES])
+    finite = np.stack([np.isfinite(getattr(plan, key)).all(axis=1) for key in STATES])
     for row in np.flatnonzero(~finite.all(axis=0)):
         reasons[row] = f"plan.{STATES[int(np.argmin(finite[:, row]))]} is not finite"
-    off = _deviations(made, history, who)
+    off = _deviations(plan, history, who)
     for row in np.flatnonzero(finite.all(axis=0) & (off > JUMP_M).any(axis=1)):
         step = int(np.argmax(off[row] > JUMP_M))
         where = "starts" if step == 0 else f"jumps at step {step + 1} to"
@@ -171,11 +171,11 @@ def plan_defects(made: Plan, history: SceneHistory, who: VehicleIndex) -> list[s
     return reasons
 
 
-def _deviations(made: Plan, history: SceneHistory, who: VehicleIndex) -> FloatArray:
+def _deviations(plan: Plan, history: SceneHistory, who: VehicleIndex) -> FloatArray:
     now = history.now[who.future, who.vehicle]
     step = now.speed * STEP_S
-    x = np.concatenate([(now.x - step * np.cos(now.heading))[:, None], now.x[:, None], made.x], axis=1)
-    y = np.concatenate([(now.y - step * np.sin(now.heading))[:, None], now.y[:, None], made.y], axis=1)
+    x = np.concatenate([(now.x - step * np.cos(now.heading))[:, None], now.x[:, None], plan.x], axis=1)
+    y = np.concatenate([(now.y - step * np.sin(now.heading))[:, None], now.y[:, None], plan.y], axis=1)
     with np.errstate(invalid="ignore", over="ignore"):
         off: FloatArray = np.hypot(np.diff(x, 2, axis=1), np.diff(y, 2, axis=1))
     return off
@@ -183,27 +183,27 @@ def _deviations(made: Plan, history: SceneHistory, who: VehicleIndex) -> FloatAr
 
 def describe_source(model: Any) -> str:
     """Return where a model is, e.g. ``class Driver of /path/driver.py``."""
-    made = _unwrapped(model)
-    if hasattr(made, "file"):
-        return f"the file {made.file}"
-    kind = "function" if inspect.isfunction(made) else "class"
+    source = _unwrapped(model)
+    if hasattr(source, "file"):
+        return f"the file {source.file}"
+    kind = "function" if inspect.isfunction(source) else "class"
     file = source_file(model)
-    return f"{kind} {made.__qualname__} of {made.__module__ if file is None else file}"
+    return f"{kind} {source.__qualname__} of {source.__module__ if file is None else file}"
 
 
 def is_ours(model: Any) -> bool:
     """Return whether a model's class is of this package, as that of a program is."""
-    made = _unwrapped(model)
-    return not hasattr(made, "file") and made.__module__.partition(".")[0] == __name__.partition(".")[0]
+    source = _unwrapped(model)
+    return not hasattr(source, "file") and source.__module__.partition(".")[0] == __name__.partition(".")[0]
 
 
 def source_file(model: Any) -> Path | None:
     """Return the file of a model, its class or its function; None if there is none."""
-    made = _unwrapped(model)
-    if hasattr(made, "file"):
-        return Path(made.file)
+    source = _unwrapped(model)
+    if hasattr(source, "file"):
+        return Path(source.file)
     try:
-        return Path(inspect.getfile(made))
+        return Path(inspect.getfile(source))
     except (OSError, TypeError):
         return None
 

@@ -368,13 +368,13 @@ class ScriptedFunction(FileFunction):
         }
         try:
             with torch.inference_mode():
-                made = self.loaded(**tensors)
+                trajectories = self.loaded(**tensors)
         except Exception as error:  # its text is a traceback of the network's own code
             last = str(error).strip().splitlines()[-1:] or [type(error).__name__]
             raise ScexError(f"the network raised {last[0]}") from None
-        if not isinstance(made, torch.Tensor):
-            raise ScexError(f"{Path(self.file).name} returned {type(made).__name__}, needs a tensor")
-        return np.asarray(made.numpy())
+        if not isinstance(trajectories, torch.Tensor):
+            raise ScexError(f"{Path(self.file).name} returned {type(trajectories).__name__}, needs a tensor")
+        return np.asarray(trajectories.numpy())
 
 
 # Class, required package and its extra.

@@ -98,16 +98,16 @@ def predictor_inputs(
     past = history.states[who.future, who.vehicle]
     now = past[:, -1]
     kinds = np.array([vehicle_kind(word) for word in scene.types], dtype=np.int64)
-    made: dict[str, NDArray[Any]] = {
+    inputs: dict[str, NDArray[Any]] = {
         "history": seen_from(now, past),
         "size": np.stack([scene.length, scene.width], axis=-1)[who.vehicle],
         "kind": kinds[who.vehicle],
     }
     if any(name.startswith("neighbour") for name in names):
-        made |= _others(history, who, now, surroundings, kinds)
+        inputs |= _others(history, who, now, surroundings, kinds)
     if any(name.startswith("lane") for name in names):
-        made |= _lanes(road, now, surroundings)
-    return {name: made[name] for name in names}
+        inputs |= _lanes(road, now, surroundings)
+    return {name: inputs[name] for name in names}
 
 
 def vehicle_kind(word: str) -> int:

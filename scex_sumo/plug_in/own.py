@@ -98,7 +98,7 @@ def metric(
         raise UsageError(f"metric {name!r}: threshold {threshold} is not a finite number")
 
     def register(function: F) -> F:
-        made = Metric(
+        registered = Metric(
             name=name,
             unit=unit,
             critical=critical,
@@ -108,8 +108,8 @@ def metric(
             threshold=threshold,
             label=label or "",
         )
-        metrics._registered[name] = made
-        function.__scex_metric__ = made  # type: ignore[attr-defined]
+        metrics._registered[name] = registered
+        function.__scex_metric__ = registered  # type: ignore[attr-defined]
         return function
 
     return register

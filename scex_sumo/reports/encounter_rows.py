@@ -60,8 +60,8 @@ class Meeting:
     @property
     def doubt(self) -> str | None:
         """Why the data of the pair are doubtful; None if they are not, and in results of older versions."""
-        found = self.row.get("doubt")
-        return None if found is None else str(found)
+        doubt = self.row.get("doubt")
+        return None if doubt is None else str(doubt)
 
     @property
     def precedence(self) -> list[tuple[int, str]]:
@@ -91,7 +91,7 @@ def meetings(run: Run, region: Region | None = None) -> list[Meeting]:
     if not (run.folder / ENCOUNTERS).is_file():
         return []
     possible = {frozenset((row["track_id"], row["other_id"])): row for row in run.encounters.to_pylist()}
-    found, human = [], run.reference
+    encounters, human = [], run.reference
     for row in [] if human is None else human.encounters.to_pylist():
         assert human is not None
         pair = frozenset((row["track_id"], row["other_id"]))
@@ -102,17 +102,17 @@ def meetings(run: Run, region: Region | None = None) -> list[Meeting]:
             possible[pair] = stress = named_as(row, stress)
         if row["critical"] > 0 or stress is None:
             meets = None if stress is None else Encounter(row=stress, run=run)
-            found.append(Meeting(futures=HUMAN_LIKE, run=human, row=row, stress=meets))
-    found = [Meeting(futures=STRESS_TEST, run=run, row=row) for row in possible.values()] + found
+            encounters.append(Meeting(futures=HUMAN_LIKE, run=human, row=row, stress=meets))
+    encounters = [Meeting(futures=STRESS_TEST, run=run, row=row) for row in possible.values()] + encounters
     indices = None if region is None else region.vehicles(run.scene)
     if indices is not None:
         inside = set(run.scene.track_ids[list(indices)].tolist())
-        found = [one for one in found if set(one.pair) & inside]
-    found.sort(key=lambda one: criticality(one.row))
+        encounters = [meeting for meeting in encounters if set(meeting.pair) & inside]
+    encounters.sort(key=lambda meeting: criticality(meeting.row))
     first: dict[tuple[int, int], int] = {}
-    for number, one in enumerate(found):
-        first.setdefault(one.pair, number)
-    return sorted(found, key=lambda one: first[one.pair])
+    for number, meeting in enumerate(encounters):
+        first.setdefault(meeting.pair, number)
+    return sorted(encounters, key=lambda meeting: first[meeting.pair])
 
 
 def named_as(lead: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
@@ -126,9 +126,9 @@ def named_as(lead: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
 def probability_in(run: Run, pair: tuple[int, int], event: str) -> Probability:
     """Return the probability of an event of a pair in a set of futures, in which it need not meet."""
     rows = run.encounters.to_pylist()
-    found = next((row for row in rows if {row["track_id"], row["other_id"]} == set(pair)), None)
-    if found is not None:
-        return Encounter(row=found, run=run).probability(event)
+    meets = next((row for row in rows if {row["track_id"], row["other_id"]} == set(pair)), None)
+    if meets is not None:
+        return Encounter(row=meets, run=run).probability(event)
     return probability_of(run, run.intervals.share(np.zeros(run.futures, dtype=np.bool_)), event, pair)
 
 
@@ -140,7 +140,9 @@ def driven_as(run: Run) -> str:
     return "people were recorded" if drawn[0] == mixes().get("likely") else drawn[0]
 
 
-def worst_of(found: list[Meeting], *, without: Collection[int] = (), doubtful: bool = False) -> list[Meeting]:
+def worst_of(
+    encounters: list[Meeting], *, without: Collection[int] = (), doubtful: bool = False
+) -> list[Meeting]:
     """Return the most critical line of each pair that is critical in some future.
 
     Args:
@@ -148,9 +150,13 @@ def worst_of(found: list[Meeting], *, without: Collection[int] = (), doubtful: b
         doubtful: keep pairs with doubtful data, too.
     """
     worst: dict[tuple[int, int], Meeting] = {}
-    for one in found:
-        if one.row["critical"] > 0 and not set(one.pair) & set(without) and (doubtful or not one.doubt):
-            worst.setdefault(one.pair, one)
+    for meeting in encounters:
+        if (
+            meeting.row["critical"] > 0
+            and not set(meeting.pair) & set(without)
+            and (doubtful or not meeting.doubt)
+        ):
+            worst.setdefault(meeting.pair, meeting)
     return list(worst.values())
 
 
@@ -161,19 +167,22 @@ def worst_stress(run: Run) -> list[Meeting]:
     return worst_of(stress, without=tested, doubtful=run.keeps_doubtful)
 
 
-def first_look(run: Run, found: list[Meeting]) -> Meeting | None:
+def first_look(run: Run, encounters: list[Meeting]) -> Meeting | None:
     """Return the meeting to look at first: of the pair to be tested, else the worst one; None without any."""
     told = run.decision
     asked = set(told.pair or ()) if told is not None and told.kind != NOTHING else set()
-    worst = worst_of(found, doubtful=run.keeps_doubtful)
-    return next((one for one in [*worst, *found] if set(one.pair) == asked), worst[0] if worst else None)
+    worst = worst_of(encounters, doubtful=run.keeps_doubtful)
+    return next(
+        (meeting for meeting in [*worst, *encounters] if set(meeting.pair) == asked),
+        worst[0] if worst else None,
+    )
 
 
-def alike(found: Sequence[Meeting]) -> list[list[Meeting]]:
+def alike(encounters: Sequence[Meeting]) -> list[list[Meeting]]:
     """Return meetings by what they say, whichever vehicles it is about."""
     groups: dict[tuple[Any, ...], list[Meeting]] = {}
-    for one in found:
-        groups.setdefault((one.row["kind"], one.row["place"], _of_roles(one)), []).append(one)
+    for meeting in encounters:
+        groups.setdefault((meeting.row["kind"], meeting.row["place"], _of_roles(meeting)), []).append(meeting)
     return list(groups.values())
 
 
@@ -189,11 +198,11 @@ def told(group: Sequence[Meeting]) -> str:
     return f"{head}: {_of_roles(group[0])}"
 
 
-def _of_roles(one: Meeting) -> str:
+def _of_roles(meeting: Meeting) -> str:
     """Return what a meeting says, without the names of its vehicles and its time."""
-    follows = one.row["kind"] in (None, "rear-end")
+    follows = meeting.row["kind"] in (None, "rear-end")
     roles = ("the follower", "the leader") if follows else ("the first", "the second")
-    text = one.words().partition(": ")[2]
+    text = meeting.words().partition(": ")[2]
     for name, role in zip(("track_id", "other_id"), roles, strict=True):
-        text = re.sub(rf"\b{one.row[name]}\b(?= [a-z])", role, text)
+        text = re.sub(rf"\b{meeting.row[name]}\b(?= [a-z])", role, text)
     return text

@@ -73,8 +73,10 @@ def print_summary(run: Run, console: Console, *, preset: str | None = None) -> N
 def answer_lines(run: Run) -> list[str]:
     """Return what people do, then the stress test: collision shares and the worst encounters in words."""
     lines = [line for extra in extras_results(run.folder) for line in extra.lines(run)]
-    found, human = meetings(run), run.reference
-    hits = [one for one in found if one.futures == HUMAN_LIKE and one.row["collision"] > 0]
+    encounters, human = meetings(run), run.reference
+    hits = [
+        meeting for meeting in encounters if meeting.futures == HUMAN_LIKE and meeting.row["collision"] > 0
+    ]
     if human is not None and human.outcomes and (hits or not lines):
         lines.append(f"{HUMAN_LIKE}: {_collides(human)}")
         lines += [f"  {told(group)}" for group in alike(worst_of(hits, doubtful=True))[:_WORST]]
@@ -87,16 +89,16 @@ def answer_lines(run: Run) -> list[str]:
         lines.append(f"{head}; no {which}encounter of two vehicles is critical in any future")
     elif run.outcomes:
         lines.append(head)
-    return [*lines, *(f"  {told(group)}" for group in worst), *_left_out(run, found)]
+    return [*lines, *(f"  {told(group)}" for group in worst), *_left_out(run, encounters)]
 
 
 def _collides(run: Run) -> str:
     return f"a collision in {run.collision.percent} of futures, driven as {driven_as(run)}{_sure(run)}"
 
 
-def _left_out(run: Run, found: list[Meeting]) -> list[str]:
+def _left_out(run: Run, encounters: list[Meeting]) -> list[str]:
     """Return which critical pairs are left out of the lists, and why."""
-    doubts = dict.fromkeys(one.doubt for one in worst_of(found, doubtful=True) if one.doubt)
+    doubts = dict.fromkeys(meeting.doubt for meeting in worst_of(encounters, doubtful=True) if meeting.doubt)
     doubts = {} if run.keeps_doubtful else doubts
     return [f"left out as doubtful ({KEEP_DOUBTFUL} keeps them): {listed(doubts)}"] if doubts else []
 
@@ -127,13 +129,13 @@ def always_critical(run: Run) -> list[str]:
 
 def _always(run: Run) -> list[str]:
     both = [one for one in (run, run.reference) if one is not None]
-    found = []
+    columns = []
     for column, limit in run.thresholds.items():
         recorded = run.recorded_value(column) if column in run.columns else None
         is_so = recorded is None or bool(is_critical(np.array([recorded]), column, limit)[0])
         if column in run.columns and is_so and all(one.p_critical(column).value >= _ALWAYS for one in both):
-            found.append(column)
-    return found
+            columns.append(column)
+    return columns
 
 
 def console_table(
@@ -193,14 +195,14 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
     rows: list[Sequence[str] | None] = []
     if COLLISION in run.metrics.column_names:
         human = () if likely is None else (_tight(likely.collision.share),)
-        found = _collision_shares(run.collision)
-        rows.append(("collision", _recorded_overlaps(run), "–", "any", *human, *found, "all"))
+        collided = _collision_shares(run.collision)
+        rows.append(("collision", _recorded_overlaps(run), "–", "any", *human, *collided, "all"))
     steps = int(run.info.get("steps", 0))
     for seconds in HORIZONS_S if steps > HORIZONS_STEPS and run.outcomes else ():
         if seconds < STEP_S * steps:
             human = () if likely is None else (_tight(likely.p_collision_by(seconds).share),)
-            found = _shares(run.p_collision_by(seconds))
-            rows.append((f"collision by {seconds:g} s", *("–",) * 2, "any", *human, *found, "all"))
+            collided = _shares(run.p_collision_by(seconds))
+            rows.append((f"collision by {seconds:g} s", *("–",) * 2, "any", *human, *collided, "all"))
     if (injuries := expected_injuries(run)) is not None:
         expected = None if likely is None else expected_injuries(likely)
         human = () if likely is None else ("–" if expected is None else f"{1000 * expected:.2f}",)
@@ -234,10 +236,11 @@ def row_cell(value: float | str | None) -> str:
 def extra_rows(run: Run) -> dict[str, list[float | str | None]]:
     """Return the rows of the extras by title: the value in the stress test, then in the reference."""
     sets = [run] if run.reference is None else [run, run.reference]
-    found = [{row["name"]: row for row in one.info.get("rows", ())} for one in sets]
-    titles = {name: f" [{row['unit']}]" if row["unit"] else "" for name, row in found[0].items()}
+    rows_of = [{row["name"]: row for row in one.info.get("rows", ())} for one in sets]
+    titles = {name: f" [{row['unit']}]" if row["unit"] else "" for name, row in rows_of[0].items()}
     return {
-        f"{name}{unit}": [rows.get(name, {}).get("value") for rows in found] for name, unit in titles.items()
+        f"{name}{unit}": [rows.get(name, {}).get("value") for rows in rows_of]
+        for name, unit in titles.items()
     }
 
 

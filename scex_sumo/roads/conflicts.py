@@ -63,17 +63,17 @@ def conflicts(lanes: Mapping[int, Lane], *, border_forks: bool = False) -> list[
     """
     pairs = {(min(i, j), max(i, j)) for i, lane in lanes.items() for j in lane.conflicts if j in lanes}
     pairs -= {(i, j) for i, j in pairs if i == j}
-    found: list[Conflict] = []
+    between: list[Conflict] = []
     sampled = {i: SampledLine.of(lanes[i].centreline) for i in {i for pair in pairs for i in pair}}
     for i, j in sorted(pairs):
         if _neighbours(lanes[i], lanes[j]) or j in lanes[i].successors or i in lanes[j].successors:
             continue
-        found += _stretches(lanes[i], lanes[j], sampled[i], sampled[j])
+        between += _stretches(lanes[i], lanes[j], sampled[i], sampled[j])
     border = {i for i, lane in lanes.items() if not lane.predecessors and not border_forks}
-    return [c for c in _kin(lanes, found) if not (c.kind == "diverge" and border.issuperset(c.lanes))]
+    return [c for c in _kin(lanes, between) if not (c.kind == "diverge" and border.issuperset(c.lanes))]
 
 
-def _kin(lanes: Mapping[int, Lane], found: list[Conflict]) -> list[Conflict]:
+def _kin(lanes: Mapping[int, Lane], pairs: list[Conflict]) -> list[Conflict]:
     """Recognise forks and merges that run over several short lanes.
 
     Two lanes that overlap from their starts without crossing continue a fork if their predecessors are one
@@ -82,9 +82,9 @@ def _kin(lanes: Mapping[int, Lane], found: list[Conflict]) -> list[Conflict]:
     changed = True
     while changed:
         changed = False
-        forks = {c.lanes for c in found if c.kind == "diverge"}
-        merges = {c.lanes for c in found if c.kind == "merge"}
-        for k, c in enumerate(found):
+        forks = {c.lanes for c in pairs if c.kind == "diverge"}
+        merges = {c.lanes for c in pairs if c.kind == "merge"}
+        for k, c in enumerate(pairs):
             if c.kind != "cross":
                 continue
             a, b = (lanes[i] for i in c.lanes)
@@ -96,9 +96,9 @@ def _kin(lanes: Mapping[int, Lane], found: list[Conflict]) -> list[Conflict]:
             else:
                 continue
             if not lines_cross(a.centreline, b.centreline):
-                found[k] = replace(c, kind=kind)
+                pairs[k] = replace(c, kind=kind)
                 changed = True
-    return found
+    return pairs
 
 
 def _related(a: tuple[int, ...], b: tuple[int, ...], pairs: set[tuple[int, int]]) -> bool:
@@ -141,14 +141,14 @@ def _stretches(a: Lane, b: Lane, one: SampledLine, other: SampledLine) -> list[C
     if not (gap_a < clearance).any():
         return []
     close_b = other.near(one, clearance)
-    found = []
+    pairs = []
     for first, last in runs(gap_a < clearance):
         low, high = sorted((float(on_b[first : last + 1].min()), float(on_b[first : last + 1].max())))
         span_b = _run_around(other.s, close_b, low, high)
         span_a = (float(one.s[first]), float(one.s[last]))
         kind = _kind(a, b, span_a, span_b, gap_a[first : last + 1])
-        found.append(Conflict(kind=kind, lanes=(a.lane_id, b.lane_id), spans=(span_a, span_b)))
-    return found
+        pairs.append(Conflict(kind=kind, lanes=(a.lane_id, b.lane_id), spans=(span_a, span_b)))
+    return pairs
 
 
 def runs(mask: BoolArray) -> list[tuple[int, int]]:

@@ -33,7 +33,7 @@ def doubts_of(
     """
     off, leaves = _off_lanes(scene), _leaves(scene)
     near, overlap = _near(scene, one, other)
-    found = []
+    doubts = []
     for k, (a, b) in enumerate(zip(one.tolist(), other.tolist(), strict=True)):
         both = "{} and {}".format(*sorted((int(scene.track_ids[a]), int(scene.track_ids[b]))))
         reasons = [
@@ -47,8 +47,8 @@ def doubts_of(
                 (scene.recorded_steps[v] < HISTORY_STEPS, f"{track} is recorded for less than a second"),
                 (leaves[v], f"{track} leaves the recording within a second"),
             ]
-        found.append(next((words for is_so, words in reasons if is_so), None))
-    return found
+        doubts.append(next((words for is_so, words in reasons if is_so), None))
+    return doubts
 
 
 @owner_cache

@@ -103,13 +103,13 @@ def candidate_paths(road: Road, scene: SeedScene) -> tuple[tuple[CandidatePath, 
     A path is 80 m long, or 6 s at the vehicle's speed if that is longer.
     """
     now = scene.now
-    found = match(road, now.x, now.y, now.heading)
+    matches = match(road, now.x, now.y, now.heading)
     result: list[tuple[CandidatePath, ...]] = []
     for v in range(scene.vehicles):
-        mine = np.flatnonzero(found.vehicle == v)
+        mine = np.flatnonzero(matches.vehicle == v)
         pose = (float(now.x[v]), float(now.y[v]), float(now.heading[v]))
         horizon = max(HORIZON_M, HORIZON_S * float(now.speed[v]))
-        starts = _starts(road, found, mine, _past(scene, v))
+        starts = _starts(road, matches, mine, _past(scene, v))
         total = sum(p for _, _, p in starts)
         paths = [
             path for lane, s, p in starts for path in _paths_from(road, lane, s, p / total, horizon, pose)
@@ -175,13 +175,13 @@ def _past(scene: SeedScene, vehicle: int) -> FloatArray:
     return np.array([[track.x[-1 - steps], track.y[-1 - steps]] for steps in back]).reshape(-1, 2)
 
 
-def _starts(road: Road, found: Matches, mine: IntArray, past: FloatArray) -> list[tuple[int, float, float]]:
+def _starts(road: Road, matches: Matches, mine: IntArray, past: FloatArray) -> list[tuple[int, float, float]]:
     """Return (lane, s, probability) of the lanes that a vehicle's routes start on, best first.
 
     If several lanes match, the past decides. Lanes under 0.3 times as probable as the best, ahead of or
     behind a taken one are left out.
     """
-    options = [(int(found.lane_id[i]), float(found.s[i]), float(found.probability[i])) for i in mine]
+    options = [(int(matches.lane_id[i]), float(matches.s[i]), float(matches.probability[i])) for i in mine]
     if len(options) > 1 and len(past):
         options = [(lane, s, p * _came_along(road, lane, s, past)) for lane, s, p in options]
         options.sort(key=lambda option: (-option[2], option[0]))

@@ -66,11 +66,11 @@ def grow(measure: Callable[[int], Look], *, band: float, most: int) -> Look:
     """
     count = min(FIRST_LOOK, most)
     while True:
-        found = measure(count)
-        certain = found.width if found.remainder is None else min(found.width, found.remainder)
+        latest = measure(count)
+        certain = latest.width if latest.remainder is None else min(latest.width, latest.remainder)
         if certain <= band or count >= most:
-            return found
-        needed = int(np.ceil(1.02 * count * (found.width / band) ** 2))
+            return latest
+        needed = int(np.ceil(1.02 * count * (latest.width / band) ** 2))
         count = min(max(count + 20, min(needed, 2 * count)), most)
 
 

@@ -162,15 +162,15 @@ def _linearised(values: FloatArray, known: BoolArray) -> FloatArray:
 
 
 def _factors(levels: IntArray, shares: Sequence[FloatArray] | None) -> list[tuple[IntArray, FloatArray]]:
-    found = []
+    factors = []
     for vehicle in range(levels.shape[1] if levels.size else 0):
         names, level = np.unique(levels[:, vehicle], return_inverse=True)
         share = np.full(len(names), 1 / len(names))
         if shares is not None:
             share, level = np.asarray(shares[vehicle], dtype=np.float64), levels[:, vehicle]
         if len(share) > 1:
-            found.append((level.reshape(-1).astype(np.int64), share))
-    return found
+            factors.append((level.reshape(-1).astype(np.int64), share))
+    return factors
 
 
 class _Block:
@@ -237,7 +237,7 @@ def _kernels(factors: Sequence[tuple[IntArray, FloatArray]]) -> list[FloatArray]
 
 def _nonnegative(design: FloatArray, forms: FloatArray) -> FloatArray:
     count = len(design)
-    best, found = np.zeros(forms.shape[1]), np.zeros(forms.shape)
+    best, solved = np.zeros(forms.shape[1]), np.zeros(forms.shape)
     for size in range(1, count + 1):
         for members in combinations(range(count), size):
             part = list(members)
@@ -247,5 +247,5 @@ def _nonnegative(design: FloatArray, forms: FloatArray) -> FloatArray:
             best = np.where(better, cost, best)
             full = np.zeros(forms.shape)
             full[part] = solution
-            found = np.where(better, full, found)
-    return found
+            solved = np.where(better, full, solved)
+    return solved

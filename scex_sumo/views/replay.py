@@ -294,9 +294,9 @@ def crop_extras(extras: Path, box: Box, out: Path) -> Path:
 
 
 def _write(out: Path, tag: str, root: ElementTree.Element, futures: Iterable[ElementTree.Element]) -> None:
-    made = ElementTree.Element(tag, {key: value for key, value in root.attrib.items() if "}" not in key})
-    made.extend(futures)
-    ElementTree.ElementTree(made).write(out, encoding="utf-8", xml_declaration=True)
+    element = ElementTree.Element(tag, {key: value for key, value in root.attrib.items() if "}" not in key})
+    element.extend(futures)
+    ElementTree.ElementTree(element).write(out, encoding="utf-8", xml_declaration=True)
 
 
 def _into(box: Box, x: float, y: float) -> tuple[float, float]:

@@ -44,14 +44,14 @@ def refuse_implausible(name: object, checks: Sequence[Check], remedy: str) -> No
 
 def doubts(checks: Sequence[Check], present: Collection[str] = ()) -> tuple[str, ...]:
     """Return a warning for each check that neither passed nor is repaired; of pairs those ``present``."""
-    found = []
+    warnings = []
     for check in checks:
         problem = check.problem
         if check.pairs:
             problem = twice([pair for pair in check.pairs if set(pair) <= set(present)])
         if problem and check.verdict != "repaired":
-            found.append(f"warning: {problem}")
-    return tuple(found)
+            warnings.append(f"warning: {problem}")
+    return tuple(warnings)
 
 
 def without_explained(findings: Sequence[str], checks: Sequence[Check]) -> tuple[str, ...]:

@@ -32,9 +32,9 @@ def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = No
     ``recorded_trackfiles/NAME`` beside the map's folder (TAF-BW).
     """
     if tracks_path is not None:
-        found = dataset_of(Path(tracks_path)).origin(Path(tracks_path), Path(map_path))
-        if found is not None:
-            return found
+        place = dataset_of(Path(tracks_path)).origin(Path(tracks_path), Path(map_path))
+        if place is not None:
+            return place
     paths = _meta_data_paths(Path(map_path), Path(tracks_path) if tracks_path is not None else None)
     return next((origin for path in paths if (origin := _read_meta_data(path)) is not None), None)
 

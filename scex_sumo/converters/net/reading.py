@@ -110,7 +110,7 @@ def named_parts(root: ElementTree.Element) -> dict[str, tuple[LaneletPart, ...]]
 
     None if the net was changed since its conversion; empty if `convert` did not write it.
     """
-    found: dict[str, tuple[LaneletPart, ...]] = {}
+    parts: dict[str, tuple[LaneletPart, ...]] = {}
     for lane in root.iter("lane"):
         text = next((p.get("value", "") for p in lane.iter("param") if p.get("key") == KEY), "")
         if not text:
@@ -124,8 +124,8 @@ def named_parts(root: ElementTree.Element) -> dict[str, tuple[LaneletPart, ...]]
             changed = True
         if changed:
             return None
-        found[lane.get("id", "")] = stretches
-    return found
+        parts[lane.get("id", "")] = stretches
+    return parts
 
 
 def _stretch(text: str) -> LaneletPart:

@@ -251,7 +251,7 @@ def _error(curve: Curve, sections: Sequence[Section], lines: Sequence[Sequence[F
         s = np.linspace(section.s[0], section.s[-1], max(9, math.ceil(np.ptp(section.s) / _STATION_M)))
         s = np.unique(np.concatenate([s, section.s]))
         for k, line in enumerate(edges):
-            made = border_points(curve, s, np.interp(s, section.s, section.offsets[:, k]))
+            border = border_points(curve, s, np.interp(s, section.s, section.offsets[:, k]))
             there = samples(line, 2 * _STATION_M)[1]
-            worst = max(worst, float(distances(made, line).max()), float(distances(there, made).max()))
+            worst = max(worst, float(distances(border, line).max()), float(distances(there, border).max()))
     return worst

@@ -141,9 +141,9 @@ def _nearest(
     options: Sequence[tuple[Piece, Section]], place: FloatArray
 ) -> tuple[Piece, Section, float, float]:
     """Return the section whose reference line is nearest to a place, s there, and the distance, m."""
-    found = []
+    candidates = []
     for piece, section in options:
         s = np.linspace(section.s[0], section.s[-1], max(2, round(np.ptp(section.s) / _STEP_M)))
         gap = np.hypot(*(piece.ribbon.curve.at(s)[0] - place).T)
-        found.append((piece, section, float(s[gap.argmin()]), float(gap.min())))
-    return min(found, key=lambda one: one[3])
+        candidates.append((piece, section, float(s[gap.argmin()]), float(gap.min())))
+    return min(candidates, key=lambda one: one[3])

@@ -33,14 +33,14 @@ def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[
     unsteady = np.bincount(stretch, standing & off) > 0
     turned = unsteady[stretch]
     heading[turned] = held[turned]
-    found = []
+    phrases = []
     if turned.any():
         tracks = len(np.unique(rows.track[turned]))
-        found.append(f"headings of {tracks} tracks flip or jitter while standing: held")
+        phrases.append(f"headings of {tracks} tracks flip or jitter while standing: held")
     if sideways.any():
         tracks = len(np.unique(rows.track[sideways]))
-        found.append(f"headings of {tracks} tracks contradict the motion: replaced by its direction")
-    return rows.with_columns(psi_rad=wrap(heading)), found
+        phrases.append(f"headings of {tracks} tracks contradict the motion: replaced by its direction")
+    return rows.with_columns(psi_rad=wrap(heading)), phrases
 
 
 def _held(rows: TrackRows, heading: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -28,15 +28,15 @@ def renew_motion(rows: TrackRows) -> tuple[TrackRows, list[str]]:
         return rows, []
     from scex_sumo.formats.cleaning.smooth import smoothed_motion
 
-    found = []
+    phrases = []
     if wrong.any():
-        found.append(
+        phrases.append(
             f"velocities of {int(wrong.sum())} of {int(judged.sum())} moving tracks contradict the motion"
             f" ({_how_wrong(factor[wrong])}): recomputed from positions"
         )
     chosen = np.full(len(rows), True) if everything else wrong[rows.track]
     rows, phrase = smoothed_motion(rows, noise, chosen)
-    return rows, [*found, *([phrase] if jitter else [])]
+    return rows, [*phrases, *([phrase] if jitter else [])]
 
 
 def _contradictions(

@@ -34,13 +34,13 @@ def drop_duplicates(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     shared = _whole_runs(unclear, last > first, rows.track[first])
     keep = np.zeros(len(rows), bool)
     keep[kept[~shared]] = True
-    found = []
+    phrases = []
     dropped = int((again & ~shared[group]).sum())
     if dropped:
-        found.append(f"{dropped} duplicate samples dropped (same track, same time stamp)")
+        phrases.append(f"{dropped} duplicate samples dropped (same track, same time stamp)")
     if shared.any():
-        found.append(_shared_ids(rows, first[shared]))
-    return _numbered_again(rows.take(keep)), found
+        phrases.append(_shared_ids(rows, first[shared]))
+    return _numbered_again(rows.take(keep)), phrases
 
 
 def _whole_runs(unclear: BoolArray, doubled: BoolArray, track: IntArray) -> BoolArray:
@@ -100,13 +100,13 @@ def cut_jumps(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     touched = np.isin(rows.segment, rows.segment[cut])
     drop |= touched & (size[segment] < MIN_PIECE)
     cut &= ~drop & np.append(False, ~drop[:-1])
-    found = []
+    phrases = []
     if drop.any():
-        found.append(f"{int(drop.sum())} samples at jumps over {JUMP_M:g} m dropped")
+        phrases.append(f"{int(drop.sum())} samples at jumps over {JUMP_M:g} m dropped")
     if cut.any():
         tracks = len(np.unique(rows.track[cut]))
-        found.append(f"{tracks} tracks cut at jumps over {JUMP_M:g} m")
-    return _numbered_again(rows.with_columns(segment=segment).take(~drop)), found
+        phrases.append(f"{tracks} tracks cut at jumps over {JUMP_M:g} m")
+    return _numbered_again(rows.with_columns(segment=segment).take(~drop)), phrases
 
 
 def _numbered_again(rows: TrackRows) -> TrackRows:

@@ -289,9 +289,9 @@ def _doubles(rows: TrackRows) -> Check:
     pairs = _near_pairs(rows, at)
     one, two = (_boxes(rows, at[k]) for k in pairs.T)
     tracks = np.sort(rows.track[at[pairs[separation(one, two) < 0.0]]], axis=1)
-    found, times = np.unique(tracks, axis=0, return_counts=True)
+    doubles, times = np.unique(tracks, axis=0, return_counts=True)
     doubled = []
-    for (a, b), count in zip(found.tolist(), times.tolist(), strict=True):
+    for (a, b), count in zip(doubles.tolist(), times.tolist(), strict=True):
         here, there = (rows.timestamp_ms[at[rows.track[at] == k]] for k in (a, b))
         if count >= max(DOUBLED_TIMES, DOUBLED_SHARE * len(np.intersect1d(here, there))):
             doubled.append((str(number_of(rows.labels[a])), str(number_of(rows.labels[b]))))

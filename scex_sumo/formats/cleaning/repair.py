@@ -54,8 +54,8 @@ def _repair(
         _drop_implausible,
     )
     for step in (_cut_jumps, _drop_implausible) if exact else steps:
-        rows, found = step(rows)
-        findings += found
+        rows, phrases = step(rows)
+        findings += phrases
         if not len(rows):
             break
     return rows, findings
@@ -103,13 +103,13 @@ def _drop_implausible(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     )
     wrong_size = np.bincount(rows.track, size, rows.tracks) > 0
     too_fast = (np.bincount(rows.track, rows.speed > MAX_SPEED_MPS, rows.tracks) > 0) & ~wrong_size
-    found = []
+    phrases = []
     sizes = f"longer than {MAX_LENGTH_M:g} m, wider than {MAX_WIDTH_M:g} m or under {MIN_SIZE_M:g} m"
     for wrong, what in ((wrong_size, sizes), (too_fast, f"faster than {MAX_SPEED_MPS:g} m/s")):
         if wrong.any():
             labels = [rows.labels[k] for k in np.flatnonzero(wrong)]
-            found.append(f"tracks {what} left out: {listed(labels)}")
-    return (rows.take(~(wrong_size | too_fast)[rows.track]) if found else rows), found
+            phrases.append(f"tracks {what} left out: {listed(labels)}")
+    return (rows.take(~(wrong_size | too_fast)[rows.track]) if phrases else rows), phrases
 
 
 TRACKS = Repair(tracks=repair_tracks)

@@ -174,14 +174,14 @@ def _held(state: FloatArray, steps: FloatArray) -> FloatArray:
 
 
 def _table(path: Path, tracks: list[_Track], step_s: float) -> TrackTable:
-    filled = [_filled(one.states, step_s) for one in tracks]
+    filled = [_filled(track.states, step_s) for track in tracks]
     flat, counts = np.concatenate(filled), [len(states) for states in filled]
     return track_table(
         path,
-        np.repeat([one.motor for one in tracks], counts),
+        np.repeat([track.motor for track in tracks], counts),
         np.repeat(np.arange(len(tracks)), counts),
-        [str(one.label) for one in tracks],
-        [one.kind for one in tracks],
+        [str(track.label) for track in tracks],
+        [track.kind for track in tracks],
         step_s=step_s,
         frame_id=np.rint(flat[:, 0]).astype(np.int64),
         timestamp_ms=1000.0 * step_s * flat[:, 0],
@@ -190,8 +190,8 @@ def _table(path: Path, tracks: list[_Track], step_s: float) -> TrackTable:
         vx=flat[:, 4] * np.cos(flat[:, 3]),
         vy=flat[:, 4] * np.sin(flat[:, 3]),
         psi_rad=wrap(flat[:, 3]),
-        length=np.repeat([one.length for one in tracks], counts).astype(np.float64),
-        width=np.repeat([one.width for one in tracks], counts).astype(np.float64),
+        length=np.repeat([track.length for track in tracks], counts).astype(np.float64),
+        width=np.repeat([track.width for track in tracks], counts).astype(np.float64),
     )
 
 

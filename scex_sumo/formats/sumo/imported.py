@@ -91,10 +91,10 @@ def kept_net(path: Path, made_of: bytes, make: Callable[[], bytes]) -> Path:
     place = _private_folder() / hashlib.sha256(made_of).hexdigest()[:32]
     net, digest = place / f"{map_name(path)}.net.xml", place / "sha256"
     if not _is_whole(net, digest):
-        made = make()
+        content = make()
         place.mkdir(mode=0o700, exist_ok=True)
-        write_atomic(net, made)
-        write_atomic(digest, hashlib.sha256(made).hexdigest().encode())
+        write_atomic(net, content)
+        write_atomic(digest, hashlib.sha256(content).hexdigest().encode())
         for old in sorted(place.parent.iterdir(), key=lambda old: old.stat().st_mtime)[:-MAX_NETS]:
             shutil.rmtree(old, ignore_errors=True)
     return net
@@ -145,10 +145,10 @@ def _netconvert(path: Path, kind: str, content: bytes, options: dict[str, str]) 
             said = [line for line in done.stderr.splitlines() if line.startswith("Error")]
             reason = said[0] if said else "it crashes; leave roads out until it can"
             raise MapError(f"{path}: netconvert cannot read it: {reason}")
-        made = net.read_bytes()
-    if not made.rstrip().endswith(b"</net>"):
+        written = net.read_bytes()
+    if not written.rstrip().endswith(b"</net>"):
         raise MapError(f"{path}: netconvert's net is cut short; make room in {tempfile.gettempdir()}")
-    return made
+    return written
 
 
 OPENDRIVE = MapFormat(is_mine=recognition.OPENDRIVE.is_mine, read=_read_imported_road)

@@ -67,12 +67,12 @@ def types_of(sumo: Any) -> dict[str, dict[str, str]]:
         sumo.simulation.saveState(str(file))
         if not file.is_file():
             return {}
-        found = {}
+        types = {}
         for _, element in ElementTree.iterparse(file):
             if element.tag == "vType":
-                found[element.get("id", "")] = dict(element.attrib)
+                types[element.get("id", "")] = dict(element.attrib)
             element.clear()
-    return found
+    return types
 
 
 def _change(vehicles: Any, name: str) -> float:

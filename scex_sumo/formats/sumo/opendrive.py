@@ -185,11 +185,11 @@ def _joint(
     SubElement(lanes, "laneOffset", s="0", a=repr(left), b="0", c="0", d="0")
     section = SubElement(lanes, "laneSection", s="0")
     SubElement(SubElement(section, "center"), "lane", id="0", type="none", level="false")
-    made = SubElement(SubElement(section, "right"), "lane", id="-1", type="driving", level="false")
-    link = SubElement(made, "link")
+    element = SubElement(SubElement(section, "right"), "lane", id="-1", type="driving", level="false")
+    link = SubElement(element, "link")
     SubElement(link, "predecessor", id=str(lane))
     SubElement(link, "successor", id=str(next_lane))
-    SubElement(made, "width", sOffset="0", a=repr(width), b="0", c="0", d="0")
+    SubElement(element, "width", sOffset="0", a=repr(width), b="0", c="0", d="0")
     connection = SubElement(
         junction,
         "connection",

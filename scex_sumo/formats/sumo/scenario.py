@@ -219,16 +219,16 @@ def _is_output_parameter(tag: str, attributes: Mapping[str, str]) -> bool:
 
 def _names_files(file: Path) -> bool:
     """Whether a file of SUMO's names a file to write, or to read besides."""
-    found = False
+    names = False
 
     def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal found
+        nonlocal names
         if tag == "vType":
             _check_scale(file, attributes.get(SCALE, "1"))
         elif tag in _FLOWS:
             _check_flow(file, attributes)
-        found |= tag in _READERS or _is_output_parameter(tag, attributes)
-        found |= any(name in attributes for name in _WRITERS)
+        names |= tag in _READERS or _is_output_parameter(tag, attributes)
+        names |= any(name in attributes for name in _WRITERS)
 
     def refuse(*_: object) -> None:
         raise MapError(f"{file}: has a DOCTYPE, which could read other files; remove it")
@@ -240,7 +240,7 @@ def _names_files(file: Path) -> bool:
             parser.ParseFile(stream)
     except (OSError, EOFError, zlib.error, expat.ExpatError) as error:
         raise MapError(f"{file}: cannot be read: {error}; SUMO needs XML here") from None
-    return found
+    return names
 
 
 def simulate(

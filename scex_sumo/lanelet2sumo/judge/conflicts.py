@@ -63,8 +63,8 @@ def find_conflicts(lanes: Mapping[int, Lane]) -> tuple[JudgedConflict, ...]:
         return ()
     near = shapely.STRtree(lines).query(lines, predicate="dwithin", distance=NEAR_M)
     pairs = ((traces[i], traces[j]) for i, j in sorted(near.T.tolist()) if i < j)
-    found = (_classify(lanes, one, other) for one, other in pairs if not _beside(one.lane, other.lane))
-    return tuple(conflict for conflict in found if conflict is not None)
+    judged = (_classify(lanes, one, other) for one, other in pairs if not _beside(one.lane, other.lane))
+    return tuple(conflict for conflict in judged if conflict is not None)
 
 
 def _beside(one: Lane, other: Lane) -> bool:

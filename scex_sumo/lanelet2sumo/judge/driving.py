@@ -124,7 +124,7 @@ def _simulate(net_path: Path, folder: Path, end_s: float) -> tuple[str, ...]:
 
 
 def _overlaps(fcd: Path) -> list[Overlap]:
-    found: dict[tuple[str, str], Overlap] = {}
+    overlaps: dict[tuple[str, str], Overlap] = {}
     for _, element in ElementTree.iterparse(fcd):
         if element.tag != "timestep":
             continue
@@ -136,8 +136,8 @@ def _overlaps(fcd: Path) -> list[Overlap]:
             if i < j:
                 one, other = cars[i], cars[j]
                 overlap = (one["id"], one["lane"], other["id"], other["lane"], time_s)
-                found.setdefault((one["id"], other["id"]), overlap)
-    return list(found.values())
+                overlaps.setdefault((one["id"], other["id"]), overlap)
+    return list(overlaps.values())
 
 
 def _corners(poses: FloatArray) -> FloatArray:

@@ -81,13 +81,13 @@ def _back(sumo_lane: SumoLane, lanelets: list[Lane]) -> tuple[FloatArray, float]
 
 def _wrong_speed(matching: Matching, lane_id: int, lanes: list[SumoLane]) -> list[tuple[int, float, float]]:
     vehicle = matching.road.vehicle_lanes
-    found = []
+    wrong = []
     for lane in lanes:
         # One SUMO lane across several lanelets can have the limit of one of them only.
         limits = [vehicle[i].speed_limit_mps for i in matching.lanelets(lane.lane_id) if i in vehicle]
         if min(abs(lane.speed_mps - limit) for limit in limits) > SPEED_TOLERANCE_MPS:
-            found.append((lane_id, vehicle[lane_id].speed_limit_mps, lane.speed_mps))
-    return found
+            wrong.append((lane_id, vehicle[lane_id].speed_limit_mps, lane.speed_mps))
+    return wrong
 
 
 def _widths(matching: Matching, lane: Lane) -> tuple[FloatArray, FloatArray]:
@@ -106,19 +106,19 @@ def _widths(matching: Matching, lane: Lane) -> tuple[FloatArray, FloatArray]:
 
 
 def _wrong_lengths(net: NetContent) -> list[tuple[str, float, float]]:
-    found = []
+    wrong = []
     for edge, names in net.edges.items():
         lanes = [net.lanes[name] for name in names]
         drawn = float(np.mean([lane.line.length for lane in lanes]))
         written = lanes[0].length_m  # SUMO gives all lanes of an edge one length
         if any(lane.cars for lane in lanes) and abs(written - drawn) > LENGTH_TOLERANCE_M:
-            found.append((edge, written, drawn))
-    return sorted(found)
+            wrong.append((edge, written, drawn))
+    return sorted(wrong)
 
 
 def _reversed(matching: Matching) -> list[tuple[int, str]]:
-    found = []
+    reversed_parts = []
     for lane_id, stretches in matching.by_lanelet.items():
         least = -min(REVERSED_M, 0.5 * length_of(matching.road.lanes[lane_id].centreline))
-        found += [(lane_id, s.sumo_lane) for s in stretches if s.end_m - s.start_m < least]
-    return sorted(found)
+        reversed_parts += [(lane_id, s.sumo_lane) for s in stretches if s.end_m - s.start_m < least]
+    return sorted(reversed_parts)

@@ -57,10 +57,10 @@ class Loading:
         self.sumolib = _sumolib_warnings(net.path)
         points, owners, directions = _probe_points(matching.road)
         fatal = any(line.startswith("Error") for line in self.sumo)
-        found = [""] * len(owners) if fatal else _ask_sumo(net, points, directions)
+        sumo_lanes = [""] * len(owners) if fatal else _ask_sumo(net, points, directions)
         misses = Counter(
             owner
-            for point, direction, owner, lane in zip(points, directions, owners, found, strict=True)
+            for point, direction, owner, lane in zip(points, directions, owners, sumo_lanes, strict=True)
             if not _mapped(matching, owner, lane, point, direction)
         )
         self.probes = len(owners)
@@ -128,18 +128,18 @@ def _ask_sumo(net: NetContent, points: FloatArray, directions: FloatArray) -> li
         try:
             with contextlib.redirect_stdout(io.StringIO()):  # traci prints each attempt to reach its server
                 connection = traci.connect(port, RETRIES, proc=server, waitBetweenRetries=RETRY_S)
-            found = _drop_cars(connection, edge, points + net.offset, directions)
+            lanes = _drop_cars(connection, edge, points + net.offset, directions)
             connection.close()
         except traci.exceptions.TraCIException as error:
             raise SimulationError(f"{net.path}: sumo broke off with cars placed on it: {error}") from None
         finally:
             stop.cancel()
             server.kill()  # no-op where it has ended
-    return found
+    return lanes
 
 
 def _drop_cars(connection: Any, edge: str, points: FloatArray, directions: FloatArray) -> list[str]:
-    found = []
+    lanes = []
     connection.route.add("r", [edge])
     for number, ((x, y), direction) in enumerate(zip(points.tolist(), directions, strict=True)):
         name = str(number)
@@ -148,27 +148,27 @@ def _drop_cars(connection: Any, edge: str, points: FloatArray, directions: Float
         connection.vehicle.moveToXY(name, "", -1, x, y, angle, 2, MATCH_THRESHOLD_M)
         connection.simulationStep()
         alive = name in connection.vehicle.getIDList()
-        found.append(connection.vehicle.getLaneID(name) if alive else "")
+        lanes.append(connection.vehicle.getLaneID(name) if alive else "")
         if alive:
             connection.vehicle.remove(name)
-    return found
+    return lanes
 
 
-def _mapped(matching: Matching, owner: int, found: str, point: FloatArray, direction: float) -> bool:
+def _mapped(matching: Matching, owner: int, sumo_lane: str, point: FloatArray, direction: float) -> bool:
     lanes, own, place = matching.net.lanes, matching.names(owner), shapely.Point(point)
-    if found in own or found not in lanes:
-        return found in own
+    if sumo_lane in own or sumo_lane not in lanes:
+        return sumo_lane in own
     if min((lanes[name].line.distance(place) for name in own), default=np.inf) > SAME_PLACE_M:
         return False
-    off = lanes[found].line.distance(place)
-    if off > SAME_PLACE_M and not _covers(matching, found, place, off):
+    off = lanes[sumo_lane].line.distance(place)
+    if off > SAME_PLACE_M and not _covers(matching, sumo_lane, place, off):
         return False
-    line = sample_line(lanes[found].shape, 0.2)
+    line = sample_line(lanes[sumo_lane].shape, 0.2)
     heading = sample_headings(line)[int(np.argmin(np.hypot(*(line - point).T)))]
     return bool(abs(wrap(heading - direction)) < AHEAD_RAD)
 
 
-def _covers(matching: Matching, found: str, place: shapely.Point, off: float) -> bool:
-    lanes = [matching.road.lanes[i] for i in matching.lanelets(found)]
+def _covers(matching: Matching, sumo_lane: str, place: shapely.Point, off: float) -> bool:
+    lanes = [matching.road.lanes[i] for i in matching.lanelets(sumo_lane)]
     distances = [(lane, shapely.LineString(lane.centreline).distance(place)) for lane in lanes]
     return any(m <= lane.width_m / 2 and abs(m - off) <= SAME_PLACE_M for lane, m in distances)

@@ -94,7 +94,7 @@ def _by_geometry(net: NetContent, road: Road) -> list[tuple[int, str]]:
     points = [sample_line(net.lanes[name].shape) for name in names]
     directions = [sample_headings(p) for p in points]
     boxes = shapely.STRtree([shapely.LineString(p) for p in points])
-    found: list[tuple[int, str]] = []
+    pairs: list[tuple[int, str]] = []
     for lane_id, lane in road.lanes.items():
         near = boxes.query(shapely.LineString(lane.centreline).buffer(max(RADII_M)))
         usable = [k for k in sorted(near) if lane.kind != "vehicle" or net.lanes[names[k]].cars]
@@ -102,8 +102,8 @@ def _by_geometry(net: NetContent, road: Road) -> list[tuple[int, str]]:
             chosen = [k for k in usable if _follows(lane, points[k], directions[k], radius)]
             if _covered(lane, [points[k] for k in chosen], radius):
                 break
-        found += [(lane_id, names[k]) for k in chosen]
-    return found
+        pairs += [(lane_id, names[k]) for k in chosen]
+    return pairs
 
 
 def _follows(lane: Lane, points: FloatArray, directions: FloatArray, radius: float) -> bool:

@@ -237,8 +237,8 @@ class FidelityReport:
     def problems(self) -> list[str]:
         """Return what the net misses, one line each, with ids; empty for a faithful net."""
         figures = (figure for part in TABLE.values() for figure in part if figure.name in self.figures)
-        found = [words for figure in figures if (words := figure.complaint(self.figures))]
-        return found + (self.driving.problems() if self.driving is not None else [])
+        complaints = [words for figure in figures if (words := figure.complaint(self.figures))]
+        return complaints + (self.driving.problems() if self.driving is not None else [])
 
 
 def check_net(net_path: Path, road: Road, lanes: LaneTable | None = None) -> FidelityReport:

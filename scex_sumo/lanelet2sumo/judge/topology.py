@@ -121,7 +121,7 @@ def _precedes(one: Stretch, other: Stretch) -> bool:
 
 
 def _changes(matching: Matching, on_lanes: Mapping[str, Sequence[Stretch]]) -> Changes:
-    found: Changes = {}
+    changes: Changes = {}
     lanes = matching.net.lanes
     for right, left in (pair for names in matching.net.edges.values() for pair in pairwise(names)):
         lengths = [max(lanes[name].line.length, 1e-9) for name in (right, left)]
@@ -130,10 +130,10 @@ def _changes(matching: Matching, on_lanes: Mapping[str, Sequence[Stretch]]) -> C
             end = min(one.end_m / lengths[0], other.end_m / lengths[1])
             shared = float((end - start) * min(lengths))
             if shared > 0.0 and lanes[right].change_left:
-                found[one, other] = shared
+                changes[one, other] = shared
             if shared > 0.0 and lanes[left].change_right:
-                found[other, one] = shared
-    return found
+                changes[other, one] = shared
+    return changes
 
 
 def _beside(one: Stretch, other: Stretch, shared: float, least_m: float) -> bool:

@@ -76,7 +76,7 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
                 if i != j and (at := _meets(lane, s, walked[j], whole=_marked(walked[j]))) is not None:
                     meetings.join((i, s), (j, at))
     places = {root: k for k, root in enumerate(sorted({meetings.name(s) for s in list(meetings.above)}))}
-    found = []
+    ways = []
     for i, lane in walked.items():
         stations = sorted(s for j, s in meetings.above if j == i)
         for k, (start, end) in enumerate(pairwise(stations)):
@@ -91,8 +91,8 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
                 marked=_marked(lane),
                 crossed=tuple((c.lane, c.span) for c in under),
             )
-            found += [way] if ends[0] != ends[1] else []
-    return _without_seams(found, driven)
+            ways += [way] if ends[0] != ends[1] else []
+    return _without_seams(ways, driven)
 
 
 def _without_seams(ways: list[Footway], driven: Mapping[int, Lane]) -> list[Footway]:

@@ -36,7 +36,7 @@ from scex_sumo.road import Lane, Regulation
 from scex_sumo.roads.conflicts import Conflict
 
 
-def plan_net(topology: Topology, rules: Sequence[Regulation], found: Sequence[Conflict]) -> NetLayout:
+def plan_net(topology: Topology, rules: Sequence[Regulation], conflicts: Sequence[Conflict]) -> NetLayout:
     """Name and shape everything of a topology, and decide the right of way."""
     plan = _Plan(topology)
     edges = tuple(plan.edges())
@@ -44,7 +44,7 @@ def plan_net(topology: Topology, rules: Sequence[Regulation], found: Sequence[Co
     for edge in edges:
         incoming.setdefault(edge.start, [])
         incoming.setdefault(edge.end, []).extend(lane.name for lane in edge.lanes)
-    connections = plan.connections(incoming, rules, found)
+    connections = plan.connections(incoming, rules, conflicts)
     at_node: dict[str, list[Edge]] = {}
     for edge in edges:
         for name in dict.fromkeys((edge.start, edge.end)):
@@ -82,9 +82,12 @@ class _Plan:
                 yield Edge(name=name, start=start, end=end, lanes=lanes)
 
     def connections(
-        self, incoming: Mapping[str, Sequence[str]], rules: Sequence[Regulation], found: Sequence[Conflict]
+        self,
+        incoming: Mapping[str, Sequence[str]],
+        rules: Sequence[Regulation],
+        conflicts: Sequence[Conflict],
     ) -> dict[str, tuple[Connection, ...]]:
-        clashes = clashing_pieces(self._topology, found)
+        clashes = clashing_pieces(self._topology, conflicts)
         named = {rule.element_id: {*rule.lanes, *rule.yielding, *rule.priority} for rule in rules}
         result = {}
         for cut_, paths in self._topology.paths_by_node().items():
@@ -273,8 +276,8 @@ def corners(shape: FloatArray, width: float, *, end: bool, reach: float = 2.0) -
 
 def hull(points: Sequence[FloatArray]) -> FloatArray:
     """Return the (P, 2) convex hull of points, in order."""
-    found = MultiPoint(np.vstack(points)).convex_hull
-    return np.asarray(found.exterior.coords[:-1] if found.geom_type == "Polygon" else found.coords)
+    shape = MultiPoint(np.vstack(points)).convex_hull
+    return np.asarray(shape.exterior.coords[:-1] if shape.geom_type == "Polygon" else shape.coords)
 
 
 def _between(bound: FloatArray, ends: FloatArray) -> FloatArray:

@@ -33,7 +33,7 @@ ONCOMING = math.radians(135.0)
 def plan_lights(
     road: Road,
     lanes: Mapping[int, Lane],
-    found: Sequence[Conflict],
+    conflicts: Sequence[Conflict],
     layout: NetLayout,
     walks: Walks,
     signals: Path | None,
@@ -43,7 +43,7 @@ def plan_lights(
     if signals is not None:
         recorded, notes = signal_format(signals).read(layout, road.origin, signals)
     taken = {c.internal.name for c in recorded.connections} if recorded is not None else set()
-    fixed = fixed_programmes(layout, lanes, road.regulations, found)
+    fixed = fixed_programmes(layout, lanes, road.regulations, conflicts)
     free = (p for p in fixed if taken.isdisjoint(c.internal.name for c in p.connections))
     programmes = [*([] if recorded is None else [recorded]), *free]
     lights, unlit = with_crossings(programmes, recorded, walks, layout)
@@ -55,14 +55,14 @@ def plan_lights(
 
 
 def fixed_programmes(
-    layout: NetLayout, lanes: Mapping[int, Lane], rules: Sequence[Regulation], found: Sequence[Conflict]
+    layout: NetLayout, lanes: Mapping[int, Lane], rules: Sequence[Regulation], conflicts: Sequence[Conflict]
 ) -> list[Programme]:
     """Return a program for each group of traffic_light elements whose traffic conflicts.
 
     Oncoming elements share a phase, in which left turns give way.
     """
     elements = [rule for rule in rules if rule.kind == "traffic_light"]
-    clashing = {pair for c in found if c.kind != "diverge" for pair in (c.lanes, c.lanes[::-1])}
+    clashing = {pair for c in conflicts if c.kind != "diverge" for pair in (c.lanes, c.lanes[::-1])}
     groups = [(rule, controlled(layout, rule, clashing, lanes)) for rule in elements]
     groups = [(rule, links) for rule, links in groups if links]
     ahead = [set(lanes_ahead(lanes, rule.lanes, AHEAD_M)) for rule, _ in groups]
@@ -94,7 +94,7 @@ def controlled(
     or shortly before the end of the lanes, are controlled too.
     """
     crossing = {lane for lane, _ in clashing}
-    found = []
+    links = []
     for c in layout.connections:
         first, *others = c.lanelets
         for lane in rule.lanes:
@@ -102,9 +102,9 @@ def controlled(
             enters = lane in others or (first == lane and c.enters)
             leaves = first == lane and (bool(others) or _held(lanes[lane], rule, c.internal.starts[-1][1]))
             if enters if lane in crossing else leaves:
-                found.append(c)
+                links.append(c)
                 break
-    return found
+    return links
 
 
 def _held(lane: Lane, rule: Regulation, start: float) -> bool:

@@ -26,19 +26,19 @@ BESIDE_M = 10.0
 
 def approach(topology: Topology, path: Path) -> frozenset[int]:
     """Return lanelets on a path and up to 30 m before it, as far as no other way joins in between."""
-    found = {topology.lane(piece).lane_id for piece in (path.start, *path.inside)}
+    lanelets = {topology.lane(piece).lane_id for piece in (path.start, *path.inside)}
     lane, reach = topology.lane(path.start), 0.0
     while reach < REACH_M:
         row, at = topology.where[lane.lane_id]
         reach += topology.rows[row].lengths[at]
         before = lane.predecessors
-        if len(before) != 1 or before[0] not in topology.where or before[0] in found:
+        if len(before) != 1 or before[0] not in topology.where or before[0] in lanelets:
             break
         lane = topology.lanes[before[0]]
         if len(lane.successors) != 1:
             break
-        found.add(lane.lane_id)
-    return frozenset(found)
+        lanelets.add(lane.lane_id)
+    return frozenset(lanelets)
 
 
 def set_foes(links: Sequence[Connection], clashes: Mapping[tuple[Piece, Piece], str]) -> set[frozenset[int]]:
@@ -60,10 +60,10 @@ def set_foes(links: Sequence[Connection], clashes: Mapping[tuple[Piece, Piece], 
     return merging
 
 
-def clashing_pieces(topology: Topology, found: Sequence[Conflict]) -> dict[tuple[Piece, Piece], str]:
+def clashing_pieces(topology: Topology, conflicts: Sequence[Conflict]) -> dict[tuple[Piece, Piece], str]:
     """Return the kind of conflict between junction pieces, both ways round; crossing overrides merging."""
     kinds: dict[tuple[Piece, Piece], str] = {}
-    for c in found:
+    for c in conflicts:
         first, second = (topology.pieces_on(lane, *s) for lane, s in zip(c.lanes, c.spans, strict=True))
         for p in first:
             for q in second:
@@ -183,14 +183,14 @@ def ring_lanes(lanes: Mapping[int, Lane]) -> frozenset[int]:
     """Return the lanes of roundabouts: short, round cycles of successors without oncoming lanes beside."""
     sizes = {i: length_of(lane.centreline) for i, lane in lanes.items()}
     lines = shapely.STRtree([shapely.LineString(lane.centreline) for lane in lanes.values()])
-    found: set[int] = set()
+    ring: set[int] = set()
     for i in sorted(endless({i: lane.successors for i, lane in lanes.items()})):
-        if i not in found:
+        if i not in ring:
             cycle = way_round(lanes, sizes, i)
             is_round = cycle and _roundness(lanes, cycle) >= MIN_ROUNDNESS
             if is_round and _oncoming_share(lanes, lines, cycle) < MAX_ONCOMING:
-                found.update(cycle)
-    return frozenset(found)
+                ring.update(cycle)
+    return frozenset(ring)
 
 
 def _oncoming_share(lanes: Mapping[int, Lane], lines: shapely.STRtree, cycle: list[int]) -> float:

@@ -37,7 +37,7 @@ def add_entries(lanes: Mapping[int, Lane], taken: Collection[int] = ()) -> dict[
 
 
 def add_approaches(
-    lanes: Mapping[int, Lane], found: Iterable[Conflict], taken: Collection[int] = ()
+    lanes: Mapping[int, Lane], conflicts: Iterable[Conflict], taken: Collection[int] = ()
 ) -> dict[int, Lane]:
     """Add an entry before each lane that begins in the way of another one."""
     result = dict(lanes)
@@ -45,7 +45,7 @@ def add_approaches(
     ids = _fresh(lanes, taken)
     blocked = {
         lane
-        for c in found
+        for c in conflicts
         for lane, (start, _) in zip(c.lanes, c.spans, strict=True)
         if start < STUB_M and not lanes[lane].predecessors and lane not in changing
     }

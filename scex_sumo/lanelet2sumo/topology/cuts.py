@@ -15,7 +15,7 @@ NARROW_M = 4.0
 
 
 def cut_lanes(
-    lanes: Mapping[int, Lane], found: Sequence[Conflict], walked: Sequence[Zone] = ()
+    lanes: Mapping[int, Lane], conflicts: Sequence[Conflict], walked: Sequence[Zone] = ()
 ) -> tuple[Topology, list[tuple[int, int]]]:
     """Cut lanes into roads and junctions, by conflicts, crosswalks (``walked``) and SUMO's needs.
 
@@ -23,13 +23,13 @@ def cut_lanes(
         The graph, and the permitted lane changes (from, to) that it cannot hold.
     """
     rows, lost = build_rows(lanes)
-    closed = {i for row in lay_zones(rows, lanes, found) if all(row.inside) for i in row.lanes}
+    closed = {i for row in lay_zones(rows, lanes, conflicts) if all(row.inside) for i in row.lanes}
     # Lanes without a stretch clear of other traffic: the edge for their changes would hide a conflict.
     inside = [(i, j) for i in sorted(closed) for j in (lanes[i].left, lanes[i].right) if j is not None]
     lost += [change for change in inside if change not in lost]
     lanes = {i: replace(x, left=None, right=None) if i in closed else x for i, x in lanes.items()}
     rows, _ = build_rows(lanes)
-    zones: list[Conflict | Zone] = [*found, *walked]
+    zones: list[Conflict | Zone] = [*conflicts, *walked]
     rows = [  # lanes side by side need some road to change on
         _opened(row, 0) if len(row.lanes) > 1 and all(row.inside) else row
         for row in lay_zones(rows, lanes, zones)

@@ -115,8 +115,8 @@ class Chains:
         if k:
             return [(row, k - 1, at)]
         lanes = self.lanes[self.rows[row].lanes[at]].predecessors
-        found = [self.where[i] for i in lanes if i in self.where]
-        return [(r, self.rows[r].pieces - 1, at) for r, at in found]
+        places = [self.where[i] for i in lanes if i in self.where]
+        return [(r, self.rows[r].pieces - 1, at) for r, at in places]
 
     def unsound(self, pieces: Iterable[Piece]) -> set[Piece]:
         """Return the pieces of junctions, near some pieces, that SUMO cannot handle: knots and rings."""
@@ -150,14 +150,14 @@ def _roads_behind(steps: _Steps, back: _Steps) -> dict[Piece, set[Piece]]:
 
 def reached(nodes: Iterable[Node], steps: Mapping[Node, Iterable[Node]]) -> set[Node]:
     """Return the nodes, and what one gets to from them; nodes without steps of their own are left out."""
-    found: set[Node] = set()
+    seen: set[Node] = set()
     stack = [*nodes]
     while stack:
         node = stack.pop()
-        if node not in found and node in steps:
-            found.add(node)
+        if node not in seen and node in steps:
+            seen.add(node)
             stack += steps[node]
-    return found
+    return seen
 
 
 def endless(after: Mapping[Node, Collection[Node]]) -> set[Node]:

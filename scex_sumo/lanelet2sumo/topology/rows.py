@@ -108,10 +108,12 @@ def _leftward(left_of: Mapping[int, int], first: int) -> tuple[int, ...]:
     return tuple(chain)
 
 
-def lay_zones(rows: Sequence[Row], lanes: Mapping[int, Lane], found: Sequence[Conflict | Zone]) -> list[Row]:
+def lay_zones(
+    rows: Sequence[Row], lanes: Mapping[int, Lane], conflicts: Sequence[Conflict | Zone]
+) -> list[Row]:
     """Cut rows at conflicts; lanes that begin or end inside a conflict keep a stub of road."""
     spans: dict[int, list[tuple[float, float]]] = {}
-    for conflict in found:
+    for conflict in conflicts:
         for lane, span in zip(conflict.lanes, conflict.spans, strict=True):
             spans.setdefault(lane, []).append(span)
     result = []

@@ -99,8 +99,8 @@ def _convolved(values: FloatArray, layer: Convolution, weight: FloatArray) -> Fl
     for k in range(layer.side**2):
         i, j = (apart * at for at in divmod(k, layer.side))
         windows[:, :, k] = padded[i : i + step * rows : step, j : j + step * columns : step]
-    made: FloatArray = windows.reshape(rows * columns, -1) @ weight
-    return made.reshape(rows, columns, -1)
+    products: FloatArray = windows.reshape(rows * columns, -1) @ weight
+    return products.reshape(rows, columns, -1)
 
 
 def _sampled(framed: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
@@ -110,9 +110,9 @@ def _sampled(framed: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
     i = np.minimum(v.astype(np.int64), rows - 2)
     fj, fi = u - j, v - i
     flat, at = framed.reshape(channels, -1), i * columns + j
-    made: FloatArray = flat.take(at, axis=1, mode="clip") * ((1 - fi) * (1 - fj))
+    values: FloatArray = flat.take(at, axis=1, mode="clip") * ((1 - fi) * (1 - fj))
     for beside, share in ((1, (1 - fi) * fj), (columns, fi * (1 - fj)), (columns + 1, fi * fj)):
         corner = flat.take(at + beside, axis=1, mode="clip")
         corner *= share
-        made += corner
-    return made.swapaxes(0, 1)
+        values += corner
+    return values.swapaxes(0, 1)

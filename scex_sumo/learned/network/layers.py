@@ -34,15 +34,15 @@ def exact(state: State) -> tuple[State, float]:
         The arrays, and the largest sum of |weight| of an output over `WEIGHT_SUM_LIMIT`; sums are exact
         below 1.
     """
-    made, largest = {}, 0.0
+    tensors, largest = {}, 0.0
     for name, trained in state.items():
         values = trained.astype(np.float64)
         if not name.endswith((".mean", ".spread")):
             values = np.round(values / WEIGHT_GRID) * WEIGHT_GRID
             if values.ndim >= 2:
                 largest = max(largest, float(np.abs(values).reshape(len(values), -1).sum(1).max()))
-        made[name] = values
-    return made, largest / WEIGHT_SUM_LIMIT
+        tensors[name] = values
+    return tensors, largest / WEIGHT_SUM_LIMIT
 
 
 def snapped(values: FloatArray) -> FloatArray:
@@ -67,10 +67,10 @@ class Linear:
 
     def __call__(self, values: FloatArray) -> FloatArray:
         """Return (n, out) of (n, in)."""
-        made: FloatArray = snapped(values) @ self.weight
+        output: FloatArray = snapped(values) @ self.weight
         if self.bias is not None:
-            made += self.bias
-        return made
+            output += self.bias
+        return output
 
 
 class Mlp:

@@ -41,7 +41,7 @@ class EdgeAttention:
         key = self.key(node.reshape(-1, inner))
         query = np.empty_like(key)
         query[wanted] = self.query(node.reshape(-1, inner)[wanted])
-        made = np.empty((futures, vehicles, self.heads, self.each))
+        output = np.empty((futures, vehicles, self.heads, self.each))
         at_once, edges = max(1, PAIRS // vehicles**2), graph.edge_index[:, some]
         for first in range(0, futures, at_once):
             last = min(first + at_once, futures)
@@ -56,8 +56,8 @@ class EdgeAttention:
             weight.reshape(-1)[row * vehicles + (source % vehicles)[:, None]] = score
             values = key[first * vehicles : last * vehicles].reshape(-1, vehicles, self.heads, self.each)
             sums = _softmax(weight).swapaxes(1, 2) @ values.swapaxes(1, 2)
-            made[first:last] = sums.swapaxes(1, 2)
-        taken = made.reshape(-1, self.heads * self.each)[wanted]
+            output[first:last] = sums.swapaxes(1, 2)
+        taken = output.reshape(-1, self.heads * self.each)[wanted]
         taken += self.bias
         return taken
 

@@ -38,7 +38,7 @@ _ASKED = ("collision", *(event.name for event in MEASURED), "critical")
 
 def print_encounters(run: Run, console: Console, *, most: int, region: Region | None = None) -> None:
     """Print at most ``most`` lines of both sets of futures, the most critical pair first."""
-    scene, found = run.info["seed_scene"]["name"], meetings(run, region)
+    scene, encounters = run.info["seed_scene"]["name"], meetings(run, region)
     indices = None if region is None else region.vehicles(run.scene)
     if region is not None and indices is not None:
         inside = run.scene.track_ids[list(indices)].tolist()
@@ -48,7 +48,7 @@ def print_encounters(run: Run, console: Console, *, most: int, region: Region | 
         likely = run.reference
         human = "" if likely is None else f", {_share(likely, inside)} of the human-like ones"
         print_line(f"{line}{_share(run, inside)} of the futures{human}", console)
-    pairs = counted(len({one.pair for one in found}), "pair")
+    pairs = counted(len({one.pair for one in encounters}), "pair")
     human = f" and {run.reference.futures} human-like ones" if run.reference is not None else ""
     title = f"{scene}: {pairs} of vehicles meet in {counted(run.futures, 'future')}{human}"
     caption = (
@@ -59,20 +59,21 @@ def print_encounters(run: Run, console: Console, *, most: int, region: Region | 
     )
     heads = [(name, "text" if form == "percent" else form, hint) for name, form, hint in HEADS]
     rows = [
-        [words or cell for cell, words in zip(*encounter_cells(one), strict=True)] for one in found[:most]
+        [words or cell for cell, words in zip(*encounter_cells(one), strict=True)]
+        for one in encounters[:most]
     ]
     print_table(console_table(title, heads, rows, caption=caption), console)
 
 
-def encounter_cells(one: Meeting) -> tuple[list[Any], list[str | None]]:
+def encounter_cells(meeting: Meeting) -> tuple[list[Any], list[str | None]]:
     """Return the cells of an encounter under `HEADS`, and the words of probabilities, with known digits."""
-    row, (collision, *others) = one.row, [one.encounter.probability(name) for name in _ASKED]
+    row, (collision, *others) = meeting.row, [meeting.encounter.probability(name) for name in _ASKED]
     words = iter(share.share for share in (collision, *others))
     said = [next(words) if form == "percent" else None for _, form, _ in HEADS]
     cells = [
         f"{row['track_id']} → {row['other_id']}",
-        ", ".join(filter(None, (row["place"], "doubtful" if one.doubt else None))) or None,
-        one.futures,
+        ", ".join(filter(None, (row["place"], "doubtful" if meeting.doubt else None))) or None,
+        meeting.futures,
         collision.estimate.value,
         _sure(collision),
         *(share.estimate.value for share in others),
@@ -94,16 +95,19 @@ def _share(run: Run, vehicles: Sequence[int]) -> str:
     return run.intervals.share(collided(hits.filter(pa.array(own)), np.arange(run.futures))).percent
 
 
-def print_pair(one: Meeting, console: Console) -> None:
+def print_pair(meeting: Meeting, console: Console) -> None:
     """Print shares, gaps, models and colliding futures of a pair in one set of futures."""
-    run, row = one.run, one.row
-    print_line(one.words(), console)
-    found, rows = one.encounter, []
+    run, row = meeting.run, meeting.row
+    print_line(meeting.words(), console)
+    encounter, rows = meeting.encounter, []
     for name in QUESTIONS:
-        share, words = found.probability(name), EVENTS[name].question if name in EVENTS else "any of these"
+        share, words = (
+            encounter.probability(name),
+            EVENTS[name].question if name in EVENTS else "any of these",
+        )
         rows.append((words, share.share, _sure(share)))
     heads = [("question", "names", ""), ("share", "text", ""), ("interval", "text", "")]
-    title = f"share of {run.futures} {one.futures} futures, 95 % interval"
+    title = f"share of {run.futures} {meeting.futures} futures, 95 % interval"
     caption = "a collision counts as TTC, PET and DRAC"
     print_table(console_table(title, heads, rows, caption=caption), console)
     for line in (line for extra in extras_results(run.folder) for line in extra.pair_lines(run, row)):
@@ -119,7 +123,7 @@ def print_pair(one: Meeting, console: Console) -> None:
         print_table(
             console_table("by their models", heads, [list(e.values()) for e in row["models"]]), console
         )
-    hits = np.flatnonzero(found.happens("collision")).tolist()
+    hits = np.flatnonzero(encounter.happens("collision")).tolist()
     if hits:
         shown = ", ".join(map(str, hits[:12])) + (", ..." if len(hits) > 12 else "")
         print_line(f"collides in futures {shown}", console)

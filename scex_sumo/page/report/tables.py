@@ -95,15 +95,15 @@ def _event(
 def collision_places(both: Sequence[Run], track_ids: Sequence[int]) -> dict[str, Any]:
     """Return ``futures``, ``places`` (m) and ``pairs`` by index of collisions, by set of futures."""
     where = {int(track): index for index, track in enumerate(track_ids)}
-    found: dict[str, Any] = {"futures": [], "places": [], "pairs": []}
+    collisions: dict[str, Any] = {"futures": [], "places": [], "pairs": []}
     first = 0
     for run in both:
         for row in _rows(run, COLLISIONS):
-            found["futures"].append(first + row["future"])
-            found["places"].append((round(row["x"], 2), round(row["y"], 2)))
-            found["pairs"].append((where[row["track_id"]], where[row["other_id"]]))
+            collisions["futures"].append(first + row["future"])
+            collisions["places"].append((round(row["x"], 2), round(row["y"], 2)))
+            collisions["pairs"].append((where[row["track_id"]], where[row["other_id"]]))
         first += run.futures
-    return found
+    return collisions
 
 
 def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids: Sequence[int]) -> IntArray:
@@ -116,7 +116,7 @@ def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids
         number[[one, other], [other, one]] = index
     where = {int(track): index for index, track in enumerate(track_ids)}
     parts = [np.zeros((len(pairs), run.futures), dtype=np.int64) for run in both]
-    for run, found in zip(both, parts, strict=True):
+    for run, events in zip(both, parts, strict=True):
         if not len(pairs):
             continue
         hits = first_contacts(run.collisions)
@@ -128,7 +128,7 @@ def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids
             tables.append((met, ("track_a", "track_b"), bits))
         for rows, names, values in tables:
             at = number[tuple([where[t] for t in rows[name].to_pylist()] for name in names)]
-            found[at[at >= 0], np.asarray(rows["future"])[at >= 0]] |= values[at >= 0]
+            events[at[at >= 0], np.asarray(rows["future"])[at >= 0]] |= values[at >= 0]
     return np.concatenate(parts, axis=1)
 
 
@@ -155,21 +155,21 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     index, ``event`` of a row is its place among them, ``first`` the row that is shown at first. ``selected``
     names what a column shows of selected futures.
     """
-    found, where = meetings(run), {int(track): index for index, track in enumerate(track_ids)}
-    both = any(one.futures == HUMAN_LIKE for one in found)
+    encounters, where = meetings(run), {int(track): index for index, track in enumerate(track_ids)}
+    both = any(one.futures == HUMAN_LIKE for one in encounters)
     sets = [run] if run.reference is None else [run, run.reference]
     wanted = {"pair", *_SELECTED} | ({"futures"} if both else set())
     places = [place for place, head in enumerate(HEADS) if head[0] in wanted]
-    both_of = [[[part[place] for place in places] for part in encounter_cells(one)] for one in found]
+    both_of = [[[part[place] for place in places] for part in encounter_cells(one)] for one in encounters]
     cells = [cells for cells, _ in both_of]
     columns = table([HEADS[place] for place in places], cells)["columns"]
     for place, column in zip(places, columns, strict=True):
         column |= {"selected": _SELECTED[name]} if (name := HEADS[place][0]) in _SELECTED else {}
     pairs: dict[tuple[int, int], int] = {}
     rows = []
-    kept = worst_of(found, doubtful=run.keeps_doubtful)
+    kept = worst_of(encounters, doubtful=run.keeps_doubtful)
     groups = {id(group[0]): group for group in alike(kept)[:_WORST]}
-    for one, (mine, said) in zip(found, both_of, strict=True):
+    for one, (mine, said) in zip(encounters, both_of, strict=True):
         row, is_human = one.row, one.futures == HUMAN_LIKE
         pair = where[row["track_id"]], where[row["other_id"]]
         rows.append(
@@ -189,8 +189,8 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
             }
         )
     known = (run.folder / PAIR_OUTCOMES).is_file()  # not in results of older versions
-    look = first_look(run, found)
-    first = 0 if look is None else found.index(look)
+    look = first_look(run, encounters)
+    first = 0 if look is None else encounters.index(look)
     return {"columns": columns, "rows": rows, "pairs": list(pairs), "known": known, "first": first}
 
 

@@ -111,12 +111,12 @@ def _ridge(plane: Plane, samples: FloatArray, share: float, foot: float, kind: s
     width = max(BANDWIDTH, _FINEST * (plane.x[1] - plane.x[0]))
     height = density(finite, width, x=x, reflect=bool(finite.min() >= 0)).pdf
     height *= 0.85 * share / max(float(height.max()), 1e-12)
-    found = [plane.area(x, np.full_like(x, foot), foot + height, kind), plane.line(x, foot + height, kind)]
+    elements = [plane.area(x, np.full_like(x, foot), foot + height, kind), plane.line(x, foot + height, kind)]
     middle = float(np.median(finite))
     if plane.x[0] <= middle <= plane.x[1]:
         top = foot + float(np.interp(middle, x, height))
-        found.append(plane.line(np.full(2, middle), np.array([foot, top]), kind))
-    return found
+        elements.append(plane.line(np.full(2, middle), np.array([foot, top]), kind))
+    return elements
 
 
 def _view(columns: Sequence[FloatArray], scale: Scale) -> tuple[float, float]:
@@ -152,17 +152,17 @@ def draw_tree(comparison: Comparison, grouping: Grouping, noise: float) -> Html:
 
 def _row(comparison: Comparison, order: list[int], run: int, row: int, left: float) -> list[Html]:
     total, most = comparison.total, max(float(comparison.total.max()), 1e-9)
-    found = []
+    elements = []
     for column, other in enumerate(order):
         value, x = float(total[run, other]), left + 1.6 * _ROW_PX * column
         ink = f"{value / most:.2f}"
         size: dict[str, str | int] = {"width": f"{1.6 * _ROW_PX - 1:.1f}", "height": _ROW_PX - 1}
-        found.append(element("rect.cell", x=f"{x:.1f}", y=_ROW_PX * row, fill_opacity=ink, **size))
+        elements.append(element("rect.cell", x=f"{x:.1f}", y=_ROW_PX * row, fill_opacity=ink, **size))
         if run != other and len(order) <= _NUMBERS_UP_TO:
             kind = "text.light" if value > 0.6 * most else "text.dark"
             place: dict[str, str | int] = {"x": f"{x + 0.8 * _ROW_PX:.1f}", "y": _ROW_PX * row + 16}
-            found.append(element(kind, f"{value:.2f}", text_anchor="middle", **place))
-    return found
+            elements.append(element(kind, f"{value:.2f}", text_anchor="middle", **place))
+    return elements
 
 
 def _branches(grouping: Grouping, noise: float, height: int) -> list[Html]:
@@ -175,11 +175,11 @@ def _branches(grouping: Grouping, noise: float, height: int) -> list[Html]:
     place = {int(run): _ROW_PX * (row + 0.5) for row, run in enumerate(grouping.order)}
     depth = dict.fromkeys(place, 0.0)
     group: dict[int, int] = {run: int(grouping.group[run]) for run in place}
-    found = []
+    elements = []
     if noise == noise and noise > 0:
         x = x_of(noise)
         box: dict[str, str | int] = {"x": f"{x:.1f}", "width": f"{_TREE_PX - x:.1f}", "height": height}
-        found.append(element("rect.chance", element("title", "by chance"), y=0, **box))
+        elements.append(element("rect.chance", element("title", "by chance"), y=0, **box))
     for step, (one, two, at, _) in enumerate(grouping.linkage):
         parts, joined = (int(one), int(two)), count + step
         same = group[parts[0]] if group[parts[0]] == group[parts[1]] else 0
@@ -189,11 +189,11 @@ def _branches(grouping: Grouping, noise: float, height: int) -> list[Html]:
             (x_of(depth[parts[1]]), place[parts[1]]),
         )
         middle = x_of(float(at))
-        found.append(
+        elements.append(
             element(f"path.line.{color}", d=f"M{x:.1f},{low:.1f}H{middle:.1f}V{high:.1f}H{right:.1f}")
         )
         place[joined], depth[joined], group[joined] = (low + high) / 2, float(at), same
-    return found
+    return elements
 
 
 def comparison_lines(

@@ -69,16 +69,17 @@ def explain_command(
         ids = run.info["seed_scene"]["track_ids"]
         questions = [*run.outcomes, *run.columns, *([encounter] if encounter else [])]
         with progress_bar("explain") as tick:
-            found = explain(run, questions, worst=worst, progress=tick)
-        worst_of = {e.metric: worst_rows(run, e, levels, names) for e in found}
-        _write(folder / "explain_effects.parquet", [r for e in found for r in effect_rows(e, ids)])
+            explanations = explain(run, questions, worst=worst, progress=tick)
+        worst_of = {e.metric: worst_rows(run, e, levels, names) for e in explanations}
+        _write(folder / "explain_effects.parquet", [r for e in explanations for r in effect_rows(e, ids)])
         _write(
-            folder / "explain_conditions.parquet", [r for e in found for r in condition_rows(e, ids, names)]
+            folder / "explain_conditions.parquet",
+            [r for e in explanations for r in condition_rows(e, ids, names)],
         )
         _write(folder / "explain_worst.parquet", [r for rows in worst_of.values() for r in rows])
-        page = write_explanations(run, found, names, worst_of) if plots else None
+        page = write_explanations(run, explanations, names, worst_of) if plots else None
         wanted = [COLLISION, *COLUMNS[::2], *run.thresholds] if metric is None else [metric]
-        shown, console = [e for e in found if e.metric in wanted], output_console()
+        shown, console = [e for e in explanations if e.metric in wanted], output_console()
         always = [e for e in shown if e.always and metric is None]
         for explanation in (e for e in shown if e not in always):
             worst_ones = worst_of[explanation.metric][: 1 if metric is None else None]

@@ -136,13 +136,13 @@ def effects(
 
     Source: Sobol' 1993; Efroymson 1960 for the selection; Kelley 1935 for the expectation under chance.
     """
-    found = []
+    effects_of = []
     for column in range(values.shape[1]):
         known = np.isfinite(values[:, column])
-        found.append(_effects_of(levels[known], values[known, column], pairs, whole=bool(known.all())))
+        effects_of.append(_effects_of(levels[known], values[known, column], pairs, whole=bool(known.all())))
         if progress is not None:
             progress(column + 1, values.shape[1])
-    return found
+    return effects_of
 
 
 def _effects_of(
@@ -226,7 +226,7 @@ class _Fit:
     def effects(self) -> list[Effect]:
         """Return the terms as effects, then the rest."""
         noise = float(self.residual @ self.residual) / (len(self.residual) - self.basis.shape[1])
-        found = [
+        terms = [
             Effect(
                 kind="main" if len(term) == 1 else "pair",
                 vehicle=term[0],
@@ -238,10 +238,10 @@ class _Fit:
             )
             for term, (gain, degrees, p_value) in sorted(self.terms.items(), key=lambda t: (len(t[0]), t[0]))
         ]
-        rest, raw = (max(1.0 - sum(getattr(e, name) for e in found), 0.0) for name in ("share", "raw_share"))
+        rest, raw = (max(1.0 - sum(getattr(e, name) for e in terms), 0.0) for name in ("share", "raw_share"))
         nan = float("nan")
         whole = Effect(kind="rest", vehicle=-1, other=-1, share=rest, raw_share=raw, degrees=0, p_value=nan)
-        return [*found, whole]
+        return [*terms, whole]
 
 
 def conditions(cells: Cells, critical: BoolArray) -> list[Condition]:
@@ -251,8 +251,8 @@ def conditions(cells: Cells, critical: BoolArray) -> list[Condition]:
     """
     hits = cells.sums(critical)
     beyond = _beyond_chance(cells.count, hits, float(np.mean(critical)))
-    found = [_condition(cells, cell, hits, int(critical.sum())) for cell in beyond]
-    return sorted(found, key=lambda c: (-c.low, len(c.vehicles), c.vehicles, c.models))
+    told = [_condition(cells, cell, hits, int(critical.sum())) for cell in beyond]
+    return sorted(told, key=lambda c: (-c.low, len(c.vehicles), c.vehicles, c.models))
 
 
 def _beyond_chance(count: FloatArray | IntArray, hits: FloatArray, share: float) -> list[int]:

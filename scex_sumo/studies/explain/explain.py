@@ -93,11 +93,11 @@ def explain(
     with progress_of(progress, "explain") as shown:
         tick = shown or (lambda done, total: None)
         columns = [_capped(run, name, one) for name, one in zip(names, values, strict=True)]
-        found = effects(
+        effects_of = effects(
             levels, np.stack(columns, axis=1), pairs=pairs, progress=lambda done, _: tick(done, 2 * count)
         )
         cells, explanations = all_cells(levels, pairs), []
-        for name, one, parts in zip(names, values, found, strict=True):
+        for name, one, parts in zip(names, values, effects_of, strict=True):
             explanations.append(_explain(run, name, one, cells, parts, worst))
             tick(count + len(explanations), 2 * count)
     return explanations
@@ -110,7 +110,7 @@ def _capped(run: Run, metric: str, values: FloatArray) -> FloatArray:
 
 
 def _explain(
-    run: Run, metric: str, values: FloatArray, cells: Cells, found: list[Effect], worst: int
+    run: Run, metric: str, values: FloatArray, cells: Cells, parts: list[Effect], worst: int
 ) -> Explanation:
     thresholds = run.thresholds | {COLLISION: 1.0}
     known = ~np.isnan(values)
@@ -127,7 +127,7 @@ def _explain(
     return Explanation(
         metric=metric,
         defined=int(known.sum()),
-        effects=found,
+        effects=parts,
         threshold=limit,
         given=given,
         p_critical=_probability(run, metric, run.intervals.share(critical)),

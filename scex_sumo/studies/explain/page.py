@@ -27,15 +27,23 @@ _FULL = 0.5
 
 def write_explanations(
     run: Run,
-    found: Sequence[Explanation],
+    explanations: Sequence[Explanation],
     names: Sequence[str],
     worst: Mapping[str, Sequence[Mapping[str, Any]]],
 ) -> Path:
     """Write the page into the run's folder, with model ``names`` and ``worst`` rows by metric."""
     ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
-    said = [_sentences(one, ids, names) for one in found if one.given and not one.always]
-    metrics = [one for one in found if one.metric in run.columns and not one.metric.endswith("_mean")]
-    drawn = [_matrix(one, ids) for one in metrics if len(one.effects) > 1]
+    said = [
+        _sentences(explanation, ids, names)
+        for explanation in explanations
+        if explanation.given and not explanation.always
+    ]
+    metrics = [
+        explanation
+        for explanation in explanations
+        if explanation.metric in run.columns and not explanation.metric.endswith("_mean")
+    ]
+    drawn = [_matrix(explanation, ids) for explanation in metrics if len(explanation.effects) > 1]
     cards = [
         card("What makes it critical", *said),
         card(
@@ -51,7 +59,7 @@ def write_explanations(
         card("Most critical futures", table_place("worst")),
     ]
     tables = {
-        "conditions": _conditions(found, ids, names),
+        "conditions": _conditions(explanations, ids, names),
         "worst": page_table(_WORST, [row for rows in worst.values() for row in rows]),
     }
     scene = run.info["seed_scene"]
@@ -61,22 +69,22 @@ def write_explanations(
     )
 
 
-def _question(one: Explanation) -> str:
-    return one.question(_titled(one.metric), ("≤", "≥"))
+def _question(explanation: Explanation) -> str:
+    return explanation.question(_titled(explanation.metric), ("≤", "≥"))
 
 
-def _sentences(one: Explanation, ids: Sequence[int], names: Sequence[str]) -> Html:
-    if not one.defined:
-        return element("p", f"{_titled(one.metric)}: {undefined(one)}.")
+def _sentences(explanation: Explanation, ids: Sequence[int], names: Sequence[str]) -> Html:
+    if not explanation.defined:
+        return element("p", f"{_titled(explanation.metric)}: {undefined(explanation)}.")
     rules = [
         element(
             "li",
             f"{rule.share:.0%} with {_models(rule, ids, names)} (95 %: {rule.low:.0%} – {rule.high:.0%}); "
             f"that is {rule.covered:.0%} of all critical futures",
         )
-        for rule in one.rules
+        for rule in explanation.rules
     ]
-    head = element("b", f"{one.p_critical.percent} of the futures have {_question(one)}.")
+    head = element("b", f"{explanation.p_critical.percent} of the futures have {_question(explanation)}.")
     return element("div", element("p", head), *([element("ul", *rules)] if rules else []))
 
 
@@ -111,20 +119,24 @@ def _titled(metric: str) -> str:
     return metric if metric == COLLISION or pair_of(metric) else metric_title(metric)
 
 
-def _conditions(found: Sequence[Explanation], ids: Sequence[int], names: Sequence[str]) -> Table:
+def _conditions(explanations: Sequence[Explanation], ids: Sequence[int], names: Sequence[str]) -> Table:
     rows = [
         vars(c)
-        | {"question": _question(one), "models": _models(c, ids, names), "all": one.p_critical.estimate.value}
-        for one in found
-        if one.given
-        or one.p_critical.estimate.value <= 2 * WORST_SHARE  # else many share the value of the tenth
-        for c in one.conditions
+        | {
+            "question": _question(explanation),
+            "models": _models(c, ids, names),
+            "all": explanation.p_critical.estimate.value,
+        }
+        for explanation in explanations
+        if explanation.given
+        or explanation.p_critical.estimate.value <= 2 * WORST_SHARE  # else many share the value of the tenth
+        for c in explanation.conditions
     ]
     return page_table(_CONDITIONS, sorted(rows, key=lambda row: -row["share"]))
 
 
-def _matrix(one: Explanation, ids: Sequence[int]) -> Html:
-    effects = [effect for effect in one.effects if effect.kind != "rest"]
+def _matrix(explanation: Explanation, ids: Sequence[int]) -> Html:
+    effects = [effect for effect in explanation.effects if effect.kind != "rest"]
     vehicles = sorted({effect.vehicle for effect in effects} | {max(e.other, e.vehicle) for e in effects})
     share: FloatArray = np.zeros((len(ids), len(ids)))
     for effect in effects:
@@ -142,14 +154,14 @@ def _matrix(one: Explanation, ids: Sequence[int]) -> Html:
             parts += _cell(_MARGIN_PX + column * _CELL_PX, y, share[row, column])
     side = len(ids) * _CELL_PX
     drawing = element("svg.plot.matrix", *parts, viewBox=f"0 0 {side + _MARGIN_PX} {side + 18}", role="img")
-    return element("figure", element("figcaption", metric_title(one.metric)), drawing)
+    return element("figure", element("figcaption", metric_title(explanation.metric)), drawing)
 
 
 def _cell(x: int, y: int, share: float) -> list[Html]:
     ink = f"{min(share / _FULL, 1.0):.2f}"
     size = _CELL_PX - 1
-    found = [element("rect.cell", x=x, y=y, width=size, height=size, fill_opacity=ink)]
+    elements = [element("rect.cell", x=x, y=y, width=size, height=size, fill_opacity=ink)]
     if share >= 0.01:
         kind = "text.light" if share > 0.3 else "text.dark"
-        found.append(element(kind, f"{100 * share:.0f}", x=x + size // 2, y=y + 17, text_anchor="middle"))
-    return found
+        elements.append(element(kind, f"{100 * share:.0f}", x=x + size // 2, y=y + 17, text_anchor="middle"))
+    return elements

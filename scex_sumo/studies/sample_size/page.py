@@ -77,10 +77,10 @@ def _errors(rows: Sequence[Mapping[str, Any]], column: str, kinds: Mapping[str, 
     bound = np.array([dkw_half_width(size) for size in sizes])
     parts = [plane.line(np.log10(sizes), np.log10(bound), "soft")] if known else []
     for design, kind in kinds.items():
-        found = sorted((r["size"], r["ks_median"], r["ks_p95"]) for r in known if r["design"] == design)
-        if not found:
+        errors = sorted((r["size"], r["ks_median"], r["ks_p95"]) for r in known if r["design"] == design)
+        if not errors:
             continue
-        size, middle, high = np.log10(np.maximum(np.array(found, dtype=float).T, _FEWEST))
+        size, middle, high = np.log10(np.maximum(np.array(errors, dtype=float).T, _FEWEST))
         parts += [plane.line(size, middle, kind), plane.line(size, high, kind, dashed=True)]
         parts += [
             plane.dot(x, y, kind, title=f"{10**x:.0f} futures: {10**y:.3f}")

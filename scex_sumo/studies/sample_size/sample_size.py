@@ -53,7 +53,7 @@ def truth(
         options: others of `extrapolate`.
     """
     if (Path(out) / "run.json").is_file() and not overwrite:
-        found, specs = open_run(out), parse_models(models)
+        run, specs = open_run(out), parse_models(models)
         wanted: Mapping[str, Any] = {
             "scex_sumo": __version__,
             "models": [{"model": str(s), "weight": s.weight} for s in specs],
@@ -62,9 +62,9 @@ def truth(
             "preset": preset,
             "seed": seed,
         }
-        same_scene = found.info["seed_scene"]["fingerprint"] == digest(scene)
-        if same_scene and all(found.info.get(k) == v for k, v in wanted.items()):
-            return found
+        same_scene = run.info["seed_scene"]["fingerprint"] == digest(scene)
+        if same_scene and all(run.info.get(k) == v for k, v in wanted.items()):
+            return run
     options |= {"models": models, "futures": "all", "preset": preset, "seed": seed, "world": "checked"}
     options |= {"reference": None, "report": False}
     return extrapolate(scene, out=out, overwrite=overwrite, **options)
@@ -132,10 +132,14 @@ def study(
     for index, column in enumerate(run.columns):
         values = run.metrics[column].to_numpy(zero_copy_only=False)
         for (design, size), picked in samples.items():
-            found = errors(np.asarray(values, dtype=np.float64), picked)
+            distances_of = errors(np.asarray(values, dtype=np.float64), picked)
             row: dict[str, Any] = {"metric": column, "design": design, "size": size, "draws": draws}
-            row["defined_draws"] = int(np.isfinite(found.ks).sum())
-            for name, distances in (("ks", found.ks), ("w1", found.w1), ("jsd", found.jsd)):
+            row["defined_draws"] = int(np.isfinite(distances_of.ks).sum())
+            for name, distances in (
+                ("ks", distances_of.ks),
+                ("w1", distances_of.w1),
+                ("jsd", distances_of.jsd),
+            ):
                 some = distances[np.isfinite(distances)]
                 row[f"{name}_median"] = float(np.median(some)) if len(some) else None
                 row[f"{name}_p95"] = float(np.quantile(some, 0.95)) if len(some) else None

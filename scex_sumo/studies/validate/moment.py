@@ -68,14 +68,14 @@ class ValidationSettings(StudySettings):
 
     def moments(self, loaded: LoadedRecording) -> Sequence[Moment]:
         """Return the moments of the part of a recording, at least ``every`` seconds apart."""
-        found = recording_moments(loaded, every_s=STEP_S)
+        kept = recording_moments(loaded, every_s=STEP_S)
         if self.part != ALL:
-            found = split_moments(found, Split())[self.part]  # type: ignore[index]
+            kept = split_moments(kept, Split())[self.part]  # type: ignore[index]
         else:  # from the first that can be judged on: a recording shorter than ``every`` has one, too
-            found = [moment for moment in found if moment.case or moment.complete]
-        last_s = loaded.table.vehicles.stamps_ms[-1] / 1000 - STEP_S * self.run.steps if found else 0.0
+            kept = [moment for moment in kept if moment.case or moment.complete]
+        last_s = loaded.table.vehicles.stamps_ms[-1] / 1000 - STEP_S * self.run.steps if kept else 0.0
         moments: list[Moment] = []
-        for moment in found:
+        for moment in kept:
             if not moment.case and self.run.steps > FIRST_STEPS and moment.time_s > last_s + 1e-6:
                 continue  # nobody is recorded to the end of so long futures
             if not moments or moment.case or moment.time_s >= moments[-1].time_s + self.every - 1e-6:
@@ -212,7 +212,7 @@ def _seen(
 ) -> _Futures:
     seen = as_recorded(scene, futures.driven, noise, rng)
     counted = recorded_steps_of(scene, settings.steps)
-    found = measure_outcome(
+    outcome = measure_outcome(
         scene,
         seen,
         metrics=settings.measured,
@@ -220,8 +220,8 @@ def _seen(
         counted=counted,
         limit_m2=OVERLAP_M2,
     )
-    values = np.where(found.values.defined, found.values.values, np.nan)
-    return _Futures(driven=seen, values=values, collided=found.collisions.any_of(len(seen.futures)))
+    values = np.where(outcome.values.defined, outcome.values.values, np.nan)
+    return _Futures(driven=seen, values=values, collided=outcome.collisions.any_of(len(seen.futures)))
 
 
 def _recorded_to_end(scene: SeedScene, steps: int) -> BoolArray:

@@ -58,9 +58,9 @@ def box_noise(rows: TrackRows, until_s: float, steps: int = 30) -> BoxNoise:
 
     def of(kind: BoolArray) -> FloatArray:
         for usable in (kind & early, kind):
-            found = whole[usable]
-            if len(found) >= MIN_PIECES:
-                return np.asarray(noise[found[:: -(-len(found) // MAX_PIECES)]])
+            pieces = whole[usable]
+            if len(pieces) >= MIN_PIECES:
+                return np.asarray(noise[pieces[:: -(-len(pieces) // MAX_PIECES)]])
         return none
 
     return BoxNoise(moving=of(np.all(moves, axis=1)), standing=of(~np.any(moves, axis=1)))
@@ -90,9 +90,9 @@ def as_recorded(scene: SeedScene, driven: Rollout, noise: BoxNoise, rng: np.rand
         if len(pieces):
             piece[:, kind] = pieces[rng.integers(0, len(pieces), (count, int(kind.sum())))]
     piece -= piece[:, :, :1]
-    states, made = driven.states, driven.replan * (driven.plan_x.shape[1] - 1)
+    states, planned = driven.states, driven.replan * (driven.plan_x.shape[1] - 1)
     x, y = (
-        np.concatenate([track, plan[:, -1, :, steps - made :].swapaxes(1, 2)], axis=1)
+        np.concatenate([track, plan[:, -1, :, steps - planned :].swapaxes(1, 2)], axis=1)
         for track, plan in ((states.x, driven.plan_x), (states.y, driven.plan_y))
     )
     along, across, turned, faster = piece[:, :, 1 : 1 + x.shape[1]].transpose(3, 0, 2, 1)  # each (C, T', V)

@@ -100,7 +100,7 @@ def write_validation_page(
     """
     events, values = rows["events"], rows["values"]
     usual = [row for row in events if 0.0 < row["happened"] < 1.0]
-    found = [
+    sections = [
         _summary(info),
         card("Events", "Probability that the futures gave to recorded events.", table_place("events")),
         card(
@@ -142,7 +142,7 @@ def write_validation_page(
         f"{info['futures']} futures each, part of the recordings: {info['part']}"
     )
     title = f"Validation of {', '.join(info['models'])}"
-    write_study(folder / HTML, title, about, *found, tables=tables)
+    write_study(folder / HTML, title, about, *sections, tables=tables)
 
 
 def _summary(info: Mapping[str, Any]) -> Html:

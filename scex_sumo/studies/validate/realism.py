@@ -66,7 +66,7 @@ def realism(
     sizes = length[judged], width[judged]
     simulated = _features(futures[:, :, judged], *sizes, road)
     real = _features(recorded[:, :, judged], *sizes, road)
-    found = {}
+    likelihood = {}
     for name, feature in FEATURES.items():
         event = feature.bins == 2
         flat = (len(simulated[name]), -1)
@@ -78,8 +78,8 @@ def realism(
             bins=feature.bins,
             pseudocount=BERNOULLI_PSEUDOCOUNT if event else 0.1,
         )
-        found[name] = float(np.exp(log.mean()))
-    return found
+        likelihood[name] = float(np.exp(log.mean()))
+    return likelihood
 
 
 def realism_score(likelihood: dict[str, float]) -> float:

@@ -184,11 +184,11 @@ def group_bootstrap(
         return float("nan"), float("nan")
     members = [np.flatnonzero(groups == name) for name in names]
     rng = np.random.default_rng(seed)
-    found = [
+    values_drawn = [
         statistic(np.concatenate([members[k] for k in rng.integers(0, len(names), len(names))]))
         for _ in range(draws)
     ]
-    known = [value for value in found if np.isfinite(value)]
+    known = [value for value in values_drawn if np.isfinite(value)]
     if not known:
         return float("nan"), float("nan")
     low, high = np.quantile(known, [0.025, 0.975])

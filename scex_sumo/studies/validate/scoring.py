@@ -112,12 +112,12 @@ class Forecasts:
         return self.columns.index(column)
 
 
-def gathered(found: Sequence[tuple[MomentRef, Forecast]]) -> Forecasts:
+def gathered(scored: Sequence[tuple[MomentRef, Forecast]]) -> Forecasts:
     """Return the forecasts of all moments."""
-    columns = tuple(name for name in found[0][1].futures.column_names if name != "future")
-    names = sorted({ref.recording for ref, _ in found})
-    group = np.array([names.index(ref.recording) for ref, _ in found])
-    parts = [_matrix(forecast.futures, columns) for _, forecast in found]
+    columns = tuple(name for name in scored[0][1].futures.column_names if name != "future")
+    names = sorted({ref.recording for ref, _ in scored})
+    group = np.array([names.index(ref.recording) for ref, _ in scored])
+    parts = [_matrix(forecast.futures, columns) for _, forecast in scored]
 
     def row(number: int) -> FloatArray:
         return np.stack([values[future == number][0] for future, values in parts])
@@ -131,17 +131,19 @@ def gathered(found: Sequence[tuple[MomentRef, Forecast]]) -> Forecasts:
         return pa.concat_tables(marked) if marked else pa.table({})
 
     return Forecasts(
-        refs=[ref for ref, _ in found],
+        refs=[ref for ref, _ in scored],
         columns=columns,
         futures=[values[future >= 0] for future, values in parts],
-        seen=[_matrix(forecast.seen, columns)[1] for _, forecast in found],
+        seen=[_matrix(forecast.seen, columns)[1] for _, forecast in scored],
         recorded=row(RECORDED),
         straight=row(CONSTANT_VELOCITY),
         now=row(SEED_MOMENT),
         group=group,
-        vehicles=rows([forecast.vehicles for _, forecast in found]),
-        encounters=rows([forecast.encounters for _, forecast in found]),
-        realism=np.array([forecast.realism["realism"][0].as_py() for _, forecast in found], dtype=np.float64),
+        vehicles=rows([forecast.vehicles for _, forecast in scored]),
+        encounters=rows([forecast.encounters for _, forecast in scored]),
+        realism=np.array(
+            [forecast.realism["realism"][0].as_py() for _, forecast in scored], dtype=np.float64
+        ),
     )
 
 
@@ -150,28 +152,28 @@ def _matrix(table: pa.Table, columns: tuple[str, ...]) -> tuple[IntArray, FloatA
     return np.asarray(table["future"], dtype=np.int64), np.stack(values, axis=1)
 
 
-def probability(found: Forecasts, event: Event) -> tuple[FloatArray, FloatArray, BoolArray]:
+def probability(forecasts: Forecasts, event: Event) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return forecasts (M,) of an event, as driven and as recorded, and whether it happened."""
-    column = found.of(event.column)
+    column = forecasts.of(event.column)
     driven, seen = (
         np.array([event.happened(values[:, column]).mean() for values in futures])
-        for futures in (found.futures, found.seen)
+        for futures in (forecasts.futures, forecasts.seen)
     )
-    return driven, seen, event.happened(found.recorded[:, column])
+    return driven, seen, event.happened(forecasts.recorded[:, column])
 
 
-def event_scores(found: Forecasts) -> list[dict[str, Any]]:
+def event_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
     """Return one row for each event: Brier score, skills, calibration, areas under curves."""
     rows = []
     for event in EVENTS:
-        column = found.of(event.column)
-        p, seen, o = probability(found, event)
-        now, straight = (event.happened(values[:, column]) for values in (found.now, found.straight))
+        column = forecasts.of(event.column)
+        p, seen, o = probability(forecasts, event)
+        now, straight = (event.happened(values[:, column]) for values in (forecasts.now, forecasts.straight))
         row = {
             "event": event.name,
             "paper": event.paper,
             "seeds": len(p),
-            **_scores(p, o, straight, found.group),
+            **_scores(p, o, straight, forecasts.group),
         }
         row |= {
             "brier_seen": brier(seen, o),
@@ -181,12 +183,12 @@ def event_scores(found: Forecasts) -> list[dict[str, Any]]:
     return rows
 
 
-def pair_scores(found: Forecasts) -> list[dict[str, Any]]:
+def pair_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
     """Return one row for each of `MEASURED` events; empty without pairs within 10 m in some future.
 
     Pairs whose recorded boxes touch are left out: these boxes are inexact.
     """
-    table = found.encounters
+    table = forecasts.encounters
     if len(table):
         table = table.filter(pc.greater(table["recorded_m"], 0.0))
     if not len(table):
@@ -238,26 +240,28 @@ def _scores(p: FloatArray, o: BoolArray, straight: BoolArray, group: IntArray) -
     }
 
 
-def value_scores(found: Forecasts, *, seed: int = 0) -> list[dict[str, Any]]:
+def value_scores(forecasts: Forecasts, *, seed: int = 0) -> list[dict[str, Any]]:
     """Return one row for each metric column: CRPS and its skill, coverage, ranks.
 
     Values are bounded by `SCORED_UP_TO`.
     """
     rng, rows = np.random.default_rng(seed), []
-    for column, name in enumerate(found.columns):
+    for column, name in enumerate(forecasts.columns):
         if name == COLLISION:
             continue
         limit = SCORED_UP_TO.get(metric_of(name).column_unit, np.inf)
         cases: list[tuple[Any, ...]] = []
-        for m, values in enumerate(found.futures):
-            sample, noisy = (np.minimum(part[:, column], limit) for part in (values, found.seen[m]))
-            y, straight = (float(min(part[m, column], limit)) for part in (found.recorded, found.straight))
+        for m, values in enumerate(forecasts.futures):
+            sample, noisy = (np.minimum(part[:, column], limit) for part in (values, forecasts.seen[m]))
+            y, straight = (
+                float(min(part[m, column], limit)) for part in (forecasts.recorded, forecasts.straight)
+            )
             sample, noisy = sample[np.isfinite(sample)], noisy[np.isfinite(noisy)]
             least = MIN_DEFINED * len(values)
             if not (np.isfinite(y) and np.isfinite(straight)) or min(len(sample), len(noisy)) < least:
                 continue
             scores = crps(sample, y), crps(noisy, y), abs(straight - y), covered(sample, y), covered(noisy, y)
-            cases.append((*scores, rank_among(noisy, y, rng), found.group[m]))
+            cases.append((*scores, rank_among(noisy, y, rng), forecasts.group[m]))
         if cases:
             rows.append({"column": name, **_of_values(*zip(*cases, strict=True))})
     return rows
@@ -287,9 +291,9 @@ def _of_values(
     }
 
 
-def encounter_scores(found: Forecasts) -> list[dict[str, Any]]:
+def encounter_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
     """Score the least body gap of encounters, as a row of `value_scores`; empty without any."""
-    table = found.encounters
+    table = forecasts.encounters
     if not len(table):
         return []
     names = ("crps_m", "crps_seen_m", "constant_velocity_error_m", "covered", "seen", "rank", "group")
@@ -298,9 +302,9 @@ def encounter_scores(found: Forecasts) -> list[dict[str, Any]]:
     ]
 
 
-def position_scores(found: Forecasts) -> list[dict[str, Any]]:
+def position_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
     """Return one row for each second, of moving and of standing vehicles."""
-    rows, table = [], found.vehicles
+    rows, table = [], forecasts.vehicles
     for second in sorted(set(table["second"].to_pylist())):
         for moving in (True, False):
             part = table.filter(pc.and_(pc.equal(table["second"], second), pc.equal(table["moving"], moving)))
@@ -324,14 +328,14 @@ def position_scores(found: Forecasts) -> list[dict[str, Any]]:
     return rows
 
 
-def summary(found: Forecasts, events: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def summary(forecasts: Forecasts, events: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the main figures."""
     papers = [row for row in events if row["paper"]]
-    p, _, overlap = probability(found, next(event for event in EVENTS if event.column == COLLISION))
-    realism = found.realism[np.isfinite(found.realism)]
+    p, _, overlap = probability(forecasts, next(event for event in EVENTS if event.column == COLLISION))
+    realism = forecasts.realism[np.isfinite(forecasts.realism)]
     return {
-        "seeds": len(found.refs),
-        "recordings": len(set(found.group.tolist())),
+        "seeds": len(forecasts.refs),
+        "recordings": len(set(forecasts.group.tolist())),
         "mean_brier": float(np.mean([row["brier"] for row in papers])),
         "mean_brier_seen": float(np.mean([row["brier_seen"] for row in papers])),
         "mean_brier_base_rate": float(np.mean([row["uncertainty"] for row in papers])),

@@ -62,5 +62,5 @@ def hourly(info: Mapping[str, Any]) -> str:
 def collisions_an_hour(pairs: Sequence[tuple[MomentRef, pa.Table]]) -> float:
     """Return the collisions an hour that people are expected to have, from the pairs of moments."""
     sure = (table.filter(pc.is_null(table["doubt"])) for _, table in pairs)
-    found = [either(table["probability"].to_pylist()) for table in sure]
-    return float(np.mean(found)) * 3600 / HORIZON_S
+    either_of = [either(table["probability"].to_pylist()) for table in sure]
+    return float(np.mean(either_of)) * 3600 / HORIZON_S

@@ -137,11 +137,11 @@ def validate(
         with progress_of(progress, "validate") as tick:
             refs = _run(recordings, settings, folder, pool, tick)
         failures = folder.failures()
-        found = [(ref, folder.read(ref)) for ref in refs if folder.has(ref)]
-        if not found:
+        scored = [(ref, folder.read(ref)) for ref in refs if folder.has(ref)]
+        if not scored:
             reason = next((failure.reason for failure in failures.values()), f"part {part} has no moments")
             raise TrackError(f"no moment of {len(recordings)} recordings can be judged: {reason}")
-        forecasts = gathered(found)
+        forecasts = gathered(scored)
         rows = {
             "events": event_scores(forecasts),
             "pairs": pair_scores(forecasts),
@@ -150,7 +150,7 @@ def validate(
         }
         tables = {name: pa.Table.from_pylist(part_rows) for name, part_rows in rows.items()}
         if usual:
-            pairs = [(ref, forecast.pairs) for ref, forecast in found]
+            pairs = [(ref, forecast.pairs) for ref, forecast in scored]
             tables["encounters"] = encounters_of(pairs, every)
             rows["usual"] = usual_rows(tables["encounters"])
         for name, table in tables.items():
@@ -206,11 +206,11 @@ def _run(
     futures = range(settings.futures)
     cut = moment_tasks(recordings, {}, settings, futures, wanted=left, choose=chosen)
     with closing(read_ahead(cut, _AHEAD)) as items:
-        for task, found in workers.run(tasks(items)):
-            if isinstance(found, Failure):
-                folder.fail(found)
+        for task, outcome in workers.run(tasks(items)):
+            if isinstance(outcome, Failure):
+                folder.fail(outcome)
             else:
-                folder.append(task.ref, found)
+                folder.append(task.ref, outcome)
             done += 1
             if progress is not None:
                 progress(done, max(len(refs), done))
