@@ -10,6 +10,11 @@ collisions whose pair is among the top 5 %, and the area under the ROC curve of 
     python -m benchmarks.live speed SCENARIO.sumocfg [--vehicles 25] [--moments 20]
 
 Processor time and wall time of a moment of a watch: the first one, and those of warm processes.
+
+    xvfb-run -a python -m benchmarks.live film FILM.mp4 [--scenario MINE.sumocfg] [--from 20] [--to 40]
+
+Film of sumo-gui while it is watched, a picture for each step of the simulation, and a picture of the worst
+moment beside it; of the grid above if no scenario is named.
 """
 
 from __future__ import annotations
@@ -20,16 +25,21 @@ import time
 import warnings
 from itertools import combinations
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from xml.etree import ElementTree
 
 import numpy as np
+import traci
+from PIL import Image
 
 from scex_sumo.live.device import elements_of, numbers_of
 from scex_sumo.live.focus import Focus
-from scex_sumo.live.risk import Question, assess
+from scex_sumo.live.risk import Question, Risk, assess
+from scex_sumo.live.session import Session, Told
 from scex_sumo.live.watch import Watch
 from tests.formats.sumo.simulations import run as sumo_program
 
+PICTURE = (1040, 534)  # px, of a film: as the view in a window of its first size
 LEADS_S, NEAR_M, TOP, QUIET_S = (1.0, 2.0, 3.0), 50.0, 0.05, 5.0
 ROUTES = """<routes>
  <vType id="car" length="4.5" minGap="1.0" tau="0.3" sigma="0.8" actionStepLength="0.8" speedDev="0.2"
@@ -203,11 +213,60 @@ def speed(config: str, vehicles: int, moments: int) -> None:
     print("then, median: {:.2f} s processor, {:.2f} s; most {:.2f} s processor".format(*middle))
 
 
+def film(path: Path, config: Path | None, begin_s: float, end_s: float) -> None:
+    """Write a film of a watched window, and its worst moment as a picture; needs a display and PyAV."""
+    risks: list[Risk] = []
+    with TemporaryDirectory() as name:
+        if config is None:
+            write_scenario(Path(name))
+        config = config or Path(name, "mine.sumocfg")
+        session = Session(
+            config=config, out=path.with_suffix(""), gui=True, begin_s=begin_s, end_s=end_s, follow=True,
+            ghosts=True, ssm=False,
+        )  # fmt: skip
+
+        def begin(watch: Watch, take: Told) -> None:
+            sumo = watch._sumo
+
+            class Camera(traci.StepListener):  # type: ignore[misc]
+                def step(self, t: float = 0.0) -> bool:
+                    view = sumo.gui.getIDList()[0]
+                    sumo.gui.screenshot(view, f"{name}/{10 * watch.time_s:07.0f}.png")
+                    return True
+
+            sumo.addStepListener(Camera())
+            watch.every(1.0, take, wait=True, workers=2)
+
+        session.run(begin, risks.append)
+        pictures = sorted(Path(name).glob("*.png"))
+        write_film(path, pictures, round(len(pictures) / (end_s - begin_s)))
+        led = [(risk.worst.either, risk.time_s) for risk in risks if risk.worst]
+        _, time_s = max(led)
+        worst = min(pictures, key=lambda file: abs(int(file.stem) / 10 - time_s - 0.3))
+        Image.open(worst).convert("RGB").save(path.with_suffix(".png"))
+
+
+def write_film(path: Path, pictures: list[Path], rate: int) -> None:
+    """Encode pictures as H.264."""
+    import av
+
+    with av.open(str(path), "w", format="mp4", options={"movflags": "faststart"}) as container:
+        stream = container.add_stream("libx264", rate=rate)
+        stream.width, stream.height = PICTURE
+        stream.pix_fmt, stream.options = "yuv420p", {"crf": "26", "preset": "veryslow"}
+        for file in pictures:
+            pixels = np.asarray(Image.open(file).convert("RGB").resize(PICTURE))
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(pixels)))
+        container.mux(stream.encode())
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("what", choices=("collisions", "table", "speed"))
+    parser.add_argument("what", choices=("collisions", "table", "speed", "film"))
     parser.add_argument("path", type=Path)
     parser.add_argument("--seeds", default="1,2,3,4,5,6")
+    parser.add_argument("--scenario", type=Path)
+    parser.add_argument("--from", dest="first", type=float, default=20.0)
     parser.add_argument("--to", type=float, default=75.0)
     parser.add_argument("--futures", type=int, default=64)
     parser.add_argument("--vehicles", type=int, default=25)
@@ -215,6 +274,8 @@ def main() -> None:
     parser.add_argument("--count", action="store_true", help="only count the collisions")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
+    if given.what == "film":
+        return film(given.path, given.scenario, given.first, given.to)
     if given.what == "speed":
         return speed(str(given.path), given.vehicles, given.moments)
     given.path.mkdir(parents=True, exist_ok=True)

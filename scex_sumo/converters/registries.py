@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, TypeAlias, TypeVar
@@ -46,6 +46,7 @@ class Recording:
         map_path: the map; it need not exist, which `load_recording` then reports.
         track_paths: consecutive files that make one recording, in order of time.
         window: first and last moment, s; None is where the recording begins or ends.
+        times: of the moments that count, s, the most critical one first, as a watch found them; empty: all.
 
     Example:
         >>> (recording,) = scex.find_recordings([scex.example_path("roundabout")])
@@ -59,6 +60,12 @@ class Recording:
     map_path: Path
     track_paths: tuple[Path, ...]
     window: Window = (None, None)
+    times: tuple[float, ...] = ()
+
+    def within(self, window: Window) -> Recording:
+        """Return it with the limits of a window that are given."""
+        first, last = (own if new is None else new for own, new in zip(self.window, window, strict=True))
+        return replace(self, window=(first, last))
 
 
 def recording_name(map_path: Path, track_paths: Sequence[Path]) -> str:

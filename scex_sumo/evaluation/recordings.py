@@ -10,7 +10,7 @@ from pathlib import Path
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.datasets.checks import Check, doubts, refuse_implausible
-from scex_sumo.converters.datasets.moment import Moment, find_moments
+from scex_sumo.converters.datasets.moment import STAMP_MS, Moment, find_moments
 from scex_sumo.converters.datasets.off_lanes import MIN_SHARE_ON_LANES, on_closed_lanes
 from scex_sumo.converters.datasets.reader import read_clean
 from scex_sumo.converters.datasets.recordings import (
@@ -28,7 +28,7 @@ from scex_sumo.converters.tracks.evidence import evidence, on_lanes
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
-from scex_sumo.scene import SeedScene
+from scex_sumo.scene import STEP_S, SeedScene
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,14 +130,23 @@ def seed_at(
 def recording_moments(loaded: LoadedRecording, *, every_s: float) -> list[Moment]:
     """List all moments that can be seed scenes, at least ``every_s`` apart; one for each case.
 
-    Only those in the recording's window count.
+    Only those in the recording's window count, and only its ``times`` if it has some: then the most critical
+    of those that are nearer to one another.
 
     Example:
         >>> loaded = scex.load_recording(scex.find_recordings([scex.example_path("roundabout")])[0])
         >>> len(scex.recording_moments(loaded, every_s=1.0))
         19
     """
-    return find_moments(loaded.table, every_s=every_s, window=loaded.recording.window)
+    times, window = loaded.recording.times, loaded.recording.window
+    if not times:
+        return find_moments(loaded.table, every_s=every_s, window=window)
+    kept: list[float] = []
+    for time_s in times:
+        if all(abs(time_s - other) > every_s - STAMP_MS / 1000.0 for other in kept):
+            kept.append(time_s)
+    moments = find_moments(loaded.table, every_s=STEP_S, window=window)
+    return [one for one in moments if any(abs(one.time_s - t) < STEP_S / 2 for t in kept)]
 
 
 def _check(table: TrackTable, road: Road, map_path: Path) -> None:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 EXAMPLE = "mine.sumocfg --gui --follow -o out/watch"
 _SAVE_EVERY = 100  # moments
-_RECENT = 8  # moments over which the real-time factor is measured
+_RECENT, _FEWEST = 8, 4  # moments over which the real-time factor is measured
 _MAX_BRAKING_MPS2 = 20.0
 
 
@@ -135,11 +135,12 @@ class _Teller:
         now, clock = self.watch.time_s, time.perf_counter()
         self._clocks.append((now, clock))
         before, then = self._clocks[0]
-        factor = f"{(now - before) / (clock - then):.1f} x" if clock > then and now > before else "-"
+        known = len(self._clocks) >= _FEWEST and now > before  # several processes finish at the same time
+        factor = f"{(now - before) / (clock - then):.1f} x" if known else "-"
         missed, self._skipped = self.watch.skipped - self._skipped, self.watch.skipped
         behind = f"; behind: {missed} moment{'s' if missed > 1 else ''} skipped" if missed else ""
-        count = len(risk.vehicles)
-        return f"{risk.time_s:8.1f} s  {factor:>7}  {count:3} vehicles  {_words(risk)}{behind}"
+        count = f"{len(risk.vehicles):3} vehicle{'s' if len(risk.vehicles) != 1 else ' '}"
+        return f"{risk.time_s:8.1f} s  {factor:>7}  {count}  {_words(risk)}{behind}"
 
     def write(self, config: Path, *, ssm: bool) -> Path:
         """Write tables and page, and return the page's path."""
@@ -202,4 +203,5 @@ def _words(risk: Risk) -> str:
     braking, needs = pair.needed_braking, ""
     if braking is not None:
         needs = f", needs {braking:.1f} m/s²" if braking < _MAX_BRAKING_MPS2 else ", braking is too late"
-    return f"{pair.hits} → {pair.other} ({pair.kind}): {often}{stress}{needs}"
+    kind = f" ({pair.kind})" if pair.kind else ""
+    return f"{pair.hits} → {pair.other}{kind}: {often}{stress}{needs}"

@@ -16,7 +16,7 @@ import pyarrow as pa
 from scex_sumo.base.files import write_atomic
 from scex_sumo.certainty.response.answer import once_in
 from scex_sumo.commands.tables import write_table
-from scex_sumo.formats.sumo.scenario import options_of
+from scex_sumo.formats.sumo.scenario import RISK, options_of
 from scex_sumo.live.device import SEEN, Lead
 from scex_sumo.live.focus import BUSIEST
 from scex_sumo.live.risk import PairRisk, Risk
@@ -25,7 +25,6 @@ from scex_sumo.page.html import Html, element
 from scex_sumo.page.study import Column as Head
 from scex_sumo.page.study import card, page_table, table_place, write_study
 
-RISK: Final = "risk.parquet"
 LEADS: Final = "leads.parquet"
 PAGE: Final = "watch.html"
 MOMENTS: Final = "moments"

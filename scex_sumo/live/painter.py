@@ -18,6 +18,7 @@ SCALE: Final[tuple[tuple[float, Rgb, str], ...]] = (
     (0.0, (222, 226, 230), "less often"),
 )
 """Human-like P from which a vehicle has a colour, and its words. Okabe and Ito's, for the colour-blind."""
+_OUTSIDE: tuple[Rgb, str] = (128, 132, 138), "not assessed"
 
 _KEY = "scex-watch"
 _LINE_M, _GHOST_M = 0.6, 0.2
@@ -46,30 +47,34 @@ class Painter:
     def __init__(self, sumo: Any, *, follow: bool = False, ghosts: bool = False) -> None:
         self._sumo, self._follow, self._ghosts = sumo, follow, ghosts
         self._own: dict[str, tuple[int, ...]] = {}  # colours before ours
+        self._painted: dict[str, Rgb] = {}
         self._drawn: set[str] = set()  # polygons
         self._texts: dict[str, str] = {}  # ids of points of interest, which are their texts
         self._worst: PairRisk | None = None
         self._followed: tuple[str, str] | None = None
+        self._legend: tuple[object, PairRisk | None] | None = None  # where it is, and its first line
         self._view = sumo.gui.getIDList()[0]
 
     def __call__(self, risk: Risk) -> None:
         """Paint a risk."""
-        here = set(self._sumo.vehicle.getIDList())
-        for name in self._own.keys() - set(risk.vehicles):
-            self._restore(name, here)
-        for name in here.intersection(risk.vehicles):
-            if name not in self._own:
-                self._own[name] = tuple(self._sumo.vehicle.getColor(name))
-            self._sumo.vehicle.setColor(name, (*color_of(risk.of(name)), 255))
+        vehicles, assessed = self._sumo.vehicle, set(risk.vehicles)
+        here = set(vehicles.getIDList())
+        self._own = {name: own for name, own in self._own.items() if name in here}
+        self._own |= {name: tuple(vehicles.getColor(name)) for name in here - self._own.keys()}
+        colors = {name: color_of(risk.of(name)) if name in assessed else _OUTSIDE[0] for name in here}
+        for name, rgb in colors.items():
+            if self._painted.get(name) != rgb:
+                vehicles.setColor(name, (*rgb, 255))
+        self._painted = colors
         self._worst = risk.worst
         self._draw_ghosts(risk)
         if self._follow:
             self._follow_pair(here)
         self.step()
-        self._draw_legend()
 
     def step(self) -> None:
-        """Move the line with its vehicles; call it after each step."""
+        """Move the line with its vehicles, and the legend with the view; call it after each step."""
+        self._draw_legend()
         pair = self._worst
         here = self._sumo.vehicle.getIDList() if pair is not None else ()
         if pair is None or not set(pair.names) <= set(here):
@@ -82,19 +87,14 @@ class Painter:
         """Give vehicles their own colours back and remove what was drawn; whatever is gone is gone."""
         with suppress(Exception):  # the window may be closed
             here = set(self._sumo.vehicle.getIDList())
-            for name in [*self._own]:
-                self._restore(name, here)
+            for name in here & self._own.keys():
+                self._sumo.vehicle.setColor(name, self._own[name])
             for key in [*self._drawn]:
                 self._erase(key)
             for key in [*self._texts]:
                 self._sumo.poi.remove(self._texts.pop(key))
             if self._followed is not None:
                 self._sumo.gui.trackVehicle(self._view, "")
-
-    def _restore(self, name: str, here: set[str]) -> None:
-        color = self._own.pop(name)
-        if name in here:
-            self._sumo.vehicle.setColor(name, color)
 
     def _follow_pair(self, here: set[str]) -> None:
         pair = self._worst
@@ -118,14 +118,18 @@ class Painter:
             self._erase(key)
 
     def _draw_legend(self) -> None:
-        (left, low), (_, top) = self._sumo.gui.getBoundary(self._view)
+        place = self._sumo.gui.getBoundary(self._view)
+        if self._legend == (place, self._worst):
+            return
+        self._legend = (place, self._worst)
+        (left, low), (_, top) = place
         px = (top - low) / _VIEW_PX
         row, x = 1.5 * TEXT_PX * px, left + 12 * px
         y = top - row
         pair = self._worst
         head = "no pair leads" if pair is None else f"{pair.hits} and {pair.other}: {_often(pair)}"
         self._write("head", head, x, y, px)
-        for number, (_, rgb, words) in enumerate(SCALE):
+        for number, (rgb, words) in enumerate([*(row[1:] for row in SCALE), _OUTSIDE]):
             y -= row
             box = [(x, y - row / 3), (x + row, y - row / 3), (x + row, y + row / 3), (x, y + row / 3)]
             self._draw(f"scale.{number}", [*box, box[0]], rgb, None)

@@ -7,6 +7,9 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
+from scex_sumo.base.errors import ResultError
+from scex_sumo.converters.datasets.find import find_recordings
+from scex_sumo.formats.sumo.scenario import RISK
 from scex_sumo.live.device import conflicts_of, leads_of
 from scex_sumo.live.folder import command_of, worst_moments, write_leads, write_page, write_risks
 from scex_sumo.live.risk import PairRisk, Risk
@@ -96,3 +99,15 @@ def test_risks_are_rows_by_moment_and_pair(tmp_path: Path) -> None:
 @pytest.mark.parametrize("level", [1e-4, 1.0])
 def test_a_pair_that_nobody_saw_is_in_no_table(level: float) -> None:
     assert leads_of([], [risk(1.0, ("a", "b", 9e-5))], level=level) == []
+
+
+def test_rank_takes_the_moments_that_a_watch_found_critical_the_worst_first(tmp_path: Path) -> None:
+    found = [risk(1.0, ("a", "b", 1e-6)), risk(2.0), risk(3.0, ("a", "b", 1e-3), ("a", "c", 1e-9))]
+    write_risks(tmp_path, found)
+    (tmp_path / "mine.sumocfg").write_text("<configuration/>")
+    (recording,) = find_recordings(tmp_path)
+    assert (recording.times, recording.window) == ((3.0, 1.0), (1.0, 3.0))
+    assert recording.within((None, 2.0)).window == (1.0, 2.0)
+    (tmp_path / RISK).write_bytes(b"PAR1")
+    with pytest.raises(ResultError, match=r"risk\.parquet: cannot be read"):
+        find_recordings(tmp_path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import os
 import re
@@ -10,6 +9,7 @@ import signal
 import subprocess
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -34,6 +34,7 @@ from scex_sumo.formats.sumo.intentions import INTENTIONS_S
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.own_sumo import user_sumo
 from scex_sumo.formats.sumo.recorder import Recorded, Recorder
+from scex_sumo.results.tables import read_table
 from scex_sumo.road import Road
 from scex_sumo.world.session import load_sumo, silence
 
@@ -41,6 +42,7 @@ MAX_SCALE = 100.0  # of the traffic; a larger one loads vehicles for minutes bef
 MAX_VEHICLES = 20_000  # driving and waiting to be inserted
 MAX_FLOW_HZ = 1_000.0  # departures of one flow; SUMO makes those of a step at once
 MAX_STEP_S = 60  # processor time of one step
+RISK = "risk.parquet"  # of a watch, beside its configuration
 WITHOUT_END_S = 600.0  # simulated if neither a time is given nor the configuration has an end
 QUIET = ("--no-step-log", "true", "--duration-log.disable", "true", "--xml-validation", "never")
 SUBLANE = "the sublane model simulated it; futures with SUMO drivers keep to the middle of their lanes"
@@ -272,7 +274,7 @@ def simulate(
             try:
                 recorded = _recorded(config, sumo, window, on_step)
                 by = () if own is None else (f"simulated by {sumo.getVersion()[1]} of SUMO_HOME",)
-                return dataclasses.replace(recorded, notes=(*recorded.notes, *by))
+                return replace(recorded, notes=(*recorded.notes, *by))
             finally:
                 sumo.close()
         except failed as error:
@@ -322,7 +324,7 @@ def _recorded(config: Path, sumo: Any, window: Window, on_step: Callable[[int], 
         only = "only pedestrians" if recorded.users else "no vehicle"
         raise TrackError(f"{config}: {only} from {first:g} s to {last:g} s; {_first(sumo)}")
     sublane = float(sumo.simulation.getOption("lateral-resolution")) > 0
-    return dataclasses.replace(recorded, notes=(SUBLANE,) if sublane else ())
+    return replace(recorded, notes=(SUBLANE,) if sublane else ())
 
 
 def refuse_mesoscopic(sumo: Any, what: object) -> None:
@@ -363,8 +365,25 @@ def _read(
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
     for path in files:
         if is_simulation(path):
-            name = map_name(path.name.removesuffix(".xml"))
-            yield Recording(name=name, site=name, dataset="sumo", map_path=path, track_paths=(path,))
+            name, times = map_name(path.name.removesuffix(".xml")), watched_times(path.parent)
+            here = Recording(name=name, site=name, dataset="sumo", map_path=path, track_paths=(path,))
+            yield replace(here, times=times, window=(min(times), max(times))) if times else here
+
+
+def watched_times(folder: Path) -> tuple[float, ...]:
+    """Return the times of the moments that a watch has found critical, the most critical one first, s.
+
+    Raises:
+        ResultError: its table is damaged, or none of a watch.
+    """
+    if not (folder / RISK).is_file():
+        return ()
+    worst: dict[float, tuple[float, float]] = {}
+    for row in read_table(folder / RISK, columns=("time_s", "human_like", "stress", "doubt")).to_pylist():
+        if row["doubt"] is None:
+            found = row["human_like"], row["stress"] or 0.0
+            worst[row["time_s"]] = max(worst.get(row["time_s"], found), found)
+    return tuple(sorted(worst, key=lambda time_s: worst[time_s], reverse=True))
 
 
 def _read_road(path: str | Path, **_: object) -> Road:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -124,7 +124,7 @@ def rank(
         raise UsageError(f"--from {window[0]:g} --to {window[1]:g}: ends before it begins")
     places = [roots] if isinstance(roots, str | Path) else roots
     found = find_recordings(places)
-    recordings = tuple(replace(recording, window=window) for recording in found)
+    recordings = tuple(recording.within(window) for recording in found)
     identity = settings.to_json(recordings)
     with (
         closing(moment_workers(run_moment, workers, cluster)) as pool,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -216,6 +217,8 @@ def test_moments_come_in_order_of_time_and_as_often_as_asked(tmp_path: Path) -> 
     assert [m.complete for m in recording_moments(loaded, every_s=2.0)] == [0, 2, 0, 0]
     cases = recording_moments(load_recording(recordings[2]), every_s=2.0)
     assert [(m.case, m.time_s) for m in cases] == [("1.0", 1.0), ("2.0", 1.0)]
+    worst_first = replace(loaded, recording=replace(recordings[0], times=(3.0, 4.0, 0.5, 1.0)))
+    assert [m.time_s for m in recording_moments(worst_first, every_s=2.0)] == [0.5, 3.0]
 
 
 def test_a_broken_recording_stops_no_walk_and_is_refused_in_one_line(tmp_path: Path) -> None:
