@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +16,6 @@ from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.certainty.response.actions import ACTIONS
 from scex_sumo.certainty.response.answer import too_late
 from scex_sumo.converters.datasets.writer import write_tracks
-from scex_sumo.converters.signals import signals_of
 from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.settings import RunOptions, RunSettings
@@ -28,6 +26,7 @@ from scex_sumo.studies.moments.pairs import PARAMETERS, recorded
 from scex_sumo.studies.rank.stage import Stage, stage_of_motion
 from scex_sumo.suites.openlabel import openlabel_tags
 from scex_sumo.suites.population import RISK_WORDS
+from scex_sumo.suites.rules_json import lights_to_json, rules_to_json
 from scex_sumo.suites.simulate import EXPECTED, OTHERS, REPLAN, Script
 from scex_sumo.suites.situation import STEPS, Situation
 from scex_sumo.suites.suite import CASE, MAPS
@@ -53,16 +52,21 @@ def write_case(
     """Write a case; return its entry of ``suite.json``, its picture, and notes on what could not be written.
 
     Args:
-        scene: the seed scene, with its road.
+        scene: the seed scene, with its road and rules.
         row: the candidate.
         maps: folder of the maps of the suite.
         draws: seed and number of the futures.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    copied = copy_map(scene, maps)
+    assert scene.road is not None and scene.road.file is not None
+    file = Path(scene.road.file)
+    shared = {"map": share(maps, file.name, file.read_bytes())}
+    if scene.rules is not None:
+        rules = json.dumps(rules_to_json(scene.rules), allow_nan=False).encode()
+        shared["rules"] = share(maps, f"{file.stem}.rules.json", rules)
     write_tracks(folder / SEED, scene)
     content = case_content(scene, situation, row, draws)
-    content["seed_scene"] |= {"map": f"../../{MAPS}/{copied.name}"}
+    content["seed_scene"] |= {what: f"../../{MAPS}/{copied.name}" for what, copied in shared.items()}
     stage = stage_of_case(situation)
     write_atomic(folder / PICTURE, _standalone(str(stage.picture)).encode())
     notes = write_exports(folder, scene, situation, formats)
@@ -73,22 +77,20 @@ def write_case(
     digests = {name: sha256_of(folder / name) for name in (CASE, SEED)}
     people = content["people"]
     about |= {"probability": people["probability"], "severity": people["severity"]}
-    about |= {"most": people["most"], "files": digests | {f"../../{MAPS}/{copied.name}": sha256_of(copied)}}
+    digests |= {f"../../{MAPS}/{copied.name}": sha256_of(copied) for copied in shared.values()}
+    about |= {"most": people["most"], "files": digests}
     return about, stage, notes
 
 
-def copy_map(scene: SeedScene, maps: Path) -> Path:
-    """Copy the map of a scene into the suite, once; another one of the same name gets a number."""
-    assert scene.road is not None and scene.road.file is not None
-    source, number = Path(scene.road.file), 1
-    digest = sha256_of(source)
-    maps.mkdir(parents=True, exist_ok=True)
-    target = maps / source.name
-    while target.exists() and sha256_of(target) != digest:
+def share(folder: Path, name: str, content: bytes) -> Path:
+    """Keep a file that cases share, once; another one of the same name gets a number."""
+    folder.mkdir(parents=True, exist_ok=True)
+    target, number = folder / name, 1
+    while target.exists() and target.read_bytes() != content:
         number += 1
-        target = maps / f"{number}-{source.name}"
+        target = folder / f"{number}-{name}"
     if not target.exists():
-        shutil.copyfile(source, target)
+        write_atomic(target, content)
     return target
 
 
@@ -100,7 +102,6 @@ def case_content(
     action, cases = ACTIONS[int(situation.cases.action[worst])], situation.cases
     ids = situation.scene.track_ids
     described = describe(scene)
-    signals = signals_of(scene)
     return {
         **{name: row[name] for name in ("name", "kind", "weight", "stratum", "novelty")},
         "risk": RISK_WORDS[row["risk"]],
@@ -138,7 +139,7 @@ def case_content(
             "needed_braking": _finite(row["needed_braking"]),
             "takes": row["takes"],
         },
-        "lights": None if signals is None else "recorded; not used",
+        "lights": [] if scene.rules is None else lights_to_json(scene.rules),
     }
 
 
@@ -202,7 +203,7 @@ def write_exports(folder: Path, scene: SeedScene, situation: Situation, formats:
     notes = []
     with TemporaryFolder() as temporary, Workers(1) as workers:
         options = replace(options, out=Path(temporary) / "run")
-        run = run_scene(replace(scene, rules=None), settings, workers=workers, options=options)
+        run = run_scene(scene, settings, workers=workers, options=options)
         for name in formats:
             request = Request(
                 run=run,

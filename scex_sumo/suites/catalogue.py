@@ -16,6 +16,7 @@ from scex_sumo.base.errors import ScexError, UsageError, reason_of
 from scex_sumo.base.files import write_atomic
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
+from scex_sumo.certainty.response.answer import with_rules
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import load_recording, seed_at
@@ -171,26 +172,32 @@ def _cases(
     notes: list[str],
 ) -> Iterator[_Made]:
     """Write the cases, one recording after the other."""
-    recordings = {one.name: one for one in find_recordings(list(population.roots))}
     wanted: dict[str, list[int]] = {}
     for number, index in enumerate(chosen.index.tolist()):
         wanted.setdefault(population.rows[index]["recording"], []).append(number)
     for name in sorted(wanted):
-        if name not in recordings:
-            raise UsageError(f"{name}: a recording of the ranking that is not found any more; rank again")
-        cut = _Cutter(recordings[name])
+        cut = cutter_of(population, name)
         for number in wanted[name]:
             yield _case(population, chosen, number, cut, out, formats, draws, notes)
 
 
-class _Cutter:
+def cutter_of(population: Population, name: str) -> Cutter:
+    """Return a recording of a population; raise a `UsageError` if it is gone."""
+    for recording in find_recordings(list(population.roots)):
+        if recording.name == name:
+            return Cutter(recording)
+    raise UsageError(f"{name}: a recording of the ranking that is not found any more; rank again")
+
+
+class Cutter:
     """Recording that gives seed scenes."""
 
     def __init__(self, recording: Recording) -> None:
         self.name, self.loaded = recording.name, load_recording(recording)
 
     def situation(self, row: Mapping[str, Any]) -> tuple[SeedScene, Situation]:
-        scene = seed_at(self.loaded, row["time_s"], case=row["case"] or None)
+        """Return the seed scene of a candidate, with rules, and what happens in it."""
+        scene = with_rules(seed_at(self.loaded, row["time_s"], case=row["case"] or None))
         assert scene.road is not None
         bare = replace(scene, road=replace(scene.road, net=None))
         return scene, situation_of(bare, row["track_id"], row["other_id"])
@@ -200,7 +207,7 @@ def _case(
     population: Population,
     chosen: Chosen,
     number: int,
-    cut: _Cutter,
+    cut: Cutter,
     out: Path,
     formats: Sequence[str],
     draws: Mapping[str, Any],
@@ -227,7 +234,7 @@ def _case(
 
 
 def _usable(
-    population: Population, chosen: Chosen, number: int, cut: _Cutter, notes: list[str]
+    population: Population, chosen: Chosen, number: int, cut: Cutter, notes: list[str]
 ) -> tuple[Mapping[str, Any], SeedScene, Situation]:
     """Return the candidate of a case, or the next of its cluster and recording if it cannot be cut again."""
     for index in (int(chosen.index[number]), *chosen.spare[number]):

@@ -36,6 +36,7 @@ EXPECTED: Final = "likely_driver:spread=0:inattention=0"
 """Driver of the initiator that does not act."""
 _FUNCTION, _OTHERS, _EXPECTED, _SCRIPT = range(4)
 _RESPONSE_STREAM = 7
+_STANDS_MPS = 0.5
 _PARTS, _NEAR = 3, 10.0  # of P of a later response: up to that of a contact, to 10 times it, and above
 
 
@@ -67,6 +68,7 @@ class Outcomes:
     Attributes:
         contact_s: of the two vehicles; inf without.
         closing_mps: relative speed at the contact.
+        struck: whether the vehicle under test stands at the contact.
         other_s: of the vehicle under test with another one, before; inf without.
         gap_m: least distance of the two before a contact.
         braking_mps2: hardest of the vehicle under test; ``jerk_mps3`` the largest.
@@ -77,6 +79,7 @@ class Outcomes:
     draws: Draws
     contact_s: FloatArray
     closing_mps: FloatArray
+    struck: BoolArray
     other_s: FloatArray
     gap_m: FloatArray
     braking_mps2: FloatArray
@@ -239,11 +242,12 @@ def outcomes_of(
     gap = np.maximum(apart[:, ::2], 1e-2)
     counts = until & (closing > 1e-9)
     at = np.clip(np.round(np.where(np.isfinite(contact), contact, 0.0) / STEP_S).astype(int), 0, STEPS)
-    each = np.arange(len(contact))
+    hit, each, before = np.isfinite(contact), np.arange(len(contact)), np.maximum(at - 1, 0)
     return Outcomes(
         draws=draws,
         contact_s=contact,
-        closing_mps=np.where(np.isfinite(contact), _closing(states, i, j, each, np.maximum(at - 1, 0)), 0.0),
+        closing_mps=np.where(hit, _closing(states, i, j, each, before), 0.0),
+        struck=hit & (speed[each, before] < _STANDS_MPS),
         other_s=np.where(other < contact, other, np.inf),
         gap_m=np.where(until, np.maximum(apart[:, ::2], 0.0), np.inf).min(axis=1),
         braking_mps2=np.where(until, braking, 0.0).max(axis=1),

@@ -201,10 +201,10 @@ def situation_of(scene: SeedScene, initiator: int, responder: int) -> Situation:
 
 
 def _bare(scene: SeedScene) -> SeedScene:
-    """Return a scene without what drivers would see beside the vehicles; the same object without any."""
-    if scene.obstacles is None and not scene.intentions and scene.rules is None:
+    """Return a scene without obstacles and intentions; the same object without any."""
+    if scene.obstacles is None and not scene.intentions:
         return scene
-    return replace(scene, obstacles=None, intentions=(), rules=None)
+    return replace(scene, obstacles=None, intentions=())
 
 
 def _near(expected: Expected, i: int, j: int) -> list[int]:

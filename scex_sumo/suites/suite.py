@@ -19,11 +19,12 @@ from scex_sumo.converters.maps import read_map
 from scex_sumo.results.states import read_scene
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
+from scex_sumo.suites.rules_json import rules_of_json
 from scex_sumo.suites.situation import Situation, situation_of
 
 SUITE: Final = "suite.json"
 CASE: Final = "case.json"
-FORMAT: Final = "scex-sumo suite 1"
+FORMAT: Final = "scex-sumo suite 2"
 """Name and version of the format."""
 CASES: Final = "cases"
 MAPS: Final = "maps"
@@ -58,12 +59,15 @@ class Case:
         return content
 
     def scene(self) -> SeedScene:
-        """Return the seed scene with its road."""
+        """Return the seed scene with its road, rules and lights."""
         about = self.content["seed_scene"]
         origin = about["origin"]
         road = _road((self.folder / about["map"]).resolve(), tuple(origin) if origin else None)
+        rules = about.get("rules") and rules_of_json(
+            _json(self.folder / about["rules"]), self.content["lights"]
+        )
         scene = read_scene(self.folder, about)
-        return replace(scene, road=road, time_s=about["time_s"], location=about["location"])
+        return replace(scene, road=road, rules=rules, time_s=about["time_s"], location=about["location"])
 
     def situation(self) -> Situation:
         """Return what happens in the case."""

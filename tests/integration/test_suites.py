@@ -100,7 +100,9 @@ def test_a_suite_opens_without_the_recordings(place: Path) -> None:
     assert suite.sizes.sum() == suite.info["candidates"]
     assert (suite.weight >= 1).all()
     for case in suite.cases:
-        situation = case.situation()
+        situation, rules = case.situation(), case.scene().rules
+        assert rules is not None and len(rules.passages) > 0
+        assert situation.scene.rules is not None  # drivers see them
         assert situation.human_like == pytest.approx(case.about["probability"], rel=1e-9)
     assert {row["kind"] for row in suite.info["exposure"]} >= {case.about["kind"] for case in suite.cases}
     assert (place / "suite" / "LICENCE.md").read_text().count("urban_intersection") == 1
@@ -233,7 +235,7 @@ def test_wrong_input_is_one_line(place: Path, tmp_path: Path) -> None:
     shutil.copytree(suite, copy)
     info = json.loads((copy / "suite.json").read_text())
     (copy / "suite.json").write_text(json.dumps(info | {"format": "scex-sumo suite 0"}))
-    assert "this version reads 'scex-sumo suite 1'" in refused(copy)
+    assert "this version reads 'scex-sumo suite 2'" in refused(copy)
     (copy / "suite.json").write_text(json.dumps(info | {"cases": []}))
     assert "the suite has no case" in refused(copy)
     shutil.copyfile(suite / "suite.json", copy / "suite.json")

@@ -80,6 +80,8 @@ def _card(one: Mapping[str, Any], record: Mapping[str, Any]) -> Html:
     facts = [case_words(one)]
     if one["verdict"] != FAILED:
         facts.append(f"{one['action']}; touches another vehicle in {one['others']} futures")
+        if one["struck"]:
+            facts.append(f"stands when it is hit in {one['struck']} futures")
         facts.append(
             f"hardest braking {one['hardest_mps2']:.1f} m/s², stands for {one['weight']:.0f} candidates"
         )

@@ -109,6 +109,7 @@ def record_of(situation: Situation, outcomes: Outcomes) -> dict[str, Any]:
         "variance": share * (1 - share) / max(int(typical.sum()), 1),
         "futures": len(hit),
         "contacts": int(hit.sum()),
+        "struck": int(outcomes.struck.sum()),
         "chance": chance(expected, int(hit.sum())),
         "people_contacts": float(expected.sum()),
         "people": situation.human_like,

@@ -1,0 +1,29 @@
+"""Rules of a case come back from its files as they were, lights included."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from scex_sumo.road import Passage, Rules, Signal
+from scex_sumo.suites.rules_json import lights_to_json, rules_of_json, rules_to_json
+
+
+def test_rules_and_lights_come_back() -> None:
+    ways = [
+        Passage(line=np.array([[0.1, 0.2], [3.0, 1 / 3]]), lanes=(1, 2), state="m", signal=0, yields_to=(1,)),
+        Passage(line=np.array([[0.0, 0.0], [0.0, 9.0]]), lanes=(3,), state="M", signal=-1, yields_to=()),
+    ]
+    lights = (Signal(letters="Gyr", ends_s=np.array([9.0, 12.0, 30.0]), start_s=8.9), Signal())
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+    rules = Rules(passages=tuple(ways), signals=lights, stop_lines=(square[:2],), crosswalks=(square,))
+    written = json.dumps([rules_to_json(rules), lights_to_json(rules)], allow_nan=False)
+    found = rules_of_json(*json.loads(written))
+    for one, other in zip(found.passages, ways, strict=True):
+        assert np.array_equal(one.line, other.line)
+        assert {**vars(one), "line": 0} == {**vars(other), "line": 0}
+    assert [found.signals[0].at(t)[0] for t in (0.0, 0.2, 3.3)] == ["G", "y", "r"]
+    assert found.signals[1].at(0.0) == ("", 0.0)
+    assert np.array_equal(found.stop_lines[0], square[:2])
+    assert np.array_equal(found.crosswalks[0], square)
