@@ -10,18 +10,18 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.behaviors.base import PLAN_STEPS, is_driven_by_sumo
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, seed_paths
-from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
+from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.environment.agent import AgentSteps, Reward, controlled, default_reward, planned
 from scex_sumo.environment.checks import finite_numbers, one_of, whole_number
+from scex_sumo.environment.observation import MAX_OBSERVED, Observation, observed, path_ahead
 from scex_sumo.extrapolation.assignments import future_generator, listing, random_assignments, route_draws
 from scex_sumo.extrapolation.crashes import Crashes, slide
 from scex_sumo.extrapolation.job import ruled
@@ -34,10 +34,6 @@ from scex_sumo.plug_in.inputs import Surroundings, predictor_inputs
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
 from scex_sumo.world.plain import PlainWorld
-
-PATH_POINTS, PATH_SPACING_M = 10, 3.0  # of the agent's path ahead in an observation
-MAX_OBSERVED = 1000.0  # m, m/s; larger values are cut
-Observation = NDArray[np.float32] | dict[str, NDArray[np.float32]]
 
 
 class SeedVectorEnv(VectorEnv[Any, Any, Any]):
@@ -298,25 +294,10 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
             )
         order = np.argsort(np.concatenate([envs for envs, _ in parts]))
         arrays = {name: np.concatenate([part[name] for _, part in parts])[order] for name in parts[0][1]}
-        return {**arrays, "path": self._path_ahead()}
-
-    def _path_ahead(self) -> FloatArray:
-        now, ahead = self._agent_now(), PATH_SPACING_M * np.arange(1, PATH_POINTS + 1)
-        s = (self._way[:, None] + ahead).ravel()
-        x, y = sample_paths(self._paths, np.repeat(self._row, PATH_POINTS), s)[:2].reshape(2, -1, PATH_POINTS)
-        dx, dy = x - now.x[:, None], y - now.y[:, None]
-        cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
-        return np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=-1)
+        return {**arrays, "path": path_ahead(self._paths, self._row, self._way, self._agent_now())}
 
     def _observation(self) -> Observation:
-        arrays = {
-            name: np.clip(values, -MAX_OBSERVED, MAX_OBSERVED).astype(np.float32)
-            for name, values in self._arrays().items()
-        }
-        if not self._flat:
-            return arrays
-        # in the order of `gymnasium.spaces.flatten`
-        return np.concatenate([arrays[name].reshape(self.num_envs, -1) for name in sorted(arrays)], axis=1)
+        return observed(self._arrays(), flat=self._flat)
 
     def _info(self) -> dict[str, Any]:
         return {"future": self._future.copy(), "step": self._age.copy()}

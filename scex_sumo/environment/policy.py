@@ -1,0 +1,87 @@
+"""Policy as a driver: what was trained in an environment drives vehicles of runs and of test suites."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import UsageError
+from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.driving.paths import chosen_paths
+from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.environment.agent import controlled, planned
+from scex_sumo.environment.checks import finite_numbers, one_of
+from scex_sumo.environment.observation import observed, path_ahead
+from scex_sumo.plug_in.inputs import Surroundings, predictor_inputs
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
+
+
+class PolicyDriver:
+    """Driver that asks a policy of `SeedVectorEnv`; its action is held until the next plan.
+
+    Args:
+        policy: a function of the observations of n agents that returns their actions, or an object with
+            ``predict``, as those of Stable-Baselines3, which is asked for its deterministic action.
+        action: as of the environment, like the next three; positions of a ``plan`` reach to the next plan
+            at least.
+    """
+
+    def __init__(
+        self,
+        policy: Callable[[Any], Any] | Any,
+        *,
+        action: Literal["control", "plan"] = "control",
+        observation: Literal["flat", "dict"] = "flat",
+        path: int = 0,
+        surroundings: Surroundings | None = None,
+    ) -> None:
+        if not callable(policy) and not hasattr(policy, "predict"):
+            kind = type(policy).__name__
+            raise UsageError(f"policy: got {kind}, needs a function or an object with predict")
+        self._policy, self._path = policy, path
+        self._controls = one_of("action", action, ("control", "plan")) == "control"
+        self._flat = one_of("observation", observation, ("flat", "dict")) == "flat"
+        self._surroundings = surroundings or Surroundings(neighbours=8, lanes=16)
+
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        """Plan 3 s; see `Behavior.plan`."""
+        paths, row = chosen_paths(history, road, who, self._path)
+        now = history.now[who.future, who.vehicle]
+        way, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
+        arrays = predictor_inputs(history, road, who, self._surroundings)
+        seen = observed({**arrays, "path": path_ahead(paths, row, way, now)}, flat=self._flat)
+        actions = self._asked(seen)
+        if not self._controls:
+            return _kept(planned(now, _checked(actions, (len(way), *np.shape(actions)[1:2], 2))))
+        shares, states = _checked(actions, (len(way), 2)), [now]
+        for _ in range(PLAN_STEPS):
+            states.append(controlled(states[-1], history.scene.length[who.vehicle], shares))
+        return Plan(**vars(States.stack(states[1:], axis=1)))
+
+    def _asked(self, seen: Any) -> Any:
+        if hasattr(self._policy, "predict"):
+            return self._policy.predict(seen, deterministic=True)[0]
+        return self._policy(seen)
+
+
+def _checked(actions: Any, shape: tuple[int, ...]) -> FloatArray:
+    return finite_numbers("actions of the policy", actions, shape)
+
+
+def _kept(states: States) -> Plan:
+    """Return a plan of (n, H) states that go on with the last speed and heading."""
+    last = states[:, -1:]
+    way = last.speed * STEP_S * np.arange(1, PLAN_STEPS - states.shape[1] + 1)
+    more = States(
+        x=last.x + way * np.cos(last.heading),
+        y=last.y + way * np.sin(last.heading),
+        heading=last.heading + 0 * way,
+        speed=last.speed + 0 * way,
+    )
+    return Plan(**vars(States.concatenate([states, more], axis=1)))
