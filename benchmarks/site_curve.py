@@ -189,6 +189,7 @@ def main() -> None:
     recordings = find_recordings(given.data or [data_root() / name for name in SETS])
     results = Results(given.out / "results.json")
     dataset = samples_of(recordings, given.out / "samples")
+    trained = np.array(dataset.sites)[np.unique(dataset.train.site)].tolist()
     scenes = {site: test_scenes(recordings, site) for site in given.left_out}
 
     def add(name: str, measure: Callable[[], Any]) -> None:
@@ -199,7 +200,7 @@ def main() -> None:
         file = given.out / f"{kind}-{count}-{site}-{seed}.safetensors"
         if not file.exists():
             rng = np.random.default_rng(seed)
-            order = rng.permutation([other for other in dataset.sites if other != site])
+            order = rng.permutation([other for other in trained if other != site])
             train(of_sites(dataset, order[:count].tolist()), kind, seed, given.steps, file)  # type: ignore[arg-type]
         return learned(file, kind)
 
