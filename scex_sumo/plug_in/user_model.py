@@ -43,7 +43,7 @@ def user_model(given: Any, name: str) -> ModelEntry:
     if not callable(given):
         kind = type(given).__name__
         raise UsageError(
-            f"{name}: is a {kind}; needs a class with plan or plan_one, or a function of history"
+            f"{name}: has type {kind}; needs a class with plan or plan_one, or a function of history"
         )
     by_name = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     parameters = {key: p.default for key, p in signature_of(given).items() if p.kind in by_name}

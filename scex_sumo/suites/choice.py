@@ -21,6 +21,7 @@ from scex_sumo.suites.population import RISK_WORDS, Population
 EACH: Final = 2
 """Least cases of a stratum: one has no variance."""
 _ROUNDS = 8  # of the medoids
+_NAMED = 3  # kinds of a stratum in its words
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -156,7 +157,7 @@ def _apart(one: frozenset[tuple[str, int]], other: frozenset[tuple[str, int]]) -
 
 def _words(group: frozenset[tuple[str, int]]) -> str:
     kinds, risks = sorted({kind for kind, _ in group}), sorted({risk for _, risk in group})
-    name = kinds[0] if len(kinds) == 1 else f"{len(kinds)} kinds ({', '.join(kinds)})"
+    name = ", ".join(kinds) if len(kinds) <= _NAMED else f"{len(kinds)} kinds"
     return f"{name}, {' or '.join(RISK_WORDS[risk] for risk in risks)}"
 
 

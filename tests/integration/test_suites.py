@@ -184,6 +184,9 @@ def test_a_function_without_end_fails_its_case_and_the_test(place: Path) -> None
     (case,) = read(place, "slow")["cases"]
     assert (case["verdict"], "did not return within 2 s" in case["reason"]) == ("failed", True)
     assert "Traceback" not in done.stderr
+    done = run(place, "--under-test", "functions:Slow", *options)  # kept: nothing runs again
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].endswith("every case failed; the reasons stand above")
 
 
 def test_the_workflow_of_the_docs_runs(place: Path) -> None:

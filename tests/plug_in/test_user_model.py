@@ -105,7 +105,7 @@ def test_functions_makers_and_models_that_are_there_already_are_models_too() -> 
         ("drivers.own:Missing", r"drivers.own \(.*own.py\) has no Missing; it has OneByOne, Parked, Refuses"),
         ("drivers.none:Parked", r"no module drivers.none in .* or among the installed packages; a model is"),
         ("nothing_there:Parked", "no module nothing_there in"),
-        ("drivers.own:number", "drivers.own:number: is a int; needs a class with plan or plan_one"),
+        ("drivers.own:number", "drivers.own:number: has type int; needs a class with plan or plan_one"),
         ("drivers.own:Parked:height=2", "unknown parameter 'height'; nearest: steps, guard"),
         ("drivers.own:ready:steps=3", "unknown parameter 'steps'; nearest: guard"),
         ("drivers.own:Parked:steps", "'steps' is not parameter=value"),

@@ -74,6 +74,8 @@ def test_command(
     ]
     if failed:
         raise ScexError(f"{under_test}: fails by --fail-if {', '.join(failed)}")
+    if done.result["number"] is None:
+        raise ScexError(f"{under_test}: every case failed; the reasons stand above")
     return lambda: {"report": out / PAGE, **done.result}
 
 

@@ -156,12 +156,12 @@ def unseen(suite: Suite, records: Sequence[Mapping[str, Any]]) -> list[str]:
     for h, stratum in enumerate(suite.info["strata"]):
         cases = [case.name for case in suite.cases if case.about["stratum"] == h]
         if cases and not ran & set(cases):
-            words.append(f"{stratum['words']}: every case failed ({stratum['candidates']} candidates)")
+            words.append(f"{stratum['words']}: no case has run ({stratum['candidates']} candidates)")
     words.append(f"{suite.info['doubtful']} encounters with doubtful data were left out")
     return [
         *words,
-        "pairs that the data set does not have; lights, weather, sensors; contacts with third vehicles "
-        "(counted apart); what others do after their action",
+        "pairs that the data set does not have; offences at lights; weather, sensors; contacts with third "
+        "vehicles (counted apart); what others do after their action",
     ]
 
 
