@@ -252,9 +252,13 @@ class Rules:
 
     Attributes:
         stop_lines: (S, 2) polylines, m; so the outlines of the crosswalks.
+        notes: what the net lacks.
+        net: SHA-256 of its file.
     """
 
     passages: tuple[Passage, ...]
     signals: tuple[Signal, ...] = ()
     stop_lines: tuple[FloatArray, ...] = ()
     crosswalks: tuple[FloatArray, ...] = ()
+    notes: tuple[str, ...] = ()
+    net: str = ""

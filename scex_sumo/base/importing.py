@@ -6,7 +6,7 @@ import importlib
 import importlib.metadata
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -65,10 +65,16 @@ class Registry:
 
 @lru_cache(maxsize=64)
 def _entry_points(
-    read: Callable[..., Iterable[importlib.metadata.EntryPoint]], group: str, path: tuple[str, ...]
+    read: Callable[[], Any], group: str, path: tuple[str, ...]
 ) -> tuple[importlib.metadata.EntryPoint, ...]:
-    """Return the entry points of a group on a path; reading them takes milliseconds."""
-    return tuple(read(group=group))
+    """Return the entry points of a group on a path."""
+    return tuple(_all_entry_points(read, path).select(group=group))
+
+
+@lru_cache(maxsize=4)
+def _all_entry_points(read: Callable[[], Any], _path: tuple[str, ...]) -> Any:
+    """Return all entry points on a path; reading them takes milliseconds."""
+    return read()
 
 
 def _of_package(path: str) -> bool:

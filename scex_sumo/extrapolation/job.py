@@ -105,7 +105,7 @@ class Job:
 def ruled(scene: SeedScene, net: SumoNet, settings: RunSettings) -> tuple[SeedScene, SumoNet]:
     """Return the scene of a job with the rules of its road, and the net with notes on them."""
     if not settings.obeys or not has_rules(scene):
-        return replace(scene, rules=None), net
+        return scene if scene.rules is None else replace(scene, rules=None), net
     scene, notes = RULES.load("reading")(scene, net)
     return scene, replace(net, notes=(*net.notes, *notes))
 

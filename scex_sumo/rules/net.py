@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.net.sumo_net import RECORDED, LaneTable, SumoNet
 from scex_sumo.converters.net.text import points_of
-from scex_sumo.converters.net.xml import net_root
+from scex_sumo.converters.net.xml import net_root, unpacked
 from scex_sumo.converters.signals import signals_of
 from scex_sumo.geometry.polylines import without_repeats
 from scex_sumo.road import Passage, Road, Rules, Signal
@@ -30,18 +32,42 @@ def with_rules(scene: SeedScene, net: SumoNet, *, keep: bool = True) -> tuple[Se
         net: of the road, with or without the recorded lights of the scene.
         keep: use the cache of nets.
     """
+    file = _NetFile(path=net.path, digest=hashlib.sha256(unpacked(net.path)).hexdigest())
+    if scene.rules is not None and scene.rules.net == file.digest:
+        return scene, scene.rules.notes
+    found = _rules_of(scene, net.lanes, file, keep)
+    rules = found if found.passages else None
+    return scene if scene.rules is rules else _ruled(scene, rules), found.notes
+
+
+@dataclass(frozen=True)
+class _NetFile:
+    """File of a net; one with the same content is equal."""
+
+    path: Path = field(compare=False)
+    digest: str
+
+
+@owner_cache
+def _ruled(scene: SeedScene, rules: Rules | None) -> SeedScene:
+    return replace(scene, rules=rules)
+
+
+@owner_cache
+def _rules_of(scene: SeedScene, lanes: LaneTable, net: _NetFile, keep: bool) -> Rules:
+    """Return the rules of a scene's road, with recorded lights; arguments as of `with_rules`."""
     road = scene.road
     assert road is not None
     root, signals = net_root(net.path), signals_of(scene)
     if signals is not None and not _is_recorded(root):
         with TemporaryFolder() as folder:
             path = Path(folder) / "lit.net.xml"
-            net = converted(road, path, keep=keep, signals=signals, time_s=scene.time_s)
+            lanes = converted(road, path, keep=keep, signals=signals, time_s=scene.time_s).lanes
             root = net_root(path)
-    rules, notes = read_rules(root, net.lanes, road)
+    rules, notes = read_rules(root, lanes, road)
     if signals is not None and _is_recorded(root):
         notes = (f"lights as recorded in {signals.name}", *notes)
-    return replace(scene, rules=rules if rules.passages else None), notes
+    return replace(rules, notes=notes, net=net.digest)
 
 
 def _is_recorded(root: Element) -> bool:

@@ -185,12 +185,9 @@ def test_a_class_of_ones_own_becomes_a_model() -> None:
 
 def entry_points(monkeypatch: pytest.MonkeyPatch, value: str) -> None:
     point = importlib.metadata.EntryPoint(name="installed", value=value, group="scex_sumo.behaviors")
-    there = importlib.metadata.entry_points
-
-    def points(*, group: str) -> importlib.metadata.EntryPoints:
-        return importlib.metadata.EntryPoints([*there(group=group), point]).select(group=group)
-
-    monkeypatch.setattr(importlib.metadata, "entry_points", points)
+    there = [one for distribution in importlib.metadata.distributions() for one in distribution.entry_points]
+    points = importlib.metadata.EntryPoints([*there, point])
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda: points)
 
 
 def test_another_package_adds_a_model_by_an_entry_point(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
+import scex_sumo as scex
+from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.net.sumo_net import LaneTable
 from scex_sumo.road import Road
-from scex_sumo.rules.net import read_rules
+from scex_sumo.rules.net import read_rules, with_rules
 
 # A street from a to b, and one from c to d that crosses it and gives way.
 NET = """<net>
@@ -76,3 +79,15 @@ def test_two_that_give_way_to_each_other_have_no_rules() -> None:
     rules, notes = rules_of(FIRST="10")
     assert rules.passages == ()
     assert notes == ("junction j: a_0 to b_0 and c_0 to d_0 give way to each other; no rules there",)
+
+
+def test_runs_of_one_moment_share_its_scene_with_rules(tmp_path: Path) -> None:
+    scene = scex.read_seed(scex.example_path("roundabout"))
+    assert scene.road is not None
+    first, second = (converted(scene.road, tmp_path / f"{name}.net.xml") for name in "ab")
+    ruled, notes = with_rules(scene, first)
+    assert ruled is not scene
+    assert with_rules(scene, second) == (ruled, notes)
+    assert with_rules(ruled, second) == (ruled, notes)  # the reference of the run
+    second.path.write_text(second.path.read_text().replace('state="m"', 'state="s"'))
+    assert with_rules(ruled, second)[0] is not ruled

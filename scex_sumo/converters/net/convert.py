@@ -9,12 +9,12 @@ from functools import partial
 from pathlib import Path
 
 from scex_sumo.base.arguments import checked
-from scex_sumo.base.cache import cached_object
+from scex_sumo.base.cache import cached_object, owner_cache
 from scex_sumo.base.errors import MapError, UsageError
 from scex_sumo.base.files import sha256_of, write_atomic
 from scex_sumo.base.importing import Registry
 from scex_sumo.base.version import __version__, version_of
-from scex_sumo.converters.net.sumo_net import RECORDED, LaneTable, SumoNet, WrittenNet, net_file
+from scex_sumo.converters.net.sumo_net import RECORDED, SumoNet, WrittenNet, net_file
 from scex_sumo.road import MapLoss, Road
 from scex_sumo.scene import STEP_S
 
@@ -65,13 +65,20 @@ def converted(
     # A future begins at 0.1 s of its simulation.
     light = f'programID="{RECORDED}" offset='
     content = net.content.replace(f'{light}"0"', f'{light}"{STEP_S - time_s:.3f}"')
-    return _with_files(replace(net, content=content), net_path)
+    return _with_files(net, net_path, content)
 
 
 def _kept(road: Road, keep: bool, signals: Path | None = None) -> WrittenNet:
-    if not keep or road.net is not None:
+    if not keep:
         return _written(road, signals)
-    made_of = (__version__, version_of("shapely"), road, *([] if signals is None else [sha256_of(signals)]))
+    return _cached(road, signals, *([] if signals is None else [sha256_of(signals)]))
+
+
+@owner_cache
+def _cached(road: Road, signals: Path | None, *digest: str) -> WrittenNet:
+    if road.net is not None:
+        return _written(road, signals)
+    made_of = (__version__, version_of("shapely"), road, *digest)
     key = hashlib.sha256(pickle.dumps(made_of)).digest()
     return cached_object("nets", key, partial(_written, road, signals), (WrittenNet, MapLoss))
 
@@ -81,9 +88,10 @@ def _written(road: Road, signals: Path | None = None) -> WrittenNet:
     return written
 
 
-def _with_files(net: WrittenNet, net_path: Path) -> SumoNet:
-    table, extras = LaneTable(net.rows, net.ends), net_file(net_path, ".add.xml")
-    write_atomic(net_path, net.content.encode())
-    table.write(net_file(net_path, ".lanes.csv"))
+def _with_files(net: WrittenNet, net_path: Path, content: str = "") -> SumoNet:
+    """Write the files of a net, with another content if it is given."""
+    extras = net_file(net_path, ".add.xml")
+    write_atomic(net_path, (content or net.content).encode())
+    net.lanes.write(net_file(net_path, ".lanes.csv"))
     extras.write_text(net.drawing, encoding="utf-8")
-    return SumoNet(path=net_path, extras=extras, lanes=table, notes=net.notes, losses=net.losses)
+    return SumoNet(path=net_path, extras=extras, lanes=net.lanes, notes=net.notes, losses=net.losses)

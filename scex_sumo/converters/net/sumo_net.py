@@ -7,6 +7,7 @@ import heapq
 import io
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import TypeAlias, TypeVar
@@ -52,6 +53,11 @@ class WrittenNet:
     ends: Mapping[str, tuple[str, str]]
     notes: tuple[str, ...] = ()
     losses: tuple[MapLoss, ...] = ()
+
+    @cached_property
+    def lanes(self) -> LaneTable:
+        """The lane table."""
+        return LaneTable(self.rows, self.ends)
 
 
 def net_file(net_path: Path, suffix: str) -> Path:
