@@ -13,6 +13,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import listed
+from scex_sumo.base.sending import SentOnce
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -162,7 +163,7 @@ class Georeference:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Road:
+class Road(SentOnce):
     """All lanes of a map, with the rules between them.
 
     Attributes:

@@ -15,6 +15,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.importing import DRAWINGS
+from scex_sumo.base.sending import SentOnce
 
 if TYPE_CHECKING:
     from scex_sumo.intention import Intention
@@ -129,7 +130,7 @@ class Obstacles:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SeedScene:
+class SeedScene(SentOnce):
     """Seed scene, one moment of traffic: pose, speed, size and last second of every vehicle.
 
     Attributes:

@@ -12,6 +12,7 @@ import numpy as np
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import sha256_of
+from scex_sumo.base.sending import SentOnce
 from scex_sumo.behaviors.base import Behavior, layer_with
 from scex_sumo.behaviors.registry import (
     MIXES,
@@ -36,7 +37,7 @@ from scex_sumo.scene import SeedScene, VehicleIndex
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ModelSet:
+class ModelSet(SentOnce):
     """The models of a run.
 
     Attributes:

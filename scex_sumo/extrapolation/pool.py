@@ -20,7 +20,8 @@ from typing import Any, TypeAlias, TypeVar
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.extrapolation.process import OnStep, Report, WorkerProcess, pickled
+from scex_sumo.base.sending import pickled
+from scex_sumo.extrapolation.process import OnStep, Report, WorkerProcess
 
 TRIES = 2
 

@@ -18,7 +18,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from scex_sumo.base.errors import OutOfTimeError, SimulationError, UsageError, last_words
+from scex_sumo.base.errors import OutOfTimeError, SimulationError, last_words
+from scex_sumo.base.sending import pickled, unpickled
 
 OnStep: TypeAlias = Callable[[int], None]
 Report: TypeAlias = tuple[Literal["step", "done", "failed"], Any]
@@ -145,10 +146,10 @@ def serve() -> None:
                 if kind == "open":
                     opened.close()
                     sys.path[:], packed = content
-                    do = opened.enter_context(pickle.loads(packed)())
+                    do = opened.enter_context(unpickled(packed)())
                     report("done", None)
                 else:
-                    report("done", do(pickle.loads(content), partial(report, "step")))
+                    report("done", do(unpickled(content), partial(report, "step")))
             except (EOFError, BrokenPipeError):
                 raise
             except Exception as error:
@@ -178,20 +179,3 @@ def _sendable(error: Exception) -> Exception:
 def _write(stream: Any, content: Any) -> None:
     pickle.dump(content, stream, protocol=pickle.HIGHEST_PROTOCOL)
     stream.flush()
-
-
-def pickled(content: Any) -> bytes:
-    """Pickle; classes of the user's script by value, because a worker does not run it."""
-    try:
-        packed = pickle.dumps(content, protocol=pickle.HIGHEST_PROTOCOL)
-    except (pickle.PicklingError, AttributeError, TypeError):
-        packed = b"__main__"
-    if b"__main__" not in packed:
-        return packed
-    import cloudpickle
-
-    try:
-        by_value: bytes = cloudpickle.dumps(content)
-    except Exception as error:  # of a user's object
-        raise UsageError(f"a model or metric cannot be sent to workers ({error}); use --workers 1") from None
-    return by_value

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,21 @@ def test_a_worker_calls_it_and_takes_its_next_task() -> None:
         first, second = workers.submit(os.getpid, where="once"), workers.submit(os.getpid, where="twice")
         assert first.result() == second.result() != os.getpid()
         assert succeeded(first) and workers.deaths == []
+
+
+def names_of(scene: SeedScene) -> tuple[int, int]:
+    """Return which objects a process has as scene and road."""
+    return id(scene), id(scene.road)
+
+
+def test_a_worker_keeps_its_copy_of_a_scene_and_its_road() -> None:
+    scene = read_seed(example_path("motorway_merge"))
+    other = replace(scene, name="other")
+    with Pool(1) as workers:
+        asked = [workers.submit(partial(names_of, one), where="once") for one in (scene, scene, other)]
+        first, again, third = (one.result() for one in asked)
+    assert first == again
+    assert third[0] != first[0] and third[1] == first[1]
 
 
 def test_without_workers_nothing_is_submitted() -> None:
