@@ -14,17 +14,18 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-import math
 import os
 import resource
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from bare_loop import DEFAULT_MAP
+from scipy.special import stdtrit
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.road import Lane, Road
@@ -40,7 +41,7 @@ def copied_road(road: Road, copies: int) -> Road:
     """Copies of a map side by side; lanes of copy k have ids that end in k."""
 
     def lane_id(lane: int, copy: int) -> int:
-        return lane * 100 + copy
+        return lane * 1000 + copy
 
     def ids(lanes: tuple[int, ...], copy: int) -> tuple[int, ...]:
         return tuple(lane_id(lane, copy) for lane in lanes)
@@ -72,7 +73,7 @@ def copied_road(road: Road, copies: int) -> Road:
     rules = [
         dataclasses.replace(
             rule,
-            element_id=rule.element_id * 100 + copy,
+            element_id=rule.element_id * 1000 + copy,
             lanes=ids(rule.lanes, copy),
             yielding=ids(rule.yielding, copy),
             priority=ids(rule.priority, copy),
@@ -171,19 +172,27 @@ def series(name: str, map_path: Path, points: list[int], fixed: dict[str, int]) 
             f"{point:10d}" + "".join(f"{found[-1][c]:9.{DIGITS[c]}f} {UNITS[c]:2s}" for c in columns),
             flush=True,
         )
-    last = slice(len(points) // 2, None)
-    slopes = [
-        np.polyfit(np.log(points[last]), np.log([max(f[c], 1e-6) for f in found[last]]), 1)[0]
-        for c in columns
-    ]
-    print(f"{'exponent':>10s}" + "".join(f"{slope:9.2f}   " for slope in slopes))
+    last = slice((len(points) - 1) // 2, None)
+    slopes = [slope(points[last], [max(f[c], 1e-6) for f in found[last]]) for c in columns]
+    print(f"{'exponent':>10s}" + "".join(f"{value:9.2f}   " for value, _ in slopes))
+    print(f"{'95 %':>10s}" + "".join(f"{f'+-{width:.2f}':>9s}   " for _, width in slopes))
+
+
+def slope(points: Sequence[int], values: Sequence[float]) -> tuple[float, float]:
+    """Exponent of a power law through measured values, and half the width of its 95 % interval."""
+    x, y = np.log(points), np.log(values)
+    free = len(points) - 2
+    value, first = np.polyfit(x, y, 1)
+    residual = y - value * x - first
+    spread = np.sqrt((residual**2).sum() / free / ((x - x.mean()) ** 2).sum())
+    return float(value), float(stdtrit(free, 0.975) * spread)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("map", type=Path, nargs="?", default=DEFAULT_MAP)
     parser.add_argument(
-        "--full", action="store_true", help="to 10 000 futures and 100 vehicles x 385 futures"
+        "--full", action="store_true", help="to 20 000 futures, 300 vehicles and 400 copies of the map"
     )
     parser.add_argument("--recording", type=Path, help="a crowded recorded moment to run as well")
     parser.add_argument("--one", help=argparse.SUPPRESS)
@@ -193,12 +202,11 @@ def main() -> None:
         return
     full = options.full
     base = {"futures": 96, "vehicles": 10, "steps": 30, "copies": 1}
-    futures = [10, 30, 100, 300, 1000, *([3000, 10000] if full else [])]
-    series("futures", options.map, futures, base)
-    series("steps", options.map, [15, 30, 60, 120, *([240] if full else [])], base)
-    crowd = {**base, "copies": math.ceil(100 / PER_COPY), "futures": 385 if full else 96}
-    series("vehicles", options.map, [2, 5, 10, 20, 50, 100], crowd)
-    series("copies", options.map, [1, 4, 16], base)
+    series("futures", options.map, [30, 100, 300, 1000, *([5000, 20_000] if full else [])], base)
+    series("steps", options.map, [30, 40, 60, 80], base)
+    vehicles = [5, 10, 30, 100, *([300] if full else [])]
+    series("vehicles", options.map, vehicles, {**base, "copies": vehicles[-1] // PER_COPY})
+    series("copies", options.map, [1, 4, 16, *([100, 400] if full else [])], base)
     if options.recording:
         recorded(options.recording)
 

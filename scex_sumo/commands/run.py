@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
 from dataclasses import replace
@@ -16,7 +17,7 @@ from scex_sumo.commands.seed import MapPath, seed_scene
 from scex_sumo.commands.shared import COMMANDS, Answer
 from scex_sumo.extrapolation.engine import checked_models, run_scene
 from scex_sumo.extrapolation.extras import extras_of, run_options
-from scex_sumo.extrapolation.settings import RunOptions, RunSettings
+from scex_sumo.extrapolation.settings import AUTO, RunOptions, RunSettings, read_workers
 from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios.options import SeedOptions
@@ -34,6 +35,7 @@ def run_command(map_path: MapPath, **given: Any) -> Answer:
     kinds = _kinds()
     own = zip(kinds, split_options(given, kinds), strict=True)
     values = [from_command_line(kind, options) for kind, options in own]
+    values[2].setdefault("workers", read_workers(os.environ.get("SCEX_WORKERS", AUTO)))
     source, settings = SeedOptions(**values[0]), RunSettings(**values[1])
     options = RunOptions(bar=progress_bar, command=["scex-sumo", *sys.argv[1:]], **values[2])
     extras = extras_of(values[3:])
@@ -42,7 +44,7 @@ def run_command(map_path: MapPath, **given: Any) -> Answer:
 
         extras += map(extra_named, options.extra)
     models = checked_models(settings, options, extras)
-    with Workers(1 if options.gui else min(options.workers, settings.count or options.workers)) as pool:
+    with Workers(options.processes(settings)) as pool:
         scene = seed_scene(map_path, source, seed=settings.seed, cache=options.cache)  # while workers start
         folder = Path(options.out) if options.out is not None else Path("out") / scene.name
         options = replace(options, out=folder)

@@ -76,7 +76,7 @@ def _run(
     settings = RunSettings(**values) if settings is None else dataclasses.replace(settings, **values)
     how = RunOptions(bar=partial(progress_of, progress), **others)
     extras = [*extras_of(own), *map(extra_named, how.extra)]
-    with Workers(1 if how.gui else min(how.workers, settings.count or how.workers)) as pool:
+    with Workers(how.processes(settings)) as pool:
         return run_scene(scene, settings, workers=pool, options=how, extras=extras)
 
 

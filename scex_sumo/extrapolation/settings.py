@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -48,6 +50,10 @@ Models: TypeAlias = Driver | Sequence[Driver]
 FUTURES: Final = 385
 """Futures of a run, as in the paper."""
 
+AUTO: Final = "auto"
+FUTURES_EACH: Final = 128
+"""Futures of 3 s that take as long as the start of a worker."""
+
 PAPER_MIX: Final = "paper"
 VRU: Final = ("none", "replay", "model")
 """What pedestrians and cyclists do: they are left out, move as recorded, or take part."""
@@ -81,6 +87,13 @@ def read_under_test(entries: Sequence[str]) -> dict[int, str | None]:
         if int(entry) in models:
             raise UsageError(f"--under-test {entry}: vehicle {int(entry)} is given twice; give it once")
     return {**models, **{int(entry): None for entry in alone}}
+
+
+def read_workers(text: str) -> int | str:
+    """Read a number of processes, or ``auto``."""
+    if text != AUTO and not text.strip().lstrip("-").isdigit():
+        raise UsageError(f"--workers {text}: needs a number or {AUTO}")
+    return text if text == AUTO else int(text)
 
 
 def read_thresholds(entries: Sequence[str]) -> dict[str, float]:
@@ -352,7 +365,7 @@ class RunOptions:
 
     Attributes:
         out: None makes a temporary folder that lives as long as the run.
-        workers: processes that share the futures.
+        workers: processes that share the futures, see `processes`; None for 1, on the command line ``auto``.
         batch: futures side by side in one world; None for about 6000 vehicles.
         cache: keep net, map features and assignments in ``~/.cache/scex-sumo``.
         extra: an object, too.
@@ -365,7 +378,13 @@ class RunOptions:
         UsageError: an option makes no sense.
     """
 
-    workers: int = option("Processes.", 1)
+    workers: int | str | None = option(
+        "Processes; auto (default): as many cores as help.",
+        None,
+        metavar="N|auto",
+        takes=str,
+        read=read_workers,
+    )
     batch: int | None = option("Futures in one SUMO process; default: automatic.", None)
     gui: bool = option("Show the run live in sumo-gui, then its worst future.", False, names=("--gui",))
     cache: bool = option("Keep converted maps and assignments for the next run.", True)
@@ -387,3 +406,27 @@ class RunOptions:
             raise UsageError(f"--batch: got {self.batch}, needs at least 1")
         if self.out is not None and Path(self.out).is_file():
             raise UsageError(f"-o {self.out}: is a file; name a folder")
+        if isinstance(self.workers, str):
+            read_workers(self.workers)
+
+    def processes(self, settings: RunSettings) -> int:
+        """Return the number of processes that work for a run.
+
+        ``auto`` is one with a window or a driver of the user's, which may not bear to be sent to another
+        process; else one for each `FUTURES_EACH` futures of 3 s, and no more than cores.
+        """
+        if self.gui:
+            return 1
+        if self.workers != AUTO:
+            return min(1 if self.workers is None else int(self.workers), settings.count or MAX_FUTURES)
+        given = [*settings.assign.values(), *(one for one in settings.under_test.values() if one is not None)]
+        if any(map(is_own, chain(settings.drawn, *map(model_specs, given)))):
+            return 1
+        futures = FUTURES if settings.until_band is not None else settings.count or MAX_FUTURES
+        help_by = futures * settings.steps // (FUTURES_EACH * RunSettings.steps)
+        return max(1, min(_cores(), help_by))
+
+
+def _cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -16,7 +16,7 @@ from scex_sumo.base.options import options_of
 from scex_sumo.behaviors.spec import ModelSpec
 from scex_sumo.commands.run import run_command
 from scex_sumo.extrapolation.extras import run_options
-from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.extrapolation.settings import RunOptions, RunSettings
 from tests.seeds import straight_seed
 
 
@@ -103,3 +103,29 @@ def test_the_command_line_has_the_options_of_python_and_their_defaults() -> None
     defaults = {field.name: field.default for kind in run_options() for field in dataclasses.fields(kind)}
     given = [name for name, one in options.items() if not (one.takes or one.several)]
     assert all(shown[name] == defaults[name] for name in given)
+
+
+@pytest.mark.parametrize(
+    ("options", "settings", "processes"),
+    [
+        ({}, {}, 1),
+        ({"workers": 2}, {}, 2),
+        ({"workers": 9}, {"futures": 4}, 4),
+        ({"workers": "auto"}, {}, 3),  # 385 / 128
+        ({"workers": "auto"}, {"futures": 2000}, 8),  # cores
+        ({"workers": "auto"}, {"futures": 127}, 1),
+        ({"workers": "auto"}, {"futures": 128, "steps": 60}, 2),
+        ({"workers": "auto"}, {"models": "rules", "assign": {3: straight_seed}}, 1),  # a driver of one's own
+        ({"workers": "auto", "gui": True}, {}, 1),
+    ],
+)
+def test_as_many_processes_as_help(
+    monkeypatch: pytest.MonkeyPatch, options: dict[str, Any], settings: dict[str, Any], processes: int
+) -> None:
+    monkeypatch.setattr("os.sched_getaffinity", lambda process: set(range(8)), raising=False)
+    assert RunOptions(**options).processes(RunSettings(**settings)) == processes
+
+
+def test_a_number_of_processes_that_is_none_is_one_line() -> None:
+    with pytest.raises(UsageError, match="--workers many: needs a number or auto"):
+        RunOptions(workers="many")
