@@ -46,17 +46,27 @@ def places_of(road: Road, points: FloatArray) -> list[str | None]:
 
 
 def _part(road: Road, points: FloatArray) -> Road:
-    """Return the part of a road that decides on the places of points, if the road is far larger."""
+    """Return the part of a road that decides on the places of points, if the road is far larger.
+
+    Its borders are multiples of 500 m, so that points beside each other share it.
+    """
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
         return road
-    low, high = points.min(axis=0) - REACH_M, points.max(axis=0) + REACH_M
+    low, high = np.floor(points.min(axis=0) / REACH_M) - 1, np.ceil(points.max(axis=0) / REACH_M) + 1
+    return _within(road, *(REACH_M * low).tolist(), *(REACH_M * high).tolist()) or road
+
+
+@owner_cache
+def _within(road: Road, left: float, bottom: float, right: float, top: float) -> Road | None:
+    """Return the part of a road in a rectangle, m; None for most of it."""
+    low, high = np.array([left, bottom]), np.array([right, top])
     near = {
         i: lane
         for i, lane in road.lanes.items()
         if (lane.centreline.min(axis=0) <= high).all() and (lane.centreline.max(axis=0) >= low).all()
     }
-    return replace(road, lanes=near) if 2 * len(near) < len(road.lanes) else road
+    return replace(road, lanes=near) if 2 * len(near) < len(road.lanes) else None
 
 
 @owner_cache

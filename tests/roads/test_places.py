@@ -11,6 +11,7 @@ import pytest
 import scex_sumo
 from scex_sumo.base.programs import program
 from scex_sumo.geometry.polylines import along, length_of
+from scex_sumo.roads.conflicts import conflicts
 from scex_sumo.roads.places import PLACES, places_of
 
 
@@ -67,7 +68,13 @@ def test_a_corner_of_a_large_net_has_the_places_of_the_whole(
     road = scex_sumo.read_map(net)
     lanes = [lane.centreline for lane in road.vehicle_lanes.values()]
     points = np.array([p for p in map(middle, lanes) if p.max() < 400.0])
+    counted: list[int] = []
+    monkeypatch.setattr(
+        "scex_sumo.roads.places.conflicts", lambda lanes: counted.append(len(lanes)) or conflicts(lanes)
+    )
     part = places_of(road, points)
+    assert places_of(road, points + 1.0)  # other points of the corner share its conflicts
+    assert len(counted) == 1 and 2 * counted[0] < len(road.lanes)
     monkeypatch.setattr("scex_sumo.roads.places._part", lambda road, points: road)
     assert part == places_of(road, points)
     assert {"crossing", "lane"} <= set(part)

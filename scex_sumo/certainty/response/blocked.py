@@ -17,6 +17,7 @@ from scex_sumo.scene import States
 COARSE_M = 4.0  # between the points that are compared first
 JUMP_M = 10.0  # in a step: the line comes back to the same place, and another part of it is blocked now
 ITERATIONS = 4  # of each end, where the line bends; on a straight line the first one is exact
+AT_ONCE = 256  # pairs whose lines are compared at once
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -145,12 +146,18 @@ def blocked_stretches(
 def _nearest(lines: Lines, row: IntArray, other: Rectangles) -> FloatArray:
     """Return the arc length (m, T) of the sample of each line nearest to the other vehicle."""
     every = max(1, round(COARSE_M / lines.spacing_m))
-    points = np.stack([lines.x[:, ::every][row], lines.y[:, ::every][row]], axis=1)  # (m, 2, N)
-    centre = points.mean(axis=2, keepdims=True)
-    points = points - centre
-    place = np.stack([other.x, other.y], axis=-1) - centre.swapaxes(1, 2)
-    cost = (points**2).sum(axis=1)[:, None] - 2 * place @ points
-    return np.asarray(lines.start[row][:, None] + np.argmin(cost, axis=2) * every * lines.spacing_m)
+    sample = np.empty(other.x.shape, dtype=np.int64)
+    for start in range(0, len(row), AT_ONCE):
+        part = slice(start, start + AT_ONCE)
+        points = np.stack(
+            [lines.x[:, ::every][row[part]], lines.y[:, ::every][row[part]]], axis=1
+        )  # (m, 2, N)
+        centre = points.mean(axis=2, keepdims=True)
+        points = points - centre
+        place = np.stack([other.x[part], other.y[part]], axis=-1) - centre.swapaxes(1, 2)
+        cost = (points**2).sum(axis=1)[:, None] - 2 * place @ points
+        sample[part] = np.argmin(cost, axis=2)
+    return np.asarray(lines.start[row][:, None] + sample * every * lines.spacing_m)
 
 
 def _slice(

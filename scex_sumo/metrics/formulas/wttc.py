@@ -97,16 +97,29 @@ def _times(scenes: Scenes) -> FloatArray:
     radius = np.hypot(scenes.length / 2, scenes.width / 2)
     limit = scenes.max_acceleration
     vx, vy = scenes.speed * scenes.cos, scenes.speed * scenes.sin
-    shape = scenes.dx.shape
-    time = worst_time_to_collision(
-        dx=scenes.dx.reshape(-1),
-        dy=scenes.dy.reshape(-1),
-        dvx=(vx[second] - vx[first]).reshape(-1),
-        dvy=(vy[second] - vy[first]).reshape(-1),
-        radius=np.broadcast_to(radius[first] + radius[second], shape).reshape(-1),
-        acceleration=np.broadcast_to(limit[first] + limit[second], shape).reshape(-1),
-    )
-    return time.reshape(shape)
+
+    def of_part(part: slice) -> FloatArray:
+        one, two, dx = first[part], second[part], scenes.dx[part]
+        time = worst_time_to_collision(
+            dx=dx.reshape(-1),
+            dy=scenes.dy[part].reshape(-1),
+            dvx=(vx[two] - vx[one]).reshape(-1),
+            dvy=(vy[two] - vy[one]).reshape(-1),
+            radius=np.broadcast_to(radius[one] + radius[two], dx.shape).reshape(-1),
+            acceleration=np.broadcast_to(limit[one] + limit[two], dx.shape).reshape(-1),
+        )
+        return time.reshape(dx.shape)
+
+    return _some_at_once(scenes, of_part)
+
+
+def _some_at_once(scenes: Scenes, of_part: Callable[[slice], FloatArray]) -> FloatArray:
+    """Return values of all pairs (P, C, T), computed for some pairs at a time."""
+    table, size = np.empty(scenes.dx.shape), max(CHUNK // max(scenes.count, 1), 1)
+    for start in range(0, len(table), size):
+        part = slice(start, start + size)
+        table[part] = of_part(part)
+    return table
 
 
 def worst_time_of_outlines(pairs: OutlinePairs, acceleration: FloatArray) -> FloatArray:
@@ -205,16 +218,21 @@ def least_wttc_path(scenes: Scenes) -> Samples:
 
 
 def _lower_bounds(scenes: Scenes) -> FloatArray:
-    first, second = scenes.pairs
-    apart = np.where(scenes.distance > 0, scenes.distance, 1.0)
-    nx, ny = scenes.dx / apart, scenes.dy / apart
-    near, closing = scenes.distance.copy(), np.zeros(nx.shape)
-    for side, sign in ((first, -1.0), (second, 1.0)):
-        along = nx * scenes.cos[side] + ny * scenes.sin[side]
-        across = ny * scenes.cos[side] - nx * scenes.sin[side]
-        near -= scenes.length[side] / 2 * np.abs(along) + scenes.width[side] / 2 * np.abs(across)
-        closing += sign * along * scenes.speed[side]
     limit = scenes.max_acceleration
-    both = np.broadcast_to(limit[first] + limit[second], near.shape)
-    least = _tangent_meets_parabola(np.maximum(near, 0.0), closing, both)
-    return np.where(scenes.both_present, np.where(near > 0, least, 0.0), np.inf)
+
+    def of_part(part: slice) -> FloatArray:
+        first, second = (side[part] for side in scenes.pairs)
+        distance = scenes.distance[part]
+        apart = np.where(distance > 0, distance, 1.0)
+        nx, ny = scenes.dx[part] / apart, scenes.dy[part] / apart
+        near, closing = distance.copy(), np.zeros(nx.shape)
+        for side, sign in ((first, -1.0), (second, 1.0)):
+            along = nx * scenes.cos[side] + ny * scenes.sin[side]
+            across = ny * scenes.cos[side] - nx * scenes.sin[side]
+            near -= scenes.length[side] / 2 * np.abs(along) + scenes.width[side] / 2 * np.abs(across)
+            closing += sign * along * scenes.speed[side]
+        both = np.broadcast_to(limit[first] + limit[second], near.shape)
+        least = _tangent_meets_parabola(np.maximum(near, 0.0), closing, both)
+        return np.where(scenes.both_present[part], np.where(near > 0, least, 0.0), np.inf)
+
+    return _some_at_once(scenes, of_part)
