@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 MAX_SPREAD = 100
 DRIVER, PATH, STARTS, START = 0, 7, 8, 10  # salts of draws; each plan has its own start
 VARIATION, SIDE = slice(5), [6, 6, 6, 8, 9]  # columns of a driver's draws
-HEADWAY, BRAKING, CRAWL, CHANGE, STOP, PULL, DRAWS = 5, 7, 10, 11, 12, 13, 14
+HEADWAY, BRAKING, CRAWL, CHANGE, STOP, PULL, REST, DRAWS = 5, 7, 10, 11, 12, 13, 14, 15
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,6 +140,8 @@ class LikelyDriver:
         headway = np.exp(human.headway_log[0] + spread * human.headway_log[1] * ndtri(draws[:, HEADWAY]))
         kept = np.maximum(human.headway_kept * observed.headway[row], least)
         braking = np.exp(human.braking_log[0] + spread * human.braking_log[1] * ndtri(draws[:, BRAKING]))
+        rest = np.exp(human.rest_log[0] + spread * human.rest_log[1] * ndtri(draws[:, REST]))
+        rest = np.minimum(np.clip(rest, *human.rest_range_m), observed.gap[row])
         crawl = speed * (1 + np.minimum(spread, 1.0) * (2 * draws[:, CRAWL] - 1))
         crawl = np.where(speed < human.standing_mps, np.minimum(crawl, human.standing_mps), 0.0)
         pull = np.exp(spread * human.pull_spread * ndtri(draws[:, PULL]))
@@ -153,6 +155,7 @@ class LikelyDriver:
             variation=drawn_variation(speed, mean[row], unsure[row], spread * normal, human),
             crawl=crawl,
             limit=observed.limit[row],
+            rest=np.maximum(rest, human.rest_range_m[0]),
             pull=np.where(speed < human.standing_mps, pull, 1.0),
             stop_s=self._stops(view, draws[:, STOP]),
         )

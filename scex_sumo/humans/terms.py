@@ -41,6 +41,7 @@ class Drivers:
     variation: FloatArray | None = None  # (n, 3) drawn accelerations, m/s²
     crawl: Values = 0.0  # speed at which a standing vehicle creeps, m/s
     limit: Values | None = None  # speed limit in the seed scene, m/s; None: as now
+    rest: Values = 0.0  # gap to the leader at rest, m
     pull: Values = 1.0  # factor on accelerations from standing
     stop_s: Values = np.inf  # time in which a creeping vehicle comes to rest, s; inf: it does not
 
@@ -112,6 +113,7 @@ def acceleration(now: Situation, human: HumanParameters) -> FloatArray:
         np.maximum(own, -human.max_braking_mps2),
         looking_away(now, human),
         stopping(now, human),
+        resting(now, human),
         holding(now, human),
     )
     return np.where(now.waits, standing(now, human), towed(moving, now))
@@ -167,6 +169,18 @@ def following(now: Situation, human: HumanParameters) -> FloatArray:
     return np.where(now.aware, np.maximum(formula, -human.idm.max_deceleration), np.inf)
 
 
+def resting(now: Situation, human: HumanParameters) -> FloatArray:
+    """Return the braking that ends at the drawn gap at rest behind the leader, m/s²; inf for others.
+
+    From ``onset_mps2`` on Δv²/(2·(s - rest)), at a smaller gap Δv/``crawl_s``, which ends the approach.
+    """
+    closing, room = np.maximum(now.speed - now.leader_speed, 0.0), np.asarray(now.gap - now.driver.rest)
+    needed = closing**2 / (2 * np.maximum(room, human.min_room_m))
+    braking = np.where(room > 0, needed, closing / human.crawl_s)
+    acts = now.aware & (closing > 0) & ((needed > human.onset_mps2) | (room <= 0))
+    return np.where(acts, -np.minimum(braking, human.max_braking_mps2), np.inf)
+
+
 def holding(now: Situation, human: HumanParameters) -> FloatArray:
     """Return the acceleration that ends at a place to stop, m/s²: a_max·(1 - (s*/s)²) without a headway."""
     profile = IdmParameters.of(human.idm, time_headway=np.zeros(1), comfort_deceleration=now.driver.braking)
@@ -220,10 +234,10 @@ def stopping(now: Situation, human: HumanParameters) -> FloatArray:
 
 
 def standing(now: Situation, human: HumanParameters) -> FloatArray:
-    """Return the acceleration to the crawling speed, or to rest near the leader, m/s²."""
+    """Return the acceleration to the crawling speed, or to rest behind the leader, m/s²."""
     towards = (now.driver.crawl - now.speed) / human.crawl_s
     limited = clipped(towards, -human.max_acceleration_mps2, human.max_acceleration_mps2)
-    return lowest(limited, np.where(now.gap < human.queue_gap_m, -now.speed / human.crawl_s, np.inf))
+    return lowest(limited, np.where(now.gap < now.driver.rest, -now.speed / human.crawl_s, np.inf))
 
 
 def towed(moving: FloatArray, now: Situation) -> FloatArray:

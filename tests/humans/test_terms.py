@@ -95,8 +95,19 @@ def test_a_creeping_vehicle_stops_in_its_time() -> None:
 
 
 def test_a_standing_vehicle_crawls_but_not_into_its_leader() -> None:
-    now = situation([0.1, 0.1], crawl=0.3, gap=np.array([5.0, 0.4]))
+    now = situation([0.1, 0.1], crawl=0.3, rest=1.0, gap=np.array([5.0, 0.9]))
     assert terms.standing(now, HUMAN) == pytest.approx([0.4, -0.2])
+
+
+def test_drivers_come_to_rest_at_their_own_gap_however_eager_they_are() -> None:
+    # 2 m/s, 3 m behind a standing leader: to rest 2 m behind it takes 2 m/s²; 0.5 m behind it, no
+    # noticeable braking; 3.5 m behind it, the approach ends.
+    rest = np.array([2.0, 0.5, 3.5])
+    now = situation([2.0] * 3, rest=rest, gap=3.0, variation=np.full((3, 3), 5.0))
+    assert terms.resting(now, HUMAN) == pytest.approx([-2.0, np.inf, -4.0])
+    assert (terms.acceleration(now, HUMAN) <= [-2.0, 4.0, -4.0]).all()
+    follows = situation([2.0] * 3, rest=rest, gap=3.0, leader_speed=2.0)
+    assert np.isinf(terms.resting(follows, HUMAN)).all()
 
 
 def test_trailers_keep_the_gap_to_their_leaders() -> None:
