@@ -3,7 +3,9 @@
     python benchmarks/rules.py recorded [--data FOLDER] [--sites NAMES] [--part test] [--every 20] [--most 20]
     python benchmarks/rules.py simulated SIM.sumocfg ... [--times 100,160,220] [--steps 50]
     python benchmarks/rules.py grids FOLDER
+    python benchmarks/rules.py rest --part train --every 10 --most 1000
 
+``rest`` fits the gaps at which vehicles rest behind each other: log mean and deviation.
 ``grids`` writes four signalised grids with random trips (netgenerate, seeds 1 to 4). Columns:
 
 - error: of the futures' mean after 3 s (and at the end), against constant velocity's; all vehicles, moving;
@@ -40,13 +42,16 @@ from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
 from scex_sumo.extrapolation.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.geometry.rectangles import seen_from
 from scex_sumo.humans import obedience
+from scex_sumo.humans.parameters import human_parameters
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.studies.validate.scores import covered
 
 STANDING_MPS, STARTED_M, CLOSE_M, FIRST_STEPS = 0.5, 1.0, 1.0, 30
 MEET_M, APART_M, LEAST_STEPS, PASSED_M = 1.5, 4.0, 5, 2.5  # of centres of vehicles that pass one place
+RESTS_MPS, QUEUE_M, QUEUE_COS = 0.3, 1.2, 0.92  # vehicles in one queue
 COLUMNS = ("scenes", "vehicles", "error", "error end", "moving", "across", "starts", "n", "wrong", "order",
            "pairs", "brier", "nearest", "gap", "happened", "P(coll)", "red")  # fmt: skip
 
@@ -221,6 +226,20 @@ def table(rows: dict[str, dict[str, list]]) -> str:
     return "\n".join(lines)
 
 
+def gaps_at_rest(scene: SeedScene, steps: int) -> list[float]:
+    """Gaps of vehicles that rest behind another one at the end of the recorded future, m."""
+    last, valid = scene.future[:, steps - 1], scene.future_valid[:, steps - 1]
+    found = []
+    for v in np.flatnonzero(valid & (last.speed < RESTS_MPS)).tolist():
+        ahead, left, cos, *_ = seen_from(last[v], last).T
+        leads = valid & (last.speed < RESTS_MPS) & (ahead > 0) & (np.abs(left) < QUEUE_M) & (cos > QUEUE_COS)
+        leads[v] = False
+        gap = (ahead - (scene.length[v] + scene.length) / 2)[leads].min(initial=np.inf)
+        if 0 < gap < human_parameters().rest_range_m[1]:
+            found.append(float(gap))
+    return found
+
+
 def write_grids(folder: Path) -> None:
     """Write four signalised grids with trips."""
     import sumolib
@@ -258,7 +277,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=("recorded", "simulated", "grids"))
+    parser.add_argument("what", choices=("recorded", "simulated", "grids", "rest"))
     parser.add_argument("files", nargs="*")
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("SCEX_DATA", "../shared/data")))
     parser.add_argument("--sites", default=",".join(("k733", *INTERACTION_SITES[1:])))
@@ -283,6 +302,18 @@ def main() -> None:
     changed = dataclasses.replace(obedience.RULE_PARAMETERS, **{k: float(v) for k, v in given.items()})
     obedience.RULE_PARAMETERS = changed
     obedience.manner_of.__defaults__ = (changed,)
+    if arguments.what == "rest":
+        of: dict[str, list[float]] = defaultdict(list)
+        for site, scene in recorded(arguments):
+            of[site] += np.log(gaps_at_rest(scene, arguments.steps)).tolist()
+        for site, logs in of.items():
+            print(f"{site:26}{len(logs):6}{np.mean(logs):8.3f}{np.std(logs):8.3f}")
+        weight = np.sqrt([len(logs) for logs in of.values()])
+        mean, spread = (
+            np.average([f(logs) for logs in of.values()], weights=weight) for f in (np.mean, np.std)
+        )
+        print(f"weighted by the root of vehicles: {mean:.2f}, {spread:.2f}")
+        return
     if arguments.what == "recorded":
         chosen = recorded(arguments)
     else:
