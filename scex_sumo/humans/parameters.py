@@ -101,7 +101,10 @@ class HumanParameters:
     start_wave_s: float = 1.0  # s | mean time from the leader's start to the own one | chosen
     pull_spread: float = 0.35  # 1 | deviation of the log of starting accelerations | chosen: INTERACTION
     queue_m: float = 15.0  # m | a leader nearer than this holds a standing vehicle | chosen
-    rest_log: tuple[float, float] = (0.80, 0.37)  # log m | gap to a leader at rest | fitted by benchmarks/rules.py
+    rest_log: tuple[float, float] = (
+        0.80,
+        0.37,
+    )  # log m | gap to a leader at rest | fitted by benchmarks/rules.py
     rest_range_m: tuple[float, float] = (0.5, 6.0)  # m | limits of the draws | chosen
     queue_start_mps2: float = 2.4  # m/s² | largest acceleration of one that leaves a queue | chosen
     queue_start_mps: float = 3.0  # m/s | largest speed of one that leaves a queue | chosen
