@@ -44,7 +44,7 @@ from scex_sumo.scene import SeedScene
 
 PARTS: tuple[Part, ...] = ("train", "validation", "test")
 EVERY_S, BLOCK = 2.0, 3  # between two scenes; scenes in one fold
-TRAINED_EVERY_S = 0.5
+MOMENTS = 800  # of a site, that a model is trained on
 MIN_SCENES = 14  # for a classifier
 VALUES = ("nearest gap", "speed", "density", "deceleration needed", "conflicts")
 NEAR_M, AHEAD_S = 40.0, np.arange(0.0, 3.01, 0.25)
@@ -210,7 +210,7 @@ def model_without(site: str, roots: Sequence[Path], folder: Path) -> SceneModel:
         kept = [r for r in find_recordings(roots) if not r.site.startswith(place)]
         kept = [r for r in kept if not any(mark in r.name for mark in NGSIM_TEST)]
         short = tuple(r.name for r in kept if any(mark in r.name for mark in NGSIM_VALIDATION))
-        tensors, meta = train_scenes(kept, split=Split(kept_validation=short), every_s=TRAINED_EVERY_S)
+        tensors, meta = train_scenes(kept, split=Split(kept_validation=short), moments=MOMENTS)
         folder.mkdir(parents=True, exist_ok=True)
         save_scenes(file, tensors, meta)
     return load_scenes(file)

@@ -4,7 +4,6 @@
     python benchmarks/predictors.py OUT --data FOLDER... errors   3 s of prediction on the test part
     python benchmarks/predictors.py OUT --data FOLDER... loop     10 s of closed loop from perturbed starts
     python benchmarks/predictors.py OUT --data FOLDER... joint    six futures of whole scenes
-    python benchmarks/predictors.py OUT --data FOLDER... curve    joint's error over its sites; trains
     python benchmarks/predictors.py OUT crossings                 joint's collisions on the example maps
     python benchmarks/predictors.py OUT table                     the results so far as Markdown
 
@@ -33,7 +32,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import predictors_measures as measures
 from predictors_report import place, tables
 from recorded_scenes import ngsim_part
@@ -69,7 +67,6 @@ RULES = ("calibrated_driver",)
 KINDS = ("graph", "hybrid", "joint")
 JOINT_EVERY_S = {"MONA": 4.0, "Peachtree": 0.5}
 JOINT_OFTEN_S = 1.0
-CURVE_SITES = ("USA_Lanker-2", "k733_2020-09-15")  # left out of the networks of `curve`
 EXAMPLES = ("roundabout", "urban_intersection", "motorway_merge")
 ALONE = ("likely_driver", "constant_velocity")  # drawn independently, like `graph`
 
@@ -82,8 +79,6 @@ class Training:
     kind: str
     seed: int
     leave_out: str = ""
-    others: tuple[str, ...] = ()  # sites left out, too
-    simulates: bool = True  # uses the maps of `--simulated`
 
 
 def trainings(sites: Sequence[str], seeds: int) -> Iterator[Training]:
@@ -96,23 +91,6 @@ def trainings(sites: Sequence[str], seeds: int) -> Iterator[Training]:
             for kind in KINDS:
                 name = f"{kind}-without-{site}-{seed}"
                 yield Training(name=name, kind=kind, seed=seed, leave_out=site)
-
-
-def curve(sites: Sequence[str], simulated: bool) -> Iterator[Training]:
-    """Networks of 1, 2, ... sites in random orders; each order leaves the same site out."""
-    rng = np.random.default_rng(0)
-    for left_out in CURVE_SITES:
-        order = rng.permutation([site for site in sites if site != left_out])
-        for count in range(1, len(order) + 1):
-            for simulates in (False, True)[: 1 + simulated]:
-                yield Training(
-                    name=f"curve-{count}-{'simulated' if simulates else 'recorded'}-{left_out}",
-                    kind="joint",
-                    seed=0,
-                    leave_out=left_out,
-                    others=tuple(order[count:].tolist()),
-                    simulates=simulates,
-                )
 
 
 def train(
@@ -134,12 +112,8 @@ def train(
             data=list(roots),
             out=file,
             seed=training.seed,
-            leave_out=[
-                *apart["test"],
-                *([training.leave_out] if training.leave_out else []),
-                *training.others,
-            ],
-            simulated=list(maps) if training.kind == "joint" and training.simulates else [],
+            leave_out=[*apart["test"], *([training.leave_out] if training.leave_out else [])],
+            simulated=list(maps) if training.kind == "joint" else [],
             validation=apart["validation"],
             resume=True,
         )
@@ -291,16 +265,20 @@ def _of_site(scenes: Sequence[measures.TestScene], site: str) -> list[measures.T
     return [test for test in scenes if not site or test.site == site]
 
 
+def data_root() -> Path:
+    """The folder with the sets of recordings."""
+    return Path(os.environ.get("SCEX_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
+
+
 def _recordings(given: Sequence[Path]) -> tuple[tuple[Recording, ...], tuple[Path, ...]]:
-    root = Path(os.environ.get("SCEX_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))
-    roots = tuple(given) or (root / "mona", root / "taf_bw", root / "ngsim")
+    roots = tuple(given) or tuple(data_root() / name for name in ("mona", "taf_bw", "ngsim"))
     return find_recordings(roots), roots
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("out", type=Path)
-    parser.add_argument("part", choices=("train", "errors", "loop", "joint", "curve", "crossings", "table"))
+    parser.add_argument("part", choices=("train", "errors", "loop", "joint", "crossings", "table"))
     parser.add_argument("--data", type=Path, action="append", default=[])
     parser.add_argument("--simulated", type=Path, action="append", default=[])
     parser.add_argument("--seeds", type=int, default=3)
@@ -324,14 +302,10 @@ def main() -> None:
     if given.part == "train":
         train(given.out, roots, names, wanted, given.simulated)
         return
-    if given.part == "curve":
-        measured = [t for t in curve(sites, bool(given.simulated)) if given.only in t.name]
-        train(given.out, roots, names, measured, given.simulated)
     looped = given.part == "loop"
     every, often = {
         "loop": (LOOP_EVERY_S, LOOP_OFTEN_S),
         "errors": (ERRORS_EVERY_S, ERRORS_OFTEN_S),
-        "curve": (ERRORS_EVERY_S, ERRORS_OFTEN_S),
         "joint": (JOINT_EVERY_S, JOINT_OFTEN_S),
     }[given.part]
     scenes = [
@@ -339,13 +313,6 @@ def main() -> None:
         for recording in recordings
         for scene in measures.test_scenes(recording, every.get(place(recording.site), often))
     ]
-    if given.part == "curve":
-        results.add("errors|straight_on", lambda: measure_errors(scenes, "straight_on"))
-        for training in measured:
-            model = learned(given.out / f"{training.name}.safetensors", "joint")
-            some = [t for t in scenes if t.site == training.leave_out or place(t.site) == "Peachtree"]
-            results.add(training.name.replace("-", "|", 1), lambda: measure_errors(some, model))  # noqa: B023
-        return
     if given.part == "joint":
         for name, site, model, replan in joint_variants(given.out, given.seeds, sites):
             if given.only in name:

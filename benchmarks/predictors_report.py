@@ -36,7 +36,6 @@ def tables(numbers: Mapping[str, Any]) -> str:
         *(_loops(numbers, part) for part in STARTS),
         _joint(numbers, NAMES),
         _joint(numbers, sites),
-        _curve(numbers),
     )
     return "\n\n".join(part for part in parts if part)
 
@@ -157,26 +156,3 @@ def _joint(numbers: Mapping[str, Any], names: Sequence[str]) -> str:
             )
         lines.append(f"| {name} | {len(runs)} | " + " | ".join(cells) + " |")
     return "\n".join(lines) if len(lines) > 4 else ""
-
-
-def _curve(numbers: Mapping[str, Any]) -> str:
-    runs: dict[tuple[str, str], dict[str, list[float]]] = {}
-    for key, sums in numbers.items():
-        kind, _, name = key.partition("|")
-        if kind == "curve":
-            count, drivers, _ = name.split("-", 2)
-            row = runs.setdefault((drivers, count), {})
-            for site in {entry.split("|")[1] for entry in sums}:
-                error, straight = (_mean(s, site, "moving")[1] for s in (sums, numbers["errors|straight_on"]))
-                row.setdefault(site, []).append(error / straight)
-    sites = sorted({site for row in runs.values() for site in row})
-    lines = [
-        "**Error of moving vehicles after 3 s over the number of sites** (share of `straight_on`)",
-        "",
-        "| sites | traffic | " + " | ".join(sites) + " |",
-        "|---|---|" + "---|" * len(sites),
-    ]
-    for (drivers, count), row in sorted(runs.items()):
-        cells = [f"{np.mean(row[site]):.2f}" if site in row else "" for site in sites]
-        lines.append(f"| {count} | {drivers} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) if runs else ""

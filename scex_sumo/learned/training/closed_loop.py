@@ -15,7 +15,13 @@ from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import load_recording
 from scex_sumo.extrapolation.rollout import Batch, roll_out
 from scex_sumo.learned.network.weights import MODELS
-from scex_sumo.learned.training.data.dataset import Dataset, SampleOptions, map_shift, part_scenes
+from scex_sumo.learned.training.data.dataset import (
+    Dataset,
+    SampleOptions,
+    map_shift,
+    moments_apart,
+    part_scenes,
+)
 from scex_sumo.learned.training.data.obstacles import add_obstacles
 from scex_sumo.learned.training.data.perturb import Perturbation, perturbed
 from scex_sumo.learned.training.data.samples import TrainingSamples, learnable, scene_samples
@@ -30,7 +36,7 @@ if TYPE_CHECKING:
 REPLAN = 5
 DRIFT_STEPS = (5, 10, 20)  # that a driver drives before a sample is made
 MAX_SCENES = 10  # of a site and round
-EVERY_S = 1.0
+EVERY_S, MOMENTS = 1.0, 400  # between moments, of which they are drawn; most moments of a site
 
 
 def closed_loop(
@@ -44,18 +50,18 @@ def closed_loop(
         rng, model = np.random.default_rng([options.seed, number, 1]), driver(options.kind, file)
         parts = []
         for index, site in enumerate(dataset.sites):
+            loaded = [load_recording(recording) for recording in recordings if recording.site == site]
+            every_s = max(EVERY_S, moments_apart(loaded, MOMENTS))
             here: list[SeedScene] = []
-            for recording in recordings:
-                if recording.site == site:
-                    loaded = load_recording(recording)
-                    here += part_scenes(loaded, "train", split=sampling.split, every_s=EVERY_S)
+            for one in loaded:
+                here += part_scenes(one, "train", split=sampling.split, every_s=every_s)
             chosen = rng.permutation(len(here))[:MAX_SCENES]
             for k in sorted(chosen.tolist()):
                 road = here[k].road
                 assert road is not None
                 samples = drifted_samples(here[k], road, model, sampling.perturbation, rng, replan)
                 shift = map_shift(dataset.roads[index], road)
-                parts += [one.at(index, shift) for one in samples]
+                parts += [each.at(index, shift) for each in samples]
         return TrainingSamples.concatenate(parts) if parts else None
 
     return drift

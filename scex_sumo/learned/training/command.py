@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 NETWORKS = ("graph", "hybrid", "joint")
 SCENES = "scenes"
+MOMENTS = 800
 EXAMPLE = "graph --data INTERACTION --out mine.safetensors"
 
 
@@ -49,7 +50,9 @@ def train_command(
     epochs: Annotated[int | None, Option(help="Passes over all samples; default: as shipped.")] = None,
     rounds: Annotated[int | None, Option(help="Rounds in closed loop; default: as shipped.")] = None,
     minutes: Annotated[float, Option(help="Time limit in minutes; 0: none.")] = 0.0,
-    every: Annotated[float, Option(metavar="S", help="Seconds between two scenes.")] = 0.5,
+    moments: Annotated[
+        int, Option(metavar="N", help="Moments of each site, evenly spread over its recordings.")
+    ] = MOMENTS,
     leave_out: Annotated[
         list[str] | None, Option(metavar="NAME", help="Do not train on this site or recording; repeatable.")
     ] = None,
@@ -70,8 +73,8 @@ def train_command(
     absent = [path for path in simulated or () if not path.is_file()]
     if absent:
         raise UsageError(f"--simulated {absent[0]}: no such map")
-    if every <= 0 or minutes < 0:
-        raise UsageError("train: --every needs a positive number of seconds, --minutes none below 0")
+    if moments < 1 or minutes < 0:
+        raise UsageError("train: --moments needs at least 1, --minutes none below 0")
     of_networks = {
         "--simulated": bool(simulated),
         "--rounds": rounds is not None,
@@ -98,13 +101,13 @@ def train_command(
         *(f"--leave-out {name}" for name in leave_out or ()),
         *(f"--validation {name}" for name in validation or ()),
         *(["--no-edges"] if not edges else []),
-        f"--every {every:g}",
+        f"--moments {moments}",
     ]
     command = " ".join(words)
     if kind == SCENES:
         kept = Split(kept_validation=tuple(validation or ()))
         recordings = _recordings(data or [], leave_out or [], validation or [])
-        _train_scenes(recordings, kept, weights, command, seed=seed, epochs=epochs, every_s=every)
+        _train_scenes(recordings, kept, weights, command, seed=seed, epochs=epochs, moments=moments)
         return
     from scex_sumo.learned.training.closed_loop import closed_loop
     from scex_sumo.learned.training.data.dataset import SampleOptions, make_dataset
@@ -121,7 +124,7 @@ def train_command(
     )
     where = device_of(device)
     recordings = _recordings(data or [], leave_out or [], validation or [])
-    sampling = SampleOptions(every_s=every, split=Split(kept_validation=tuple(validation or ())))
+    sampling = SampleOptions(moments=moments, split=Split(kept_validation=tuple(validation or ())))
     with progress_bar("samples") as tick:
         maps = tuple(simulated or ())
         dataset = make_dataset(recordings, sampling, maps=maps, cache=cache or cache_folder(), tick=tick)
@@ -170,7 +173,7 @@ def _train_scenes(
     *,
     seed: int,
     epochs: int | None,
-    every_s: float,
+    moments: int,
 ) -> None:
     import torch
 
@@ -182,9 +185,9 @@ def _train_scenes(
 
     torch.set_num_threads(1)  # its products are small
     tensors, meta = train_scenes(
-        recordings, split=split, every_s=every_s, seed=seed, epochs=epochs or EPOCHS, report=report
+        recordings, split=split, moments=moments, seed=seed, epochs=epochs or EPOCHS, report=report
     )
-    save_scenes(out, tensors, {"command": command, **meta, "seed": seed, "every_s": every_s})
+    save_scenes(out, tensors, {"command": command, **meta, "seed": seed, "moments": moments})
     print(
         f"{out}: {meta['scenes']} scenes of {len(meta['sites'])} sites, "
         f"validation loss {meta['validation_loss']}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -29,7 +30,7 @@ from scex_sumo.generators.scene_context import (
     placed_on_lanes,
 )
 from scex_sumo.generators.scene_model import DRAWN, KINDS, MOTION, SceneModel, pace_terms, usual_pace
-from scex_sumo.learned.training.data.dataset import part_scenes
+from scex_sumo.learned.training.data.dataset import moments_apart, part_scenes
 from scex_sumo.scene import SeedScene
 
 ATOM = 0.03  # a value of a quantity with a larger share has a bin of its own
@@ -280,12 +281,15 @@ def train_scenes(
     recordings: Sequence[Recording],
     *,
     split: Split,
-    every_s: float,
+    moments: int,
     seed: int = 0,
     epochs: int = EPOCHS,
     report: Callable[[int, float, float], None] = lambda *_: None,
 ) -> tuple[dict[str, FloatArray], dict[str, Any]]:
     """Fit a scene model to the training parts of recordings; return its tensors and meta data.
+
+    Args:
+        moments: of each site, evenly spread over its recordings.
 
     Raises:
         TrackError: no scene for training or for validation.
@@ -296,12 +300,13 @@ def train_scenes(
     known: dict[str, list[FloatArray]] = {}
     needs: dict[str, list[FloatArray]] = {}
     of_maps: dict[Path, dict[tuple[str, Part], list[SeedScene]]] = {}
-    for recording in recordings:
-        loaded = load_recording(recording)
-        for part in parts:
+    for site in sites:
+        here = [load_recording(recording) for recording in recordings if recording.site == site]
+        every_s = moments_apart(here, moments)
+        for loaded, part in itertools.product(here, parts):
             if scenes := part_scenes(loaded, part, split=split, every_s=every_s):
-                of_map = of_maps.setdefault(recording.map_path, {})
-                of_map.setdefault((recording.site, part), []).extend(scenes)
+                of_map = of_maps.setdefault(loaded.recording.map_path, {})
+                of_map.setdefault((site, part), []).extend(scenes)
     for of_map in of_maps.values():
         inside = seen_cells([scene for scenes in of_map.values() for scene in scenes])
         for (site, part), scenes in of_map.items():

@@ -28,6 +28,7 @@ from scex_sumo.learned.training.data.dataset import (  # noqa: E402
     SampleOptions,
     make_dataset,
     map_shift,
+    moments_apart,
     part_scenes,
 )
 from scex_sumo.learned.training.data.samples import load_samples  # noqa: E402
@@ -252,6 +253,13 @@ def test_damaged_samples_in_the_cache_are_made_again(tmp_path: Path, cache: Path
     assert files and all(load_samples(file) for file in files)
 
 
+def test_a_site_of_many_recordings_has_as_many_moments_as_one_of_one() -> None:
+    """A long site would outweigh the others, and its samples take hours."""
+    here = [load_recording(merge()[0])] * 3
+    assert moments_apart(here, 30) == pytest.approx(3 * moments_apart(here[:1], 30))
+    assert moments_apart(here, 1_000_000) == 0.2  # the next moment is nearly the same
+
+
 def test_tracks_that_are_not_finite_are_named() -> None:
     loaded = load_recording(merge()[0])
     x = loaded.table.vehicles.x.copy()
@@ -321,7 +329,9 @@ def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monke
     train_command(kind, [folder], out, epochs=2, rounds=1, cache=tmp_path / "cache")
     meta = load_weights(out, kind).meta
     assert meta["sites"] == ["motorway_merge"]
-    assert meta["command"] == f"scex-sumo train {kind} --data data --seed 0 --epochs 2 --rounds 1 --every 0.5"
+    assert (
+        meta["command"] == f"scex-sumo train {kind} --data data --seed 0 --epochs 2 --rounds 1 --moments 800"
+    )
     assert meta["validation"]["motorway_merge"]["fde_m"] > 0
     # no checkpoints left
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cache", "data", "mine.safetensors"]
@@ -329,10 +339,9 @@ def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monke
 
 def test_a_scene_model_says_by_which_command_it_was_made(tmp_path: Path) -> None:
     folder, out = example_path("motorway_merge").parent, tmp_path / "mine.safetensors"
-    train_command("scenes", [folder], out, seed=3, epochs=1, every=1.0, validation=["roundabout"])
-    command = (
-        f"scex-sumo train scenes --data {folder.name} --seed 3 --epochs 1 --validation roundabout --every 1"
-    )
+    train_command("scenes", [folder], out, seed=3, epochs=1, moments=60, validation=["roundabout"])
+    data = f"--data {folder.name} --seed 3 --epochs 1 --validation roundabout"
+    command = f"scex-sumo train scenes {data} --moments 60"
     assert load_scenes(out).meta["command"] == command
 
 

@@ -34,8 +34,7 @@ from scex_sumo.learned.training.data.samples import (
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SeedScene, States
 
-MAX_MOMENTS = 800  # of a short recording, whose moments are denser, but at least so far apart:
-MIN_APART_S = 0.2
+MIN_APART_S = 0.2  # between two moments
 SAME_MAP_M = 1.0
 SIMULATED_S, SIMULATED_EVERY_S = 240.0, 1.0  # of traffic on each map, and between two moments
 
@@ -45,10 +44,11 @@ class SampleOptions:
     """Options of the samples.
 
     Attributes:
+        moments: of a site, evenly spread over its recordings, but `MIN_APART_S` apart.
         perturbation: of the vehicles in both.
     """
 
-    every_s: float = 0.5  # between two moments of a long recording
+    moments: int = 800
     copies: int = 2  # perturbed copies of each training scene
     stops: int = 3  # further copies with standing vehicles in the way
     perturbation: Perturbation = field(default_factory=lambda: Perturbation(speed_mps=0.7))
@@ -93,19 +93,22 @@ def make_dataset(
     roads: dict[str, Road] = {}
     parts: dict[Part, list[TrainingSamples]] = {"train": [], "validation": []}
     digest = hashlib.sha256()
-    for done, recording in enumerate(recordings):
-        if tick is not None:
-            tick(done, len(recordings) + len(maps))
-        key = _digest((recording.map_path, *recording.track_paths), options)
-        digest.update(key.encode())
-        loaded = load_recording(recording)
-        kinds[recording.site] = recording.dataset
-        shift = map_shift(roads.setdefault(recording.site, loaded.road), loaded.road)
-        for part, made in parts.items():
-            make = partial(_make, loaded, options, part)
-            samples = _cached(cache, f"{recording.name}-{part}", key, make)
-            site = sites.index(recording.site)
-            made += [samples.at(site, shift)] if samples else []
+    done = 0
+    for number, site in enumerate(sites):
+        here = [load_recording(recording) for recording in recordings if recording.site == site]
+        every_s = moments_apart(here, options.moments)
+        for loaded in here:
+            if tick is not None:
+                tick(done, len(recordings) + len(maps))
+            done, recording = done + 1, loaded.recording
+            key = f"{_digest((recording.map_path, *recording.track_paths), options)} {every_s:.3f}"
+            digest.update(key.encode())
+            kinds[site] = recording.dataset
+            shift = map_shift(roads.setdefault(site, loaded.road), loaded.road)
+            for part, made in parts.items():
+                make = partial(_make, loaded, options, part, every_s)
+                samples = _cached(cache, f"{recording.name}-{part}", key, make)
+                made += [samples.at(number, shift)] if samples else []
     if not parts["train"] or not parts["validation"]:
         short = "training" if not parts["train"] else "validation"
         raise TrackError(
@@ -149,21 +152,18 @@ def map_shift(road: Road, other: Road) -> FloatArray:
     return shift
 
 
-def part_scenes(
-    loaded: LoadedRecording, part: Part, *, split: Split, every_s: float, most: int | None = None
-) -> list[SeedScene]:
-    """Return the seed scenes of one part of a recording that have a vehicle to learn from.
+def moments_apart(here: Sequence[LoadedRecording], moments: int) -> float:
+    """Return the time between two of a site's moments, of which its recordings have so many, s."""
+    stamps = [[m.time_s for m in recording_moments(loaded, every_s=1.0) if not m.case] for loaded in here]
+    return max(MIN_APART_S, sum(times[-1] - times[0] for times in stamps if times) / moments)
 
-    Args:
-        most: number of moments in a short recording, where they are denser, or every 0.2 s.
-    """
+
+def part_scenes(loaded: LoadedRecording, part: Part, *, split: Split, every_s: float) -> list[SeedScene]:
+    """Return the seed scenes of one part of a recording that have a vehicle to learn from."""
     every = recording_moments(loaded, every_s=STEP_S)
-    step_s = every_s
-    if every and most is not None and not every[0].case:
-        step_s = max(MIN_APART_S, min(every_s, (every[-1].time_s - every[0].time_s) / most))
     last, scenes = -np.inf, []
     for moment in _moments_of(every, part, split, loaded.recording.name):
-        if not moment.case and moment.time_s - last < step_s - 1e-6:
+        if not moment.case and moment.time_s - last < every_s - 1e-6:
             continue
         last = moment.time_s
         scene = seed_at(loaded, moment.time_s, case=moment.case or None)
@@ -206,8 +206,10 @@ def _cached(
     return samples
 
 
-def _make(loaded: LoadedRecording, options: SampleOptions, part: Part) -> TrainingSamples | None:
-    scenes = part_scenes(loaded, part, split=options.split, every_s=options.every_s, most=MAX_MOMENTS)
+def _make(
+    loaded: LoadedRecording, options: SampleOptions, part: Part, every_s: float
+) -> TrainingSamples | None:
+    scenes = part_scenes(loaded, part, split=options.split, every_s=every_s)
     options = options if part == "train" else replace(options, copies=0, stops=0)
     return _samples(scenes, loaded.road, loaded.recording.name, options)
 
