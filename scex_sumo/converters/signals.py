@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -23,11 +23,14 @@ class SignalFormat:
         is_mine: whether a file is such a recording.
         read: ``read(layout, origin, path)`` gives a `Programme` (None if it controls no link of the net) and
             notes.
+        replay: ``replay(root, path)`` gives the phases (duration in s, state) of lights of a net that was
+            made from OpenDRIVE, by id; None: the net's own lights stay.
     """
 
     registry: ClassVar = SIGNALS
     is_mine: Callable[[Path], bool]
     read: Callable[..., tuple[Any, list[str]]]
+    replay: Callable[..., Mapping[str, Sequence[tuple[float, str]]]] | None = None
 
 
 def signal_format(path: Path) -> SignalFormat:
@@ -47,7 +50,15 @@ def signals_of(scene: SeedScene) -> Path | None:
         beside = Path(tracks).with_name(name)
         if name.startswith("signal_phases") and beside.is_file():
             return beside
-    own = scene.road.file if scene.road is not None else None
-    if own is None or own.suffix == ".csv" or next(recognised(SignalFormat, own), None) is None:
-        return None
-    return own
+    road = scene.road
+    files = [None if road is None else road.file]
+    if road is not None and road.net is not None and tracks:
+        files.append(Path(tracks))  # its lights have names in the map that the net was made from
+    for file in files:
+        if (
+            file is not None
+            and file.suffix != ".csv"
+            and next(recognised(SignalFormat, file), None) is not None
+        ):
+            return file
+    return None

@@ -17,7 +17,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import write_atomic
 from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.tracks.road_users import road_user
-from scex_sumo.exporters.opendrive.file import opendrive_text
+from scex_sumo.exporters.opendrive.of_run import opendrive_of
 from scex_sumo.exporters.request import Participant, Request
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
@@ -37,7 +37,7 @@ _MAX_MPS, _MAX_MPS2 = 80.0, 12.0
 
 _README = """# {name}: {count} future(s) for OpenSCENARIO players
 
-- `*.xosc`: OpenSCENARIO XML 1.{minor}, one future each. `{road}.xodr`: the road, OpenDRIVE 1.7, in the map's
+- `*.xosc`: OpenSCENARIO XML 1.{minor}, one future each. `{road}.xodr`: the road as OpenDRIVE, in the map's
   own coordinates.
 - Play one: `esmini --osc FILE.xosc --window 60 60 800 400 --fixed_timestep 0.1 {options}`.
   Without `--traj_filter 0` esmini merges vertices closer than 0.1 m: vehicles slower than 1 m/s then jump.
@@ -76,11 +76,12 @@ def _write(request: Request, *, minor: int) -> list[Path]:
     with extra_for("OpenSCENARIO needs scenariogeneration", "formats"):
         from scenariogeneration import xosc
     road = request.folder / f"{request.road.name}.xodr"
-    write_atomic(road, opendrive_text(request.road).encode())
+    drawn = opendrive_of(request)
+    write_atomic(road, drawn.text.encode())
     files = [road]
     for future in request.futures:
         file = request.folder / f"{request.file_stem(future)}.xosc"
-        write_atomic(file, _scenario_text(xosc, request, future, road.name, minor).encode())
+        write_atomic(file, _scenario_text(xosc, request, future, road.name, drawn.flat, minor).encode())
         files.append(file)
     readme = request.folder / "README.md"
     text = _README.format(
@@ -115,7 +116,7 @@ def _leading_pair(request: Request) -> tuple[int, ...]:
     return tuple(track for track in pair if track != request.ego)
 
 
-def _scenario_text(xosc: Any, request: Request, future: int, road_file: str, minor: int) -> str:
+def _scenario_text(xosc: Any, request: Request, future: int, road_file: str, flat: bool, minor: int) -> str:
     entities, init, varied = xosc.Entities(), xosc.Init(), xosc.ParameterDeclarations()
     begin, pair = _first_frame(request), _leading_pair(request)
     models, steps, last = request.run.models_of(future), request.run.states(future).shape[1] - begin, 0.0
@@ -129,7 +130,8 @@ def _scenario_text(xosc: Any, request: Request, future: int, road_file: str, min
         there = np.flatnonzero(one.present[begin:])  # straight lines bridge gaps in a track
         if not len(there):
             continue
-        places, times = _vertices(xosc, one, states[there]), STEP_S * there.astype(np.float64)
+        places = _vertices(xosc, one, states[there], level=0.0 if flat else None)
+        times = STEP_S * there.astype(np.float64)
         last = max(last, float(times[-1]))
         init.add_init_action(name, xosc.TeleportAction(places[0]))
         speed = xosc.AbsoluteSpeedAction(round(float(states.speed[there[0]]), 6), at_once)
@@ -205,13 +207,16 @@ def _entity(xosc: Any, one: Participant, model: str) -> Any:
     return entity
 
 
-def _vertices(xosc: Any, one: Participant, states: States) -> list[Any]:
+def _vertices(xosc: Any, one: Participant, states: States, *, level: float | None) -> list[Any]:
+    """Return the places of a road user; without a level players put it on the road."""
     back = axle_offset(one.kind, one.length)
     heading = np.unwrap(states.heading)
     x = states.x - back * np.cos(heading)
     y = states.y - back * np.sin(heading)
     rows = zip(x.tolist(), y.tolist(), heading.tolist(), strict=True)
-    return [xosc.WorldPosition(round(a, 6), round(b, 6), 0.0, round(h, 8), 0.0, 0.0) for a, b, h in rows]
+    return [
+        xosc.WorldPosition(round(a, 6), round(b, 6), level, round(h, 8), level, level) for a, b, h in rows
+    ]
 
 
 def _follow(

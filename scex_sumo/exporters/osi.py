@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,10 @@ from scex_sumo.base.files import TemporaryFolder, write_atomic
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.exporters.light_cycles import LightCycle, light_cycles
-from scex_sumo.exporters.opendrive.file import opendrive_text, projection_text
+from scex_sumo.exporters.opendrive.file import OpenDrive
+from scex_sumo.exporters.opendrive.of_run import opendrive_of
+from scex_sumo.exporters.opendrive.rules import SIGNAL_HEIGHT_M
+from scex_sumo.exporters.osi_map import OsiNumbers, reference, static_map
 from scex_sumo.exporters.request import Participant, Request
 from scex_sumo.formats.osi import osi_library
 from scex_sumo.roads.matching import match
@@ -28,15 +33,12 @@ _REAR_AXLE = 0.2  # of the length, from the rear end
 _RED, _YELLOW, _GREEN = 2, 3, 4
 _COLORS = {"G": _GREEN, "g": _GREEN, "s": _GREEN, "y": _YELLOW, "Y": _YELLOW, "r": _RED, "R": _RED, "u": _RED}
 _OFF, _CONSTANT = 2, 3
-_LIGHT_HEIGHT_M = 4.0
 
 
 def write_omega_prime(request: Request) -> list[Path]:
     """Write each future as an MCAP file with its map as OpenDRIVE, as omega-prime reads it."""
-    betterosi, files = osi_library(), request.files(".mcap")
-    area = betterosi.MapAsamOpenDrive(
-        map_reference=request.road.name, open_drive_xml_content=opendrive_text(request.road)
-    )
+    betterosi, files, drawn = osi_library(), request.files(".mcap"), opendrive_of(request)
+    area = betterosi.MapAsamOpenDrive(map_reference=request.road.name, open_drive_xml_content=drawn.text)
     for future, path in zip(request.futures, files, strict=True):
         with TemporaryFolder() as folder:
             trace = Path(folder, "trace.mcap")
@@ -44,7 +46,7 @@ def write_omega_prime(request: Request) -> list[Path]:
             with betterosi.Writer(str(trace), metadata=about) as writer:
                 writer.add_metadata("scex-sumo", _about(request, future))
                 writer.add(area, topic="ground_truth_map", log_time=0)
-                for truth in _ground_truths(request, future, betterosi):
+                for truth in _ground_truths(request, future, drawn, betterosi):
                     writer.add(truth, log_time=_time_ns(truth))
             write_atomic(path, trace.read_bytes())
     return files
@@ -52,12 +54,12 @@ def write_omega_prime(request: Request) -> list[Path]:
 
 def write_osi(request: Request) -> list[Path]:
     """Write each future as a bare trace, and the map as OpenDRIVE beside."""
-    betterosi, files = osi_library(), request.files(".osi")
+    betterosi, files, drawn = osi_library(), request.files(".osi"), opendrive_of(request)
     for future, path in zip(request.futures, files, strict=True):
-        bodies = (truth.to_binary() for truth in _ground_truths(request, future, betterosi))
+        bodies = (truth.to_binary() for truth in _ground_truths(request, future, drawn, betterosi))
         write_atomic(path, b"".join(len(body).to_bytes(4, "little") + body for body in bodies))
     area = files[0].with_name(f"{request.road.name}.xodr")
-    write_atomic(area, opendrive_text(request.road).encode())
+    write_atomic(area, drawn.text.encode())
     return [*files, area]
 
 
@@ -73,41 +75,50 @@ def _time_ns(truth: Any) -> int:
     return int(truth.timestamp.seconds * _NANOS + truth.timestamp.nanos)
 
 
-def _ground_truths(request: Request, future: int, betterosi: Any) -> Iterator[Any]:
-    """Yield the frames of a future, the first logged one at time 0."""
-    users = list(request.participants(future))
-    numbers = _numbers(users)
-    lanes = [_lanes(request, one.states) for one in users]
+def _ground_truths(request: Request, future: int, drawn: OpenDrive, betterosi: Any) -> Iterator[Any]:
+    """Yield the frames of a future, the first logged one at time 0; that one has the lanes, too."""
+    users, lanes = list(request.participants(future)), request.road.lanes
+    own, numbers = _numbers(users, lanes)
+    there = [[[numbers.lanes[i] for i in at] for at in _lanes(request, one.states)] for one in users]
     acceleration = [np.gradient(one.states.speed, STEP_S) for one in users]
-    lights, steps = light_cycles(request.run.net), request.run.states(future).shape[1]
-    ego = None if request.ego is None else betterosi.Identifier(value=request.ego)
-    for step in range(steps):
+    static = static_map(request.road, drawn, numbers, betterosi)
+    lights = _lights(request, drawn, numbers)
+    frame = {"map_reference": request.road.name, **_frame(drawn, betterosi)}
+    if request.ego is not None:
+        frame["host_vehicle_id"] = betterosi.Identifier(value=request.ego)
+    for step in range(request.run.states(future).shape[1]):
         nanos = round(step * STEP_S * _NANOS)
         yield betterosi.GroundTruth(
             version=betterosi.InterfaceVersion(version_major=3, version_minor=8, version_patch=0),
             timestamp=betterosi.Timestamp(seconds=nanos // _NANOS, nanos=nanos % _NANOS),
-            host_vehicle_id=ego,
-            map_reference=request.road.name,
-            proj_string=projection_text(request.road.origin) if request.road.origin != (0.0, 0.0) else "",
             moving_object=[
                 _moving(one, number, step, float(a[step]), lane[step], betterosi)
-                for one, number, a, lane in zip(users, numbers, acceleration, lanes, strict=True)
+                for one, number, a, lane in zip(users, own, acceleration, there, strict=True)
                 if one.present[step]
             ],
-            traffic_light=_lights(request, lights, step - LOGGED_HISTORY + 1, betterosi),
+            traffic_light=[_shown(light, step - LOGGED_HISTORY + 1, betterosi) for light in lights],
+            **frame,
+            **(static if step == 0 else {}),
         )
 
 
-def _numbers(users: list[Participant]) -> list[int]:
-    """Return an id of each road user: vehicles keep theirs, others follow."""
-    taken = {int(one.label) for one in users if one.vehicle is not None}
-    free = max(taken, default=0)
-    numbers = []
-    for one in users:
-        if one.vehicle is None:
-            free += 1
-        numbers.append(free if one.vehicle is None else int(one.label))
-    return numbers
+def _frame(drawn: OpenDrive, betterosi: Any) -> dict[str, Any]:
+    """Return the place of the coordinates on Earth, as far as the map has it."""
+    if not drawn.projection:
+        return {}
+    x, y, z, heading = drawn.offset
+    offset = betterosi.GroundTruth.ProjFrameOffset(position=betterosi.Vector3d(x=x, y=y, z=z), yaw=heading)
+    return {"proj_string": drawn.projection, "proj_frame_offset": offset}
+
+
+def _numbers(users: list[Participant], lanes: Mapping[int, Any]) -> tuple[list[int], OsiNumbers]:
+    """Return numbers of road users, and of lanes; vehicles keep theirs, lanes where one is free."""
+    known = [int(one.label) if one.vehicle is not None else -1 for one in users]
+    people = count(max(known, default=0) + 1)
+    own = [next(people) if number < 0 else number for number in known]
+    taken, free = set(own), count(max((*own, *lanes), default=0) + 1)
+    kept = {i: i if i > 0 and i not in taken else next(free) for i in lanes}
+    return own, OsiNumbers(lanes=kept, free=free)
 
 
 def _lanes(request: Request, states: States) -> list[list[int]]:
@@ -154,31 +165,46 @@ def _moving(
     )
 
 
-def _lights(
-    request: Request, cycles: Mapping[int, Mapping[LightCycle, str]], step: int, betterosi: Any
-) -> list[Any]:
-    """Return the lights of lanes at a step after the seed scene, each over the end of its lane."""
-    lights, light = [], betterosi.TrafficLight
-    for lane_id, of_lane in sorted(cycles.items()):
-        lane = request.road.lanes.get(lane_id)
-        if lane is None:
+@dataclass(frozen=True, kw_only=True)
+class _Light:
+    number: int
+    lane: int
+    place: tuple[float, float]
+    signal: str
+    cycle: LightCycle
+
+
+def _lights(request: Request, drawn: OpenDrive, numbers: OsiNumbers) -> list[_Light]:
+    """Return the lights of lanes, each at its signal in the map, else over the end of its lane."""
+    lanes, lights = request.road.lanes, []
+    for i, cycles in sorted(light_cycles(request.run.net).items()):
+        if i not in lanes:
             continue
-        x, y = lane.centreline[-1].tolist()
-        for turn, (cycle, _) in enumerate(of_lane.items()):
-            letter = cycle.at(step)
-            color = light.Classification.Color(_COLORS.get(letter, 0))
-            mode = light.Classification.Mode(_CONSTANT if letter in _COLORS else _OFF)
-            lights.append(
-                light(
-                    id=betterosi.Identifier(value=lane_id * 10 + turn),
-                    base=betterosi.BaseStationary(
-                        position=betterosi.Vector3d(x=x, y=y, z=_LIGHT_HEIGHT_M),
-                        dimension=betterosi.Dimension3d(length=0.3, width=0.3, height=0.9),
-                        orientation=betterosi.Orientation3d(roll=0.0, pitch=0.0, yaw=0.0),
-                    ),
-                    classification=light.Classification(
-                        color=color, mode=mode, assigned_lane_id=[betterosi.Identifier(value=lane_id)]
-                    ),
-                )
-            )
+        options = (drawn.lights[j] for j in (i, *lanes[i].predecessors) if j in drawn.lights)
+        signal, place = next(options, ("", None))
+        x, y = (lanes[i].centreline[-1] if place is None else place).tolist()
+        lights += [
+            _Light(number=next(numbers.free), lane=numbers.lanes[i], place=(x, y), signal=signal, cycle=cycle)
+            for cycle in cycles
+        ]
     return lights
+
+
+def _shown(light: _Light, step: int, betterosi: Any) -> Any:
+    """Return a light at a step after the seed scene."""
+    kind, (x, y), letter = betterosi.TrafficLight, light.place, light.cycle.at(step)
+    about = kind.Classification
+    return kind(
+        id=betterosi.Identifier(value=light.number),
+        base=betterosi.BaseStationary(
+            position=betterosi.Vector3d(x=x, y=y, z=SIGNAL_HEIGHT_M),
+            dimension=betterosi.Dimension3d(length=0.3, width=0.3, height=0.9),
+            orientation=betterosi.Orientation3d(roll=0.0, pitch=0.0, yaw=0.0),
+        ),
+        classification=about(
+            color=about.Color(_COLORS.get(letter, 0)),
+            mode=about.Mode(_CONSTANT if letter in _COLORS else _OFF),
+            assigned_lane_id=[betterosi.Identifier(value=light.lane)],
+        ),
+        source_reference=reference([light.signal], betterosi) if light.signal else [],
+    )

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -23,10 +24,10 @@ from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.boxes import MAX_ITEMS, box_table, one_line
 from scex_sumo.formats.from_car import within_map
 from scex_sumo.formats.lane_map import FAR_M, DrawnMap, drawn_road
-from scex_sumo.formats.osi_lanes import light_states, osi_map
+from scex_sumo.formats.osi_lanes import lanes_of, light_states, osi_map, signals_of
 from scex_sumo.formats.recognition import is_osi
-from scex_sumo.formats.spat import lane_programme
-from scex_sumo.formats.sumo.imported import opendrive_road
+from scex_sumo.formats.spat import lane_programme, link_phases
+from scex_sumo.formats.sumo.imported import link_signals, opendrive_road
 from scex_sumo.lanelet2sumo.plan.elements import NetLayout, Programme
 from scex_sumo.road import Road
 
@@ -111,6 +112,14 @@ def _read_road(path: Path, **options: Any) -> Road:
         return drawn_road(drawn, name=map_name(path), country=options.get("country") or GERMANY)
 
 
+def map_text(path: Path) -> bytes | None:
+    """Return the OpenDRIVE text inside a trace, or beside it; None without one."""
+    with _damage(MapError, path):
+        inside = _opendrive(path)
+        beside = _map_beside(path) if inside is None else None
+        return inside.encode() if inside is not None else None if beside is None else beside.read_bytes()
+
+
 def _opendrive(path: Path) -> str | None:
     maps = () if path.suffix == ".osi" else _messages(path, TOPICS["map"])
     return next((one.open_drive_xml_content for one in maps), None)
@@ -145,9 +154,33 @@ def _read_signals(
 ) -> tuple[Programme | None, list[str]]:
     with _damage(MapError, path):
         ids = _lane_map(path).lane_ids()
-        states = light_states(_messages(path, TOPICS["ground_truth"]))
+        states = light_states(_messages(path, TOPICS["ground_truth"]), lanes_of)
         runs = {ids[lane]: run for lane, run in states.items() if lane in ids}
         return lane_programme(layout, runs, path.name) if runs else (None, [])
+
+
+def _replay(root: Element, path: Path) -> dict[str, tuple[tuple[float, str], ...]]:
+    """Return what the lights of a net show whose signals the lights of a trace name."""
+    with _damage(MapError, path):
+        states = light_states(_messages(path, TOPICS["ground_truth"]), signals_of)
+        lights = any(truth.traffic_light for truth in islice(_messages(path, TOPICS["ground_truth"]), FIRST))
+    lit: dict[str, dict[int, str]] = {}
+    for link, signal in link_signals(root):
+        if any(letter for _, letter in states.get(signal, ())):
+            lit.setdefault(link.get("tl", ""), {})[int(link.get("linkIndex", "0"))] = signal
+    if lights and not lit:
+        raise MapError(f"{path.name}: its lights name no signals of the map's lights")
+    phases = {}
+    for light in root.iter("tlLogic"):
+        if named := lit.get(light.get("id", "")):
+            own = [
+                "".join(letters)
+                for letters in zip(*(x.get("state", "") for x in light.iter("phase")), strict=False)
+            ]
+            phases[light.get("id", "")] = link_phases(
+                [(named.get(k, ""), letters) for k, letters in enumerate(own)], states
+            )
+    return phases
 
 
 def _boxes(path: Path) -> tuple[list[str], dict[str, str], FloatArray, str]:
@@ -207,4 +240,4 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
 
 OSI_MAP = MapFormat(is_mine=is_osi, read=_read_road, tracks=lambda path: path, asks_for="--tracks TRACE")
 OSI = Dataset(is_mine=is_osi, read=_read, recordings=_recordings, within=within_map)
-OSI_LIGHTS = SignalFormat(is_mine=is_osi, read=_read_signals)
+OSI_LIGHTS = SignalFormat(is_mine=is_osi, read=_read_signals, replay=_replay)

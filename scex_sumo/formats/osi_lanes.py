@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -25,6 +25,8 @@ _LETTERS = {2: "r", 3: "y", 4: "G"}
 _OFF, _CONSTANT, _FLASHING = 2, 3, 4
 MAX_SKEW = 0.2  # of a lane's length: a bound that is longer or shorter gives the width only
 
+_Key = TypeVar("_Key", bound=Hashable)
+
 
 def osi_map(path: Path, truth: Any) -> DrawnMap:
     """Return the lanes and markings of ground truth; a junction without lanes gets one for each movement."""
@@ -38,7 +40,7 @@ def osi_map(path: Path, truth: Any) -> DrawnMap:
         kind = int(one.classification.type) if one.classification is not None else 0
         if kind in _LINES:
             drawn.lines.append((*_LINES[kind], _points(p.position for p in one.boundary_line)))
-    drawn.lit = {name: None for light in truth.traffic_light for name in _lanes_of(light)}
+    drawn.lit = {name: None for light in truth.traffic_light for name in lanes_of(light)}
     return drawn
 
 
@@ -125,27 +127,41 @@ def _curve(into: FloatArray, out: FloatArray) -> FloatArray:
     )  # fmt: skip
 
 
-def _lanes_of(light: Any) -> list[int]:
+def lanes_of(light: Any) -> list[int]:
+    """Return the lanes of OSI for which a light shines."""
     return [name.value for name in light.classification.assigned_lane_id] if light.classification else []
 
 
-def light_states(truths: Iterable[Any]) -> dict[int, list[tuple[float, str]]]:
-    """Return time, s from the first frame, and SUMO's letter of each lane with a light.
+def signals_of(light: Any) -> list[str]:
+    """Return the signals of the OpenDRIVE map that a light is, as ``7`` or ``traffic_light_id:7``."""
+    names = [name for source in light.source_reference for name in source.identifier[:1]]
+    return [name.rpartition(":")[2].strip() for name in names]
+
+
+def light_states(
+    truths: Iterable[Any], keys: Callable[[Any], Iterable[_Key]]
+) -> dict[_Key, list[tuple[float, str]]]:
+    """Return time, s from the first frame with traffic, and SUMO's letter of each key with a light.
 
     OSI has one light for each bulb: of those that shine, the most restrictive counts; red with
     yellow is ``u``.
+
+    Args:
+        keys: what a light belongs to, e.g. its lanes.
     """
-    states: dict[int, list[tuple[float, str]]] = {}
+    states: dict[_Key, list[tuple[float, str]]] = {}
     first_s = None
     for truth in truths:
+        if first_s is None and not truth.moving_object:
+            continue
         time_s = truth.timestamp.seconds + truth.timestamp.nanos / 1e9
         first_s = time_s if first_s is None else first_s
-        shown: dict[int, set[str]] = {}
+        shown: dict[_Key, set[str]] = {}
         for light in truth.traffic_light:
-            for lane in _lanes_of(light):
-                shown.setdefault(lane, set()).add(_letter(light.classification))
-        for lane, letters in shown.items():
-            states.setdefault(lane, []).append((time_s - first_s, _together(letters)))
+            for key in keys(light):
+                shown.setdefault(key, set()).add(_letter(light.classification))
+        for key, letters in shown.items():
+            states.setdefault(key, []).append((time_s - first_s, _together(letters)))
     return states
 
 

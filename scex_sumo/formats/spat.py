@@ -9,9 +9,10 @@ from __future__ import annotations
 import csv
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -44,6 +45,8 @@ ALIGNED = math.radians(35.0)
 CLOSING_S = 3.0  # yellow between the end of the recording and its beginning
 AHEAD_M = 90.0  # how far beyond the light the exit lane of the KML is looked for
 
+_Key = TypeVar("_Key", bound=Hashable)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Movement:
@@ -73,7 +76,7 @@ def recorded_programme(
 
 
 def lane_programme(
-    layout: NetLayout, states: dict[int, list[tuple[float, str]]], name: str
+    layout: NetLayout, states: Mapping[int, list[tuple[float, str]]], name: str
 ) -> tuple[Programme | None, list[str]]:
     """Return the traffic light that replays recorded states of lanes, and notes.
 
@@ -82,8 +85,7 @@ def lane_programme(
             last known state holds, before the first one that one.
         name: of the recording, for notes.
     """
-    known = {lane: [(time, letter) for time, letter in run if letter] for lane, run in states.items()}
-    runs = {lane: [(0.0, run[0][1]), *run] for lane, run in known.items() if run}
+    runs = _runs(states)
     groups: dict[str, int] = {}
     for c in layout.connections:
         first, *others = c.lanelets
@@ -93,13 +95,44 @@ def lane_programme(
             groups[c.internal.name] = lit
     if not groups:
         return None, [f"no connection of the net belongs to a lane with known lights of {name}: no lights"]
-    end = max(run[-1][0] for run in states.values() if run)
-    unknown = len(states) - len(runs)
-    notes = [f"{unknown} lights of {name} are never seen: not replayed"] if unknown else []
-    runs = {
-        lane: [x for k, x in enumerate(run) if not k or run[k - 1][1] != x[1]] for lane, run in runs.items()
+    return _programme(layout, groups, {**runs, -1: [(_end(states), "")]}), _unseen(states, runs, name)
+
+
+def link_phases(
+    links: Sequence[tuple[Hashable, str]], states: Mapping[str, list[tuple[float, str]]]
+) -> tuple[tuple[float, str], ...]:
+    """Return the phases (duration in s, state) of a light that replays recorded states of signals.
+
+    Args:
+        links: signal of each link, and the letters of its own programme. A link with an unknown signal
+            gives way; green is ``g`` where a link never has ``G``.
+    """
+    runs = _runs(states)
+
+    def state(start: float) -> str:
+        shown = [_letter(runs[signal], start) if signal in runs else "o" for signal, _ in links]
+        gives_way = ["g" in own and "G" not in own for _, own in links]
+        return "".join("g" if x == "G" and minor else x for x, minor in zip(shown, gives_way, strict=True))
+
+    return _spells([runs[signal] for signal, _ in links if signal in runs], _end(states), state)
+
+
+def _runs(states: Mapping[_Key, list[tuple[float, str]]]) -> dict[_Key, list[tuple[float, str]]]:
+    """Return the changes of what is known, the first one from time 0 on."""
+    known = {key: [(time, letter) for time, letter in run if letter] for key, run in states.items()}
+    runs = {key: [(0.0, run[0][1]), *run] for key, run in known.items() if run}
+    return {
+        key: [x for k, x in enumerate(run) if not k or run[k - 1][1] != x[1]] for key, run in runs.items()
     }
-    return _programme(layout, groups, runs | {-1: [(end, "")]}), notes
+
+
+def _end(states: Mapping[Any, list[tuple[float, str]]]) -> float:
+    return max(run[-1][0] for run in states.values() if run)
+
+
+def _unseen(states: Mapping[Any, Any], runs: Mapping[Any, Any], name: str) -> list[str]:
+    unknown = len(states) - len(runs)
+    return [f"{unknown} lights of {name} are never seen: not replayed"] if unknown else []
 
 
 def _programme(
@@ -225,13 +258,22 @@ def _leads_along(shape: FloatArray, sink: FloatArray) -> bool:
 def _phases(
     links: Sequence[Connection], groups: dict[str, int], runs: dict[int, list[tuple[float, str]]]
 ) -> tuple[tuple[float, str], ...]:
-    end = runs[-1][0][0]
     used = {groups[c.internal.name] for c in links}
-    changes = sorted({0.0} | {t for group in used for t, _ in runs[group] if t < end})
-    phases = []
-    for start, stop in zip(changes, [*changes[1:], end], strict=True):
-        lit = {name: _letter(runs[group], start) for name, group in groups.items()}
-        phases.append((round(stop - start, 3), phase_state(links, lit)))
+
+    def state(start: float) -> str:
+        return phase_state(links, {name: _letter(runs[group], start) for name, group in groups.items()})
+
+    return _spells([runs[group] for group in used], runs[-1][0][0], state)
+
+
+def _spells(
+    used: Iterable[Sequence[tuple[float, str]]], end: float, state: Callable[[float], str]
+) -> tuple[tuple[float, str], ...]:
+    changes = sorted({0.0} | {t for run in used for t, _ in run if t < end})
+    phases = [
+        (round(stop - start, 3), state(start))
+        for start, stop in zip(changes, [*changes[1:], end], strict=True)
+    ]
     # The recording ends with some lights green that are red where it begins again: those turn yellow first.
     closing = "".join(
         "y" if last in "Gg" and first in "rsu" else "r" if last in "Gg" and first == "y" else last

@@ -18,8 +18,6 @@ from scex_sumo.geometry.polylines import distances
 from scex_sumo.results.run import Run
 from scex_sumo.road import Regulation
 from scex_sumo.scenarios import example_path
-from scex_sumo.scenarios.populated import synthetic_seed
-from tests.runs import extrapolate
 
 reader = pytest.importorskip("commonroad.common.file_reader")
 
@@ -95,20 +93,6 @@ def test_commonroad_io_reads_the_intersection_with_its_arms_and_turns(run: Run, 
         ends = [np.diff(lanes[min(turn)].centreline, axis=0)[[0, -1]] @ (1, 1j) for turn in turns]
         right, straight, left = (np.angle(end / begin) for begin, end in ends)
         assert right < straight < left
-
-
-@pytest.fixture(scope="module")
-def lit_run(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """Grid whose lights have phases for left turns, and begin 7 s late."""
-    folder = tmp_path_factory.mktemp("lit")
-    shape = ("--grid", "--grid.number", "2", "--grid.attach-length", "120", "--default.lanenumber", "2")
-    lights = ("-j", "traffic_light", "--turn-lanes", "1", "--tls.left-green.time", "6")
-    netgenerate = [program("netgenerate"), *shape, *lights, "-o", "lit.net.xml"]
-    subprocess.run(netgenerate, check=True, capture_output=True, env=environment(), cwd=folder)
-    net = folder / "lit.net.xml"
-    net.write_text(net.read_text().replace('offset="0"', 'offset="7"'))
-    scene = synthetic_seed(net, vehicles=4)
-    return extrapolate(scene, futures=1, models=["standard_driver"], out=folder / "out")
 
 
 def shown_by_sumo(net: Path, folder: Path, steps: int) -> dict[str, list[str]]:

@@ -14,7 +14,7 @@ from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.xml import net_root
 from scex_sumo.formats.osi import OSI
-from scex_sumo.formats.osi_lanes import light_states
+from scex_sumo.formats.osi_lanes import lanes_of, light_states
 
 osi = pytest.importorskip("betterosi")
 
@@ -174,8 +174,12 @@ def test_lights_of_osi_are_those_that_a_net_shows(without_map: Path, tmp_path: P
      ([(2, 3), (4, 3)], "r")],
 )  # fmt: skip
 def test_bulbs_make_one_state_of_a_lane(bulbs: list[tuple[int, int]], letter: str) -> None:
-    frame = osi.GroundTruth(timestamp=osi.Timestamp(seconds=5), traffic_light=[bulb(9, *b) for b in bulbs])
-    assert light_states([frame]) == {9: [(0.0, letter)]}
+    lights = [bulb(9, *b) for b in bulbs]
+    before, frame = (
+        osi.GroundTruth(timestamp=osi.Timestamp(seconds=k), moving_object=cars, traffic_light=lights)
+        for k, cars in ((4, []), (5, [moving(1, 0.0, 2)]))
+    )
+    assert light_states([before, frame], lanes_of) == {9: [(0.0, letter)]}  # time begins with the tracks
 
 
 def test_a_trace_far_from_its_origin_moves_with_its_lanes(tmp_path: Path) -> None:

@@ -62,6 +62,7 @@ _LIGHT_PARAMETERS = (
     " detector-length-left-turn-lane linkMaxDur linkMinDur cycleTime coordinated green-time max-green"
     " show-detectors build-all-detectors hide-conflicts minTimeLoss detectorRange extendMaxDur ignore-errors"
     " total-cycle-length ring1 ring2 barrierPhases barrier2Phases coordinatePhases offset cabinetType"
+    " linkSignalID"
 )
 
 

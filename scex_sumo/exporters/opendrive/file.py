@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -23,7 +24,29 @@ _TYPES = {"vehicle": "driving", "bus": "bus", "bicycle": "biking", "pedestrian":
 _MARK_M = 0.12
 
 
-def opendrive_text(road: Road) -> str:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OpenDrive:
+    """Map as OpenDRIVE, and what it holds of a road's lanes.
+
+    Attributes:
+        projection: PROJ's description of its coordinates; empty if unknown.
+        offset: x, y, z and heading of its coordinates in those of the projection.
+        places: road, station of the section and lane number of lanes, as text.
+        inside: lanes within junctions.
+        lights: number and place (2,) of the traffic light of lanes; a place may be unknown.
+        flat: whether its heights are 0.
+    """
+
+    text: str
+    projection: str = ""
+    offset: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    places: Mapping[int, tuple[str, str, str]] = field(default_factory=dict)
+    inside: frozenset[int] = frozenset()
+    lights: Mapping[int, tuple[str, FloatArray | None]] = field(default_factory=dict)
+    flat: bool = True
+
+
+def opendrive(road: Road) -> OpenDrive:
     """Return a road as OpenDRIVE in its own coordinates, m.
 
     Lanes have the map's lane as user data; the header has the place on Earth if known.
@@ -33,12 +56,28 @@ def opendrive_text(road: Road) -> str:
     root.append(_header(road))
     objects, signals = placed_crosswalks(road, pieces), placed_signals(road, pieces)
     for piece in pieces:
-        root.append(_road(piece, road.lanes, objects.get(piece.number, ()), signals.get(piece.number, ())))
+        of_piece = [signal.element for signal in signals if signal.road == piece.number]
+        root.append(_road(piece, road.lanes, objects.get(piece.number, ()), of_piece))
     root.extend(_junctions(pieces, priorities(road, pieces)))
     ET.indent(root)
-    return ET.tostring(root, encoding="unicode", xml_declaration=False).join(
-        ('<?xml version="1.0" encoding="UTF-8"?>\n', "\n")
+    text = ET.tostring(root, encoding="unicode", xml_declaration=False)
+    parts = [(piece, section) for piece in pieces for section in piece.ribbon.sections]
+    return OpenDrive(
+        text=text.join(('<?xml version="1.0" encoding="UTF-8"?>\n', "\n")),
+        projection=projection_text(road.origin) if road.origin != (0.0, 0.0) else "",
+        places={
+            i: (str(piece.number), _exact(section.s[0]), str(-n - 1))
+            for piece, section in reversed(parts)
+            for n, i in enumerate(section.group)
+        },
+        inside=frozenset(i for piece, section in parts if piece.junction is not None for i in section.group),
+        lights={one.lane: (one.element.get("id", ""), one.place) for one in signals if one.is_light},
     )
+
+
+def opendrive_text(road: Road) -> str:
+    """Return the text of `opendrive`."""
+    return opendrive(road).text
 
 
 def _header(road: Road) -> ET.Element:

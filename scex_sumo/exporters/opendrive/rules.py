@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -15,6 +16,7 @@ from scex_sumo.road import Area, Lane, Regulation, Road
 
 _STEP_M = 0.5  # between tried places of a signal
 _FAR_M = 15.0  # from a crosswalk to the middle of its road
+SIGNAL_HEIGHT_M = 2.5
 _LIGHT = ("1000001", "OpenDRIVE")
 _YIELD, _STOP, _STOP_LINE, _PRIORITY = ("205", "DE"), ("206", "DE"), ("294", "DE"), ("306", "DE")
 
@@ -80,35 +82,59 @@ def _crosswalk(area: Area, piece: Piece, s: float) -> ET.Element:
     return element
 
 
-def placed_signals(road: Road, pieces: Sequence[Piece]) -> dict[int, list[ET.Element]]:
-    """Return lights, signs and stop lines of each road, by its number."""
-    signals: dict[int, list[ET.Element]] = {}
-    seen: set[tuple[int, tuple[str, str]]] = set()
-    for rule in road.regulations:
-        for i, kind in _wanted(rule):
-            if i not in road.lanes or (i, kind) in seen:
-                continue
-            seen.add((i, kind))
-            piece, section, s = _where(pieces, road.lanes[i], rule)
-            n = section.group.index(i)
-            signal = ET.Element(
-                "signal",
-                s=exact(s),
-                t=exact(float(np.interp(s, section.s, section.offsets[:, n + 1]))),
-                id=str(len(seen)),
-                name=f"{rule.kind} {rule.element_id}",
-                dynamic="yes" if kind is _LIGHT else "no",
-                orientation="+",
-                zOffset="2.5",
-                country=kind[1],
-                type=kind[0],
-                subtype="-1",
-                height="0.7",
-                width="0.7",
-            )
-            ET.SubElement(signal, "validity", fromLane=str(-n - 1), toLane=str(-n - 1))
-            signals.setdefault(piece.number, []).append(signal)
-    return signals
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Signal:
+    """Light, sign or stop line of a lane, at a place of a road.
+
+    Attributes:
+        road: number of the road; its element has the number of the signal.
+        place: (2,) m.
+    """
+
+    lane: int
+    road: int
+    element: ET.Element
+    place: FloatArray
+
+    @property
+    def is_light(self) -> bool:
+        """Whether it is a traffic light."""
+        return self.element.get("dynamic") == "yes"
+
+
+def placed_signals(road: Road, pieces: Sequence[Piece]) -> list[Signal]:
+    """Return lights, signs and stop lines."""
+    wanted = [(*one, rule) for rule in road.regulations for one in _wanted(rule) if one[0] in road.lanes]
+    first = {(i, kind): rule for i, kind, rule in reversed(wanted)}
+    order = dict.fromkeys((i, kind) for i, kind, _ in wanted)
+    return [_signal(pieces, road.lanes[i], kind, first[i, kind], n + 1) for n, (i, kind) in enumerate(order)]
+
+
+def _signal(
+    pieces: Sequence[Piece], lane: Lane, kind: tuple[str, str], rule: Regulation, number: int
+) -> Signal:
+    piece, section, s = _where(pieces, lane, rule)
+    n = section.group.index(lane.lane_id)
+    t = float(np.interp(s, section.s, section.offsets[:, n + 1]))
+    signal = ET.Element(
+        "signal",
+        s=exact(s),
+        t=exact(t),
+        id=str(number),
+        name=f"{rule.kind} {rule.element_id}",
+        dynamic="yes" if kind is _LIGHT else "no",
+        orientation="+",
+        zOffset=str(SIGNAL_HEIGHT_M),
+        country=kind[1],
+        type=kind[0],
+        subtype="-1",
+        height="0.7",
+        width="0.7",
+    )
+    ET.SubElement(signal, "validity", fromLane=str(-n - 1), toLane=str(-n - 1))
+    place, along = (rows[0] for rows in piece.ribbon.curve.at(np.array([s])))
+    across = np.array([-along[1], along[0]])
+    return Signal(lane=lane.lane_id, road=piece.number, element=signal, place=place + t * across)
 
 
 def _wanted(rule: Regulation) -> list[tuple[int, tuple[str, str]]]:

@@ -10,10 +10,11 @@ import shutil
 import stat
 import subprocess
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 from scex_sumo.base.errors import MapError
 from scex_sumo.base.files import TemporaryFolder, cache_folder, sha256_of, write_atomic
@@ -29,6 +30,7 @@ from scex_sumo.formats.sumo.opendrive import repaired_opendrive
 from scex_sumo.road import Road
 
 MAX_NETS = 64  # in the cache; the oldest one goes first
+SIGNAL = "linkSignalID:"  # netconvert's parameter of a light, with the index of the link
 # OpenDRIVE: coordinates stay the file's; curves are followed closely; the file's own junction lanes are kept.
 _OPENDRIVE = {
     "opendrive.curve-resolution": "0.5",
@@ -66,6 +68,19 @@ def opendrive_road(path: Path, content: bytes) -> Road:
     _check_safe(path, content)
     content, repairs = repaired_opendrive(path, content)
     return _imported(path, content, "opendrive", _OPENDRIVE, repairs)
+
+
+def link_signals(root: Element) -> Iterator[tuple[Element, str]]:
+    """Yield each connection of a net with a light, and the signal of OpenDRIVE that shows it."""
+    named = {
+        (light.get("id"), param.get("key", "").removeprefix(SIGNAL)): param.get("value", "")
+        for light in root.iter("tlLogic")
+        for param in light.iter("param")
+        if param.get("key", "").startswith(SIGNAL)
+    }
+    for link in root.iter("connection"):
+        if signal := named.get((link.get("tl"), link.get("linkIndex", ""))):
+            yield link, signal
 
 
 def _check_safe(path: Path, content: bytes) -> None:

@@ -1,0 +1,73 @@
+"""OpenDRIVE of a run: the file that the map came from, else one written from its road."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+from scex_sumo.converters.net.xml import net_root, unpacked, xml_root
+from scex_sumo.exporters.light_cycles import light_cycles
+from scex_sumo.exporters.opendrive.file import OpenDrive, opendrive
+from scex_sumo.exporters.request import Request
+from scex_sumo.formats.osi import map_text
+from scex_sumo.formats.recognition import OPENDRIVE, is_osi
+from scex_sumo.formats.sumo.imported import link_signals
+from scex_sumo.road import Regulation, Road
+
+
+def opendrive_of(request: Request) -> OpenDrive:
+    """Return the map of a run as OpenDRIVE.
+
+    A map that came as OpenDRIVE stays as it is, with its widths and heights. Lights that only the run knows
+    join a map that is written.
+    """
+    road = request.road
+    given = _given(road.file)
+    return opendrive(_with_lights(request, road)) if given is None else _as_given(request, given)
+
+
+def _given(file: Path | None) -> bytes | None:
+    if file is None or is_osi(file):
+        return None if file is None else map_text(file)
+    return unpacked(file) if OPENDRIVE.is_mine(file) else None
+
+
+def _with_lights(request: Request, road: Road) -> Road:
+    known = {i for rule in road.regulations if rule.kind == "traffic_light" for i in rule.lanes}
+    lit = [i for i in light_cycles(request.run.net) if i in road.lanes]
+    # Of the lanes before and behind a light, those before.
+    first = [i for i in lit if known.isdisjoint((i, *road.lanes[i].predecessors, *road.lanes[i].successors))
+             and not set(lit).intersection(road.lanes[i].predecessors)]  # fmt: skip
+    number = max((rule.element_id for rule in road.regulations), default=0) + 1
+    lights = [
+        Regulation(element_id=number + k, kind="traffic_light", lanes=(i,), lights=())
+        for k, i in enumerate(first)
+    ]
+    return replace(road, regulations=(*road.regulations, *lights)) if lights else road
+
+
+def _as_given(request: Request, content: bytes) -> OpenDrive:
+    assert request.road.file is not None
+    root = xml_root(request.road.file, content)
+    offset = root.find("header/offset")
+    names = ("x", "y", "z", "hdg")
+    x, y, z, heading = (float("0" if offset is None else offset.get(name, "0")) for name in names)
+    lanes = request.run.net.lanes
+    return OpenDrive(
+        text=content.decode(errors="replace"),
+        projection=(root.findtext("header/geoReference") or "").strip(),
+        offset=(x, y, z, heading),
+        inside=frozenset(i for i, lane in request.road.lanes.items() if lane.subtype.startswith(":")),
+        lights={
+            lane: (signal, None)
+            for link, signal in link_signals(net_root(request.run.net.path))
+            for name in (f"{link.get('from')}_{link.get('fromLane')}", link.get("via", ""))
+            for lane in lanes.lanelets(name)
+        },
+        flat=all(_flat(record) for record in root.iter("elevation")),
+    )
+
+
+def _flat(elevation: ET.Element) -> bool:
+    return all(float(elevation.get(name, "0")) == 0.0 for name in "abcd")

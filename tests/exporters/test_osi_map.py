@@ -1,0 +1,159 @@
+"""Lanes, logical lanes and lights of exported ground truth."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scex_sumo.converters.maps import read_map
+from scex_sumo.converters.net.convert import convert
+from scex_sumo.converters.net.xml import net_root
+from scex_sumo.exporters.request import EXPORTERS, Request
+from scex_sumo.results.run import Run
+from scex_sumo.road import Lane
+
+betterosi = pytest.importorskip("betterosi")
+
+
+def frames(trace: Path) -> list[Any]:
+    return list(betterosi.read(str(trace), return_ground_truth=True))
+
+
+@pytest.fixture(scope="module")
+def trace(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("osi")
+    first: Path = EXPORTERS.load("osi")(Request(run=run, futures=(1,), out=out))[0]
+    return first
+
+
+def numbers(items: Any) -> Iterator[int]:
+    for one in items:
+        yield one.id.value
+
+
+def test_all_items_share_one_range_of_numbers_and_only_the_first_frame_has_lanes(trace: Path) -> None:
+    first, second = frames(trace)[:2]
+    kinds = ("moving_object", "lane", "lane_boundary", "reference_line", "logical_lane_boundary",
+             "logical_lane", "traffic_light")  # fmt: skip
+    found = [number for kind in kinds for number in numbers(getattr(first, kind))]
+    assert len(found) == len(set(found)) and min(found) > 0
+    assert first.lane and not second.lane and not second.logical_lane
+
+
+def test_lanes_of_a_trace_without_opendrive_are_those_of_the_map(run: Run, trace: Path) -> None:
+    own = Request(run=run, futures=(1,)).road
+    (alone := trace.with_name("alone")).mkdir()
+    bare = alone / "trace.osi"
+    bare.write_bytes(trace.read_bytes())
+    back = read_map(bare)
+    driven = [lane for lane in own.lanes.values() if lane.kind != "pedestrian"]
+
+    def ends(lanes: Iterable[Lane]) -> set[tuple[float, ...]]:
+        return {tuple(lane.centreline[[0, -1]].ravel().round(3)) for lane in lanes}
+
+    assert ends(back.lanes.values()) == ends(driven)
+    changes = [sum(lane.left is not None for lane in lanes) for lanes in (driven, back.lanes.values())]
+    assert changes[0] == changes[1]
+
+
+def test_logical_lanes_lie_between_their_boundaries_and_know_their_neighbours(run: Run, trace: Path) -> None:
+    first, road = frames(trace)[0], Request(run=run, futures=(1,)).road
+    logical = {one.physical_lane_reference[0].physical_lane_id.value: one for one in first.logical_lane}
+    number = {one.id.value: physical for physical, one in logical.items()}
+    bounds = {one.id.value: one for one in first.logical_lane_boundary}
+    assert set(logical) == set(numbers(first.lane))
+    for i, lane in road.lanes.items():
+        one = logical[i]
+        after = {number[link.other_lane_id.value] for link in one.successor_lane}
+        assert after == set(lane.successors)
+        assert {link.at_begin_of_other_lane for link in one.successor_lane} <= {True}
+        (left,), (right,) = one.left_boundary_id, one.right_boundary_id
+        sides = [[p.t_position for p in bounds[side.value].boundary_line] for side in (left, right)]
+        assert np.mean(sides[0]) - np.mean(sides[1]) == pytest.approx(lane.width_m, abs=0.3)
+        assert one.traffic_rule[0].speed_limit.speed_limit_value.value == pytest.approx(
+            3.6 * lane.speed_limit_mps
+        )
+    overlaps = {
+        frozenset((i, number[other.other_lane_id.value])) for i, one in logical.items()
+        for other in one.overlapping_lane
+    }  # fmt: skip
+    areas = {frozenset((i, j)) for i, lane in road.lanes.items() for j in lane.conflicts}
+    assert len(areas) / 2 < len(overlaps) and overlaps <= areas
+
+
+def test_negative_ids_of_lanes_become_numbers_of_osi(run: Run, tmp_path: Path) -> None:
+    asked = Request(run=run, futures=(1,), out=tmp_path)
+    turned = {i: -i for i in asked.road.lanes}
+
+    def others(lanes: tuple[int, ...]) -> tuple[int, ...]:
+        return tuple(turned[i] for i in lanes)
+
+    asked.__dict__["road"] = replace(
+        asked.road,
+        lanes={
+            -i: replace(
+                lane, lane_id=-i, successors=others(lane.successors), predecessors=others(lane.predecessors),
+                conflicts=others(lane.conflicts), left=None, right=None, adjacent_left=None,
+                adjacent_right=None, reverse_of=None,
+            )
+            for i, lane in asked.road.lanes.items()
+        },
+        regulations=(),
+        file=None,
+    )  # fmt: skip
+    first = frames(EXPORTERS.load("osi")(asked)[0])[0]
+    assert len(first.lane) == len(turned) and min(numbers(first.lane)) > 0
+
+
+def links(net: Path) -> list[tuple[np.ndarray, int, ET.Element]]:
+    """Where each link of a light begins and ends, its index, and its programme."""
+    root = net_root(net)
+    shapes = {
+        lane.get("id"): np.array([p.split(",")[:2] for p in lane.get("shape", "").split()], float)
+        for lane in root.iter("lane")
+    }
+    lights = {light.get("id"): light for light in root.iter("tlLogic")}
+    return [
+        (
+            np.concatenate(
+                [
+                    shapes[f"{x.get('from')}_{x.get('fromLane')}"][-1],
+                    shapes[f"{x.get('to')}_{x.get('toLane')}"][0],
+                ]
+            ),
+            int(x.get("linkIndex", "")),
+            lights[x.get("tl")],
+        )
+        for x in root.iter("connection")
+        if x.get("tl") is not None
+    ]
+
+
+def letters(light: ET.Element, link: int, times: np.ndarray) -> str:
+    """What a link shows, at times of the simulation."""
+    phases = list(light.iter("phase"))
+    ends = np.cumsum([float(p.get("duration", "")) for p in phases])
+    at = np.searchsorted(ends, (times - float(light.get("offset", "0"))) % ends[-1], side="right")
+    return "".join(phases[k].get("state", "")[link].lower() for k in at.tolist())
+
+
+def test_lights_of_an_export_come_back_at_the_same_links(lit_run: Run, tmp_path: Path) -> None:
+    file = EXPORTERS.load("omega-prime")(Request(run=lit_run, futures=(0,), out=tmp_path))[0]
+    back = convert(read_map(file), tmp_path / "back.net.xml", signals=file)
+    own, steps = links(lit_run.net.path), lit_run.states(0).shape[1] - 1
+    times = 0.1 * np.arange(steps) + 0.05
+    found = 0
+    for place, link, light in links(back.path):
+        if set(shown := letters(light, link, times)) == {"o"}:  # where netconvert cut a turn in two
+            continue
+        near = min(own, key=lambda one: float(np.abs(one[0] - place).max()))
+        assert np.abs(near[0] - place).max() < 12.0  # netconvert draws its own outlines of junctions
+        assert shown == letters(near[2], near[1], times - 0.9)
+        found += 1
+    assert found == len(own)
