@@ -7,6 +7,11 @@ at times ignore who has the right of way, so they collide (--collision.action wa
 at 1, 2 and 3 s before, with all pairs within 50 m at that time that do not touch yet: the share of
 collisions whose pair is among the top 5 %, and the area under the ROC curve of all pairs.
 
+    python -m benchmarks.live warning OUT [--seeds 1,2,...,20]
+
+The warning system of docs/live.md: pairs that collide and mean travel time with it and without it, on a road
+that becomes slow and on the grid above with departures of 30 s. It runs until all have arrived.
+
     python -m benchmarks.live speed SCENARIO.sumocfg [--vehicles 25] [--moments 20]
 
 Processor time and wall time of a moment of a watch: the first one, and those of warm processes.
@@ -21,6 +26,8 @@ from __future__ import annotations
 
 import argparse
 import json
+import subprocess
+import sys
 import time
 import warnings
 from itertools import combinations
@@ -38,6 +45,7 @@ from scex_sumo.live.risk import Question, Risk, assess
 from scex_sumo.live.session import Session, Told
 from scex_sumo.live.watch import Watch
 from tests.formats.sumo.simulations import run as sumo_program
+from tests.live.test_docs_live import write_row
 
 PICTURE = (1040, 534)  # px, of a film: as the view in a window of its first size
 LEADS_S, NEAR_M, TOP, QUIET_S = (1.0, 2.0, 3.0), 50.0, 0.05, 5.0
@@ -51,7 +59,7 @@ CONFIG = """<configuration><input><net-file value="g.net.xml"/><route-files valu
  <time><end value="600"/><step-length value="0.1"/></time></configuration>"""
 
 
-def write_scenario(folder: Path) -> None:
+def write_scenario(folder: Path, *, departures_s: float = 600.0) -> None:
     """Write a grid of 2 x 2 junctions with roads to all sides and traffic through it."""
     grid = ["--grid", "--grid.number", 2, "--grid.length", 120, "--grid.attach-length", 120, "-L", 1]
     sumo_program("netgenerate", *grid, "-j", "priority", "-o", "g.net.xml", "--seed", 3, cwd=folder)
@@ -61,7 +69,7 @@ def write_scenario(folder: Path) -> None:
     out = [
         e for e in ends if any(word in e[1:] for word in ("left", "right", "top", "bottom")) and e not in into
     ]
-    flow = 'begin="0" end="600" probability="0.035" departSpeed="max"'
+    flow = f'begin="0" end="{departures_s:g}" probability="0.035" departSpeed="max"'
     flows = [
         f'<flow id="{k}" type="car" {flow} from="{a}" to="{b}"/>'
         for k, (a, b) in enumerate((a, b) for a in into for b in out if a[:3] not in b)
@@ -213,6 +221,34 @@ def speed(config: str, vehicles: int, moments: int) -> None:
     print("then, median: {:.2f} s processor, {:.2f} s; most {:.2f} s processor".format(*middle))
 
 
+def warn(folder: Path, seeds: list[int]) -> None:
+    """Print collisions and travel time with the page's warning system and without it, paired by seed."""
+    for name in ("row", "grid"):
+        place = folder / name
+        place.mkdir(parents=True, exist_ok=True)
+        write_row(place)  # with the page's code
+        if name == "grid":
+            write_scenario(place, departures_s=30)
+        rows = []
+        for seed in seeds:
+            answers = []
+            for limit in (1.0, 0.01):
+                code = f"import warn; print(*warn.run('mine.sumocfg', {seed}, {limit}))"
+                words = [sys.executable, "-c", code]
+                done = subprocess.run(words, cwd=place, capture_output=True, text=True, check=True)
+                answers += map(float, done.stdout.split()[-2:])
+            rows.append(answers)
+            print(name, seed, *answers, flush=True)
+        hits, time_s, warned, warned_s = np.array(rows).T
+        fewer, more = int((warned < hits).sum()), int((warned > hits).sum())
+        slower = warned_s - time_s
+        print(
+            f"{name}: {hits.sum():g} pairs collide without, {warned.sum():g} with warnings (fewer in {fewer} "
+            f"of {len(seeds)} seeds, more in {more}); travel time {time_s.mean():.1f} {warned_s.mean():.1f} "
+            f"difference {slower.mean():+.1f} s, standard error {slower.std() / len(seeds) ** 0.5:.1f}"
+        )
+
+
 def film(path: Path, config: Path | None, begin_s: float, end_s: float) -> None:
     """Write a film of a watched window, and its worst moment as a picture; needs a display and PyAV."""
     risks: list[Risk] = []
@@ -262,9 +298,9 @@ def write_film(path: Path, pictures: list[Path], rate: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("what", choices=("collisions", "table", "speed", "film"))
+    parser.add_argument("what", choices=("collisions", "table", "warning", "speed", "film"))
     parser.add_argument("path", type=Path)
-    parser.add_argument("--seeds", default="1,2,3,4,5,6")
+    parser.add_argument("--seeds", default=None)
     parser.add_argument("--scenario", type=Path)
     parser.add_argument("--from", dest="first", type=float, default=20.0)
     parser.add_argument("--to", type=float, default=75.0)
@@ -273,15 +309,22 @@ def main() -> None:
     parser.add_argument("--moments", type=int, default=20)
     parser.add_argument("--count", action="store_true", help="only count the collisions")
     given = parser.parse_args()
+    seeds = (
+        [*map(int, given.seeds.split(","))]
+        if given.seeds
+        else [*range(1, 21 if given.what == "warning" else 7)]
+    )
     warnings.simplefilter("ignore")
     if given.what == "film":
         return film(given.path, given.scenario, given.first, given.to)
+    if given.what == "warning":
+        return warn(given.path, seeds)
     if given.what == "speed":
         return speed(str(given.path), given.vehicles, given.moments)
     given.path.mkdir(parents=True, exist_ok=True)
     if given.what == "collisions":
         write_scenario(given.path)
-        for seed in map(int, given.seeds.split(",")):
+        for seed in seeds:
             hits = collisions(given.path, seed, given.to)
             print(f"seed {seed}: {len(hits)} collisions", flush=True)
             if not given.count:

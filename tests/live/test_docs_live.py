@@ -23,15 +23,20 @@ CONFIG = """<configuration><input><net-file value="g.net.xml"/><route-files valu
  <time><step-length value="0.1"/></time></configuration>"""
 
 
-@pytest.fixture(scope="module")
-def row(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("row")
+def write_row(folder: Path) -> None:
+    """Write a road that becomes slow, its traffic, and the code of the page."""
     files = {"r.nod.xml": NODES, "r.edg.xml": EDGES, "r.rou.xml": ROUTES, "mine.sumocfg": CONFIG}
     for name, text in files.items():
         (folder / name).write_text(text)
     run("netconvert", "-n", "r.nod.xml", "-e", "r.edg.xml", "-o", "g.net.xml", cwd=folder)
     for block in re.findall(r"^```python\n(.*?)^```$", PAGE.read_text(), re.MULTILINE | re.DOTALL):
         (folder / block.split()[1]).write_text(block)
+
+
+@pytest.fixture(scope="module")
+def row(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("row")
+    write_row(folder)
     return folder
 
 
