@@ -55,7 +55,7 @@ def osi_library() -> Any:
 
 @contextmanager
 def _damage(error: type[MapError] | type[TrackError], path: Path) -> Iterator[None]:
-    from mcap.exceptions import McapError
+    from mcap.exceptions import McapError, RecordLengthLimitExceeded
 
     with one_line(error, path, "trace of OSI"):
         try:
@@ -63,6 +63,8 @@ def _damage(error: type[MapError] | type[TrackError], path: Path) -> Iterator[No
         except OSError as why:
             if why.errno != errno.EINVAL:  # the reader seeks its summary before the beginning
                 raise
+            raise ValueError(_CUT) from None
+        except RecordLengthLimitExceeded:  # the reader looks for its summary at the end
             raise ValueError(_CUT) from None
         except (McapError, EOFError, struct.error) as why:
             raise ValueError(str(why) or _CUT) from None

@@ -168,3 +168,12 @@ def test_lanes_side_by_side_make_one_road_and_a_straight_one_is_straight() -> No
     assert [(lane.number, lane.lane) for lane in file.lanes] == [(-1, 2), (-2, 1)]
     marks = [m.get("type") for m in road.findall(".//right/lane/roadMark")]
     assert marks == ["broken", "solid"]  # between the lanes one may change, beyond the right one not
+
+
+def test_pyxodr_reads_every_lane_of_a_map(tmp_path: Path) -> None:
+    network = pytest.importorskip("pyxodr.road_objects.network")
+    road = read_map(example_path("urban_intersection"))
+    file = tmp_path / "map.xodr"
+    file.write_text(opendrive_text(road))
+    roads = network.RoadNetwork(xodr_file_path=file, resolution=0.5).get_roads()
+    assert sum(len(section.lanes) for one in roads for section in one.lane_sections) == len(road.lanes)

@@ -231,6 +231,16 @@ def test_a_cut_trace_is_one_line(tmp_path: Path, keep: int) -> None:
         read_recorded([file])
 
 
+def test_a_cut_omega_prime_file_is_said_to_be_cut(tmp_path: Path) -> None:
+    file = tmp_path / "t.mcap"
+    with osi.Writer(str(file), metadata={}) as writer:
+        for frame in crossing():
+            writer.add(frame)
+    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    with pytest.raises(TrackError, match="ends within a record"):
+        read_recorded([file])
+
+
 def test_a_trace_of_another_major_version_is_one_line(tmp_path: Path) -> None:
     frames = crossing()
     frames[0].version = osi.InterfaceVersion(version_major=4, version_minor=1, version_patch=0)
