@@ -305,3 +305,28 @@ def test_k729_starts_warm_after_two_seconds_are_dropped(data: Path, number: int)
 def test_the_sample_of_version_1_2_has_no_defects(data: Path) -> None:
     table = read_tracks(data / "interaction/cases/v12_case_format_sample.csv")
     assert repair_tracks(table)[1] == ()
+
+
+@pytest.mark.parametrize(
+    ("site", "number", "turned"),
+    [
+        ("DEU_Roundabout_OF", 0, 0),
+        ("USA_Roundabout_FT", 0, 0),
+        ("USA_Roundabout_SR", 2, 1),
+        ("USA_Intersection_EP0", 4, 1),
+        ("USA_Intersection_GL", 4, 2),
+    ],
+)
+def test_tracks_of_interaction_are_left_alone_but_for_headings_that_a_note_names(
+    data: Path, site: str, number: int, turned: int
+) -> None:
+    folder = data / "interaction" / "recorded_trackfiles" / f"DR_{site}"
+    raw = read_tracks(folder / f"vehicle_tracks_{number:03}.csv.gz")
+    table, findings = repair_tracks(raw)
+    for name in ("track", "timestamp_ms", "x", "y", "vx", "vy"):
+        np.testing.assert_array_equal(getattr(table.vehicles, name), getattr(raw.vehicles, name))
+    change = np.abs(np.angle(np.exp(1j * (table.vehicles.psi_rad - raw.vehicles.psi_rad))))
+    assert len(np.unique(raw.vehicles.track[change > 1e-3])) == turned
+    assert (
+        sum(int(tracks) for tracks in re.findall(r"headings of (\d+) tracks", "; ".join(findings))) == turned
+    )
