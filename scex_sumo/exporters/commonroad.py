@@ -95,21 +95,23 @@ def _root(name: str, source: str) -> ET.Element:
 def _obstacles(request: Request, future: int, ego: int | None, used: set[int]) -> Iterable[ET.Element]:
     first, scene = 0 if ego is None else LOGGED_HISTORY - 1, request.scene
     free = max([*used, *scene.track_ids.tolist()]) + 1
-    for one in request.participants(future):
-        there = np.flatnonzero(one.present[first:])
-        if len(there) and (one.vehicle is None or one.vehicle != ego):
-            number = free + one.index + (scene.vehicles if one.vehicle is None else 0)
-            if isinstance(one.label, int) and one.label > 0 and one.label not in used:
-                number = one.label
-            yield _obstacle(number, one, one.states[first:][there[0] : there[-1] + 1], int(there[0]))
+    for participant in request.participants(future):
+        there = np.flatnonzero(participant.present[first:])
+        if len(there) and (participant.vehicle is None or participant.vehicle != ego):
+            number = free + participant.index + (scene.vehicles if participant.vehicle is None else 0)
+            if isinstance(participant.label, int) and participant.label > 0 and participant.label not in used:
+                number = participant.label
+            yield _obstacle(
+                number, participant, participant.states[first:][there[0] : there[-1] + 1], int(there[0])
+            )
 
 
-def _obstacle(number: int, one: Participant, states: States, first: int) -> ET.Element:
+def _obstacle(number: int, participant: Participant, states: States, first: int) -> ET.Element:
     element = ET.Element("dynamicObstacle", id=str(number))
-    add(element, "type", _TYPES.get(road_user(one.kind), road_user(one.kind)))
+    add(element, "type", _TYPES.get(road_user(participant.kind), road_user(participant.kind)))
     box = add(add(element, "shape"), "rectangle")
-    add(box, "length", number_text(one.length))
-    add(box, "width", number_text(one.width))
+    add(box, "length", number_text(participant.length))
+    add(box, "width", number_text(participant.width))
     rows = np.stack([states.x, states.y, states.heading, states.speed], axis=1)
     _state(add(element, "initialState"), rows[0], first)
     if len(rows) > 1:
@@ -245,15 +247,15 @@ def _signals(road: Road, numbers: Mapping[int, int], cycles: Cycles, seed_step: 
 
 def _lights(lanes: list[int], cycles: Cycles) -> dict[tuple[LightCycle, str], list[int]]:
     """Return the lanes of each light: cycle, and direction where the cycles of a lane differ by it."""
-    found: dict[tuple[LightCycle, str], list[int]] = {}
+    lanes_of: dict[tuple[LightCycle, str], list[int]] = {}
     for lane in lanes:
         at_lane = cycles.get(lane, {_OFF: ""})
         for cycle, letters in at_lane.items():
             turns = [turn for letter, turn in _TURNS.items() if letter in letters.lower().replace("t", "l")]
             apart = len(at_lane) > 1 and 0 < len(turns) < len(_TURNS)
             direction = turns[0] + "".join(turn.title() for turn in turns[1:]) if apart else "all"
-            found.setdefault((cycle, direction), []).append(lane)
-    return found
+            lanes_of.setdefault((cycle, direction), []).append(lane)
+    return lanes_of
 
 
 def _light(number: int, cycle: LightCycle, turns: str, lane: Lane, seed_step: int) -> ET.Element:

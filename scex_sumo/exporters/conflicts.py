@@ -110,7 +110,7 @@ def _conflicts(future: _Future, rows: Sequence[Row], collisions: Sequence[Row]) 
     for row in rows:
         if np.isfinite(row["value"]) and not (row["metric"] == "drac" and row["value"] <= 0):
             pairs.setdefault(frozenset((row["track_id"], row["other_id"])), []).append(row)
-    found = []
+    texts = []
     for pair, rows_of_pair in pairs.items():
         hit = hits.get(pair)
         until_ms = np.inf if hit is None else 1000 * hit["time_s"]
@@ -128,8 +128,8 @@ def _conflicts(future: _Future, rows: Sequence[Row], collisions: Sequence[Row]) 
             for event, row in zip(CONFLICTS, worst, strict=True)
         )
         if hit is not None or any(beyond):
-            found.append(_conflict(future, own, worst, hit))
-    for _, text in sorted(found):
+            texts.append(_conflict(future, own, worst, hit))
+    for _, text in sorted(texts):
         yield text
 
 

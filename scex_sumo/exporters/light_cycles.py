@@ -44,16 +44,16 @@ def light_cycles(net: SumoNet) -> dict[int, dict[LightCycle, str]]:
     """
     root = net_root(net.path)
     logics = {logic.get("id", ""): logic for logic in root.iter("tlLogic")}  # SUMO takes the last one
-    found: dict[int, dict[LightCycle, str]] = {}
+    cycles: dict[int, dict[LightCycle, str]] = {}
     for link in root.iter("connection"):
         cycle = _cycle(logics.get(link.get("tl", "")), int(link.get("linkIndex", "-1")))
         if cycle is None:
             continue
         for name in (f"{link.get('from')}_{link.get('fromLane')}", link.get("via", "")):
             for lane in net.lanes.lanelets(name):
-                turns = found.setdefault(lane, {})
+                turns = cycles.setdefault(lane, {})
                 turns[cycle] = turns.get(cycle, "") + link.get("dir", "s")
-    return found
+    return cycles
 
 
 def _cycle(logic: Element | None, link: int) -> LightCycle | None:

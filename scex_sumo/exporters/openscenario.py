@@ -122,25 +122,25 @@ def _scenario_text(xosc: Any, request: Request, future: int, road_file: str, fla
     models, steps, last = request.run.models_of(future), request.run.states(future).shape[1] - begin, 0.0
     act = xosc.Act("act", _at(xosc, "act starts", 0.0))
     at_once = xosc.TransitionDynamics(xosc.DynamicsShapes.step, xosc.DynamicsDimension.time, 0)
-    for one in request.participants(future):
-        name = f"{'other' if one.vehicle is None else 'vehicle'}{one.label}"
-        model = "recorded" if one.vehicle is None else models[one.vehicle]
-        entities.add_scenario_object(name, _entity(xosc, one, model))
-        states = one.states[begin:]
-        there = np.flatnonzero(one.present[begin:])  # straight lines bridge gaps in a track
+    for participant in request.participants(future):
+        name = f"{'other' if participant.vehicle is None else 'vehicle'}{participant.label}"
+        model = "recorded" if participant.vehicle is None else models[participant.vehicle]
+        entities.add_scenario_object(name, _entity(xosc, participant, model))
+        states = participant.states[begin:]
+        there = np.flatnonzero(participant.present[begin:])  # straight lines bridge gaps in a track
         if not len(there):
             continue
-        places = _vertices(xosc, one, states[there], level=0.0 if flat else None)
+        places = _vertices(xosc, participant, states[there], level=0.0 if flat else None)
         times = STEP_S * there.astype(np.float64)
         last = max(last, float(times[-1]))
         init.add_init_action(name, xosc.TeleportAction(places[0]))
         speed = xosc.AbsoluteSpeedAction(round(float(states.speed[there[0]]), 6), at_once)
         init.add_init_action(name, speed)
-        if one.label == request.ego:
+        if participant.label == request.ego:
             init.add_init_action(name, xosc.AcquirePositionAction(places[-1]))
             continue
         timing: tuple[Any, Any] = (1, 0)
-        if one.label in pair:
+        if participant.label in pair:
             timing = f"${_SCALE.format(name)}", f"${_DELAY.format(name)}"
             for parameter, value in zip((_SCALE, _DELAY), ("1", "0"), strict=True):
                 varied.add_parameter(xosc.Parameter(parameter.format(name), xosc.ParameterType.double, value))
@@ -177,8 +177,8 @@ def _walks(kind: str) -> bool:
     return road_user(kind) == "pedestrian"
 
 
-def _entity(xosc: Any, one: Participant, model: str) -> Any:
-    kind, length, width = one.kind, one.length, one.width
+def _entity(xosc: Any, participant: Participant, model: str) -> Any:
+    kind, length, width = participant.kind, participant.length, participant.width
     ahead = axle_offset(kind, length)
     if _walks(kind):
         height, mass = _WALKER
@@ -207,9 +207,9 @@ def _entity(xosc: Any, one: Participant, model: str) -> Any:
     return entity
 
 
-def _vertices(xosc: Any, one: Participant, states: States, *, level: float | None) -> list[Any]:
+def _vertices(xosc: Any, participant: Participant, states: States, *, level: float | None) -> list[Any]:
     """Return the places of a road user; without a level players put it on the road."""
-    back = axle_offset(one.kind, one.length)
+    back = axle_offset(participant.kind, participant.length)
     heading = np.unwrap(states.heading)
     x = states.x - back * np.cos(heading)
     y = states.y - back * np.sin(heading)

@@ -113,7 +113,7 @@ def _frame(drawn: OpenDrive, betterosi: Any) -> dict[str, Any]:
 
 def _numbers(users: list[Participant], lanes: Mapping[int, Any]) -> tuple[list[int], OsiNumbers]:
     """Return numbers of road users, and of lanes; vehicles keep theirs, lanes where one is free."""
-    known = [int(one.label) if one.vehicle is not None else -1 for one in users]
+    known = [int(participant.label) if participant.vehicle is not None else -1 for participant in users]
     people = count(max(known, default=0) + 1)
     own = [next(people) if number < 0 else number for number in known]
     taken, free = set(own), count(max((*own, *lanes), default=0) + 1)
@@ -123,26 +123,26 @@ def _numbers(users: list[Participant], lanes: Mapping[int, Any]) -> tuple[list[i
 
 def _lanes(request: Request, states: States) -> list[list[int]]:
     """Return the lanes of the map on which a road user is, at each step."""
-    found = match(request.road, states.x, states.y, states.heading)
+    matches = match(request.road, states.x, states.y, states.heading)
     lanes: list[list[int]] = [[] for _ in range(len(states.x))]
-    for step, lane in zip(found.vehicle.tolist(), found.lane_id.tolist(), strict=True):
+    for step, lane in zip(matches.vehicle.tolist(), matches.lane_id.tolist(), strict=True):
         lanes[step].append(lane)
     return lanes
 
 
 def _moving(
-    one: Participant, number: int, step: int, acceleration: float, lanes: list[int], betterosi: Any
+    participant: Participant, number: int, step: int, acceleration: float, lanes: list[int], betterosi: Any
 ) -> Any:
-    user, states = road_user(one.kind), one.states
+    user, states = road_user(participant.kind), participant.states
     ahead: FloatArray = np.array([np.cos(states.heading[step]), np.sin(states.heading[step])])
-    height = one.height
+    height = participant.height
     (vx, vy), (ax, ay) = float(states.speed[step]) * ahead, acceleration * ahead
     moving = betterosi.MovingObject
     details: dict[str, Any] = {"type": moving.Type(_PEDESTRIAN)}
     if user != "pedestrian":
         classes = moving.VehicleClassification
         role = classes.Role(_PUBLIC if user == "bus" else _CIVIL)
-        rear = betterosi.Vector3d(x=-(0.5 - _REAR_AXLE) * one.length, y=0.0, z=-height / 2)
+        rear = betterosi.Vector3d(x=-(0.5 - _REAR_AXLE) * participant.length, y=0.0, z=-height / 2)
         details = {
             "type": moving.Type(_VEHICLE),
             "vehicle_classification": classes(type=classes.Type(_TYPES.get(user, _TYPES["car"])), role=role),
@@ -152,7 +152,9 @@ def _moving(
     return moving(
         id=betterosi.Identifier(value=number),
         base=betterosi.BaseMoving(
-            dimension=betterosi.Dimension3d(length=one.length, width=one.width, height=height),
+            dimension=betterosi.Dimension3d(
+                length=participant.length, width=participant.width, height=height
+            ),
             position=betterosi.Vector3d(x=place[0], y=place[1], z=height / 2),
             orientation=betterosi.Orientation3d(roll=0.0, pitch=0.0, yaw=float(states.heading[step])),
             velocity=betterosi.Vector3d(x=float(vx), y=float(vy), z=0.0),

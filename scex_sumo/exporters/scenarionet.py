@@ -45,8 +45,8 @@ def write_scenarionet(request: Request) -> list[Path]:
 
 def _scenario(request: Request, future: int, name: str) -> dict[str, Any]:
     tracks: dict[str, dict[str, Any]] = {}
-    for one in request.participants(future):
-        key, track = str(one.label), _track(one)
+    for participant in request.participants(future):
+        key, track = str(participant.label), _track(participant)
         if key in tracks:
             key = track["metadata"]["object_id"] = f"obstacle_{key}"
         tracks[key] = track
@@ -73,17 +73,17 @@ def _scenario(request: Request, future: int, name: str) -> dict[str, Any]:
     }
 
 
-def _track(one: Participant) -> dict[str, Any]:
-    user, states, valid = road_user(one.kind), one.states, one.present
+def _track(participant: Participant) -> dict[str, Any]:
+    user, states, valid = road_user(participant.kind), participant.states, participant.present
     columns = {
         "position": np.stack([states.x, states.y, np.zeros(len(valid))], axis=1),
         "heading": states.heading,
         "velocity": np.stack(
             [states.speed * np.cos(states.heading), states.speed * np.sin(states.heading)], axis=1
         ),
-        "length": np.full(len(valid), one.length),
-        "width": np.full(len(valid), one.width),
-        "height": np.full(len(valid), one.height),
+        "length": np.full(len(valid), participant.length),
+        "width": np.full(len(valid), participant.width),
+        "height": np.full(len(valid), participant.height),
     }
     state = {
         key: np.where(valid.reshape(-1, *[1] * (column.ndim - 1)), column, 0.0)
@@ -91,8 +91,8 @@ def _track(one: Participant) -> dict[str, Any]:
     }
     word = _USERS.get(user, "VEHICLE")
     metadata = {
-        "type": one.kind,
-        "object_id": str(one.label),
+        "type": participant.kind,
+        "object_id": str(participant.label),
         "track_length": len(valid),
         "dataset": "scex-sumo",
     }

@@ -60,10 +60,10 @@ def to_networkx(graph: SceneGraph, future: int = 0) -> DiGraph[int]:
     if not len(rows):
         count = len(np.unique(graph.future))
         raise UsageError(f"scene graph: future {future} of a batch of {count}; choose 0 to {count - 1}")
-    made: DiGraph[int] = networkx.DiGraph()
+    result: DiGraph[int] = networkx.DiGraph()
     for row in rows:
         on_road = bool(graph.on_road[row])
-        made.add_node(
+        result.add_node(
             int(graph.vehicle[row]),
             history=graph.history[row].copy(),
             lane_id=int(graph.lane_id[row]) if on_road else None,
@@ -72,13 +72,13 @@ def to_networkx(graph: SceneGraph, future: int = 0) -> DiGraph[int]:
         )
     source, target = graph.edge_index
     for k in np.flatnonzero(graph.future[target] == future):
-        made.add_edge(
+        result.add_edge(
             int(graph.vehicle[source[k]]),
             int(graph.vehicle[target[k]]),
             kind=KINDS[graph.edge_kind[k]],
             **_named(graph.edge_columns, graph.edge[k]),
         )
-    return made
+    return result
 
 
 def _named(columns: tuple[str, ...], values: Any) -> dict[str, float]:

@@ -214,8 +214,8 @@ def _draw_lines(axes: Axes, lines: list[RoadLine], scale: float) -> None:
         chosen = [x for x in lines if (x.kind in kinds if kinds else x.kind not in (SURFACE, AREA, BORDER))]
         widths = [x.width_m if x.kind == SURFACE else 0.4 if x.kind == STOP else 0.15 for x in chosen]
         pixels = [max(width * scale, 1.0) for width in widths]
-        made = LineCollection([x.points for x in chosen], colors=color, linewidths=pixels, capstyle="round")
-        axes.add_collection(made, autolim=False)
+        drawn = LineCollection([x.points for x in chosen], colors=color, linewidths=pixels, capstyle="round")
+        axes.add_collection(drawn, autolim=False)
 
 
 def _shares(rgb: Rgb) -> tuple[float, float, float]:

@@ -129,11 +129,11 @@ def _opendrive(path: Path) -> str | None:
 
 def _map_beside(path: Path) -> Path | None:
     """Return the OpenDRIVE file of a trace: of its name, else that which it names, else the only one."""
-    found, own = sorted(path.parent.glob("*.xodr")), path.with_suffix(".xodr")
-    if own in found or len(found) < 2:
-        return own if own in found else next(iter(found), None)
+    maps, own = sorted(path.parent.glob("*.xodr")), path.with_suffix(".xodr")
+    if own in maps or len(maps) < 2:
+        return own if own in maps else next(iter(maps), None)
     named = next((truth.map_reference for truth in _messages(path, TOPICS["ground_truth"])), "")
-    return next((one for one in found if one.name == named), None)
+    return next((one for one in maps if one.name == named), None)
 
 
 def _lane_map(path: Path) -> DrawnMap:
@@ -197,20 +197,20 @@ def _boxes(path: Path) -> tuple[list[str], dict[str, str], FloatArray, str]:
     for truth in _messages(path, TOPICS["ground_truth"]):
         time_ms = truth.timestamp.seconds * 1e3 + truth.timestamp.nanos / 1e6
         ego = str(truth.host_vehicle_id.value) if truth.host_vehicle_id is not None else ego
-        for one in truth.moving_object:
-            names.append(str(one.id.value))
-            kinds.setdefault(names[-1], _kind(one))
-            rows.append((time_ms, *_state(one.base)))
+        for moving in truth.moving_object:
+            names.append(str(moving.id.value))
+            kinds.setdefault(names[-1], _kind(moving))
+            rows.append((time_ms, *_state(moving.base)))
         if len(rows) > MAX_ITEMS // 8:
             raise ValueError(f"more than {MAX_ITEMS // 8} boxes in it")
     return names, kinds, np.array(rows, dtype=np.float64).reshape(-1, 8), ego
 
 
-def _kind(one: Any) -> str:
-    number = int(one.type)
+def _kind(moving: Any) -> str:
+    number = int(moving.type)
     if number in _OTHERS:
         return _OTHERS[number]
-    known = one.vehicle_classification
+    known = moving.vehicle_classification
     if number == _UNKNOWN and known is None:
         return "unknown"
     return _VEHICLES.get(int(known.type), "car") if known is not None else "car"

@@ -31,21 +31,21 @@ _Key = TypeVar("_Key", bound=Hashable)
 def osi_map(path: Path, truth: Any) -> DrawnMap:
     """Return the lanes and markings of ground truth; a junction without lanes gets one for each movement."""
     drawn = DrawnMap(path=path)
-    bounds = {one.id.value: one for one in truth.lane_boundary}
-    for one in truth.lane:
-        if _kind(one) and len(one.classification.centerline) > 1:
-            drawn.lanes.append(_lane(one, bounds))
+    bounds = {part.id.value: part for part in truth.lane_boundary}
+    for part in truth.lane:
+        if _kind(part) and len(part.classification.centerline) > 1:
+            drawn.lanes.append(_lane(part, bounds))
     drawn.lanes += _movements(truth.lane, {lane.name: lane for lane in drawn.lanes})
-    for one in bounds.values():
-        kind = int(one.classification.type) if one.classification is not None else 0
+    for part in bounds.values():
+        kind = int(part.classification.type) if part.classification is not None else 0
         if kind in _LINES:
-            drawn.lines.append((*_LINES[kind], _points(p.position for p in one.boundary_line)))
+            drawn.lines.append((*_LINES[kind], _points(p.position for p in part.boundary_line)))
     drawn.lit = {name: None for light in truth.traffic_light for name in lanes_of(light)}
     return drawn
 
 
-def _kind(one: Any) -> str:
-    about = one.classification
+def _kind(lane: Any) -> str:
+    about = lane.classification
     if about is None or (about.type == _NONDRIVING and about.subtype != _BIKING):
         return ""
     return {_DRIVING: "vehicle", _INTERSECTION: "vehicle", _NONDRIVING: "bicycle"}.get(int(about.type), "")
@@ -55,9 +55,9 @@ def _points(places: Iterable[Any]) -> FloatArray:
     return np.array([(place.x, place.y) for place in places if place is not None]).reshape(-1, 2)
 
 
-def _lane(one: Any, bounds: dict[int, Any]) -> DrawnLane:
+def _lane(lane: Any, bounds: dict[int, Any]) -> DrawnLane:
     """Return a lane in driving direction, which OSI's points need not have."""
-    about = one.classification
+    about = lane.classification
     centre = _points(about.centerline)
     sides = [
         [bounds[name.value] for name in names if name.value in bounds]
@@ -69,12 +69,12 @@ def _lane(one: Any, bounds: dict[int, Any]) -> DrawnLane:
     known, length = all(len(line) > 1 for line in lines), length_of(centre)
     whole = known and all(abs(length_of(line) - length) < MAX_SKEW * length for line in lines)
     return DrawnLane(
-        name=one.id.value,
+        name=lane.id.value,
         centre=centre,
         left=lines[0] if whole else None,
         right=lines[1] if whole else None,
         width_m=mean_width_m(*lines) if known else None,
-        kind=_kind(one),
+        kind=_kind(lane),
         inside=about.type == _INTERSECTION,
         closed=tuple(
             side

@@ -121,20 +121,20 @@ def catalogue(
         population = read_population(rankings)
         chosen = choose(population, count, seed=seed)
         draws = {"seed": seed, "futures": FUTURES}
-        made, notes = [], list[str]()
+        cases, notes = [], list[str]()
         with progress_of(progress, "cases") as tick:
             for one in _cases(population, chosen, out, tuple(formats), draws, notes):
-                made.append(one)
+                cases.append(one)
                 if tick is not None:
-                    tick(len(made), len(chosen))
-        made.sort(key=lambda one: str(one.about["name"]))
-        info = _info(population, chosen, made, draws) | {"notes": notes, "versions": versions()}
+                    tick(len(cases), len(chosen))
+        cases.sort(key=lambda one: str(one.about["name"]))
+        info = _info(population, chosen, cases, draws) | {"notes": notes, "versions": versions()}
         info |= {"command": list(command) if command else None, "scex_sumo": __version__}
         info |= {"seconds": round(time.perf_counter() - started, 1)}
-        names = ", ".join(sorted({str(one.about["site"]) for one in made}))
+        names = ", ".join(sorted({str(one.about["site"]) for one in cases}))
         text = _LICENCE_TEXT.format(names=names, given=licence, version=__version__)
         write_atomic(out / LICENCE, text.encode())
-        write_catalogue_page(out / PAGE, info, [one.card for one in made])
+        write_catalogue_page(out / PAGE, info, [one.card for one in cases])
         folder.finish(info, allow_nan=False)
     return open_suite(out)
 
@@ -251,11 +251,11 @@ def _usable(
 
 
 def _info(
-    population: Population, chosen: Chosen, made: Sequence[_Made], draws: Mapping[str, Any]
+    population: Population, chosen: Chosen, cases: Sequence[_Made], draws: Mapping[str, Any]
 ) -> dict[str, Any]:
     chance, severity = population.column("probability"), population.column("severity")
     kinds, risk = np.array(population.kinds), population.risk
-    picked = [{"kind": str(one.about["kind"]), "risk": str(one.about["risk"])} for one in made]
+    picked = [{"kind": str(one.about["kind"]), "risk": str(one.about["risk"])} for one in cases]
     coverage = [
         {
             "kind": row["kind"],
@@ -284,5 +284,5 @@ def _info(
             for words, size in zip(chosen.strata, chosen.sizes, strict=True)
         ],
         "unseen": sorted({one["kind"] for one in population.exposure()} - {p["kind"] for p in picked}),
-        "cases": [dict(one.about) for one in made],
+        "cases": [dict(one.about) for one in cases],
     }

@@ -93,11 +93,11 @@ def choose(population: Population, count: int, *, seed: int = 0, per_moment: boo
             weight.append(float(size[members].sum() / size[index[-1]]))
             spare.append([k for k in order if k != index[-1]])
             used.add(seeds[index[-1]])
-    found = np.array(index, dtype=np.int64)
-    order, novelty = _by_novelty(features[found], np.array(population.kinds)[found])
+    chosen = np.array(index, dtype=np.int64)
+    order, novelty = _by_novelty(features[chosen], np.array(population.kinds)[chosen])
     return Chosen(
-        index=found[order],
-        stratum=stratum[found][order],
+        index=chosen[order],
+        stratum=stratum[chosen][order],
         weight=np.array(weight)[order],
         novelty=novelty,
         spare=[spare[k] for k in order.tolist()],
@@ -163,15 +163,15 @@ def _words(group: frozenset[tuple[str, int]]) -> str:
 
 def allocation(sizes: IntArray, sums: Sequence[float], count: int) -> IntArray:
     """Return the number of cases (H,) of each stratum: `EACH`, or all; the others by the sum of shares."""
-    found = np.minimum(sizes, EACH).astype(np.float64)
+    counts = np.minimum(sizes, EACH).astype(np.float64)
     for _ in range(len(sizes) + 1):
-        open_ = found < sizes
-        left = min(count, int(sizes.sum())) - found.sum()
+        open_ = counts < sizes
+        left = min(count, int(sizes.sum())) - counts.sum()
         if left <= 1e-9 or not open_.any():
             break
-        found = np.minimum(found + left * _share(np.where(open_, np.array(sums), 0.0)), sizes)
-    whole = np.floor(found + 1e-9).astype(np.int64)
-    rest = np.argsort(whole - found, kind="stable")[: max(0, round(float(found.sum())) - int(whole.sum()))]
+        counts = np.minimum(counts + left * _share(np.where(open_, np.array(sums), 0.0)), sizes)
+    whole = np.floor(counts + 1e-9).astype(np.int64)
+    rest = np.argsort(whole - counts, kind="stable")[: max(0, round(float(counts.sum())) - int(whole.sum()))]
     whole[rest] += 1
     return np.minimum(whole, sizes)
 

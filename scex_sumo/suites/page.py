@@ -84,8 +84,8 @@ _COLUMNS: Final = (
 )
 
 
-def _about(one: CaseCard) -> dict[str, str]:
-    row = one.row
+def _about(case: CaseCard) -> dict[str, str]:
+    row = case.row
     return {"kind": row["kind"], "risk": RISK_WORDS[row["risk"]], "site": row["location"]}
 
 
@@ -112,11 +112,11 @@ def kind_table(
     head = element("tr", element("th", "kind"), *(element("th", value) for value in values))
     body = []
     for kind, cells in rows.items():
-        found = []
+        row = []
         for value, (words, has_cases) in zip(values, cells, strict=True):
             wanted = json.dumps({"kind": kind, filter_name: value})
-            found.append(element("td", element("button", words, data_cell=wanted) if has_cases else words))
-        body.append(element("tr", element("th", kind), *found))
+            row.append(element("td", element("button", words, data_cell=wanted) if has_cases else words))
+        body.append(element("tr", element("th", kind), *row))
     return element("div.scroll", element("table", element("thead", head), element("tbody", *body)))
 
 
@@ -140,11 +140,11 @@ def filter_bar(filters: Mapping[str, Sequence[str]], words: str, *, save: bool) 
     return element("section.card", row, element("p.soft", words), element("p.soft", id="said", role="status"))
 
 
-def _card(one: CaseCard) -> Html:
-    row = one.row
+def _card(case: CaseCard) -> Html:
+    row = case.row
     who = row["person"] or row["track_id"]
     facts = [
-        f"{who} {one.words}; the function drives {row['other_id']}",
+        f"{who} {case.words}; the function drives {row['other_id']}",
         f"people touch: {once_in(row['probability'])}",
         f"stands for {counted(round(row['weight']), 'candidate')}; adds {row['novelty']:.1f}",
     ]
@@ -153,7 +153,7 @@ def _card(one: CaseCard) -> Html:
         "article.card",
         element("h2", element("b", row["name"][:3]), f" {row['kind']}"),
         element("p.soft", f"{row['location']}, {row['recording']}, {row['time_s']:g} s"),
-        one.stage.picture,
+        case.stage.picture,
         element("ul", *(element("li", fact) for fact in facts)),
         element("div.row", mark, element("code", f"cases/{row['name']}")),
         id=row["name"],

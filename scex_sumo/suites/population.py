@@ -184,10 +184,12 @@ def candidates_of(row: Mapping[str, Any]) -> list[dict[str, Any]]:
     told = {name: row[name] for name in (*PARAMETERS, "track_id", "other_id", "person", "needed_braking")}
     told |= {name.removeprefix("own_"): row[name] for name in OWN}
     back = 1 - (1 - row["probability"]) / (1 - min(row["own_probability"], 1 - 1e-12))
-    found = [same | told]
+    candidates = [same | told]
     if row["person"] is None and back >= LEAST:
-        found.append(same | _exchanged(row) | {"probability": back, "person": None, "needed_braking": None})
-    return [one for one in found if one["probability"] >= LEAST]
+        candidates.append(
+            same | _exchanged(row) | {"probability": back, "person": None, "needed_braking": None}
+        )
+    return [one for one in candidates if one["probability"] >= LEAST]
 
 
 def _exchanged(row: Mapping[str, Any]) -> dict[str, Any]:

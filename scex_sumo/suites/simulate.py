@@ -186,14 +186,14 @@ def simulate(
 
 
 def _assignment(situation: Situation, draws: Draws, *, human_like: bool) -> IntArray:
-    found = np.full((len(draws.row), situation.scene.vehicles), _SCRIPT, dtype=np.int64)
+    assignment = np.full((len(draws.row), situation.scene.vehicles), _SCRIPT, dtype=np.int64)
     if human_like:  # who is scripted needs nobody that reacts
-        return found
-    found[:, list(situation.near)] = _OTHERS
+        return assignment
+    assignment[:, list(situation.near)] = _OTHERS
     if situation.initiator < situation.expected.vehicles:
-        found[draws.row < 0, situation.initiator] = _EXPECTED
-    found[:, situation.responder] = _FUNCTION
-    return found
+        assignment[draws.row < 0, situation.initiator] = _EXPECTED
+    assignment[:, situation.responder] = _FUNCTION
+    return assignment
 
 
 def _respond(script: States, situation: Situation, draws: Draws) -> None:
@@ -287,13 +287,13 @@ def _apart(situation: Situation, states: States, one: int, other: int) -> FloatA
 
 
 def _halves(values: FloatArray) -> FloatArray:
-    found = np.empty((len(values), 2 * values.shape[1] - 1))
-    found[:, ::2], found[:, 1::2] = values, (values[:, 1:] + values[:, :-1]) / 2
-    return found
+    halves = np.empty((len(values), 2 * values.shape[1] - 1))
+    halves[:, ::2], halves[:, 1::2] = values, (values[:, 1:] + values[:, :-1]) / 2
+    return halves
 
 
 def _first_s(apart: FloatArray) -> FloatArray:
     """Return (C,) time of the first contact after the seed moment, s; inf without, or if they touch then."""
     hit = apart < 0
-    found = np.where(hit.any(axis=1), np.argmax(hit, axis=1) * STEP_S / 2, np.inf)
-    return np.where(hit[:, 0], np.inf, found)
+    first_s = np.where(hit.any(axis=1), np.argmax(hit, axis=1) * STEP_S / 2, np.inf)
+    return np.where(hit[:, 0], np.inf, first_s)

@@ -117,8 +117,8 @@ class Situation:
             grid, cases.action[:, None], time_gaps(cases)[:, None], left_at(cases, grid)
         )
         later = np.minimum.accumulate(later, axis=1)
-        found = [np.interp(-u, -later[k], _GRID_S) for k, u in zip(row.tolist(), survival, strict=True)]
-        return np.where(np.isinf(self.critical[row]) & (self.critical[row] > 0), np.inf, found)
+        times_s = [np.interp(-u, -later[k], _GRID_S) for k, u in zip(row.tolist(), survival, strict=True)]
+        return np.where(np.isinf(self.critical[row]) & (self.critical[row] > 0), np.inf, times_s)
 
     def scripted(self, rows: IntArray, extra: int) -> States:
         """Return states (C, V, 1 + STEPS + extra) in which all move as expected, and the initiator acts.

@@ -51,17 +51,17 @@ def encounters_of(pairs: Sequence[tuple[MomentRef, pa.Table]], every_s: float) -
     refs = refs.take(np.repeat(np.arange(len(pairs)), [len(table) for _, table in pairs]))
     order, begins = _grouped(rows, refs, _CONSECUTIVE * every_s)
     time, starts = np.asarray(refs["time_s"])[order], np.flatnonzero(begins)
-    found = {name: rows[name] for name in PAIRS.names} | {name: refs[name] for name in _PLACE}
+    columns_of = {name: rows[name] for name in PAIRS.names} | {name: refs[name] for name in _PLACE}
     best = order[_first_of_each(_worst_first(rows)[order], begins)]
-    found = {name: column.take(best) for name, column in found.items()}
-    found |= {
+    columns_of = {name: column.take(best) for name, column in columns_of.items()}
+    columns_of |= {
         "first_s": pa.array(np.minimum.reduceat(time, starts)),
         "last_s": pa.array(np.maximum.reduceat(time, starts)),
         "moments": pa.array(np.diff(starts, append=len(order))),
         "gap_m": pa.array(np.minimum.reduceat(np.asarray(rows["gap_m"])[order], starts)),
     }
     missing = pa.nulls(len(starts))
-    columns = [found.get(field.name, missing).cast(field.type) for field in ENCOUNTERS]
+    columns = [columns_of.get(field.name, missing).cast(field.type) for field in ENCOUNTERS]
     return _with_usual(pa.table(columns, schema=ENCOUNTERS))
 
 
@@ -97,15 +97,15 @@ def _first_of_each(place: IntArray, begins: BoolArray) -> IntArray:
 def _with_usual(encounters: pa.Table) -> pa.Table:
     population = Population(encounters)
     rows = encounters.select(["location", "kind", "probability", "gap_m", "doubt"]).to_pylist()
-    found = [
+    usual = [
         population.usual(row["location"], row["kind"], row["probability"], counted=counts(row))
         for row in rows
     ]
     times = [
         row["probability"] / one.median if one and one.median else None
-        for row, one in zip(rows, found, strict=True)
+        for row, one in zip(rows, usual, strict=True)
     ]
-    return with_columns(encounters, usual_columns(found) | {"times_usual": times})
+    return with_columns(encounters, usual_columns(usual) | {"times_usual": times})
 
 
 def with_columns(table: pa.Table, columns: Mapping[str, Sequence[Any]]) -> pa.Table:

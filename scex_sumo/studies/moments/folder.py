@@ -186,14 +186,14 @@ class StudyFolder(OutputFolder):
 
     def failures(self) -> dict[str, Failure]:
         """Return failures by moment; damaged files are removed, so that their moments run again."""
-        found = {}
+        failures = {}
         for file in sorted((self.path / _FAILED).glob("*.json")):
             if rows := self._kept(_FAILED, file.stem):
                 failure = Failure(**from_row(rows[0]))
-                found[failure.moment] = failure
+                failures[failure.moment] = failure
             else:
                 file.unlink()
-        return found
+        return failures
 
     def clear_failure(self, moment: str) -> None:
         """Let a moment be tried again."""

@@ -72,10 +72,10 @@ def pairs_of_moment(scene: SeedScene) -> pa.Table:
 
 
 def _conflict(expected: Expected, one: int, other: int) -> Mapping[str, Any]:
-    found = conflict_of(expected, one, other)
-    both = (found.speeds, found.accelerations, found.arrivals_s)
-    values = found.angle_deg, found.apart_m, *(value for pair in both for value in pair)
-    return {"conflict": found.kind, **dict(zip(PARAMETERS, values, strict=True))}
+    conflict = conflict_of(expected, one, other)
+    both = (conflict.speeds, conflict.accelerations, conflict.arrivals_s)
+    values = conflict.angle_deg, conflict.apart_m, *(value for pair in both for value in pair)
+    return {"conflict": conflict.kind, **dict(zip(PARAMETERS, values, strict=True))}
 
 
 def _own(
@@ -84,9 +84,9 @@ def _own(
     one, other = row["track_id"], row["other_id"]
     own, back = orders.get((one, other), ()), orders.get((other, one), ())
     severity = sum(response["expected_mais3"] for response in own)
-    found = [either(response["probability"] for response in own), severity]
-    found += [either(each[name] for each in some) for some in (own, back) for name in ("unanswered", "acts")]
-    return dict(zip((*OWN, *BACK), found, strict=True))
+    values = [either(response["probability"] for response in own), severity]
+    values += [either(each[name] for each in some) for some in (own, back) for name in ("unanswered", "acts")]
+    return dict(zip((*OWN, *BACK), values, strict=True))
 
 
 def _row(pair: PairResponse) -> Mapping[str, Any]:

@@ -111,8 +111,8 @@ class Order:
             SAID if verdict and verdict["verdict"] == DATA_ERROR else row["doubt"]
             for row, verdict in zip(rows, verdicts, strict=True)
         ]
-        found = {name: [one[name] or None if one else None for one in verdicts] for name in TRIAGE}
-        return with_columns(encounters, {"doubt": doubts, **found}) if self.triage else encounters
+        columns = {name: [one[name] or None if one else None for one in verdicts] for name in TRIAGE}
+        return with_columns(encounters, {"doubt": doubts, **columns}) if self.triage else encounters
 
     def _is_out(self, encounters: pa.Table) -> pa.ChunkedArray:
         is_doubtful = pc.is_valid(encounters["doubt"])
@@ -154,11 +154,11 @@ class StressTest:
 def with_stress(encounters: pa.Table, tests: Mapping[str, StressTest]) -> pa.Table:
     """Return encounters with what the futures of their moments, by name, say; null without any."""
     rows = encounters.select(["seed", "track_id", "other_id"]).to_pylist()
-    found = []
+    shares = []
     for row in rows:
         test = tests.get(row["seed"])
         key = min(row["track_id"], row["other_id"]), max(row["track_id"], row["other_id"])
-        found.append((None, None) if test is None else test.events.get(key, (0.0, 0.0)))
+        shares.append((None, None) if test is None else test.events.get(key, (0.0, 0.0)))
     return with_columns(
-        _whole(encounters), {name: [row[k] for row in found] for k, name in enumerate(STRESS)}
+        _whole(encounters), {name: [row[k] for row in shares] for k, name in enumerate(STRESS)}
     )

@@ -162,29 +162,29 @@ class _Futures:
         new = {code: row for code, row in asked.items() if code not in self.known}
         if new:
             job = dataclasses.replace(self._job, assignment=self.drawn.assignment(np.array([*new.values()])))
-            found = critical_pairs(run_in_memory(job, range(len(new))), job.scene.track_ids)
-            self.known |= dict(zip(new, found, strict=True))
+            pairs = critical_pairs(run_in_memory(job, range(len(new))), job.scene.track_ids)
+            self.known |= dict(zip(new, pairs, strict=True))
         return _happens(self.events([self.known[row.tobytes()] for row in rows]), keys, len(rows))
 
     def leaves(self, search: Search, event: int, key: _Key) -> dict[_Path, float]:
         """Return the partial assignments under which an event happens, and what it adds on average."""
-        found = {}
+        leaves = {}
         for leaf in search.trees[event].leaves():
             if search.outcomes[leaf.rows[0], event]:
                 pairs = [self.known[search.rows[row].tobytes()] for row in leaf.rows]
-                found[leaf.path] = float(self.events(pairs)[key][:, 1].mean())
-        return found
+                leaves[leaf.path] = float(self.events(pairs)[key][:, 1].mean())
+        return leaves
 
     def events(self, pairs: Sequence[IntArray]) -> dict[_Key, FloatArray]:
         """Return by event (C, 2): 1 in the futures in which it happens, and what it adds to their score."""
-        found: dict[_Key, FloatArray] = {}
+        events: dict[_Key, FloatArray] = {}
         for future, rows in enumerate(pairs):
             for row, worth in zip(rows.tolist(), worth_of(rows).tolist(), strict=True):
                 for event, happens, value in ((COLLISION, row[2], worth), (CRITICAL, 1, CRITICAL_WEIGHT)):
                     if happens:
                         key = (min(row[:2]), max(row[:2]), event)
-                        found.setdefault(key, np.zeros((len(pairs), 2)))[future] = 1.0, value
-        return found
+                        events.setdefault(key, np.zeros((len(pairs), 2)))[future] = 1.0, value
+        return events
 
 
 def _happens(events: Mapping[_Key, FloatArray], keys: Sequence[_Key], count: int) -> BoolArray:

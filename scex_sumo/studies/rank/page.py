@@ -75,7 +75,7 @@ def write_ranking_page(
     top = lines.filter(pc.is_valid(lines["rank"])).slice(0, run.settings.top).to_pylist()
     names = list(dict.fromkeys(row["seed"] for row in top))
     refs = [ref for ref in run.refs if ref.moment in names]
-    found: dict[int, tuple[Html, dict[str, Any]]] = {}
+    cards: dict[int, tuple[Html, dict[str, Any]]] = {}
     shares: dict[int, float | None] = {}
     with Workers(workers) as pool:
         for task in run.tasks(refs):
@@ -87,12 +87,12 @@ def write_ranking_page(
             ran = _write_report(task, scene, command, report, pool, rows, weights)
             for row in rows:
                 shares[row["rank"]] = row[FITTED]
-                found[row["rank"]] = _card(row, scene, command, ran)
+                cards[row["rank"]] = _card(row, scene, command, ran)
     each = ranking.select(["rank", "more"]).to_pylist()
     values = [None if row["more"] is None else shares.get(row["rank"]) for row in each]
     ranking = with_columns(ranking, {FITTED: values})
     lines = leads(ranking)
-    shown = [found[row["rank"]] for row in top if row["rank"] in found]
+    shown = [cards[row["rank"]] for row in top if row["rank"] in cards]
     rows = lines.slice(0, max(_ROWS, len(top))).to_pylist()
     parts = [
         _bar(),

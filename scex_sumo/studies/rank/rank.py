@@ -123,8 +123,8 @@ def rank(
     if window[0] is not None and window[1] is not None and window[0] > window[1]:
         raise UsageError(f"--from {window[0]:g} --to {window[1]:g}: ends before it begins")
     places = [roots] if isinstance(roots, str | Path) else roots
-    found = find_recordings(places)
-    recordings = tuple(recording.within(window) for recording in found)
+    recordings_found = find_recordings(places)
+    recordings = tuple(recording.within(window) for recording in recordings_found)
     identity = settings.to_json(recordings)
     with (
         closing(moment_workers(run_moment, workers, cluster)) as pool,

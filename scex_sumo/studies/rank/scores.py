@@ -92,12 +92,16 @@ def critical_pairs(part: Part, track_ids: IntArray) -> list[IntArray]:
         )
         for hit in first_contacts(part.collisions).to_pylist()
     }
-    found = encounters_of_rows(part.encounters)
-    answers = answers_of(found)
+    encounters = encounters_of_rows(part.encounters)
+    answers = answers_of(encounters)
     some = np.flatnonzero(answers["critical"])
-    speed = np.round(100 * found.relative_speed[some])
+    speed = np.round(100 * encounters.relative_speed[some])
     hits = answers["collision"][some]
-    future, one, other = found.future[some], track_ids[found.first[some]], track_ids[found.second[some]]
+    future, one, other = (
+        encounters.future[some],
+        track_ids[encounters.first[some]],
+        track_ids[encounters.second[some]],
+    )
     pairs = zip(future.tolist(), one.tolist(), other.tolist(), strict=True)
     injuries = np.array([injured.get((c, frozenset((a, b))), 0) for c, a, b in pairs], dtype=np.int64)
     rows = np.stack([one, other, hits, speed, injuries], axis=-1)

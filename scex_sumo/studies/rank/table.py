@@ -188,8 +188,8 @@ def moment_row(
     return row
 
 
-def _share(name: str, found: Interval) -> dict[str, float]:
-    return dict(zip(_ends(name), (found.value, found.low, found.high), strict=True))
+def _share(name: str, interval: Interval) -> dict[str, float]:
+    return dict(zip(_ends(name), (interval.value, interval.low, interval.high), strict=True))
 
 
 def _outcome(pairs: Sequence[IntArray], intervals: DesignIntervals) -> dict[str, Any]:
@@ -237,12 +237,12 @@ def tabulate(rows: Iterable[dict[str, Any]], settings: RankSettings) -> pa.Table
 def placed(table: pa.Table, thresholds: Mapping[str, float], *, seed: int) -> pa.Table:
     """Sort rows of moments by rank, the most critical first."""
     medians = np.stack([_larger_is_worse(table, column) for column in thresholds], axis=-1)
-    found = place(np.asarray(table["score"]), np.asarray(table["score_error"]), severity=medians, seed=seed)
-    values = {"rank": found.rank, "rank_low": found.low, "rank_high": found.high}
+    places = place(np.asarray(table["score"]), np.asarray(table["score_error"]), severity=medians, seed=seed)
+    values = {"rank": places.rank, "rank_low": places.low, "rank_high": places.high}
     for name, column in values.items():
         index = table.schema.get_field_index(name)
         table = table.set_column(index, table.schema.field(index), pa.array(column))
-    return table.take(np.asarray(found.order(), dtype=np.int64))
+    return table.take(np.asarray(places.order(), dtype=np.int64))
 
 
 def _larger_is_worse(table: pa.Table, column: str) -> FloatArray:

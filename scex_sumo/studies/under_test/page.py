@@ -44,7 +44,7 @@ def under_test_card(tested: UnderTest) -> Html:
 
 def under_test_curves(run: Run, tested: UnderTest) -> list[dict[str, Any]]:
     """Return by metric the values with the driver under test and without, and half-widths of their bands."""
-    found: list[dict[str, Any]] = []
+    curves: list[dict[str, Any]] = []
     for column in critical_columns(tested.columns):
         if column == COLLISION:
             continue
@@ -57,5 +57,5 @@ def under_test_curves(run: Run, tested: UnderTest) -> list[dict[str, Any]]:
                 sets.append({"kind": kind, "values": values[-1].tolist(), "band": band})
         view = value_range(np.concatenate(values), limit)
         about = {"title": metric_title(column), "side": metric_of(column).side, "threshold": limit}
-        found.append(about | {"view": view, "ticks": ticks(*view), "sets": sets})
-    return found
+        curves.append(about | {"view": view, "ticks": ticks(*view), "sets": sets})
+    return curves

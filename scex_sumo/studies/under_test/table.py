@@ -65,12 +65,12 @@ def print_under_test(run: Run, console: Console, *, preset: str | None = None) -
 
 def verdict(tested: UnderTest) -> str:
     """Return collisions and severe injuries before and after, and whether the driver is better, in words."""
-    found = differences(tested)
-    hits = next(((one, p) for one, _, p in found if one.column == COLLISION), None)
-    main = [each for each in found if each[0].column in MAIN]
-    found = main or [each for each in found if each[0].column != COLLISION]
-    better = [metric_of(one.column).words for one, p, _ in found if p < _CHANCE and one.better > one.worse]
-    worse = [metric_of(one.column).words for one, p, _ in found if p < _CHANCE and one.worse > one.better]
+    changes = differences(tested)
+    hits = next(((one, p) for one, _, p in changes if one.column == COLLISION), None)
+    main = [each for each in changes if each[0].column in MAIN]
+    changes = main or [each for each in changes if each[0].column != COLLISION]
+    better = [metric_of(one.column).words for one, p, _ in changes if p < _CHANCE and one.better > one.worse]
+    worse = [metric_of(one.column).words for one, p, _ in changes if p < _CHANCE and one.worse > one.better]
     parts = [f"{word} in {', '.join(n)}" for word, n in (("better", better), ("worse", worse)) if n]
     found_words = {(True, True): "mixed", (True, False): "better", (False, True): "worse"}
     word = found_words.get((bool(better), bool(worse)), "no difference shown")

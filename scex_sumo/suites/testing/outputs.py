@@ -48,14 +48,14 @@ def _legal(text: str) -> str:
     return "".join(c if c.isprintable() else " " for c in text)
 
 
-def case_words(one: Mapping[str, Any]) -> str:
+def case_words(case: Mapping[str, Any]) -> str:
     """Return a case's verdict in words."""
-    if one["verdict"] == FAILED:
-        return str(one["reason"])
+    if case["verdict"] == FAILED:
+        return str(case["reason"])
     return (
-        f"{one['verdict']}: touches in {one['contacts']} of {one['futures']} futures, people in "
-        f"{one['people_contacts']:.1f} (p {chance_text(one['p'])}); on the road: "
-        f"{once_in(one['probability'])}, people {once_in(one['people'])}"
+        f"{case['verdict']}: touches in {case['contacts']} of {case['futures']} futures, people in "
+        f"{case['people_contacts']:.1f} (p {chance_text(case['p'])}); on the road: "
+        f"{once_in(case['probability'])}, people {once_in(case['people'])}"
     )
 
 

@@ -59,12 +59,12 @@ def write_test_page(path: Path, result: Mapping[str, Any], records: Mapping[str,
     )
 
 
-def _data(one: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
+def _data(case: Mapping[str, Any], record: Mapping[str, Any]) -> dict[str, Any]:
     return {
-        "name": one["name"],
+        "name": case["name"],
         "outlines": record.get("outlines"),
         "contact": record.get("contact"),
-        "about": {"kind": one["kind"], "verdict": one["verdict"]},
+        "about": {"kind": case["kind"], "verdict": case["verdict"]},
     }
 
 
@@ -75,22 +75,22 @@ def _verdicts(by_kind: Mapping[str, Mapping[str, int]]) -> Html:
     return kind_table("verdict", VERDICTS, rows)
 
 
-def _card(one: Mapping[str, Any], record: Mapping[str, Any]) -> Html:
+def _card(case: Mapping[str, Any], record: Mapping[str, Any]) -> Html:
     picture = Html(record["picture"]) if "picture" in record else element("p.soft", "no future")
-    facts = [case_words(one)]
-    if one["verdict"] != FAILED:
-        facts.append(f"{one['action']}; touches another vehicle in {one['others']} futures")
-        if one["struck"]:
-            facts.append(f"stands when it is hit in {one['struck']} futures")
+    facts = [case_words(case)]
+    if case["verdict"] != FAILED:
+        facts.append(f"{case['action']}; touches another vehicle in {case['others']} futures")
+        if case["struck"]:
+            facts.append(f"stands when it is hit in {case['struck']} futures")
         facts.append(
-            f"hardest braking {one['hardest_mps2']:.1f} m/s², stands for {one['weight']:.0f} candidates"
+            f"hardest braking {case['hardest_mps2']:.1f} m/s², stands for {case['weight']:.0f} candidates"
         )
     return element(
         "article.card",
-        element("h2", element("b", one["name"][:3]), f" {one['kind']}: {one['verdict']}"),
+        element("h2", element("b", case["name"][:3]), f" {case['kind']}: {case['verdict']}"),
         picture,
         element("ul", *(element("li", fact) for fact in facts)),
         element("label", element("input", type="checkbox", data_mark=True), " mark"),
-        id=one["name"],
+        id=case["name"],
         tabindex="0",
     )

@@ -43,11 +43,11 @@ class Condition:
     @classmethod
     def of(cls, text: str) -> Condition:
         """Read a condition; raise a `UsageError` for a bad one."""
-        found = _CONDITION.fullmatch(text)
+        match = _CONDITION.fullmatch(text)
         try:
-            if found is None or found[1] not in (*COUNTS, *RATES):
+            if match is None or match[1] not in (*COUNTS, *RATES):
                 raise ValueError
-            return cls(name=found[1], sign=found[2], limit=float(found[3]))
+            return cls(name=match[1], sign=match[2], limit=float(match[3]))
         except ValueError:
             known = ", ".join((*COUNTS, *RATES))
             raise UsageError(
@@ -70,24 +70,24 @@ def with_verdicts(records: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return records of cases with verdict and p of more or fewer contacts than people, after Holm."""
     chances = [one.get("chance") for one in records]
     two_sided = [min(1.0, 2 * min(c["more"], c["fewer"])) if c else float("nan") for c in chances]
-    found = []
+    judged = []
     for one, corrected in zip(records, holm(two_sided), strict=True):
         if "reason" in one:
-            found.append({**one, "verdict": FAILED})
+            judged.append({**one, "verdict": FAILED})
             continue
         more = one["contacts"] > one["people_contacts"]
         verdict = EQUAL if corrected >= CHANCE else WORSE if more else BETTER
-        found.append({**one, "verdict": verdict, "p": corrected})
-    return found
+        judged.append({**one, "verdict": verdict, "p": corrected})
+    return judged
 
 
 def verdicts_by_kind(cases: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, int]]:
     """Return how many cases of each kind have each verdict."""
-    found: dict[str, dict[str, int]] = {}
+    counts: dict[str, dict[str, int]] = {}
     for kind in sorted({one["kind"] for one in cases}):
         own = [one["verdict"] for one in cases if one["kind"] == kind]
-        found[kind] = {name: own.count(name) for name in VERDICTS}
-    return found
+        counts[kind] = {name: own.count(name) for name in VERDICTS}
+    return counts
 
 
 def number_of(suite: Suite, records: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:

@@ -199,28 +199,28 @@ def _run(
     where: tuple[int, str | None],
     tick: Progress | None,
 ) -> dict[str, dict[str, Any]]:
-    found = {case.name: record for case in cases if (record := folder.record(case.name)) is not None}
-    done, began = len(found), time.perf_counter()
-    if len(found) == len(cases):
-        return found
+    records = {case.name: record for case in cases if (record := folder.record(case.name)) is not None}
+    done, began = len(records), time.perf_counter()
+    if len(records) == len(cases):
+        return records
     for case in cases:  # before workers start: all files are as they were
         _ = case.content
     tasks = (
         task_of(case, spec, futures, seed=int(suite.info["seed"]), limit_s=limit_s)
         for case in cases
-        if case.name not in found
+        if case.name not in records
     )
     with closing(moment_workers(run_case, *where)) as pool:
         for task, record in pool.run(tasks):
             now, name = time.perf_counter(), task.ref.moment
             kept = {"reason": record.reason} if isinstance(record, Failure) else dict(record)
             kept["seconds"], began = round(now - began, 2), now
-            found[name] = kept
+            records[name] = kept
             folder.keep(name, kept)
             done += 1
             if tick is not None:
                 tick(done, len(cases))
-    return found
+    return records
 
 
 def _about(case: Case, record: Mapping[str, Any]) -> dict[str, Any]:

@@ -128,15 +128,15 @@ def record_of(situation: Situation, outcomes: Outcomes) -> dict[str, Any]:
 
 
 def _median(values: FloatArray) -> float | None:
-    found = values[np.isfinite(values)]
-    return float(np.median(found)) if len(found) else None
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if len(finite) else None
 
 
 def by_level(situation: Situation, values: FloatArray, row: Any) -> FloatArray:
     """Return the sums (n, 10) of values of futures by action and value."""
-    found = np.zeros(situation.levels)
-    np.add.at(found, row[row >= 0], values[row >= 0])
-    return found.reshape(-1, LEVELS)
+    sums = np.zeros(situation.levels)
+    np.add.at(sums, row[row >= 0], values[row >= 0])
+    return sums.reshape(-1, LEVELS)
 
 
 def expected_contacts(situation: Situation, outcomes: Outcomes) -> FloatArray:
