@@ -1,7 +1,8 @@
-"""Moments of recordings with people and vehicles: VCI-DUT, INTERACTION's OF, TAF-BW.
+"""Moments of recordings with people and vehicles, and what each is for: a fit, or a test.
 
-The first 60 % of each clip are for a fit, the next 20 % for choices, the last 20 % for tests. The site
-``roundabout`` of DUT, and OF, are for tests only.
+INTERACTION's OF, TAF-BW, Argoverse 2 and nuScenes (ScenarioNet) are read as a run reads them, with their
+maps. VCI-DUT has no map. Every third of its clips, every third file of k729 and the last third of k733 are
+for tests; OF, Argoverse 2, nuScenes and DUT's site ``roundabout`` are for tests alone.
 """
 
 from __future__ import annotations
@@ -15,12 +16,23 @@ from pathlib import Path
 import numpy as np
 from response_samples import DUT_HZ
 
-from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import TrackError
+from scex_sumo.converters.datasets.find import find_recordings
+from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
+from scex_sumo.results.participants import with_people
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
 STEPS = 30  # of the recorded future
-LEFT_OUT = ("DUT roundabout", "OF")
-SIZES = {"car": (4.5, 1.8), "pedestrian": (0.5, 0.5), "bicycle": (1.8, 0.6)}
+SETS = {
+    "OF": "interaction/recorded_trackfiles/DR_DEU_Roundabout_OF",
+    "TAF-BW": "taf_bw",
+    "Argoverse 2": "av2",
+    "nuScenes": "scenarionet",
+}
+FITTED_SETS = ("DUT intersection", "TAF-BW")
+SIZES = {"car": (4.5, 1.8), "pedestrian": (0.5, 0.5)}
+GAP_S = 4.0  # between moments for a fit and those for a test, of one file
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,35 +44,20 @@ class Clip:
     states: States
 
 
-def clips(data: Path) -> Iterator[tuple[str, Clip]]:
-    """Yield the name of the data set and each clip."""
+def clips(data: Path) -> Iterator[Clip]:
+    """Yield the clips of VCI-DUT."""
     for file in sorted((data / "dut").glob("*_ped.csv.gz")):
         rows = [(r, "pedestrian") for r in _rows(file)]
         rows += [(r, "car") for r in _rows(Path(str(file).replace("_ped", "_veh")))]
-        name = file.name.removesuffix("_ped.csv.gz")
         user = [f"{kind}{r['id']}" for r, kind in rows]
         time, x, y = np.array([[int(r["frame"]) / DUT_HZ, r["x_est"], r["y_est"]] for r, _ in rows], float).T
-        yield f"DUT {name.split('_')[0]}", _gridded(name, user, [k for _, k in rows], time, x, y, warm_s=1.0)
-    for name, folder, pattern in (
-        ("OF", "interaction/recorded_trackfiles/DR_DEU_Roundabout_OF", "*.csv.gz"),
-        ("TAF-BW", "taf_bw/recorded_trackfiles/k733_2020-09-15", "vehicle_tracks_*.csv"),
-        ("TAF-BW", "taf_bw/recorded_trackfiles/k729_2022-03-16", "vehicle_tracks_*.csv"),
-    ):
-        groups = [[f] for f in sorted((data / folder).glob(pattern))]
-        for files in groups if name != "OF" else [[f for g in groups for f in g]]:
-            table = [r for f in files for r in _rows(f)]
-            time, x, y = np.array([[int(r["timestamp_ms"]) / 1e3, r["x"], r["y"]] for r in table], float).T
-            kinds = [_kind(r["agent_type"].lower()) for r in table]
-            yield name, _gridded(files[0].stem, [r["track_id"] for r in table], kinds, time, x, y, warm_s=0.5)
+        name = file.name.removesuffix("_ped.csv.gz")
+        yield _gridded(name, user, [k for _, k in rows], time, x, y, warm_s=1.0)
 
 
 def _rows(file: Path) -> list[dict[str, str]]:
     with gzip.open(file, "rt") if file.suffix == ".gz" else file.open() as stream:
         return list(csv.DictReader(stream))
-
-
-def _kind(word: str) -> str:
-    return "pedestrian/bicycle" if "/" in word else {"bike": "bicycle", "pedestrian": word}.get(word, "car")
 
 
 def _gridded(
@@ -83,11 +80,7 @@ def _gridded(
         there = (grid >= time[rows[0]] + warm_s) & (grid <= time[rows[-1]])
         out[0, k, there] = np.interp(grid[there], time[rows], x[rows])
         out[1, k, there] = np.interp(grid[there], time[rows], y[rows])
-        kind = kinds[rows[0]]
-        if "/" in kind:
-            way = np.hypot(np.diff(x[rows]), np.diff(y[rows])).sum() / max(np.ptp(time[rows]), 0.1)
-            kind = "bicycle" if way > 3.0 else "pedestrian"
-        types.append(kind)
+        types.append(kinds[rows[0]])
     vx, vy = (np.diff(values, axis=1, prepend=np.nan) / STEP_S for values in out)
     speed = np.hypot(vx, vy)
     heading = _held(np.where(speed > 0.3, np.arctan2(vy, vx), np.nan))
@@ -106,31 +99,71 @@ def _held(heading: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class Moment:
-    """A seed scene with its recorded future, and the people that are there for all of it."""
+    """A seed scene with its recorded future, and the people (P,) that are there for all of it."""
 
     data: str
+    clip: str
     part: str
     scene: SeedScene
-    people: FloatArray
+    people: IntArray
 
 
 def moments(data: Path, every_s: float, part: str | None = None) -> list[Moment]:
-    """Return the moments of all clips, or of a part of them: train, choice or test."""
-    found = []
-    for name, clip in clips(data):
-        steps = clip.states.x.shape[1]
-        for now in range(HISTORY_STEPS + 1, steps - STEPS, round(every_s / STEP_S)):
-            share = now / steps
-            own = "train" if share < 0.6 else "choice" if share < 0.8 else "test"
-            if name in LEFT_OUT:
-                own = "test"
-            moment = _moment(name, own, clip, now) if part in (None, own) else None
-            if moment is not None:
-                found.append(moment)
-    return found
+    """Return the moments of all recordings, or of a part of them: train or test."""
+    found = [*_of_dut(data, every_s, part), *_of_readers(data, every_s, part)]
+    return [moment for moment in found if len(moment.people)]
 
 
-def _moment(name: str, part: str, clip: Clip, now: int) -> Moment | None:
+def _of_dut(data: Path, every_s: float, asked: str | None) -> Iterator[Moment]:
+    for clip in clips(data):
+        site, number = clip.name.split("_")
+        part = "train" if site == "intersection" and int(number) % 3 else "test"
+        if asked not in (None, part):
+            continue
+        for now in range(HISTORY_STEPS + 1, clip.states.x.shape[1] - STEPS, round(every_s / STEP_S)):
+            scene = _scene(clip, now)
+            if scene is not None and scene.people is not None:
+                people = np.flatnonzero(scene.people)
+                yield Moment(data=f"DUT {site}", clip=clip.name, part=part, scene=scene, people=people)
+
+
+def _of_readers(data: Path, every_s: float, asked: str | None) -> Iterator[Moment]:
+    for name, folder in SETS.items():
+        if asked == "train" and name not in FITTED_SETS:
+            continue
+        for number, recording in enumerate(find_recordings([data / folder])):
+            loaded = load_recording(recording)
+            every = recording_moments(loaded, every_s=every_s)
+            for moment in every:
+                share = (moment.time_s - every[0].time_s) / max(every[-1].time_s - every[0].time_s, 1.0)
+                part = "test"
+                if name in FITTED_SETS and "k729" in recording.name:
+                    part = "test" if number % 3 == 2 else "train"
+                elif name in FITTED_SETS and share < 2 / 3:
+                    late = (2 / 3 - share) * (every[-1].time_s - every[0].time_s) < GAP_S
+                    part = "none" if late else "train"
+                if asked not in (None, part):
+                    continue
+                try:
+                    scene = with_people(seed_at(loaded, moment.time_s), "model")
+                except TrackError:  # nobody has been recorded for long enough
+                    continue
+                clip = f"{recording.name}_{int(6 * share) if 'k733' in recording.name else ''}"
+                if (shown := _shown(scene)) is not None:
+                    yield Moment(data=name, clip=clip, part=part, scene=scene, people=shown)
+
+
+def _shown(scene: SeedScene) -> IntArray | None:
+    """Return the people that are there for the whole second before and 3 s after; None without any."""
+    if scene.people is None or scene.people.all() or scene.future is None or scene.future_valid is None:
+        return None
+    if scene.future.shape[1] < STEPS:
+        return None
+    known = scene.future_valid[:, :STEPS].all(axis=1) & (scene.recorded_steps >= HISTORY_STEPS)
+    return np.flatnonzero(scene.people & known)
+
+
+def _scene(clip: Clip, now: int) -> SeedScene | None:
     window = clip.states[:, now - HISTORY_STEPS : now + STEPS + 1]
     known = np.isfinite(window.x) & np.isfinite(window.speed)
     walks = np.array([kind != "car" for kind in clip.kinds])
@@ -140,9 +173,9 @@ def _moment(name: str, part: str, clip: Clip, now: int) -> Moment | None:
         return None
     window, known = _filled(window[rows], known[rows]), known[rows]
     sizes = np.array([SIZES[clip.kinds[k]] for k in rows])
-    scene = SeedScene(
+    return SeedScene(
         name=clip.name,
-        location=name,
+        location=clip.name,
         time_s=now * STEP_S,
         track_ids=rows,
         types=tuple(clip.kinds[k] for k in rows),
@@ -154,7 +187,6 @@ def _moment(name: str, part: str, clip: Clip, now: int) -> Moment | None:
         future_valid=known[:, HISTORY_STEPS + 1 :],
         people=people,
     )
-    return Moment(data=name, part=part, scene=scene, people=np.flatnonzero(people))
 
 
 def _filled(window: States, known: BoolArray) -> States:

@@ -16,7 +16,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import write_atomic
 from scex_sumo.base.importing import extra_for
-from scex_sumo.converters.tracks.road_users import road_user
+from scex_sumo.converters.tracks.road_users import PEOPLE, road_user
 from scex_sumo.exporters.opendrive.of_run import opendrive_of
 from scex_sumo.exporters.request import Participant, Request
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
@@ -46,7 +46,8 @@ _README = """# {name}: {count} future(s) for OpenSCENARIO players
 - A vertex is the middle of the **rear axle**. The centre of the vehicle is its bounding box's centre, that
   far ahead along the heading. Lengths and widths are as recorded; wheelbases are {axles:.0%} of the length,
   heights and masses are usual ones.
-- An entity `vehicle17` is track 17; its property `model` says which behaviour model drove it.
+- An entity `vehicle17`, `pedestrian17` or `bicycle17` is track 17; its property `model`
+  says which behaviour model drove it.
 - Parameters `vehicle17_delay` (s, 0) and `vehicle17_time_scale` (1; 0.9 is faster) shift the trajectories of
   {pair}.
 {ego}- Pedestrians and cyclists stand where they appear first until they do, and are deleted after they were
@@ -123,7 +124,7 @@ def _scenario_text(xosc: Any, request: Request, future: int, road_file: str, fla
     act = xosc.Act("act", _at(xosc, "act starts", 0.0))
     at_once = xosc.TransitionDynamics(xosc.DynamicsShapes.step, xosc.DynamicsDimension.time, 0)
     for participant in request.participants(future):
-        name = f"{'other' if participant.vehicle is None else 'vehicle'}{participant.label}"
+        name = f"{_role(participant)}{participant.label}"
         model = "recorded" if participant.vehicle is None else models[participant.vehicle]
         entities.add_scenario_object(name, _entity(xosc, participant, model))
         states = participant.states[begin:]
@@ -171,6 +172,13 @@ def _scenario_text(xosc: Any, request: Request, future: int, road_file: str, fla
 def _written(file: Path) -> datetime:
     moment = datetime.fromtimestamp(int(file.stat().st_mtime), tz=timezone.utc)
     return moment.replace(tzinfo=None)
+
+
+def _role(one: Participant) -> str:
+    user = road_user(one.kind)
+    if one.vehicle is None:
+        return "other"
+    return user if user in PEOPLE else "vehicle"
 
 
 def _walks(kind: str) -> bool:

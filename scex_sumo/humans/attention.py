@@ -163,7 +163,15 @@ def kept_clear(aside: FloatArray, view: View, road: Road) -> FloatArray:
     time, later = STEP_S * np.arange(aside.shape[1]), (SAMPLE_S * np.array(LOOKS), states)
     way = np.maximum(history.now[who.future, who.vehicle].speed, 0.0)[:, None] * time
     least, most = offsets_beside(
-        history, who, paths, row, s, way, margin=view.human.beside_gap_m, later=later
+        history,
+        who,
+        paths,
+        row,
+        s,
+        way,
+        margin=view.human.beside_gap_m,
+        passing=view.human.passing_gap_m,
+        later=later,
     )
     narrow = least > most
     middle = np.where(narrow, least, 0.0) / 2 + np.where(narrow, most, 0.0) / 2

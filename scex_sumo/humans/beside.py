@@ -76,6 +76,7 @@ def offsets_beside(
     way: FloatArray,
     *,
     margin: float = MARGIN_M,
+    passing: float | None = None,
     later: tuple[FloatArray, Sequence[States]] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return (n, H + 1) smallest and largest offset from the path, m; infinite without vehicles beside.
@@ -88,6 +89,7 @@ def offsets_beside(
         s: (n,) arc length of its centre now, m.
         way: (n, H + 1) further way now and after each step, m.
         margin: between two boxes, m.
+        passing: margin to people, who share nothing, m; None: as to vehicles.
         later: (K,) even times from 0 on, s, and expected states (C, M) then; None: straight on.
     """
     everybody = everyone(history)
@@ -109,8 +111,10 @@ def offsets_beside(
     k = np.flatnonzero(beside)
     i, j, own, other, ahead, apart = i[k], j[k], own.take(k), other.take(k), ahead[k], apart[k]
     side = np.where(other.offset > own.offset, 1.0, -1.0)
+    alone = everybody.obstacle[j] & (passing is not None)
+    kept = np.where(alone, passing or 0.0, margin)[:, None]
     if later is None:
-        free = apart[:, None] - _taken(own, other, side, width[j], t) - margin
+        free = apart[:, None] - _taken(own, other, side, width[j], t) - kept
         reach, front = (own.along + other.along)[:, None], own.offset
     else:
         boxes = [other]
@@ -127,10 +131,11 @@ def offsets_beside(
         drift = np.maximum(side * own.ahead * own.sine, 0.0) * OWN_DRIFT_S
         vehicle = who.vehicle[i]
         front = own.offset + own.sine * length[vehicle] / 2
-        free = edge - (side * front + width[vehicle] / 2 + drift)[:, None] - margin
+        free = edge - (side * front + width[vehicle] / 2 + drift)[:, None] - kept
         reach = own.along[:, None] + half
     counts = np.abs(ahead) < reach + AHEAD_M
-    room = reached(np.where(counts, np.maximum(free / 2, -ASIDE_M), np.inf))
+    own_share = np.where(alone, 1.0, 0.5)[:, None]
+    room = reached(np.where(counts, np.maximum(own_share * free, -ASIDE_M), np.inf))
     room *= np.where(room < 0, 1 - np.exp(-t / ASIDE_S), 1.0)
     least, most = np.full(way.shape, -np.inf), np.full(way.shape, np.inf)
     left, right = side > 0, side < 0

@@ -175,6 +175,7 @@ class HumanParameters:
     stop_gap_m: float = 0.4  # m | to a conflict, beyond that of the guard | chosen
     creep_s: float = 1.0  # s | time constant of closing a smaller gap | chosen
     beside_gap_m: float = 0.3  # m | between boxes beside each other | chosen
+    passing_gap_m: float = 1.0  # m | to people beside, if 0.5 m aside is enough | chosen; Walker 2007: 1.3
     max_slope: float = 0.3  # 1 | of the way across over the way along | chosen
 
     @classmethod

@@ -8,20 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.draws import uniforms
 from scex_sumo.behaviors.base import PLAN_STEPS, Sight, check_positive
-from scex_sumo.people.expectation import shown_features
+from scex_sumo.people.expectation import expected
 from scex_sumo.people.gaps import meetings, waiting_way
 from scex_sumo.people.parameters import PeopleParameters, people_parameters
-from scex_sumo.people.walking import STRAIGHT_S, Wish, steady, walked
+from scex_sumo.people.walking import HORIZON_S, Behind, Wish, steady, towards, walked
+from scex_sumo.people.ways import Ways, ways_of
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
 
 DRAWS, SALT = 6, 90_000
 EASE_MPS2, BRAKING_MPS2 = 1.5, 3.0  # of the people of the stress test
-EASED_S = 2.16  # of a change that settles in 1 s: its way over 3 s by its final value
-LEAST_WAY_M = 0.5  # in 3 s, of a turn
 FAR_M = 60.0  # beyond it nobody steps out before a vehicle
 
 
@@ -63,46 +62,42 @@ class Person:
         speed, heading = np.maximum(wish.speed[:, 0], 0.1), wish.heading[:, PLAN_STEPS // 3]
         wait, in_the_way = waiting_way(meetings(history, who, speed, heading, people), speed, gap, people)
         hurries = np.where(in_the_way & (now.speed > people.standing_mps), people.hurry, 1.0)
+        ways = ways_of(history, road, who, self.kind)
         return walked(
             now,
             Wish(speed=wish.speed * hurries[:, None], heading=wish.heading),
             wait_m=wait,
             acceleration=people.acceleration_mps2,
             braking=people.braking_mps2,
+            bend=None if ways is None else ways.bend(),
+            behind=None if ways is None else self._behind(history, who, ways),
         )
+
+    def _behind(self, history: SceneHistory, who: VehicleIndex, ways: Ways) -> Behind | None:
+        """Return what n people follow; None if they follow nobody."""
+        return None
 
     def _wish(self, history: SceneHistory, who: VehicleIndex, draw: FloatArray) -> Wish:
         """Return the wanted motion (n, H), which follows from the seed scene and the draws (n, 6)."""
-        people, scene, spread = self.parameters, history.scene, self.profile.spread
-        shown, direction, along, across = self._expected(scene, who.vehicle)
+        people, spread, seen = self.parameters, self.profile.spread, expected(history.scene)
+        shown, direction = seen.speed[who.vehicle], seen.direction[who.vehicle]
         student = spread * stdtrit(people.tails, draw[:, :2])
         stands = shown < people.standing_mps
-        later = np.maximum(shown + along / EASED_S + people.speed_spread * student[:, 0] * shown, 0.0)
-        turn = np.arctan2(across, np.maximum(STRAIGHT_S * shown + along, LEAST_WAY_M)) * STRAIGHT_S / EASED_S
-        turn += people.turn_spread * student[:, 1]
+        beyond = seen.beyond[who.vehicle] + seen.scale[who.vehicle] * student
         # Stops and starts: an exponential time, of which a share lies within 3 s.
-        rate = -np.log1p(-np.where(stands, people.start_share, people.stop_share)) / STRAIGHT_S
+        rate = -np.log1p(-np.where(stands, people.start_share, people.stop_share)) / HORIZON_S
         at = -np.log(draw[:, 2]) / rate if spread else np.full(len(rate), np.inf)
         time = (history.step + np.arange(PLAN_STEPS)) * STEP_S
-        eased = -np.expm1(-(time + STEP_S) / people.settle_s) / -np.expm1(-STRAIGHT_S / people.settle_s)
-        usual = people.usual_mps * np.exp(2 * people.speed_spread * ndtri(draw[:, 3]))
+        walks = towards(shown, direction, beyond, time + STEP_S, people.settle_s)
+        usual = people.usual_mps * np.exp(2 * people.usual_spread * ndtri(draw[:, 3]))
         sway = spread * people.sway_mps * np.abs(ndtri(draw[:, 3]))
         changed = time >= at[:, None]
-        walks = np.where(changed, 0.0, shown[:, None] + eased * (later - shown)[:, None])
         starts = np.where(changed, usual[:, None], sway[:, None])
-        turns = direction[:, None] + eased * turn[:, None]
         looks = direction + np.pi * (spread > 0) * (2 * draw[:, 4] - 1) ** 3
         return Wish(
-            speed=np.where(stands[:, None], starts, walks),
-            heading=np.where(stands[:, None], looks[:, None], turns),
+            speed=np.where(stands[:, None], starts, np.where(changed, 0.0, walks.speed)),
+            heading=np.where(stands[:, None], looks[:, None], walks.heading),
         )
-
-    def _expected(self, scene: SeedScene, vehicle: IntArray) -> tuple[FloatArray, ...]:
-        """Return (n,) shown speed and direction, and ways beyond constant velocity after 3 s, m."""
-        speed, direction, features = shown_features(scene)
-        own = np.column_stack([np.ones_like(speed), speed, features[0]])
-        ways = own @ np.array(self.parameters.along), features[1] @ np.array(self.parameters.across)
-        return tuple(values[vehicle] for values in (speed, direction, *ways))
 
 
 class Walker(Person):
@@ -113,6 +108,13 @@ class Cyclist(Person):
     """A cyclist."""
 
     kind = "bicycle"
+
+    def _behind(self, history: SceneHistory, who: VehicleIndex, ways: Ways) -> Behind | None:
+        found = ways.leaders(history, who)
+        people = self.parameters
+        return Behind(
+            gap=found.gap, speed=found.speed, headway_s=people.headway_s, least_m=people.least_gap_m
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

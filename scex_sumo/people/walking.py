@@ -1,7 +1,8 @@
-"""Motion of people: a wanted speed and direction, and a place to wait at before the way of a vehicle."""
+"""Motion of people: a wanted velocity, a place to wait at before the way of a vehicle, and a leader."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,8 @@ from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.scene import STEP_S, Plan, States
 
-STRAIGHT_S = 3.0  # time at which wanted changes of speed and direction are given
+HORIZON_S = 3.0  # time at which wanted changes of the way are given
+Bend = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -22,6 +24,25 @@ class Wish:
     heading: FloatArray  # rad
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Behind:
+    """What n people follow: gap now, m, inf without, and its speed, m/s, (n,) each."""
+
+    gap: FloatArray
+    speed: FloatArray
+    headway_s: float
+    least_m: float
+
+    def acceleration(
+        self, step: int, v: FloatArray, way: FloatArray, most: float, comfort: float
+    ) -> FloatArray:
+        """Return (n,) accelerations of the Intelligent Driver Model, m/s²; inf without a leader."""
+        gap = self.gap + self.speed * (step * STEP_S) - way
+        closing = v * (v - self.speed) / (2 * np.sqrt(most * comfort))
+        wanted = self.least_m + np.maximum(v * self.headway_s + closing, 0.0)
+        return np.where(np.isfinite(gap), most * (1 - (wanted / np.maximum(gap, 0.1)) ** 2), np.inf)
+
+
 def walked(
     now: States,
     wish: Wish,
@@ -29,6 +50,8 @@ def walked(
     wait_m: FloatArray,
     acceleration: float,
     braking: float,
+    bend: Bend | None = None,
+    behind: Behind | None = None,
 ) -> Plan:
     """Walk n people as they wish, and let them stop at the place where they wait.
 
@@ -37,12 +60,17 @@ def walked(
         wait_m: (n,) way to that place; inf: they need not wait.
         acceleration: of speeding up, and slowing down at ease, m/s².
         braking: limit of stopping before that place, m/s².
+        bend: turns after further ways, beside the wanted ones.
+        behind: what they follow.
     """
     speed, way = np.maximum(now.speed, 0.0), np.zeros_like(now.speed)
     out = np.empty((4, PLAN_STEPS, len(speed)))
     x, y = now.x, now.y
     for step in range(PLAN_STEPS):
         eased = np.clip(wish.speed[:, step] - speed, -acceleration * STEP_S, acceleration * STEP_S)
+        if behind is not None:
+            follows = behind.acceleration(step, speed, way, acceleration, braking / 2)
+            eased = np.minimum(eased, np.maximum(follows, -braking) * STEP_S)
         left = np.maximum(wait_m - way, 0.0)
         needed = np.where(left > 0, speed**2 / (2 * np.maximum(left, 1e-6)), np.inf)
         slower = speed - np.minimum(needed, braking) * STEP_S
@@ -50,6 +78,8 @@ def walked(
         following = np.maximum(np.where(held, np.minimum(slower, speed + eased), speed + eased), 0.0)
         moved = (speed + following) * (STEP_S / 2)
         heading = wish.heading[:, step]
+        if bend is not None:
+            heading = heading + bend(way + moved / 2)
         x, y = x + moved * np.cos(heading), y + moved * np.sin(heading)
         speed, way = following, way + moved
         out[:, step] = x, y, wrap(heading), speed
@@ -63,3 +93,18 @@ def steady(speed: FloatArray, heading: FloatArray) -> Wish:
         speed=np.repeat(speed[:, None], PLAN_STEPS, axis=1),
         heading=np.repeat(heading[:, None], PLAN_STEPS, axis=1),
     )
+
+
+def towards(
+    speed: FloatArray, direction: FloatArray, beyond: FloatArray, time_s: FloatArray, settle_s: float
+) -> Wish:
+    """Return the wish (n, H) that is a way beyond constant velocity (n, 2), along and across, after 3 s.
+
+    Args:
+        time_s: (H,) since the seed scene; later than 3 s the velocity stays.
+        settle_s: time constant of the change of velocity.
+    """
+    whole = HORIZON_S + settle_s * np.expm1(-HORIZON_S / settle_s)
+    share = -np.expm1(-np.minimum(time_s, HORIZON_S) / settle_s) / whole
+    along, across = speed[:, None] + beyond[:, :1] * share, beyond[:, 1:] * share
+    return Wish(speed=np.hypot(along, across), heading=direction[:, None] + np.arctan2(across, along))

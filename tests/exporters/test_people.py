@@ -40,6 +40,9 @@ def test_openscenario_has_pedestrians_and_bicycles(run: Run, tmp_path: Path) -> 
     walkers = Counter(one.get("pedestrianCategory") for one in root.iter("Pedestrian"))
     assert vehicles + walkers == KINDS
     assert len(list(root.iter("FollowTrajectoryAction"))) == 7
+    named = Counter(str(one.get("name")).rstrip("0123456789P") for one in root.iter("ScenarioObject"))
+    people = {"pedestrian": 3, "bicycle": 1} if run.info["seed_scene"].get("people") else {"other": 4}
+    assert named == {"vehicle": 3, **people}
 
 
 def test_commonroad_io_reads_people(run: Run, tmp_path: Path) -> None:

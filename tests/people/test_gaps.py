@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scex_sumo.people import models
+from scex_sumo.people.expectation import expected
 from scex_sumo.people.models import (
     KeepsWalking,
     Person,
@@ -21,8 +23,15 @@ from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, Plan, SceneHistory, SeedScene, States, VehicleIndex
 
 WALKS_MPS, DRIVES_MPS = 1.4, 10.0
-PARAMETERS = replace(people_parameters("pedestrian"), gap_s=1.0, along=(0.0,) * 8, across=(0.0,) * 6)
+PARAMETERS = replace(people_parameters("pedestrian"), gap_s=1.0)
 EXPECTED = PersonProfile(spread=0.0)
+
+
+@pytest.fixture
+def steadily(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let people expect to keep their velocity."""
+    steady = {"beyond": np.zeros((2, 2)), "scale": np.ones((2, 2))}
+    monkeypatch.setattr(models, "expected", lambda scene: replace(expected(scene), **steady))
 
 
 def crossing(vehicle_x: float, person_y: float, *, speed: float = DRIVES_MPS) -> SeedScene:
@@ -60,6 +69,7 @@ def arrival_s(person_y: float) -> float:
     return (band_m - person_y) / WALKS_MPS + PARAMETERS.gap_s
 
 
+@pytest.mark.usefixtures("steadily")
 @pytest.mark.parametrize("person_y", [-3.0, -2.5])
 @pytest.mark.parametrize("later_s", [-0.1, 0.1])
 def test_one_goes_first_exactly_if_the_gap_is_long_enough(person_y: float, later_s: float) -> None:
@@ -75,11 +85,13 @@ def test_one_goes_first_exactly_if_the_gap_is_long_enough(person_y: float, later
         assert plan.speed[0, -1] == pytest.approx(0.0, abs=0.1)
 
 
+@pytest.mark.usefixtures("steadily")
 def test_one_walks_on_behind_a_vehicle_that_has_passed() -> None:
     plan = plan_of(Walker(EXPECTED, PARAMETERS), crossing(3.0, -2.5))
     assert plan.y[0, -1] == pytest.approx(-2.5 + 3 * WALKS_MPS)
 
 
+@pytest.mark.usefixtures("steadily")
 def test_a_cautious_one_waits_where_another_goes() -> None:
     scene = crossing(-(2.55 + DRIVES_MPS * (arrival_s(-2.5) + 0.5)), -2.5)
     goes, waits = (
@@ -88,6 +100,7 @@ def test_a_cautious_one_waits_where_another_goes() -> None:
     assert goes > 1.5 and waits < -1.5
 
 
+@pytest.mark.usefixtures("steadily")
 def test_draws_differ_between_futures_and_follow_from_the_route_draw() -> None:
     scene, count = crossing(-200.0, -3.0), 200
     history = SceneHistory(
