@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from people_moments import STEPS, Moment, moments
 
-from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.geometry.rectangles import Rectangles, overlap_area
 from scex_sumo.people.models import Person, PersonProfile
 from scex_sumo.people.parameters import SHIPPED, PeopleParameters, people_parameters
@@ -195,7 +195,7 @@ def first_of(people: States, cars: States) -> FloatArray:
     return np.where(found.any(axis=-1), (mine < theirs).astype(float), np.nan)
 
 
-def touching(people: States, cars: States, scene: SeedScene, who: FloatArray, of: FloatArray) -> BoolArray:
+def touching(people: States, cars: States, scene: SeedScene, who: IntArray, of: IntArray) -> BoolArray:
     """Return whether boxes (C, P, J) overlap by more than 0.02 m² at some time."""
     one = people.map(lambda v: v[:, :, None, ::2])
     two = cars.map(lambda v: v[None, None, :, ::2])

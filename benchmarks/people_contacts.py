@@ -79,7 +79,7 @@ def _hits(
 ) -> np.ndarray:
     each = [touching(walking[c : c + 1], driven[c], scene, people, cars)[0] for c in range(len(walking.x))]
     first = touching(walking[:1, :, :1], driven[0, :, :1], scene, people, cars)[0]
-    return np.stack(each) & ~first
+    return np.asarray(np.stack(each) & ~first)
 
 
 def main() -> None:
@@ -102,9 +102,9 @@ def main() -> None:
             )
             row = np.array([options.futures, *contacts(run)])
             mine = counts.setdefault(name, {})
-            mine[vru] = mine.get(vru, 0) + row
+            mine[vru] = mine.get(vru, np.zeros(4, dtype=int)) + row
         print(name, {vru: row.tolist() for vru, row in counts[name].items()}, flush=True)
-    total = {vru: sum(mine[vru] for mine in counts.values()) for vru in ("replay", "model")}
+    total = {vru: np.sum([mine[vru] for mine in counts.values()], axis=0) for vru in ("replay", "model")}
     for name, mine in [*counts.items(), ("all", total)]:
         shares = [
             f"{row[1]} of {row[0]} futures, {100 * row[2] / row[3]:.2f} % of pairs" for row in mine.values()

@@ -87,7 +87,7 @@ class Person:
         # Stops and starts: an exponential time, of which a share lies within 3 s.
         rate = -np.log1p(-np.where(stands, people.start_share, people.stop_share)) / HORIZON_S
         at = -np.log(draw[:, 2]) / rate if spread else np.full(len(rate), np.inf)
-        time = (history.step + np.arange(PLAN_STEPS)) * STEP_S
+        time: FloatArray = (history.step + np.arange(PLAN_STEPS, dtype=np.float64)) * STEP_S
         walks = towards(shown, direction, beyond, time + STEP_S, people.settle_s)
         usual = people.usual_mps * np.exp(2 * people.usual_spread * ndtri(draw[:, 3]))
         sway = spread * people.sway_mps * np.abs(ndtri(draw[:, 3]))

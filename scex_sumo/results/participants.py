@@ -10,6 +10,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.tracks.road_users import PEOPLE, obstacle_size, road_user
+from scex_sumo.roads.misplaced import misplaced
 from scex_sumo.scene import HISTORY_STEPS, Obstacles, SeedScene, States
 
 MAX_PEOPLE: Final = 100
@@ -42,6 +43,7 @@ def with_people(scene: SeedScene, vru: str) -> SeedScene:
     taking_part, wrong = _taking_part(scene, people_now)
     if wrong:
         notes.append(f"people without a usable size have the usual one: {wrong}")
+    notes += misplaced(taking_part)
     return replace(taking_part, obstacles=some_obstacles(others, ~taking), notes=(*scene.notes, *notes))
 
 

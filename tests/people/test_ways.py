@@ -111,6 +111,6 @@ def test_a_shorter_past_gives_wider_draws() -> None:
 
 def test_of_two_ways_each_future_takes_its_own() -> None:
     scene = scene_of("bicycle", (45.0, 0.0, 0.0, 7.0))
-    plan = plan_of(Cyclist(EXPECTED), scene, roads.fork(), (np.arange(9) + 0.5) / 9)
+    plan = plan_of(Cyclist(EXPECTED), scene, roads.fork(), [(k + 0.5) / 9 for k in range(9)])
     ends = np.round(np.sign(plan.y[:, -1].round(1))).tolist()
     assert [ends.count(side) for side in (1, 0, -1)] == [3, 3, 3]
