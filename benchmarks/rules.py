@@ -5,7 +5,10 @@
     python benchmarks/rules.py grids FOLDER
     python benchmarks/rules.py rest --part train --every 10 --most 1000
 
-``rest`` fits the gaps at which vehicles rest behind each other: log mean and deviation.
+    python benchmarks/rules.py violations --sites NAMES --most 8 --futures 128
+
+``violations`` counts pairs that collide only if a violation is added to the default mix, beside those that as
+many new futures of the default mix find. ``rest`` fits the gaps at which vehicles rest behind each other: log mean and deviation.
 ``grids`` writes four signalised grids with random trips (netgenerate, seeds 1 to 4). Columns:
 
 - error: of the futures' mean after 3 s (and at the end), against constant velocity's; all vehicles, moving;
@@ -34,6 +37,7 @@ import numpy as np
 from recorded_scenes import INTERACTION, INTERACTION_SITES
 
 from scex_sumo.base.errors import ScexError
+from scex_sumo.behaviors.registry import DEFAULT_MODELS, parse_models
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
@@ -57,7 +61,7 @@ COLUMNS = ("scenes", "vehicles", "error", "error end", "moving", "across", "star
 
 
 def futures_of(
-    scene: SeedScene, models: str, futures: int, steps: int, rules: bool
+    scene: SeedScene, models: str, futures: int, steps: int, rules: bool, seed: int = 0
 ) -> tuple[SeedScene, object]:
     """The scene with its rules, and the futures of a mix of models in a world without SUMO."""
     settings = RunSettings(
@@ -67,7 +71,7 @@ def futures_of(
     with tempfile.TemporaryDirectory() as folder:
         scene, net = ruled(scene, converted(scene.road, Path(folder) / "road.net.xml"), settings)
         models_of = ModelSet.of(settings)
-        drawn = models_of.draw(scene, futures=futures, seed=0, design=settings.design)
+        drawn = models_of.draw(scene, futures=futures, seed=seed, design=settings.design)
         return scene, run_in_memory(Job(scene, net, settings, models_of, drawn, Path(folder)), range(futures))
 
 
@@ -226,6 +230,25 @@ def table(rows: dict[str, dict[str, list]]) -> str:
     return "\n".join(lines)
 
 
+def violations(chosen: Iterator[tuple[str, SeedScene]], futures: int, steps: int) -> None:
+    """Print the pairs that collide in futures of the default mix, and those that each violation adds."""
+    plain, names = parse_models(DEFAULT_MODELS), ("runs_red", "ignores_priority", "cuts_in", "drifts")
+    mixes = {"default": DEFAULT_MODELS} | {name: f"{DEFAULT_MODELS},{name}@{len(plain)}" for name in names}
+    found: dict[str, dict[str, int]] = defaultdict(lambda: dict.fromkeys(("moments", "found", *mixes), 0))
+    for site, scene in chosen:
+        first, *others = (
+            {frozenset((h["track_id"], h["other_id"])) for h in rollout.collisions.to_pylist()}
+            for mix, seed in ((DEFAULT_MODELS, 0), *((mix, 1) for mix in mixes.values()))
+            for rollout in [futures_of(scene, mix, futures, steps, True, seed)[1]]
+        )
+        for name, count in zip(
+            ("moments", "found", *mixes), (1, len(first), *(len(o - first) for o in others)), strict=True
+        ):
+            found[site][name] += count
+    for site, row in found.items():
+        print(f"{site:26}" + "".join(f"{name:>18}{count:5}" for name, count in row.items()))
+
+
 def gaps_at_rest(scene: SeedScene, steps: int) -> list[float]:
     """Gaps of vehicles that rest behind another one at the end of the recorded future, m."""
     last, valid = scene.future[:, steps - 1], scene.future_valid[:, steps - 1]
@@ -277,7 +300,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=("recorded", "simulated", "grids", "rest"))
+    parser.add_argument("what", choices=("recorded", "simulated", "grids", "rest", "violations"))
     parser.add_argument("files", nargs="*")
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("SCEX_DATA", "../shared/data")))
     parser.add_argument("--sites", default=",".join(("k733", *INTERACTION_SITES[1:])))
@@ -314,6 +337,8 @@ def main() -> None:
         )
         print(f"weighted by the root of vehicles: {mean:.2f}, {spread:.2f}")
         return
+    if arguments.what == "violations":
+        return violations(recorded(arguments), arguments.futures, arguments.steps)
     if arguments.what == "recorded":
         chosen = recorded(arguments)
     else:
