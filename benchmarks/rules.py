@@ -8,7 +8,9 @@
     python benchmarks/rules.py violations --sites NAMES --most 8 --futures 128
 
 ``violations`` counts pairs that collide only if a violation is added to the default mix, beside those that as
-many new futures of the default mix find. ``rest`` fits the gaps at which vehicles rest behind each other: log mean and deviation.
+many new futures of the default mix find. ``rest`` fits the gaps at which vehicles rest
+behind each other: log mean and deviation.
+
 ``grids`` writes four signalised grids with random trips (netgenerate, seeds 1 to 4). Columns:
 
 - error: of the futures' mean after 3 s (and at the end), against constant velocity's; all vehicles, moving;
