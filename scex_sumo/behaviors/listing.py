@@ -29,11 +29,11 @@ def known_models() -> list[ModelInfo]:
 
 def known_entries() -> dict[str, ModelEntry]:
     """Return the entries of all models; one that cannot be loaded says why in its summary."""
-    found = {}
+    entries = {}
     for name in known_names():
         try:
-            found[name] = entry_of(name)
+            entries[name] = entry_of(name)
         except UsageError as error:  # a broken package does not hide the other models
             summary = str(error).removeprefix(f"{name}: ")
-            found[name] = ModelEntry(make=dict, summary=summary, takes_guard=False)
-    return dict(sorted(found.items(), key=lambda item: item[1].place))
+            entries[name] = ModelEntry(make=dict, summary=summary, takes_guard=False)
+    return dict(sorted(entries.items(), key=lambda item: item[1].place))

@@ -55,19 +55,19 @@ def encounters_command(
             asked = fitted.weights
             print_line(f"weights fitted to the recording: {fitted.words}", console)
         part = region_of(region, around)
-        found = meetings(run, part)
+        encounters = meetings(run, part)
         if asked is not None:
             print_weights(run, asked, console, most=most)
         elif pair is None:
             print_encounters(run, console, most=most, region=part)
         else:
-            found = _meetings(run, pair)
-            for one in found:
-                print_pair(one, console)
+            encounters = _meetings(run, pair)
+            for meeting in encounters:
+                print_pair(meeting, console)
         name = run.info["seed_scene"]["name"]
-        rows = meeting_rows(found[:most])
+        rows = meeting_rows(encounters[:most])
         if asked is not None:
-            rows = weighted_rows(run, found[:most], rows, asked)
+            rows = weighted_rows(run, encounters[:most], rows, asked)
     return lambda: {"scene": name, "futures": run.futures, "encounters": rows}
 
 
@@ -75,7 +75,7 @@ def _meetings(run: Run, pair: str) -> list[Meeting]:
     from scex_sumo.reports.encounter_rows import meetings
 
     wanted = sorted(two_tracks(pair, "--pair"))
-    found = [one for one in meetings(run) if list(one.pair) == wanted]
-    if not found:
+    of_pair = [meeting for meeting in meetings(run) if list(meeting.pair) == wanted]
+    if not of_pair:
         raise UsageError(f"--pair {pair}: these two vehicles meet in no future of the run")
-    return found
+    return of_pair

@@ -108,13 +108,13 @@ def _probability(run: Run) -> dict[str, str]:
 
 def _encounters(run: Run) -> Html:
     heads = ("pair", "P", "collides", "Δv [m/s]", "P(MAIS 3+)", "class", "avoidable by braking")
-    found = [row for row in run.encounters.to_pylist() if row["collision"] > 0]
-    rows = [row for row in found if run.keeps_doubtful or not row.get("doubt")]
+    collided = [row for row in run.encounters.to_pylist() if row["collision"] > 0]
+    rows = [row for row in collided if run.keeps_doubtful or not row.get("doubt")]
     more = len(rows) - _WORST
     about = (
         f"and {counted(more, 'more pair')}" if more > 0 else "" if rows else "No pair collides in any future."
     )
-    doubts = dict.fromkeys(row["doubt"] for row in found if row not in rows)
+    doubts = dict.fromkeys(row["doubt"] for row in collided if row not in rows)
     about += f" Left out as doubtful: {listed(doubts)}." if doubts else ""
     return element(
         "section",
@@ -126,7 +126,7 @@ def _encounters(run: Run) -> Html:
 
 def _encounter(run: Run, row: Mapping[str, Any]) -> tuple[str, ...]:
     one, other = row["track_id"], row["other_id"]
-    found = run.encounter(one, other)
+    encounter = run.encounter(one, other)
     hits = [
         hit
         for hit in first_contacts(run.collisions).to_pylist()
@@ -135,14 +135,14 @@ def _encounter(run: Run, row: Mapping[str, Any]) -> tuple[str, ...]:
     changes, risks = (
         [_median(hits, name, track) for track in (one, other)] for name in ("delta_v", "p_mais3")
     )
-    known, tables = found.collision.known, exact_of(run)
+    known, tables = encounter.collision.known, exact_of(run)
     table = None if tables is None else tables.table(one, other)
     faults = [_fault(hit) for hit in hits]
     often = max(sorted(set(faults)), key=faults.count) if faults else "undecided"
     braked = None if table is None else avoidable(table, (one, other))
     return (
         f"{one} → {other}",
-        found.collision.percent + ("" if known is not None else " (sampled)"),
+        encounter.collision.percent + ("" if known is not None else " (sampled)"),
         "sampled" if known is None else known.told or "sampled",
         " / ".join("–" if change is None else f"{change:.1f}" for change in changes),
         " / ".join("–" if risk is None else f"{risk:.1%}" for risk in risks),

@@ -81,12 +81,12 @@ def find_exact(job: Job, drawn: pa.Table, workers: Workers) -> Exact:
     while True:
         keys = sorted(known, key=lambda key: (list(EVENTS).index(key[2]), key))
         search = _searched(drawn_models, futures, seen, keys, most)
-        found = {key for key in futures.happened if key[2] == COLLISION} - known
-        if not found or futures.count >= most:
+        new = {key for key in futures.happened if key[2] == COLLISION} - known
+        if not new or futures.count >= most:
             break
-        known |= found  # pairs that collide in extra futures alone
+        known |= new  # pairs that collide in extra futures alone
     tables, sampled = _believed(drawn_models, futures, search, seen, keys, most)
-    sampled |= {key: "collides in futures run for other pairs only" for key in found}
+    sampled |= {key: "collides in futures run for other pairs only" for key in new}
     futures.keep()
     return Exact(
         models=drawn_models.names,
@@ -133,11 +133,11 @@ class _Futures:
         self._levels = np.concatenate([self._levels, levels])
         assignment = np.concatenate([self._extra.job.assignment, self._drawn.assignment(levels)])
         for first, stop, rows in self._extra.run(assignment):
-            found = self.answers(rows, first, stop)
-            self.happened |= set(found)
-            for key in self._answers.keys() | found.keys():
+            answers = self.answers(rows, first, stop)
+            self.happened |= set(answers)
+            for key in self._answers.keys() | answers.keys():
                 before = self._answers.get(key, np.zeros(first - self._start, dtype=np.bool_))
-                now = found.get(key, np.zeros(stop - first, dtype=np.bool_))
+                now = answers.get(key, np.zeros(stop - first, dtype=np.bool_))
                 self._answers[key] = np.concatenate([before, now])
 
     def answers(self, rows: pa.Table, first: int, stop: int) -> dict[_Key, BoolArray]:
@@ -145,15 +145,15 @@ class _Futures:
         encounters = encounters_of_rows(rows)
         ids = np.array(self._drawn.track_ids)
         low, high = (np.sort([ids[encounters.first], ids[encounters.second]], axis=0)).tolist()
-        found: dict[_Key, BoolArray] = {}
+        happens: dict[_Key, BoolArray] = {}
         answers = answers_of(encounters)
         for event in EVENTS:
             for row in np.flatnonzero(answers[event]).tolist():
                 key = (low[row], high[row], event)
-                if key not in found:
-                    found[key] = np.zeros(stop - first, dtype=np.bool_)
-                found[key][encounters.future[row] - first] = True
-        return found
+                if key not in happens:
+                    happens[key] = np.zeros(stop - first, dtype=np.bool_)
+                happens[key][encounters.future[row] - first] = True
+        return happens
 
     def keep(self) -> None:
         """Write the assignments and outcomes of the futures; their parts are removed."""

@@ -23,16 +23,16 @@ class ExactExtra(ExactProbabilities):
 
     def settle(self, work: Work) -> Any:
         """Return the influence tables of the futures so far, if any collision has an exact probability."""
-        found = self._found(work)
-        return None if found is None or found.probability() is None else found
+        exact = self._found(work)
+        return None if exact is None or exact.probability() is None else exact
 
     def after(self, work: Work) -> Sequence[Row]:
         """Find the influence tables and write them to ``exact.json``."""
         file = work.job.folder / EXACT
         file.unlink(missing_ok=True)
-        found = work.settled or self._found(work)
-        if found is not None:
-            write_exact(found, file)
+        exact = work.settled or self._found(work)
+        if exact is not None:
+            write_exact(exact, file)
         return ()
 
     def finish(self, run: Run, work: Work) -> Mapping[str, Path]:
@@ -47,10 +47,10 @@ class ExactExtra(ExactProbabilities):
 
     def lines(self, run: Run) -> Sequence[str]:
         """Return P of any collision with the weights fitted to the recording."""
-        found = self.answer(run)
-        if not found:
+        answer = self.answer(run)
+        if not answer:
             return ()
-        fitted = found["fitted_weights"]
+        fitted = answer["fitted_weights"]
         share = percent_of(fitted["p_collision"])
         how = f"weights fitted to the recording ({fitted['words']})"
         return [f"stress test, {how}: a collision in {share} of futures"]
@@ -74,22 +74,22 @@ class ExactExtra(ExactProbabilities):
         self, run: Run, event: str, pair: tuple[int, int] | None
     ) -> ExactProbability | None:
         """Return the exact probability of an event with its cut sets, if its pairs have tables."""
-        found = _tables(run)
-        value = None if found is None else found.probability(event, pair)
-        if found is None or value is None:
+        exact = _tables(run)
+        value = None if exact is None else exact.probability(event, pair)
+        if exact is None or value is None:
             return None
-        table = found.table(*pair, event) if pair is not None and event in EVENTS else None
+        table = exact.table(*pair, event) if pair is not None and event in EVENTS else None
         if table is None:
-            return ExactProbability(value=value, checked=found.told(), remainder=found.remainder)
+            return ExactProbability(value=value, checked=exact.told(), remainder=exact.remainder)
         ways = tuple(table.in_words())
         return ExactProbability(value=value, checked=table.told(), remainder=table.remainder, ways=ways)
 
     def pair_lines(self, run: Run, row: Mapping[str, Any]) -> Sequence[str]:
         """Return the cut sets of a collision, and whose models matter how much."""
-        found = _tables(run)
+        exact = _tables(run)
         pair = row["track_id"], row["other_id"]
-        table = None if found is None else found.table(*pair)
-        if found is not None and (why := found.why_sampled(*pair)):
+        table = None if exact is None else exact.table(*pair)
+        if exact is not None and (why := exact.why_sampled(*pair)):
             return [f"no exact table of the collision: {why}"]
         if table is None or table.probability() == 0:
             return ()

@@ -117,10 +117,10 @@ def weights_of(
     for before in (True, False):
         asked = [t for t, s in ago.items() if (APART_S <= s <= PAST_S if before else abs(s) >= APART_S)]
         some = asked[:: -(-len(asked) // MAX_MOMENTS)] if asked else []
-        found = [_errors(clean, road, models, t) for t in some]
-        count = sum(len(tracks) for tracks, _ in found)
+        errors_by_time = [_errors(clean, road, models, t) for t in some]
+        count = sum(len(tracks) for tracks, _ in errors_by_time)
         if count >= MIN_WINDOWS:
-            tracks, errors = (np.concatenate(part) for part in zip(*found, strict=True))
+            tracks, errors = (np.concatenate(part) for part in zip(*errors_by_time, strict=True))
             return _fit(list(names), tracks, errors, before=before)
     raise TrackError(f"{clean.table.path}: {count} plans of moving vehicles are too few to fit weights")
 

@@ -133,8 +133,8 @@ def weighted_probability(
         ...     print("4 futures are too few" if "hardly any" in str(error) else error)
         4 futures are too few
     """
-    found = exact_of(run)
-    exact = None if found is None else found.probability(event, pair, weights)
+    tables = exact_of(run)
+    exact = None if tables is None else tables.probability(event, pair, weights)
     if exact is not None:
         return exact
     if pair is None:
@@ -178,13 +178,13 @@ def weighted_share(happens: BoolArray, ratio: FloatArray, what: str) -> float:
     return float(ratio @ happens / ratio.sum())
 
 
-def write_exact(found: Exact, file: Path) -> None:
+def write_exact(exact: Exact, file: Path) -> None:
     """Write ``exact.json``."""
     content = {
-        "models": list(found.models),
-        "shares": found.shares.tolist(),
-        "checked": found.checked,
-        "extra": found.extra,
+        "models": list(exact.models),
+        "shares": exact.shares.tolist(),
+        "checked": exact.checked,
+        "extra": exact.extra,
         "events": [
             {
                 "track_id": one,
@@ -194,11 +194,11 @@ def write_exact(found: Exact, file: Path) -> None:
                 "cut_sets": [sorted(cube) for cube in table.cut_sets],
                 "checked": table.checked,
             }
-            for (one, other, event), table in sorted(found.tables.items())
+            for (one, other, event), table in sorted(exact.tables.items())
         ],
         "sampled": [
             {"track_id": one, "other_id": other, "event": event, "why": why}
-            for (one, other, event), why in sorted(found.sampled.items())
+            for (one, other, event), why in sorted(exact.sampled.items())
         ],
     }
     write_atomic(file, json.dumps(content).encode())

@@ -104,14 +104,14 @@ class InfluenceTable:
         The vehicle's other models give way in proportion; 0 for the only model of a vehicle.
         """
         shares = self.shares_of(weights)
-        whole, found = self._sum(shares), dict[int, dict[str, float]]()
+        whole, leverage = self._sum(shares), dict[int, dict[str, float]]()
         for track in self.track_ids:
-            found[track] = {}
+            leverage[track] = {}
             for index, model in enumerate(self.models):
                 rest = 1.0 - float(shares[track][index])
                 only = {**shares, track: np.eye(len(self.models))[index]}
-                found[track][model] = (self._sum(only) - whole) / rest if rest > 1e-12 else 0.0
-        return found
+                leverage[track][model] = (self._sum(only) - whole) / rest if rest > 1e-12 else 0.0
+        return leverage
 
     def shares_of(self, weights: Weights | None) -> dict[int, FloatArray]:
         """Return the share of each model by vehicle, as `shares_of`."""
@@ -126,7 +126,7 @@ class InfluenceTable:
     @cached_property
     def cut_sets(self) -> tuple[Cube, ...]:
         """Minimal partial assignments under which the event happens whatever the others do."""
-        found: list[Cube] = []
+        cubes: list[Cube] = []
         axes = range(len(self.track_ids))
         always: dict[tuple[int, ...], BoolArray] = {}
         for size in range(len(self.track_ids) + 1):
@@ -135,11 +135,11 @@ class InfluenceTable:
                 always[kept], minimal = here, here.copy()
                 for at in range(size):
                     minimal &= ~np.expand_dims(always[kept[:at] + kept[at + 1 :]], at)
-                found += [
+                cubes += [
                     frozenset((self.track_ids[a], level) for a, level in zip(kept, cell, strict=True))
                     for cell in np.argwhere(minimal).tolist()
                 ]
-        return tuple(found)
+        return tuple(cubes)
 
     def in_words(self) -> list[str]:
         """Return the cut sets in words; those that differ in one vehicle's model are one phrase."""

@@ -21,16 +21,16 @@ from scex_sumo.results.run import Run
 
 def weighted(run: Run, pair: tuple[int, int], weights: Weights) -> dict[str, float | None]:
     """Return the probability of each event of a pair; None for too few futures that are driven like this."""
-    found: dict[str, float | None] = {}
+    probabilities: dict[str, float | None] = {}
     for event in EVENTS:
-        found[event] = None
+        probabilities[event] = None
         with suppress(TooFewFuturesError):
-            found[event] = weighted_probability(run, weights, event, pair)
-    return found
+            probabilities[event] = weighted_probability(run, weights, event, pair)
+    return probabilities
 
 
 def weighted_rows(
-    run: Run, found: Sequence[Meeting], rows: Sequence[dict[str, Any]], weights: Weights
+    run: Run, encounters: Sequence[Meeting], rows: Sequence[dict[str, Any]], weights: Weights
 ) -> list[dict[str, Any]]:
     """Return the rows of ``encounters --json`` with ``weighted`` probabilities of the stress test."""
     exact = exact_of(run)
@@ -42,7 +42,7 @@ def weighted_rows(
             "exact_collision": None if exact is None else exact.probability(COLLISION, one.pair, weights),
             "weighted": weighted(run, one.pair, weights),
         }
-        for one, row in zip(found, rows, strict=True)
+        for one, row in zip(encounters, rows, strict=True)
     ]
 
 
@@ -57,10 +57,10 @@ def print_weights(run: Run, weights: Mapping[str, float], console: Console, *, m
     pairs, sampled = [row for row in run.encounters.to_pylist() if row["critical"] > 0], False
     rows = []
     for row in pairs[:most]:
-        found = run.encounter(row["track_id"], row["other_id"])
-        before = {event: found.probability(event) for event in EVENTS}
+        encounter = run.encounter(row["track_id"], row["other_id"])
+        before = {event: encounter.probability(event) for event in EVENTS}
         sampled |= any(share.exact is None for share in before.values())
-        after = weighted(run, found.pair, weights)
+        after = weighted(run, encounter.pair, weights)
         cells = [f"{_marked(share)} → {_percent(after[event], share)}" for event, share in before.items()]
         rows.append([f"{row['track_id']} → {row['other_id']}", *cells])
     any_one, new = run.collision, None

@@ -34,17 +34,17 @@ def run_until_narrow(
         grown = job.of(count)
         run(grown)
         parts = Parts(job.folder)
-        found = look(grown.intervals, *parts.values(count), settings.columns)
-        if tried or found.width <= band or remainder_of(count) > band:
-            return found
+        band_now = look(grown.intervals, *parts.values(count), settings.columns)
+        if tried or band_now.width <= band or remainder_of(count) > band:
+            return band_now
         work = work_of(job=grown, part=parts.read(0, count, plans=False))
         known = {number: extra.settle(work) for number, extra in enumerate(working(work.extras, settings))}
         tried, settled = True, {number: one for number, one in known.items() if one is not None}
         least = min((one.remainder for one in settled.values()), default=1.0)
         if least > band:
             settled = {}
-            return found
-        return dataclasses.replace(found, remainder=least)
+            return band_now
+        return dataclasses.replace(band_now, remainder=least)
 
     last = grow(measure, band=band, most=settings.count)
     return job.of(last.futures), {"asked": band, **dataclasses.asdict(last)}, settled

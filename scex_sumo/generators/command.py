@@ -95,7 +95,7 @@ def generate_command(
         raise UsageError(f"-o {folder}: is a file; name a folder")
     if cases.exists() and not overwrite:
         raise ResultError(f"{cases}: exists; --overwrite replaces it")
-    made, cells, circle = [], None, region_of(region, None).circle
+    drawn, cells, circle = [], None, region_of(region, None).circle
     if circle is not None and road.vehicle_lanes:
         x, y, _ = lane_cells(road).cell_pose
         cells = np.hypot(x - circle[0], y - circle[1]) <= circle[2]
@@ -104,12 +104,12 @@ def generate_command(
         for k in range(number):
             if tick is not None:
                 tick(k, number)
-            made.append(add_people(one(number=k), people, seed=seed + k))
-    warn(sorted({note for scene in made for note in scene.notes}))
+            drawn.append(add_people(one(number=k), people, seed=seed + k))
+    warn(sorted({note for scene in drawn for note in scene.notes}))
     about: dict[str, Any] = {}
     if critical:
         with progress_bar(f"running {road.name}") as tick:
-            made, about = _drawn(made, count, seed, tick)
+            drawn, about = _drawn(drawn, count, seed, tick)
     folder.mkdir(parents=True, exist_ok=True)
     target = folder / map_path.name
     if target.resolve() != map_path.resolve():
@@ -120,7 +120,7 @@ def generate_command(
         write_atomic(folder / META_DATA, f"originLat,originLon\n{lat!r},{lon!r}\n".encode())
     weights = cases.with_suffix(".weights.json")
     weights.unlink(missing_ok=True)
-    write_tracks(cases, *made)
+    write_tracks(cases, *drawn)
     print(f"cases:  {cases} ({count} scenes)")
     if about:
         write_atomic(weights, (json.dumps(about, indent=1) + "\n").encode())

@@ -68,7 +68,7 @@ def add_people(scene: SeedScene, people: int, *, seed: int = 0) -> SeedScene:
     if not placed:
         return replace(scene, name=name, notes=notes)
     sizes = np.array([obstacle_size(kind) for kind in kinds])
-    found = Obstacles(
+    obstacles = Obstacles(
         ids=tuple(f"P{k + 1}" for k in range(len(kinds))),
         types=tuple(kinds),
         length=sizes[:, 0],
@@ -76,7 +76,7 @@ def add_people(scene: SeedScene, people: int, *, seed: int = 0) -> SeedScene:
         states=States.stack(placed, axis=0),
         present=np.ones((len(kinds), HISTORY_STEPS + 1 + _STEPS), dtype=np.bool_),
     )
-    return replace(scene, name=name, notes=notes, obstacles=found)
+    return replace(scene, name=name, notes=notes, obstacles=obstacles)
 
 
 class _Ways:

@@ -473,13 +473,13 @@ def placed_on_lanes(
     """
     assert scene.road is not None
     road, now = scene.road, scene.now
-    found = match(road, now.x, now.y, now.heading)
-    keys = np.log(found.probability + 1e-12) + rng.gumbel(size=len(found.vehicle))
-    order = np.lexsort((-keys, found.vehicle))
-    vehicle, first = np.unique(found.vehicle[order], return_index=True)
+    matches = match(road, now.x, now.y, now.heading)
+    keys = np.log(matches.probability + 1e-12) + rng.gumbel(size=len(matches.vehicle))
+    order = np.lexsort((-keys, matches.vehicle))
+    vehicle, first = np.unique(matches.vehicle[order], return_index=True)
     chosen = order[first]
-    lane = np.searchsorted(road_index(road).lane_id, found.lane_id[chosen])
-    s, table = found.s[chosen], lane_cells(road)
+    lane = np.searchsorted(road_index(road).lane_id, matches.lane_id[chosen])
+    s, table = matches.s[chosen], lane_cells(road)
     x, y, heading = table.poses(lane, s)
     dx, dy = now.x[vehicle] - x, now.y[vehicle] - y
     known = scene.recorded_steps[vehicle] == scene.history.shape[1] - 1

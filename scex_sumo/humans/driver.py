@@ -107,8 +107,8 @@ class LikelyDriver:
         hold = np.inf if obeyed is None else obeyed.hold
         accelerate = accelerations(view, drivers, expects, attention.aware, hold)
         aside = kept_clear(offsets, view, road)
-        made = drive(history, who, paths, row, accelerate, aside=aside, parallel=True, doubt=doubt)
-        return yielding(made, view, road, attention)
+        plan = drive(history, who, paths, row, accelerate, aside=aside, parallel=True, doubt=doubt)
+        return yielding(plan, view, road, attention)
 
     def _paths(self, history: SceneHistory, road: Road, who: VehicleIndex) -> tuple[SeedPaths, IntArray]:
         if self.profile.path != "fitted":

@@ -24,9 +24,9 @@ def follow_path(history: SceneHistory, road: Road, who: VehicleIndex) -> Plan:
     """Plan 3 s for vehicles without a plan: ``calibrated_driver`` on the nearest path, or straight on."""
     paths, straight = chosen_paths(history, road, who, "straight")
     row, off = _nearest_path(history, who, paths, straight)
-    made = driven(history, [IdmDriver(CALIBRATED).follow(history, who, paths, row)])[0]
-    made.assign(off, _straight_on(history, who[off]))
-    return made
+    plan = driven(history, [IdmDriver(CALIBRATED).follow(history, who, paths, row)])[0]
+    plan.assign(off, _straight_on(history, who[off]))
+    return plan
 
 
 def _nearest_path(

@@ -120,9 +120,9 @@ class LearnedDriver:
         usable = np.flatnonzero(reasons == "")
         parts: list[tuple[IntArray, Plan]] = []
         if len(usable):
-            made, finite = self._drive(history, road, who[usable], paths, row[usable])
+            plan, finite = self._drive(history, road, who[usable], paths, row[usable])
             reasons[usable[~finite]] = NOT_FINITE
-            parts.append((usable[finite], made))
+            parts.append((usable[finite], plan))
         rest = np.flatnonzero(reasons != "")
         if len(rest) or not parts:
             parts.append((rest, follow_path(history, road, who[rest])))

@@ -81,8 +81,8 @@ class JointDriver(LearnedDriver):
         rolled, finite = self._roll(here, road, everyone, paths, rows)
         mine = future * vehicles + who.vehicle
         chosen = finite[mine]
-        made = rolled[mine[chosen]]
-        return Plan(**vars(made)), chosen
+        plan = rolled[mine[chosen]]
+        return Plan(**vars(plan)), chosen
 
     def path_prior(self, scene: SeedScene, paths: SeedPaths) -> FloatArray:
         """Return (P,) log probabilities of `LikelyDriver`: pose, speed and shape tell more at a new place."""
@@ -104,17 +104,17 @@ class JointDriver(LearnedDriver):
             finite &= np.isfinite(acceleration) & np.isfinite(sideways)
             acceleration[~finite], sideways[~finite] = 0.0, 0.0
             drives = partial(self._driven, history, road, paths=paths)
-            made = drives(who, row, acceleration, offset, sideways)
-            pairs = _near(history, made)
+            plan = drives(who, row, acceleration, offset, sideways)
+            pairs = _near(history, plan)
             for both in (False, True):
-                k = _yielding(history, made, pairs, both=both)
+                k = _yielding(history, plan, pairs, both=both)
                 if not len(k):
                     break
                 acceleration[k], sideways[k] = np.minimum(acceleration[k], -YIELDS_MPS2), 0.0
-                made.assign(k, drives(who[k], row[k], acceleration[k], offset[k], sideways[k]))
-            parts.append(made)
+                plan.assign(k, drives(who[k], row[k], acceleration[k], offset[k], sideways[k]))
+            parts.append(plan)
             states = States.concatenate(
-                [history.states[:, :, TOKEN_STEPS:], made.map(lambda a: a.reshape(futures, vehicles, -1))], 2
+                [history.states[:, :, TOKEN_STEPS:], plan.map(lambda a: a.reshape(futures, vehicles, -1))], 2
             )
             history = replace(history, states=states, step=history.step + TOKEN_STEPS)
         return States.concatenate(parts, 1), finite
@@ -241,12 +241,12 @@ def _ahead(history: SceneHistory, inputs: PathInputs) -> _Pairs:
     )
 
 
-def _near(history: SceneHistory, made: Plan) -> tuple[IntArray, IntArray, IntArray]:
+def _near(history: SceneHistory, plan: Plan) -> tuple[IntArray, IntArray, IntArray]:
     """Return future and both vehicles of (k,) pairs that can touch within a motion."""
     length, shape = history.scene.length, history.now.shape
     reach = (length[:, None] + length) / 2 + TOUCH_M
     near = np.triu(np.ones(reach.shape, dtype=np.bool_), 1)
-    for values in (made.x, made.y):
+    for values in (plan.x, plan.y):
         end = values[:, -1].reshape(shape)
         near = near & (np.abs(end[:, None, :] - end[:, :, None]) < reach)
     future, i, j = np.nonzero(near)
@@ -254,7 +254,7 @@ def _near(history: SceneHistory, made: Plan) -> tuple[IntArray, IntArray, IntArr
 
 
 def _yielding(
-    history: SceneHistory, made: Plan, pairs: tuple[IntArray, IntArray, IntArray], *, both: bool
+    history: SceneHistory, plan: Plan, pairs: tuple[IntArray, IntArray, IntArray], *, both: bool
 ) -> IntArray:
     """Return the vehicles whose box comes too near to one further ahead; with ``both`` that one as well."""
     future, i, j = pairs
@@ -267,7 +267,7 @@ def _yielding(
         )
         for first, second in (
             (now[future, i], now[future, j]),
-            *((made[one, step], made[two, step]) for step in (TOKEN_STEPS // 2, TOKEN_STEPS - 1)),
+            *((plan[one, step], plan[two, step]) for step in (TOKEN_STEPS // 2, TOKEN_STEPS - 1)),
         )
     )
     k = np.flatnonzero(np.min(after, axis=0) < np.minimum(before, APART_M))
@@ -295,7 +295,7 @@ def _conflicts(paths: SeedPaths) -> _Conflicts:
     x, y = xy = at[:2].reshape(2, -1, n)
     low, high = xy.min(axis=2) - CLEARANCE_M, xy.max(axis=2)
     meet = (owner[:, None] != owner) & (low[:, :, None] < high[:, None]).all(0)
-    found = []
+    conflicts = []
     for a, b in np.argwhere(np.triu(meet & meet.T)):
         near = np.hypot(x[a][:, None] - x[b], y[a][:, None] - y[b]) < CLEARANCE_M
         if not near.any():
@@ -303,10 +303,10 @@ def _conflicts(paths: SeedPaths) -> _Conflicts:
         begin, end = np.array([_first_run(near.any(axis=1)), _first_run(near.any(axis=0))]).T
         if begin.min() > 0:
             span = np.column_stack([s[begin], np.full(2, np.inf) if end.max() == n else s[end]])
-            found += [((a, b), span), ((b, a), span[::-1])]
-    rows = np.array([pair for pair, _ in found], dtype=np.int64).reshape(-1, 2)
+            conflicts += [((a, b), span), ((b, a), span[::-1])]
+    rows = np.array([pair for pair, _ in conflicts], dtype=np.int64).reshape(-1, 2)
     return _Conflicts(
-        vehicle=owner[rows], row=rows, span=np.array([spans for _, spans in found]).reshape(-1, 2, 2)
+        vehicle=owner[rows], row=rows, span=np.array([spans for _, spans in conflicts]).reshape(-1, 2, 2)
     )
 
 

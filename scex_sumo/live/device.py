@@ -56,13 +56,13 @@ class Lead:
 
 def conflicts_of(file: Path) -> list[Conflict]:
     """Return the conflicts in a file of the SSM device with trajectories, each pair's first, by time."""
-    found: dict[frozenset[str], Conflict] = {}
+    first: dict[frozenset[str], Conflict] = {}
     for conflict in elements_of(file):
         pair = frozenset((conflict.get("ego", ""), conflict.get("foe", "")))
         for what, begin_s, value in _exceeded(conflict):
-            if pair not in found or begin_s < found[pair].begin_s:
-                found[pair] = Conflict(pair=pair, begin_s=begin_s, what=what, value=value)
-    return sorted(found.values(), key=lambda one: one.begin_s)
+            if pair not in first or begin_s < first[pair].begin_s:
+                first[pair] = Conflict(pair=pair, begin_s=begin_s, what=what, value=value)
+    return sorted(first.values(), key=lambda one: one.begin_s)
 
 
 def elements_of(file: Path) -> Iterator[ElementTree.Element]:
@@ -106,8 +106,8 @@ def leads_of(conflicts: Sequence[Conflict], risks: Iterable[Risk], *, level: flo
     for risk in risks:
         for pair in risk.pairs:
             if pair.human_like >= level and pair.doubt is None:
-                found = (risk.time_s, pair.human_like, pair.names)
-                seen.setdefault(frozenset(pair.names), []).append(found)
+                moment = (risk.time_s, pair.human_like, pair.names)
+                seen.setdefault(frozenset(pair.names), []).append(moment)
     leads = []
     for one in conflicts:
         before = [m for m in seen.get(one.pair, ()) if one.begin_s - BEFORE_S <= m[0] <= one.begin_s + 1e-6]

@@ -91,18 +91,18 @@ def write_leads(folder: Path, leads: Iterable[Lead]) -> Path:
 
 def worst_moments(risks: Sequence[Risk]) -> list[tuple[Risk, PairRisk]]:
     """Return the moments with the most probable collisions, each with its pair; see `APART_S`."""
-    found: list[tuple[Risk, PairRisk]] = []
+    worst: list[tuple[Risk, PairRisk]] = []
     led = [(risk, pair) for risk in risks if (pair := risk.worst) is not None and pair.human_like > 0]
     for risk, pair in sorted(led, key=lambda one: -one[1].human_like):
         near = (
             set(pair.names) == set(other.names) and abs(risk.time_s - then.time_s) < APART_S
-            for then, other in found
+            for then, other in worst
         )
         if not any(near):
-            found.append((risk, pair))
-        if len(found) == MOST:
+            worst.append((risk, pair))
+        if len(worst) == MOST:
             break
-    return found
+    return worst
 
 
 def write_configuration(folder: Path, config: Path) -> Path:

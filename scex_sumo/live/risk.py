@@ -170,12 +170,12 @@ def _pairs(
     place = {
         int(track): (float(scene.now.x[v]), float(scene.now.y[v])) for v, track in enumerate(scene.track_ids)
     }
-    found = []
+    pairs = []
     for one in people:
         row, key = one.row, frozenset(one.pair)
         hits, other = (names.get(track, row.get("person") or str(track)) for track in one.pair)
         x, y = place[one.pair[0]]
-        found.append(
+        pairs.append(
             PairRisk(
                 hits=hits,
                 other=other,
@@ -193,12 +193,12 @@ def _pairs(
     for key, share in shares.items():  # people do not collide in these
         pair, kind, at_s = kinds[key]
         (x, y), (hits, other) = place[pair[0]], (names[track] for track in pair)
-        found.append(
+        pairs.append(
             PairRisk(
                 hits=hits, other=other, kind=kind, human_like=0.0, stress=share, contact_s=at_s, x=x, y=y
             )
         )
-    return found
+    return pairs
 
 
 def _shares(

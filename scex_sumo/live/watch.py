@@ -185,8 +185,8 @@ class Watch:
         if self._ticker is None:
             return None
         self._ticker.take_up(self.time_s)
-        found = self._ticker.risk
-        return None if found is None else replace(found, age_s=self.time_s - found.time_s)
+        risk = self._ticker.risk
+        return None if risk is None else replace(risk, age_s=self.time_s - risk.time_s)
 
     @property
     def skipped(self) -> int:

@@ -23,7 +23,7 @@ REACH_M, PEOPLE_REACH_M = 30.0, 8.0
 DRIVES_M: Final = 0.5  # in the last second: people walk past parked vehicles as past walls
 NEAR_M: Final = 5.0  # over which a pull decays by e
 LOOK_S, CLOSE_M = 5.0, 3.0  # of the closest approach at constant velocity
-LEAST_M: Final = 0.1  # distance in a direction
+MIN_DISTANCE_M: Final = 0.1  # distance in a direction
 MAX_LOG: Final = 2.0  # of a scale in m
 WEIGHTS: Final = Path(__file__).with_name("expectation.npz")
 
@@ -74,7 +74,7 @@ def shown(scene: SeedScene) -> Shown:
     soon = -(to * closing.conj()).real / np.maximum(np.abs(closing) ** 2, 0.1)
     soon = np.clip(soon, 0.0, LOOK_S)
     pull = np.exp(-distance / NEAR_M)
-    toward = pull * to / np.maximum(distance, LEAST_M)
+    toward = pull * to / np.maximum(distance, MIN_DISTANCE_M)
     vectors = [part for z in (to / 10, closing / 3, looks) for part in (z.real, z.imag)]
     closest = np.exp(-np.abs(to + closing * soon) / CLOSE_M)
     pairs = np.column_stack([*vectors, pull, soon / LOOK_S, closest, toward.real, toward.imag])

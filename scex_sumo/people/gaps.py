@@ -15,7 +15,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.people.parameters import PeopleParameters
 from scex_sumo.scene import SceneHistory, VehicleIndex
 
-LEAST_MPS = 0.05  # slower motion does not cross anything
+MIN_SPEED_MPS = 0.05  # slower motion does not cross anything
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,8 +58,8 @@ def meetings(
         left = (ahead + half_length) / closing
     # One that closes in from in front; from behind, the person catches up with it.
     arrives, left = np.minimum(arrives, left), np.maximum(arrives, left)
-    crosses = (np.abs(across) > LEAST_MPS) & (leaves > 0) & (enters < people.look_s)
-    crosses &= (left > 0) & (arrives < people.look_s + 2.0) & (np.abs(closing) > LEAST_MPS)
+    crosses = (np.abs(across) > MIN_SPEED_MPS) & (leaves > 0) & (enters < people.look_s)
+    crosses &= (left > 0) & (arrives < people.look_s + 2.0) & (np.abs(closing) > MIN_SPEED_MPS)
     nothing = np.where(crosses, 0.0, np.nan)
     return Meeting(
         enters=enters + nothing, leaves=leaves + nothing, arrives=arrives + nothing, left=left + nothing

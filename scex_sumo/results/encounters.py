@@ -156,12 +156,12 @@ def outcomes_table(encounters: Encounters, track_ids: IntArray) -> pa.Table:
 
 def _injured(collisions: pa.Table | None, futures: int) -> dict[frozenset[int], float]:
     """Return the expected severe injuries of each pair of track ids that collides, per future."""
-    found: dict[frozenset[int], float] = {}
+    injured: dict[frozenset[int], float] = {}
     for hit in [] if collisions is None else first_contacts(collisions).to_pylist():
         pair = frozenset((hit["track_id"], hit["other_id"]))
         risk = (hit["p_mais3"] or 0.0) + (hit["p_mais3_other"] or 0.0)
-        found[pair] = found.get(pair, 0.0) + risk / futures
-    return found
+        injured[pair] = injured.get(pair, 0.0) + risk / futures
+    return injured
 
 
 def answers_of(encounters: Encounters) -> dict[str, BoolArray]:

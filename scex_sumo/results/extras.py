@@ -178,13 +178,13 @@ class ExtraResults:
 @cache
 def extra_types() -> Mapping[str, type[ExtraResults]]:
     """Return the registered extras by name, in their order; a broken one of another package is left out."""
-    found: dict[str, type[ExtraResults]] = {}
+    types: dict[str, type[ExtraResults]] = {}
     for name in EXTRAS.paths:
         try:
-            found[name] = EXTRAS.load(name)
+            types[name] = EXTRAS.load(name)
         except UsageError as error:
             print(f"warning: extra {name} is left out: {error}", file=sys.stderr)
-    return dict(sorted(found.items(), key=lambda item: (item[1].order, item[0])))
+    return dict(sorted(types.items(), key=lambda item: (item[1].order, item[0])))
 
 
 def extras_results(folder: Path) -> tuple[ExtraResults, ...]:

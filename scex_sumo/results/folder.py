@@ -74,7 +74,7 @@ class OutputFolder:
         """Clear the folder unless it holds the same result; refuse one of another program."""
         names = (PENDING, _COPY, self.info)
         there = [name for name in names if (self.path / name).is_file()]
-        identities = [found for name in there if (found := identity_in(self.path / name))]
+        identities = [identity for name in there if (identity := identity_in(self.path / name))]
         if self.identity in identities:
             return
         remedy = "give another folder with -o, or --overwrite to replace it"

@@ -51,8 +51,8 @@ def read_info(folder: Path) -> Info:
     if not file.is_file():
         if (folder / "incomplete.json").is_file():
             raise ResultError(f"{folder}: the run was interrupted; the same command resumes it")
-        found = "no such folder" if not folder.exists() else "no run.json in it"
-        raise ResultError(f"{folder}: {found}; give the folder that 'scex-sumo run -o' wrote")
+        missing = "no such folder" if not folder.exists() else "no run.json in it"
+        raise ResultError(f"{folder}: {missing}; give the folder that 'scex-sumo run -o' wrote")
     try:
         content = json.loads(file.read_bytes())
     except (ValueError, RecursionError) as error:

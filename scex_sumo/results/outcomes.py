@@ -198,16 +198,16 @@ def _on_road(road: Road, poses: tuple[Rectangles, Rectangles]) -> tuple[list[Boo
     """Return (N,) whether either vehicle is outside of its lane, and whether it must give way."""
     lanes, leaves = [], []
     for pose in poses:
-        found = match(road, pose.x, pose.y, pose.heading)
-        at = found.best
-        vehicle = found.vehicle[at]
+        matches = match(road, pose.x, pose.y, pose.heading)
+        at = matches.best
+        vehicle = matches.vehicle[at]
         lane = np.full(len(pose.x), UNDECIDED)
-        lane[vehicle] = found.lane_id[at]
-        width = np.array([road.lanes[k].width_m for k in found.lane_id[at].tolist()])
-        turn, half = found.heading_error[at], pose.half_length[vehicle]
+        lane[vehicle] = matches.lane_id[at]
+        width = np.array([road.lanes[k].width_m for k in matches.lane_id[at].tolist()])
+        turn, half = matches.heading_error[at], pose.half_length[vehicle]
         reach = half * np.abs(np.sin(turn)) + pose.half_width[vehicle] * np.abs(np.cos(turn))
         out = np.ones(len(pose.x), dtype=np.bool_)
-        out[vehicle] = np.abs(found.offset[at]) + reach > width / 2 + _OUTSIDE_M
+        out[vehicle] = np.abs(matches.offset[at]) + reach > width / 2 + _OUTSIDE_M
         lanes.append(lane)
         leaves.append(out)
     yielding = _yielding(road)

@@ -162,7 +162,7 @@ def joined_parts(parts: Sequence[Part]) -> Part:
         return np.concatenate(there, axis) if there else None
 
     def table(name: str) -> pa.Table | None:
-        there = [found for part in parts if (found := getattr(part, name)) is not None]
+        there = [value for part in parts if (value := getattr(part, name)) is not None]
         return pa.concat_tables(there) if there else None
 
     return Part(

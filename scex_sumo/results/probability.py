@@ -89,8 +89,8 @@ def probability_of(
     run: PairTables, sampled: Interval, event: str, pair: tuple[int, int] | None = None
 ) -> Probability:
     """Return the probability of an event of a pair, or of any pair: exact where an extra knows it."""
-    found = (extra.exact_probability(run, event, pair) for extra in extras_results(run.folder))
-    return Probability(sampled=sampled, known=next((one for one in found if one is not None), None))
+    known = (extra.exact_probability(run, event, pair) for extra in extras_results(run.folder))
+    return Probability(sampled=sampled, known=next((one for one in known if one is not None), None))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -144,8 +144,8 @@ class Encounter:
         for name, critical in critical_outcomes(outcomes).items():
             if event in (name, "critical"):
                 future.append(np.asarray(outcomes["future"])[own & critical])
-        found: BoolArray = np.isin(np.arange(self.run.futures), np.concatenate(future))
-        return found
+        happens: BoolArray = np.isin(np.arange(self.run.futures), np.concatenate(future))
+        return happens
 
 
 _ENDS = {"value": "", "low": "_low", "high": "_high"}

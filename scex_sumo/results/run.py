@@ -175,8 +175,8 @@ class Run:
     @cached_property
     def decision(self) -> Decision | None:
         """What to test in this moment; None without the critical responses."""
-        found = (extra.decision(self) for extra in extras_results(self.folder))
-        return next((one for one in found if one is not None), None)
+        decisions = (extra.decision(self) for extra in extras_results(self.folder))
+        return next((one for one in decisions if one is not None), None)
 
     @property
     def keeps_doubtful(self) -> bool:

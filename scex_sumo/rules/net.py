@@ -135,20 +135,20 @@ def links_of(root: Element, shapes: Mapping[str, FloatArray]) -> Iterator[Link]:
         while lane and lane in shapes and lane not in chain:
             chain.append(lane)
             lane = following.get(lane)
-        found = next((rows[lane] for lane in chain if lane in rows), None)
+        request = next((rows[lane] for lane in chain if lane in rows), None)
         line = without_repeats(np.vstack([shapes[lane] for lane in chain])) if chain else np.empty((0, 2))
-        if found is None or len(line) < 2:
+        if request is None or len(line) < 2:
             continue
         light = (c.get("tl", ""), int(c.get("linkIndex", -1))) if c.get("tl") else None
         ends = (f"{c.get('from')}_{c.get('fromLane')}", f"{c.get('to')}_{c.get('toLane')}")
         yield Link(
             line=line,
             lanes=(ends[0], *chain, ends[1]),
-            junction=found[0],
-            row=found[1],
+            junction=request[0],
+            row=request[1],
             state=c.get("state", ""),
             light=light,
-            yields=found[2],
+            yields=request[2],
         )
 
 
@@ -175,7 +175,7 @@ def signals_of_links(
     for link in links:
         if link.light is not None:
             used.setdefault(link.light[0], set()).add(link.light[1])
-    found: dict[tuple[str, int], Signal] = {}
+    signals: dict[tuple[str, int], Signal] = {}
     for name, indices in used.items():
         logic = programmes.get(name, Element("tlLogic"))
         phases = [(float(p.get("duration", 0)), p.get("state", "")) for p in logic.iter("phase")]
@@ -189,13 +189,13 @@ def signals_of_links(
                 letters = "".join(state[index] for _, state in phases)
                 ends = np.cumsum([duration for duration, _ in phases])
                 # A future begins at 0.1 s of its simulation.
-                found[name, index] = Signal(ends_s=ends, letters=letters, start_s=STEP_S - offset)
+                signals[name, index] = Signal(ends_s=ends, letters=letters, start_s=STEP_S - offset)
             elif fits:
-                found[name, index] = Signal()
+                signals[name, index] = Signal()
     unlinked = sorted(set(programmes) - set(used))
     if unlinked and known:
         notes.append(f"traffic light {unlinked[0]}: controls no lane; not obeyed")
-    return found, notes
+    return signals, notes
 
 
 def _contradiction(links: Sequence[Link]) -> str:

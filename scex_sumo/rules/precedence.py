@@ -19,7 +19,7 @@ def precedence(scene: SeedScene, road: Road) -> list[tuple[int, int, str]]:
         return []
     paths, history = seed_paths(scene, road), SceneHistory.of_scene(scene)
     ways, traffic, lit = ruled_ways(paths, rules), straight_traffic(history, paths), lights(history, paths)
-    straight, tracks, found = paths.first + paths.straight, scene.track_ids.tolist(), {}
+    straight, tracks, rules_of = paths.first + paths.straight, scene.track_ids.tolist(), {}
     for k, (own, other) in enumerate(zip(ways.own.tolist(), ways.other.tolist(), strict=True)):
         one, two = (int(ways.vehicle[ways.row[entry]]) for entry in (own, other))
         ahead = all(
@@ -33,7 +33,7 @@ def precedence(scene: SeedScene, road: Road) -> list[tuple[int, int, str]]:
         if not ahead or one == two or all(red):
             continue
         if red[1]:
-            found[two, one] = HAS_RED
+            rules_of[two, one] = HAS_RED
         elif red[0] or not (ways.mutual[k] or lit.free[0, ways.signal[own]]):
-            found[one, two] = HAS_RED if red[0] else MUST_YIELD
-    return [(tracks[one], tracks[two], what) for (one, two), what in found.items()]
+            rules_of[one, two] = HAS_RED if red[0] else MUST_YIELD
+    return [(tracks[one], tracks[two], what) for (one, two), what in rules_of.items()]

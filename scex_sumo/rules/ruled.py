@@ -68,9 +68,9 @@ class RuledDriver(IdmDriver):
             )
             lit = lights(history, paths)
             hold = obeyed(history, who, paths, row, straight_traffic(history, paths), manner, lit).hold
-        made = self.follow(history, who, paths, row, hold)
+        intent = self.follow(history, who, paths, row, hold)
         if not profile.sideways:
-            return made
+            return intent
         from scex_sumo.rules.sideways import offsets
 
-        return replace(made, aside=offsets(history, road, paths, made.row, made.who, profile.sideways))
+        return replace(intent, aside=offsets(history, road, paths, intent.row, intent.who, profile.sideways))

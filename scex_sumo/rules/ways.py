@@ -124,14 +124,14 @@ def _pairs(
     on: dict[int, list[int]] = {}
     for entry, k in enumerate(passage.tolist()):
         on.setdefault(k, []).append(entry)
-    found: dict[tuple[int, int], FloatArray | None] = {}
+    span_of: dict[tuple[int, int], FloatArray | None] = {}
     own, other, spans = [], [], []
     for entry, k in enumerate(passage.tolist()):
         for foe in rules.passages[k].yields_to:
             for theirs in on.get(foe, ()):
-                if (k, foe) not in found:
-                    found[k, foe] = _span(rules.passages[k].line, rules.passages[foe].line)
-                span = found[k, foe]
+                if (k, foe) not in span_of:
+                    span_of[k, foe] = _span(rules.passages[k].line, rules.passages[foe].line)
+                span = span_of[k, foe]
                 if span is not None and row[entry] != row[theirs]:
                     own.append(entry)
                     other.append(theirs)

@@ -163,8 +163,8 @@ def _ahead_of(
     across = others.states.speed[who.future[i], j] * sin
     to_go = np.abs(offset) - body + width[i] / 2 - np.sign(across) * offset
     leaves = np.maximum(to_go, 0.0) / np.maximum(np.abs(across), MIN_ACROSS_MPS)
-    found = Ahead(driver=i, other=j, gap=gap, speed=speed, cos=cos, leaves=leaves)
-    return found.part(counts)
+    pairs = Ahead(driver=i, other=j, gap=gap, speed=speed, cos=cos, leaves=leaves)
+    return pairs.part(counts)
 
 
 def _first_guess(

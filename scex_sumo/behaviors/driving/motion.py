@@ -289,15 +289,15 @@ def map_plan(
     )
 
 
-def handed_out(made: Plan, kind: IntArray) -> Plan:
+def handed_out(plan: Plan, kind: IntArray) -> Plan:
     """Expand k distinct plans to n vehicles; `kind` (n,) is the plan of each."""
     return Plan(
-        x=made.x[kind],
-        y=made.y[kind],
-        heading=made.heading[kind],
-        speed=made.speed[kind],
-        fallback=None if made.fallback is None else made.fallback[kind],
-        reasons=tuple(made.reasons[k] for k in kind.tolist()) if made.reasons else (),
+        x=plan.x[kind],
+        y=plan.y[kind],
+        heading=plan.heading[kind],
+        speed=plan.speed[kind],
+        fallback=None if plan.fallback is None else plan.fallback[kind],
+        reasons=tuple(plan.reasons[k] for k in kind.tolist()) if plan.reasons else (),
     )
 
 
@@ -348,29 +348,32 @@ class DrivesAlong(ABC):
 
 def driven(history: SceneHistory, intents: Sequence[Intent]) -> list[Plan]:
     """Drive the vehicles of several models in one call; return a plan of 3 s per model."""
-    made: dict[int, Plan] = {}
-    for paths in {id(one.paths): one.paths for one in intents}.values():
-        mine = [index for index, one in enumerate(intents) if one.paths is paths]
-        made |= zip(mine, _side_by_side(history, paths, [intents[index] for index in mine]), strict=True)
-    return [made[index] for index in range(len(intents))]
+    plans: dict[int, Plan] = {}
+    for paths in {id(intent.paths): intent.paths for intent in intents}.values():
+        mine = [index for index, intent in enumerate(intents) if intent.paths is paths]
+        plans |= zip(mine, _side_by_side(history, paths, [intents[index] for index in mine]), strict=True)
+    return [plans[index] for index in range(len(intents))]
 
 
 def _side_by_side(history: SceneHistory, paths: SeedPaths, intents: Sequence[Intent]) -> list[Plan]:
-    ends = [0, *accumulate(len(one.who) for one in intents)]
-    parts = [(one.accelerate, slice(*part)) for one, part in zip(intents, pairwise(ends), strict=True)]
+    ends = [0, *accumulate(len(intent.who) for intent in intents)]
+    parts = [(intent.accelerate, slice(*part)) for intent, part in zip(intents, pairwise(ends), strict=True)]
     who = VehicleIndex(
-        future=np.concatenate([one.who.future for one in intents]),
-        vehicle=np.concatenate([one.who.vehicle for one in intents]),
+        future=np.concatenate([intent.who.future for intent in intents]),
+        vehicle=np.concatenate([intent.who.vehicle for intent in intents]),
     )
 
     def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
         return np.concatenate([model(step, v[k], travelled[k], s[k]) for model, k in parts])
 
-    row, aside = np.concatenate([one.row for one in intents]), None
-    if any(one.aside is not None for one in intents):
+    row, aside = np.concatenate([intent.row for intent in intents]), None
+    if any(intent.aside is not None for intent in intents):
         aside = np.vstack(
-            [np.zeros((len(one.who), PLAN_STEPS + 1)) if one.aside is None else one.aside for one in intents]
+            [
+                np.zeros((len(intent.who), PLAN_STEPS + 1)) if intent.aside is None else intent.aside
+                for intent in intents
+            ]
         )
-    made = drive(history, who, paths, row, accelerate, aside=aside)
-    kinds = [np.arange(len(one.who)) if one.kind is None else one.kind for one in intents]
-    return [handed_out(made, begin + kind) for begin, kind in zip(ends, kinds, strict=False)]
+    plan = drive(history, who, paths, row, accelerate, aside=aside)
+    kinds = [np.arange(len(intent.who)) if intent.kind is None else intent.kind for intent in intents]
+    return [handed_out(plan, begin + kind) for begin, kind in zip(ends, kinds, strict=False)]

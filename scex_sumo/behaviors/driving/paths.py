@@ -274,9 +274,13 @@ def _given(
     return PathLine(cut, owner, ids)
 
 
-def _tabulate(road: Road, made: _SmoothLines, redraw: Redraw | None) -> SeedPaths:
-    lines, count, samples = made.lines, made.count, made.raw.shape[1]
-    smooth = made.smooth if redraw is None else redraw(road, lines, made.smooth.copy(), made.raw)
+def _tabulate(road: Road, smooth_lines: _SmoothLines, redraw: Redraw | None) -> SeedPaths:
+    lines, count, samples = smooth_lines.lines, smooth_lines.count, smooth_lines.raw.shape[1]
+    smooth = (
+        smooth_lines.smooth
+        if redraw is None
+        else redraw(road, lines, smooth_lines.smooth.copy(), smooth_lines.raw)
+    )
     even = np.stack([resample(line, samples, DS_M) for line in smooth])
     centre = even.reshape(-1, 2).mean(axis=0)
     some = even[:, ::COARSE] - centre
@@ -292,7 +296,7 @@ def _tabulate(road: Road, made: _SmoothLines, redraw: Redraw | None) -> SeedPath
         on_road=np.array([line.on_road for line in lines])[first],
         table=_columns(even).reshape(-1, 2 * len(COLUMNS)),
         samples=samples,
-        speed_limit=made.limit,
+        speed_limit=smooth_lines.limit,
         coarse=np.stack([-2 * some[..., 0], -2 * some[..., 1], (some**2).sum(-1)], 1),
         centre=centre,
         slow_in_curves=road.sumo_lanes,

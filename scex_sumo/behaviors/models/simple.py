@@ -110,9 +110,9 @@ class Replay:
         ends = [recorded[i, last], history.now[who.future, who.vehicle]]
         end = States.joined(ends, lambda parts: np.where(left > 0, *parts))
         h = np.arange(PLAN_STEPS)
-        made = recorded[:, np.minimum(history.step + h, recorded.shape[1] - 1)]
+        planned = recorded[:, np.minimum(history.step + h, recorded.shape[1] - 1)]
         ending = np.flatnonzero(left < PLAN_STEPS)
         rest = drive_along(history, road, who[ending], self.profile.path, start=end[ending])
         row, step = np.nonzero(h >= left[ending, None])
-        made.assign((ending[row], step), rest[row, step - left[ending[row]]])
-        return Plan(**vars(made))
+        planned.assign((ending[row], step), rest[row, step - left[ending[row]]])
+        return Plan(**vars(planned))

@@ -281,9 +281,9 @@ def _lane_widths(scene: SeedScene, who: IntArray) -> FloatArray:
     width = np.full(scene.vehicles, np.inf)
     if scene.road is not None and len(who):
         now = scene.now[who]
-        found = match(scene.road, now.x, now.y, now.heading)
-        lanes = [scene.road.lanes[k].width_m for k in found.lane_id[found.best].tolist()]
-        width[who[found.vehicle[found.best]]] = lanes
+        matches = match(scene.road, now.x, now.y, now.heading)
+        lanes = [scene.road.lanes[k].width_m for k in matches.lane_id[matches.best].tolist()]
+        width[who[matches.vehicle[matches.best]]] = lanes
     return width
 
 

@@ -218,12 +218,12 @@ def _often(cases: Cases, people: People, response_s: FloatArray) -> FloatArray:
 
 def _room(cases: Cases) -> dict[str, list[float | None]]:
     met = _meeting(cases)
-    found = {
+    room = {
         "needed_braking": needed_braking(met),
         "needed_swerve": needed_swerve(met),
         "time_to_react": time_to_react(met),
     }
-    return {name: [None if math.isnan(v) else v for v in values] for name, values in found.items()}
+    return {name: [None if math.isnan(v) else v for v in values] for name, values in room.items()}
 
 
 def _worst_levels(often: FloatArray, later: FloatArray, action: IntArray) -> tuple[IntArray, FloatArray]:
@@ -304,10 +304,10 @@ def _room_beside(scene: SeedScene) -> FloatArray:
     """Return (V, 2) free width to the left and right of each vehicle on its lane and those beside it, m."""
     assert scene.road is not None
     now, room = scene.now, np.zeros((scene.vehicles, 2))
-    found = match(scene.road, now.x, now.y, now.heading)
-    for k in found.best.tolist():
-        v = found.vehicle[k]
-        room[v] = _sides(scene.road, int(found.lane_id[k]), float(scene.width[v]))
+    matches = match(scene.road, now.x, now.y, now.heading)
+    for k in matches.best.tolist():
+        v = matches.vehicle[k]
+        room[v] = _sides(scene.road, int(matches.lane_id[k]), float(scene.width[v]))
     return room
 
 
@@ -323,12 +323,12 @@ def doubts_of(pairs: Pairs, rows: IntArray) -> list[str | None]:
     scene, one, other = pairs.expected.scene, pairs.initiator[rows], pairs.responder[rows]
     meet = pairs.blocked.touched(pairs.expected.s[pairs.responder])[rows]
     meet &= one < pairs.expected.vehicles  # people wait at the kerb, or step out
-    found = scene_doubts(scene, one, other, vehicles=pairs.expected.vehicles)
+    doubts = scene_doubts(scene, one, other, vehicles=pairs.expected.vehicles)
     both = zip(scene.track_ids[one].tolist(), scene.track_ids[other].tolist(), strict=True)
     words = (f"{MOTIONS} of {a} and {b} overlap" for a, b in map(sorted, both))
     return [
         doubt or (overlap if is_so else None)
-        for doubt, overlap, is_so in zip(found, words, meet.tolist(), strict=True)
+        for doubt, overlap, is_so in zip(doubts, words, meet.tolist(), strict=True)
     ]
 
 

@@ -133,10 +133,10 @@ def blocked_stretches(
         at = np.where(np.isfinite(first), first, nearest + (2 * side - 1) * reach / 2)
         value = np.where(np.isfinite(first), first, np.nan)
         for _ in range(ITERATIONS):
-            found = _slice(lines, row, at, half, other)[side]
-            there = np.isfinite(found)
-            value = np.where(there, found, value)
-            at = np.where(there, np.clip(found, nearest - 2 * reach, nearest + 2 * reach), at)
+            offset = _slice(lines, row, at, half, other)[side]
+            there = np.isfinite(offset)
+            value = np.where(there, offset, value)
+            at = np.where(there, np.clip(offset, nearest - 2 * reach, nearest + 2 * reach), at)
         ends.append(value)
     enter, leave = ends
     nothing = ~((leave > enter) & np.isfinite(enter) & np.isfinite(leave))

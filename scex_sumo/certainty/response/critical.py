@@ -115,7 +115,7 @@ def critical_response(
 
     To 0.05 s; -inf where the event happens at once, inf where it never does.
     """
-    found = np.full((len(cases), len(decelerations)), np.inf)
+    latest = np.full((len(cases), len(decelerations)), np.inf)
     never = np.full(len(cases), 2 * TIME_S[-1])
     rows = np.flatnonzero(happens(responded(cases, never, decelerations[0])))
     part = cases.take(rows)
@@ -126,8 +126,8 @@ def critical_response(
             middle = (low + high) / 2
             hit = happens(responded(part, middle, deceleration))
             low, high = np.where(hit, low, middle), np.where(hit, middle, high)
-        found[rows, column] = np.where(hopeless, -np.inf, low)
-    return found
+        latest[rows, column] = np.where(hopeless, -np.inf, low)
+    return latest
 
 
 def by_action(values: FloatArray) -> FloatArray:

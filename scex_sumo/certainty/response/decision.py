@@ -75,7 +75,7 @@ def pair_responses(rows: Iterable[Mapping[str, Any]]) -> Sequence[PairResponse]:
     pairs: dict[frozenset[int], list[Mapping[str, Any]]] = {}
     for row in sorted(rows, key=lambda row: -float(row["probability"])):
         pairs.setdefault(frozenset((row["track_id"], row["other_id"])), []).append(row)
-    found = [
+    responses = [
         PairResponse(
             row=own[0],
             probability=either(row["probability"] for row in own),
@@ -87,7 +87,7 @@ def pair_responses(rows: Iterable[Mapping[str, Any]]) -> Sequence[PairResponse]:
         for own in pairs.values()
     ]
     return sorted(
-        found,
+        responses,
         key=lambda one: (-one.expected_mais3 if one.is_to_be_tested else 0.0, -one.probability),
     )
 
@@ -97,8 +97,8 @@ def with_usual(table: pa.Table, population: Population, location: str) -> pa.Tab
     rows, site = table.to_pylist(), population.site_of(location)
     pairs = {frozenset(one.pair): one for one in pair_responses(rows)}
     each = (pairs[frozenset((row["other_id"], row["track_id"]))] for row in rows)
-    found = [population.usual(site, one.row["kind"], one.probability) for one in each]
-    for name, values in usual_columns(found).items():
+    usual = [population.usual(site, one.row["kind"], one.probability) for one in each]
+    for name, values in usual_columns(usual).items():
         table = table.append_column(name, pa.array(values, USUAL[name]))
     return table
 
@@ -116,8 +116,8 @@ def decide(
         keep_doubtful: doubtful pairs count, too.
         varied: returns the pair that decides as it is with errors of its data, see `sensitivity.varied`.
     """
-    found = pair_responses(rows)
-    worst = deciding(found, keep_doubtful=keep_doubtful)
+    responses = pair_responses(rows)
+    worst = deciding(responses, keep_doubtful=keep_doubtful)
     if worst is None:
         never = "no pair collides as often as once in a billion such moments"
         return Decision(kind=NOTHING, sentence=f"Nothing to test: {never}.")
@@ -152,12 +152,12 @@ def _depends(worst: PairResponse, others: Sequence[PairResponse]) -> str:
     return f" This depends on the data: {often}, {now}, if boxes are 0.3 m or headings 2° off."
 
 
-def deciding(found: Sequence[PairResponse], *, keep_doubtful: bool = False) -> PairResponse | None:
+def deciding(responses: Sequence[PairResponse], *, keep_doubtful: bool = False) -> PairResponse | None:
     """Return the pair that decides: the first to be tested without doubt, else with doubtful data, else the
     first without doubt."""
-    sure = [one for one in found if keep_doubtful or one.doubt is None]
-    doubtful = [one for one in found if one.has_doubtful_data]
-    tested = (one for one in (*sure, *doubtful) if one.is_to_be_tested)
+    sure = [response for response in responses if keep_doubtful or response.doubt is None]
+    doubtful = [response for response in responses if response.has_doubtful_data]
+    tested = (response for response in (*sure, *doubtful) if response.is_to_be_tested)
     return next(tested, sure[0] if sure else None)
 
 

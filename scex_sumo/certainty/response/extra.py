@@ -124,8 +124,8 @@ class ResponseExtra(CriticalResponse):
         from scex_sumo.certainty.response.decision import pair_responses
         from scex_sumo.certainty.response.words import alike
 
-        found = pair_responses(run.table(RESPONSE).to_pylist())
-        return alike(one for one in found if run.keeps_doubtful or one.doubt is None)
+        responses = pair_responses(run.table(RESPONSE).to_pylist())
+        return alike(response for response in responses if run.keeps_doubtful or response.doubt is None)
 
     def page(self, run: Run) -> Any:
         """Return the card with what it takes, and the maps of the worst pairs; None without any."""

@@ -202,7 +202,7 @@ def _read(content: Mapping[str, Any], file: Path) -> People:
     try:
         braking, *others = (content["actions"][action.name] for action in ACTIONS)
         medians = value("response_s")
-        found = People(
+        people = People(
             response_s=np.array([medians[action.name] for action in ACTIONS], dtype=np.float64),
             decelerations=np.array(value("decelerations"), dtype=np.float64),
             braking=np.array([*braking["following"], *braking["free"]], dtype=np.float64),
@@ -215,13 +215,13 @@ def _read(content: Mapping[str, Any], file: Path) -> People:
         )
     except (KeyError, TypeError, ValueError) as error:
         raise UsageError(f"{file}: {error!s:.80}: compare with {SHIPPED.name} of the package") from None
-    tables = (found.braking, found.shapes)
+    tables = (people.braking, people.shapes)
     right = all(table.shape[-1] == LEVELS and (np.diff(table) <= 0).all() for table in tables)
-    right &= len(found.braking) == 2 * (len(found.speed_edges) + 1)
-    right &= found.rates.shape == (len(ACTIONS), len(found.rate_edges_s) + 1)
-    if not right or found.decelerations.shape != (len(DECELERATIONS),):
+    right &= len(people.braking) == 2 * (len(people.speed_edges) + 1)
+    right &= people.rates.shape == (len(ACTIONS), len(people.rate_edges_s) + 1)
+    if not right or people.decelerations.shape != (len(DECELERATIONS),):
         raise UsageError(f"{file}: frequencies need {LEVELS} values that do not grow, and a row a class")
-    return found
+    return people
 
 
 def left_at(cases: Cases, response_s: FloatArray) -> FloatArray:

@@ -27,12 +27,12 @@ def varied(scene: SeedScene, pair: tuple[int, int], file: Path | None = None) ->
     """Return a pair with smaller and larger boxes, and with headings off either way, where P > 0."""
     expected, people = expected_motion(scene), people_of(file)
     index = np.flatnonzero(np.isin(expected.scene.track_ids, pair))
-    found: list[PairResponse] = []
+    responses: list[PairResponse] = []
     for size, turn in ((-BOX_M, 0.0), (BOX_M, 0.0), (0.0, TURN_RAD), (0.0, -TURN_RAD)):
         pairs = pairs_of(_changed(expected, index, size, turn), index)
         own = np.isin(pairs.initiator, index) & np.isin(pairs.responder, index)
-        found += pair_responses(decisive_rows(cases_of(pairs, own), people))
-    return found
+        responses += pair_responses(decisive_rows(cases_of(pairs, own), people))
+    return responses
 
 
 def _changed(expected: Expected, index: np.ndarray, size: float, turn: float) -> Expected:

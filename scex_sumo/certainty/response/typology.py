@@ -140,12 +140,12 @@ def _arrival(expected: Expected, v: int, s: float) -> float:
     return float(STEP_S * np.argmax(reached)) if reached.any() else float("inf")
 
 
-def _person_kind(expected: Expected, one: int, turn: float) -> str | None:
+def _person_kind(expected: Expected, person: int, turn: float) -> str | None:
     """Return the kind of a conflict with somebody on foot or bicycle who acts; None for a vehicle."""
-    if one < expected.vehicles:
+    if person < expected.vehicles:
         return None
-    who = "pedestrian" if road_user(expected.scene.types[one]) == "pedestrian" else "cyclist"
-    stands = expected.scene.now.speed[one] < _STANDS_MPS
+    who = "pedestrian" if road_user(expected.scene.types[person]) == "pedestrian" else "cyclist"
+    stands = expected.scene.now.speed[person] < _STANDS_MPS
     crosses = not stands and _ALONG_RAD <= turn <= np.pi - _ALONG_RAD
     return f"{who} {'crossing' if crosses else 'along'}"
 

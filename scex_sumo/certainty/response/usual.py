@@ -108,9 +108,9 @@ USUAL: Final = {
 """Columns of a `Usual`; null without any."""
 
 
-def usual_columns(found: Sequence[Usual | None]) -> dict[str, list[Any]]:
+def usual_columns(usual: Sequence[Usual | None]) -> dict[str, list[Any]]:
     """Return the columns of `USUAL`."""
-    rows = [astuple(one) if one else (None,) * len(USUAL) for one in found]
+    rows = [astuple(one) if one else (None,) * len(USUAL) for one in usual]
     return {name: [row[k] for row in rows] for k, name in enumerate(USUAL)}
 
 

@@ -15,35 +15,42 @@ _ALIKE = 10.0  # ratio of P within which pairs are told together
 _MOST, _NEARLY = 0.6, 0.9
 
 
-def alike(found: Iterable[PairResponse]) -> list[list[PairResponse]]:
+def alike(responses: Iterable[PairResponse]) -> list[list[PairResponse]]:
     """Return pairs with P ≥ `TOLD` in groups of which the same can be said.
 
     They have the same action, all or none have time to respond, a careful driver avoids all or none, and P is
     within a factor of 10.
     """
     groups: list[list[PairResponse]] = []
-    for one in found:
-        if one.probability < TOLD:
+    for response in responses:
+        if response.probability < TOLD:
             continue
         for group in groups:
-            if _kind(group[0]) == _kind(one) and group[0].probability < _ALIKE * one.probability:
-                group.append(one)
+            if _kind(group[0]) == _kind(response) and group[0].probability < _ALIKE * response.probability:
+                group.append(response)
                 break
         else:
-            groups.append([one])
+            groups.append([response])
     return groups
 
 
-def _kind(one: PairResponse) -> tuple[Any, ...]:
-    return one.row["action"], one.row.get("person"), math.isfinite(one.row["response_s"]), one.preventable
+def _kind(response: PairResponse) -> tuple[Any, ...]:
+    return (
+        response.row["action"],
+        response.row.get("person"),
+        math.isfinite(response.row["response_s"]),
+        response.preventable,
+    )
 
 
 def told(group: Sequence[PairResponse]) -> str:
     """Return what it takes until the vehicles of pairs collide, in one line."""
-    rows, pairs = [one.row for one in group], [one.pair for one in group]
+    rows, pairs = [response.row for response in group], [response.pair for response in group]
     queue = " of a queue" if rows[0]["action"] == ACTIONS[BRAKES].name and is_queue(pairs) else ""
     head = f"{len(group)} pairs{queue}, {arrows(pairs)}: " if len(group) > 1 else ""
-    often = _span(group, lambda one: -one.probability, lambda one: once_in(one.probability))
+    often = _span(
+        group, lambda response: -response.probability, lambda response: once_in(response.probability)
+    )
     factor = rounded(max(row["factor"] for row in rows))
     careful = "avoids it" if group[0].preventable else "does not always avoid it"
     return (

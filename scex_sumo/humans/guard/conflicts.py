@@ -31,7 +31,7 @@ SAFE_S, SAFE_STOP_S, SAFE_STEP_S = 1.5, 3.0, 0.25  # of others that go the same 
 SAFE_M = 0.3  # margin between two boxes
 KEPT_SHARE = 0.8  # of a smaller present margin
 CONTACT_M = 0.1
-LEAST_WAY_M = 0.5
+MIN_WAY_M = 0.5
 GIVES_WAY = 0.25  # one that needs less than this share of the other's braking stops first
 CROSSING_M = 0.5  # the crossing is where the offset is this near to the smallest one
 
@@ -171,8 +171,8 @@ def _gives_way(
     """
     others, k = view.around.others, np.arange(len(i))
     speed = np.maximum(others.states.speed[view.who.future[i], j], 0.0)
-    needs = view.paths.start_speed[i] ** 2 / np.maximum(view.paths.arc[i, first], LEAST_WAY_M)
-    other_needs = speed**2 / np.maximum(speed * STEP_S * first, LEAST_WAY_M)
+    needs = view.paths.start_speed[i] ** 2 / np.maximum(view.paths.arc[i, first], MIN_WAY_M)
+    other_needs = speed**2 / np.maximum(speed * STEP_S * first, MIN_WAY_M)
     along = np.cos(other.heading[k, first] - one.heading[k, first]) >= SAME_WAY
     in_way = (rectangle_distance(one, other.part(np.s_[:, :1])) <= CONTACT_M).any(axis=1)
     return ~others.obstacle[j] & ~along & ~in_way & (other_needs < GIVES_WAY * needs)
@@ -333,7 +333,7 @@ def _yields(
     margin = profile.order_margin
     later = np.where(other_first, meeting.lead < margin + ORDER_DOUBT_M, meeting.lead < -margin)
     if profile.braking_margin:
-        needs = v**2 / np.maximum(meeting.entry, LEAST_WAY_M) / 2
+        needs = v**2 / np.maximum(meeting.entry, MIN_WAY_M) / 2
         other_needs = v_other / np.maximum(meeting.enter, STEP_S) / 2
         less = needs < other_needs + np.where(other_first, 1, -1) * profile.braking_margin
         later = np.where((meeting.speed == 0) & gives_way, less, later)

@@ -72,8 +72,8 @@ class Guarded:
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Return the model's plan, slowed down where necessary."""
-        made = self.inner.plan(history, road, who, rng)
-        return slowed(made, history, road, who, self.profile) if len(who) else made
+        plan = self.inner.plan(history, road, who, rng)
+        return slowed(plan, history, road, who, self.profile) if len(who) else plan
 
 
 def slowed(plan: Plan, history: SceneHistory, road: Road, who: VehicleIndex, profile: GuardProfile) -> Plan:

@@ -77,15 +77,15 @@ def scene_samples(
     assert scenes[0].road is not None
     table = lane_cells(scenes[0].road)
     total_m = float(table.cell_m[inside].sum())
-    made: list[tuple[Any, ...]] = []
+    rows: list[tuple[Any, ...]] = []
     for scene in scenes:
         for _ in range(SUBSETS):
             whole, _ = placed_on_lanes(scene, KINDS, rng)
             if len(whole.lane):
-                made.append(_subset(table, whole, inside, total_m, rng))
-    if not made:
+                rows.append(_subset(table, whole, inside, total_m, rng))
+    if not rows:
         return None
-    places, values, width, kind = (np.concatenate(column) for column in zip(*made, strict=True))
+    places, values, width, kind = (np.concatenate(column) for column in zip(*rows, strict=True))
     return SceneSamples(
         places=places, values=values, width=width, kind=kind.astype(np.int64), site=np.full(len(width), site)
     )

@@ -105,10 +105,10 @@ def make_dataset(
             digest.update(key.encode())
             kinds[site] = recording.dataset
             shift = map_shift(roads.setdefault(site, loaded.road), loaded.road)
-            for part, made in parts.items():
+            for part, samples_of in parts.items():
                 make = partial(_make, loaded, options, part, every_s)
                 samples = _cached(cache, f"{recording.name}-{part}", key, make)
-                made += [samples.at(number, shift)] if samples else []
+                samples_of += [samples.at(number, shift)] if samples else []
     if not parts["train"] or not parts["validation"]:
         short = "training" if not parts["train"] else "validation"
         raise TrackError(
@@ -228,14 +228,14 @@ def _samples(
     """Make samples of scenes; ``noisy`` ones are seen as if they were measured, in all copies."""
     rng = np.random.default_rng([options.seed, zlib.crc32(name.encode())])
     exact = 0 if noisy else 1  # the first one, which is as recorded
-    made = []
+    parts = []
     for scene in scenes:
         put_off = [perturbed(scene.history, options.perturbation, rng) for _ in range(options.copies)]
         whole = [scene.history, *put_off]
         seen = [measured(states, options.perturbation, rng) for states in whole[exact:]]
         seen = [*whole[:exact], *seen]
         samples = scene_samples(scene, road, States.stack(whole, 0), seen=States.stack(seen, 0))
-        made += [samples] if samples is not None else []
+        parts += [samples] if samples is not None else []
         for _ in range(options.stops):
             stop = add_obstacles(scene, road, learnable(scene), rng)
             if stop is None:
@@ -244,8 +244,8 @@ def _samples(
             samples = scene_samples(
                 stop[0], road, stop[0].history.repeat(1), seen=seen_now.repeat(1), blocked=stop[1]
             )
-            made += [samples] if samples is not None else []
-    return TrainingSamples.concatenate(made) if made else None
+            parts += [samples] if samples is not None else []
+    return TrainingSamples.concatenate(parts) if parts else None
 
 
 def _digest(paths: Sequence[Path], options: SampleOptions) -> str:
