@@ -101,10 +101,7 @@ class HumanParameters:
     start_wave_s: float = 1.0  # s | mean time from the leader's start to the own one | chosen
     pull_spread: float = 0.35  # 1 | deviation of the log of starting accelerations | chosen: INTERACTION
     queue_m: float = 15.0  # m | a leader nearer than this holds a standing vehicle | chosen
-    rest_log: tuple[float, float] = (
-        0.80,
-        0.37,
-    )  # log m | gap to a leader at rest | fitted by benchmarks/rules.py
+    rest_log: tuple[float, float] = (0.80, 0.37)  # log m | gap to a leader at rest | fitted: rules.py rest
     rest_range_m: tuple[float, float] = (0.5, 6.0)  # m | limits of the draws | chosen
     queue_start_mps2: float = 2.4  # m/s² | largest acceleration of one that leaves a queue | chosen
     queue_start_mps: float = 3.0  # m/s | largest speed of one that leaves a queue | chosen
@@ -175,7 +172,7 @@ class HumanParameters:
     stop_gap_m: float = 0.4  # m | to a conflict, beyond that of the guard | chosen
     creep_s: float = 1.0  # s | time constant of closing a smaller gap | chosen
     beside_gap_m: float = 0.3  # m | between boxes beside each other | chosen
-    passing_gap_m: float = 1.0  # m | to people beside, if 0.5 m aside is enough | chosen; Walker 2007: 1.3
+    passing_gap_m: float = 1.0  # m | to people beside, if 0.5 m aside is enough | chosen
     max_slope: float = 0.3  # 1 | of the way across over the way along | chosen
 
     @classmethod
