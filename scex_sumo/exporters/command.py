@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 
 EXAMPLE = "out/k733 --critical ttc --top 5 --to openscenario -o critical"
 
+WITHOUT_RECORDED = tuple(
+    f"scex_sumo.exporters.{name}:" for name in ("tracks", "sumo_folder", "conflicts", "video")
+)
+"""Modules of exporters of futures that a run has simulated."""
+
 
 def _complete_formats(incomplete: str) -> list[str]:
     from scex_sumo.exporters.request import EXPORTERS
@@ -34,6 +39,13 @@ def export_command(
         Option(metavar="A,B", help="The typical future in which these two vehicles meet, then the closest."),
     ] = None,
     every: Annotated[bool, Option("--all", help="All futures.")] = False,
+    recorded: Annotated[
+        bool,
+        Option(
+            "--recorded",
+            help="The recorded future (openscenario, commonroad, scenarionet, omega-prime, osi).",
+        ),
+    ] = False,
     top: Annotated[int, Option(metavar="K", help="Number of futures of --critical or --encounter.")] = 1,
     to: Annotated[
         str,
@@ -59,13 +71,19 @@ def export_command(
     ] = None,
 ) -> None:
     """Write futures in another tool's format."""
-    from scex_sumo.exporters.request import EXPORTERS, Exporter, Request
+    from scex_sumo.exporters.request import EXPORTERS, RECORDED, Exporter, Request
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
 
     write: Exporter = EXPORTERS.load(to)
-    if sum((future is not None, critical is not None, encounter is not None, every)) != 1:
-        raise UsageError("export: give one of --future N, --critical METRIC, --encounter A,B and --all")
+    if sum((future is not None, critical is not None, encounter is not None, every, recorded)) != 1:
+        raise UsageError(
+            "export: give one of --future N, --critical METRIC, --encounter A,B, --all and --recorded"
+        )
+    if recorded and EXPORTERS.paths.get(to, "").startswith(WITHOUT_RECORDED):
+        raise UsageError(
+            f"--recorded: not with --to {to}; openscenario, commonroad, scenarionet, omega-prime, osi"
+        )
     if top < 1:
         raise UsageError(f"--top {top}: needs at least 1")
     pair = None if encounter is None else two_tracks(encounter)
@@ -73,7 +91,7 @@ def export_command(
         run = open_run(folder)
         request = Request(
             run=run,
-            futures=_futures(run, future, critical, pair, top),
+            futures=(RECORDED,) if recorded else _futures(run, future, critical, pair, top),
             out=out,
             ego=ego,
             critical=critical,

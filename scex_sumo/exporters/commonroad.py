@@ -17,7 +17,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.files import write_atomic
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.exporters.light_cycles import Cycles, LightCycle, light_cycles
-from scex_sumo.exporters.request import Participant, Request
+from scex_sumo.exporters.request import RECORDED, Participant, Request
 from scex_sumo.geometry.polylines import along, arc_lengths
 from scex_sumo.road import Lane, Road
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
@@ -71,7 +71,8 @@ def write_commonroad(request: Request) -> list[Path]:
 
 def _benchmark(road: str, future: int) -> str:
     letters = "".join(c for c in road.title() if c.isalnum())
-    return f"ZAM_{letters}-1_{future + 1}_T-1"
+    configuration = "1_T-2" if future == RECORDED else f"{future + 1}_T-1"
+    return f"ZAM_{letters}-1_{configuration}"
 
 
 def _root(name: str, source: str) -> ET.Element:
@@ -130,7 +131,7 @@ def _state(element: ET.Element, row: FloatArray, step: int) -> None:
 
 
 def _task(request: Request, future: int, ego: int, number: int) -> ET.Element:
-    states = request.run.states(future)[ego]
+    states = next(one.states[one.present] for one in request.participants(future) if one.vehicle == ego)
     steps = states.shape[0] - LOGGED_HISTORY
     now, end = states[LOGGED_HISTORY - 1], states[-1]
     task = ET.Element("planningProblem", id=str(number))

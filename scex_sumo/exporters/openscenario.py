@@ -120,7 +120,7 @@ def _leading_pair(request: Request) -> tuple[int, ...]:
 def _scenario_text(xosc: Any, request: Request, future: int, road_file: str, flat: bool, minor: int) -> str:
     entities, init, varied = xosc.Entities(), xosc.Init(), xosc.ParameterDeclarations()
     begin, pair = _first_frame(request), _leading_pair(request)
-    models, steps, last = request.run.models_of(future), request.run.states(future).shape[1] - begin, 0.0
+    models, steps, last = request.models_of(future), request.states(future).shape[1] - begin, 0.0
     act = xosc.Act("act", _at(xosc, "act starts", 0.0))
     at_once = xosc.TransitionDynamics(xosc.DynamicsShapes.step, xosc.DynamicsDimension.time, 0)
     for participant in request.participants(future):

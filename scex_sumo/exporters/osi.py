@@ -65,7 +65,7 @@ def write_osi(request: Request) -> list[Path]:
 
 def _about(request: Request, future: int) -> dict[str, str]:
     """Return the seed scene, number and drivers of a future, as text."""
-    models = zip(request.scene.track_ids.tolist(), request.run.models_of(future), strict=True)
+    models = zip(request.scene.track_ids.tolist(), request.models_of(future), strict=True)
     numbers = {"future": str(future), "history_frames": str(LOGGED_HISTORY)}
     drivers = {f"model of {track}": model for track, model in models}
     return {"version": __version__, "seed_scene": request.name, **numbers, **drivers}
@@ -86,7 +86,7 @@ def _ground_truths(request: Request, future: int, drawn: OpenDrive, betterosi: A
     frame = {"map_reference": request.road.name, **_frame(drawn, betterosi)}
     if request.ego is not None:
         frame["host_vehicle_id"] = betterosi.Identifier(value=request.ego)
-    for step in range(request.run.states(future).shape[1]):
+    for step in range(request.states(future).shape[1]):
         nanos = round(step * STEP_S * _NANOS)
         yield betterosi.GroundTruth(
             version=betterosi.InterfaceVersion(version_major=3, version_minor=8, version_patch=0),

@@ -29,6 +29,9 @@ _HEIGHT_M = 1.6
 
 Exporter: TypeAlias = Callable[["Request"], list[Path]]
 
+RECORDED: Final = -1
+"""The number that stands for the recorded future."""
+
 EXPORTERS: Final = Registry(
     group="scex_sumo.exporters",
     kind="export format",
@@ -139,7 +142,26 @@ class Request:
 
     def file_stem(self, future: int) -> str:
         """Return the name of a future's file without its ending."""
-        return f"{self.name}_future{future:04d}"
+        return f"{self.name}_recorded" if future == RECORDED else f"{self.name}_future{future:04d}"
+
+    def states(self, future: int) -> States:
+        """Return the states (V, T) of a future from the first logged frame on."""
+        return self._recorded[0] if future == RECORDED else self.run.states(future)
+
+    def models_of(self, future: int) -> list[str]:
+        """Return the model (V,) of each vehicle of a future."""
+        return ["recorded"] * self.scene.vehicles if future == RECORDED else self.run.models_of(future)
+
+    @cached_property
+    def _recorded(self) -> tuple[States, BoolArray]:
+        """The recorded future, for as many steps as the run has, and whether a vehicle is there, (V, T)."""
+        scene, steps = self.scene, int(self.run.info["steps"])
+        if scene.future is None or scene.future_valid is None:
+            raise UsageError(f"--recorded: the seed scene {self.name} has no recorded future")
+        logged = scene.history[:, -LOGGED_HISTORY:]
+        there = np.ones(logged.shape, dtype=np.bool_)
+        states = States.concatenate([logged, scene.future[:, :steps]], 1)
+        return states, np.concatenate([there, scene.future_valid[:, :steps]], axis=1)
 
     def file(self, stem: str, ending: str) -> Path:
         """Return the file ``out``, else one named by a stem; its folder is made if missing.
@@ -178,10 +200,11 @@ class Request:
 
     def participants(self, future: int) -> Iterator[Participant]:
         """Yield the vehicles of a future, then the pedestrians and cyclists that are there at some time."""
-        scene, states = self.scene, self.run.states(future)
+        scene, states = self.scene, self.states(future)
         always = np.ones(states.shape[1], dtype=np.bool_)
+        there = self._recorded[1] if future == RECORDED else np.broadcast_to(always, states.shape)
         for v, track in enumerate(scene.track_ids.tolist()):
-            yield _participant(track, scene, v, states[v], always)
+            yield _participant(track, scene, v, states[v], there[v])
         if (others := scene.obstacles) is not None:
             frames = slice(1, 1 + len(always))  # their second frame is the first one of a future
             for o in np.flatnonzero(others.present[:, frames].any(axis=1)).tolist():

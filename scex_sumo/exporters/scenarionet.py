@@ -50,7 +50,7 @@ def _scenario(request: Request, future: int, name: str) -> dict[str, Any]:
         if key in tracks:
             key = track["metadata"]["object_id"] = f"obstacle_{key}"
         tracks[key] = track
-    steps, ego = request.run.states(future).shape[1], request.ego_index() or 0
+    steps, ego = request.states(future).shape[1], request.ego_index() or 0
     metadata = {
         "ts": STEP_S * np.arange(steps),
         "sample_rate": STEP_S,
