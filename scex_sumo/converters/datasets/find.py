@@ -58,6 +58,11 @@ def left_out(roots: Sequence[str | Path]) -> list[str]:
     return _left_out(_below(roots)[1])
 
 
+def recordings_of_folder(path: Path) -> tuple[Recording, ...]:
+    """Return the recordings below a folder, maybe none."""
+    return _recordings_of(_below([path])[0])
+
+
 def map_and_tracks(path: Path, tracks: Path | None = None) -> tuple[Path, Path | None]:
     """Return a map and its tracks as they are given, or the only ones in a folder.
 

@@ -38,9 +38,9 @@ def inspect_command(
         Path | None, Option("-o", "--out", metavar="FILE.html", help="Write a page with the map as well.")
     ] = None,
 ) -> Answer:
-    """List the moments of a recording, or the vehicles of one."""
+    """List the recordings of a folder, the moments of a recording, or the vehicles of one moment."""
     from scex_sumo.commands.console import output_console
-    from scex_sumo.converters.datasets.find import left_out, map_and_tracks
+    from scex_sumo.converters.datasets.find import left_out, map_and_tracks, recordings_of_folder
     from scex_sumo.converters.datasets.moment import busiest
     from scex_sumo.converters.datasets.recordings import recording_of
     from scex_sumo.converters.lanelet.origin import parse_origin
@@ -54,6 +54,12 @@ def inspect_command(
     if out is not None and out.suffix != ".html":
         raise UsageError(f"-o {out}: unknown ending; known: .html")
     warn(left_out([map_path] if map_path.is_dir() else []))
+    if map_path.is_dir() and (tracks, case, time, origin, out) == (None,) * 5:
+        recordings = recordings_of_folder(map_path)
+        if len(recordings) > 1:
+            from scex_sumo.studies.inspection.folder import inspect_folder
+
+            return partial(dict, inspect_folder(recordings))
     map_path, tracks = map_and_tracks(map_path, tracks)
     zero = parse_origin(origin) if origin is not None else None
     loaded = load_recording(recording_of(map_path, tracks), zero, force=True)

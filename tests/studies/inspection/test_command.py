@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -61,3 +62,18 @@ def test_what_cannot_be_inspected_is_said(tmp_path: Path) -> None:
         inspect_command(MAP, every=0)
     with pytest.raises(UsageError, match="--case 9: no such case"):
         inspect_command(MAP, case="9")
+
+
+def test_a_folder_of_recordings_is_a_table_with_the_reason_of_what_cannot_be_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("roundabout", "motorway_merge"):
+        for suffix in (".osm", ".csv"):
+            shutil.copy(example_path(name).with_suffix(suffix), tmp_path / f"{name}{suffix}")
+    (tmp_path / "motorway_merge.csv").write_text("track_id,frame_id\n1,1\n")
+    rows = inspect_command(tmp_path)()["recordings"]
+    shown = capsys.readouterr().out
+    assert [row["recording"] for row in rows] == ["motorway_merge", "roundabout"]
+    assert "not read: " in rows[0]["doubts"][0] and rows[0]["vehicles"] is None
+    assert rows[1]["vehicles"] == 17 and rows[1]["seconds"] == pytest.approx(18.0, abs=0.1)
+    assert "2 recordings" in shown and "one of them: scex-sumo inspect" in shown
