@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -100,16 +100,19 @@ def numbers_of(conflict: ElementTree.Element, tag: str) -> list[float]:
     return [math.nan if word == "NA" else float(word) for word in text.split()]
 
 
-def leads_of(conflicts: Sequence[Conflict], risks: Iterable[Risk], *, level: float = SEEN) -> list[Lead]:
-    """Return each conflict with the first moment before it in which its pair has this P, then other pairs."""
+def leads_of(conflicts: Sequence[Conflict], risks: Sequence[Risk], *, level: float = SEEN) -> list[Lead]:
+    """Return each conflict with the first moment before it in which its pair has this P, then other pairs.
+
+    Conflicts before the first risk are left out.
+    """
     seen: dict[frozenset[str], list[tuple[float, float, tuple[str, str]]]] = {}
     for risk in risks:
         for pair in risk.pairs:
             if pair.human_like >= level and pair.doubt is None:
                 moment = (risk.time_s, pair.human_like, pair.names)
                 seen.setdefault(frozenset(pair.names), []).append(moment)
-    leads = []
-    for one in conflicts:
+    leads, first_s = [], min((risk.time_s for risk in risks), default=math.inf)
+    for one in (one for one in conflicts if one.begin_s >= first_s):
         before = [m for m in seen.get(one.pair, ()) if one.begin_s - BEFORE_S <= m[0] <= one.begin_s + 1e-6]
         first = before[0] if before else None
         one_name, other = sorted(one.pair) if len(one.pair) == 2 else [*one.pair, ""][:2]

@@ -65,6 +65,8 @@ def test_lead_time_counts_from_the_first_moment_in_the_ten_seconds_before(tmp_pa
         (("c", "d"), 8.0, None, None),
         (("x", "y"), None, 2.0, None),
     ]
+    later = leads_of(conflicts_of(file), risks[3:])  # what happened before the watch is none of its conflicts
+    assert [lead.conflict_s for lead in later] == []
     rows = pq.read_table(write_leads(tmp_path, leads)).to_pylist()
     assert [row["lead_s"] for row in rows] == [1.5, None, None] and rows[0]["hits"] == "b"
 
