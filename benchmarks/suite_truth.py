@@ -26,7 +26,7 @@ from scex_sumo.behaviors.driving.motion import drive
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.behaviors.registry import model_specs
-from scex_sumo.suites.catalogue import cutter_of
+from scex_sumo.suites.catalogue import cutter_of, recordings_of
 from scex_sumo.suites.choice import choose
 from scex_sumo.suites.estimate import difference, rate
 from scex_sumo.suites.population import Population, read_population
@@ -62,7 +62,7 @@ FUNCTIONS: Mapping[str, Any] = {"cv": "constant_velocity", "acc": Acc(), "likely
 def run(population: Population, out: Path, limit_s: float) -> None:
     """Append what the functions do in each candidate that ``out`` does not have yet."""
     known = {one["k"] for one in read(out)} if out.exists() else set()
-    began, loaded = time.process_time(), None
+    began, loaded, recordings = time.process_time(), None, recordings_of(population)
     specs = {name: model_specs(given)[0] for name, given in FUNCTIONS.items()}
     order = sorted(range(len(population)), key=lambda k: (population.rows[k]["recording"], k))
     with out.open("a") as file:
@@ -71,7 +71,7 @@ def run(population: Population, out: Path, limit_s: float) -> None:
                 continue
             row = population.rows[k]
             if loaded is None or loaded.name != row["recording"]:
-                loaded = cutter_of(population, row["recording"])
+                loaded = cutter_of(recordings, row["recording"])
             file.write(json.dumps({"k": k, **of_candidate(loaded, row, specs)}) + "\n")
             file.flush()
 

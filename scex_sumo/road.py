@@ -59,6 +59,11 @@ class Lane:
     reverse_of: int | None = None
 
     @property
+    def outline(self) -> FloatArray:
+        """(M, 2) of the lane's area: along the left bound, back along the right one."""
+        return np.concatenate([self.left_bound, self.right_bound[::-1]])
+
+    @property
     def beside(self) -> tuple[int | None, int | None]:
         """Left and right neighbour in the same direction: the adjacent lane, else that of a lane change."""
         return (

@@ -62,6 +62,11 @@ class Recording:
     window: Window = (None, None)
     times: tuple[float, ...] = ()
 
+    @property
+    def place(self) -> Path:
+        """What ``--tracks`` takes: the file, or the folder of several."""
+        return self.track_paths[0] if len(self.track_paths) == 1 else self.track_paths[0].parent
+
     def within(self, window: Window) -> Recording:
         """Return it with the limits of a window that are given."""
         first, last = (own if new is None else new for own, new in zip(self.window, window, strict=True))

@@ -76,12 +76,7 @@ def _checked(actions: Any, shape: tuple[int, ...]) -> FloatArray:
 
 def _kept(states: States) -> Plan:
     """Return a plan of (n, H) states that go on with the last speed and heading."""
-    last = states[:, -1:]
-    way = last.speed * STEP_S * np.arange(1, PLAN_STEPS - states.shape[1] + 1)
-    more = States(
-        x=last.x + way * np.cos(last.heading),
-        y=last.y + way * np.sin(last.heading),
-        heading=last.heading + 0 * way,
-        speed=last.speed + 0 * way,
-    )
+    last, steps = states[:, -1], np.arange(1, PLAN_STEPS - states.shape[1] + 1)
+    speed = np.repeat(last.speed[:, None], len(steps), axis=1)
+    more = last.ahead(speed * STEP_S * steps, speed)
     return Plan(**vars(States.concatenate([states, more], axis=1)))

@@ -55,6 +55,17 @@ class LoadedRecording:
     notes: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()
 
+    @property
+    def vehicles(self) -> int:
+        """Number of track ids of vehicles."""
+        return len(set(self.table.vehicles.track_id.tolist()))
+
+    @property
+    def seconds(self) -> float:
+        """Time from the first to the last sample, s."""
+        stamps = self.table.vehicles.timestamp_ms
+        return (int(stamps.max()) - int(stamps.min())) / 1000
+
 
 @checked
 def load_recording(

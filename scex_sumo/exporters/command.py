@@ -22,6 +22,7 @@ WITHOUT_RECORDED = tuple(
     f"scex_sumo.exporters.{name}:" for name in ("tracks", "sumo_folder", "conflicts", "video")
 )
 """Modules of exporters of futures that a run has simulated."""
+WITH_RECORDED = "openscenario, commonroad, scenarionet, omega-prime, osi"
 
 
 def _complete_formats(incomplete: str) -> list[str]:
@@ -43,7 +44,7 @@ def export_command(
         bool,
         Option(
             "--recorded",
-            help="The recorded future (openscenario, commonroad, scenarionet, omega-prime, osi).",
+            help=f"The recorded future ({WITH_RECORDED}).",
         ),
     ] = False,
     top: Annotated[int, Option(metavar="K", help="Number of futures of --critical or --encounter.")] = 1,
@@ -81,9 +82,7 @@ def export_command(
             "export: give one of --future N, --critical METRIC, --encounter A,B, --all and --recorded"
         )
     if recorded and EXPORTERS.paths.get(to, "").startswith(WITHOUT_RECORDED):
-        raise UsageError(
-            f"--recorded: not with --to {to}; openscenario, commonroad, scenarionet, omega-prime, osi"
-        )
+        raise UsageError(f"--recorded: not with --to {to}; {WITH_RECORDED}")
     if top < 1:
         raise UsageError(f"--top {top}: needs at least 1")
     pair = None if encounter is None else two_tracks(encounter)

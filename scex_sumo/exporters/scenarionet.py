@@ -113,7 +113,7 @@ def _crosswalks(road: Road) -> Iterator[Any]:
     yield from (area.outline for area in road.areas if area.kind == "crosswalk")
     for lane in road.lanes.values():
         if lane.subtype == "crosswalk":
-            yield np.concatenate([lane.left_bound, lane.right_bound[::-1]])
+            yield lane.outline
 
 
 def _lane(lane: Lane, road: Road) -> dict[str, Any]:
@@ -122,7 +122,7 @@ def _lane(lane: Lane, road: Road) -> dict[str, Any]:
     feature: dict[str, Any] = {
         "type": "LANE_FREEWAY" if lane.subtype == "highway" else _LANES[lane.kind],
         "polyline": np.column_stack([lane.centreline, np.zeros(last + 1)]),
-        "polygon": np.concatenate([lane.left_bound, lane.right_bound[::-1]]),
+        "polygon": lane.outline,
         "speed_limit_kmh": 3.6 * lane.speed_limit_mps,
         "entry_lanes": [str(i) for i in lane.predecessors],
         "exit_lanes": [str(i) for i in lane.successors],

@@ -49,10 +49,7 @@ def within_map(table: TrackTable, road: Road) -> tuple[TrackTable, list[str]]:
 
 
 def _near_lanes(rows: TrackRows, road: Road) -> BoolArray:
-    areas = [
-        shapely.make_valid(shapely.Polygon(np.concatenate([lane.left_bound, lane.right_bound[::-1]])))
-        for lane in road.vehicle_lanes.values()
-    ]
+    areas = [shapely.make_valid(shapely.Polygon(lane.outline)) for lane in road.vehicle_lanes.values()]
     near = np.zeros(len(rows), bool)
     points = shapely.points(rows.x, rows.y)
     near[shapely.STRtree(areas).query(points, predicate="dwithin", distance=OUTSIDE_M)[0]] = True

@@ -165,12 +165,11 @@ def _replay(root: Element, path: Path) -> dict[str, tuple[tuple[float, str], ...
     """Return what the lights of a net show whose signals the lights of a trace name."""
     with _damage(MapError, path):
         states = light_states(_messages(path, TOPICS["ground_truth"]), signals_of)
-        lights = any(truth.traffic_light for truth in islice(_messages(path, TOPICS["ground_truth"]), FIRST))
     lit: dict[str, dict[int, str]] = {}
     for link, signal in link_signals(root):
         if any(letter for _, letter in states.get(signal, ())):
             lit.setdefault(link.get("tl", ""), {})[int(link.get("linkIndex", "0"))] = signal
-    if lights and not lit:
+    if not lit and _has_lights(path):
         raise MapError(f"{path.name}: its lights name no signals of the map's lights")
     phases = {}
     for light in root.iter("tlLogic"):
@@ -183,6 +182,11 @@ def _replay(root: Element, path: Path) -> dict[str, tuple[tuple[float, str], ...
                 [(named.get(k, ""), letters) for k, letters in enumerate(own)], states
             )
     return phases
+
+
+def _has_lights(path: Path) -> bool:
+    with _damage(MapError, path):
+        return any(truth.traffic_light for truth in islice(_messages(path, TOPICS["ground_truth"]), FIRST))
 
 
 def _boxes(path: Path) -> tuple[list[str], dict[str, str], FloatArray, str]:

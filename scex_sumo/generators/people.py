@@ -87,7 +87,7 @@ class _Ways:
         self._slow = [lane for lane in road.vehicle_lanes.values() if lane.beside[1] is None and _slow(lane)]
         self._walks = [lane for lane in road.lanes.values() if lane.kind == "pedestrian"]
         self._paths = [lane for lane in road.lanes.values() if lane.kind == "bicycle"]
-        rings = [np.vstack([lane.left_bound, lane.right_bound[::-1]]) for lane in road.vehicle_lanes.values()]
+        rings = [lane.outline for lane in road.vehicle_lanes.values()]
         self._area = shapely.STRtree([shapely.polygons(ring).buffer(0.0) for ring in rings])
         self.any = bool(self._slow or self._walks or self._paths)
 

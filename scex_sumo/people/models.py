@@ -11,6 +11,7 @@ from scipy.special import ndtri, stdtrit
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.draws import uniforms
 from scex_sumo.behaviors.base import PLAN_STEPS, Sight, check_positive
+from scex_sumo.behaviors.models.idm import IdmParameters
 from scex_sumo.people.expectation import expected
 from scex_sumo.people.gaps import meetings, waiting_way
 from scex_sumo.people.parameters import PeopleParameters, people_parameters
@@ -110,11 +111,15 @@ class Cyclist(Person):
     kind = "bicycle"
 
     def _behind(self, history: SceneHistory, who: VehicleIndex, ways: Ways) -> Behind | None:
-        found = ways.leaders(history, who)
-        people = self.parameters
-        return Behind(
-            gap=found.gap, speed=found.speed, headway_s=people.headway_s, least_m=people.least_gap_m
+        leaders, people = ways.leaders(history, who), self.parameters
+        idm = IdmParameters(
+            time_headway=people.headway_s,
+            minimum_gap=people.least_gap_m,
+            max_acceleration=people.acceleration_mps2,
+            comfort_deceleration=people.braking_mps2 / 2,
+            max_deceleration=people.braking_mps2,
         )
+        return Behind(gap=leaders.gap, speed=leaders.speed, idm=idm)
 
 
 @dataclass(frozen=True, kw_only=True)

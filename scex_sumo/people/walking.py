@@ -9,6 +9,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.models.idm import IdmParameters, leader_share
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.scene import STEP_S, Plan, States
 
@@ -30,17 +31,13 @@ class Behind:
 
     gap: FloatArray
     speed: FloatArray
-    headway_s: float
-    least_m: float
+    idm: IdmParameters
 
-    def acceleration(
-        self, step: int, v: FloatArray, way: FloatArray, most: float, comfort: float
-    ) -> FloatArray:
-        """Return (n,) accelerations of the Intelligent Driver Model, m/s²; inf without a leader."""
+    def acceleration(self, step: int, v: FloatArray, way: FloatArray) -> FloatArray:
+        """Return (n,) accelerations, m/s²; inf without a leader."""
         gap = self.gap + self.speed * (step * STEP_S) - way
-        closing = v * (v - self.speed) / (2 * np.sqrt(most * comfort))
-        wanted = self.least_m + np.maximum(v * self.headway_s + closing, 0.0)
-        return np.where(np.isfinite(gap), most * (1 - (wanted / np.maximum(gap, 0.1)) ** 2), np.inf)
+        slowing = self.idm.max_acceleration * (1 - leader_share(self.idm, v, gap, self.speed))
+        return np.where(np.isfinite(gap), np.maximum(slowing, -self.idm.max_deceleration), np.inf)
 
 
 def walked(
@@ -69,8 +66,7 @@ def walked(
     for step in range(PLAN_STEPS):
         eased = np.clip(wish.speed[:, step] - speed, -acceleration * STEP_S, acceleration * STEP_S)
         if behind is not None:
-            follows = behind.acceleration(step, speed, way, acceleration, braking / 2)
-            eased = np.minimum(eased, np.maximum(follows, -braking) * STEP_S)
+            eased = np.minimum(eased, behind.acceleration(step, speed, way) * STEP_S)
         left = np.maximum(wait_m - way, 0.0)
         needed = np.where(left > 0, speed**2 / (2 * np.maximum(left, 1e-6)), np.inf)
         slower = speed - np.minimum(needed, braking) * STEP_S

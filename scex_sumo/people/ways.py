@@ -47,7 +47,7 @@ class Ways:
 
     def leaders(self, history: SceneHistory, who: VehicleIndex) -> Leaders:
         """Return the leaders of those that are on a way."""
-        found = find_leaders(
+        leaders = find_leaders(
             history,
             who,
             self.paths,
@@ -59,7 +59,7 @@ class Ways:
             aside=self.aside,
             margin=MARGIN_M,
         )
-        return replace(found, gap=np.where(self.on, found.gap, np.inf))
+        return replace(leaders, gap=np.where(self.on, leaders.gap, np.inf))
 
 
 def ways_of(history: SceneHistory, road: Road, who: VehicleIndex, kind: str) -> Ways | None:

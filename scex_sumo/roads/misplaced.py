@@ -43,7 +43,7 @@ def misplaced(scene: SeedScene) -> list[str]:
 
 def _motorways(road: Road) -> list[FloatArray]:
     return [
-        np.vstack([lane.left_bound, lane.right_bound[::-1]])
+        lane.outline
         for lane in road.vehicle_lanes.values()
         if lane.speed_limit_mps > MOTORWAY_MPS or lane.subtype == "highway"
     ]

@@ -175,18 +175,23 @@ def _cases(
     wanted: dict[str, list[int]] = {}
     for number, index in enumerate(chosen.index.tolist()):
         wanted.setdefault(population.rows[index]["recording"], []).append(number)
+    recordings = recordings_of(population)
     for name in sorted(wanted):
-        cut = cutter_of(population, name)
+        cut = cutter_of(recordings, name)
         for number in wanted[name]:
             yield _case(population, chosen, number, cut, out, formats, draws, notes)
 
 
-def cutter_of(population: Population, name: str) -> Cutter:
-    """Return a recording of a population; raise a `UsageError` if it is gone."""
-    for recording in find_recordings(list(population.roots)):
-        if recording.name == name:
-            return Cutter(recording)
-    raise UsageError(f"{name}: a recording of the ranking that is not found any more; rank again")
+def recordings_of(population: Population) -> dict[str, Recording]:
+    """Return the recordings of a population by name."""
+    return {recording.name: recording for recording in find_recordings(list(population.roots))}
+
+
+def cutter_of(recordings: Mapping[str, Recording], name: str) -> Cutter:
+    """Return one of the recordings of a population; raise a `UsageError` if it is gone."""
+    if name not in recordings:
+        raise UsageError(f"{name}: a recording of the ranking that is not found any more; rank again")
+    return Cutter(recordings[name])
 
 
 class Cutter:

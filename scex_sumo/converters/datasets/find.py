@@ -87,9 +87,7 @@ def map_and_tracks(path: Path, tracks: Path | None = None) -> tuple[Path, Path |
         )
     if tracks is not None or not recordings:
         return maps[0], tracks
-    parts = [
-        one.track_paths[0] if len(one.track_paths) == 1 else one.track_paths[0].parent for one in recordings
-    ]
+    parts = [one.place for one in recordings]
     if len(parts) > 1:
         shown = listed(os.path.relpath(part, path) for part in parts)
         raise MapError(f"{path}: {len(parts)} recordings; give one of them with --tracks: {shown}")

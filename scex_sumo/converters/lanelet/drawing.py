@@ -31,7 +31,7 @@ def areas(map_file: MapFile, lanes: Mapping[int, Lane], lines: Points) -> tuple[
         Area(
             area_id=i,
             kind=lane.subtype or lane.kind,
-            outline=np.concatenate([lane.left_bound, lane.right_bound[::-1]]),
+            outline=lane.outline,
         )
         for i, lane in lanes.items()
         if lane.kind != "vehicle"

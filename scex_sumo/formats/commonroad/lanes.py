@@ -245,7 +245,7 @@ def drawn_markings(lanelets: Lanelets) -> tuple[Marking, ...]:
 def drawn_areas(lanes: Mapping[int, Lane]) -> tuple[Area, ...]:
     """Regions to draw: lanelets without cars."""
     return tuple(
-        Area(area_id=i, kind=lane.subtype, outline=np.concatenate([lane.left_bound, lane.right_bound[::-1]]))
+        Area(area_id=i, kind=lane.subtype, outline=lane.outline)
         for i, lane in lanes.items()
         if lane.kind != "vehicle"
     )

@@ -48,7 +48,7 @@ class _Trace:
         return np.asarray(shapely.distance(shapely.points(self.points), line) <= NEAR_M)
 
     def area(self) -> shapely.Polygon:
-        return shapely.Polygon(np.vstack([self.lane.left_bound, self.lane.right_bound[::-1]])).buffer(0.0)
+        return shapely.Polygon(self.lane.outline).buffer(0.0)
 
 
 def find_conflicts(lanes: Mapping[int, Lane]) -> tuple[JudgedConflict, ...]:

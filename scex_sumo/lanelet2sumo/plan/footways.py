@@ -270,7 +270,7 @@ def _kerbs(footway: Lane, crossed: Sequence[_Crossed]) -> Iterator[float]:
 
 
 def _area(lane: Lane) -> shapely.Polygon:
-    return shapely.Polygon(np.vstack([lane.left_bound, lane.right_bound[::-1]])).buffer(0.0)
+    return shapely.Polygon(lane.outline).buffer(0.0)
 
 
 def slant(one: shapely.LineString, other: shapely.LineString, at: shapely.Point) -> tuple[float, float]:

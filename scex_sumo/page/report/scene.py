@@ -144,7 +144,7 @@ def lane_lines(road: Road, box: Box = (-np.inf, np.inf, -np.inf, np.inf)) -> lis
         for lane in road.vehicle_lanes.values()
         if (lane.left_bound.min(axis=0) <= opposite).all() and (lane.left_bound.max(axis=0) >= corner).all()
     ]
-    asphalt = [np.concatenate([lane.left_bound, lane.right_bound[::-1]]) for lane in lanes]
+    asphalt = [lane.outline for lane in lanes]
     bounds = [bound for lane in lanes for bound in (lane.left_bound, lane.right_bound)]
     return [RoadLine(AREA, 0.0, area) for area in asphalt] + [RoadLine(MARKING, 0.0, line) for line in bounds]
 

@@ -14,12 +14,11 @@ def inspect_answer(
     loaded: LoadedRecording, moments: list[Moment], scene: SeedScene | None, page: Path | None
 ) -> dict[str, Any]:
     """Return the answer of ``inspect --json``; ``scene`` is that of ``--time`` or ``--case``."""
-    rows = loaded.table.vehicles
     return {
         "recording": loaded.recording.name,
         "page": page,
-        "seconds": (int(rows.timestamp_ms.max()) - int(rows.timestamp_ms.min())) / 1000,
-        "vehicles": len(set(rows.track_id.tolist())),
+        "seconds": loaded.seconds,
+        "vehicles": loaded.vehicles,
         "findings": loaded.findings,
         "notes": loaded.notes,
         "checks": [vars(check) for check in loaded.checks],

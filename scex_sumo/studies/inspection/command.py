@@ -65,7 +65,7 @@ def inspect_command(
     loaded = load_recording(recording_of(map_path, tracks), zero, force=True)
     console = output_console(width=110)
     warn(loaded.notes)
-    print(f"{loaded.recording.name}: {_size(loaded)}")
+    print(f"{loaded.recording.name}: {loaded.vehicles} vehicles in {loaded.seconds:.1f} s")
     for finding in loaded.findings:
         print_line(f"repaired: {finding}", console)
     if loaded.checks:
@@ -95,12 +95,6 @@ def inspect_command(
     chosen = ["--case", case] if case else ["--time", f"{scene.time_s:g}"]
     print(f"run it: {shlex.join([*words, *chosen])}")
     return partial(inspect_answer, loaded, moments, scene, out)
-
-
-def _size(loaded: LoadedRecording) -> str:
-    rows = loaded.table.vehicles
-    seconds = (int(rows.timestamp_ms.max()) - int(rows.timestamp_ms.min())) / 1000
-    return f"{len(set(rows.track_id.tolist()))} vehicles in {seconds:.1f} s"
 
 
 def _checks_table(loaded: LoadedRecording) -> Table:

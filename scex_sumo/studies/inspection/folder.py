@@ -23,8 +23,7 @@ def inspect_folder(recordings: Sequence[Recording]) -> dict[str, Any]:
     table = [[row[key] for key in keys[:-1]] + ["; ".join(row["doubts"])] for row in rows]
     output_console(width=110).print(console_table(f"{len(rows)} recordings", _HEADS, table))
     first = recordings[0]
-    tracks = first.track_paths[0] if len(first.track_paths) == 1 else first.track_paths[0].parent
-    words = ["scex-sumo", "inspect", str(first.map_path), "--tracks", str(tracks)]
+    words = ["scex-sumo", "inspect", str(first.map_path), "--tracks", str(first.place)]
     print(f"one of them: {shlex.join(words)}")
     return {"recordings": rows}
 
@@ -36,10 +35,9 @@ def _row(recording: Recording) -> dict[str, Any]:
         loaded = load_recording(recording, force=True)
     except ScexError as error:
         return row | {"vehicles": None, "seconds": None, "repairs": None, "doubts": [f"not read: {error}"]}
-    rows = loaded.table.vehicles
     return row | {
-        "vehicles": rows.tracks,
-        "seconds": (int(rows.timestamp_ms.max()) - int(rows.timestamp_ms.min())) / 1000,
+        "vehicles": loaded.vehicles,
+        "seconds": loaded.seconds,
         "repairs": len(loaded.findings),
         "doubts": [check.problem for check in loaded.checks if check.verdict in ("warning", "error")],
     }
