@@ -129,7 +129,7 @@ def learned(
     if kind == "graph":
         return GraphPredictor(GraphPredictorProfile(path="likeliest", weights=str(file), mode=mode))
     return GraphImagePredictor(
-        GraphImagePredictorProfile(path="likeliest", weights=str(file), attention=attention, head=head)
+        GraphImagePredictorProfile(weights=str(file), attention=attention, head=head, mode=mode)
     )
 
 

@@ -201,7 +201,6 @@ def final_errors(test: TestScene, futures: States, vehicle: IntArray) -> FloatAr
 def joint_figures(test: TestScene, futures: States, vehicle: IntArray) -> FloatArray:
     """The figures `JOINT` of futures (C, H, V) in groups of six, as INTERPRET defines them; errors in m.
 
-    A vehicle is missed if it ends more than 1 m sideways, or 1 to 2 m along (by speed), from where it ended.
     `cMR` is the smallest share of missed vehicles among futures without a collision, 1 if all have one;
     `collided` and `recorded` are the shares of futures, and of recordings, in which two vehicles collide.
     No vehicle is the ego, which INTERPRET leaves out.
@@ -215,26 +214,30 @@ def _figures_of_six(test: TestScene, futures: States, vehicle: IntArray) -> Floa
     assert recorded is not None
     future = recorded[vehicle, :PLAN_STEPS]
     made = futures.swapaxes(1, 2)[:, vehicle]
-    dx, dy = made.x - future.x, made.y - future.y
-    off = np.hypot(dx, dy)
-    cos, sin = np.cos(future.heading[:, -1]), np.sin(future.heading[:, -1])
-    along, aside = cos * dx[..., -1] + sin * dy[..., -1], cos * dy[..., -1] - sin * dx[..., -1]
-    limit = np.interp(future.speed[:, -1], (1.4, 11.0), (1.0, 2.0))
-    missed = ((np.abs(along) > limit) | (np.abs(aside) > 1.0)).mean(1)
+    off = np.hypot(made.x - future.x, made.y - future.y)
+    missing = missed(future[:, -1], made[:, :, -1]).mean(1)
     counts = np.zeros((scene.vehicles, PLAN_STEPS), dtype=np.bool_)
     counts[vehicle] = True
-    hits = [_collided(scene, scene, futures[c].swapaxes(0, 1), counts)[vehicle] for c in range(len(missed))]
+    hits = [_collided(scene, scene, futures[c].swapaxes(0, 1), counts)[vehicle] for c in range(len(missing))]
     free = ~np.array([hit.any() for hit in hits])
     return np.array(
         [
             off.mean((1, 2)).min(),
             off[..., -1].mean(1).min(),
-            missed.min(),
-            missed[free].min() if free.any() else 1.0,
+            missing.min(),
+            missing[free].min() if free.any() else 1.0,
             1 - free.mean(),
             _collided(scene, scene, recorded[:, :PLAN_STEPS], counts)[vehicle].any(),
         ]
     )
+
+
+def missed(true: States, made: States) -> BoolArray:
+    """(C, k) whether vehicles end over 1 m sideways, or 1 to 2 m along (by speed), from where they did."""
+    dx, dy = made.x - true.x, made.y - true.y
+    cos, sin = np.cos(true.heading), np.sin(true.heading)
+    limit = np.interp(true.speed, (1.4, 11.0), (1.0, 2.0))
+    return np.asarray((np.abs(cos * dx + sin * dy) > limit) | (np.abs(cos * dy - sin * dx) > 1.0))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,13 +1,14 @@
 """How well learned drivers do at a place never seen, over the number of sites that they were trained on.
 
-    python benchmarks/site_curve.py OUT [--data FOLDER]... [--kinds graph joint] [--left-out SITE...]
+    python benchmarks/site_curve.py OUT [--data FOLDER]... [--kinds graph hybrid joint] [--left-out SITE...]
                                         [--counts 2 4 6 8] [--seeds 3] [--steps 800] [--minutes M]
 
 Each point is a training of its own with the same number of steps, without a round in closed loop; its epoch
 is the best on validation parts of the sites that it learns from. A seed draws the order of the sites, of
 which a training takes the first ones. Measured is the test part of the site left out: error of moving
-vehicles after 3 s as a share of constant velocity's, and for the most sites minJointFDE of six futures of a
-scene, and the shares of vehicles that collide or leave the road within these 3 s, beside those recorded. OUT
+vehicles after 3 s as a share of constant velocity's, and for the fewest and the most sites minJointFDE of six
+futures of a scene (*apart*: if each vehicle has them in an order of its own), and the shares of vehicles that
+collide or leave the road within these 3 s, beside those recorded; with and without the guard. OUT
 keeps samples, weights and `results.json`; only what is missing there is done. FOLDER: as of predictors.py,
 with INTERACTION.
 """
@@ -28,10 +29,12 @@ from predictors import Results, data_root, learned, measure_errors, part_of
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
+from scex_sumo.behaviors.registry import ModelSpec, build
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import load_recording
 from scex_sumo.evaluation.split import Split
+from scex_sumo.humans.guard.guarded import Guarded
 from scex_sumo.learned.training.data.dataset import (
     Dataset,
     SampleOptions,
@@ -43,6 +46,7 @@ from scex_sumo.learned.training.data.samples import TrainingSamples, learnable
 from scex_sumo.learned.training.networks.graph_image import save_net
 from scex_sumo.learned.training.options import Kind, TrainOptions
 from scex_sumo.learned.training.train import Trainer
+from scex_sumo.scene import States
 
 SETS = ("mona", "taf_bw", "ngsim", "interaction")
 LEFT_OUT = ("DR_USA_Roundabout_FT", "DR_USA_Intersection_EP0", "k733_2020-09-15")
@@ -103,15 +107,17 @@ def test_scenes(recordings: Sequence[Recording], site: str) -> list[measures.Tes
 def measure_futures(tests: Sequence[measures.TestScene], model: Behavior, kind: str) -> dict[str, Any]:
     """Return means over scenes: minJointFDE of six, and % of vehicles that collide, and leave the road.
 
-    Those of the recording come last.
+    Those of the recording come last. `apart_fde_m`: minJointFDE if each vehicle has its own order of the six.
     """
-    rows, counts = [], np.zeros((2, 3))
+    rows, apart, counts = [], [], np.zeros((2, 3))
     for test in tests:
         # The plan of `joint` is what it drives in closed loop.
         futures = measures.drawn_futures(
             test, model, replan=PLAN_STEPS if kind == "joint" else measures.REPLAN
         )
-        rows.append(measures.joint_figures(test, futures, learnable(test.scene))[1])
+        vehicle = learnable(test.scene)
+        rows.append(measures.joint_figures(test, futures, vehicle)[1])
+        apart.append(measures.joint_figures(test, shuffled(futures), vehicle)[1])
         future = test.scene.future
         assert future is not None
         recorded = measures.judged(test, test.scene, future[:, :PLAN_STEPS])
@@ -119,7 +125,28 @@ def measure_futures(tests: Sequence[measures.TestScene], model: Behavior, kind: 
         for one in range(2 * measures.GUESSES):
             counts[0] += _counts(measures.judged(test, test.scene, futures[one].swapaxes(0, 1)))
     share = 100 * counts[:, 1:] / counts[:, :1]
-    return {"min_joint_fde_m": float(np.mean(rows)), "percent": share.ravel().tolist()}
+    return {
+        "min_joint_fde_m": float(np.mean(rows)),
+        "apart_fde_m": float(np.mean(apart)),
+        "percent": share.ravel().tolist(),
+    }
+
+
+def drawing(file: Path, kind: str, guard: str) -> Behavior:
+    """Return a network's driver that draws, with the guard unless `guard` is empty."""
+    model: Behavior = learned(file, kind, mode="draw")
+    return Guarded(model) if guard else model
+
+
+def shuffled(futures: States) -> States:
+    """Return futures (C, H, V) in which each vehicle has an order of its own within groups of six."""
+    rng, (count, _, vehicles) = np.random.default_rng(0), futures.shape
+    of_six = rng.permuted(
+        np.tile(np.arange(measures.GUESSES), (count // measures.GUESSES, vehicles, 1)), axis=2
+    )
+    order = of_six + measures.GUESSES * np.arange(len(of_six))[:, None, None]
+    row = order.swapaxes(1, 2).reshape(count, 1, vehicles)
+    return futures.map(lambda values: np.take_along_axis(values, row, axis=0))
 
 
 def _counts(loop: measures.Loop) -> FloatArray:
@@ -147,18 +174,21 @@ def table(numbers: Mapping[str, Any]) -> str:
     for (kind, count), row in sorted(shares.items()):
         cells = [_spread(row[site]) if site in row else "" for site in sites]
         lines.append(_row(kind, str(count), *cells, f"{np.mean([np.mean(v) for v in row.values()]):.2f}"))
-    lines += ["", _row("network, sites", "left out", "minJointFDE m", "collide %", "leave the road %")]
-    lines += [_row(*["---"] * 5)]
+    lines += [
+        "",
+        _row("network, sites", "left out", "minJointFDE m", "apart m", "collide %", "leave the road %"),
+    ]
+    lines += [_row(*["---"] * 6)]
     futures: dict[tuple[str, str], list[Any]] = {}
     for name, found in numbers.items():
         part, kind, site, *rest = name.split("|")
         if part == "futures":
             futures.setdefault((f"{kind}, {rest[0]}" if rest else kind, site), []).append(found)
     for (kind, site), found in sorted(futures.items()):
-        fde = _spread([one["min_joint_fde_m"] for one in found])
+        fde, apart = (_spread([one[key] for one in found]) for key in ("min_joint_fde_m", "apart_fde_m"))
         hit, left, hit_recorded, left_recorded = np.mean([one["percent"] for one in found], axis=0)
         beside = (f"{hit:.2f} (recorded {hit_recorded:.2f})", f"{left:.1f} (recorded {left_recorded:.1f})")
-        lines.append(_row(kind, site, fde, *beside))
+        lines.append(_row(kind, site, fde, apart, *beside))
     return "\n".join(lines)
 
 
@@ -206,6 +236,8 @@ def main() -> None:
 
     for site in given.left_out:
         add(f"errors|straight_on|{site}", lambda: measure_errors(scenes[site], "straight_on"))  # noqa: B023
+        likely = build(ModelSpec(name="likely_driver"))
+        add(f"futures|likely|{site}", lambda: measure_futures(scenes[site], likely, "likely"))  # noqa: B023
     for seed in range(given.seeds):
         for kind in given.kinds:
             for site in given.left_out:
@@ -215,13 +247,15 @@ def main() -> None:
                         f"errors|{name}",
                         lambda: measure_errors(scenes[site], network(kind, site, count, seed)),  # noqa: B023
                     )
-                    if count == max(given.counts):
-                        file = given.out / f"{kind}-{count}-{site}-{seed}.safetensors"
+                    if count not in (min(given.counts), max(given.counts)):
+                        continue
+                    file = given.out / f"{kind}-{count}-{site}-{seed}.safetensors"
+                    for guard in ("",) if kind == "joint" else ("", "+guard"):
                         add(
-                            f"futures|{name}",
+                            f"futures|{kind}{guard}|{site}|{count}|{seed}",
                             lambda: measure_futures(
                                 scenes[site],  # noqa: B023
-                                learned(file, kind, mode="draw"),  # noqa: B023
+                                drawing(file, kind, guard),  # noqa: B023
                                 kind,  # noqa: B023
                             ),
                         )
