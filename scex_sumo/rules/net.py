@@ -58,15 +58,25 @@ def _rules_of(scene: SeedScene, lanes: LaneTable, net: _NetFile, keep: bool) -> 
     """Return the rules of a scene's road, with recorded lights; arguments as of `with_rules`."""
     road = scene.road
     assert road is not None
-    root, signals = net_root(net.path), signals_of(scene)
-    if signals is not None and not _is_recorded(root):
+    signals = signals_of(scene)
+    if signals is None:
+        return _rules_of_road(road, lanes, net)
+    root = net_root(net.path)
+    if not _is_recorded(root):
         with TemporaryFolder() as folder:
             path = Path(folder) / "lit.net.xml"
             lanes = converted(road, path, keep=keep, signals=signals, time_s=scene.time_s).lanes
             root = net_root(path)
     rules, notes = read_rules(root, lanes, road)
-    if signals is not None and _is_recorded(root):
+    if _is_recorded(root):
         notes = (f"lights as recorded in {signals.name}", *notes)
+    return replace(rules, notes=notes, net=net.digest)
+
+
+@owner_cache
+def _rules_of_road(road: Road, lanes: LaneTable, net: _NetFile) -> Rules:
+    """Return the rules of a road without recorded lights, once for all its moments."""
+    rules, notes = read_rules(net_root(net.path), lanes, road)
     return replace(rules, notes=notes, net=net.digest)
 
 

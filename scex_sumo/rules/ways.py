@@ -12,7 +12,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
 from scex_sumo.geometry.polylines import along, length_of, samples
-from scex_sumo.road import Passage, Rules
+from scex_sumo.road import Rules
 
 NEAR_M = 1.5  # between a path and the passage that it takes; the next lane is 3 m away
 LONGER = 1.3, 4.0  # a path may be so many times longer than a passage, and m
@@ -61,10 +61,11 @@ def ruled_ways(paths: SeedPaths, rules: Rules) -> RuledWays:
     entries: list[tuple[int, int, float, float, float]] = []
     boxes = shapely.STRtree([shapely.LineString(p.line) for p in rules.passages])
     stops = shapely.STRtree([shapely.LineString(line) for line in rules.stop_lines])
+    marks = _marks(rules)
     for row, points in enumerate(table[:, :, :2]):
         line = shapely.LineString(points)
         for k in np.sort(boxes.query(line, "dwithin", NEAR_M)).tolist():
-            if (place := _place(points, table[row, :, 2:4], rules.passages[k])) is not None:
+            if (place := _place(points, table[row, :, 2:4], *marks[k])) is not None:
                 entries.append((row, k, _stop(points, place[0], rules, stops), *place))
     rows, passage = (np.array([e[i] for e in entries], dtype=np.int64) for i in (0, 1))
     stop, begin, end = (np.array([e[i] for e in entries]) for i in (2, 3, 4))
@@ -90,10 +91,24 @@ def ruled_ways(paths: SeedPaths, rules: Rules) -> RuledWays:
     )
 
 
-def _place(points: FloatArray, ways: FloatArray, passage: Passage) -> tuple[float, float] | None:
-    """Return the arc lengths where a passage begins and ends on a path (N, 2); None if it is not taken."""
-    length = length_of(passage.line)
-    marks = along(passage.line, np.array([0.0, length / 2, length]))
+@owner_cache
+def _marks(rules: Rules) -> list[tuple[float, FloatArray]]:
+    """Return the length of each passage, m, and its points (3, 2): begin, middle, end."""
+    lengths = [length_of(passage.line) for passage in rules.passages]
+    return [
+        (length, along(passage.line, np.array([0.0, length / 2, length])))
+        for length, passage in zip(lengths, rules.passages, strict=True)
+    ]
+
+
+def _place(
+    points: FloatArray, ways: FloatArray, length: float, marks: FloatArray
+) -> tuple[float, float] | None:
+    """Return the arc lengths where a passage begins and ends on a path (N, 2); None if it is not taken.
+
+    Args:
+        length: of the passage, m; ``marks`` as of `_marks`.
+    """
     distance = np.hypot(*(points[:, None] - marks).transpose(2, 0, 1))
     at = distance.argmin(axis=0)
     if (distance[at, range(3)] > NEAR_M).any() or not at[0] <= at[1] <= at[2]:
