@@ -4,21 +4,23 @@
     python benchmarks/rules.py simulated SIM.sumocfg ... [--times 100,160,220] [--steps 50]
     python benchmarks/rules.py grids FOLDER
     python benchmarks/rules.py rest --part train --every 10 --most 1000
-
+    python benchmarks/rules.py order --every 5 --most 60 --steps 50 [--sites NAMES]
     python benchmarks/rules.py violations --sites NAMES --most 8 --futures 128
 
 ``violations`` counts pairs that collide only if a violation is added to the default mix, beside those that as
 many new futures of the default mix find. ``rest`` fits the gaps at which vehicles rest
 behind each other: log mean and deviation.
 
-``grids`` writes four signalised grids with random trips (netgenerate, seeds 1 to 4). Columns:
+``grids`` writes for ``simulated`` four signalised grids with random trips (netgenerate), and two
+of SUMO's tutorials with lights. Columns:
 
 - error: of the futures' mean after 3 s (and at the end), against constant velocity's; all vehicles, moving;
 - across: share of moving vehicles within 5-95 % across the road after 3 s;
 - starts: standing vehicles that move more than 1 m in 3 s, share within 5-95 % along the road, and number;
 - wrong: share of futures in which a vehicle that stays moves more than 1 m;
-- order: share of pairs at a place that both pass whose order is forecast right; Brier scores of the order by
-  the futures, and by "the nearest goes first";
+- order: share of pairs at a place that both pass, 0.5 s apart or more, whose order is forecast right; Brier
+  scores of the order by the futures, by "the nearest goes first", and by way / speed (``soonest``); ``order``
+  measures these alone, in moments with such pairs;
 - gap: mean P that two bodies come nearer than 1 m, and how often they did;
 - P(coll): mean share of futures with a collision; red: of those, collisions of a vehicle that entered at red.
 """
@@ -36,6 +38,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import sumolib
 from recorded_scenes import INTERACTION, INTERACTION_SITES
 
 from scex_sumo.base.errors import ScexError
@@ -58,8 +61,51 @@ from scex_sumo.studies.validate.scores import covered
 STANDING_MPS, STARTED_M, CLOSE_M, FIRST_STEPS = 0.5, 1.0, 1.0, 30
 MEET_M, APART_M, LEAST_STEPS, PASSED_M = 1.5, 4.0, 5, 2.5  # of centres of vehicles that pass one place
 RESTS_MPS, QUEUE_M, QUEUE_COS = 0.3, 1.2, 0.92  # vehicles in one queue
+# "TraCI4Traffic Lights" (with its fixed programme) and "TraCIPedCrossing" of SUMO's documentation.
+ARMS = {"w": (-500, 0), "e": (500, 0), "s": (0, -500), "n": (0, 500)}
+TUTORIALS = {
+    "cross": (
+        {
+            "n.nod.xml": "<nodes><node id='c' x='0' y='0' type='traffic_light'/>"
+            + "".join(f"<node id='{k}' x='{x}' y='{y}'/>" for k, (x, y) in ARMS.items())
+            + "</nodes>",
+            "n.edg.xml": "<edges>"
+            + "".join(
+                f"<edge id='{k}i' from='{k}' to='c' speed='19.44'/>"
+                f"<edge id='{k}o' from='c' to='{k}' speed='11.11'/>"
+                for k in ARMS
+            )
+            + "</edges>",
+            "demand.rou.xml": "<routes><vType id='we' accel='0.8' maxSpeed='16.67'/>"
+            "<vType id='ns' accel='0.8' maxSpeed='25' length='7' minGap='3'/>"
+            "<flow id='r' type='we' from='wi' to='eo' begin='0' end='300' probability='0.1'/>"
+            "<flow id='l' type='we' from='ei' to='wo' begin='0' end='300' probability='0.09'/>"
+            "<flow id='d' type='ns' from='ni' to='so' begin='0' end='300' probability='0.033'/></routes>",
+        },
+        "--tls.green.time 31 --tls.yellow.time 6",
+    ),
+    "crossing": (
+        {
+            "n.nod.xml": "<nodes><node id='w' x='-500' y='0'/><node id='c' x='0' y='0' type='traffic_light'/>"
+            "<node id='e' x='500' y='0'/></nodes>",
+            "n.edg.xml": "<edges>"
+            + "".join(
+                f"<edge id='{a}{b}' from='{a}' to='{b}' numLanes='3' speed='13.9' sidewalkWidth='3'/>"
+                for a, b in ("wc", "ce", "ec", "cw")
+            )
+            + "</edges>",
+            "n.con.xml": "<connections><crossing node='c' edges='wc cw' priority='1'/></connections>",
+            "demand.rou.xml": "<routes><flow id='r' from='wc' to='ce' begin='0' end='300' period='4'/>"
+            "<flow id='l' from='ec' to='cw' begin='0' end='300' period='5'/>"
+            "<personFlow id='p' begin='0' end='300' period='10'><walk from='wc' to='cw'/></personFlow>"
+            "</routes>",
+        },
+        "-x n.con.xml --tls.green.time 20",
+    ),
+}
 COLUMNS = ("scenes", "vehicles", "error", "error end", "moving", "across", "starts", "n", "wrong", "order",
-           "pairs", "brier", "nearest", "gap", "happened", "P(coll)", "red")  # fmt: skip
+           "pairs", "brier", "nearest", "soonest", "gap", "happened", "P(coll)", "red")  # fmt: skip
+ORDERS = ("order", "pairs", "brier", "nearest", "soonest")
 
 
 def futures_of(
@@ -100,19 +146,31 @@ def recorded(arguments: argparse.Namespace) -> Iterator[tuple[str, SeedScene]]:
             except ScexError as error:
                 print(error, file=sys.stderr)
                 continue
-            if left and (not arguments.telling or tells(scene, arguments.steps)):
+            passes = any(True for _ in passings(scene, arguments.steps))
+            if arguments.what == "order" and not passes:
+                continue
+            if left and (not arguments.telling or passes or starts(scene)):
                 left -= 1
                 yield site, scene
 
 
-def tells(scene: SeedScene, steps: int) -> bool:
-    """Whether a vehicle starts, or two pass one place after another."""
+def starts(scene: SeedScene) -> bool:
+    """Whether a vehicle starts."""
     k = FIRST_STEPS - 1
     way = np.hypot(scene.future.x[:, k] - scene.now.x, scene.future.y[:, k] - scene.now.y)
-    starts = (
-        (scene.now.speed <= STANDING_MPS) & (way > STARTED_M) & scene.future_valid[:, : k + 1].all(axis=1)
-    )
-    return bool(starts.any()) or any(True for _ in passings(scene, steps))
+    moves = (scene.now.speed <= STANDING_MPS) & (way > STARTED_M)
+    return bool((moves & scene.future_valid[:, : k + 1].all(axis=1)).any())
+
+
+def measure_order(scene: SeedScene, states, steps: int, into: dict[str, list]) -> None:
+    """Add the order of pairs that pass one place to the figures of a site."""
+    for a, b, place, first, nearest, soonest in passings(scene, steps):
+        times = [_passes(states, v, place) for v in (a, b)]
+        p = float(np.where(times[0] == times[1], 0.5, times[0] < times[1]).mean())
+        into["order"].append((p > 0.5) == first)
+        into["brier"].append((p - first) ** 2)
+        into["nearest"].append((nearest - first) ** 2)
+        into["soonest"].append((soonest - first) ** 2)
 
 
 def measure(scene: SeedScene, arguments: argparse.Namespace, into: dict[str, list]) -> None:
@@ -143,12 +201,7 @@ def measure(scene: SeedScene, arguments: argparse.Namespace, into: dict[str, lis
             into["starts"].append(covered((cos * dx + sin * dy)[:, v] + 0.0, 0.0))
         else:
             into["wrong"].append(went[:, v].mean())
-    for a, b, place, first, nearest in passings(scene, arguments.steps):
-        times = [_passes(states, v, place) for v in (a, b)]
-        p = float(np.where(times[0] == times[1], 0.5, times[0] < times[1]).mean())
-        into["order"].append((p > 0.5) == first)
-        into["brier"].append((p - first) ** 2)
-        into["nearest"].append((nearest - first) ** 2)
+    measure_order(scene, states, arguments.steps, into)
     settings = RunSettings(futures=1, metrics="gap")
     real = measure_recorded(scene, arguments.steps, metrics=settings.measured)
     if real is not None and (least := real.values.values[0, 0]) >= 0:
@@ -165,8 +218,11 @@ def measure(scene: SeedScene, arguments: argparse.Namespace, into: dict[str, lis
     ]
 
 
-def passings(scene: SeedScene, steps: int) -> Iterator[tuple[int, int, np.ndarray, bool, float]]:
-    """Pairs that cross or merge in the recorded future: indices, place, who passes first, who is nearer."""
+def passings(scene: SeedScene, steps: int) -> Iterator[tuple[int, int, np.ndarray, bool, float, float]]:
+    """Pairs that cross or merge in the recorded future: indices, place, whether the first passes first.
+
+    At the end whether it is nearer, and whether it comes sooner by its way and speed.
+    """
     whole = np.flatnonzero(scene.future_valid[:, :steps].all(axis=1)).tolist()
     x, y = (np.column_stack([getattr(scene.now, a), getattr(scene.future, a)[:, :steps]]) for a in "xy")
     points = np.stack([x, y], axis=-1)
@@ -179,7 +235,8 @@ def passings(scene: SeedScene, steps: int) -> Iterator[tuple[int, int, np.ndarra
         if abs(i - j) >= LEAST_STEPS:
             place = (points[a, i] + points[b, j]) / 2
             ways = [np.hypot(*(points[v, 0] - place)) for v in (a, b)]
-            yield a, b, place, bool(i < j), float(ways[0] < ways[1])
+            soon = [way / max(float(scene.now.speed[v]), 0.1) for v, way in zip((a, b), ways, strict=True)]
+            yield a, b, place, bool(i < j), float(ways[0] < ways[1]), float(soon[0] < soon[1])
 
 
 def _passes(states, v: int, place: np.ndarray) -> np.ndarray:
@@ -210,11 +267,11 @@ def entered_at_red(scene: SeedScene, states) -> np.ndarray:
     return result
 
 
-def table(rows: dict[str, dict[str, list]]) -> str:
+def table(rows: dict[str, dict[str, list]], columns: tuple[str, ...] = COLUMNS) -> str:
     """The figures of each site."""
-    lines = [f"{'site':26}" + "".join(f"{name:>10}" for name in COLUMNS)]
+    lines = [f"{'site':26}" + "".join(f"{name:>10}" for name in columns)]
     for site, of in rows.items():
-        mean = {name: float(np.mean(values)) if values else np.nan for name, values in of.items()}
+        mean = defaultdict(lambda: np.nan) | {name: np.mean(values) for name, values in of.items() if values}
         row = mean | {
             "scenes": len(of["vehicles"]),
             "vehicles": sum(of["vehicles"]),
@@ -225,7 +282,7 @@ def table(rows: dict[str, dict[str, list]]) -> str:
             "pairs": len(of["order"]),
             "red": sum(of["red"]),
         }
-        cells = (row.get(name, np.nan) for name in COLUMNS)
+        cells = (row.get(name, np.nan) for name in columns)
         lines.append(
             f"{site:26}" + "".join(f"{x:10d}" if isinstance(x, int) else f"{x:10.3f}" for x in cells)
         )
@@ -265,44 +322,43 @@ def gaps_at_rest(scene: SeedScene, steps: int) -> list[float]:
     return found
 
 
-def write_grids(folder: Path) -> None:
-    """Write four signalised grids with trips."""
-    import sumolib
-
+def write_simulations(folder: Path) -> None:
+    """Write four signalised grids with trips, and two of SUMO's tutorials with lights."""
     home = Path(sumolib.__file__).parents[1] / "sumo"
+
+    def call(program: str, place: Path) -> None:
+        first, *rest = program.split()
+        run = [f"{home}/bin/{first}"] if "." not in first else [sys.executable, f"{home}/tools/{first}"]
+        subprocess.run([*run, *rest], cwd=place, check=True)
+
+    grid = "netgenerate --grid --grid.number 3 --grid.length 150 -L 2 --turn-lanes 1 -o net.net.xml"
     for seed in range(1, 5):
-        place = folder / f"grid{seed}"
-        place.mkdir(parents=True, exist_ok=True)
-        net = f"{home}/bin/netgenerate --grid --grid.number 3 --grid.length 150 -L 2 --turn-lanes 1"
-        subprocess.run(
-            [
-                *net.split(),
-                "-o",
-                "net.net.xml",
-                "--default-junction-type",
-                "traffic_light",
-                "--seed",
-                str(seed),
-            ],
-            cwd=place,
-            check=True,
-        )
-        trips = (
-            f"{home}/tools/randomTrips.py -n net.net.xml -o trips.trips.xml -e 300 -p 1.2 --fringe-factor 5"
-        )
-        subprocess.run([sys.executable, *trips.split(), "--seed", str(seed)], cwd=place, check=True)
-        (place / "sim.sumocfg").write_text(
-            '<configuration><input><net-file value="net.net.xml"/>'
-            '<route-files value="trips.trips.xml"/></input>'
-            '<time><begin value="0"/><end value="300"/><step-length value="0.1"/></time></configuration>'
-        )
+        place = _simulation(folder / f"grid{seed}", "trips.trips.xml")
+        call(f"{grid} --default-junction-type traffic_light --seed {seed}", place)
+        trips = "randomTrips.py -n net.net.xml -o trips.trips.xml -e 300 -p 1.2 --fringe-factor 5"
+        call(f"{trips} --seed {seed}", place)
+    for name, (files, options) in TUTORIALS.items():
+        place = _simulation(folder / name, "demand.rou.xml")
+        for file, text in files.items():
+            (place / file).write_text(text)
+        call(f"netconvert -n n.nod.xml -e n.edg.xml -o net.net.xml {options}", place)
+
+
+def _simulation(place: Path, demand: str) -> Path:
+    """Make a folder with a configuration."""
+    place.mkdir(parents=True, exist_ok=True)
+    (place / "sim.sumocfg").write_text(
+        f'<configuration><input><net-file value="net.net.xml"/><route-files value="{demand}"/></input>'
+        '<time><begin value="0"/><end value="300"/><step-length value="0.1"/></time></configuration>'
+    )
+    return place
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=("recorded", "simulated", "grids", "rest", "violations"))
+    parser.add_argument("what", choices=("recorded", "simulated", "grids", "rest", "violations", "order"))
     parser.add_argument("files", nargs="*")
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("SCEX_DATA", "../shared/data")))
     parser.add_argument("--sites", default=",".join(("k733", *INTERACTION_SITES[1:])))
@@ -322,7 +378,7 @@ def main() -> None:
     )
     arguments = parser.parse_args()
     if arguments.what == "grids":
-        return write_grids(Path(arguments.files[0]))
+        return write_simulations(Path(arguments.files[0]))
     given = dict(pair.split("=") for pair in arguments.given.split(",") if pair)
     changed = dataclasses.replace(obedience.RULE_PARAMETERS, **{k: float(v) for k, v in given.items()})
     obedience.RULE_PARAMETERS = changed
@@ -341,7 +397,7 @@ def main() -> None:
         return
     if arguments.what == "violations":
         return violations(recorded(arguments), arguments.futures, arguments.steps)
-    if arguments.what == "recorded":
+    if arguments.what in ("recorded", "order"):
         chosen = recorded(arguments)
     else:
         chosen = (
@@ -350,14 +406,21 @@ def main() -> None:
             for t in arguments.times.split(",")
         )
     rows: dict[str, dict[str, list]] = defaultdict(lambda: defaultdict(list))
+    order = arguments.what == "order"
     for site, scene in chosen:
-        measure(scene, arguments, rows[site])
+        if order:
+            states = futures_of(
+                scene, arguments.models, arguments.futures, arguments.steps, not arguments.no_rules
+            )[1].states
+            measure_order(scene, states, arguments.steps, rows[site])
+        else:
+            measure(scene, arguments, rows[site])
         print(site, scene.name, file=sys.stderr)
     whole: dict[str, list] = defaultdict(list)
     for of in rows.values():
         for name, values in of.items():
             whole[name] += values
-    print(table(rows | {"all": whole}))
+    print(table(rows | {"all": whole}, ORDERS if order else COLUMNS))
 
 
 if __name__ == "__main__":
