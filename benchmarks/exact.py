@@ -156,7 +156,7 @@ def predicted(table: InfluenceTable, run: Run) -> BoolArray:
     tracks = run.info["seed_scene"]["track_ids"]
     models = np.array(run.assignments["model"].to_pylist()).reshape(-1, len(tracks))
     at = tuple(
-        np.array([table.models.index(model) for model in models[:, tracks.index(track)]])
+        np.array([table.draws.models.index(model) for model in models[:, tracks.index(track)]])
         for track in table.track_ids
     )
     return np.broadcast_to(table.outcomes[at], (run.futures,))

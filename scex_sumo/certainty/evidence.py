@@ -171,13 +171,13 @@ def avoidable(table: InfluenceTable, pair: tuple[int, int]) -> float | None:
 
     None without such a model, or if the event never happens.
     """
-    if BRAKES not in table.models or not table.outcomes.any():
+    models = table.draws.models
+    if BRAKES not in models or not table.outcomes.any():
         return None
-    brakes = table.models.index(BRAKES)
     still = table.outcomes.copy()
     for axis, track in enumerate(table.track_ids):
-        if track in pair:
-            still &= np.take(table.outcomes, [brakes], axis=axis)
+        if track in pair and track not in table.draws.people:
+            still &= np.take(table.outcomes, [models.index(BRAKES)], axis=axis)
     return 1.0 - replace(table, outcomes=still).probability() / table.probability()
 
 

@@ -59,8 +59,8 @@ def why_not_exact(settings: RunSettings, models: ModelSet, futures: int) -> str 
         return "all assignments were run"
     if futures < MIN_CHECKED:
         return f"{futures} futures are too few to check tables; at least {MIN_CHECKED} are"
-    if any(len(weights) > 1 for weights in models.people.values()):
-        return "people draw models of their own"
+    if len({tuple(weights.items()) for weights in models.people.values() if len(weights) > 1}) > 1:
+        return "pedestrians and cyclists draw different models"
     if sum(spec.weight > 0 for spec in models.drawn) < 2:
         return "there is only one model to draw"
     return None
@@ -89,8 +89,7 @@ def find_exact(job: Job, drawn: pa.Table, workers: Workers) -> Exact:
     sampled |= {key: "collides in futures run for other pairs only" for key in new}
     futures.keep()
     return Exact(
-        models=drawn_models.names,
-        shares=drawn_models.shares,
+        draws=drawn_models.draws,
         tables=tables,
         sampled=sampled,
         checked=len(job.assignment),
@@ -233,8 +232,4 @@ def _believed(
 
 
 def _table(drawn: DrawnModels, search: Search, event: int, checked: int) -> InfluenceTable:
-    vehicles = search.influence(event)
-    vehicles = sorted(vehicles, key=lambda v: drawn.track_ids[v])
-    cubes = [{drawn.track_ids[v]: level for v, level in cube} for cube in search.cubes(event)]
-    tracks = [drawn.track_ids[v] for v in vehicles]
-    return reduced(InfluenceTable.of_cubes(cubes, tracks, drawn.names, drawn.shares, checked))
+    return reduced(drawn.table(search.cubes(event), search.influence(event), checked))

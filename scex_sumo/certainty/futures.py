@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
 
@@ -11,6 +11,8 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.certainty.search import Cube
+from scex_sumo.certainty.tables import Draws, InfluenceTable
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.workers import Workers
@@ -23,31 +25,51 @@ _AT_ONCE = 2000  # futures that are read at once
 
 
 class DrawnModels:
-    """Models that the vehicles of a run draw, and its assignments as levels of them.
+    """Models that the vehicles and people of a run draw, and its assignments as levels of them.
 
     Attributes:
-        index: (M,) of the models of the job.
-        shares: (M,) of the models.
+        draws: the models, those of people last; people that draw one of a single model are fixed.
         fixed: (V,) vehicles that draw none.
         levels: (C, V) of the drawn futures; 0 for fixed vehicles.
         each: (V) share of each level by vehicle.
     """
 
     def __init__(self, job: Job) -> None:
-        drawn = job.models.drawn
-        self.index = np.array([k for k, spec in enumerate(drawn) if spec.weight > 0], dtype=np.int64)
-        weight = np.array([drawn[k].weight for k in self.index], dtype=np.float64)
-        self.shares = weight / weight.sum()
-        self.names = tuple(str(drawn[k]) for k in self.index)
-        self.track_ids = [int(track) for track in job.scene.track_ids]
-        self.fixed = job.fixed
-        self.levels = np.where(self.fixed, 0, np.searchsorted(self.index, job.assignment))
-        self.each = [np.ones(1) if fixed else self.shares for fixed in self.fixed.tolist()]
+        models, tracks = job.models, job.scene.track_ids
+        walking = next((w for w in models.people.values() if len(w) > 1), {})
+        weights = {k: spec.weight for k, spec in enumerate(models.drawn) if spec.weight > 0}
+        shares = [np.array([*group.values()]) / sum(group.values()) for group in (weights, walking) if group]
+        self._index = np.array([*weights, *walking], dtype=np.int64)
+        self.track_ids = [int(track) for track in tracks]
+        people = np.zeros(len(tracks), dtype=np.bool_) if job.scene.people is None else job.scene.people
+        draws = people & ~np.isin(tracks, list(models.fixed))
+        draws &= np.array([len(models.people.get(kind, ())) > 1 for kind in job.scene.types])
+        self.fixed = job.fixed & ~draws
+        self._offset = np.where(draws, len(weights), 0)
+        self.draws = Draws(
+            models=tuple(models.names[k] for k in self._index),
+            shares=np.concatenate(shares),
+            people=frozenset(tracks[draws].tolist()),
+            of_people=frozenset(models.names[k] for k in walking),
+        )
+        place = np.zeros(len(models.specs), dtype=np.int64)
+        place[self._index] = np.arange(len(self._index))
+        self.levels = np.where(self.fixed, 0, place[job.assignment] - self._offset)
+        self.each = [
+            np.ones(1) if fixed else shares[int(walks)]
+            for fixed, walks in zip(self.fixed.tolist(), draws.tolist(), strict=True)
+        ]
         self._first = job.assignment[0]
 
     def assignment(self, levels: IntArray) -> IntArray:
         """Return the models (R, V) of levels."""
-        return np.where(self.fixed, self._first, self.index[levels])
+        return np.where(self.fixed, self._first, self._index[levels + self._offset])
+
+    def table(self, cubes: Iterable[Cube], vehicles: Iterable[int], checked: int) -> InfluenceTable:
+        """Return the table of an event that happens under partial assignments of levels."""
+        ids, offset = self.track_ids, self._offset
+        models = [{ids[v]: level + int(offset[v]) for v, level in cube} for cube in cubes]
+        return InfluenceTable.of_cubes(models, sorted(ids[v] for v in vehicles), self.draws, checked)
 
 
 def encounters_only(settings: RunSettings) -> RunSettings:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from scex_sumo.certainty.results import exact_of
+from scex_sumo.certainty.results import exact_of, people_of
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.parts import PagePart
 from scex_sumo.results.encounters import ENCOUNTERS
@@ -42,8 +42,14 @@ def exact_contents(run: Run) -> dict[str, Any] | None:
                 "remainder": exact.remainder if table is None else table.remainder,
             }
         )
-    shares = exact.shares.tolist()
-    return {"models": list(exact.models), "shares": shares, "pairs": pairs, "remainder": exact.remainder}
+    draws = exact.draws
+    return {
+        "models": list(draws.models),
+        "shares": draws.shares.tolist(),
+        **people_of(draws),
+        "pairs": pairs,
+        "remainder": exact.remainder,
+    }
 
 
 def exact_card(run: Run) -> list[Html]:

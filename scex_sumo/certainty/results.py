@@ -17,7 +17,7 @@ from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import write_atomic
 from scex_sumo.certainty.options import EXACT
-from scex_sumo.certainty.tables import InfluenceTable, Weights, shares_of, union_probability
+from scex_sumo.certainty.tables import Draws, InfluenceTable, Weights, union_probability
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.registry import COLLISION
 
@@ -37,8 +37,7 @@ class Exact:
     """Influence tables of a run.
 
     Attributes:
-        models: that vehicles draw from.
-        shares: (M,) of the models.
+        draws: the models that vehicles and people draw.
         tables: by the two track ids, ascending, and the event; an event that never happened has none.
         sampled: events whose sampled value stays, with the reason.
         checked: number of drawn futures that checked the tables.
@@ -49,8 +48,7 @@ class Exact:
         False
     """
 
-    models: tuple[str, ...]
-    shares: np.ndarray[Any, np.dtype[np.float64]]
+    draws: Draws
     tables: Mapping[tuple[int, int, str], InfluenceTable]
     sampled: Mapping[tuple[int, int, str], str]
     checked: int
@@ -68,9 +66,7 @@ class Exact:
     @cached_property
     def _never(self) -> InfluenceTable:
         outcomes = np.zeros((), dtype=np.bool_)
-        return InfluenceTable(
-            track_ids=(), models=self.models, outcomes=outcomes, shares=self.shares, checked=self.checked
-        )
+        return InfluenceTable(track_ids=(), draws=self.draws, outcomes=outcomes, checked=self.checked)
 
     def probability(
         self, event: str = COLLISION, pair: tuple[int, int] | None = None, weights: Weights | None = None
@@ -120,7 +116,7 @@ def weighted_probability(
     (importance sampling).
 
     Args:
-        weights: by model, or by track id and model, as of `shares_of`.
+        weights: by model, or by track id and model, as of `Draws.shares_of`.
 
     Raises:
         UsageError: a model is unknown, or a weight is below 0.
@@ -148,19 +144,35 @@ def future_weights(run: Run, weights: Weights) -> FloatArray:
     """Return (C,) how much likelier each drawn future is with other weights of the models.
 
     Args:
-        weights: as of `shares_of`.
+        weights: as of `Draws.shares_of`.
     """
-    drawn = {entry["model"]: float(entry["weight"]) for entry in run.info["models"] if entry["weight"] > 0}
-    names = list(drawn)
-    shares = np.array(list(drawn.values())) / sum(drawn.values())
-    before = np.full(len(names), 1 / len(names)) if run.info["design"] == "all" else shares
-    tracks, fixed = run.info["seed_scene"]["track_ids"], run.info["assign"]
+    draws, tracks = _draws(run), run.info["seed_scene"]["track_ids"]
     models = np.array(run.assignments["model"].to_pylist()).reshape(run.futures, len(tracks))
     ratio = np.ones(run.futures)
-    for column, (track, new) in enumerate(shares_of(tracks, names, shares, weights).items()):
-        if str(track) not in fixed:
-            ratio *= (new / before)[[names.index(model) for model in models[:, column].tolist()]]
+    for column, (track, new) in enumerate(draws.shares_of(tracks, weights).items()):
+        drawn = models[:, column].tolist()
+        if str(track) in run.info["assign"] or not set(drawn) <= set(draws.models):
+            continue
+        before = draws.shares_of([track])[track]
+        if run.info["design"] == "all":
+            before = (before > 0) / np.count_nonzero(before)
+        index = [draws.models.index(model) for model in drawn]
+        ratio *= new[index] / before[index]
     return ratio
+
+
+def _draws(run: Run) -> Draws:
+    drawn = {entry["model"]: float(entry["weight"]) for entry in run.info["models"] if entry["weight"] > 0}
+    kinds: list[dict[str, float]] = list(run.info.get("people", {}).values())
+    walking = next((weights for weights in kinds if len(weights) > 1), {})
+    shares = [np.array([*group.values()]) / sum(group.values()) for group in (drawn, walking) if group]
+    people = run.info["seed_scene"].get("people", ()) if walking else ()
+    return Draws(
+        models=(*drawn, *walking),
+        shares=np.concatenate(shares),
+        people=frozenset(people),
+        of_people=frozenset(walking),
+    )
 
 
 def weighted_share(happens: BoolArray, ratio: FloatArray, what: str) -> float:
@@ -181,8 +193,9 @@ def weighted_share(happens: BoolArray, ratio: FloatArray, what: str) -> float:
 def write_exact(exact: Exact, file: Path) -> None:
     """Write ``exact.json``."""
     content = {
-        "models": list(exact.models),
-        "shares": exact.shares.tolist(),
+        "models": list(exact.draws.models),
+        "shares": exact.draws.shares.tolist(),
+        **people_of(exact.draws),
         "checked": exact.checked,
         "extra": exact.extra,
         "events": [
@@ -202,6 +215,12 @@ def write_exact(exact: Exact, file: Path) -> None:
         ],
     }
     write_atomic(file, json.dumps(content).encode())
+
+
+def people_of(draws: Draws) -> dict[str, Any]:
+    """Return the JSON entries of people that draw models; none without any."""
+    names = {"people": sorted(draws.people), "of_people": sorted(draws.of_people)}
+    return names if draws.people else {}
 
 
 @checked
@@ -227,15 +246,20 @@ def read_exact(folder: Path) -> Exact | None:
         return None
     try:
         content = json.loads(file.read_bytes())
-        models, shares = tuple(content["models"]), np.array(content["shares"], dtype=np.float64)
+        draws = Draws(
+            models=tuple(content["models"]),
+            shares=np.array(content["shares"], dtype=np.float64),
+            people=frozenset(content.get("people", ())),
+            of_people=frozenset(content.get("of_people", ())),
+        )
         tables = {}
         for entry in content["events"]:
             vehicles = [int(track) for track in entry["vehicles"]]
             cubes = [{int(track): int(level) for track, level in cut_set} for cut_set in entry["cut_sets"]]
-            table = InfluenceTable.of_cubes(cubes, vehicles, models, shares, int(entry["checked"]))
+            table = InfluenceTable.of_cubes(cubes, vehicles, draws, int(entry["checked"]))
             tables[entry["track_id"], entry["other_id"], entry["event"]] = table
         sampled = {(e["track_id"], e["other_id"], e["event"]): e["why"] for e in content["sampled"]}
         checked, extra = int(content["checked"]), int(content["extra"])
     except (OSError, ValueError, KeyError, TypeError, IndexError) as error:
         raise ResultError(f"{file}: cannot be read ({str(error)[:80]}); run again") from None
-    return Exact(models=models, shares=shares, tables=tables, sampled=sampled, checked=checked, extra=extra)
+    return Exact(draws=draws, tables=tables, sampled=sampled, checked=checked, extra=extra)

@@ -38,8 +38,59 @@ WORDS: Mapping[str, str] = {
     "ignores_priority": "ignores priority",
     "cuts_in": "cuts in",
     "drifts": "drifts out of its lane",
+    "steps_out": "steps out",
+    "stops": "stops",
+    "keeps_walking": "walks on",
 }
-"""What a vehicle does under a model, for cut sets in words."""
+"""What a vehicle or person does under a model, for cut sets in words."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Draws:
+    """Models that the vehicles and the people of a run draw.
+
+    Attributes:
+        models: the M models.
+        shares: (M,) share of each among those of vehicles, or among those of people.
+        people: track ids of the people that draw.
+        of_people: the models that they draw; vehicles draw the others.
+    """
+
+    models: tuple[str, ...]
+    shares: FloatArray
+    people: frozenset[int] = frozenset()
+    of_people: frozenset[str] = frozenset()
+
+    def own(self, track: int) -> BoolArray:
+        """Return (M,) whether a vehicle or person draws each model."""
+        return np.array([(name in self.of_people) == (track in self.people) for name in self.models])
+
+    def shares_of(self, track_ids: Iterable[int], weights: Weights | None = None) -> dict[int, FloatArray]:
+        """Return the share of each model by track id.
+
+        Args:
+            weights: by model, for all that draw it; or by track id, then model. Models that are not named
+                share what is left to 1, in proportion to the run's; they get none if the named ones sum to 1
+                or more.
+
+        Raises:
+            UsageError: an unknown model, a weight below 0, or nothing above 0.
+        """
+        given = dict(weights or {})
+        each = {int(key): value for key, value in given.items() if isinstance(value, Mapping)}
+        common = {str(key): float(value) for key, value in given.items() if not isinstance(value, Mapping)}
+        _check_known(common, self.models)
+        return {track: self._weighted(self.own(track), each.get(track), common) for track in track_ids}
+
+    def _weighted(
+        self, own: BoolArray, given: Mapping[str, float] | None, common: Mapping[str, float]
+    ) -> FloatArray:
+        drawn = [name for name, mine in zip(self.models, own, strict=True) if mine]
+        if given is None:
+            given = {name: weight for name, weight in common.items() if name in drawn}
+        shares = np.zeros(len(own))
+        shares[own] = _normed(given, drawn, self.shares[own])
+        return shares
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,16 +99,15 @@ class InfluenceTable:
 
     Attributes:
         track_ids: the k vehicles of the influence set, ascending.
-        models: the M models that they draw from.
-        outcomes: (M, ..., M) with k axes: whether the event happens.
-        shares: (M,) share of each model in the run.
+        draws: the M models that they draw from, and their shares in the run.
+        outcomes: (M, ..., M) with k axes: whether the event happens; with a model that a vehicle does not
+            draw, whether it happens with all that it draws.
         checked: number of independently drawn futures that the table predicted without a difference.
     """
 
     track_ids: tuple[int, ...]
-    models: tuple[str, ...]
+    draws: Draws
     outcomes: BoolArray
-    shares: FloatArray
     checked: int
 
     @classmethod
@@ -65,21 +115,18 @@ class InfluenceTable:
         cls,
         cubes: Iterable[Mapping[int, int]],
         track_ids: Sequence[int],
-        models: Sequence[str],
-        shares: FloatArray,
+        draws: Draws,
         checked: int,
     ) -> InfluenceTable:
         """Build a table from partial assignments, level by track id, under which the event happens."""
-        outcomes = np.zeros((len(models),) * len(track_ids), dtype=np.bool_)
+        outcomes = np.zeros((len(draws.models),) * len(track_ids), dtype=np.bool_)
         for cube in cubes:
             outcomes[tuple(cube.get(track, slice(None)) for track in track_ids)] = True
-        return cls(
-            track_ids=tuple(track_ids),
-            models=tuple(models),
-            outcomes=outcomes,
-            shares=shares,
-            checked=checked,
-        )
+        for axis, track in enumerate(track_ids):
+            if not (own := draws.own(track)).all():
+                by_model = np.moveaxis(outcomes, axis, 0)
+                by_model[~own] = by_model[own].all(axis=0)
+        return cls(track_ids=tuple(track_ids), draws=draws, outcomes=outcomes, checked=checked)
 
     @property
     def remainder(self) -> float:
@@ -94,28 +141,24 @@ class InfluenceTable:
         """Return the exact probability of the event.
 
         Args:
-            weights: as of `shares_of`; None for the run's.
+            weights: as of `Draws.shares_of`; None for the run's.
         """
-        return self._sum(self.shares_of(weights))
+        return self._sum(self.draws.shares_of(self.track_ids, weights))
 
     def leverage(self, weights: Weights | None = None) -> dict[int, dict[str, float]]:
         """Return the derivative of P with respect to each vehicle's share of each model.
 
         The vehicle's other models give way in proportion; 0 for the only model of a vehicle.
         """
-        shares = self.shares_of(weights)
+        shares, models = self.draws.shares_of(self.track_ids, weights), self.draws.models
         whole, leverage = self._sum(shares), dict[int, dict[str, float]]()
         for track in self.track_ids:
             leverage[track] = {}
-            for index, model in enumerate(self.models):
+            for index in np.flatnonzero(self.draws.own(track)).tolist():
                 rest = 1.0 - float(shares[track][index])
-                only = {**shares, track: np.eye(len(self.models))[index]}
-                leverage[track][model] = (self._sum(only) - whole) / rest if rest > 1e-12 else 0.0
+                only = {**shares, track: np.eye(len(models))[index]}
+                leverage[track][models[index]] = (self._sum(only) - whole) / rest if rest > 1e-12 else 0.0
         return leverage
-
-    def shares_of(self, weights: Weights | None) -> dict[int, FloatArray]:
-        """Return the share of each model by vehicle, as `shares_of`."""
-        return shares_of(self.track_ids, self.models, self.shares, weights)
 
     def _sum(self, shares: Mapping[int, FloatArray]) -> float:
         value = self.outcomes.astype(np.float64)
@@ -157,15 +200,15 @@ class InfluenceTable:
         return [self._phrase(one) for one in sets]
 
     def _phrase(self, cube: Mapping[int, Iterable[int]]) -> str:
-        drawn = {level for level, share in enumerate(self.shares) if share > 0}
-        parts = []
-        for track in self.track_ids:
+        models, parts = self.draws.models, []
+        for track, shares in self.draws.shares_of(self.track_ids).items():
             if track in cube:
+                drawn = set(np.flatnonzero(shares).tolist())
                 others = sorted(drawn - set(cube[track]))
                 if len(drawn) > 2 and len(others) == 1:
-                    parts.append(f"{track} {_does_not(self.models[others[0]])}")
+                    parts.append(f"{track} {_does_not(models[others[0]])}")
                 else:
-                    parts.append(f"{track} {' or '.join(_does(self.models[k]) for k in sorted(cube[track]))}")
+                    parts.append(f"{track} {' or '.join(_does(models[k]) for k in sorted(cube[track]))}")
         return " and ".join(parts) or "whatever its drivers do"
 
 
@@ -175,7 +218,7 @@ def _does(model: str) -> str:
 
 def _does_not(model: str) -> str:
     verb, _, rest = WORDS.get(model, f"drives as {model}").partition(" ")
-    return f"does not {verb.removesuffix('s')} {rest}"
+    return f"does not {verb.removesuffix('s')} {rest}".rstrip()
 
 
 def reduced(table: InfluenceTable) -> InfluenceTable:
@@ -186,41 +229,20 @@ def reduced(table: InfluenceTable) -> InfluenceTable:
         if (outcomes == first).all():
             outcomes = first.squeeze(axis=axis)
             del keep[axis]
-    return InfluenceTable(
-        track_ids=tuple(keep),
-        models=table.models,
-        outcomes=np.asarray(outcomes, dtype=np.bool_),
-        shares=table.shares,
-        checked=table.checked,
-    )
+    outcomes = np.asarray(outcomes, dtype=np.bool_)
+    return InfluenceTable(track_ids=tuple(keep), draws=table.draws, outcomes=outcomes, checked=table.checked)
 
 
-def shares_of(
-    track_ids: Sequence[int], models: Sequence[str], shares: FloatArray, weights: Weights | None
-) -> dict[int, FloatArray]:
-    """Return the share of each model by vehicle.
-
-    Args:
-        shares: (M,) of the models in the run.
-        weights: by model, for all vehicles; or by track id, then model. Models that are not named share what
-            is left to 1, in proportion to the run's; they get none if the named ones sum to 1 or more.
-
-    Raises:
-        UsageError: an unknown model, a weight below 0, or nothing above 0.
-    """
-    given = dict(weights or {})
-    each = {int(key): value for key, value in given.items() if isinstance(value, Mapping)}
-    common = {str(key): float(value) for key, value in given.items() if not isinstance(value, Mapping)}
-    every = _normed(common, models, shares)
-    return {track: _normed(each[track], models, shares) if track in each else every for track in track_ids}
+def _check_known(weights: Mapping[str, float], models: Sequence[str]) -> None:
+    unknown = [name for name in weights if name not in models]
+    if unknown:
+        raise UsageError(f"weights: unknown model {unknown[0]!r}; the run draws {', '.join(models)}")
 
 
 def _normed(weights: Mapping[str, float], models: Sequence[str], shares: FloatArray) -> FloatArray:
     if not weights:
         return np.asarray(shares, dtype=np.float64)
-    unknown = [name for name in weights if name not in models]
-    if unknown:
-        raise UsageError(f"weights: unknown model {unknown[0]!r}; the run draws {', '.join(models)}")
+    _check_known(weights, models)
     bad = [name for name, weight in weights.items() if not (math.isfinite(weight) and weight >= 0)]
     if bad:
         raise UsageError(f"weights: {bad[0]}={weights[bad[0]]}: needs 0 or more")
@@ -241,7 +263,7 @@ def union_probability(tables: Sequence[InfluenceTable], weights: Weights | None 
     """
     shares: dict[int, FloatArray] = {}
     for table in tables:
-        shares |= table.shares_of(weights)
+        shares |= table.draws.shares_of(table.track_ids, weights)
     cubes = frozenset(cube for table in tables for cube in table.cut_sets)
     splits = 0
 

@@ -53,9 +53,10 @@ def doubts_of(
 
 @owner_cache
 def _off_lanes(scene: SeedScene) -> BoolArray:
+    """Return (V,) whether vehicles are off the mapped lanes; people may be."""
     off = np.zeros(scene.vehicles, dtype=np.bool_)
     off[[] if scene.road is None else off_road(scene.road, scene)] = True
-    return off
+    return off if scene.people is None else off & ~scene.people
 
 
 def _leaves(scene: SeedScene) -> BoolArray:

@@ -10,7 +10,7 @@ import pytest
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.certainty.results import Exact
-from scex_sumo.certainty.tables import InfluenceTable, reduced, union_probability
+from scex_sumo.certainty.tables import Draws, InfluenceTable, reduced, union_probability
 
 MODELS = ("calm", "hasty", "emergency_brake")
 
@@ -22,7 +22,7 @@ def table(
     for cell in happens:
         outcomes[cell] = True
     return InfluenceTable(
-        track_ids=tracks, models=MODELS, outcomes=outcomes, shares=np.array(shares), checked=300
+        track_ids=tracks, draws=Draws(models=MODELS, shares=np.array(shares)), outcomes=outcomes, checked=300
     )
 
 
@@ -88,6 +88,27 @@ def test_unions_of_apart_events_multiply_and_of_connected_ones_are_enumerated() 
 
 def test_the_table_that_fewest_futures_checked_tells_how_sure_the_answer_is() -> None:
     tables = {(7, 11, "collision"): replace(HIT, checked=96), (7, 11, "drac"): replace(HIT, checked=10)}
-    shares = {"models": MODELS, "shares": HIT.shares, "sampled": {}, "checked": 385, "extra": 100}
+    shares = {"draws": HIT.draws, "sampled": {}, "checked": 385, "extra": 100}
     assert "checked on 96 futures: none differs (remainder 3.1%)" in Exact(tables=tables, **shares).told()
     assert "checked on 385 futures" in Exact(tables={}, **shares).told()
+
+
+def test_people_draw_models_of_their_own() -> None:
+    draws = Draws(
+        models=("calm", "hasty", "stops", "steps_out"),
+        shares=np.array([0.6, 0.4, 0.75, 0.25]),
+        people=frozenset({9}),
+        of_people=frozenset({"stops", "steps_out"}),
+    )
+    one = InfluenceTable.of_cubes([{7: 1, 9: 3}, {7: 0, 9: 2}, {7: 0, 9: 3}], (7, 9), draws, 300)
+    assert one.probability() == pytest.approx(0.6 + 0.4 * 0.25)
+    # Whatever the person does: its models alone count.
+    assert set(one.cut_sets) == {frozenset({(7, 0)}), frozenset({(9, 3)})}
+    assert one.in_words() == ["7 drives as calm", "9 steps out (steps_out)"]
+    assert one.probability({"calm": 0.0}) == pytest.approx(0.25)  # of vehicles alone
+    assert one.probability({9: {"steps_out": 1.0}}) == 1.0
+    assert one.leverage()[9] == pytest.approx({"stops": -0.4, "steps_out": 0.4})
+    with pytest.raises(UsageError, match="unknown model 'calm'"):
+        one.probability({9: {"calm": 1.0}})
+    crossing = InfluenceTable.of_cubes([{7: 1, 9: 3}], (7, 9), draws, 300)
+    assert union_probability([one, crossing]) == pytest.approx(one.probability())

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.certainty.evidence import avoidable, write_evidence
-from scex_sumo.certainty.tables import InfluenceTable
+from scex_sumo.certainty.tables import Draws, InfluenceTable
 from scex_sumo.results.run import Run
 
 
@@ -33,12 +33,10 @@ def test_it_has_the_fields_of_the_clauses_and_the_figures_of_the_run(run: Run, s
 
 def test_what_braking_avoids_by_hand() -> None:
     """Two models, all cells of equal weight; 1 is the row, 2 the column."""
-    models, shares = ("constant_velocity", "emergency_brake"), np.array([0.5, 0.5])
+    draws = Draws(models=("constant_velocity", "emergency_brake"), shares=np.array([0.5, 0.5]))
 
     def share(outcomes: list[list[int]], pair: tuple[int, int] = (1, 2)) -> float | None:
-        table = InfluenceTable(
-            track_ids=(1, 2), models=models, outcomes=np.array(outcomes, bool), shares=shares, checked=100
-        )
+        table = InfluenceTable(track_ids=(1, 2), draws=draws, outcomes=np.array(outcomes, bool), checked=100)
         return avoidable(table, pair)
 
     assert share([[1, 0], [1, 0]]) == 1.0

@@ -49,3 +49,16 @@ def test_a_driver_that_sees_who_steps_out_brakes(scene: SeedScene, tmp_path: Pat
         for model in ("constant_velocity", "likely_driver")
     ]
     assert shares[1] < 0.5 * shares[0]
+
+
+def test_what_people_do_is_counted_exactly(scene: SeedScene, tmp_path: Path) -> None:
+    """The first car hits whoever steps out if it keeps its speed; nobody else decides it."""
+    mix = "constant_velocity@1,emergency_brake@3,steps_out@1,stops@4"
+    run = run_of(scene, tmp_path / "run", vru="model", models=mix, futures=96, world="plain")
+    pair = run.encounter(0, 2).collision
+    assert pair.exact == pytest.approx(1 / 4 * 1 / 5)
+    assert pair.known is not None
+    assert pair.known.ways == ("0 keeps its speed (constant_velocity) and 2 steps out (steps_out)",)
+    assert scex.weighted_probability(run, {"steps_out": 1.0}, pair=(0, 2)) == pytest.approx(1 / 4)
+    again = scex.open_run(run.folder)
+    assert again.encounter(0, 2).collision.exact == pair.exact

@@ -37,7 +37,9 @@ def test_boxes_that_touch_or_nearly_are(gap_m: float, speed: float, words: str) 
 
 
 def test_a_vehicle_off_the_lanes_is() -> None:
-    assert doubt(moved(queues(2, gap_m=5.0), y=[0.0, 30.0])) == "2 is off the mapped lanes"
+    scene = moved(queues(2, gap_m=5.0), y=[0.0, 30.0])
+    assert doubt(scene) == "2 is off the mapped lanes"
+    assert doubt(dataclasses.replace(scene, people=np.array([False, True]))) is None
 
 
 def test_a_short_track_is() -> None:

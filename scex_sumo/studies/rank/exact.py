@@ -10,7 +10,7 @@ Source: control variates, Hammersley and Handscomb 1964, 5.5.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import TypeAlias
@@ -21,7 +21,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.certainty.exact import MAX_FUTURES, MIN_CHECKED, why_not_exact
 from scex_sumo.certainty.futures import DrawnModels, encounters_only
 from scex_sumo.certainty.search import BASE_ROWS, Search
-from scex_sumo.certainty.tables import InfluenceTable, union_probability
+from scex_sumo.certainty.tables import union_probability
 from scex_sumo.extrapolation.assignments import EXACT_STREAM, future_generator
 from scex_sumo.extrapolation.job import Job, run_in_memory
 from scex_sumo.statistics.bands import remainder_of
@@ -120,13 +120,13 @@ def _score(
     drawn, levels = futures.drawn, futures.drawn.levels
     predicted, mean, tables, each = np.zeros(len(levels)), 0.0, [], []
     for key, leaves in right.items():
-        shares = {path: prod(float(drawn.shares[level]) for _, level in path) for path in leaves}
+        shares = {path: prod(float(drawn.each[v][level]) for v, level in path) for path in leaves}
         mean += sum(shares[path] * worth for path, worth in leaves.items())
         each.append((*key, sum(shares.values())))
         for path, worth in leaves.items():
             predicted += worth * np.all([levels[:, v] == level for v, level in path] or [True], axis=0)
         if key[2] == COLLISION:
-            tables.append(_table(drawn, leaves, count))
+            tables.append(drawn.table(leaves, {v for path in leaves for v, _ in path}, count))
     collides = any(key[2] == COLLISION for key in open_)
     return ExactScore(
         mean=mean,
@@ -137,11 +137,6 @@ def _score(
         extra=len(futures.known),
         checked=count,
     )
-
-
-def _table(drawn: DrawnModels, leaves: Iterable[_Path], count: int) -> InfluenceTable:
-    cubes = [{drawn.track_ids[v]: level for v, level in path} for path in leaves]
-    return InfluenceTable.of_cubes(cubes, sorted(set().union(*cubes)), drawn.names, drawn.shares, count)
 
 
 class _Futures:
