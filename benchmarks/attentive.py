@@ -42,8 +42,8 @@ from scex_sumo.evaluation.recordings import load_recording, recording_moments, s
 from scex_sumo.evaluation.split import Part, Split, split_moments
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
 from scex_sumo.extrapolation.job import ruled
-from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, recorded_steps_of
-from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out
+from scex_sumo.extrapolation.loop.measure import measure_outcome, measure_recorded, recorded_steps_of
+from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.humans import driver
 from scex_sumo.scene import STEP_S, SeedScene, States

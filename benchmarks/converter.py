@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.errors import ScexError
-from scex_sumo.base.programs import program
+from scex_sumo.base.sumo.programs import program
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.lanelet2sumo.judge.report import check_net, drive_net

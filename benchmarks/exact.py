@@ -22,8 +22,8 @@ import numpy as np
 import scex_sumo
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.certainty.tables import InfluenceTable
-from scex_sumo.results.outcomes import first_contacts
 from scex_sumo.results.run import Run
+from scex_sumo.results.tables.outcomes import first_contacts
 from scex_sumo.scene import SeedScene
 
 SCENES = {

@@ -23,8 +23,8 @@ from response_samples import HAPPENS, NEAR, VARIES_MPS2, Samples, collected, dut
 
 from scex_sumo import LoadedRecording, find_recordings, load_recording
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, mean_ranks
-from scex_sumo.certainty.response.actions import ACTIONS, BRAKES, LEVELS, STEPS_OUT
 from scex_sumo.certainty.response.critical import TYPICAL
+from scex_sumo.certainty.response.motion.actions import ACTIONS, BRAKES, LEVELS, STEPS_OUT
 from scex_sumo.certainty.response.people import SHIPPED, People, people_of, probabilities
 
 app = typer.Typer(add_completion=False)

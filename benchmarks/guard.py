@@ -35,7 +35,7 @@ from scex_sumo.behaviors.models.simple import Replay, ReplayProfile
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
-from scex_sumo.extrapolation.rollout import history_at
+from scex_sumo.extrapolation.loop.rollout import history_at
 from scex_sumo.humans.guard.corridors import GuardProfile
 from scex_sumo.humans.guard.guarded import Guarded, slowed
 from scex_sumo.scenarios.populated import synthetic_seed

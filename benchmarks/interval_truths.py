@@ -22,7 +22,7 @@ from scex_sumo.metrics.collisions import find_collisions
 from scex_sumo.metrics.encounters import Encounters, encounters_of
 from scex_sumo.metrics.evaluate import scene_batches
 from scex_sumo.results.design import is_critical
-from scex_sumo.results.encounters import answers_of
+from scex_sumo.results.tables.encounters import answers_of
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
 from scex_sumo.studies.sample_size.sample_size import choose_vehicles, reduced
 

@@ -21,7 +21,7 @@ import numpy as np
 import scex_sumo as scex
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.extrapolation.rollout import Batch, history_at, roll_out
+from scex_sumo.extrapolation.loop.rollout import Batch, history_at, roll_out
 from scex_sumo.learned import driver
 from scex_sumo.learned.network.architecture import Architecture, shapes
 from scex_sumo.learned.network.weights import save_weights

@@ -13,16 +13,16 @@ from scipy.optimize import minimize
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.behaviors.models.idm import HABIT_STEPS
-from scex_sumo.humans.driven_line import driven_paths
-from scex_sumo.humans.lanes import change_features
-from scex_sumo.humans.observations import (
+from scex_sumo.humans.lines.driven_line import driven_paths
+from scex_sumo.humans.lines.lanes import change_features
+from scex_sumo.humans.observed.observations import (
     keep_features,
     path_features,
     start_features,
     stop_features,
 )
+from scex_sumo.humans.observed.seed_state import estimated_scene
 from scex_sumo.humans.population import DEGREES, lateral_offsets, spread_factor
-from scex_sumo.humans.seed_state import estimated_scene
 from scex_sumo.scene import STEP_S, SeedScene
 
 FAR_ASIDE_M = 0.3  # who is this far from where one expects it counts half

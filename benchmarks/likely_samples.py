@@ -13,9 +13,9 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import rear_axle
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
-from scex_sumo.humans.driven_line import driven_paths
-from scex_sumo.humans.lanes import lanes_beside, lanes_occupied
-from scex_sumo.humans.observations import (
+from scex_sumo.humans.lines.driven_line import driven_paths
+from scex_sumo.humans.lines.lanes import lanes_beside, lanes_occupied
+from scex_sumo.humans.observed.observations import (
     View,
     behind_a_wave,
     last_second,
@@ -24,8 +24,8 @@ from scex_sumo.humans.observations import (
     queue_leaders,
     side_features,
 )
+from scex_sumo.humans.observed.seed_state import estimated_scene
 from scex_sumo.humans.parameters import HumanParameters, human_parameters
-from scex_sumo.humans.seed_state import estimated_scene
 from scex_sumo.scene import STEP_S, SeedScene, VehicleIndex
 
 HUMAN = human_parameters()  # what is fitted here is not read from it

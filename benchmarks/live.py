@@ -175,7 +175,7 @@ def table(rows: list[dict]) -> None:  # type: ignore[type-arg]
     """Print the table of the study."""
     scores = ("human_like", "stress", "both", "ttc", "drac", "pet")
     for row in rows:
-        row["both"] = 1 - (1 - row["human_like"]) * (1 - row["stress"])  # PairRisk.either
+        row["both"] = 1 - (1 - row["human_like"]) * (1 - row["stress"])  # PairRisk.combined
     print("s before | collisions | pairs | " + " | ".join(f"{s}: top 5 %, area [of seeds]" for s in scores))
     for lead in LEADS_S:
         moments = {(r["seed"], r["time"]) for r in rows if r["after"] == lead}
@@ -276,7 +276,7 @@ def film(path: Path, config: Path | None, begin_s: float, end_s: float) -> None:
         session.run(begin, risks.append)
         pictures = sorted(Path(name).glob("*.png"))
         write_film(path, pictures, round(len(pictures) / (end_s - begin_s)))
-        led = [(risk.worst.either, risk.time_s) for risk in risks if risk.worst]
+        led = [(risk.worst.combined, risk.time_s) for risk in risks if risk.worst]
         _, time_s = max(led)
         worst = min(pictures, key=lambda file: abs(int(file.stem) / 10 - time_s - 0.3))
         Image.open(worst).convert("RGB").save(path.with_suffix(".png"))

@@ -17,7 +17,7 @@ from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.evaluation.split import Split
-from scex_sumo.extrapolation.rollout import Batch, roll_out
+from scex_sumo.extrapolation.loop.rollout import Batch, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.learned.decoding import plan_along, way_of
 from scex_sumo.learned.driver import LearnedDriver

@@ -13,7 +13,17 @@ import numpy as np
 from scex_sumo import LoadedRecording, find_recordings, load_recording, recording_moments, seed_at
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
-from scex_sumo.certainty.response.actions import (
+from scex_sumo.certainty.response.answer import doubts_of
+from scex_sumo.certainty.response.critical import (
+    DECELERATIONS,
+    TYPICAL,
+    Happens,
+    Motion,
+    contact,
+    critical_response,
+    hard_contact,
+)
+from scex_sumo.certainty.response.motion.actions import (
     ACTIONS,
     BRAKES,
     CUTS_IN,
@@ -28,18 +38,8 @@ from scex_sumo.certainty.response.actions import (
     contexts,
     pairs_of,
 )
-from scex_sumo.certainty.response.answer import doubts_of
-from scex_sumo.certainty.response.blocked import Blocked, Lines, blocked_stretches
-from scex_sumo.certainty.response.critical import (
-    DECELERATIONS,
-    TYPICAL,
-    Happens,
-    Motion,
-    contact,
-    critical_response,
-    hard_contact,
-)
-from scex_sumo.certainty.response.expected import Expected, expected_motion
+from scex_sumo.certainty.response.motion.blocked import Blocked, Lines, blocked_stretches
+from scex_sumo.certainty.response.motion.expected import Expected, expected_motion
 from scex_sumo.certainty.response.people import left_at, time_gaps
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.extrapolation.job import ruled

@@ -48,7 +48,7 @@ from scex_sumo.converters.net.convert import converted
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.evaluation.split import Split, split_moments
 from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
-from scex_sumo.extrapolation.measure import measure_recorded
+from scex_sumo.extrapolation.loop.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.geometry.rectangles import seen_from

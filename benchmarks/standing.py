@@ -15,7 +15,7 @@ import numpy as np
 
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.extrapolation.rollout import history_at
+from scex_sumo.extrapolation.loop.rollout import history_at
 from scex_sumo.road import Lane, Road
 from scex_sumo.scene import SceneHistory, SeedScene, States, VehicleIndex
 

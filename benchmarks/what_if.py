@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.base.programs import sumo_home
+from scex_sumo.base.sumo.programs import sumo_home
 
 STEPS = 30
 GAMES = ("cross", "square", "ramp", "corridor", "grid6", "fkk_in", "A10KW", "fokr_bs_demo")

@@ -28,7 +28,7 @@ from .extrapolation.extrapolate import extrapolate as extrapolate
 from .extrapolation.extras import Extra as Extra
 from .extrapolation.extras import Work as Work
 from .extrapolation.settings import RunSettings as RunSettings
-from .formats.build import track_rows as track_rows
+from .formats.samples.build import track_rows as track_rows
 from .learned.scene_graph.graph import SceneGraph as SceneGraph
 from .learned.scene_graph.graph import scene_graph as scene_graph
 from .learned.training.attention import plot_attention as plot_attention

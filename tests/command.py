@@ -30,7 +30,7 @@ PRELOADED = (
     "scex_sumo.formats.cleaning.mismatch",
     "scex_sumo.formats.cleaning.plausibility",
     "scex_sumo.formats.cleaning.repair",
-    "scex_sumo.formats.lane_map",
+    "scex_sumo.formats.lane_maps.lane_map",
     "scex_sumo.humans.driver",
     "scex_sumo.humans.entries",
     "scex_sumo.humans.reference",

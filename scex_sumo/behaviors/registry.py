@@ -88,7 +88,7 @@ def mixes() -> dict[str, str]:
 
 def known_names() -> list[str]:
     """Return the names that `build` accepts, ``sumo:<model>`` among them."""
-    from scex_sumo.base.sumo_drivers import OWN_MODEL, SUMO_MODELS
+    from scex_sumo.base.sumo.car_following import OWN_MODEL, SUMO_MODELS
 
     sumo = [f"{SUMO}:{model}" for model in (*SUMO_MODELS, OWN_MODEL)]
     return [*_CORE, *sumo, *sorted({*_registered, *EXTENSIONS.paths} - {*_CORE, SUMO, *_MIXES})]
@@ -235,7 +235,7 @@ def _parse_one(text: str) -> ModelSpec:
     name, *rest = body.split(":") if own is None else (own[0], *own[1])
     if name == SUMO:
         if not rest or "=" in rest[0]:
-            from scex_sumo.base.sumo_drivers import SUMO_MODELS
+            from scex_sumo.base.sumo.car_following import SUMO_MODELS
 
             raise UsageError(f"{text}: name the SUMO model, one of {', '.join(SUMO_MODELS)}, as in sumo:EIDM")
         name = f"{SUMO}:{rest.pop(0)}"
@@ -277,7 +277,7 @@ def build(spec: ModelSpec, *, fallback: bool = False) -> Behavior:
     """
     entry = _entry_for(spec)
     make, guard = _maker(spec)
-    model = _made(spec.name, entry, make)
+    model = _built(spec.name, entry, make)
     if fallback and (entry.may_fail or entry.is_own):
         model = ADAPTERS.load("fallback")(model, str(spec))
     return ADAPTERS.load("guard")(model, entry.guard) if guard else model
@@ -288,7 +288,7 @@ def _maker(spec: ModelSpec) -> tuple[Callable[[], Any], bool]:
     entry = _entry_for(spec)
     if spec.model is not None or not spec.name.startswith(f"{SUMO}:"):
         return maker_of(spec, entry)
-    from scex_sumo.base.sumo_drivers import check_driver
+    from scex_sumo.base.sumo.car_following import check_driver
 
     given = {key: str(value) for key, value in spec.parameters.items() if key != "path"}
     model = spec.name.partition(":")[2]
@@ -297,7 +297,7 @@ def _maker(spec: ModelSpec) -> tuple[Callable[[], Any], bool]:
     return partial(entry.make, model, given, path=path), False
 
 
-def _made(name: str, entry: ModelEntry, make: Callable[[], Any]) -> Behavior:
+def _built(name: str, entry: ModelEntry, make: Callable[[], Any]) -> Behavior:
     try:
         with staying():
             model = make()

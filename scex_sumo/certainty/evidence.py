@@ -22,8 +22,8 @@ from scex_sumo.converters.datasets.moment import find_moments
 from scex_sumo.converters.datasets.reader import read_clean
 from scex_sumo.page.html import BASE, Html, element, page_html, plain_table
 from scex_sumo.reports.run_table import counted, expected_injuries
-from scex_sumo.results.outcomes import first_contacts
 from scex_sumo.results.run import Run
+from scex_sumo.results.tables.outcomes import first_contacts
 from scex_sumo.scene import STEP_S
 
 EVIDENCE = "evidence.html"
@@ -143,7 +143,7 @@ def _encounter(run: Run, row: Mapping[str, Any]) -> tuple[str, ...]:
     return (
         f"{one} → {other}",
         encounter.collision.percent + ("" if known is not None else " (sampled)"),
-        "sampled" if known is None else known.told or "sampled",
+        "sampled" if known is None else known.summary or "sampled",
         " / ".join("–" if change is None else f"{change:.1f}" for change in changes),
         " / ".join("–" if risk is None else f"{risk:.1%}" for risk in risks),
         f"{row['kind']}, {often}",

@@ -21,14 +21,14 @@ from scex_sumo.certainty.tables import InfluenceTable, reduced
 from scex_sumo.extrapolation.assignments import EXACT_STREAM, future_generator
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.registry import COLLISION
-from scex_sumo.results.encounters import answers_of
 from scex_sumo.results.folder import assignments_table
-from scex_sumo.results.outcomes import encounters_of_rows
 from scex_sumo.results.parts import PARTS
+from scex_sumo.results.tables.encounters import answers_of
+from scex_sumo.results.tables.outcomes import encounters_of_rows
 
 MAX_FUTURES: Final = 385
 """Futures that are run for the tables, at most, and no more than twice those that the run draws."""

@@ -23,14 +23,14 @@ class ExactExtra(ExactProbabilities):
 
     def settle(self, work: Work) -> Any:
         """Return the influence tables of the futures so far, if any collision has an exact probability."""
-        exact = self._found(work)
+        exact = self._searched(work)
         return None if exact is None or exact.probability() is None else exact
 
     def after(self, work: Work) -> Sequence[Row]:
         """Find the influence tables and write them to ``exact.json``."""
         file = work.job.folder / EXACT
         file.unlink(missing_ok=True)
-        exact = work.settled or self._found(work)
+        exact = work.settled or self._searched(work)
         if exact is not None:
             write_exact(exact, file)
         return ()
@@ -61,7 +61,7 @@ class ExactExtra(ExactProbabilities):
             return {}
         return {"fitted_weights": answer_of(run)}
 
-    def _found(self, work: Work) -> Any:
+    def _searched(self, work: Work) -> Any:
         if not self.exact:
             return None
         job = work.job
@@ -80,9 +80,9 @@ class ExactExtra(ExactProbabilities):
             return None
         table = exact.table(*pair, event) if pair is not None and event in EVENTS else None
         if table is None:
-            return ExactProbability(value=value, checked=exact.told(), remainder=exact.remainder)
+            return ExactProbability(value=value, checked=exact.summary(), remainder=exact.remainder)
         ways = tuple(table.in_words())
-        return ExactProbability(value=value, checked=table.told(), remainder=table.remainder, ways=ways)
+        return ExactProbability(value=value, checked=table.summary(), remainder=table.remainder, ways=ways)
 
     def pair_lines(self, run: Run, row: Mapping[str, Any]) -> Sequence[str]:
         """Return the cut sets of a collision, and whose models matter how much."""
@@ -93,7 +93,7 @@ class ExactExtra(ExactProbabilities):
             return [f"no exact table of the collision: {why}"]
         if table is None or table.probability() == 0:
             return ()
-        lines = [f"collides exactly if ({table.told()}):", *(f"  {words}" for words in table.in_words())]
+        lines = [f"collides exactly if ({table.summary()}):", *(f"  {words}" for words in table.in_words())]
         for track, models in table.leverage().items():
             most = max(models, key=lambda model: abs(models[model]))
             lines.append(f"  {track}: P changes by {models[most]:+.3f} per share of {most}")

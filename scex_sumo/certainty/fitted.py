@@ -31,7 +31,7 @@ from scex_sumo.converters.datasets.moment import find_moments
 from scex_sumo.converters.datasets.reader import read_clean
 from scex_sumo.converters.datasets.scene import CleanRecording, take_scene
 from scex_sumo.converters.maps import read_map
-from scex_sumo.extrapolation.situations import plans_of
+from scex_sumo.extrapolation.loop.situations import plans_of
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex

@@ -14,8 +14,8 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.certainty.search import Cube
 from scex_sumo.certainty.tables import Draws, InfluenceTable
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of
+from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.results.parts import PARTS, Parts
 
 PLAIN_WORLDS: Final = ("sumo", "checked")

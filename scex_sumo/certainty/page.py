@@ -7,8 +7,8 @@ from typing import Any
 from scex_sumo.certainty.results import exact_of, people_of
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.parts import PagePart
-from scex_sumo.results.encounters import ENCOUNTERS
 from scex_sumo.results.run import Run
+from scex_sumo.results.tables.encounters import ENCOUNTERS
 
 
 def exact_part(run: Run) -> PagePart:
@@ -67,7 +67,7 @@ def exact_card(run: Run) -> list[Html]:
         )
         for number, model in enumerate(contents["models"])
     ]
-    about = f"{exact.told().capitalize()}. Drag a weight: P follows without new futures."
+    about = f"{exact.summary().capitalize()}. Drag a weight: P follows without new futures."
     return [
         element(
             "section.card",

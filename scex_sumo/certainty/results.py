@@ -101,9 +101,9 @@ class Exact:
         tables = [table for (_, _, event), table in self.tables.items() if event == "collision"]
         return min([self._never, *tables], key=lambda table: table.checked)
 
-    def told(self) -> str:
+    def summary(self) -> str:
         """Return how the tables of collisions were checked, in words: the least checked one counts."""
-        return self._least.told()
+        return self._least.summary()
 
 
 @checked

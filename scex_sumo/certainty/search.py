@@ -143,7 +143,7 @@ class Search:
         """Run futures until every tree is settled, or none more is, or ``most`` have been run in all."""
         if not len(self.rows):
             events = [e for e in range(len(self.trees)) if len(self.influence(e)) <= MAX_VEHICLES]
-            asked = [path for event in events for path in self._asked(event)]
+            asked = [path for event in events for path in self._rare_cubes(event)]
             rows = self._merged(asked, [])[:most]
             more = self.random(max(min(BASE_ROWS, most) - len(rows), 0))
             self._add([], [*rows, *more], simulate)
@@ -328,7 +328,7 @@ class Search:
             for event in part:
                 # Later ranks do not spend what the first one still needs.
                 is_full |= is_first and event not in first and len(whole) + len(partial) >= ROUND_ROWS
-                asked = list(self._asked(event))
+                asked = list(self._rare_cubes(event))
                 if is_full:
                     filling += asked
                     continue
@@ -347,7 +347,7 @@ class Search:
         rows = [row for search in searches for _, row in _between(*search)]
         return [row for row in rows if self._outcome(event, row) is None]
 
-    def _asked(self, event: int) -> Iterator[Cube]:
+    def _rare_cubes(self, event: int) -> Iterator[Cube]:
         """Yield the partial assignments of an event that have been seen too rarely."""
         for leaf in self.trees[event].leaves():
             if leaf.search is None:

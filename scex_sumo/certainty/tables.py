@@ -133,7 +133,7 @@ class InfluenceTable:
         """Share of assignments that the table may get wrong, at most, with 95 %; see `remainder_of`."""
         return remainder_of(self.checked)
 
-    def told(self) -> str:
+    def summary(self) -> str:
         """Return how the table was checked, in words."""
         return f"exact, checked on {self.checked} futures: none differs (remainder {self.remainder:.1%})"
 

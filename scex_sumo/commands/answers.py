@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scex_sumo.metrics.registry import critical_columns, metric_of, side_of
-from scex_sumo.reports.encounter_rows import Meeting, alike, meetings, told, worst_stress
+from scex_sumo.reports.encounter_rows import Meeting, grouped, meetings, sentence, worst_stress
 from scex_sumo.reports.run_table import extra_rows
 from scex_sumo.results.extras import extras_results
 from scex_sumo.results.run import Run
@@ -36,8 +36,8 @@ def run_answer(run: Run) -> dict[str, Any]:
         "metrics": [_metric(run, column) for column in critical_columns(run.columns)],
         "rows": extra_rows(run),
         "stress_test": [
-            {"pairs": [(one.row["track_id"], one.row["other_id"]) for one in group], "words": told(group)}
-            for group in alike(worst_stress(run))
+            {"pairs": [(one.row["track_id"], one.row["other_id"]) for one in group], "words": sentence(group)}
+            for group in grouped(worst_stress(run))
         ],
         "encounters": meeting_rows(meetings(run)),
         **{key: value for extra in extras_results(run.folder) for key, value in extra.answer(run).items()},

@@ -17,8 +17,9 @@ from scex_sumo.commands.seed import MapPath, seed_scene
 from scex_sumo.commands.shared import COMMANDS, Answer
 from scex_sumo.extrapolation.engine import checked_models, run_scene
 from scex_sumo.extrapolation.extras import extras_of, run_options
-from scex_sumo.extrapolation.settings import AUTO, RunOptions, RunSettings, read_workers
-from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.extrapolation.options import AUTO, RunOptions, read_workers
+from scex_sumo.extrapolation.processes.workers import Workers
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios.options import SeedOptions
 

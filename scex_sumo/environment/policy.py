@@ -56,15 +56,15 @@ class PolicyDriver:
         way, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
         arrays = predictor_inputs(history, road, who, self._surroundings)
         seen = observed({**arrays, "path": path_ahead(paths, row, way, now)}, flat=self._flat)
-        actions = self._asked(seen)
+        actions = self._action(seen)
         if not self._controls:
-            return _kept(planned(now, _checked(actions, (len(way), *np.shape(actions)[1:2], 2))))
+            return _continued(planned(now, _checked(actions, (len(way), *np.shape(actions)[1:2], 2))))
         shares, states = _checked(actions, (len(way), 2)), [now]
         for _ in range(PLAN_STEPS):
             states.append(controlled(states[-1], history.scene.length[who.vehicle], shares))
         return Plan(**vars(States.stack(states[1:], axis=1)))
 
-    def _asked(self, seen: Any) -> Any:
+    def _action(self, seen: Any) -> Any:
         if hasattr(self._policy, "predict"):
             return self._policy.predict(seen, deterministic=True)[0]
         return self._policy(seen)
@@ -74,7 +74,7 @@ def _checked(actions: Any, shape: tuple[int, ...]) -> FloatArray:
     return finite_numbers("actions of the policy", actions, shape)
 
 
-def _kept(states: States) -> Plan:
+def _continued(states: States) -> Plan:
     """Return a plan of (n, H) states that go on with the last speed and heading."""
     last, steps = states[:, -1], np.arange(1, PLAN_STEPS - states.shape[1] + 1)
     speed = np.repeat(last.speed[:, None], len(steps), axis=1)

@@ -23,12 +23,12 @@ from scex_sumo.environment.agent import AgentSteps, Reward, controlled, default_
 from scex_sumo.environment.checks import finite_numbers, one_of, whole_number
 from scex_sumo.environment.observation import MAX_OBSERVED, Observation, observed, path_ahead
 from scex_sumo.extrapolation.assignments import future_generator, listing, random_assignments, route_draws
-from scex_sumo.extrapolation.crashes import Crashes, slide
 from scex_sumo.extrapolation.job import ruled
+from scex_sumo.extrapolation.loop.crashes import Crashes, slide
+from scex_sumo.extrapolation.loop.rollout import checked_plan, groups_of, history_at
+from scex_sumo.extrapolation.loop.situations import plans_of
 from scex_sumo.extrapolation.models import ModelSet
-from scex_sumo.extrapolation.rollout import checked_plan, groups_of, history_at
 from scex_sumo.extrapolation.settings import MAX_FUTURES, MAX_STEPS, Models, RunSettings
-from scex_sumo.extrapolation.situations import plans_of
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.plug_in.inputs import Surroundings, predictor_inputs
 from scex_sumo.scenarios.seeds import read_seed

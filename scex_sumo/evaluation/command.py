@@ -49,7 +49,7 @@ def metrics_command(
     from scex_sumo.evaluation.tables import recording_table
     from scex_sumo.metrics.base import MetricParameters
     from scex_sumo.results.info import as_written
-    from scex_sumo.results.plans import PLANS
+    from scex_sumo.results.tables.plans import PLANS
 
     if out is not None and out.suffix not in TABLE_SUFFIXES:
         raise UsageError(f"-o {out}: unknown format {out.suffix!r}; known: {', '.join(TABLE_SUFFIXES)}")

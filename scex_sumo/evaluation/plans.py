@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ResultError
 from scex_sumo.metrics.base import PlannedPaths
-from scex_sumo.results.plans import PLANS
-from scex_sumo.results.tables import read_table
+from scex_sumo.results.tables.plans import PLANS
+from scex_sumo.results.tables.reading import read_table
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -19,8 +19,8 @@ from scex_sumo.metrics.collisions import CONTACT_M2, Collisions, find_collisions
 from scex_sumo.metrics.evaluate import ScenarioValues, evaluate
 from scex_sumo.metrics.extrema import Worst, scene_sums
 from scex_sumo.metrics.registry import Metric, metrics_named
-from scex_sumo.results.outcomes import after_collision
-from scex_sumo.results.worst import other_ids
+from scex_sumo.results.tables.outcomes import after_collision
+from scex_sumo.results.tables.worst import other_ids
 
 Level: TypeAlias = Literal["pair", "scene", "scenario", "worst"]
 LEVELS: Final[tuple[Level, ...]] = ("pair", "scene", "scenario", "worst")

@@ -19,10 +19,11 @@ from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.signals import signals_of
 from scex_sumo.extrapolation.extras import Extra, Work, working
 from scex_sumo.extrapolation.job import RULES, Job, batch_size, batches_of, ruled
-from scex_sumo.extrapolation.measure import Recorded, measure_recorded
+from scex_sumo.extrapolation.loop.measure import Recorded, measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
-from scex_sumo.extrapolation.settings import RunOptions, RunSettings
-from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.extrapolation.options import RunOptions
+from scex_sumo.extrapolation.processes.workers import Workers
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.writing import handover_notes, outcome_notes, recorded_info, write_tables
 from scex_sumo.metrics.registry import thresholds_of
 from scex_sumo.results.extras import Row
@@ -219,7 +220,7 @@ def _info(
 def _fallbacks(job: Job, part: Part) -> list[dict[str, Any]]:
     if part.fallbacks is None:
         return []
-    from scex_sumo.results.fallbacks import count_fallbacks
+    from scex_sumo.results.tables.fallbacks import count_fallbacks
 
     plans = -(-job.settings.steps // job.settings.replan)
     return count_fallbacks(part.fallbacks, job.assignment, job.models.names, plans)

@@ -14,9 +14,10 @@ from scex_sumo.base.options import Option, options_of, split_options
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.extras import extras_of, run_options
+from scex_sumo.extrapolation.options import RunOptions
 from scex_sumo.extrapolation.own_extra import extra_named
-from scex_sumo.extrapolation.settings import RunOptions, RunSettings
-from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.extrapolation.processes.workers import Workers
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 

@@ -12,8 +12,9 @@ from typing import Any, ClassVar, cast
 from scex_sumo.base.progress import Progress
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.models import ModelSet
-from scex_sumo.extrapolation.settings import RunOptions, RunSettings
-from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.extrapolation.options import RunOptions
+from scex_sumo.extrapolation.processes.workers import Workers
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.extras import ExtraResults, Row, extra_types
 from scex_sumo.results.parts import Part, Parts
 from scex_sumo.results.run import Run

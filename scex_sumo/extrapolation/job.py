@@ -19,13 +19,13 @@ from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.converters.signals import signals_of
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
-from scex_sumo.extrapolation.measure import measure_outcome, measure_rollout, worst_of
+from scex_sumo.extrapolation.loop.measure import measure_outcome, measure_rollout, worst_of
+from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.models import ModelSet
-from scex_sumo.extrapolation.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.design import design_intervals
-from scex_sumo.results.outcomes import collisions_table, encounter_rows
 from scex_sumo.results.parts import Part, joined_parts, save_part
+from scex_sumo.results.tables.outcomes import collisions_table, encounter_rows
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 from scex_sumo.statistics.intervals import DesignIntervals
@@ -220,7 +220,7 @@ def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: On
 def _fallbacks(rollout: Rollout, batch: Batch, track_ids: IntArray) -> pa.Table | None:
     if not rollout.replaced:
         return None
-    from scex_sumo.results.fallbacks import fallbacks_table
+    from scex_sumo.results.tables.fallbacks import fallbacks_table
 
     return fallbacks_table(
         rollout.replaced,

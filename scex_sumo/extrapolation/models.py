@@ -31,7 +31,7 @@ from scex_sumo.extrapolation.assignments import (
     people_assignments,
     route_draws,
 )
-from scex_sumo.extrapolation.rollout import history_at
+from scex_sumo.extrapolation.loop.rollout import history_at
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.scene import SeedScene, VehicleIndex
 

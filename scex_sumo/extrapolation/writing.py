@@ -18,16 +18,16 @@ from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.converters.datasets.writer import write_tracks
 from scex_sumo.extrapolation.assignments import listing
 from scex_sumo.extrapolation.job import Job
-from scex_sumo.extrapolation.measure import Recorded, handover_jumps, overlapping_at_first
+from scex_sumo.extrapolation.loop.measure import Recorded, handover_jumps, overlapping_at_first
+from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.extrapolation.workers import Workers
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.design import DENSITIES, densities_table
-from scex_sumo.results.encounters import ENCOUNTERS, encounters_table, outcomes_table
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
-from scex_sumo.results.outcomes import COLLISIONS, collided, encounters_of_rows
 from scex_sumo.results.parts import Part, joined_parts
 from scex_sumo.results.run import PAIR_OUTCOMES, UNDER_TEST
+from scex_sumo.results.tables.encounters import ENCOUNTERS, encounters_table, outcomes_table
+from scex_sumo.results.tables.outcomes import COLLISIONS, collided, encounters_of_rows
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene
 
 ROWS_AT_ONCE = 1 << 18  # of tracks, in a row group of Parquet
@@ -84,7 +84,7 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
         )
     write_tracks(folder.path / "seed.csv", job.scene)
     if written is not None:
-        from scex_sumo.extrapolation.pool import succeeded
+        from scex_sumo.extrapolation.processes.pool import succeeded
 
         if not succeeded(written):
             _write_tracks(*these)
@@ -114,7 +114,7 @@ def _write_each(
 def _plan_writer(
     folder: ResultFolder, scene: SeedScene, settings: RunSettings, opened: ExitStack
 ) -> Callable[[Part], None]:
-    from scex_sumo.results.plans import PLANS, plans_table
+    from scex_sumo.results.tables.plans import PLANS, plans_table
 
     add = opened.enter_context(folder.writer(PLANS))
     return lambda part: add(plans_table(scene, part, settings.replan))

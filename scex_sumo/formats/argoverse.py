@@ -17,10 +17,10 @@ from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats import recognition
-from scex_sumo.formats.boxes import MAX_ITEMS, box_table, checked, one_line, yaw_of
-from scex_sumo.formats.from_car import within_map
-from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
+from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.recognition import AV2_BOXES, AV2_MAP, AV2_POSES
+from scex_sumo.formats.samples.boxes import MAX_ITEMS, box_table, checked, one_line, yaw_of
+from scex_sumo.formats.samples.from_car import within_map
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 

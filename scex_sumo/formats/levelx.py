@@ -37,9 +37,9 @@ from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, obstacle_size
 from scex_sumo.converters.tracks.rows import FORWARD_MPS, TrackTable
 from scex_sumo.converters.tracks.unknown_types import with_unknown_vehicles
 from scex_sumo.formats import recognition
-from scex_sumo.formats.boxes import one_line
-from scex_sumo.formats.build import track_table
 from scex_sumo.formats.recognition import LEVELX_META, LEVELX_TRACKS, is_levelx, levelx_file
+from scex_sumo.formats.samples.boxes import one_line
+from scex_sumo.formats.samples.build import track_table
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Lane, Road
 

@@ -19,8 +19,8 @@ from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats import recognition
-from scex_sumo.formats.boxes import box_table, one_line
-from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
+from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
+from scex_sumo.formats.samples.boxes import box_table, one_line
 from scex_sumo.road import Road
 
 UTM32 = "+proj=utm +zone=32 +datum=WGS84 +units=m +no_defs"

@@ -21,11 +21,11 @@ from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.signals import SignalFormat
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats.boxes import MAX_ITEMS, box_table, one_line
-from scex_sumo.formats.from_car import within_map
-from scex_sumo.formats.lane_map import FAR_M, DrawnMap, drawn_road
+from scex_sumo.formats.lane_maps.lane_map import FAR_M, DrawnMap, drawn_road
 from scex_sumo.formats.osi_lanes import lanes_of, light_states, osi_map, signals_of
 from scex_sumo.formats.recognition import is_osi
+from scex_sumo.formats.samples.boxes import MAX_ITEMS, box_table, one_line
+from scex_sumo.formats.samples.from_car import within_map
 from scex_sumo.formats.spat import lane_programme, link_phases
 from scex_sumo.formats.sumo.imported import link_signals, opendrive_road
 from scex_sumo.lanelet2sumo.plan.elements import NetLayout, Programme

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.formats.lane_map import DrawnLane, DrawnMap
+from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap
 from scex_sumo.geometry.polylines import length_of, mean_width_m
 
 _DRIVING, _NONDRIVING, _INTERSECTION, _BIKING = 2, 3, 4, 3
@@ -161,7 +161,7 @@ def light_states(
             for key in keys(light):
                 shown.setdefault(key, set()).add(_letter(light.classification))
         for key, letters in shown.items():
-            states.setdefault(key, []).append((time_s - first_s, _together(letters)))
+            states.setdefault(key, []).append((time_s - first_s, _letter_of_all(letters)))
     return states
 
 
@@ -174,7 +174,7 @@ def _letter(about: Any) -> str:
     return _LETTERS.get(color, "") if mode == _CONSTANT else ""
 
 
-def _together(letters: set[str]) -> str:
+def _letter_of_all(letters: set[str]) -> str:
     if {"r", "y"} <= letters:
         return "u"
     return next((letter for letter in "ryoG" if letter in letters), "" if "" in letters else "O")

@@ -21,10 +21,10 @@ from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.signals import SignalFormat
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats import recognition
-from scex_sumo.formats.boxes import box_table, checked, one_line, yaw_of
-from scex_sumo.formats.from_car import within_map
-from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road
+from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.recognition import PY123D_LOG, is_py123d, is_py123d_map
+from scex_sumo.formats.samples.boxes import box_table, checked, one_line, yaw_of
+from scex_sumo.formats.samples.from_car import within_map
 from scex_sumo.formats.spat import lane_programme
 from scex_sumo.lanelet2sumo.plan.elements import NetLayout, Programme
 from scex_sumo.road import Road

@@ -26,10 +26,10 @@ from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.signals import SignalFormat
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats.boxes import box_table, one_line
-from scex_sumo.formats.from_car import within_map
-from scex_sumo.formats.lane_map import DrawnLane, DrawnMap, drawn_road, polyline
+from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road, polyline
 from scex_sumo.formats.recognition import is_scenarionet
+from scex_sumo.formats.samples.boxes import box_table, one_line
+from scex_sumo.formats.samples.from_car import within_map
 from scex_sumo.formats.spat import lane_programme
 from scex_sumo.geometry.polylines import samples
 from scex_sumo.lanelet2sumo.plan.elements import NetLayout, Programme

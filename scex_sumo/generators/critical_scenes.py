@@ -15,8 +15,8 @@ from scex_sumo.converters.net.convert import converted
 from scex_sumo.extrapolation.job import Job, run_in_memory
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.encounters import answers_of
-from scex_sumo.results.outcomes import encounters_of_rows
+from scex_sumo.results.tables.encounters import answers_of
+from scex_sumo.results.tables.outcomes import encounters_of_rows
 from scex_sumo.scene import SeedScene
 
 FUTURES: Final = 16

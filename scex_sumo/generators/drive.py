@@ -15,7 +15,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.base.programs import environment, program
+from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.generators.demand import Network, Trip, random_trips, write_curve_limits, write_trips
 from scex_sumo.generators.kinematics import body_states
 from scex_sumo.roads.conflicts import runs

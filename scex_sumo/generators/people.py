@@ -28,7 +28,7 @@ _CHECKED_STEPS = 30  # in which people and vehicles do not touch
 _CLEAR_M = 0.3
 _FAST_MPS = 70 / 3.6  # nobody walks beside lanes with a higher limit
 _WAY_M = 80.0
-_LEAST_M = 6.0  # of a way
+_MIN_LENGTH_M = 6.0  # of a way
 _SAMPLE_M = 0.5
 _BESIDE_M, _EDGE_M = 0.9, 0.6  # from the right bound, outside of the lane and inside
 _TRIES = 50  # a person
@@ -102,7 +102,7 @@ class _Ways:
         else:
             line = self._chain(_one(self._slow, rng), rng, _BESIDE_M if walks else -_EDGE_M)
             line = self._off_lanes(line) if walks else line
-        if length_of(line) < _LEAST_M:
+        if length_of(line) < _MIN_LENGTH_M:
             return None
         return line[::-1] if walks and rng.random() < 0.5 else line
 

@@ -19,11 +19,11 @@ from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, SLOPE_SPEED, rear_axle
 from scex_sumo.behaviors.driving.projection import foot_points
-from scex_sumo.humans.beside import offsets_beside
 from scex_sumo.humans.guard.conflicts import StopLines
 from scex_sumo.humans.guard.corridors import SAMPLE_S, expected
 from scex_sumo.humans.guard.guarded import arriving_later, line_motion, needed_braking, retimed
-from scex_sumo.humans.observations import View
+from scex_sumo.humans.guard.side_clearance import offsets_beside
+from scex_sumo.humans.observed.observations import View
 from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, States

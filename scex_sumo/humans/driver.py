@@ -24,9 +24,9 @@ from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chose
 from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
 from scex_sumo.behaviors.models.idm import HABIT_STEPS, desired_speeds
 from scex_sumo.humans.attention import attention_of, kept_clear, yielding
-from scex_sumo.humans.driven_line import redrawn
-from scex_sumo.humans.lanes import change_offsets, change_shares, lanes_beside
-from scex_sumo.humans.observations import (
+from scex_sumo.humans.lines.driven_line import redrawn
+from scex_sumo.humans.lines.lanes import change_offsets, change_shares, lanes_beside
+from scex_sumo.humans.observed.observations import (
     LEADER_MOVES,
     View,
     behind_a_wave,
@@ -39,9 +39,9 @@ from scex_sumo.humans.observations import (
     start_features,
     stop_features,
 )
+from scex_sumo.humans.observed.seed_state import estimated_history, heading_scatter
 from scex_sumo.humans.parameters import HumanParameters, human_parameters, simulated
 from scex_sumo.humans.population import drawn_variation, lateral_offsets, spread_factor, students
-from scex_sumo.humans.seed_state import estimated_history, heading_scatter
 from scex_sumo.humans.terms import Drivers, Expectation, Situation, Trailers, acceleration, demanded
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex

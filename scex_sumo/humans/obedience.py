@@ -9,7 +9,7 @@ from scipy.special import logit, ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.draws import uniforms
-from scex_sumo.humans.observations import View
+from scex_sumo.humans.observed.observations import View
 from scex_sumo.road import Rules
 from scex_sumo.rules.holds import Manner, Obeyed, lights, obeyed
 from scex_sumo.rules.states import Lit, traffic_on

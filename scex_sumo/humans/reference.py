@@ -16,9 +16,10 @@ from scex_sumo.extrapolation.engine import run_scene, simulate_ahead
 from scex_sumo.extrapolation.extras import Work
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.models import ModelSet
-from scex_sumo.extrapolation.pool import succeeded
-from scex_sumo.extrapolation.settings import RunOptions, RunSettings, no_bar
-from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.extrapolation.options import RunOptions, no_bar
+from scex_sumo.extrapolation.processes.pool import succeeded
+from scex_sumo.extrapolation.processes.workers import Workers
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.humans.extra import HumanReference
 from scex_sumo.results.run import REFERENCE, Run
 from scex_sumo.world.base import WORLDS

@@ -8,7 +8,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, drive, map_plan
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
-from scex_sumo.humans.beside import offsets_beside, reached
+from scex_sumo.humans.guard.side_clearance import offsets_beside, reached
 from scex_sumo.learned.inputs.surface import path_room
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex

@@ -18,7 +18,7 @@ from scex_sumo.base.cache import cached_bytes, owner_cache
 from scex_sumo.base.errors import InputError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths
-from scex_sumo.humans.nearest_path import follow_path
+from scex_sumo.humans.lines.nearest_path import follow_path
 from scex_sumo.learned.decoding import plan_along, plan_freely, way_of
 from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS, STANDING_MPS, PathInputs, path_inputs
 from scex_sumo.learned.inputs.raster import raster_of

@@ -16,9 +16,9 @@ from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance, seen_from
-from scex_sumo.humans.observations import path_weights
+from scex_sumo.humans.observed.observations import path_weights
+from scex_sumo.humans.observed.seed_state import estimated_history
 from scex_sumo.humans.parameters import human_parameters
-from scex_sumo.humans.seed_state import estimated_history
 from scex_sumo.learned.decoding import plan_along
 from scex_sumo.learned.driver import LearnedDriver, drawn, rounded
 from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS, PathInputs

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 EXAMPLE = "mine.sumocfg --gui --follow -o out/watch"
 _SAVE_EVERY = 100  # moments
-_RECENT, _FEWEST = 8, 4  # moments over which the real-time factor is measured
+_RECENT, _MIN_MOMENTS = 8, 4  # moments over which the real-time factor is measured
 _MAX_BRAKING_MPS2 = 20.0
 
 
@@ -135,7 +135,7 @@ class _Teller:
         now, clock = self.watch.time_s, time.perf_counter()
         self._clocks.append((now, clock))
         before, then = self._clocks[0]
-        known = len(self._clocks) >= _FEWEST and now > before  # several processes finish at the same time
+        known = len(self._clocks) >= _MIN_MOMENTS and now > before  # several may finish at once
         factor = f"{(now - before) / (clock - then):.1f} x" if known else "-"
         missed, self._skipped = self.watch.skipped - self._skipped, self.watch.skipped
         behind = f"; behind: {missed} moment{'s' if missed > 1 else ''} skipped" if missed else ""

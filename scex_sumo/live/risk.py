@@ -15,7 +15,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.certainty.response.answer import critical_responses, either
+from scex_sumo.certainty.response.answer import any_of, critical_responses
 from scex_sumo.certainty.response.decision import PairResponse, pair_responses
 from scex_sumo.certainty.response.people import people_of
 from scex_sumo.certainty.response.words import takes
@@ -25,13 +25,13 @@ from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.geometry.rectangles import BOX, outlines
 from scex_sumo.live.moment import Moment
-from scex_sumo.results.outcomes import first_contacts
 from scex_sumo.results.parts import Part
+from scex_sumo.results.tables.outcomes import first_contacts
 from scex_sumo.scene import SeedScene
 
 FUTURES: Final = 64
 _GHOST_STEPS: Final = 5  # between two outlines
-_FEWEST: Final = 2  # vehicles that can collide
+_MIN_VEHICLES: Final = 2  # vehicles that can collide
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,12 +91,12 @@ class PairRisk:
         return self.hits, self.other
 
     @property
-    def either(self) -> float:
+    def combined(self) -> float:
         """P that the two collide as people or as drivers of the stress test do, as if independent.
 
         It orders pairs where drivers may be worse than people, see docs/live.md.
         """
-        return either((self.human_like, self.stress or 0.0))
+        return any_of((self.human_like, self.stress or 0.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +129,7 @@ class Risk:
 
     def of(self, name: str) -> float:
         """Return the human-like P that a vehicle collides with any other one."""
-        return either(p.human_like for p in self.pairs if name in p.names and p.doubt is None)
+        return any_of(p.human_like for p in self.pairs if name in p.names and p.doubt is None)
 
 
 def assess(moment: Moment, question: Question) -> Risk:
@@ -147,7 +147,7 @@ def assess(moment: Moment, question: Question) -> Risk:
         scene, net = ruled(scene, converted(scene.road, Path(folder) / "net.net.xml"), settings)
         people = pair_responses(critical_responses(scene, file=question.response).to_pylist())
         part = None
-        if question.futures and scene.vehicles >= _FEWEST:
+        if question.futures and scene.vehicles >= _MIN_VEHICLES:
             drawn = models.draw(scene, futures=question.futures, seed=question.seed, design=settings.design)
             job = Job(scene, net, settings, models, drawn, Path(folder), on_paths=False)
             part = run_in_memory(job, range(question.futures))

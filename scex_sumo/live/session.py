@@ -13,7 +13,7 @@ from typing import Any, Final, TypeAlias
 
 from scex_sumo.base.errors import ScexError, SimulationError
 from scex_sumo.base.files import TemporaryFolder, writing
-from scex_sumo.base.programs import program
+from scex_sumo.base.sumo.programs import program
 from scex_sumo.commands.console import PrintableStream
 from scex_sumo.formats.sumo.own_sumo import user_sumo
 from scex_sumo.formats.sumo.scenario import QUIET, PrivateRun, net_of

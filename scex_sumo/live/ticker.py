@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from scex_sumo.base.errors import ScexError, TrackError, UsageError, reason_of, warn_notes
-from scex_sumo.extrapolation.pool import Pool, WorkersDied
+from scex_sumo.extrapolation.processes.pool import Pool, WorkersDied
 from scex_sumo.live.focus import Focus
 from scex_sumo.live.moment import Moment, road_of
 from scex_sumo.live.risk import Question, Risk, assess

@@ -16,7 +16,7 @@ from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.behaviors import registry as behaviors
 from scex_sumo.converters.naming import map_name
 from scex_sumo.extrapolation.extrapolate import extrapolate
-from scex_sumo.extrapolation.pool import Pool, WorkersDied
+from scex_sumo.extrapolation.processes.pool import Pool, WorkersDied
 from scex_sumo.formats.sumo.recorder import Recorder
 from scex_sumo.formats.sumo.scenario import refuse_mesoscopic
 from scex_sumo.live.focus import Focus

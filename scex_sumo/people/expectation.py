@@ -29,7 +29,7 @@ WEIGHTS: Final = Path(__file__).with_name("expectation.npz")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Shown:
+class ShownMotion:
     """What a scene shows of its V road users, and of K pairs of a person and another one near it."""
 
     speed: FloatArray  # (V,) of the last half second, m/s
@@ -50,7 +50,7 @@ class Expected:
     scale: FloatArray  # (V, 2) of Student's deviations from it, m
 
 
-def shown(scene: SeedScene) -> Shown:
+def shown(scene: SeedScene) -> ShownMotion:
     """Return the inputs of the network."""
     place = scene.history.x + 1j * scene.history.y
     velocity = (place[:, -1] - place[:, -1 - SHOWN_STEPS]) / (SHOWN_STEPS * STEP_S)
@@ -78,7 +78,7 @@ def shown(scene: SeedScene) -> Shown:
     vectors = [part for z in (to / 10, closing / 3, looks) for part in (z.real, z.imag)]
     closest = np.exp(-np.abs(to + closing * soon) / CLOSE_M)
     pairs = np.column_stack([*vectors, pull, soon / LOOK_S, closest, toward.real, toward.imag])
-    return Shown(
+    return ShownMotion(
         speed=speed, direction=direction, own=own, of=of, by_person=people[other], pairs=pairs.reshape(-1, 11)
     )
 

@@ -17,7 +17,7 @@ from scex_sumo.base.blame import own_error_reason
 from scex_sumo.base.errors import OutOfTimeError, ScexError
 from scex_sumo.base.importing import staying
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior, Sight, clear_of_others, sight_of
-from scex_sumo.humans.nearest_path import follow_path
+from scex_sumo.humans.lines.nearest_path import follow_path
 from scex_sumo.plug_in.time_limit import time_limit
 from scex_sumo.plug_in.user_model import SingleVehicle
 from scex_sumo.road import Road

@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from scex_sumo.behaviors.registry import mixes
-from scex_sumo.results.encounters import (
+from scex_sumo.results.extras import NOTHING
+from scex_sumo.results.probability import Encounter, Probability, probability_of
+from scex_sumo.results.run import Run
+from scex_sumo.results.tables.encounters import (
     ENCOUNTERS,
     arrows,
     criticality,
@@ -19,9 +22,6 @@ from scex_sumo.results.encounters import (
     in_words,
     is_queue,
 )
-from scex_sumo.results.extras import NOTHING
-from scex_sumo.results.probability import Encounter, Probability, probability_of
-from scex_sumo.results.run import Run
 
 if TYPE_CHECKING:
     from scex_sumo.results.region import Region
@@ -178,7 +178,7 @@ def first_look(run: Run, encounters: list[Meeting]) -> Meeting | None:
     )
 
 
-def alike(encounters: Sequence[Meeting]) -> list[list[Meeting]]:
+def grouped(encounters: Sequence[Meeting]) -> list[list[Meeting]]:
     """Return meetings by what they say, whichever vehicles it is about."""
     groups: dict[tuple[Any, ...], list[Meeting]] = {}
     for meeting in encounters:
@@ -186,7 +186,7 @@ def alike(encounters: Sequence[Meeting]) -> list[list[Meeting]]:
     return list(groups.values())
 
 
-def told(group: Sequence[Meeting]) -> str:
+def sentence(group: Sequence[Meeting]) -> str:
     """Return meetings that say the same in one line."""
     row, pairs = group[0].row, [(one.row["track_id"], one.row["other_id"]) for one in group]
     if len(group) == 1:

@@ -18,18 +18,18 @@ from scex_sumo.reports.encounter_rows import (
     HUMAN_LIKE,
     STRESS_TEST,
     Meeting,
-    alike,
     driven_as,
+    grouped,
     meetings,
-    told,
+    sentence,
     worst_of,
     worst_stress,
 )
 from scex_sumo.results.design import is_critical
-from scex_sumo.results.encounters import ENCOUNTERS
 from scex_sumo.results.extras import extras_results
 from scex_sumo.results.probability import Probability
 from scex_sumo.results.run import Run
+from scex_sumo.results.tables.encounters import ENCOUNTERS
 from scex_sumo.scene import STEP_S
 from scex_sumo.statistics.density import Interval
 
@@ -63,7 +63,7 @@ def print_summary(run: Run, console: Console, *, preset: str | None = None) -> N
     print_table(summary_table(run, preset), console, breaks=(" if", "-like", " test"))
     lines = answer_lines(run)
     if counts := run.info.get("fallbacks"):
-        from scex_sumo.results.fallbacks import fallback_lines
+        from scex_sumo.results.tables.fallbacks import fallback_lines
 
         lines += fallback_lines(counts)
     for line in lines:
@@ -79,8 +79,8 @@ def answer_lines(run: Run) -> list[str]:
     ]
     if human is not None and human.outcomes and (hits or not lines):
         lines.append(f"{HUMAN_LIKE}: {_collides(human)}")
-        lines += [f"  {told(group)}" for group in alike(worst_of(hits, doubtful=True))[:_WORST]]
-    worst = alike(worst_stress(run))[:_WORST]
+        lines += [f"  {sentence(group)}" for group in grouped(worst_of(hits, doubtful=True))[:_WORST]]
+    worst = grouped(worst_stress(run))[:_WORST]
     which = "other " if run.baseline is not None else ""
     head = f"{STRESS_TEST}: {_collides(run)}" if run.outcomes else f"{STRESS_TEST}:"
     if worst:
@@ -89,7 +89,7 @@ def answer_lines(run: Run) -> list[str]:
         lines.append(f"{head}; no {which}encounter of two vehicles is critical in any future")
     elif run.outcomes:
         lines.append(head)
-    return [*lines, *(f"  {told(group)}" for group in worst), *_left_out(run, encounters)]
+    return [*lines, *(f"  {sentence(group)}" for group in worst), *_left_out(run, encounters)]
 
 
 def _collides(run: Run) -> str:

@@ -46,7 +46,7 @@ class ExactProbability:
         ways: when the event happens, in words; empty for several pairs.
 
     Example:
-        >>> scex.ExactProbability(value=0.25, checked="exact", ways=("3 brakes", "4 brakes")).told
+        >>> scex.ExactProbability(value=0.25, checked="exact", ways=("3 brakes", "4 brakes")).summary
         'e.g. if 3 brakes (one of 2 ways, see encounters --pair)'
     """
 
@@ -61,7 +61,7 @@ class ExactProbability:
         return known_percent(self.value, self.remainder)
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """When the event happens, with two of its conditions at most; empty for several pairs."""
         first, *more = self.ways[0].split(" and ") if self.ways else ("",)
         if len(self.ways) == 1 and len(more) < 2:

@@ -15,7 +15,7 @@ from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.metrics.events import EVENTS, MEASURED
 from scex_sumo.results.extras import ExactProbability, extras_results
-from scex_sumo.results.outcomes import first_contacts
+from scex_sumo.results.tables.outcomes import first_contacts
 from scex_sumo.statistics.density import Interval
 
 

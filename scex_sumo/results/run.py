@@ -19,7 +19,7 @@ from scex_sumo.results.design import column_of, half_widths, intervals_of, is_cr
 from scex_sumo.results.extras import Decision, extras_results
 from scex_sumo.results.info import read_info
 from scex_sumo.results.probability import Encounter, Probability, probability_of
-from scex_sumo.results.tables import read_assignments, read_metrics, read_table
+from scex_sumo.results.tables.reading import read_assignments, read_metrics, read_table
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
 from scex_sumo.statistics.density import BANDWIDTH, Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from scex_sumo.base.arrow import ArrowTable
     from scex_sumo.converters.net.sumo_net import SumoNet
-    from scex_sumo.results.states import StateBlocks
+    from scex_sumo.results.tables.states import StateBlocks
 
 TABLES: Final = ("metrics", "assignments", "tracks", "worst", "collisions", "encounters")
 PAIR_OUTCOMES: Final = "pair_outcomes.parquet"
@@ -87,7 +87,7 @@ class Run:
 
     def to_pandas(self, table: str = "metrics") -> Any:
         """Return one of `TABLES` as a pandas data frame."""
-        from scex_sumo.results.states import as_pandas
+        from scex_sumo.results.tables.states import as_pandas
 
         if table not in TABLES:
             raise UsageError(f"unknown table {table!r}; known: {', '.join(TABLES)}")
@@ -102,7 +102,7 @@ class Run:
         Raises:
             UsageError: xarray is not installed.
         """
-        from scex_sumo.results.states import as_xarray
+        from scex_sumo.results.tables.states import as_xarray
 
         tracks, moments = self.info["seed_scene"]["track_ids"], LOGGED_HISTORY + int(self.info["steps"])
         models = np.array(self.assignments["model"].to_pylist()).reshape(self.futures, len(tracks))
@@ -129,7 +129,7 @@ class Run:
     @cached_property
     def tracks(self) -> ArrowTable:
         """States of all futures in INTERACTION columns; ``case_id`` is the future."""
-        from scex_sumo.results.states import read_states
+        from scex_sumo.results.tables.states import read_states
 
         vehicles, frames = int(self.info["seed_scene"]["vehicles"]), LOGGED_HISTORY + int(self.info["steps"])
         return read_states(self.folder / "tracks.parquet", rows=self.futures * vehicles * frames)
@@ -211,7 +211,7 @@ class Run:
     @cached_property
     def scene(self) -> SeedScene:
         """The seed scene in ``seed.csv``, without its road."""
-        from scex_sumo.results.states import read_scene
+        from scex_sumo.results.tables.states import read_scene
 
         return read_scene(self.folder, self.info["seed_scene"])
 
@@ -234,7 +234,7 @@ class Run:
 
     @cached_property
     def _blocks(self) -> StateBlocks:
-        from scex_sumo.results.states import StateBlocks
+        from scex_sumo.results.tables.states import StateBlocks
 
         vehicles, frames = len(self.info["seed_scene"]["track_ids"]), LOGGED_HISTORY + int(self.info["steps"])
         file = self.folder / "tracks.parquet"

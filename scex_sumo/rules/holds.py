@@ -14,8 +14,8 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import everyone
 from scex_sumo.behaviors.driving.paths import SeedPaths
+from scex_sumo.rules.passages import RuledWays, crosswalk_areas, ruled_ways
 from scex_sumo.rules.states import STANDS_MPS, Lit, Traffic
-from scex_sumo.rules.ways import RuledWays, crosswalk_areas, ruled_ways
 from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex
 
 REACH_M = 100.0  # holds further ahead count later

@@ -5,8 +5,8 @@ from __future__ import annotations
 from scex_sumo.behaviors.driving.paths import seed_paths
 from scex_sumo.road import Road
 from scex_sumo.rules.holds import lights
+from scex_sumo.rules.passages import ruled_ways
 from scex_sumo.rules.states import straight_traffic
-from scex_sumo.rules.ways import ruled_ways
 from scex_sumo.scene import SceneHistory, SeedScene
 
 MUST_YIELD, HAS_RED = "must yield", "has red"

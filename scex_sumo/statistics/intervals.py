@@ -27,7 +27,7 @@ from scex_sumo.statistics.density import Interval, dkw_half_width, wilson_of
 ORDERS: Final = 3
 """Interactions of more vehicles count as noise of single futures."""
 
-FEWEST_FUTURES: Final = 30
+MIN_FUTURES: Final = 30
 """With fewer, the interval is that of independent draws."""
 
 _FORMS_FOR: Final = (0.5, 0.2, 0.1, 0.2)  # components by order, then the rest, for which the forms are best
@@ -66,7 +66,7 @@ class DesignIntervals:
         self.count = len(levels)
         factors = _factors(np.asarray(levels, dtype=np.int64), shares)
         self.whole = design == "all"
-        self.balanced = design not in ("random", "all") and bool(factors) and self.count >= FEWEST_FUTURES
+        self.balanced = design not in ("random", "all") and bool(factors) and self.count >= MIN_FUTURES
         self._blocks: list[_Block] = []
         if self.balanced:
             starts = range(0, self.count, _BLOCK_ROWS)

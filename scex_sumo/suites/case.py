@@ -13,13 +13,14 @@ import numpy as np
 from scex_sumo.base.errors import ScexError, reason_of
 from scex_sumo.base.files import TemporaryFolder, sha256_of, write_atomic
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.certainty.response.actions import ACTIONS
 from scex_sumo.certainty.response.answer import too_late
+from scex_sumo.certainty.response.motion.actions import ACTIONS
 from scex_sumo.converters.datasets.writer import write_tracks
 from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.extrapolation.engine import run_scene
-from scex_sumo.extrapolation.settings import RunOptions, RunSettings
-from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.extrapolation.options import RunOptions
+from scex_sumo.extrapolation.processes.workers import Workers
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import describe
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.studies.moments.pairs import PARAMETERS, recorded

@@ -63,7 +63,7 @@ class SuiteFolder(OutputFolder):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Made:
+class _WrittenCase:
     about: Mapping[str, Any]
     card: CaseCard
 
@@ -170,7 +170,7 @@ def _cases(
     formats: Sequence[str],
     draws: Mapping[str, Any],
     notes: list[str],
-) -> Iterator[_Made]:
+) -> Iterator[_WrittenCase]:
     """Write the cases, one recording after the other."""
     wanted: dict[str, list[int]] = {}
     for number, index in enumerate(chosen.index.tolist()):
@@ -217,7 +217,7 @@ def _case(
     formats: Sequence[str],
     draws: Mapping[str, Any],
     notes: list[str],
-) -> _Made:
+) -> _WrittenCase:
     row, scene, situation = _usable(population, chosen, number, cut, notes)
     row = {
         **row,
@@ -235,7 +235,7 @@ def _case(
     )
     notes += missing
     card = CaseCard(row=row, stage=stage, words=situation.words(situation.worst()))
-    return _Made(about=about, card=card)
+    return _WrittenCase(about=about, card=card)
 
 
 def _usable(
@@ -256,7 +256,7 @@ def _usable(
 
 
 def _info(
-    population: Population, chosen: Chosen, cases: Sequence[_Made], draws: Mapping[str, Any]
+    population: Population, chosen: Chosen, cases: Sequence[_WrittenCase], draws: Mapping[str, Any]
 ) -> dict[str, Any]:
     chance, severity = population.column("probability"), population.column("severity")
     kinds, risk = np.array(population.kinds), population.risk

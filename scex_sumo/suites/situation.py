@@ -10,7 +10,8 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
-from scex_sumo.certainty.response.actions import (
+from scex_sumo.certainty.response.critical import HARD_MPS, TYPICAL, by_action, critical_response
+from scex_sumo.certainty.response.motion.actions import (
     ACTIONS,
     GRAZE_M,
     LEVELS,
@@ -20,8 +21,7 @@ from scex_sumo.certainty.response.actions import (
     contexts,
     pairs_of,
 )
-from scex_sumo.certainty.response.critical import HARD_MPS, TYPICAL, by_action, critical_response
-from scex_sumo.certainty.response.expected import Expected, expected_motion
+from scex_sumo.certainty.response.motion.expected import Expected, expected_motion
 from scex_sumo.certainty.response.people import (
     People,
     later_than,
@@ -30,14 +30,14 @@ from scex_sumo.certainty.response.people import (
     probabilities,
     time_gaps,
 )
-from scex_sumo.results.outcomes import masses, pair_injuries
+from scex_sumo.results.tables.outcomes import masses, pair_injuries
 from scex_sumo.scene import SeedScene, States
 
 STEPS: Final = len(TIME_S) - 1
 """Steps of a case: as long as contact is looked for in critical responses."""
 NEAR: Final = 6
 """Vehicles, besides the two, that react; those farther away move as expected."""
-_LEAST = 1e-9
+_MIN_PROBABILITY = 1e-9
 _GRID_S = np.arange(0.0, 6.5, 0.1)
 
 
@@ -182,7 +182,7 @@ def situation_of(scene: SeedScene, initiator: int, responder: int) -> Situation:
     late = later_than(people, cases, response)
     gap, left = time_gaps(cases)[:, None], left_at(cases, response)
     late_by = people.later(response, cases.action[:, None], gap, left)
-    kept = probabilities(often, np.ones_like(late), kinds) >= _LEAST
+    kept = probabilities(often, np.ones_like(late), kinds) >= _MIN_PROBABILITY
     rows = np.flatnonzero(np.repeat(kept, LEVELS))
     return Situation(
         expected=expected,

@@ -16,7 +16,7 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import ResultError, one_line
 from scex_sumo.base.files import sha256_of
 from scex_sumo.converters.maps import read_map
-from scex_sumo.results.states import read_scene
+from scex_sumo.results.tables.states import read_scene
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 from scex_sumo.suites.rules_json import rules_of_json

@@ -12,7 +12,7 @@ from typing import Annotated
 from typer import Option
 
 from scex_sumo.base.errors import ScexError, UsageError
-from scex_sumo.base.programs import environment, program
+from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.commands.options import Result, metric_option, two_tracks
 
 EXAMPLE = "out/k733 --critical wttc"

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import writing
 from scex_sumo.base.importing import Registry
-from scex_sumo.base.programs import checked_path, program
+from scex_sumo.base.sumo.programs import checked_path, program
 from scex_sumo.scene import STEP_S
 from scex_sumo.world.tiles import TILE_SLOTS, template_of, tile_id
 from scex_sumo.world.vehicle_types import TypeBook

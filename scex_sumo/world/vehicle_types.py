@@ -40,7 +40,7 @@ def given_type(
 def _driven_type(
     name: str, kind: str, length: float, width: float, model: str, parameters: Mapping[str, str], own: str
 ) -> str:
-    from scex_sumo.base.sumo_drivers import RANDOM_PARAMETERS
+    from scex_sumo.base.sumo.car_following import RANDOM_PARAMETERS
 
     attributes = {"vClass": own or road_class(kind), "guiShape": gui_shape(kind)}
     attributes["carFollowModel"] = model
@@ -81,7 +81,7 @@ class TypeBook:
 
     def enter(self, vehicle: int, model: str, parameters: Mapping[str, str]) -> None:
         """Enter a SUMO driver; raises a `UsageError` as `check_driver`."""
-        from scex_sumo.base.sumo_drivers import RANDOM_MODELS, check_driver
+        from scex_sumo.base.sumo.car_following import RANDOM_MODELS, check_driver
 
         key = self._driver(vehicle, model, parameters)
         if key not in self._drivers:

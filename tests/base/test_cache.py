@@ -150,7 +150,7 @@ def test_the_package_unpickles_nothing_but_answers_of_its_own_processes() -> Non
     package = Path(scex_sumo.__file__).parent
     files = [file for file in package.rglob("*.py") if "pickle.load" in file.read_text(encoding="utf-8")]
     assert {file.relative_to(package).as_posix() for file in files} <= {
-        "extrapolation/process.py",  # pipes of workers
+        "extrapolation/processes/process.py",  # pipes of workers
         "studies/moments/run.py",  # roads that this process has sent
     }
 

@@ -89,8 +89,8 @@ def test_unions_of_apart_events_multiply_and_of_connected_ones_are_enumerated() 
 def test_the_table_that_fewest_futures_checked_tells_how_sure_the_answer_is() -> None:
     tables = {(7, 11, "collision"): replace(HIT, checked=96), (7, 11, "drac"): replace(HIT, checked=10)}
     shares = {"draws": HIT.draws, "sampled": {}, "checked": 385, "extra": 100}
-    assert "checked on 96 futures: none differs (remainder 3.1%)" in Exact(tables=tables, **shares).told()
-    assert "checked on 385 futures" in Exact(tables={}, **shares).told()
+    assert "checked on 96 futures: none differs (remainder 3.1%)" in Exact(tables=tables, **shares).summary()
+    assert "checked on 385 futures" in Exact(tables={}, **shares).summary()
 
 
 def test_people_draw_models_of_their_own() -> None:

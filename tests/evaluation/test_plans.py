@@ -14,7 +14,7 @@ from scex_sumo.base.errors import ResultError
 from scex_sumo.evaluation.plans import read_plans
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import Part
-from scex_sumo.results.plans import plans_table
+from scex_sumo.results.tables.plans import plans_table
 from scex_sumo.scene import States
 from tests.seeds import straight_seed
 

@@ -10,7 +10,7 @@ import pytest
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.collisions import CONTACT_M2, find_collisions
-from scex_sumo.results.outcomes import (
+from scex_sumo.results.tables.outcomes import (
     MASSES_KG,
     Severity,
     injury_probability,

@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 
-from scex_sumo.base.programs import environment, program
+from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.populated import synthetic_seed

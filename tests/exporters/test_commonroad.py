@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.programs import environment, program
+from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.converters.maps import read_map
 from scex_sumo.exporters.commonroad import lanelet_numbers, point_by_point, road_elements
 from scex_sumo.exporters.request import EXPORTERS, Request

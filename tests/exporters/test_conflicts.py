@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import sumolib
 
-from scex_sumo.base.programs import environment, program, sumo_home
+from scex_sumo.base.sumo.programs import environment, program, sumo_home
 from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path

@@ -6,7 +6,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from scex_sumo.base.programs import environment, program
+from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path

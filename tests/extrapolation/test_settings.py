@@ -16,7 +16,8 @@ from scex_sumo.base.options import options_of
 from scex_sumo.behaviors.spec import ModelSpec
 from scex_sumo.commands.run import run_command
 from scex_sumo.extrapolation.extras import run_options
-from scex_sumo.extrapolation.settings import RunOptions, RunSettings
+from scex_sumo.extrapolation.options import RunOptions
+from scex_sumo.extrapolation.settings import RunSettings
 from tests.seeds import straight_seed
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 import scex_sumo
-from scex_sumo.base.programs import environment, program
+from scex_sumo.base.sumo.programs import environment, program
 from tests.command import scex
 from tests.formats.sumo.simulations import write_grid
 

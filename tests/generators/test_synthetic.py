@@ -15,7 +15,7 @@ from shapely import STRtree
 from shapely.geometry import LineString, Point, Polygon
 
 from scex_sumo.base.errors import SimulationError, UsageError
-from scex_sumo.base.programs import environment, program
+from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.sumo_net import SumoNet

@@ -14,7 +14,7 @@ from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.humans.attention import Attention, _bounds, kept_clear, looks_away, yielding
 from scex_sumo.humans.driver import LikelyDriver, LikelyProfile
 from scex_sumo.humans.guard.conflicts import StopLines
-from scex_sumo.humans.observations import View, leaders_of
+from scex_sumo.humans.observed.observations import View, leaders_of
 from scex_sumo.humans.parameters import human_parameters
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import scex_sumo
-from scex_sumo.base.programs import program
+from scex_sumo.base.sumo.programs import program
 from scex_sumo.metrics.registry import COLUMNS, columns_of, metrics_named
 from tests.command import ALONE, scex
 

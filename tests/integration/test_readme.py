@@ -17,7 +17,7 @@ import pytest
 from pyarrow import parquet
 
 import scex_sumo as scex
-from scex_sumo.base.programs import environment, program
+from scex_sumo.base.sumo.programs import environment, program
 from tests.command import scex as scex_sumo
 from tests.conftest import shared_data
 from tests.formats import test_argoverse, test_scenarionet

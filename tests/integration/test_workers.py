@@ -94,8 +94,9 @@ def test_a_run_that_is_over_before_its_workers_are_ready_ends_them_and_says_noth
     code = (
         "import scex_sumo\n"
         "from scex_sumo.extrapolation.engine import run_scene\n"
-        "from scex_sumo.extrapolation.settings import RunOptions, RunSettings\n"
-        "from scex_sumo.extrapolation.workers import Workers\n"
+        "from scex_sumo.extrapolation.options import RunOptions\n"
+        "from scex_sumo.extrapolation.settings import RunSettings\n"
+        "from scex_sumo.extrapolation.processes.workers import Workers\n"
         f"seed = scex_sumo.read_seed({str(ROUNDABOUT)!r})\n"
         "with Workers(2) as workers:\n"
         "    for number in range(2):\n"
@@ -132,7 +133,7 @@ def test_an_error_in_a_worker_arrives_with_its_traceback(tmp_path: Path) -> None
     done = ran(tmp_path, f"FLAG.touch(); {limit}")
     assert done.returncode == 1
     assert "File too large" in done.stderr.strip().splitlines()[-1]
-    assert "scex_sumo.extrapolation.process.WorkerTraceback" in done.stderr
+    assert "scex_sumo.extrapolation.processes.process.WorkerTraceback" in done.stderr
     assert "in save_part" in done.stderr
     assert (tmp_path / "2" / "incomplete.json").exists()
 

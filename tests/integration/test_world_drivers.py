@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import SimulationError, UsageError
-from scex_sumo.base.sumo_drivers import SUMO_MODELS
+from scex_sumo.base.sumo.car_following import SUMO_MODELS
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import Obstacles, SeedScene, States

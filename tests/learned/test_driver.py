@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from scex_sumo.base.errors import InputError
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.humans.nearest_path import follow_path
+from scex_sumo.humans.lines.nearest_path import follow_path
 from scex_sumo.learned.driver import _algebra, choice_of, loaded
 from scex_sumo.learned.inputs.surface import surface_of
 from scex_sumo.learned.models import GraphImagePredictor, GraphPredictor

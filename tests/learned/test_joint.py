@@ -13,7 +13,7 @@ from scex_sumo.behaviors.driving.paths import chosen_paths, seed_paths
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
-from scex_sumo.humans.observations import path_edges
+from scex_sumo.humans.observed.observations import path_edges
 from scex_sumo.humans.parameters import human_parameters
 from scex_sumo.learned import joint
 from scex_sumo.learned.driver import choice_of

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from scex_sumo.base.programs import program
+from scex_sumo.base.sumo.programs import program
 from tests.formats.sumo.simulations import Simulation, write_grid
 
 QUIET = ["--no-step-log", "--no-warnings", "--xml-validation", "never"]

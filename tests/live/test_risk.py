@@ -35,8 +35,8 @@ def test_p_of_a_vehicle_joins_its_pairs_as_if_independent() -> None:
 
 
 def test_either_joins_people_and_the_stress_test() -> None:
-    assert PAIR.either == pytest.approx(1 - 0.9 * 0.5)
-    assert replace(PAIR, stress=None).either == pytest.approx(0.1)
+    assert PAIR.combined == pytest.approx(1 - 0.9 * 0.5)
+    assert replace(PAIR, stress=None).combined == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo.base.programs import program
+from scex_sumo.base.sumo.programs import program
 from tests.formats.sumo.simulations import Simulation, in_sumo, start_words, write_grid
 
 PAGE = Path(__file__).parents[2] / "docs" / "sumo.md"

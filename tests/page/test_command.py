@@ -109,7 +109,7 @@ def test_no_command_reads_the_states_of_all_futures_at_once(
     def read(file: Path, **_: object) -> None:
         raise AssertionError(f"{file} was read as a whole")
 
-    monkeypatch.setattr("scex_sumo.results.states.read_states", read)
+    monkeypatch.setattr("scex_sumo.results.tables.states.read_states", read)
     copy = shutil.copytree(folder, tmp_path / "out")
     if what == "report":
         report_command(copy)

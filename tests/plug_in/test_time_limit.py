@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.base.errors import OutOfTimeError
-from scex_sumo.extrapolation.pool import in_other_process
+from scex_sumo.extrapolation.processes.pool import in_other_process
 from scex_sumo.plug_in import time_limit
 from scex_sumo.scenarios import example_path
 from tests.command import scex

@@ -16,7 +16,7 @@ from rich.table import Table
 import scex_sumo
 from scex_sumo.metrics.registry import METRICS
 from scex_sumo.page.report.tables import encounter_table
-from scex_sumo.reports.encounter_rows import alike, first_look, meetings, told, worst_of
+from scex_sumo.reports.encounter_rows import first_look, grouped, meetings, sentence, worst_of
 from scex_sumo.reports.run_table import (
     MAIN,
     always_critical,
@@ -27,8 +27,8 @@ from scex_sumo.reports.run_table import (
     shown_columns,
     summary_table,
 )
-from scex_sumo.results.encounters import QUESTIONS, SCHEMA
 from scex_sumo.results.run import Run, open_run
+from scex_sumo.results.tables.encounters import QUESTIONS, SCHEMA
 from tests.runs import extrapolate
 
 
@@ -200,11 +200,11 @@ def test_pairs_that_say_the_same_have_one_line(tmp_path: Path) -> None:
     rows = [CRITICAL | {"track_id": k, "other_id": k + 1, "time_s": 1.0 + k} for k in (20, 21, 30)]
     other = CRITICAL | {"track_id": 40, "other_id": 41, "model": "p"}
     encounters(tmp_path, *rows, other)
-    groups = alike(worst_of(meetings(open_run(tmp_path))))
+    groups = grouped(worst_of(meetings(open_run(tmp_path))))
     assert [len(group) for group in groups] == [3, 1]
     same = "collides in 20 % [10–30], typically the follower m, the leader o"
-    assert told(groups[0]) == f"3 pairs, 20 → 21, 21 → 22, 30 → 31 (rear-end, 21.0–31.0 s): {same}"
-    assert told(groups[0][:2]).startswith("2 pairs of a queue, 20 → 21, 21 → 22 (rear-end, 21.0–22.0 s)")
+    assert sentence(groups[0]) == f"3 pairs, 20 → 21, 21 → 22, 30 → 31 (rear-end, 21.0–31.0 s): {same}"
+    assert sentence(groups[0][:2]).startswith("2 pairs of a queue, 20 → 21, 21 → 22 (rear-end, 21.0–22.0 s)")
 
 
 def test_doubtful_pairs_are_left_out_and_named_unless_they_are_kept(tmp_path: Path) -> None:

@@ -17,8 +17,8 @@ from scex_sumo.base.files import unlock
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.results.parts import PARTS, Part, Parts, joined_parts, save_part
 from scex_sumo.results.run import open_run
-from scex_sumo.results.states import StateBlocks, read_states
-from scex_sumo.results.tables import read_assignments
+from scex_sumo.results.tables.reading import read_assignments
+from scex_sumo.results.tables.states import StateBlocks, read_states
 from scex_sumo.scene import States
 from tests.seeds import straight_seed
 

@@ -14,8 +14,8 @@ from scex_sumo.converters.datasets.recordings import recorded_scene
 from scex_sumo.converters.datasets.scene import CleanRecording, take_scene
 from scex_sumo.converters.datasets.writer import write_tracks
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
-from scex_sumo.formats.build import track_table
-from scex_sumo.results.states import read_scene
+from scex_sumo.formats.samples.build import track_table
+from scex_sumo.results.tables.states import read_scene
 from scex_sumo.scene import Obstacles, SeedScene
 from tests.converters.datasets.test_writer import same
 from tests.formats.commonroad.test_tracks import eastbound, recorded

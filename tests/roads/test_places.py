@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import scex_sumo
-from scex_sumo.base.programs import program
+from scex_sumo.base.sumo.programs import program
 from scex_sumo.geometry.polylines import along, length_of
 from scex_sumo.roads.conflicts import conflicts
 from scex_sumo.roads.places import PLACES, places_of

@@ -9,7 +9,7 @@ import pytest
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.registry import parse_models
-from scex_sumo.certainty.response.answer import critical_responses, either
+from scex_sumo.certainty.response.answer import any_of, critical_responses
 from scex_sumo.certainty.response.critical import DECELERATIONS
 from scex_sumo.suites.simulate import Outcomes, draws_of, simulate
 from scex_sumo.suites.situation import STEPS, Situation, situation_of
@@ -30,7 +30,7 @@ def run(situation: Situation, model: str, futures: int = 64, seed: int = 0) -> O
 def test_people_collide_as_critical_responses_say(following: Situation) -> None:
     rows = critical_responses(queues(2, gap_m=9.0, speed=12.0)).to_pylist()
     own = [row["probability"] for row in rows if (row["track_id"], row["other_id"]) == (1, 2)]
-    assert following.human_like == pytest.approx(either(own), rel=1e-9)
+    assert following.human_like == pytest.approx(any_of(own), rel=1e-9)
 
 
 def test_the_human_like_driver_under_test_collides_as_often(following: Situation) -> None:

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import pytest
 
 from scex_sumo.base.errors import SimulationError
-from scex_sumo.base.programs import environment, program
+from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.world.tiles import TILE_SLOTS, TileLayout, TileTemplate, tile_id
 
 NET = """<?xml version="1.0" encoding="UTF-8"?>

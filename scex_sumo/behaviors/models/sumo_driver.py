@@ -9,7 +9,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.sumo_drivers import OWN_MODEL, SUMO_MODELS, check_driver
+from scex_sumo.base.sumo.car_following import OWN_MODEL, SUMO_MODELS, check_driver
 from scex_sumo.behaviors.base import Sight, check_path
 from scex_sumo.behaviors.driving.motion import drive_along
 from scex_sumo.behaviors.driving.paths import PathChoice, planned_lanes

@@ -14,17 +14,6 @@ from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.certainty.response.actions import (
-    ACTIONS,
-    BRAKES,
-    LEVELS,
-    TIME_S,
-    Cases,
-    Pairs,
-    cases_of,
-    contexts,
-    pairs_of,
-)
 from scex_sumo.certainty.response.critical import (
     CAREFUL_S,
     HARD_MPS,
@@ -35,15 +24,26 @@ from scex_sumo.certainty.response.critical import (
     hard_contact,
     responded,
 )
-from scex_sumo.certainty.response.expected import expected_motion
 from scex_sumo.certainty.response.maps import MAPPED, maps_of
+from scex_sumo.certainty.response.motion.actions import (
+    ACTIONS,
+    BRAKES,
+    LEVELS,
+    TIME_S,
+    Cases,
+    Pairs,
+    cases_of,
+    contexts,
+    pairs_of,
+)
+from scex_sumo.certainty.response.motion.expected import expected_motion
 from scex_sumo.certainty.response.people import People, later_than, people_of, probabilities
 from scex_sumo.certainty.response.room import Meeting, needed_braking, needed_swerve, time_to_react
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.extrapolation.job import has_rules, ruled
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.outcomes import masses, pair_injuries
+from scex_sumo.results.tables.outcomes import masses, pair_injuries
 from scex_sumo.road import Road
 from scex_sumo.roads.doubts import doubts_of as scene_doubts
 from scex_sumo.roads.matching import match
@@ -56,7 +56,7 @@ MOTIONS: Final = "the expected motions"
 """Begin of a doubt that is about the expected drivers, not about the recording."""
 TOLD: Final = 1e-7
 """Probability from which a row is told."""
-_LEAST = 1e-9  # probability of a row
+_MIN_PROBABILITY = 1e-9  # probability of a row
 
 
 @checked
@@ -159,7 +159,7 @@ def _columns(
     later = later_than(people, cases, response)
     value = probabilities(often, later, kinds)
     order = np.argsort(-value, kind="stable")
-    order = order[value[order] >= _LEAST]
+    order = order[value[order] >= _MIN_PROBABILITY]
     rows = (order[:, None] * LEVELS + np.arange(LEVELS)).ravel()
     cases, response = cases.take(rows), response[rows]
     kinds, often, later, value = kinds[order], often[order], later[order], value[order]
@@ -347,9 +347,9 @@ def rounded(number: float) -> str:
 
 def any_collision(rows: Iterable[Mapping[str, Any]], *, doubtful: bool = False) -> float:
     """Return P of a collision in any of the rows, those with doubtful data only if asked for."""
-    return either(row["probability"] for row in rows if doubtful or row["doubt"] is None)
+    return any_of(row["probability"] for row in rows if doubtful or row["doubt"] is None)
 
 
-def either(probabilities: Iterable[float]) -> float:
+def any_of(probabilities: Iterable[float]) -> float:
     """Return 1 - Π (1 - P): as if independent."""
     return 0.0 - math.expm1(sum(math.log1p(-min(p, 1 - 1e-12)) for p in probabilities))

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
-from scex_sumo.certainty.response.actions import LEVELS, TIME_S, Cases
+from scex_sumo.certainty.response.motion.actions import LEVELS, TIME_S, Cases
 
 JERK_MPS3: Final = 12.65
 """Of a braking response (UN Regulation 157)."""

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import pyarrow as pa
 
-from scex_sumo.certainty.response.answer import MOTIONS, either, once_in
+from scex_sumo.certainty.response.answer import MOTIONS, any_of, once_in
 from scex_sumo.certainty.response.usual import USUAL, Population, usual_columns, usual_of
 from scex_sumo.results.extras import DOUBTFUL, NOTHING, TEST, Decision
 
@@ -78,8 +78,8 @@ def pair_responses(rows: Iterable[Mapping[str, Any]]) -> Sequence[PairResponse]:
     responses = [
         PairResponse(
             row=own[0],
-            probability=either(row["probability"] for row in own),
-            probability_hard=either(row["probability_hard"] for row in own),
+            probability=any_of(row["probability"] for row in own),
+            probability_hard=any_of(row["probability_hard"] for row in own),
             expected_mais3=sum(row["expected_mais3"] for row in own),
             preventable=all(row["preventable"] for row in own),
             doubt=next((row["doubt"] for row in own if row["doubt"]), None),

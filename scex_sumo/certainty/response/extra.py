@@ -102,7 +102,7 @@ class ResponseExtra(CriticalResponse):
             return ()
         from scex_sumo.certainty.response.answer import TOLD, any_collision, once_in
         from scex_sumo.certainty.response.usual import usual_of
-        from scex_sumo.certainty.response.words import needs, told
+        from scex_sumo.certainty.response.words import needs, sentence
 
         groups = self._groups(run)[:_WORST]
         rows = [row for row in run.table(RESPONSE).to_pylist() if row["doubt"] and row["probability"] >= TOLD]
@@ -117,15 +117,15 @@ class ResponseExtra(CriticalResponse):
         known = (needs(worst.row), usual and usual.words(worst.probability))
         beside = "; ".join(words for words in known if words)
         place = (f"  {worst.arrow}: {beside}",) if beside else ()
-        return (head, *(f"  {told(group)}" for group in groups), *place, *left)
+        return (head, *(f"  {sentence(group)}" for group in groups), *place, *left)
 
     def _groups(self, run: Run) -> Sequence[Sequence[PairResponse]]:
         """Return the pairs that are told, by what is said of them."""
         from scex_sumo.certainty.response.decision import pair_responses
-        from scex_sumo.certainty.response.words import alike
+        from scex_sumo.certainty.response.words import grouped
 
         responses = pair_responses(run.table(RESPONSE).to_pylist())
-        return alike(response for response in responses if run.keeps_doubtful or response.doubt is None)
+        return grouped(response for response in responses if run.keeps_doubtful or response.doubt is None)
 
     def page(self, run: Run) -> Any:
         """Return the card with what it takes, and the maps of the worst pairs; None without any."""
@@ -141,11 +141,13 @@ class ResponseExtra(CriticalResponse):
         if not (run.folder / RESPONSE).is_file():
             return super().answer(run)
         from scex_sumo.certainty.response.answer import any_collision
-        from scex_sumo.certainty.response.words import told
+        from scex_sumo.certainty.response.words import sentence
 
         rows = run.table(RESPONSE).to_pylist()
         groups = self._groups(run)
         return {
-            "human_like": [{"pairs": [one.pair for one in group], "words": told(group)} for group in groups],
+            "human_like": [
+                {"pairs": [one.pair for one in group], "words": sentence(group)} for group in groups
+            ],
             "response": {"collision": any_collision(rows, doubtful=run.keeps_doubtful), "pairs": rows},
         }

@@ -8,8 +8,8 @@ from typing import Any, Final
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.certainty.response.actions import ACTIONS, BRAKES, GRAZE_M, LEVELS, TIME_S, Cases
 from scex_sumo.certainty.response.critical import CAREFUL_S, DECELERATIONS, JERK_MPS3, by_action
+from scex_sumo.certainty.response.motion.actions import ACTIONS, BRAKES, GRAZE_M, LEVELS, TIME_S, Cases
 from scex_sumo.certainty.response.people import (
     CLOSEST,
     DRAWS,

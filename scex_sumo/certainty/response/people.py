@@ -17,8 +17,8 @@ from scipy.special import ndtr, ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError, nearest
-from scex_sumo.certainty.response.actions import ACTIONS, BRAKES, LEVELS, STEPS_OUT, TIME_S, Cases
 from scex_sumo.certainty.response.critical import DECELERATIONS, by_action
+from scex_sumo.certainty.response.motion.actions import ACTIONS, BRAKES, LEVELS, STEPS_OUT, TIME_S, Cases
 from scex_sumo.geometry.rectangles import Rectangles, separation
 from scex_sumo.scene import STEP_S
 
@@ -34,7 +34,7 @@ _NUMBERS = (
     *("response_factor", "response_spread", "away_share", "glance_s", "glance_spread"),
     *("close_response", "close_away", "growth"),
 )
-_LEAST_M = 0.1
+_MIN_GAP_M = 0.1
 _EVERY = slice(None, None, 4)
 
 
@@ -231,7 +231,7 @@ def left_at(cases: Cases, response_s: FloatArray) -> FloatArray:
     cases, response_s = cases.take(rows), response_s[rows]
     onset, each = cases.onset_s[:, None], np.arange(len(rows))
     until = onset[:, None] + np.clip(response_s, 0.0, TIME_S[-1])[..., None]  # (m, A, 1)
-    gap = np.maximum(_body_gaps(cases), _LEAST_M)[:, None]  # (m, 1, K)
+    gap = np.maximum(_body_gaps(cases), _MIN_GAP_M)[:, None]  # (m, 1, K)
     since = (TIME_S[_EVERY] >= onset - STEP_S)[:, None] & (TIME_S[_EVERY] <= until)
     first = np.argmin(np.abs(TIME_S[_EVERY] - onset), axis=1)
     most = np.maximum(np.where(since, gap, 0.0).max(axis=2), gap[each, 0, first][:, None])

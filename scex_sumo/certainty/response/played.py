@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.certainty.response.actions import ACTIONS, cases_of, pairs_of
 from scex_sumo.certainty.response.answer import too_late
-from scex_sumo.certainty.response.expected import expected_motion
+from scex_sumo.certainty.response.motion.actions import ACTIONS, cases_of, pairs_of
+from scex_sumo.certainty.response.motion.expected import expected_motion
 from scex_sumo.certainty.response.people import people_of
 from scex_sumo.scene import SeedScene, States
 

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, between
-from scex_sumo.certainty.response.blocked import Blocked, Lines, blocked_stretches
+from scex_sumo.certainty.response.motion.blocked import Blocked, Lines, blocked_stretches
 from scex_sumo.geometry.rectangles import Rectangles, separation
 from scex_sumo.scene import STEP_S
 

@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.certainty.response.actions import cases_of, pairs_of
 from scex_sumo.certainty.response.answer import decisive_rows
 from scex_sumo.certainty.response.decision import PairResponse, pair_responses
-from scex_sumo.certainty.response.expected import Expected, expected_motion
+from scex_sumo.certainty.response.motion.actions import cases_of, pairs_of
+from scex_sumo.certainty.response.motion.expected import Expected, expected_motion
 from scex_sumo.certainty.response.people import people_of
 from scex_sumo.scene import SeedScene
 

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.certainty.response.expected import Expected
+from scex_sumo.certainty.response.motion.expected import Expected
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
@@ -40,7 +40,7 @@ _STANDS_MPS, _SLOWER_MPS, _BRAKES_MPS2 = 0.5, 0.5, -0.5
 _IN_LINE_M = 2.0  # of the centre of a leader from the follower's line, now and a second ago
 _IN_LINE_RAD, _ALONG_RAD, _OPPOSED_RAD = np.deg2rad(45.0), np.deg2rad(30.0), np.deg2rad(135.0)
 _TURNS_RAD = np.deg2rad(30.0)
-_TOGETHER_M, _CROSS_M = 2.0, 1.0  # between lines that come together, and that cross
+_MEETING_M, _CROSS_M = 2.0, 1.0  # between lines that come together, and that cross
 _BEYOND_M = 15.0  # way after that place, by which it is known whether the lines part again
 _SECOND = round(1.0 / STEP_S)
 
@@ -92,7 +92,7 @@ def conflict_of(expected: Expected, one: int, other: int) -> Conflict:
     """Return the conflict of two road users by index; ``one`` acts, ``other`` responds."""
     scene, both = expected.scene, (one, other)
     ways = [_way(expected, v) for v in both]
-    place = _together(*ways)
+    place = _meeting_samples(*ways)
     turn = abs(wrap(ways[0].heading[place[0]] - ways[1].heading[place[1]]))
     now = [Rectangles.of(scene.now[[v]], scene.length[[v]], scene.width[[v]]) for v in both]
     past = [scene.history.speed[v, -1 - _SECOND] for v in both]
@@ -126,10 +126,10 @@ def _way(expected: Expected, v: int) -> _Way:
     )
 
 
-def _together(one: _Way, other: _Way) -> tuple[int, int]:
+def _meeting_samples(one: _Way, other: _Way) -> tuple[int, int]:
     """Return the samples at which two ways first come within 2 m, along both; else the nearest ones."""
     apart = np.hypot(one.x[:, None] - other.x, one.y[:, None] - other.y)
-    near = apart <= max(_TOGETHER_M, float(apart.min()))
+    near = apart <= max(_MEETING_M, float(apart.min()))
     k, m = np.nonzero(near)
     first = int(np.argmin(one.s[k] + other.s[m]))
     return int(k[first]), int(m[first])
@@ -197,7 +197,7 @@ def _go_on_together(ways: list[_Way], place: tuple[int, int]) -> bool:
     """Whether two ways are still one `_BEYOND_M` after they came together."""
     (x, y, heading), (x2, y2, heading2) = (w.beyond(at) for w, at in zip(ways, place, strict=True))
     along = abs(wrap(heading - heading2)) < _IN_LINE_RAD
-    return bool(along and np.hypot(x - x2, y - y2) < 2 * _TOGETHER_M)
+    return bool(along and np.hypot(x - x2, y - y2) < 2 * _MEETING_M)
 
 
 def _least_apart(one: _Way, other: _Way) -> float:

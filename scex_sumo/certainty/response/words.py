@@ -6,16 +6,16 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from scex_sumo.certainty.response.actions import ACTIONS, BRAKES
 from scex_sumo.certainty.response.answer import TOLD, once_in, rounded
 from scex_sumo.certainty.response.decision import PairResponse
-from scex_sumo.results.encounters import arrows, is_queue
+from scex_sumo.certainty.response.motion.actions import ACTIONS, BRAKES
+from scex_sumo.results.tables.encounters import arrows, is_queue
 
 _ALIKE = 10.0  # ratio of P within which pairs are told together
 _MOST, _NEARLY = 0.6, 0.9
 
 
-def alike(responses: Iterable[PairResponse]) -> list[list[PairResponse]]:
+def grouped(responses: Iterable[PairResponse]) -> list[list[PairResponse]]:
     """Return pairs with P ≥ `TOLD` in groups of which the same can be said.
 
     They have the same action, all or none have time to respond, a careful driver avoids all or none, and P is
@@ -43,7 +43,7 @@ def _kind(response: PairResponse) -> tuple[Any, ...]:
     )
 
 
-def told(group: Sequence[PairResponse]) -> str:
+def sentence(group: Sequence[PairResponse]) -> str:
     """Return what it takes until the vehicles of pairs collide, in one line."""
     rows, pairs = [response.row for response in group], [response.pair for response in group]
     queue = " of a queue" if rows[0]["action"] == ACTIONS[BRAKES].name and is_queue(pairs) else ""

@@ -56,11 +56,11 @@ def converted(
             out if they cannot be used.
     """
     if signals is None:
-        return _with_files(_kept(road, keep), net_path)
+        return _with_files(_net(road, keep), net_path)
     try:
-        net = _kept(road, keep, signals)
+        net = _net(road, keep, signals)
     except MapError as error:
-        net = _kept(road, keep)
+        net = _net(road, keep)
         net = replace(net, notes=(*net.notes, f"recorded lights are left out: {error}"))
     # A future begins at 0.1 s of its simulation.
     light = f'programID="{RECORDED}" offset='
@@ -68,7 +68,7 @@ def converted(
     return _with_files(net, net_path, content)
 
 
-def _kept(road: Road, keep: bool, signals: Path | None = None) -> WrittenNet:
+def _net(road: Road, keep: bool, signals: Path | None = None) -> WrittenNet:
     if not keep:
         return _written(road, signals)
     return _cached(road, signals, *([] if signals is None else [sha256_of(signals)]))

@@ -25,8 +25,8 @@ from scex_sumo.formats.commonroad.lanes import (
     rules_of,
     with_reverse,
 )
-from scex_sumo.formats.lane_links import Links, connected
-from scex_sumo.formats.overlaps import overlapping
+from scex_sumo.formats.lane_maps.lane_links import Links, connected
+from scex_sumo.formats.lane_maps.overlaps import overlapping
 from scex_sumo.formats.recognition import is_commonroad
 from scex_sumo.road import Road
 

@@ -22,10 +22,10 @@ from scex_sumo.converters.lanelet.file import list_ids
 from scex_sumo.converters.naming import map_name, open_binary
 from scex_sumo.converters.registries import Dataset, Recording, recording_name
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, FORWARD_MPS, TrackRows, TrackTable
-from scex_sumo.formats.build import track_rows, track_table
 from scex_sumo.formats.chunks import chunk_span, commonroad_chains
 from scex_sumo.formats.commonroad.file import coordinate, element_id, parse_commonroad
 from scex_sumo.formats.recognition import is_commonroad, is_commonroad_recording
+from scex_sumo.formats.samples.build import track_rows, track_table
 from scex_sumo.geometry.polylines import wrap
 
 _TYPES = {"priorityVehicle": "vehicle", "unknown": "vehicle", "train": "tram", "parkedVehicle": "parked"}

@@ -17,8 +17,8 @@ from scex_sumo.converters.net.xml import unpacked
 from scex_sumo.converters.registries import Dataset
 from scex_sumo.converters.tracks.check import MAX_VALUES
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackTable
-from scex_sumo.formats.build import track_table
 from scex_sumo.formats.recognition import is_fcd, is_state
+from scex_sumo.formats.samples.build import track_table
 from scex_sumo.geometry.polylines import along, length_of, wrap
 from scex_sumo.scene import STEP_S
 

@@ -18,7 +18,7 @@ from xml.etree.ElementTree import Element
 
 from scex_sumo.base.errors import MapError
 from scex_sumo.base.files import TemporaryFolder, cache_folder, sha256_of, write_atomic
-from scex_sumo.base.programs import environment, program
+from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.base.version import __version__, version_of
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.net.xml import unpacked

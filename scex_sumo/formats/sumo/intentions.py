@@ -12,7 +12,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.base.sumo_drivers import RANDOM_PARAMETERS, REFUSED, known_parameters
+from scex_sumo.base.sumo.car_following import RANDOM_PARAMETERS, REFUSED, known_parameters
 from scex_sumo.converters.net.reading import lane_places, read_ends
 from scex_sumo.converters.net.xml import net_root
 from scex_sumo.intention import Intention, Stop

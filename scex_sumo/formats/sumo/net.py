@@ -15,14 +15,15 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, listed, reason_of
-from scex_sumo.base.programs import environment, program
+from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.converters.naming import map_name, unpacked_name
 from scex_sumo.converters.net.allowed import prune
 from scex_sumo.converters.net.reading import allowed_copy, lane_names, lanelet_places, named_parts
 from scex_sumo.converters.net.text import BEYOND, LaneletPart
 from scex_sumo.converters.net.xml import net_root
 from scex_sumo.converters.registries import MapFormat
-from scex_sumo.formats.overlaps import overlapping
+from scex_sumo.formats.lane_maps.lane_map import beside
+from scex_sumo.formats.lane_maps.overlaps import overlapping
 from scex_sumo.formats.recognition import FCD_ENDINGS, is_sumo_net
 from scex_sumo.geometry.polylines import arc_lengths, cut, length_of
 from scex_sumo.lanelet2sumo.reader import DEFAULT_WIDTH_M, MAX_M
@@ -31,7 +32,6 @@ from scex_sumo.road import Area, Lane, Marking, Regulation, Road
 STRAIGHT_M = 5e-9  # a point this near to the line between its neighbours is none of the map's
 MIN_LENGTH_M = 0.05  # lanes without length are extended to this
 MAX_WIDTH_M, MAX_SPEED_MPS = 100.0, 1000.0
-MAX_CORNER = 3.0  # corners of borders reach out at most this many times the half width
 CHANGED = "the net was converted by scex-sumo and changed since: its lanes are read as they are now"
 _STOPS = {"allway_stop": "all_way_stop", "priority_stop": "stop"}
 _KINDS = (("passenger", "vehicle"), ("bus", "bus"), ("bicycle", "bicycle"), ("pedestrian", "pedestrian"))
@@ -244,16 +244,6 @@ def _line(lane: Any, *, heights: bool = False) -> FloatArray:
     if len(points) < 2:
         points = np.vstack([points[0], points[0] + [MIN_LENGTH_M, 0.0, 0.0]])
     return points if heights else points[:, :2]
-
-
-def beside(line: FloatArray, offset: float) -> FloatArray:
-    """A polyline beside another one, point by point; positive offsets are on the left, m."""
-    step = np.diff(line, axis=0)
-    normal = np.stack([-step[:, 1], step[:, 0]], axis=1) / np.hypot(*step.T)[:, None]
-    before, after = np.vstack([normal[:1], normal]), np.vstack([normal, normal[-1:]])
-    both = before + after
-    scale = np.maximum((both**2).sum(axis=1) / 2, 2 / MAX_CORNER)
-    return np.asarray(line + offset * both / scale[:, None])
 
 
 def _beside(

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from scex_sumo.base.errors import SimulationError
-from scex_sumo.base.programs import sumo_home
+from scex_sumo.base.sumo.programs import sumo_home
 
 OLDEST_SUMO = (1, 20)
 

@@ -21,20 +21,20 @@ import numpy as np
 
 from scex_sumo.base.errors import MapError, SimulationError, TrackError
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.base.programs import checked_path, environment, program
 from scex_sumo.base.progress import Progress
+from scex_sumo.base.sumo.programs import checked_path, environment, program
 from scex_sumo.converters.naming import map_name, open_binary
 from scex_sumo.converters.net.reading import allowed_content
 from scex_sumo.converters.net.xml import unpacked
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.extrapolation.pool import in_other_process
+from scex_sumo.extrapolation.processes.pool import in_other_process
 from scex_sumo.formats.recognition import is_simulation
 from scex_sumo.formats.sumo.intentions import INTENTIONS_S
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.own_sumo import user_sumo
 from scex_sumo.formats.sumo.recorder import Recorded, Recorder
-from scex_sumo.results.tables import read_table
+from scex_sumo.results.tables.reading import read_table
 from scex_sumo.road import Road
 from scex_sumo.world.session import load_sumo, silence
 

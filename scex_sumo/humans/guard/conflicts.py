@@ -9,7 +9,6 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, between
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
-from scex_sumo.humans.beside import box_distances
 from scex_sumo.humans.guard.corridors import (
     SAMPLE_S,
     SAMPLES,
@@ -19,6 +18,7 @@ from scex_sumo.humans.guard.corridors import (
     expected,
     onto_ways,
 )
+from scex_sumo.humans.guard.side_clearance import box_distances
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, States, VehicleIndex
 

@@ -21,7 +21,7 @@ import shapely
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import SimulationError
-from scex_sumo.base.programs import checked_path, program
+from scex_sumo.base.sumo.programs import checked_path, program
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.lanelet2sumo.judge.matching import AHEAD_RAD, Matching, sample_headings, sample_line
 from scex_sumo.lanelet2sumo.reader import NetContent

@@ -12,7 +12,7 @@ from torch import Tensor
 from scex_sumo.learned.training.data.batches import Batch, Batches
 from scex_sumo.learned.training.loss import LossWeights, displacement, loss
 from scex_sumo.learned.training.networks.graph import ModeTensors
-from scex_sumo.learned.training.networks.joint import TokenTensors, kept
+from scex_sumo.learned.training.networks.joint import TokenTensors, likely_modes
 
 Predict = Callable[[Batch], ModeTensors | TokenTensors]
 GUESSES = 6
@@ -51,7 +51,7 @@ def score_network(predict: Predict, batches: Batches, weights: LossWeights) -> S
         total += share * float(loss(modes, batch, weights)[0])
         count += share
         if isinstance(modes, TokenTensors):
-            modes = kept(modes, batch.start[:, 1], GUESSES)
+            modes = likely_modes(modes, batch.start[:, 1], GUESSES)
         rows.append(_vehicles(modes, batch).cpu())
     every = torch.cat(rows).numpy()
     sites = [int(s) for s in np.unique(every[:, 0])]

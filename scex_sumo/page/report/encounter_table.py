@@ -12,12 +12,12 @@ from rich.console import Console
 from scex_sumo.metrics.events import EVENTS, MEASURED
 from scex_sumo.reports.encounter_rows import Meeting, meetings
 from scex_sumo.reports.run_table import Head, console_table, counted, print_line, print_table
-from scex_sumo.results.encounters import QUESTIONS
 from scex_sumo.results.extras import extras_results
-from scex_sumo.results.outcomes import collided, first_contacts
 from scex_sumo.results.probability import Probability
 from scex_sumo.results.region import Region
 from scex_sumo.results.run import Run
+from scex_sumo.results.tables.encounters import QUESTIONS
+from scex_sumo.results.tables.outcomes import collided, first_contacts
 
 _SHARE = "Share of the futures; a click on a row shows the typical one"
 HEADS: Final[tuple[Head, ...]] = (

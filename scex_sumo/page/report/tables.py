@@ -16,18 +16,18 @@ from scex_sumo.page.study import table
 from scex_sumo.reports.encounter_rows import (
     HUMAN_LIKE,
     Meeting,
-    alike,
     driven_as,
     first_look,
+    grouped,
     meetings,
     probability_in,
     worst_of,
 )
 from scex_sumo.reports.run_table import expected_injuries
-from scex_sumo.results.encounters import arrows, event_of
-from scex_sumo.results.outcomes import COLLISIONS, first_contacts
 from scex_sumo.results.probability import Probability, critical_outcomes
 from scex_sumo.results.run import PAIR_OUTCOMES, Run
+from scex_sumo.results.tables.encounters import arrows, event_of
+from scex_sumo.results.tables.outcomes import COLLISIONS, first_contacts
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
 _WORST = 3
@@ -168,7 +168,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     pairs: dict[tuple[int, int], int] = {}
     rows = []
     kept = worst_of(encounters, doubtful=run.keeps_doubtful)
-    groups = {id(group[0]): group for group in alike(kept)[:_WORST]}
+    groups = {id(group[0]): group for group in grouped(kept)[:_WORST]}
     for one, (mine, said) in zip(encounters, both_of, strict=True):
         row, is_human = one.row, one.futures == HUMAN_LIKE
         pair = where[row["track_id"]], where[row["other_id"]]
@@ -207,7 +207,7 @@ def _story(group: Sequence[Meeting], both: Sequence[Run]) -> dict[str, Any]:
     drivers = [
         f"{track} {one.row[model]}" for track, model in zip(tracks, ("model", "other_model"), strict=True)
     ]
-    ways = "" if exact is None else exact.told
+    ways = "" if exact is None else exact.summary
     return {
         "question": question,
         "happens": happens,

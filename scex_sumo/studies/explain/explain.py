@@ -13,9 +13,9 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.registry import COLLISION, column_named, side_of
-from scex_sumo.results.outcomes import first_contacts
 from scex_sumo.results.probability import Probability, probability_of
 from scex_sumo.results.run import Run
+from scex_sumo.results.tables.outcomes import first_contacts
 from scex_sumo.statistics.density import Interval
 from scex_sumo.studies.explain.effects import (
     Cells,

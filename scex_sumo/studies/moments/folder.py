@@ -130,7 +130,7 @@ class StudyFolder(OutputFolder):
         self._parts: dict[str, dict[str, dict[str, str]]] = {}  # SHA-256 by moment, part and file
         broken: set[str] = set()
         for file in sorted((self.path / _PARTS).glob("*.json")):
-            rows = self._kept(_PARTS, file.stem) or []
+            rows = self._load(_PARTS, file.stem) or []
             whole = {row["part"]: row["files"] for row in rows if self._is_whole(row["files"])}
             self._parts[file.stem] = whole
             if len(whole) < max(len(rows), 1):
@@ -188,7 +188,7 @@ class StudyFolder(OutputFolder):
         """Return failures by moment; damaged files are removed, so that their moments run again."""
         failures = {}
         for file in sorted((self.path / _FAILED).glob("*.json")):
-            if rows := self._kept(_FAILED, file.stem):
+            if rows := self._load(_FAILED, file.stem):
                 failure = Failure(**from_row(rows[0]))
                 failures[failure.moment] = failure
             else:
@@ -206,7 +206,7 @@ class StudyFolder(OutputFolder):
         """Write rows and their checksum to a small JSON file."""
         write_atomic(self._record(kind, name), _checked(kind, name, rows).encode())
 
-    def _kept(self, kind: str, name: str) -> list[dict[str, Any]] | None:
+    def _load(self, kind: str, name: str) -> list[dict[str, Any]] | None:
         """Return the rows of `_save`; None if the file is missing, damaged or of another name."""
         try:
             text = self._record(kind, name).read_text()

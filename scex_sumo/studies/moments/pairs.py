@@ -8,9 +8,9 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.certainty.response.answer import SCHEMA, critical_responses, either
+from scex_sumo.certainty.response.answer import SCHEMA, any_of, critical_responses
 from scex_sumo.certainty.response.decision import PairResponse, pair_responses
-from scex_sumo.certainty.response.expected import Expected, expected_motion
+from scex_sumo.certainty.response.motion.expected import Expected, expected_motion
 from scex_sumo.certainty.response.typology import conflict_of
 from scex_sumo.certainty.response.words import takes
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
@@ -84,8 +84,8 @@ def _own(
     one, other = row["track_id"], row["other_id"]
     own, back = orders.get((one, other), ()), orders.get((other, one), ())
     severity = sum(response["expected_mais3"] for response in own)
-    values = [either(response["probability"] for response in own), severity]
-    values += [either(each[name] for each in some) for some in (own, back) for name in ("unanswered", "acts")]
+    values = [any_of(response["probability"] for response in own), severity]
+    values += [any_of(each[name] for each in some) for some in (own, back) for name in ("unanswered", "acts")]
     return dict(zip((*OWN, *BACK), values, strict=True))
 
 

@@ -22,8 +22,8 @@ from scex_sumo.base.errors import (
     reason_of,
 )
 from scex_sumo.base.version import __version__
-from scex_sumo.extrapolation.pool import WorkersDied
-from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.extrapolation.processes.pool import WorkersDied
+from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.moments.run import MomentTask
 

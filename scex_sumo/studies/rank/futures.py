@@ -174,7 +174,7 @@ class RankFolder(StudyFolder):
 
     def listing(self, recording: str) -> Listing | None:
         """Return the moments of a recording; None if it is not listed, or the file is damaged."""
-        rows = self._kept(_SEEDS, recording)
+        rows = self._load(_SEEDS, recording)
         refs = None if rows is None else tuple(MomentRef(**from_row(row)) for row in rows)
         return None if refs is None else Listing(recording=recording, moments=refs)
 
@@ -184,7 +184,7 @@ class RankFolder(StudyFolder):
 
     def exact(self, ref: MomentRef) -> ExactScore | None:
         """Return the exact score of a moment; None if it was not searched, or the file is damaged."""
-        rows = self._kept(_EXACT, ref.moment)
+        rows = self._load(_EXACT, ref.moment)
         return ExactScore(**rows[0]) if rows else None
 
     def save_exact(self, ref: MomentRef, exact: ExactScore) -> None:

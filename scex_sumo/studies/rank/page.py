@@ -20,8 +20,8 @@ from scex_sumo.certainty.response.answer import once_in
 from scex_sumo.certainty.response.usual import usual_of
 from scex_sumo.certainty.response.words import needs
 from scex_sumo.extrapolation.engine import run_scene
-from scex_sumo.extrapolation.settings import RunOptions
-from scex_sumo.extrapolation.workers import Workers
+from scex_sumo.extrapolation.options import RunOptions
+from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.report.contents import report_contents
 from scex_sumo.page.report.report import filled_report

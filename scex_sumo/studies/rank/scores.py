@@ -13,9 +13,9 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.registries import Recording
 from scex_sumo.results.design import design_intervals
-from scex_sumo.results.encounters import answers_of
-from scex_sumo.results.outcomes import encounters_of_rows, first_contacts
 from scex_sumo.results.parts import Part
+from scex_sumo.results.tables.encounters import answers_of
+from scex_sumo.results.tables.outcomes import encounters_of_rows, first_contacts
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.studies.moments.run import StudySettings, built
 

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
-from scex_sumo.certainty.response.expected import expected_motion
+from scex_sumo.certainty.response.motion.expected import expected_motion
 from scex_sumo.certainty.response.played import played
 from scex_sumo.page.html import Html
 from scex_sumo.page.report.scene import Box, lane_lines, outline_svg, scene_svg
@@ -17,7 +17,7 @@ from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 from scex_sumo.studies.moments.pairs import recorded
 
 _MARGIN_M = 10.0
-_LEAST_M = 45.0  # width of a picture
+_MIN_WIDTH_M = 45.0  # width of a picture
 _ASPECT = 0.6  # height over width
 _STEPS: Final = 30  # of a recording after the moment
 _LAST: Final = 21  # steps up to the contact that a picture encloses: fast vehicles drive into it
@@ -78,7 +78,7 @@ def _box(happens: States) -> Box:
     """Return a box around the way of two vehicles up to their contact."""
     left, right = float(happens.x.min()) - _MARGIN_M, float(happens.x.max()) + _MARGIN_M
     low, high = float(happens.y.min()) - _MARGIN_M, float(happens.y.max()) + _MARGIN_M
-    wide = max(right - left, (high - low) / _ASPECT, _LEAST_M)
+    wide = max(right - left, (high - low) / _ASPECT, _MIN_WIDTH_M)
     x, y = (left + right) / 2, (low + high) / 2
     return x - wide / 2, x + wide / 2, y - _ASPECT * wide / 2, y + _ASPECT * wide / 2
 

@@ -18,7 +18,7 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
 from scex_sumo.base.files import replacing
 from scex_sumo.certainty.fitted import percent_of
-from scex_sumo.certainty.response.answer import either, once_in
+from scex_sumo.certainty.response.answer import any_of, once_in
 from scex_sumo.certainty.response.usual import AT_SITE, usual_of
 from scex_sumo.metrics.registry import side_of
 from scex_sumo.page.study import Column, Row
@@ -69,7 +69,7 @@ def moments_table(run: RankingRun) -> pa.Table:
 def _human_like(pairs: pa.Table) -> dict[str, float]:
     """Return P of any collision and the expected severe injuries of pairs whose data are not doubtful."""
     sure = pairs.filter(pc.is_null(pairs["doubt"]))
-    value, severity = either(sure["probability"].to_pylist()), pc.sum(sure["severity"]).as_py() or 0.0
+    value, severity = any_of(sure["probability"].to_pylist()), pc.sum(sure["severity"]).as_py() or 0.0
     return {"human_p_collision": value, "human_severity": severity}
 
 

@@ -18,7 +18,7 @@ from scex_sumo.statistics.density import Density, density, dkw_half_width
 
 HTML = "sample_size.html"
 _KINDS = ("critical", "picked", "likely", "c4", "c5")
-_FEWEST = 1e-3
+_MIN_ERROR = 1e-3
 """Least distance on the logarithmic axis."""
 
 
@@ -80,7 +80,7 @@ def _errors(rows: Sequence[Mapping[str, Any]], column: str, kinds: Mapping[str, 
         errors = sorted((r["size"], r["ks_median"], r["ks_p95"]) for r in known if r["design"] == design)
         if not errors:
             continue
-        size, middle, high = np.log10(np.maximum(np.array(errors, dtype=float).T, _FEWEST))
+        size, middle, high = np.log10(np.maximum(np.array(errors, dtype=float).T, _MIN_ERROR))
         parts += [plane.line(size, middle, kind), plane.line(size, high, kind, dashed=True)]
         parts += [
             plane.dot(x, y, kind, title=f"{10**x:.0f} futures: {10**y:.3f}")

@@ -16,8 +16,8 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import ResultError
 from scex_sumo.metrics.registry import COLLISION, column_named, side_of
 from scex_sumo.results.design import is_critical, metric_density
-from scex_sumo.results.outcomes import first_contacts
 from scex_sumo.results.run import UNDER_TEST, Run
+from scex_sumo.results.tables.outcomes import first_contacts
 from scex_sumo.statistics.density import Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.studies.under_test.paired import mcnemar, signed_rank, signs

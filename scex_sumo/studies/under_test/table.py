@@ -20,8 +20,8 @@ from scex_sumo.reports.run_table import (
     print_table,
     shown_columns,
 )
-from scex_sumo.results.encounters import criticality, event_of, percent_of
 from scex_sumo.results.run import Run
+from scex_sumo.results.tables.encounters import criticality, event_of, percent_of
 from scex_sumo.studies.under_test.paired import holm, signed_rank
 from scex_sumo.studies.under_test.results import Difference, UnderTest
 

@@ -23,13 +23,13 @@ from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import LoadedRecording, recording_moments
 from scex_sumo.evaluation.split import PARTS, Split, split_moments
 from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
-from scex_sumo.extrapolation.measure import measure_outcome, measure_recorded, recorded_steps_of
+from scex_sumo.extrapolation.loop.measure import measure_outcome, measure_recorded, recorded_steps_of
+from scex_sumo.extrapolation.loop.rollout import Rollout
 from scex_sumo.extrapolation.models import ModelSet
-from scex_sumo.extrapolation.rollout import Rollout
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.humans.parameters import parameters_digest
 from scex_sumo.metrics.collisions import OVERLAP_M2
-from scex_sumo.results.outcomes import collided
+from scex_sumo.results.tables.outcomes import collided
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.moments.folder import Failure, MomentRef, StudyFolder
 from scex_sumo.studies.moments.pairs import PAIRS, pairs_of_moment

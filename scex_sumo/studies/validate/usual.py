@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from scex_sumo.certainty.response.answer import either, once_in
+from scex_sumo.certainty.response.answer import any_of, once_in
 from scex_sumo.certainty.response.usual import counts, usual_of
 from scex_sumo.page.study import Column
 from scex_sumo.studies.moments.encounters import SEVERITY
@@ -62,5 +62,5 @@ def hourly(info: Mapping[str, Any]) -> str:
 def collisions_an_hour(pairs: Sequence[tuple[MomentRef, pa.Table]]) -> float:
     """Return the collisions an hour that people are expected to have, from the pairs of moments."""
     sure = (table.filter(pc.is_null(table["doubt"])) for _, table in pairs)
-    either_of = [either(table["probability"].to_pylist()) for table in sure]
+    either_of = [any_of(table["probability"].to_pylist()) for table in sure]
     return float(np.mean(either_of)) * 3600 / HORIZON_S

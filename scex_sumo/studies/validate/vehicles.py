@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.extrapolation.measure import measure_outcome, recorded_steps_of
+from scex_sumo.extrapolation.loop.measure import measure_outcome, recorded_steps_of
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.metrics.events import MEASURED
 from scex_sumo.metrics.registry import metric_of

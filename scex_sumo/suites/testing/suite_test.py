@@ -52,7 +52,7 @@ class TestFolder(StudyFolder):
 
     def record(self, name: str) -> dict[str, Any] | None:
         """Return the record of a case; None if it has not run."""
-        rows = self._kept(_RECORDS, name)
+        rows = self._load(_RECORDS, name)
         return None if rows is None else rows[0]
 
     def keep(self, name: str, record: Mapping[str, Any]) -> None:

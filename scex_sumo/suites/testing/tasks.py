@@ -13,7 +13,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import OutOfTimeError, reason_of
 from scex_sumo.behaviors.spec import ModelSpec
-from scex_sumo.certainty.response.actions import LEVELS
+from scex_sumo.certainty.response.motion.actions import LEVELS
 from scex_sumo.plug_in.time_limit import time_limit
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import Failure, MomentRef

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.certainty.response.blocked import Lines
+from scex_sumo.certainty.response.motion.blocked import Lines
 from scex_sumo.certainty.response.room import Meeting
 from scex_sumo.geometry.rectangles import Rectangles
 from scex_sumo.scene import STEP_S, States

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from scex_sumo.certainty.response.actions import TIME_S, Cases, cases_of, pairs_of
-from scex_sumo.certainty.response.blocked import Lines
-from scex_sumo.certainty.response.expected import Expected
+from scex_sumo.certainty.response.motion.actions import TIME_S, Cases, cases_of, pairs_of
+from scex_sumo.certainty.response.motion.blocked import Lines
+from scex_sumo.certainty.response.motion.expected import Expected
 from scex_sumo.scene import HISTORY_STEPS, Obstacles, SeedScene, States
 
 LENGTH, WIDTH = 4.0, 2.0

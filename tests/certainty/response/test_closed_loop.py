@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import scex_sumo as scex
-from scex_sumo.certainty.response.actions import BRAKES, cases_of, pairs_of
 from scex_sumo.certainty.response.critical import DECELERATIONS, JERK_MPS3, critical_response
-from scex_sumo.certainty.response.expected import Expected, expected_motion
+from scex_sumo.certainty.response.motion.actions import BRAKES, cases_of, pairs_of
+from scex_sumo.certainty.response.motion.expected import Expected, expected_motion
 from tests.certainty.queues import queues
 
 STEPS, LEVEL, COLUMN = 60, 5, 1

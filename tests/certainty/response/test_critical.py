@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from scex_sumo.certainty.response import actions, critical
-from scex_sumo.certainty.response.actions import (
+from scex_sumo.certainty.response import critical
+from scex_sumo.certainty.response.critical import DECELERATIONS, critical_response, hard_contact
+from scex_sumo.certainty.response.motion import actions
+from scex_sumo.certainty.response.motion.actions import (
     ACTIONS,
     BRAKES,
     CUTS_IN,
@@ -24,9 +26,8 @@ from scex_sumo.certainty.response.actions import (
     contexts,
     pairs_of,
 )
-from scex_sumo.certainty.response.blocked import Blocked
-from scex_sumo.certainty.response.critical import DECELERATIONS, critical_response, hard_contact
-from scex_sumo.certainty.response.expected import with_people
+from scex_sumo.certainty.response.motion.blocked import Blocked
+from scex_sumo.certainty.response.motion.expected import with_people
 from scex_sumo.certainty.response.people import people_of, probabilities
 from tests.certainty.response.scenes import LENGTH, PERSON_M, WIDTH, beside, cases, steady
 

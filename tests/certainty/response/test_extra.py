@@ -21,12 +21,12 @@ from scex_sumo.certainty.response.critical import HARD_MPS
 from scex_sumo.certainty.response.decision import pair_responses
 from scex_sumo.certainty.response.people import SHIPPED, people_of
 from scex_sumo.certainty.response.usual import AT_SITE
-from scex_sumo.certainty.response.words import told
+from scex_sumo.certainty.response.words import sentence
 from scex_sumo.commands.answers import run_answer
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.reports.run_table import print_summary
 from scex_sumo.results.extras import extras_results
-from scex_sumo.results.outcomes import injury_probability
+from scex_sumo.results.tables.outcomes import injury_probability
 from scex_sumo.scene import HISTORY_STEPS, Obstacles, States
 from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.moments.run import MomentTask, pack_road
@@ -245,6 +245,6 @@ def test_a_person_beside_the_way_may_step_out() -> None:
     assert row["doubt"] is None and 0 < row["probability"] < 1e-2
     (pair,) = pair_responses([row])
     assert pair.arrow.endswith("→ pedestrian P7")
-    assert told([pair]).startswith("pedestrian P7 steps out within 2 s")
+    assert sentence([pair]).startswith("pedestrian P7 steps out within 2 s")
     # A pedestrian is injured by the impact speed; there is no occupant's curve for that.
     assert row["expected_mais3"] <= row["probability_hard"]

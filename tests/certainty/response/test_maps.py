@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from scex_sumo import example_path, read_seed
-from scex_sumo.certainty.response.actions import ACTIONS, BRAKES
 from scex_sumo.certainty.response.answer import responses_and_maps
+from scex_sumo.certainty.response.motion.actions import ACTIONS, BRAKES
 from scex_sumo.certainty.response.people import People, people_of, probabilities
 from scex_sumo.certainty.response.played import played
 from tests.page.test_numbers import evaluated

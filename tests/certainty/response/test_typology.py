@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.certainty.response.blocked import Lines
-from scex_sumo.certainty.response.expected import Expected, with_people
+from scex_sumo.certainty.response.motion.blocked import Lines
+from scex_sumo.certainty.response.motion.expected import Expected, with_people
 from scex_sumo.certainty.response.typology import conflict_of
 from scex_sumo.road import Lane, Road
 from tests.certainty.response.scenes import beside, steady

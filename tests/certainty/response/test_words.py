@@ -7,7 +7,7 @@ from typing import Any
 
 from scex_sumo.certainty.response.answer import once_in
 from scex_sumo.certainty.response.decision import pair_responses
-from scex_sumo.certainty.response.words import alike, needs, told
+from scex_sumo.certainty.response.words import grouped, needs, sentence
 
 ROW = {
     "track_id": 15, "other_id": 16, "action": "brakes", "value": 5.0, "frequency": 1 / 700, "response_s": 1.1,
@@ -17,7 +17,7 @@ ROW = {
 
 
 def lines(*rows: dict[str, Any]) -> list[str]:
-    return [told(group) for group in alike(pair_responses([{**ROW, **row} for row in rows]))]
+    return [sentence(group) for group in grouped(pair_responses([{**ROW, **row} for row in rows]))]
 
 
 def test_words_have_one_digit() -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.base.errors import MapError, SimulationError
-from scex_sumo.base.programs import environment, program
+from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.reading import allowed_content, allowed_copy, open_net, refuse_outputs

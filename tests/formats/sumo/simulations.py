@@ -8,7 +8,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from scex_sumo.base.programs import environment, program
+from scex_sumo.base.sumo.programs import environment, program
 
 ROUTES = """<routes>
  <vType id="car" vClass="passenger" length="4.3" width="1.75"/><vType id="truck" vClass="truck"/>

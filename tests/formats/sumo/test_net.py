@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import MapError
-from scex_sumo.base.programs import environment, program
+from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.reading import open_net

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import MapError, ScexError, SimulationError, TrackError
-from scex_sumo.base.programs import program
+from scex_sumo.base.sumo.programs import program
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.formats.sumo.net import read_sumo_road

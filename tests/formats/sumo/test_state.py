@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import TrackError
-from scex_sumo.base.programs import environment, program
+from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.formats.recognition import is_commonroad, is_fcd, is_state
 from scex_sumo.formats.sumo.fcd import read_fcd, read_state
 from scex_sumo.scenarios.seeds import read_seed

@@ -14,8 +14,8 @@ import pytest
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.extrapolation.assignments import all_assignments
 from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.results.encounters import SCHEMA
 from scex_sumo.results.run import open_run
+from scex_sumo.results.tables.encounters import SCHEMA
 from scex_sumo.studies.explain.command import explain_command
 from scex_sumo.studies.explain.explain import assignment_of, explain
 from tests.base.test_progress import Terminal

@@ -15,8 +15,8 @@ from scex_sumo.evaluation.pair_values import evaluate_pairs
 from scex_sumo.extrapolation.settings import read_under_test
 from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.metrics.registry import COLUMNS
-from scex_sumo.results.encounters import QUESTIONS, SCHEMA
 from scex_sumo.results.run import Run
+from scex_sumo.results.tables.encounters import QUESTIONS, SCHEMA
 from scex_sumo.studies.under_test.page import under_test_part
 from scex_sumo.studies.under_test.results import UnderTest
 from scex_sumo.studies.under_test.table import own_encounters, under_test_rows, under_test_table, verdict

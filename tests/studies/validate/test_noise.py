@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.converters.tracks.rows import TrackRows
-from scex_sumo.extrapolation.rollout import Rollout
+from scex_sumo.extrapolation.loop.rollout import Rollout
 from scex_sumo.scene import States
 from scex_sumo.studies.validate.noise import as_recorded, box_noise
 from tests.behaviors import roads

@@ -16,7 +16,7 @@ from scex_sumo.base.files import replacing
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import sample_paths
-from scex_sumo.extrapolation.rollout import history_at
+from scex_sumo.extrapolation.loop.rollout import history_at
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.learned.inputs.path_inputs import path_inputs
 from scex_sumo.learned.scene_graph.graph import scene_graph

@@ -109,7 +109,7 @@ def token_errors(tokens: TokenTensors, s: Tensor, d: Tensor, start: Tensor) -> T
     return -log_softmax(tokens.logits, 1).gather(1, wanted[:, None])[:, 0]
 
 
-def kept(tokens: TokenTensors, offset: Tensor, guesses: int) -> ModeTensors:
+def likely_modes(tokens: TokenTensors, offset: Tensor, guesses: int) -> ModeTensors:
     """Return the expected motion and the likeliest ones, each kept for 3 s, from (n,) offsets in m."""
     likely = torch.softmax(tokens.logits, 1).view(-1, len(tokens.acceleration), len(tokens.sideways))
     logits, best = tokens.logits.topk(guesses, 1)

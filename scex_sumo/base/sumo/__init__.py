@@ -1,0 +1,1 @@
+"""SUMO as installed: its programs and files, its car-following models."""

@@ -1,0 +1,77 @@
+"""Motion after a collision: a plastic impact, then both vehicles slide straight on to rest.
+
+The impact is that of the severity in `scex_sumo.results.tables.outcomes`, along the heading of each
+vehicle: none turns or is pushed aside. It goes on as long as two that touch close in. Both decelerate as
+with sliding tyres on dry asphalt, about 0.7 g.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.metrics.collisions import Contacts
+from scex_sumo.results.tables.outcomes import masses
+from scex_sumo.scene import STEP_S, SeedScene, States
+
+CRASH_MPS2: Final = 0.7 * 9.81
+
+
+class Crashes:
+    """Vehicles that have collided, in a batch of futures.
+
+    Attributes:
+        crashed: (C, V) whether a vehicle has collided.
+    """
+
+    def __init__(self, scene: SeedScene, futures: int) -> None:
+        """Begin at the seed moment."""
+        self._contacts = Contacts(scene.now, scene.length, scene.width, scene.people)
+        mass = masses(scene.types, scene.length)
+        self._mass = np.where(np.isnan(mass), np.nanmean(mass) if (mass > 0).any() else 1.0, mass)
+        self.crashed: BoolArray = np.zeros((futures, scene.vehicles), dtype=np.bool_)
+
+    def forget(self, futures: IntArray) -> None:
+        """Begin some futures again."""
+        self.crashed[futures] = False
+
+    def after_step(
+        self, before: States, after: States, steps: int
+    ) -> tuple[tuple[IntArray, IntArray], States]:
+        """Return future and vehicle (n,) of those in contact between two states (C, V), and their motion.
+
+        The motion (n, steps) begins with the step after ``after``.
+        """
+        future, *pair = self._contacts.in_step(before, after)
+        speed = np.full(after.shape, np.inf)
+        for vehicle, impact in zip(pair, self._impacts(after, future, *pair), strict=True):
+            np.minimum.at(speed, (future, vehicle), impact)
+        futures, vehicles = np.nonzero(np.isfinite(speed))
+        which = futures.astype(np.int64), vehicles.astype(np.int64)
+        self.crashed[which] = True
+        return which, slide(after[which], speed[which], steps)
+
+    def _impacts(self, states: States, future: IntArray, one: IntArray, two: IntArray) -> list[FloatArray]:
+        """Return the speeds (n,) of both vehicles after the impact, m/s; their own if they part."""
+        share = self._mass[one] / (self._mass[one] + self._mass[two])
+        pair = [states[future, vehicle] for vehicle in (one, two)]
+        velocity = [now.speed * np.exp(1j * now.heading) for now in pair]  # complex: x and y
+        common = share * velocity[0] + (1 - share) * velocity[1]
+        between = (pair[1].x - pair[0].x) + 1j * (pair[1].y - pair[0].y)
+        closes = ((velocity[1] - velocity[0]) * between.conj()).real < 0
+        after = [np.maximum((common * np.exp(-1j * now.heading)).real, 0.0) for now in pair]
+        return [np.where(closes, new, now.speed) for new, now in zip(after, pair, strict=True)]
+
+
+def slide(now: States, speed: FloatArray, steps: int) -> States:
+    """Return the motion (n, steps) of vehicles that slide straight on from their states (n,).
+
+    Args:
+        speed: (n,) from which they decelerate, m/s.
+    """
+    time = STEP_S * np.arange(1, steps + 1)
+    later = np.maximum(speed[:, None] - CRASH_MPS2 * time, 0.0)
+    way = (speed[:, None] ** 2 - later**2) / (2 * CRASH_MPS2)
+    return now.ahead(way, later)

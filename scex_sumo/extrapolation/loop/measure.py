@@ -1,0 +1,218 @@
+"""Metric values, collisions and encounters of simulated and of recorded vehicles."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.models.simple import Replay, ReplayProfile
+from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
+from scex_sumo.geometry.rectangles import Rectangles, overlap_area
+from scex_sumo.metrics.base import PlannedPaths, SceneTracks
+from scex_sumo.metrics.collisions import CONTACT_M2, OVERLAP_M2, Collisions, find_collisions
+from scex_sumo.metrics.encounters import Encounters, encounters_of
+from scex_sumo.metrics.evaluate import PAPER_PRESET, ScenarioValues, evaluate
+from scex_sumo.metrics.pairs.scenes import Scenes
+from scex_sumo.metrics.registry import Metric
+from scex_sumo.results.tables.outcomes import Severity, severity_of
+from scex_sumo.results.tables.worst import worst_table
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
+from scex_sumo.world.plain import PlainWorld
+
+P = TypeVar("P", Collisions, Encounters)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outcome:
+    """Metric values, collisions with their severity, and encounters of a batch."""
+
+    values: ScenarioValues
+    collisions: Collisions
+    severity: Severity
+    encounters: Encounters
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recorded:
+    """The recorded future, measured like a future.
+
+    Attributes:
+        overlaps: of boxes after the seed moment; recorded boxes are inexact.
+        last_step: (V,) steps in which a vehicle is recorded.
+    """
+
+    values: ScenarioValues
+    overlaps: Collisions
+    last_step: IntArray
+    steps: int
+
+
+def measure_outcome(
+    scene: SeedScene,
+    rollout: Rollout,
+    *,
+    metrics: Sequence[Metric] | None = None,
+    preset: str = PAPER_PRESET,
+    counted: BoolArray | None = None,
+    limit_m2: float = CONTACT_M2,
+    vehicles: Collection[int] | None = None,
+    on_paths: bool = True,
+) -> Outcome:
+    """Measure a batch of futures by the metrics, or by the paper's six.
+
+    Args:
+        preset: car-following rule of the metrics that leave it open.
+        counted: (T, V) steps in which a vehicle counts; None: all.
+        limit_m2: overlap above which vehicles have collided; `OVERLAP_M2` for boxes as recorded.
+        vehicles: only pairs with one of these (indices) count; None: all.
+        on_paths: encounters have TTC, PET and DRAC, too.
+    """
+    present = None if counted is None else counted[None].repeat(len(rollout.futures), axis=0)
+    tracks, planned = _evaluated(scene, rollout, present)
+    hits = find_collisions(tracks, limit_m2=limit_m2)
+    # Two people that touch have not collided: what hits one of them later is no consequence.
+    hits = _of_pairs(hits, None if scene.people is None else np.flatnonzero(~scene.people).tolist())
+    hits = _of_pairs(hits.with_consequences() if rollout.with_crashes else hits, vehicles)
+    met: list[Encounters] = []
+
+    def meet(start: int, scenes: Scenes) -> None:
+        met.append(_of_pairs(encounters_of(scenes, hits, start, on_paths=on_paths), vehicles))
+
+    values = evaluate(tracks, planned, preset=preset, metrics=metrics, vehicles=vehicles, also=meet)
+    severity = severity_of(tracks, hits, scene.types, scene.road)
+    return Outcome(values=values, collisions=hits, severity=severity, encounters=Encounters.join(met))
+
+
+def _of_pairs(rows: P, vehicles: Collection[int] | None) -> P:
+    """Select collisions or encounters with one of the vehicles."""
+    if vehicles is None:
+        return rows
+    return rows.take(np.flatnonzero(np.isin([rows.first, rows.second], list(vehicles)).any(axis=0)))
+
+
+def measure_rollout(
+    scene: SeedScene,
+    rollout: Rollout,
+    *,
+    metrics: Sequence[Metric] | None = None,
+    preset: str = PAPER_PRESET,
+    vehicles: Collection[int] | None = None,
+) -> ScenarioValues:
+    """Return the metric values of a batch; arguments as of `measure_outcome`.
+
+    Args:
+        vehicles: only pairs with one of these (indices) count; None: all.
+    """
+    tracks, planned = _evaluated(scene, rollout, None)
+    return evaluate(tracks, planned, preset=preset, metrics=metrics, vehicles=vehicles)
+
+
+def worst_of(
+    scene: SeedScene, values: ScenarioValues, futures: IntArray, hits: Collisions | None = None
+) -> pa.Table:
+    """Return the step and the vehicles of each future's extremum; times as in ``tracks.parquet``.
+
+    Args:
+        hits: the futures's collisions; values after one are flagged.
+    """
+    steps = next(iter(values.scene.values())).value.shape[1]
+    frames = np.arange(1, LOGGED_HISTORY + steps + 1, dtype=np.int64)
+    return worst_table(
+        values, future=futures, track_ids=scene.track_ids, timestamp_ms=frames * 100, hits=hits
+    )
+
+
+@owner_cache
+def measure_recorded(
+    scene: SeedScene,
+    steps: int,
+    *,
+    replan: int = 5,
+    metrics: tuple[Metric, ...] | None = None,
+    preset: str = PAPER_PRESET,
+    vehicles: tuple[int, ...] | None = None,
+) -> Recorded | None:
+    """Measure the recorded future as one row; return None if there is none.
+
+    `Replay` drives every vehicle in a plain world, as long as it was recorded.
+    """
+    if scene.future is None or scene.future_valid is None or scene.future.shape[1] == 0:
+        return None
+    assert scene.road is not None
+    one, count = np.zeros(1, dtype=np.int64), scene.vehicles
+    batch = Batch(
+        futures=one,
+        assignment=np.zeros((1, count), dtype=np.int64),
+        models=[Replay(ReplayProfile())],
+        names=["replay"],
+        overridden=np.ones(1, dtype=np.bool_),
+        route_draw=np.zeros((1, count)),
+        generators=[np.random.default_rng(0)],
+    )
+    rollout = roll_out(
+        PlainWorld(1, count), scene.road, scene, batch, steps=steps, replan=replan, crash=False
+    )
+    counted = recorded_steps_of(scene, steps)
+    tracks, planned = _evaluated(scene, rollout, counted[None])
+    values = evaluate(tracks, planned, preset=preset, metrics=metrics, vehicles=vehicles)
+    overlaps, last = _of_pairs(find_collisions(tracks), vehicles), counted.sum(axis=0)
+    return Recorded(values=values, overlaps=overlaps, last_step=last, steps=steps)
+
+
+def recorded_steps_of(scene: SeedScene, steps: int) -> BoolArray:
+    """Return the steps (T, V) after the seed moment up to a vehicle's first gap."""
+    assert scene.future_valid is not None
+    known = np.cumprod(scene.future_valid, axis=1).sum(axis=1)
+    result: BoolArray = np.arange(steps)[:, None] < np.minimum(known, steps)
+    return result
+
+
+def overlapping_at_first(scene: SeedScene) -> list[tuple[int, int]]:
+    """Return the pairs of vehicles (indices) whose boxes overlap at the seed moment."""
+    now, (one, two) = scene.now, np.triu_indices(scene.vehicles, 1)
+    boxes = [Rectangles.of(now[side], scene.length[side], scene.width[side]) for side in (one, two)]
+    at = np.flatnonzero(overlap_area(*boxes) > OVERLAP_M2)
+    return list(zip(one[at].tolist(), two[at].tolist(), strict=True))
+
+
+def handover_jumps(scene: SeedScene, first: States, by_sumo: BoolArray) -> FloatArray:
+    """Return how far (n,) SUMO moved each vehicle that it drives in the first step, m.
+
+    SUMO turns a vehicle about its front bumper, until it is parallel to its lane.
+
+    Args:
+        first: (C, V) states after the first step.
+        by_sumo: (C, V) whether SUMO drives.
+    """
+    now = scene.now
+    way = now.speed * STEP_S
+    x, y = now.x + way * np.cos(now.heading), now.y + way * np.sin(now.heading)
+    jumps: FloatArray = np.hypot(first.x - x, first.y - y)[by_sumo]
+    return jumps
+
+
+def _evaluated(
+    scene: SeedScene, rollout: Rollout, present: BoolArray | None
+) -> tuple[SceneTracks, PlannedPaths]:
+    count, steps, _ = rollout.states.shape
+    # As many steps as in tracks.parquet, so that both give the same values.
+    past = scene.history.repeat(count)[:, :, -LOGGED_HISTORY:].swapaxes(1, 2)
+    if present is not None:
+        present = np.concatenate([np.ones(past.shape, dtype=bool), present], axis=1)
+    tracks = SceneTracks(
+        states=States.concatenate([past, rollout.states], axis=1),
+        length=scene.length,
+        width=scene.width,
+        present=present,
+        step_s=STEP_S,
+        first=past.shape[1],
+        types=scene.types,
+    )
+    made_at = np.arange(0, steps, rollout.replan, dtype=np.int64)
+    return tracks, PlannedPaths.from_replans(rollout.plan_x, rollout.plan_y, made_at, steps)

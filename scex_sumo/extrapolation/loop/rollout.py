@@ -1,0 +1,196 @@
+"""Rollout of futures in closed loop: models plan, the world steps, models see the result.
+
+A plan that cannot be used is replaced by the path-following driver's, and listed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import ScexError
+from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
+from scex_sumo.extrapolation.loop.crashes import Crashes, slide
+from scex_sumo.extrapolation.loop.situations import plans_of
+from scex_sumo.road import Road
+from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
+from scex_sumo.world.base import World
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rollout:
+    """States of a batch of futures, read back from the world.
+
+    Attributes:
+        states: (C, T, V) after each step.
+        plan_x: (C, R, V, H) centres planned at each of the R replans, m; so ``plan_y``.
+        with_crashes: vehicles that touch have collided, and stop.
+    """
+
+    futures: IntArray
+    states: States
+    plan_x: FloatArray
+    plan_y: FloatArray
+    replan: int
+    replaced: tuple[Replaced, ...] = ()
+    with_crashes: bool = False
+
+
+class Replaced(NamedTuple):
+    """A plan of the path-following driver in the place of a model's.
+
+    Attributes:
+        step: steps since the seed scene.
+        vehicle: index into the seed scene.
+    """
+
+    future: int
+    step: int
+    vehicle: int
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Batch:
+    """Futures that run side by side, and the models of their vehicles.
+
+    Attributes:
+        assignment: (C, V) index into ``models``.
+        overridden: (M,) False for SUMO's own models, whose vehicles the world drives.
+        route_draw: (C, V) in [0, 1).
+        generators: (C,) random numbers of each future.
+    """
+
+    futures: IntArray
+    assignment: IntArray
+    models: Sequence[Behavior]
+    names: Sequence[str]
+    overridden: BoolArray
+    route_draw: FloatArray
+    generators: Sequence[np.random.Generator]
+
+
+def roll_out(
+    world: World,
+    road: Road,
+    scene: SeedScene,
+    batch: Batch,
+    *,
+    steps: int,
+    replan: int,
+    on_step: Callable[[int], None] | None = None,
+    crash: bool = True,
+) -> Rollout:
+    """Simulate a batch of futures from the seed scene.
+
+    All models see the same history, then all vehicles move. Vehicles that have collided slide to rest.
+
+    Args:
+        world: holds the seed scene in each of its C tiles.
+        steps: of 0.1 s.
+        replan: steps that a plan is followed.
+        on_step: called after each step with the number of futures.
+        crash: False: vehicles drive on after a contact, as recorded boxes do, which are inexact.
+
+    Raises:
+        ScexError: a model's plan is too short or not finite.
+    """
+    count, vehicles = batch.assignment.shape
+    window = scene.history.repeat(count)
+    override = batch.overridden[batch.assignment]
+    crashes = Crashes(scene, count) if crash else None
+    crashed = np.zeros((count, vehicles), dtype=np.bool_) if crashes is None else crashes.crashed
+    rounds = -(-steps // replan)
+    plan_x = np.empty((count, rounds, vehicles, PLAN_STEPS))
+    plan_y = np.empty_like(plan_x)
+    simulated = States.empty((count, steps, vehicles))
+    plan = States.empty((count, vehicles, max(replan, PLAN_STEPS)))
+    replaced: list[Replaced] = []
+    for step in range(steps):
+        if step % replan == 0:
+            history = history_at(scene, window, batch.futures, batch.route_draw, step=step)
+            groups = groups_of(np.where(crashed, -1, batch.assignment), len(batch.models))
+            for index, model_plan in plans_of(batch.models, groups, history, road, batch.generators):
+                who = groups[index]
+                usable = checked_plan(model_plan, len(who), plan.shape[2], batch.names[index])
+                plan.assign((who.future, who.vehicle), usable)
+                replaced += _replaced(model_plan, groups[index], batch, step)
+            gone, now = np.nonzero(crashed), window[:, :, -1][crashed]
+            plan.assign(gone, slide(now, now.speed, plan.shape[2]))
+            plan_x[:, step // replan] = plan.x[:, :, :PLAN_STEPS]
+            plan_y[:, step // replan] = plan.y[:, :, :PLAN_STEPS]
+        before, column = window[:, :, -1], step % replan
+        world.move(plan[:, :, column], override | crashed)
+        if scene.obstacles is not None:
+            world.move_obstacles(*scene.obstacles.at(step + 1))
+        world.step()
+        read = world.read()
+        simulated.assign((slice(None), step), read)
+        window = States.concatenate([window[:, :, 1:], read[:, :, None]], axis=2)
+        if crashes is not None:
+            who_crash, motion = crashes.after_step(before, read, plan.shape[2] - column - 1)
+            plan.assign((*who_crash, slice(column + 1, None)), motion)
+        if on_step is not None:
+            on_step(count)
+    return Rollout(
+        futures=batch.futures,
+        states=simulated,
+        plan_x=plan_x,
+        plan_y=plan_y,
+        replan=replan,
+        replaced=tuple(replaced),
+        with_crashes=crash,
+    )
+
+
+def history_at(
+    scene: SeedScene, window: States, futures: IntArray, route_draw: FloatArray, *, step: int
+) -> SceneHistory:
+    """Return the models' input ``step`` steps after the seed scene; ``window`` (C, V, 11) are states."""
+    states = window.map(_read_only)
+    return SceneHistory(scene=scene, states=states, futures=futures, step=step, route_draw=route_draw)
+
+
+def _read_only(values: FloatArray) -> FloatArray:
+    view = values.view()
+    view.flags.writeable = False
+    return view
+
+
+def groups_of(assignment: IntArray, models: int) -> list[VehicleIndex]:
+    """Return the vehicles of each model, by assignments (C, V)."""
+    drivers = (np.nonzero(assignment == model) for model in range(models))
+    return [VehicleIndex(future=future, vehicle=vehicle) for future, vehicle in drivers]
+
+
+def checked_plan(plan: Plan, count: int, steps: int, name: str) -> States:
+    """Return the first (n, steps) states of a model's plan; raise a `ScexError` for a bad plan."""
+    for key in ("x", "y", "heading", "speed"):
+        values = getattr(plan, key)
+        if values.ndim != 2 or values.shape[0] != count or values.shape[1] < steps:
+            raise ScexError(
+                f"behaviour model {name}: plan.{key} has shape {values.shape}, "
+                f"needs ({count}, {steps}) or more steps"
+            )
+        if not np.isfinite(values[:, :steps]).all():
+            bad = int((~np.isfinite(values[:, :steps])).any(axis=1).sum())
+            raise ScexError(f"behaviour model {name}: plan.{key} is not finite for {bad} of {count} vehicles")
+    return plan[:, :steps]
+
+
+def _replaced(plan: Plan, who: VehicleIndex, batch: Batch, step: int) -> list[Replaced]:
+    if plan.fallback is None:
+        return []
+    return [
+        Replaced(
+            future=int(batch.futures[who.future[row]]),
+            vehicle=int(who.vehicle[row]),
+            step=step,
+            reason=plan.reasons[row] if plan.reasons else BY_ITSELF,
+        )
+        for row in np.flatnonzero(plan.fallback).tolist()
+    ]

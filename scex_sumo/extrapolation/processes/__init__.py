@@ -1,0 +1,1 @@
+"""Worker processes of a run and of a study, and the pool that hands them work."""

@@ -1,0 +1,91 @@
+"""Workers of a run: this process alone, or with a pool of further ones."""
+
+from __future__ import annotations
+
+import resource
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from scex_sumo.base.errors import SimulationError, UsageError
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
+
+    from scex_sumo.base.arrays import IntArray
+    from scex_sumo.extrapolation.job import Job
+    from scex_sumo.extrapolation.processes.pool import Pool
+
+MAX_PROCESSES = 1000
+MIN_ADDRESS_SPACE = 3 * 10**9  # bytes; with less, libsumo or Arrow crash while they are loaded
+
+
+class Workers:
+    """Processes that run futures; a context manager. They start at once.
+
+    Attributes:
+        pool: all but one of the processes; this process is the other. None if it is alone.
+    """
+
+    def __init__(self, processes: int) -> None:
+        if not 1 <= processes <= MAX_PROCESSES:
+            raise UsageError(f"--workers: got {processes}, needs 1 to {MAX_PROCESSES}")
+        limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+        if limit != resource.RLIM_INFINITY and limit < MIN_ADDRESS_SPACE:
+            raise SimulationError(
+                f"ulimit -v leaves each process {limit / 1e9:.1f} GB of address space, libsumo with Arrow "
+                f"needs {MIN_ADDRESS_SPACE / 1e9:.1f} GB; raise it, or limit resident memory instead"
+            )
+        self.processes = processes
+        self.pool: Pool | None = None
+        if processes > 1:
+            from scex_sumo.extrapolation.processes.pool import Pool
+
+            self.pool = Pool(processes - 1)
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self.pool is not None:
+            self.pool.close()
+
+    @property
+    def deaths(self) -> list[str]:
+        """One phrase for each worker that died and was replaced."""
+        return [] if self.pool is None else self.pool.deaths
+
+    def run(
+        self, job: Job, batches: Sequence[IntArray], *, on_step: Callable[[int], None] | None = None
+    ) -> Iterator[IntArray]:
+        """Run batches of futures, here and in the pool, and save their parts in the result folder.
+
+        Args:
+            on_step: called with a number of futures when they have made a step.
+
+        Yields:
+            The futures of each finished batch, in any order.
+
+        Raises:
+            SimulationError: two workers died over the same batch.
+            Exception: whatever a batch raises.
+        """
+        from scex_sumo.extrapolation.job import batch_runner
+
+        slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
+        tick = on_step or (lambda futures: None)
+        if self.pool is not None:
+            yield from self.pool.run(partial(batch_runner, job, slots), batches, tick)
+            return
+        with batch_runner(job, slots) as run_here:
+            for batch in batches:
+                yield run_here(batch, tick)
+
+    @property
+    def free(self) -> int:
+        """Number of processes, this one included, that do no function of `submit`."""
+        return 1 if self.pool is None else 1 + len(self.pool.free)
+
+    def submit(self, function: Callable[[], Any], *, where: str) -> Future[Any] | None:
+        """Let a worker of the pool call a function, see `Pool.submit`; None without a free one."""
+        return self.pool.submit(function, where=where) if self.pool is not None and self.pool.free else None

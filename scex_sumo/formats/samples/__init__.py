@@ -1,0 +1,1 @@
+"""Tracks from recorded samples: rows, boxes, recordings from a car."""

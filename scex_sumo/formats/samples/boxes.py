@@ -1,0 +1,193 @@
+"""Recorded boxes of road users as tracks: names, types, sizes and missing velocities."""
+
+from __future__ import annotations
+
+import re
+import sqlite3
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import InputError, TrackError, reason_of
+from scex_sumo.converters.tracks.check import MAX_VALUES
+from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
+from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackTable
+from scex_sumo.formats.samples.build import track_table
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.scene import STEP_S
+
+SIZES = {
+    "car": (4.6, 1.9),
+    "bus": (11.5, 2.6),
+    "truck": (8.0, 2.5),
+    "motorcycle": (2.2, 0.8),
+    "bicycle": (1.8, 0.7),
+    "pedestrian": (0.6, 0.6),
+}
+"""Length and width in m of road users without a recorded size."""
+SWAPPED = 1.5  # a vehicle so many times as wide as long has its sides swapped
+_DAMAGE = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RuntimeError, MemoryError)
+MAX_ITEMS = 10**8  # of a table, those in lists too
+MAX_NAME = 200  # letters of a track's name: all names together are one array of the longest
+UNFILLED = ("timestamp_ms", "x", "y", "psi_rad")
+
+
+@contextmanager
+def one_line(error: type[InputError], path: Path, what: str) -> Iterator[None]:
+    """Turn what a reader raises on a damaged file into an error of one line; ``what`` is no article."""
+    try:
+        yield
+    except InputError as known:
+        raise error(str(known)) from None
+    except OSError as why:
+        reason = " ".join(str(why.strerror or why).split())[:160]  # Arrow's has lines
+        raise error(f"{path}: cannot be read ({reason}); check the file") from None
+    except KeyError as key:
+        name = re.sub(r'.*"(.*)".*', r"\1", str(key.args[0]))[:160]  # of a column, in a sentence of Arrow
+        raise error(f"{path}: no {name} in it; take the file as published") from None
+    except (*_DAMAGE, sqlite3.Error, shapely.errors.ShapelyError) as why:
+        reason = " ".join(reason_of(why).split())[:160]
+        raise error(f"{path}: no {what} can be read ({reason}); fetch the file again") from None
+
+
+def checked(table: Any) -> Any:
+    """Return a table of Arrow after a full check; raises `ValueError`.
+
+    Few bytes can state billions of rows.
+    """
+    import pyarrow as pa
+
+    table.validate(full=True)  # offsets of a damaged file lead out of its buffers
+    items = 0
+    for chunk in (chunk for column in table.columns for chunk in column.chunks):
+        items += len(chunk)
+        while pa.types.is_list(chunk.type) or pa.types.is_large_list(chunk.type):
+            chunk = chunk.flatten()
+            items += len(chunk)
+    if items > MAX_ITEMS:
+        raise ValueError(f"more than {MAX_ITEMS} values in it")
+    return table
+
+
+def box_table(
+    path: Path, names: Sequence[str], kinds: Mapping[str, str], values: FloatArray, *, ego: str = ""
+) -> tuple[TrackTable, tuple[str, ...]]:
+    """Build a recording from boxes in any order.
+
+    Args:
+        names: (N,) track of each box.
+        kinds: type of each track; those that `SIZES` does not have are left out.
+        values: (N, 8) as `FLOAT_COLUMNS`; nan for unknown velocities and sizes.
+        ego: name of the recording vehicle.
+
+    Returns:
+        The recording, its time from 0, and one phrase for each guess.
+
+    Raises:
+        TrackError: a value is missing or out of range, or no vehicle is left.
+    """
+    _check(path, names, values)
+    kept = np.array([kinds.get(name, "") in SIZES for name in names], bool)
+    left_out = Counter(kind for kind in kinds.values() if kind not in SIZES)
+    dropped = ", ".join(f"{count} {kind or 'of no type'}" for kind, count in sorted(left_out.items()))
+    notes = [f"objects that are no road users, left out: {dropped}"] if dropped else []
+    labels, track = np.unique(np.asarray(names, str)[kept], return_inverse=True)
+    values = values[kept]
+    if not any(kinds[str(label)] in MOTOR_TYPES for label in labels):
+        raise TrackError(f"{path}: no vehicle in it; name a recording with traffic")
+    order = np.lexsort((values[:, 0], track))
+    track, values = track[order].astype(np.int64), values[order]
+    twice = np.append(False, (np.diff(track) == 0) & (np.diff(values[:, 0]) <= 0.0))
+    if twice.any():
+        notes.append(f"{int(twice.sum())} boxes of one track and time left out")
+        track, values = track[~twice], values[~twice]
+    words = [kinds[str(label)] for label in labels]
+    values[:, 0] = np.rint(values[:, 0] - values[:, 0].min())  # whole milliseconds
+    notes += _fill_velocities(track, values)
+    notes += _fill_sizes(track, values, words)
+    numbers, named = _numbers([str(label) for label in labels], [word in MOTOR_TYPES for word in words])
+    notes += named
+    if ego and ego in kinds:
+        notes.append(f"the recording vehicle {ego} is vehicle {numbers[labels.tolist().index(ego)]}")
+    motor: BoolArray = np.array([word in MOTOR_TYPES for word in words], bool)[track]
+    steps = np.diff(values[:, 0])[np.diff(track) == 0]
+    step_s = float(np.median(steps)) / 1000.0 if len(steps) else STEP_S
+    columns = dict(zip(FLOAT_COLUMNS, values.T.copy(), strict=True))
+    columns["psi_rad"] = np.asarray(wrap(columns["psi_rad"]))
+    return track_table(path, motor, track, numbers, words, step_s=step_s, **columns), tuple(notes)
+
+
+def yaw_of(qw: Any, qx: Any, qy: Any, qz: Any) -> Any:
+    """Return the heading of a quaternion, rad; nan if a part is infinite."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
+
+
+def _check(path: Path, names: Sequence[str], values: FloatArray) -> None:
+    if (longest := max(set(names), key=len, default="")) and len(longest) > MAX_NAME:
+        raise TrackError(f"{path}: a track's name has {len(longest)} letters; fetch the file again")
+    limits = np.array([MAX_VALUES.get(name, 1e4) for name in FLOAT_COLUMNS])
+    wrong = ~(np.abs(values) <= limits)
+    optional = [k for k, name in enumerate(FLOAT_COLUMNS) if name not in UNFILLED]
+    wrong[:, optional] &= ~np.isnan(values[:, optional])
+    if wrong.any():
+        row, column = np.argwhere(wrong)[0]
+        said = "missing" if np.isnan(values[row, column]) else f"{values[row, column]:g}"
+        raise TrackError(
+            f"{path}: {FLOAT_COLUMNS[column]} of track {names[row]:.24} is {said}; finite numbers up to "
+            f"{limits[column]:g} are read; fetch the file again"
+        )
+    if not len(values):
+        raise TrackError(f"{path}: no box in it; name a recording with traffic")
+
+
+def _fill_velocities(track: IntArray, values: FloatArray) -> list[str]:
+    missing = np.isnan(values[:, 3:5]).any(axis=1)
+    # Some writers leave all velocities at zero; a track that stands gets zero anyway.
+    missing |= ~np.isin(track, np.unique(track[(values[:, 3:5] != 0.0).any(axis=1)]))
+    for number in np.unique(track[missing]):
+        rows = np.flatnonzero(track == number)
+        if len(rows) > 1:
+            slope = np.gradient(values[rows, 1:3], values[rows, 0] / 1000.0, axis=0)
+        else:
+            slope = np.zeros((len(rows), 2))
+        values[rows, 3:5] = np.where(missing[rows, None], slope, values[rows, 3:5])
+    return ["velocities are not recorded: computed from positions"] if missing.all() else []
+
+
+def _fill_sizes(track: IntArray, values: FloatArray, words: list[str]) -> list[str]:
+    notes = []
+    unknown = ~(values[:, 6:8] > 0.0)
+    usual = np.array([SIZES[word] for word in words])[track]
+    values[:, 6:8] = np.where(unknown, usual, values[:, 6:8])
+    if unknown.any():
+        used = sorted({words[k] for k in np.unique(track[unknown.any(axis=1)])})
+        sizes = ", ".join(f"{word} {SIZES[word][0]:g} m x {SIZES[word][1]:g} m" for word in used)
+        notes.append(f"sizes are not recorded: {sizes}")
+    motor = np.array([word in MOTOR_TYPES for word in words], bool)[track]
+    swapped = motor & (values[:, 7] > SWAPPED * values[:, 6])
+    values[swapped, 6:8] = values[swapped, 7:5:-1]
+    if swapped.any():
+        count = len(np.unique(track[swapped]))
+        notes.append(f"length and width of {count} vehicles are swapped in the file: swapped back")
+    return notes
+
+
+def _numbers(labels: list[str], motor: list[bool]) -> tuple[list[str], list[str]]:
+    """Number the vehicles whose names are no numbers, after the others."""
+    plain = [bool(re.fullmatch(r"\d{1,18}", label)) for label in labels]
+    free = max((int(label) for label, number in zip(labels, plain, strict=True) if number), default=0)
+    numbers, named = [], 0
+    for label, number, vehicle in zip(labels, plain, motor, strict=True):
+        if number or not vehicle:
+            numbers.append(str(int(label)) if number else label)
+        else:
+            free, named = free + 1, named + 1
+            numbers.append(str(free))
+    return numbers, ["vehicles are numbered in the order of their names"] if named > 1 else []

@@ -1,0 +1,410 @@
+"""Observations of drivers in a seed scene, on which `LikelyDriver` conditions its draws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.behaviors.driving.leaders import Leaders, find_ahead
+from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, curve_speeds, rear_axle
+from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
+from scex_sumo.behaviors.driving.projection import bend_at, foot_points
+from scex_sumo.behaviors.models.idm import (
+    HABIT_STEPS,
+    desired_speeds,
+    idm_acceleration,
+)
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.humans.guard.side_clearance import box_distances
+from scex_sumo.humans.parameters import HumanParameters
+from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
+
+LEADER_MOVES = 2  # column of `start_features`
+
+
+def start_features(
+    speed: FloatArray, gap: FloatArray, leader_speed: FloatArray, wave: BoolArray, human: HumanParameters
+) -> FloatArray:
+    """Return (n, 5) features of the rate of starting.
+
+    1; creeping speed over that of standing; near leader moves off; no near leader; near leader stands behind
+    one that moves off (``wave``). A leader that cannot have stood in the queue does not move off: it passes.
+    """
+    near, stands = gap < human.queue_m, np.abs(leader_speed) <= human.standing_mps
+    moves = ~stands & (leader_speed > 0) & (leader_speed**2 < 2 * human.queue_start_mps2 * gap)
+    creep = np.clip(speed / human.standing_mps, 0.0, 1.0)
+    return np.column_stack([np.ones_like(gap), creep, near & moves, ~near, near & stands & wave])
+
+
+def stop_features(
+    speed: FloatArray,
+    acceleration: FloatArray,
+    gap: FloatArray,
+    leader_speed: FloatArray,
+    human: HumanParameters,
+) -> FloatArray:
+    """Return (n, 5) features of the log odds that a creeping vehicle comes to rest.
+
+    1; speed; shown acceleration; near leader or not; its speed beyond that of the vehicle.
+    """
+    near, most = gap < human.queue_m, human.creeping_mps
+    opening = np.where(near, np.clip(leader_speed - speed, -most, most), 0.0)
+    return np.column_stack([np.ones_like(speed), speed, acceleration, near, opening])
+
+
+@owner_cache
+def queue_leaders(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> IntArray:
+    """Return (V,) near leaders on straight paths; -1 without one."""
+    observed, row = observations_of(scene, paths, human), paths.first + paths.straight
+    leader = observed.leader[row]
+    return np.where((observed.gap[row] < human.queue_m) & (leader < scene.vehicles), leader, -1)
+
+
+def behind_a_wave(
+    speed_mps: FloatArray, leaders: Leaders, future: IntArray, queue: IntArray, human: HumanParameters
+) -> BoolArray:
+    """Return (n,) whether the leader's leader moves off.
+
+    Args:
+        speed_mps: (C, V) present speeds.
+        queue: (V,) as `queue_leaders`.
+    """
+    first = np.where((leaders.index >= 0) & (leaders.index < len(queue)), leaders.index, 0)
+    second = np.where(leaders.index == first, queue[first], -1)
+    speed = speed_mps[future, np.maximum(second, 0)]
+    return (second >= 0) & (speed > human.standing_mps) & (speed < human.queue_start_mps)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """n vehicles on their paths when they plan."""
+
+    history: SceneHistory
+    who: VehicleIndex
+    paths: SeedPaths
+    row: IntArray  # (n,) path of each vehicle
+    s: FloatArray  # (n,) place of its centre on that path, m
+    human: HumanParameters
+
+    @property
+    def scene(self) -> SeedScene:
+        """Return the seed scene."""
+        return self.history.scene
+
+    @property
+    def observed(self) -> PathObservations:
+        """Return what each path shows in the seed scene."""
+        return observations_of(self.scene, self.paths, self.human)
+
+    @property
+    def shown(self) -> LastSecond:
+        """Return what the last second before the seed scene shows."""
+        return last_second(self.scene, self.human)
+
+
+def leaders_of(view: View, aside: FloatArray) -> Leaders:
+    """Find leaders of vehicles at offsets from their paths (n,), m; see `find_ahead`.
+
+    One that crosses and has left before the driver arrives is no leader.
+    """
+    history, who, human = view.history, view.who, view.human
+    ahead = find_ahead(
+        history,
+        who,
+        view.paths,
+        view.row,
+        view.s,
+        clearance=human.clearance_m,
+        radius=human.idm.radius,
+        obstacle_clearance=human.idm.obstacle_clearance,
+        aside=aside,
+        margin=human.corridor_margin_m,
+    )
+    speed = history.now.speed[who.future, who.vehicle][ahead.driver]
+    arrives = np.maximum(ahead.gap, 0.0) / np.maximum(speed, human.standing_mps)
+    stays = ahead.leaves + human.clear_s > arrives
+    return ahead.part((ahead.cos >= human.along_cos) | stays).leaders(len(who))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LastSecond:
+    """Motion of each vehicle in the last second, (V,)."""
+
+    speed: FloatArray  # now, m/s
+    slope: FloatArray  # acceleration of a straight line through the speeds, m/s²
+    recent: FloatArray  # mean acceleration of the last `HABIT_STEPS`, m/s²
+    acceleration: FloatArray  # that lasts, m/s², reduced by its scatter
+    sudden: FloatArray  # present acceleration beyond the lasting one, m/s²
+    scatter: FloatArray  # of accelerations of single steps, m/s²
+    line_error: FloatArray  # present speed of a straight line minus the present speed, m/s
+    trust: FloatArray  # share of the acceleration that is not noise
+
+
+@owner_cache
+def last_second(scene: SeedScene, human: HumanParameters) -> LastSecond:
+    """Measure the motion in the last second."""
+    speed = scene.history.speed
+    time = STEP_S * (np.arange(speed.shape[1]) - (speed.shape[1] - 1) / 2)
+    slope, single = speed @ time / (time @ time), np.diff(speed, axis=1) / STEP_S
+    recent = (speed[:, -1] - speed[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
+    scatter = np.sqrt(((single - slope[:, None]) ** 2).mean(axis=1))
+    trust = 1 / (1 + (scatter / human.half_trust_mps2) ** 2)
+    change = trust * recent + (1 - trust) * slope
+    # A large one is sooner an error of noisy tracks, and ends sooner on clean ones.
+    lasting = change / np.hypot(1.0, change * np.hypot(scatter, human.lasting_mps2) / human.large_mps2**2)
+    # Second differences of white noise have six times its variance; those of smooth motion are small.
+    noise2 = (np.diff(single, n=2, axis=1) ** 2).mean(axis=1) / 6
+    sudden = (single[:, -1] - lasting) / (1 + noise2 / human.noisy_mps2**2)
+    now = np.maximum(speed[:, -1], 0.0)
+    line = speed.mean(axis=1) + slope * time[-1]
+    return LastSecond(
+        speed=now,
+        slope=slope,
+        recent=recent,
+        acceleration=lasting,
+        sudden=np.where(now < human.standing_mps, 0.0, sudden),
+        scatter=scatter,
+        line_error=line - now,
+        trust=trust,
+    )
+
+
+@owner_cache
+def acceleration_around(scene: SeedScene, human: HumanParameters) -> FloatArray:
+    """Return (V,) weighted mean accelerations of the other vehicles around that move the same way, m/s²."""
+    now = scene.now
+    same_way = np.cos(now.heading - now.heading[:, None]) > human.same_way_cos
+    distance = np.hypot(now.x - now.x[:, None], now.y - now.y[:, None])
+    weight = ((now.speed > human.standing_mps) & same_way) * np.exp(-distance / human.around_m)
+    np.fill_diagonal(weight, 0.0)
+    return np.asarray(weight @ last_second(scene, human).slope / (weight.sum(axis=1) + human.around_doubt))
+
+
+@owner_cache
+def room_beside(scene: SeedScene, human: HumanParameters) -> FloatArray:
+    """Return (V, 2) room to vehicles on the right and left, m."""
+    now, far = scene.now, scene.length[:, None] / 2 + scene.length / 2 + human.beside_along_m
+    cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
+    dx, dy = now.x - now.x[:, None], now.y - now.y[:, None]
+    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+    turn = now.heading - now.heading[:, None]
+    half = (np.abs(np.sin(turn)) * scene.length + np.abs(np.cos(turn)) * scene.width) / 2
+    gap = np.abs(left) - half - scene.width[:, None] / 2
+    beside = (np.abs(ahead) < far) & ((gap > 0) | (np.abs(ahead) < far - human.beside_along_m))
+    np.fill_diagonal(beside, False)
+    gap = np.maximum(gap, 0.0)
+    near = (np.where(beside & side, gap, np.inf) for side in (left < 0, left > 0))
+    return np.stack([each.min(axis=1, initial=np.inf) for each in near], axis=1)
+
+
+@owner_cache
+def side_features(scene: SeedScene, human: HumanParameters) -> FloatArray:
+    """Return (V, 3) scatter, relative speed and smaller room beside."""
+    shown = last_second(scene, human)
+    scatter = np.minimum(shown.scatter, human.max_scatter_mps2)
+    speed = np.minimum(shown.speed, human.max_speed_mps) / human.max_speed_mps
+    room = np.minimum(room_beside(scene, human).min(axis=1), human.max_room_m)
+    return np.column_stack([scatter, speed, room])
+
+
+def keep_features(side: FloatArray, bends: FloatArray, human: HumanParameters) -> FloatArray:
+    """Return (n, 4): ``side_features`` (n, 3), and the sharper of bends (n, 2) over the largest one."""
+    return np.column_stack([side, np.abs(bends).max(axis=1) / human.max_bend])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathObservations:
+    """Observations along each path, (P,)."""
+
+    leader: IntArray  # as in `Leaders`
+    slack: FloatArray  # addition to the gap, m, so that trailers and too long boxes do not brake
+    gap: FloatArray  # with slack, m; inf without a leader
+    leader_speed: FloatArray  # m/s along the path
+    limit: FloatArray  # speed limit, m/s
+    curve: FloatArray  # speed that the curves ahead allow a moment later, m/s
+    headway: FloatArray  # beyond the minimum gap, s
+    lateral: FloatArray  # (P, 3) motion of the rear axle across the path: m, left positive; m/s; m/s²
+    bends: FloatArray  # (P, 2) curvatures here and 3 s ahead, left positive, 1/m
+    # (P, 11) 1, shown acceleration, that of the model, speed difference to the leader, line error, leader's
+    # acceleration, limit minus speed, speed difference to the leader's leader, acceleration around, braking
+    # that curves need, comfortable speed in the curve ahead minus speed
+    mean_features: FloatArray
+    spread_features: FloatArray  # (P, 3) scatter, size of the acceleration, leader near or not
+
+
+@owner_cache
+def observations_of(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> PathObservations:
+    """Observe vehicles along each of their paths."""
+    history, vehicle = SceneHistory.of_scene(scene), np.repeat(np.arange(scene.vehicles), paths.count)
+    row, shown, idm = np.arange(len(vehicle)), last_second(scene, human), human.idm
+    who = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
+    now, speed = scene.now[vehicle], shown.speed[vehicle]
+    s, _, _ = foot_points(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
+    view = View(history=history, who=who, paths=paths, row=row, s=s, human=human)
+    lateral = _lateral(view)
+    leaders = leaders_of(view, lateral[:, 0])
+    coupled = (speed > human.coupled_mps[0]) & (np.abs(leaders.speed - speed) < human.coupled_mps[1])
+    slack = np.where(coupled, np.clip(human.coupled_m - leaders.gap, 0.0, human.max_slack_m), 0.0)
+    slack[_overlaps(view, leaders)] = human.overlap_slack_m
+    gap, near = leaders.gap + slack, leaders.gap < human.far_leader_m
+    size = np.minimum(np.abs(shown.acceleration[vehicle]), human.max_size_mps2)
+    scatter = np.minimum(shown.scatter[vehicle], human.max_scatter_mps2)
+    curves = curve_speeds(paths, idm.curve_acceleration, idm.curve_deceleration)
+    return PathObservations(
+        leader=leaders.index,
+        slack=slack,
+        gap=gap,
+        leader_speed=leaders.speed,
+        limit=desired_speeds(paths, idm.speed, idm.speed_factor)[_sample(paths, row, s)],
+        curve=curves[_sample(paths, row, s + speed * CURVE_TIME_S)],
+        headway=(gap - idm.minimum_gap) / np.maximum(speed, 1.0),
+        lateral=lateral,
+        bends=_bends(view),
+        mean_features=_mean_features(view, leaders, gap, near),
+        spread_features=np.column_stack([scatter, size, near.astype(np.float64)]),
+    )
+
+
+def _sample(paths: SeedPaths, row: IntArray, s: FloatArray) -> IntArray:
+    """Return (n,) index of the nearest sample before each place."""
+    return row * paths.samples + np.clip(s / DS_M, 0, paths.samples - 1).astype(np.int64)
+
+
+def _mean_features(view: View, leaders: Leaders, gap: FloatArray, near: BoolArray) -> FloatArray:
+    """Return (P, 11); see `PathObservations`."""
+    human, shown, vehicle = view.human, view.shown, view.who.vehicle
+    there = view.paths.curve_curvature.ravel()[
+        _sample(view.paths, view.row, view.s + human.curve_ahead_s * shown.speed[vehicle])
+    ]
+    speed, ahead = shown.speed[vehicle], int((BEHIND_M + human.limit_ahead_m) / DS_M)
+    features = (
+        shown.acceleration[vehicle],
+        idm_acceleration(human.idm, speed, np.full_like(speed, np.inf), gap, leaders.speed),
+        np.where(near, leaders.speed - speed, 0.0),
+        shown.line_error[vehicle],
+        _of_leader(leaders, near, shown.acceleration),
+        view.paths.speed_limit[view.row, ahead] - speed,
+        _second_opening(view, leaders, near),
+        acceleration_around(view.scene, human)[vehicle],
+        braking_for_turns(view.paths, view.s, speed, human.easy_mps2, human),
+        np.sqrt(human.easy_mps2 / np.maximum(there, 1e-6)) - speed,
+    )
+    limited = (np.clip(v, *most) for v, most in zip(features, human.mean_ranges, strict=True))
+    return np.column_stack([np.ones_like(speed), *limited])
+
+
+def _bends(view: View) -> FloatArray:
+    """Return (P, 2); see `PathObservations`."""
+    way = view.human.lateral_s * view.shown.speed[view.who.vehicle]
+    there = np.stack([bend_at(view.paths, view.row, s) for s in (view.s, view.s + way)], axis=1)
+    return np.clip(there, -view.human.max_bend, view.human.max_bend)
+
+
+def braking_for_turns(
+    paths: SeedPaths, s: FloatArray, speed: FloatArray, lateral: float, human: HumanParameters
+) -> FloatArray:
+    """Return (P,) braking, m/s², that the curves ahead of each path need for a lateral acceleration, m/s²."""
+    ahead = DS_M * np.arange(paths.samples) - s[:, None]
+    excess = speed[:, None] ** 2 - lateral / np.maximum(paths.curve_curvature, 1e-6)
+    near, far = human.turn_range_m
+    counts = np.abs(ahead - far / 2) < far / 2
+    needed = np.where(counts, excess, 0.0) / (2 * np.maximum(ahead, near))
+    return np.asarray(np.maximum(needed.max(axis=1), 0.0))
+
+
+def _overlaps(view: View, leaders: Leaders) -> BoolArray:
+    """Return (P,) whether the leader is a vehicle tracked twice."""
+    known = (leaders.index >= 0) & (leaders.index < view.scene.vehicles)
+    known &= leaders.gap < -view.human.overlap_m
+    at = np.where(known, leaders.index, 0)
+    return np.asarray(known & (box_distances(view.scene)[view.who.vehicle, at] <= 0))
+
+
+def _lateral(view: View) -> FloatArray:
+    scene, vehicle, paths, human = view.scene, view.who.vehicle, view.paths, view.human
+    now, speed = scene.now[vehicle], view.shown.speed[vehicle]
+    x, y = rear_axle(now, scene.length[vehicle])
+    s, offset, along = foot_points(paths, view.row, x, y, np.full(len(vehicle), BEHIND_M))
+    before = scene.history[vehicle, -1 - HABIT_STEPS].heading
+    turn_rate = wrap(now.heading - before) / (HABIT_STEPS * STEP_S)
+    swerve = speed * np.sin(now.heading - along)
+    turning = speed * (turn_rate - speed * bend_at(paths, view.row, s))
+    limit = np.array([human.max_offset_m, human.max_lateral, human.max_lateral])
+    return np.asarray(np.clip(np.column_stack([offset, swerve, turning]), -limit, limit))
+
+
+def _of_leader(leaders: Leaders, near: BoolArray, values: FloatArray) -> FloatArray:
+    """Return (P,) values of near leaders from (V,) values, else 0."""
+    is_vehicle = near & (leaders.index >= 0) & (leaders.index < len(values))
+    return np.where(is_vehicle, values[np.where(is_vehicle, leaders.index, 0)], 0.0)
+
+
+def _second_opening(view: View, leaders: Leaders, near: BoolArray) -> FloatArray:
+    """Return (P,) speed differences to the near leaders of near leaders, m/s; 0 without."""
+    straight, speed = view.paths.first + view.paths.straight, view.shown.speed
+    second = np.where(near & (leaders.index < view.scene.vehicles), leaders.index, -1)[straight]
+    there = _of_leader(leaders, near, (second >= 0).astype(np.float64))
+    return there * (_of_leader(leaders, near, speed[second]) - speed[view.who.vehicle])
+
+
+def path_features(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> FloatArray:
+    """Return (P, 5) features of each path.
+
+    Missing braking, m/s²; excessive speed, m/s; heading error, rad; offset, m, and heading error, rad, after
+    the shown turn has gone on for a moment. A vehicle that is about to turn slows down: braking is missing as
+    far as the curves ahead need more than it shows. A speed is excessive if even hard braking and sharp
+    curves do not bring it down.
+    """
+    vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
+    row, shown = np.arange(len(vehicle)), last_second(scene, human)
+    now, speed = scene.now[vehicle], shown.speed[vehicle]
+    s, _, heading = foot_points(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
+    needed = braking_for_turns(paths, s, speed, human.turn_mps2, human)
+    shown_braking = np.clip(shown.acceleration[vehicle], *human.missing_range_mps2)
+    missing = np.where(needed > 0, needed + shown_braking, 0.0)
+    allowed = curve_speeds(paths, human.idm.curve_acceleration, human.idm.curve_deceleration)
+    return np.column_stack(
+        [
+            np.clip(missing, 0.0, human.max_missing_mps2),
+            np.maximum(now.speed - allowed[_sample(paths, row, s)], 0.0),
+            np.abs(wrap(now.heading - heading)),
+            *_after_turn(scene, paths, human),
+        ]
+    )
+
+
+def _after_turn(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> tuple[FloatArray, FloatArray]:
+    """Return (P,) offsets, m, and heading errors, rad, after the turn of the last steps has gone on."""
+    vehicle, now, time_s = np.repeat(np.arange(scene.vehicles), paths.count), scene.now, human.turn_goes_on_s
+    before = scene.history[:, -1 - HABIT_STEPS].heading
+    rate = wrap(now.heading - before) / (HABIT_STEPS * STEP_S)
+    turn = np.clip(rate, -human.max_turn_rad_s, human.max_turn_rad_s) * time_s
+    x, y = rear_axle(now, scene.length)
+    way = last_second(scene, human).speed * time_s
+    chord, course = way * np.sinc(turn / (2 * np.pi)), now.heading + turn / 2
+    x, y = x + chord * np.cos(course), y + chord * np.sin(course)
+    row = np.arange(len(vehicle))
+    _, offset, heading = foot_points(paths, row, x[vehicle], y[vehicle], BEHIND_M + way[vehicle])
+    return np.abs(offset), np.abs(wrap((now.heading + turn)[vehicle] - heading))
+
+
+@owner_cache
+def path_weights(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> FloatArray:
+    """Return (P,) relative probabilities, above 0, of each vehicle's paths."""
+    share = np.diff(paths.draw_edges, prepend=0.0)
+    share[paths.first] = paths.draw_edges[paths.first]
+    cost = path_features(scene, paths, human) @ human.path_costs
+    return np.asarray(np.maximum(share, 1e-9) * np.exp(-cost) + 1e-12)
+
+
+def path_edges(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> FloatArray:
+    """Return (P,) upper edges in [0, 1] of paths' shares of a draw."""
+    weight = path_weights(scene, paths, human)
+    edges = np.empty_like(weight)
+    for first, count in zip(paths.first, paths.count, strict=True):
+        part = slice(first, first + count)
+        edges[part] = np.cumsum(weight[part]) / weight[part].sum()
+    return edges

@@ -1,0 +1,1 @@
+"""Tables of a result folder: states, plans, outcomes, encounters, origins of extrema."""

@@ -1,0 +1,307 @@
+"""Encounters over all futures: probability, time, place and models of each pair."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.metrics.collisions import KINDS
+from scex_sumo.metrics.encounters import Encounters
+from scex_sumo.metrics.events import EVENTS, MEASURED
+from scex_sumo.results.extras import ExactProbability
+from scex_sumo.results.tables.outcomes import first_contacts
+from scex_sumo.road import Road
+from scex_sumo.roads.doubts import doubts_of
+from scex_sumo.roads.places import places_of
+from scex_sumo.scene import SeedScene
+from scex_sumo.statistics.density import Interval
+from scex_sumo.statistics.intervals import DesignIntervals
+
+ENCOUNTERS: Final = "encounters.parquet"
+QUESTIONS: Final = (*EVENTS, "critical")
+"""Probabilities of a pair, each with ``_low`` and ``_high``; ``critical`` is any of the others."""
+
+_MODELS = pa.list_(
+    pa.struct(
+        [
+            ("model", pa.string()),
+            ("other_model", pa.string()),
+            ("futures", pa.int64()),
+            ("critical", pa.int64()),
+            ("probability", pa.float64()),
+            ("share", pa.float64()),
+            ("lift", pa.float64()),
+        ]
+    )
+)
+SCHEMA: Final = pa.schema(
+    [
+        ("track_id", pa.int64()),
+        ("other_id", pa.int64()),
+        *((name + end, pa.float64()) for name in QUESTIONS for end in ("", "_low", "_high")),
+        ("met", pa.float64()),
+        ("consequence", pa.float64()),
+        ("kind", pa.string()),
+        ("relative_speed", pa.float64()),
+        ("expected_mais3", pa.float64()),
+        *((f"gap_p{percent:02}", pa.float64()) for percent in (5, 50, 95)),
+        ("future", pa.int64()),
+        ("gap", pa.float64()),
+        ("model", pa.string()),
+        ("other_model", pa.string()),
+        ("time_s", pa.float64()),
+        ("x", pa.float64()),
+        ("y", pa.float64()),
+        ("place", pa.string()),
+        ("doubt", pa.string()),
+        ("models", _MODELS),
+    ]
+)
+"""One row a pair; ``met`` is the share of futures in which the pair has an encounter, ``expected_mais3`` the
+mean number of severely injured occupants (MAIS 3+, one in each vehicle) over all futures. ``consequence`` is
+the share in which the two touch, but one of them had collided before; nothing else counts those contacts."""
+
+OUTCOMES_SCHEMA: Final = pa.schema(
+    [
+        *((name, pa.int64()) for name in ("future", "track_a", "track_b")),
+        *((event.column, pa.float32()) for event in MEASURED),
+    ]
+)
+"""One row a pair and future in which the value of some event is defined, sorted by pair and future.
+
+``track_a`` is the lower id; values of `MEASURED` events, NaN where undefined.
+"""
+
+_GAPS = (0.05, 0.5, 0.95)
+
+
+def encounters_table(
+    encounters: Encounters,
+    *,
+    track_ids: IntArray,
+    models: NDArray[np.str_],
+    intervals: DesignIntervals,
+    collisions: pa.Table | None = None,
+    road: Road | None = None,
+    scene: SeedScene | None = None,
+) -> pa.Table:
+    """Tabulate the pairs of vehicles with an encounter, the most critical first.
+
+    Args:
+        track_ids: (V,).
+        models: (C, V).
+        collisions: of the futures, for their severity.
+        road: names the places; None leaves them null.
+        scene: says which pairs are doubtful; None leaves that null.
+
+    Returns:
+        Columns of ``SCHEMA``, sorted by P(collision), P(critical), 5th percentile of the least gap.
+        ``track_id`` hits or follows ``other_id``. ``gap``, ``model``, ``other_model``, ``time_s``, ``x``
+        and ``y`` belong to ``future``, the typical future: its least gap, then its time, is the median of
+        those that collide (else have the most frequent event, else meet). Gaps above 10 m are null.
+    """
+    vehicles = len(track_ids)
+    pairs, which = np.unique(encounters.first * vehicles + encounters.second, return_inverse=True)
+    which = which.reshape(-1)
+    answers = answers_of(encounters)
+    shares = {
+        name: intervals.all_shares(
+            _by_future(which, encounters.future, answers[name], len(pairs), intervals.count)
+        )
+        for name in QUESTIONS
+    }
+    order = np.argsort(which, kind="stable")
+    ends = np.searchsorted(which[order], np.arange(len(pairs) + 1))
+    injured = _injured(collisions, len(models))
+    rows = []
+    for index in range(len(pairs)):
+        mine = order[ends[index] : ends[index + 1]]
+        row = _row(encounters, mine, answers, track_ids, models)
+        row["expected_mais3"] = injured.get(frozenset((row["track_id"], row["other_id"])), 0.0)
+        for name in QUESTIONS:
+            share = shares[name][index]
+            row |= {name: share.value, f"{name}_low": share.low, f"{name}_high": share.high}
+        rows.append(row)
+    points = np.array([(row["x"], row["y"]) for row in rows]).reshape(-1, 2)
+    places = places_of(road, points) if road is not None else [None] * len(rows)
+    doubts = _doubts(rows, scene) if scene is not None else [None] * len(rows)
+    named = zip(rows, places, doubts, strict=True)
+    rows = [{**row, "place": place, "doubt": doubt} for row, place, doubt in named]
+    rows.sort(key=criticality)
+    return pa.Table.from_pylist(rows, schema=SCHEMA)
+
+
+def _doubts(rows: list[dict[str, Any]], scene: SeedScene) -> list[str | None]:
+    index = {track: v for v, track in enumerate(scene.track_ids.tolist())}
+    one, other = (np.array([index[row[name]] for row in rows], int) for name in ("track_id", "other_id"))
+    return doubts_of(scene, one, other)
+
+
+def outcomes_table(encounters: Encounters, track_ids: IntArray) -> pa.Table:
+    """Tabulate the values of `MEASURED` events by pair and future, as ``OUTCOMES_SCHEMA`` says."""
+    values = {event.column: event.defined(getattr(encounters, event.value)) for event in MEASURED}
+    defined = np.any([~np.isnan(part) for part in values.values()], axis=0)
+    a, b = np.sort(np.asarray(track_ids)[np.stack([encounters.first, encounters.second])], axis=0)
+    order = np.lexsort((encounters.future, b, a))
+    rows = order[defined[order]]
+    columns = {"future": encounters.future, "track_a": a, "track_b": b, **values}
+    arrays = [pa.array(columns[kind.name][rows]).cast(kind.type, safe=False) for kind in OUTCOMES_SCHEMA]
+    return pa.table(arrays, schema=OUTCOMES_SCHEMA)
+
+
+def _injured(collisions: pa.Table | None, futures: int) -> dict[frozenset[int], float]:
+    """Return the expected severe injuries of each pair of track ids that collides, per future."""
+    injured: dict[frozenset[int], float] = {}
+    for hit in [] if collisions is None else first_contacts(collisions).to_pylist():
+        pair = frozenset((hit["track_id"], hit["other_id"]))
+        risk = (hit["p_mais3"] or 0.0) + (hit["p_mais3_other"] or 0.0)
+        injured[pair] = injured.get(pair, 0.0) + risk / futures
+    return injured
+
+
+def answers_of(encounters: Encounters) -> dict[str, BoolArray]:
+    """Return (N,) whether each encounter is critical, by question; a collision is so in each."""
+    answers = {name: encounters.happens(event) for name, event in EVENTS.items()}
+    return {**answers, "critical": np.any(list(answers.values()), axis=0)}
+
+
+def _by_future(which: IntArray, future: IntArray, answer: BoolArray, pairs: int, futures: int) -> BoolArray:
+    """Return (C, pairs) answers, False where a pair does not meet."""
+    full = np.zeros((futures, pairs), dtype=bool)
+    full[future[answer], which[answer]] = True
+    return full
+
+
+def criticality(row: Mapping[str, Any]) -> tuple[float, float, float]:
+    """Return the key that sorts pairs, the most critical first."""
+    gap = row["gap_p05"]
+    return (-row["collision"], -row["critical"], np.inf if gap is None else gap)
+
+
+def _row(
+    encounters: Encounters,
+    mine: IntArray,
+    answers: Mapping[str, BoolArray],
+    track_ids: IntArray,
+    models: NDArray[np.str_],
+) -> dict[str, Any]:
+    first, second = int(encounters.first[mine[0]]), int(encounters.second[mine[0]])
+    worst = next(
+        (part for name in ("collision", "critical") if (part := mine[answers[name][mine]]).size), mine
+    )
+    if encounters.towards[worst].sum() < 0:
+        first, second = second, first
+    event, _ = event_of({name: answers[name][mine].sum() for name in QUESTIONS})
+    named = mine[answers[event][mine]] if event else mine
+    order = np.lexsort((encounters.time_s[named], encounters.gap[named]))
+    typical = named[order[(len(named) - 1) // 2]]
+    future = int(encounters.future[typical])
+    hits = mine[encounters.collided[mine]]
+    futures = len(models)
+    gaps = np.concatenate([encounters.gap[mine], np.full(futures - len(mine), np.inf)])
+    quantiles = np.quantile(gaps, _GAPS, method="inverted_cdf")
+    return {
+        "track_id": int(track_ids[first]),
+        "other_id": int(track_ids[second]),
+        "met": len(mine) / futures,
+        "consequence": float(encounters.consequence[mine].sum() / futures),
+        "kind": KINDS[int(encounters.kind[typical])] if hits.size else None,
+        "relative_speed": float(np.median(encounters.relative_speed[hits])) if hits.size else None,
+        **{f"gap_p{round(100 * level):02}": _near(gap) for level, gap in zip(_GAPS, quantiles, strict=True)},
+        "future": future,
+        "gap": _near(encounters.gap[typical]),
+        "model": str(models[future, first]),
+        "other_model": str(models[future, second]),
+        "time_s": float(encounters.time_s[typical]),
+        "x": float(encounters.x[typical]),
+        "y": float(encounters.y[typical]),
+        "models": _by_models(encounters.future[worst], models[:, first], models[:, second])
+        if worst is not mine
+        else [],
+    }
+
+
+def _near(gap: float) -> float | None:
+    return float(gap) if np.isfinite(gap) else None
+
+
+def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) -> list[dict[str, Any]]:
+    """Count futures and hits by combination of the pair's models.
+
+    ``probability``: of a hit given the models; ``lift``: relative to all futures.
+    """
+    struck = np.zeros(len(own), dtype=bool)
+    struck[hit] = True
+    names, which = np.unique(np.stack([own, other], axis=1), axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    count = np.bincount(which, minlength=len(names))
+    hits = np.bincount(which[struck], minlength=len(names))
+    chance: FloatArray = hits / count
+    return [
+        {
+            "model": str(names[i, 0]),
+            "other_model": str(names[i, 1]),
+            "futures": int(count[i]),
+            "critical": int(hits[i]),
+            "probability": float(chance[i]),
+            "share": float(hits[i] / struck.sum()),
+            "lift": float(chance[i] / struck.mean()),
+        }
+        for i in np.argsort(-hits, kind="stable")
+        if hits[i]
+    ]
+
+
+def in_words(row: Mapping[str, Any], exact: ExactProbability | None = None) -> str:
+    """Return a row in words, e.g. ``17 → 23 (rear-end, ring, 1.8 s): collides in 12 % [9–16], ...``.
+
+    With the ``exact`` probability of that event it says exactly when it happens.
+    """
+    about = [row["kind"], row["place"], f"{row['time_s']:.1f} s"]
+    head = f"{row['track_id']} → {row['other_id']} ({', '.join(part for part in about if part)}): "
+    gap = "more than 10" if row["gap"] is None else f"{row['gap']:.1f}"
+    name, event = event_of(row)
+    if not name:
+        share = row.get("consequence")  # older results have none
+        later = f", touches in {share:.1%} after an earlier collision" if share else ""
+        return f"{head}{event}, typically {gap} m apart{later}"
+    if exact is not None:
+        return f"{head}{event} in {exact.percent}, {exact.summary}"
+    drivers = f"{row['track_id']} {row['model']}, {row['other_id']} {row['other_model']}"
+    apart = "" if name == "collision" else f"{gap} m apart, "
+    return f"{head}{event} in {percent_of(row, name)}, typically {apart}{drivers}"
+
+
+def arrows(pairs: Sequence[tuple[int, int]], most: int = 3) -> str:
+    """Return pairs in words, e.g. ``1 → 2, 2 → 3, ...``."""
+    return ", ".join([*(f"{one} → {other}" for one, other in pairs[:most]), *["..."][: len(pairs) - most]])
+
+
+def is_queue(pairs: Sequence[tuple[int, int]]) -> bool:
+    """Return whether vehicles that follow one another connect all pairs."""
+    joined, rest = set(pairs[0]), list(pairs[1:])
+    while more := [pair for pair in rest if joined & set(pair)]:
+        joined.update(*more)
+        rest = [pair for pair in rest if pair not in more]
+    return not rest
+
+
+def event_of(row: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the question that a row answers, and the event in words; the first is empty if none happens."""
+    if row["collision"] > 0:
+        return "collision", EVENTS["collision"].words
+    if row["critical"] > 0:
+        event = max(MEASURED, key=lambda event: float(row[event.name]))
+        return event.name, event.words
+    return "", "never critical"
+
+
+def percent_of(row: Mapping[str, Any], name: str) -> str:
+    """Return the share of a question with its interval, e.g. ``12 % [9–16]``."""
+    share = {"value": row[name], "low": row[f"{name}_low"], "high": row[f"{name}_high"]}
+    return Interval(**share, count=0).percent

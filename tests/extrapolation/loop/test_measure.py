@@ -1,0 +1,216 @@
+"""What happened is measured like what could have happened."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from scex_sumo.extrapolation.loop.measure import (
+    handover_jumps,
+    measure_outcome,
+    measure_recorded,
+    measure_rollout,
+    overlapping_at_first,
+    recorded_steps_of,
+    worst_of,
+)
+from scex_sumo.extrapolation.loop.rollout import Rollout
+from scex_sumo.extrapolation.writing import outcome_notes
+from scex_sumo.road import Road
+from scex_sumo.scene import SeedScene, States
+from tests.seeds import straight_seed
+
+
+def going_on(scene: SeedScene, steps: int) -> States:
+    """(V, steps) every vehicle straight on at its speed, along its heading."""
+    now = scene.now
+    way = now.speed[:, None] * 0.1 * np.arange(1, steps + 1)
+    return States(
+        x=now.x[:, None] + way * np.cos(now.heading)[:, None],
+        y=now.y[:, None] + way * np.sin(now.heading)[:, None],
+        heading=np.repeat(now.heading[:, None], steps, axis=1),
+        speed=np.repeat(now.speed[:, None], steps, axis=1),
+    )
+
+
+def crossing_seed() -> SeedScene:
+    """One eastbound at 10 m/s, 42 m before the crossing; one northbound at 10 m/s, 45 m before it."""
+    times = np.arange(-10, 1) * 0.1
+    zero = np.zeros_like(times)
+    history = States(
+        x=np.stack([-42 + 10 * times, zero]),
+        y=np.stack([zero, -45 + 10 * times]),
+        heading=np.stack([zero, zero + np.pi / 2]),
+        speed=np.full((2, 11), 10.0),
+    )
+    scene = dataclasses.replace(straight_seed(), history=history)
+    future = going_on(scene, 50)
+    road = Road(name="empty", lanes={})
+    return dataclasses.replace(
+        scene, road=road, future=future, future_valid=np.ones(future.shape, dtype=bool)
+    )
+
+
+def test_recorded_paths_reach_as_far_as_a_plan() -> None:
+    # They cross 4.2 s and 4.5 s after the moment; a plan reaches 3 s, this far from 1.5 s on.
+    recorded = measure_recorded(crossing_seed(), 30)
+    assert recorded is not None
+    values = recorded.values
+    assert np.flatnonzero(values.scene["gap_time"].defined[0]).min() == 14  # step 15
+    gap, defined = values.column("gap_time")
+    assert defined[0]
+    assert gap[0] == pytest.approx(0.3, abs=1e-9)
+    assert values.scene["gap_time"].value.shape == (1, 30)
+
+
+def test_no_recorded_future_has_no_values() -> None:
+    assert measure_recorded(straight_seed(), 30) is None
+
+
+def test_vehicles_count_as_long_as_they_were_recorded() -> None:
+    scene = crossing_seed()
+    valid = np.ones(scene.future.shape, dtype=bool) if scene.future is not None else None
+    assert valid is not None
+    valid[1, 10:] = False
+    recorded = measure_recorded(dataclasses.replace(scene, future_valid=valid), 30)
+    assert recorded is not None
+    assert recorded.last_step.tolist() == [30, 10]
+    assert recorded.values.scene["distance"].defined[0].tolist() == [True] * 10 + [False] * 20
+
+
+def test_futures_can_be_measured_for_as_long_as_their_vehicles_were_recorded() -> None:
+    scene = crossing_seed()
+    assert scene.future is not None and scene.future_valid is not None
+    valid = scene.future_valid.copy()
+    valid[1, 10:] = False
+    left = dataclasses.replace(scene, future_valid=valid)
+    futures = Rollout(
+        futures=np.arange(2),
+        states=scene.future[:, :30].repeat(2).swapaxes(1, 2),
+        plan_x=np.zeros((2, 6, 2, 30)),
+        plan_y=np.zeros((2, 6, 2, 30)),
+        replan=5,
+    )
+    counted = recorded_steps_of(left, 30)
+    found = measure_outcome(left, futures, counted=counted).values
+    recorded = measure_recorded(left, 30)
+    assert recorded is not None
+    for name in ("distance", "distance_mean", "wttc"):
+        assert found.column(name)[0] == pytest.approx(recorded.values.column(name)[0].repeat(2), abs=1e-9)
+    every = measure_outcome(left, futures).values
+    assert (every.column("distance")[0] < found.column("distance")[0]).all()  # they go on towards each other
+
+
+def test_only_the_vehicles_that_sumo_drives_can_jump_at_its_takeover() -> None:
+    scene = crossing_seed()
+    first = going_on(scene, 1)[:, 0].repeat(2)
+    moved = dataclasses.replace(first, x=first.x + np.array([[0.0, 3.0], [0.0, 0.0]]))
+    by_sumo = np.array([[False, True], [False, True]])
+    assert handover_jumps(scene, moved, by_sumo) == pytest.approx([3.0, 0.0])
+
+
+def test_the_worst_moment_is_named_by_its_frame() -> None:
+    scene = crossing_seed()
+    states = going_on(scene, 30).swapaxes(0, 1)[None]
+    plan = going_on(scene, 50)
+    rollout = Rollout(
+        futures=np.array([7]),
+        states=states,
+        plan_x=plan.x[None, None],
+        plan_y=plan.y[None, None],
+        replan=30,
+    )
+    values = measure_rollout(scene, rollout)
+    rows = worst_of(scene, values, rollout.futures).to_pylist()
+    closest = next(row for row in rows if row["metric"] == "distance")
+    # They come nearer all the time: the worst step is the last, frame 40 of the case.
+    assert closest["future"] == 7
+    assert closest["timestamp_ms"] == 4000
+    assert {closest["track_id"], closest["other_id"]} == {0, 1}
+    assert closest["value"] == pytest.approx(np.hypot(12, 15))
+    assert not closest["after_collision"]
+
+
+def test_boxes_that_overlap_at_first_and_vehicles_that_leave_are_said() -> None:
+    scene = crossing_seed()
+    assert overlapping_at_first(scene) == []
+    met = dataclasses.replace(scene, length=np.full(2, 60.0), width=np.full(2, 60.0))
+    assert overlapping_at_first(met) == [(0, 1)]
+    assert scene.future_valid is not None
+    valid = scene.future_valid.copy()
+    valid[1, 10:] = False
+    gone = dataclasses.replace(met, future_valid=valid)
+    notes = outcome_notes(gone, measure_recorded(gone, 30))
+    assert notes[0] == "boxes that overlap at the seed moment do not count as collisions: 0 and 1"
+    assert "1 of 2 vehicles leave within the time of a future" in notes[-1] and notes[-1].endswith(": 1")
+
+
+def test_vehicles_do_not_leave_where_the_recording_merely_ends() -> None:
+    scene = crossing_seed()
+    assert scene.future_valid is not None
+    valid = scene.future_valid.copy()
+    valid[:, 12:] = False
+    ended = dataclasses.replace(scene, future_valid=valid)
+    [note] = outcome_notes(ended, measure_recorded(ended, 30))
+    assert note == "recorded: the recording, and so the recorded column, ends 1.2 s after the moment"
+
+
+def test_one_vehicle_many_times_over_is_said_once_and_no_list_of_collisions() -> None:
+    one = many(crossing_seed(), 9)
+    notes = outcome_notes(one, measure_recorded(one, 30))
+    assert notes == [
+        "warning: 8 of 9 vehicles lie on another one and look like its copies: 1, 2, 3, 4, 5, 6, 7, 8; leave "
+        "them out of the tracks"
+    ]
+
+
+def many(scene: SeedScene, count: int) -> SeedScene:
+    """The first vehicle of a scene, many times over."""
+    again = np.zeros(count, int)
+    assert scene.future is not None and scene.future_valid is not None
+    return dataclasses.replace(
+        scene,
+        track_ids=np.arange(count),
+        types=("car",) * count,
+        length=scene.length[again],
+        width=scene.width[again],
+        history=scene.history[again],
+        recorded_steps=scene.recorded_steps[again],
+        future=scene.future[again],
+        future_valid=scene.future_valid[again],
+    )
+
+
+def test_a_car_that_hits_one_of_two_people_that_touched_is_no_consequence() -> None:
+    """Two people come together 1 s before a car at 10 m/s reaches the first one, 20 m ahead."""
+    times = np.arange(-10, 1) * 0.1
+    zero = np.zeros_like(times)
+    history = States(
+        x=np.stack([10 * times, zero + 24.0, zero + 24.0]),
+        y=np.stack([zero, zero, 1.6 - times]),
+        heading=np.stack([zero, zero, zero - np.pi / 2]),
+        speed=np.stack([zero + 10.0, zero, zero + 1.0]),
+    )
+    scene = dataclasses.replace(
+        straight_seed(3),
+        history=history,
+        types=("car", "pedestrian", "pedestrian"),
+        length=np.array([4.0, 0.6, 0.6]),
+        width=np.array([2.0, 0.6, 0.6]),
+        people=np.array([False, True, True]),
+    )
+    plan = going_on(scene, 50)
+    rollout = Rollout(
+        futures=np.zeros(1, dtype=np.int64),
+        states=going_on(scene, 30).swapaxes(0, 1)[None],
+        plan_x=plan.x[None, None],
+        plan_y=plan.y[None, None],
+        replan=30,
+        with_crashes=True,
+    )
+    outcome = measure_outcome(scene, rollout, vehicles=(0,))
+    assert outcome.collisions.first.tolist() == [0, 0]
+    assert not outcome.collisions.consequence.any()
+    assert (outcome.severity.p_mais3_other > 0.1).all()

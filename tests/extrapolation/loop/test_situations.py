@@ -1,0 +1,121 @@
+"""Distinct situations: a model is asked less often, and every plan stays the same to the bit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.behaviors.base import Behavior, sight_of
+from scex_sumo.behaviors.listing import known_entries
+from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile
+from scex_sumo.behaviors.registry import build, entry_of, parse_models
+from scex_sumo.extrapolation.loop.situations import plan_once, plans_of
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.road import Road
+from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
+from tests.behaviors import roads
+from tests.behaviors.test_batches import ROAD, SCENE, history
+from tests.learned import nets
+
+OURS = [name for name, entry in known_entries().items() if entry.profile is not None and not entry.moves]
+NAMES = [*OURS, "sumo:EIDM", "constant_velocity:guard=true", "standard_driver:guard=true"]
+RANDOM = [f"{name}:path=random" for name in (*OURS, "sumo:EIDM", "risky_driver:guard=true")]
+
+
+def alike() -> SceneHistory:
+    """Seven futures, of which the second and the fifth, and the third and the last, came to the same."""
+    whole = history(7)
+    same = np.array([0, 1, 2, 3, 1, 5, 2])
+    return replace(whole, states=whole.states[same])
+
+
+def asked(model: Behavior, whole: SceneHistory, who: VehicleIndex) -> tuple[Plan, Plan]:
+    """What the model plans, asked for everybody and asked once for each situation."""
+    rng = [np.random.default_rng(c) for c in range(len(whole.futures))]
+    return model.plan(whole, ROAD, who, rng), plan_once(model, whole, ROAD, who, rng)
+
+
+def everybody(whole: SceneHistory) -> VehicleIndex:
+    future, vehicle = np.indices(whole.now.shape).reshape(2, -1)
+    return VehicleIndex(future=future, vehicle=vehicle)
+
+
+@pytest.fixture(params=[*NAMES, *RANDOM, "graph_predictor:mode=draw"])
+def model(request: pytest.FixtureRequest, tmp_path: Path) -> Behavior:
+    name, *rest = request.param.split(":")
+    if name in OURS and entry_of(name).may_fail:
+        rest.append(f"weights={nets.untrained(tmp_path, name, SCENE, ROAD)}")
+    if name == "sumo":
+        return build(parse_models(request.param)[0])
+    return ModelSet.of(RunSettings(models=":".join([name, *rest]))).built[0]
+
+
+@pytest.mark.parametrize(
+    "whole", [roads.present(SCENE, 7), alike(), history(7)], ids=["seed", "alike", "apart"]
+)
+def test_plans_are_the_same_to_the_bit(model: Behavior, whole: SceneHistory) -> None:
+    some = everybody(whole)
+    for who in (some, VehicleIndex(future=some.future[::3], vehicle=some.vehicle[::3])):
+        each, once = asked(model, whole, who)
+        for key in ("x", "y", "heading", "speed"):
+            np.testing.assert_array_equal(getattr(once, key), getattr(each, key))
+        assert once.reasons == each.reasons
+        assert (once.fallback is None) == (each.fallback is None)
+        if each.fallback is not None:
+            np.testing.assert_array_equal(once.fallback, each.fallback)
+
+
+@pytest.mark.parametrize("whole", [alike(), history(7)], ids=["alike", "apart"])
+def test_models_side_by_side_plan_what_each_plans_alone(whole: SceneHistory) -> None:
+    names = ["standard_driver", "risky_driver", "emergency_brake", "constant_velocity:path=-1", "replay"]
+    models = [build(parse_models(name)[0]) for name in [*names, "calibrated_driver:guard=true"]]
+    drawn = np.random.default_rng(3).integers(len(models), size=whole.now.shape)
+    groups = [
+        VehicleIndex(future=c, vehicle=v) for c, v in (np.nonzero(drawn == m) for m in range(len(models)))
+    ]
+    groups[2] = VehicleIndex(future=groups[2].future[:0], vehicle=groups[2].vehicle[:0])
+    rng = [np.random.default_rng(c) for c in range(len(whole.futures))]
+    made = dict(plans_of(models, groups, whole, ROAD, rng))
+    assert list(made) == [0, 1, 3, 4, 5]
+    for index, plan in made.items():
+        alone = models[index].plan(whole, ROAD, groups[index], rng)
+        for key in ("x", "y", "heading", "speed"):
+            np.testing.assert_array_equal(getattr(plan, key), getattr(alone, key))
+
+
+class Counting(ConstantVelocity):
+    """Counts the vehicles that it is asked for."""
+
+    def __init__(self) -> None:
+        super().__init__(ConstantVelocityProfile())
+        self.asked: list[int] = []
+
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        self.asked.append(len(who))
+        return super().plan(history, road, who, rng)
+
+
+def test_the_first_plan_is_one_for_each_vehicle(monkeypatch: pytest.MonkeyPatch) -> None:
+    model, whole = Counting(), roads.present(SCENE, 7)
+    monkeypatch.setattr(Counting, "__module__", ConstantVelocity.__module__)
+    asked(model, whole, everybody(whole))
+    assert model.asked == [7 * SCENE.vehicles, SCENE.vehicles]
+
+
+def test_a_users_model_is_asked_for_everybody_even_where_it_takes_after_one_of_ours() -> None:
+    model, whole = Counting(), roads.present(SCENE, 7)
+    asked(model, whole, everybody(whole))
+    list(plans_of([model], [everybody(whole)], whole, ROAD, []))
+    assert model.asked == [7 * SCENE.vehicles] * 3
+
+
+@pytest.mark.parametrize("name", RANDOM)
+def test_a_model_that_draws_is_asked_for_everybody(name: str) -> None:
+    assert sight_of(build(parse_models(name)[0])) is None

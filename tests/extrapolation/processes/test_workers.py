@@ -1,0 +1,132 @@
+"""Functions submitted to a worker: the result comes, the error is raised, the death is told."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scex_sumo.base.errors import ResultError, SimulationError
+from scex_sumo.converters.net.convert import convert
+from scex_sumo.extrapolation.engine import run_scene
+from scex_sumo.extrapolation.job import Job, batch_size
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.options import RunOptions
+from scex_sumo.extrapolation.processes.pool import Pool, in_other_process, succeeded
+from scex_sumo.extrapolation.processes.workers import Workers
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.humans.extra import HumanReference
+from scex_sumo.results.parts import Parts
+from scex_sumo.results.run import Run
+from scex_sumo.scenarios import example_path
+from scex_sumo.scenarios.seeds import read_seed
+from scex_sumo.scene import SeedScene
+
+
+def refuse() -> None:
+    """Raise an error of ours."""
+    raise ResultError("disk: full")
+
+
+def test_a_worker_calls_it_and_takes_its_next_task() -> None:
+    with Pool(1) as workers:
+        first, second = workers.submit(os.getpid, where="once"), workers.submit(os.getpid, where="twice")
+        assert first.result() == second.result() != os.getpid()
+        assert succeeded(first) and workers.deaths == []
+
+
+def names_of(scene: SeedScene) -> tuple[int, int]:
+    """Return which objects a process has as scene and road."""
+    return id(scene), id(scene.road)
+
+
+def test_a_worker_keeps_its_copy_of_a_scene_and_its_road() -> None:
+    scene = read_seed(example_path("motorway_merge"))
+    other = replace(scene, name="other")
+    with Pool(1) as workers:
+        asked = [workers.submit(partial(names_of, one), where="once") for one in (scene, scene, other)]
+        first, again, third = (one.result() for one in asked)
+    assert first == again
+    assert third[0] != first[0] and third[1] == first[1]
+
+
+def test_without_workers_nothing_is_submitted() -> None:
+    with Workers(1) as workers:
+        assert workers.submit(os.getpid, where="nowhere") is None
+
+
+def test_its_error_is_raised_where_it_is_waited_for() -> None:
+    with Pool(1) as workers:
+        done = workers.submit(refuse, where="over a disk")
+        with pytest.raises(ResultError, match="disk: full"):
+            succeeded(done)
+
+
+def test_a_worker_that_dies_twice_leaves_it_to_others() -> None:
+    with Pool(1) as workers:
+        done = workers.submit(partial(os._exit, 3), where="over an exit")
+        assert not succeeded(done)
+        assert workers.deaths == ["a worker died over an exit (exit status 3) and was replaced"]
+
+
+def test_run_and_reference_of_two_processes_have_the_same_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulated = []
+
+    def finish(scene: SeedScene, settings: RunSettings, *, options: RunOptions, **others: Any) -> Run:
+        simulated.append(len(Parts(Path(str(options.out))).futures))
+        return run_scene(scene, settings, options=options, **others)
+
+    monkeypatch.setattr("scex_sumo.humans.reference.run_scene", finish)
+    scene = read_seed(example_path("motorway_merge"))
+    settings = RunSettings(models="rules", futures=117, steps=3)
+    for processes in (1, 2):
+        with Workers(processes) as workers:
+            options = RunOptions(out=tmp_path / str(processes))
+            run = run_scene(scene, settings, workers=workers, options=options, extras=[HumanReference()])
+            assert run.reference is not None and run.reference.futures == 117
+    assert simulated == [0, 117]  # a worker simulates the reference meanwhile
+    files = [file.relative_to(tmp_path / "1") for file in (tmp_path / "1").rglob("*.parquet")]
+    assert len(files) > 15
+    for file in files:
+        assert (tmp_path / "1" / file).read_bytes() == (tmp_path / "2" / file).read_bytes(), file
+
+
+def test_a_worker_with_a_function_to_do_is_not_free() -> None:
+    with Workers(2) as workers:
+        assert workers.free == 2
+        done = workers.submit(partial(time.sleep, 0.1), where="asleep")
+        assert done is not None
+        assert workers.free == 1 and workers.submit(os.getpid, where="nowhere") is None
+        assert succeeded(done) and workers.free == 2
+
+
+@pytest.mark.parametrize(("futures", "batches"), [(385, 4), (40_000, 96)])
+def test_each_process_has_two_batches_of_few_enough_vehicles(
+    futures: int, batches: int, tmp_path: Path
+) -> None:
+    scene = read_seed(example_path("motorway_merge"))
+    settings = RunSettings(models="rules", futures=futures)
+    assert scene.road is not None
+    net = convert(scene.road, tmp_path / "a.net.xml")
+    assignment = np.zeros((futures, scene.vehicles), dtype=np.int64)
+    job = Job(scene, net, settings, ModelSet.of(settings), assignment, tmp_path)
+    assert -(-futures // batch_size(job, processes=2)) == batches
+
+
+def test_a_task_out_of_its_own_time_is_not_tried_again() -> None:
+    out_of_time = partial(signal.raise_signal, signal.SIGPROF)
+    with pytest.raises(SimulationError, match="endless"):
+        in_other_process(out_of_time, where="here", died="died", endless="endless")
+    with pytest.raises(SimulationError, match=r"died \(signal 9\)"):
+        in_other_process(partial(signal.raise_signal, signal.SIGKILL), where="here", died="died")
+    with pytest.raises(SimulationError, match=r"died \(signal 11 in \S+ < serve < <module>\)"):
+        in_other_process(partial(signal.raise_signal, signal.SIGSEGV), where="here", died="died")

@@ -1,0 +1,190 @@
+"""Encounters: who meets whom in how many futures, when, where, by whose models, in words."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scex_sumo.base.arrays import IntArray
+from scex_sumo.metrics.base import PlannedPaths, SceneTracks
+from scex_sumo.metrics.collisions import find_collisions
+from scex_sumo.results.extras import ExactProbability
+from scex_sumo.results.tables.encounters import (
+    OUTCOMES_SCHEMA,
+    SCHEMA,
+    encounters_table,
+    in_words,
+    outcomes_table,
+)
+from scex_sumo.scene import States
+from scex_sumo.statistics.density import wilson
+from scex_sumo.statistics.intervals import DesignIntervals
+from tests.metrics.scenes import find_encounters
+
+TRACKS = np.array([17, 23, 99])
+MODELS = np.array(["constant_velocity", "emergency_brake"])
+
+
+def futures(levels: IntArray) -> SceneTracks:
+    """Vehicle 0 follows vehicle 1 30 m ahead at 15 m/s; model 1 brakes with 8 m/s². Vehicle 2 is far away."""
+    time = np.arange(1, 31) * 0.1
+    count = len(levels)
+    x, speed = np.empty((2, count, 31, 3))
+    start = (0.0, 15.0, 5000.0)
+    for vehicle in range(3):
+        brakes = levels[:, vehicle, None] == 1
+        speed[:, :, vehicle] = np.where(brakes, np.maximum(15 - 8 * np.r_[0, time], 0), 15)
+        x[:, 0, vehicle] = start[vehicle]
+        x[:, 1:, vehicle] = start[vehicle] + np.cumsum(speed[:, 1:, vehicle], axis=1) * 0.1
+    return SceneTracks(
+        states=States(x=x, y=np.zeros(x.shape), heading=np.zeros(x.shape), speed=speed),
+        length=np.full(3, 4.0),
+        width=np.full(3, 2.0),
+        first=1,
+    )
+
+
+LEVELS = np.array([[a, b, 0] for a in (0, 1) for b in (0, 1)] * 10)
+
+
+def table():  # type: ignore[no-untyped-def]
+    tracks = futures(LEVELS)
+    found = find_encounters(tracks, PlannedPaths.from_tracks(tracks))
+    intervals = DesignIntervals(LEVELS, design="random")
+    return encounters_table(found, track_ids=TRACKS, models=MODELS[LEVELS], intervals=intervals)
+
+
+def test_a_pair_is_a_row_and_those_that_never_meet_are_none() -> None:
+    rows = table().to_pylist()
+    assert [(row["track_id"], row["other_id"]) for row in rows] == [(17, 23)]
+    assert table().schema == SCHEMA
+    row = rows[0]
+    ordinary = wilson(10, 40)
+    assert (row["collision"], row["collision_low"], row["collision_high"]) == pytest.approx(
+        (ordinary.value, ordinary.low, ordinary.high)
+    )
+    assert row["met"] == 1.0 and row["kind"] == "rear-end"
+    assert row["critical"] >= row["ttc"] >= row["collision"] == 0.25
+
+
+def test_outcomes_of_a_pair_have_rows_where_a_gap_closes() -> None:
+    tracks = futures(LEVELS)
+    outcomes = outcomes_table(find_encounters(tracks, PlannedPaths.from_tracks(tracks)), TRACKS[[1, 0, 2]])
+    assert outcomes.schema == OUTCOMES_SCHEMA
+    rows = outcomes.to_pylist()[:1]
+    # Only where the follower keeps 15 m/s behind the braking leader.
+    assert [row["future"] for row in outcomes.to_pylist()] == list(range(1, 40, 4))
+    assert (rows[0]["track_a"], rows[0]["track_b"]) == (17, 23) and np.isnan(rows[0]["min_pet"])
+    assert rows[0]["min_ttc_path"] == 0.0 and rows[0]["max_drac"] == np.inf
+
+
+def test_models_say_who_makes_it_so() -> None:
+    (models,) = table()["models"].to_pylist()
+    assert [(m["model"], m["other_model"]) for m in models] == [("constant_velocity", "emergency_brake")]
+    assert models[0] | {"model": "", "other_model": ""} == {
+        "model": "",
+        "other_model": "",
+        "futures": 10,
+        "critical": 10,
+        "probability": 1.0,
+        "share": 1.0,
+        "lift": 4.0,
+    }
+
+
+def test_in_words() -> None:
+    row = table().to_pylist()[0]
+    hit = find_collisions(futures(LEVELS)).time_s[0]
+    low, high = (round(100 * row[name]) for name in ("collision_low", "collision_high"))
+    assert in_words(row | {"place": "ring"}) == (
+        f"17 → 23 (rear-end, ring, {hit:.1f} s): collides in 25 % [{low}–{high}], "
+        "typically 17 constant_velocity, 23 emergency_brake"
+    )
+    calm = row | {"collision": 0.0, "ttc": 0.5, "ttc_low": 0.4, "ttc_high": 0.6, "kind": None}
+    assert "TTC < 1.5 s in 50 % [40–60]" in in_words(calm)
+    exact = ExactProbability(value=0.5, checked="exact", ways=("17 brakes",))
+    assert in_words(calm, exact).endswith("TTC < 1.5 s in 50 %, exactly if 17 brakes")
+    ways = ("17 brakes and 18 drives on and 19 waits", "18 brakes")
+    told = "TTC < 1.5 s in 50 %, e.g. if 17 brakes and 18 drives on (one of 2 ways, see encounters --pair)"
+    assert in_words(calm, replace(exact, ways=ways)).endswith(told)
+    never = calm | {"critical": 0.0}
+    assert in_words(never | {"gap": 2.04}).endswith("never critical, typically 2.0 m apart")
+    assert in_words(never | {"gap": None}).endswith("never critical, typically more than 10 m apart")
+
+
+def test_gap_time_and_drivers_are_those_of_one_future() -> None:
+    """Gaps of the four critical futures: 8, 2, 5, 9 m; the median is number 2, the nearest of all 4."""
+    tracks = futures(LEVELS[:5])
+    found = find_encounters(tracks, PlannedPaths.from_tracks(tracks)).take(np.zeros(5, dtype=np.int64))
+    found = replace(
+        found,
+        future=np.arange(5),
+        kind=np.full(5, -1),
+        gap=np.array([8.0, 2.0, 5.0, 9.0, 1.0]),
+        ttc=np.array([1.0, 1.0, 1.0, 1.0, 9.0]),
+        pet=np.full(5, np.inf),
+        drac=np.zeros(5),
+        time_s=np.array([0.1, 0.2, 0.3, 0.4, 0.5]),
+    )
+    models = MODELS[LEVELS[:5]]
+    design = DesignIntervals(LEVELS[:5], design="random")
+    row = encounters_table(found, track_ids=TRACKS, models=models, intervals=design).to_pylist()[0]
+    assert (row["future"], row["gap"], row["time_s"]) == (2, 5.0, 0.3)
+    assert (row["model"], row["other_model"]) == ("emergency_brake", "constant_velocity")
+    assert in_words(row).endswith("typically 5.0 m apart, 17 emergency_brake, 23 constant_velocity")
+
+
+def test_gap_quantiles_are_over_all_futures() -> None:
+    row = table().to_pylist()[0]
+    assert row["gap_p05"] == 0.0  # a quarter collides
+    # Follower and leader at one speed stay 11 m apart, which is above 10 m; so are braking followers.
+    assert row["gap_p50"] is None and row["gap_p95"] is None
+
+
+def test_encounters_do_not_depend_on_batches() -> None:
+    tracks = futures(LEVELS)
+    whole = find_encounters(tracks, PlannedPaths.from_tracks(tracks))
+    parts = []
+    for part in (slice(0, 25), slice(25, 40)):
+        some = tracks.futures(part)
+        found = find_encounters(some, PlannedPaths.from_tracks(some))
+        parts.append(replace(found, future=found.future + part.start))
+    joined = type(whole).join(parts)
+    for name in ("future", "first", "second", "gap", "ttc", "pet", "drac", "kind", "time_s", "x", "towards"):
+        assert np.array_equal(getattr(whole, name), getattr(joined, name)), name
+
+
+def test_the_place_is_where_the_outlines_touch() -> None:
+    tracks = futures(LEVELS)
+    hits, found = find_collisions(tracks), find_encounters(tracks, None)
+    struck = found.collided
+    assert np.array_equal(found.time_s[struck], hits.time_s)
+    assert np.array_equal(found.x[struck], hits.x)
+    assert np.all(found.gap[struck] == 0)
+
+
+def test_the_follower_comes_first_whatever_its_number() -> None:
+    tracks = futures(LEVELS)
+    order = [1, 0, 2]
+    states = tracks.states.map(lambda values: values[..., order])
+    swapped = replace(tracks, states=states)
+    found = find_encounters(swapped, PlannedPaths.from_tracks(swapped))
+    rows = encounters_table(
+        found,
+        track_ids=TRACKS[order],
+        models=MODELS[LEVELS[:, order]],
+        intervals=DesignIntervals(LEVELS, design="random"),
+    ).to_pylist()
+    assert (rows[0]["track_id"], rows[0]["other_id"]) == (17, 23)
+
+
+def test_no_encounters_are_an_empty_table() -> None:
+    tracks = futures(LEVELS)
+    apart = replace(tracks, states=replace(tracks.states, y=tracks.states.y + np.array([0.0, 500.0, 900.0])))
+    found = find_encounters(apart, PlannedPaths.from_tracks(apart))
+    empty = encounters_table(
+        found, track_ids=TRACKS, models=MODELS[LEVELS], intervals=DesignIntervals(LEVELS, design="random")
+    )
+    assert empty.num_rows == 0 and empty.schema == SCHEMA
