@@ -2,16 +2,19 @@
 
     python benchmarks/fit_responses.py collect --data ../shared/data
     python benchmarks/fit_responses.py fit --data ../shared/data
+    python benchmarks/fit_responses.py people --data ../shared/data
 
 ``collect`` keeps what it reads in a folder; ``fit`` writes the file and prints collisions an hour and a
 kilometre, and sums of P against counts, on the test parts, too: recordings with an odd number, NGSIM,
 MONA-West and TAF-BW. The level of contacts is that of published crashes: no collision was recorded.
+``people`` counts who steps out in recordings with cyclists.
 """
 
 from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -19,13 +22,24 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from response_samples import HAPPENS, NEAR, VARIES_MPS2, Samples, collected, dut_samples
+from people_moments import SETS
+from response_samples import (
+    HAPPENS,
+    NEAR,
+    VARIES_MPS2,
+    Samples,
+    collected,
+    dut_samples,
+    expected_of,
+    samples_of,
+)
 
 from scex_sumo import LoadedRecording, find_recordings, load_recording
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, mean_ranks
 from scex_sumo.certainty.response.critical import TYPICAL
-from scex_sumo.certainty.response.motion.actions import ACTIONS, BRAKES, LEVELS, STEPS_OUT
+from scex_sumo.certainty.response.motion.actions import ACTIONS, BRAKES, LEVELS, STEPS_OUT, pairs_of
 from scex_sumo.certainty.response.people import SHIPPED, People, people_of, probabilities
+from scex_sumo.converters.tracks.road_users import road_user
 
 app = typer.Typer(add_completion=False)
 Data = Annotated[Path, typer.Option(help="Folder of the data sets.")]
@@ -337,6 +351,40 @@ def _write(content: dict[str, Any]) -> None:
     text = json.dumps(content, indent=1, ensure_ascii=False)
     flat = re.sub(r"\[[^\[\]{}]*\]", lambda found: re.sub(r"\s+", " ", found[0]), text)
     SHIPPED.write_text(flat.replace("[ ", "[").replace(" ]", "]") + "\n")
+
+
+@app.command()
+def people(data: Data, every_s: float = 1.0) -> None:
+    """Print how often pedestrians and cyclists stepped out within 3 s, beside what the file expects."""
+    rows = [row for folder in SETS.values() for row in _stepping(data / folder, every_s)]
+    for kind, approaches in product(("pedestrian", "bicycle"), (False, True)):
+        chosen = [row[2:] for row in rows if row[:2] == (kind, approaches)]
+        did, usual = np.array(chosen).reshape(-1, 2).T
+        context = "approach" if approaches else "do not"
+        print(f"{kind}, {context}: {did.sum():.0f} of {len(did)} pairs, expected {usual.sum():.2f}")
+
+
+def _stepping(folder: Path, every_s: float) -> Iterator[tuple[str, bool, bool, float]]:
+    """Yield kind of person, whether it approaches, whether it steps out, and how often by the file."""
+    shipped = people_of(SHIPPED)
+    for recording in find_recordings([folder]):
+        for expected in expected_of(load_recording(recording), every_s):
+            if (
+                expected.scene.vehicles == expected.vehicles
+                or (found := samples_of(expected, every_s)) is None
+            ):
+                continue
+            use = np.flatnonzero((found.action == STEPS_OUT) & found.known & ~found.doubtful)
+            often = shipped.often(
+                action=found.action[use],
+                speed=found.speed[use],
+                follows=found.follows[use],
+                response_s=found.response[use][:, :, 0, TYPICAL],
+            )[:, 0]
+            who = pairs_of(expected).initiator[found.pair[use]]
+            for k, share, person in zip(use.tolist(), often.tolist(), who.tolist(), strict=True):
+                kind = road_user(expected.scene.types[person])
+                yield kind, bool(found.follows[k]), bool(np.isfinite(found.did[k])), share
 
 
 @app.command()

@@ -6,6 +6,7 @@ An encounter of such a pair says more about the recording than about the traffic
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -24,28 +25,34 @@ TOWED_MPS: Final = 3.0
 
 
 def doubts_of(
-    scene: SeedScene, one: IntArray, other: IntArray, *, vehicles: int | None = None
+    scene: SeedScene,
+    one: IntArray,
+    other: IntArray,
+    *,
+    vehicles: int | None = None,
+    names: Sequence[str] | None = None,
 ) -> list[str | None]:
     """Return why the data of pairs of vehicles, (n,) indices, are doubtful; None where they are not.
 
     Args:
         vehicles: how many of the scene's vehicles are some; the rest are people, beside the lanes.
+        names: (V,) in words; None for track ids.
     """
     off, leaves = _off_lanes(scene), _leaves(scene)
     near, overlap = _near(scene, one, other)
-    doubts = []
+    ids, doubts = scene.track_ids, []
+    names = [str(track) for track in ids] if names is None else names
     for k, (a, b) in enumerate(zip(one.tolist(), other.tolist(), strict=True)):
-        both = "{} and {}".format(*sorted((int(scene.track_ids[a]), int(scene.track_ids[b]))))
+        both = " and ".join(names[v] for v in sorted((a, b), key=lambda v: ids[v]))
         reasons = [
             (overlap[k], f"{both} overlap at the seed moment"),
             (near[k], f"{both} nearly touch at the seed moment"),
         ]
         for v in (a, b):
-            track = int(scene.track_ids[v])
             reasons += [
-                (off[v] and (vehicles is None or v < vehicles), f"{track} is off the mapped lanes"),
-                (scene.recorded_steps[v] < HISTORY_STEPS, f"{track} is recorded for less than a second"),
-                (leaves[v], f"{track} leaves the recording within a second"),
+                (off[v] and (vehicles is None or v < vehicles), f"{names[v]} is off the mapped lanes"),
+                (scene.recorded_steps[v] < HISTORY_STEPS, f"{names[v]} is recorded for less than a second"),
+                (leaves[v], f"{names[v]} leaves the recording within a second"),
             ]
         doubts.append(next((words for is_so, words in reasons if is_so), None))
     return doubts

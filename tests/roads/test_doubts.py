@@ -40,6 +40,8 @@ def test_a_vehicle_off_the_lanes_is() -> None:
     scene = moved(queues(2, gap_m=5.0), y=[0.0, 30.0])
     assert doubt(scene) == "2 is off the mapped lanes"
     assert doubt(dataclasses.replace(scene, people=np.array([False, True]))) is None
+    named = doubts_of(scene, np.array([0]), np.array([1]), names=["1", "bicycle P2"])
+    assert named == ["bicycle P2 is off the mapped lanes"]
 
 
 def test_a_short_track_is() -> None:

@@ -323,7 +323,8 @@ def doubts_of(pairs: Pairs, rows: IntArray) -> list[str | None]:
     scene, one, other = pairs.expected.scene, pairs.initiator[rows], pairs.responder[rows]
     meet = pairs.blocked.touched(pairs.expected.s[pairs.responder])[rows]
     meet &= one < pairs.expected.vehicles  # people wait at the kerb, or step out
-    doubts = scene_doubts(scene, one, other, vehicles=pairs.expected.vehicles)
+    names = [_person(scene, track) or str(track) for track in scene.track_ids.tolist()]
+    doubts = scene_doubts(scene, one, other, vehicles=pairs.expected.vehicles, names=names)
     both = zip(scene.track_ids[one].tolist(), scene.track_ids[other].tolist(), strict=True)
     words = (f"{MOTIONS} of {a} and {b} overlap" for a, b in map(sorted, both))
     return [
