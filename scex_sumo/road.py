@@ -178,6 +178,7 @@ class Road(SentOnce):
         georeference: the projection, if it is known and the origin is a real place.
         notes: repairs and omissions with ids, one short sentence each.
         net: SUMO net of the road, used unchanged; None for maps of other formats.
+        phases: the lights of ``net`` have phases of their own; OpenDRIVE and OpenStreetMap have none.
         sumo_lanes: the lanes are SUMO's; their curves may be too tight for the limits.
         file: of the map; None if there is none.
 
@@ -197,6 +198,7 @@ class Road(SentOnce):
     losses: tuple[MapLoss, ...] = ()
     georeference: Georeference | None = None
     net: Path | None = None
+    phases: bool = True
     sumo_lanes: bool = False
     file: Path | None = None
 

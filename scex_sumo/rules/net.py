@@ -87,11 +87,12 @@ def _is_recorded(root: Element) -> bool:
 def read_rules(root: Element, lanes: LaneTable, road: Road) -> tuple[Rules, tuple[str, ...]]:
     """Return the rules of a net and notes on what contradicts itself, where nothing is obeyed.
 
-    Lights whose phases are invented, as the net of a map without phases needs them, are unknown.
+    Lights whose phases are invented, as the net of a map without phases needs them, are unknown; so those
+    that netconvert gives to OpenDRIVE and OpenStreetMap maps.
     """
     shapes = {lane.get("id", ""): points_of(lane.get("shape", "")) for lane in root.iter("lane")}
     links = list(links_of(root, shapes))
-    signals, notes = signals_of_links(root, links, known=road.net is not None)
+    signals, notes = signals_of_links(root, links, known=road.net is not None and road.phases)
     passages: list[Passage] = []
     for junction in root.iter("junction"):
         mine = [link for link in links if link.junction == junction.get("id")]

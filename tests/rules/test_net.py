@@ -31,11 +31,11 @@ LOGIC = """<tlLogic id="t" programID="PROGRAMME" offset="OFFSET">
   <phase duration="20" state="G"/><phase duration="3" state="y"/><phase duration="30" state="r"/></tlLogic>"""
 
 
-def rules_of(*, net: bool = True, **words: str):
+def rules_of(*, net: bool = True, phases: bool = True, **words: str):
     text = NET.replace("LOGIC", LOGIC if "LIGHT" in words else "")
     for word, value in ({"FIRST": "00", "LIGHT": "", "OFFSET": "0.1", "PROGRAMME": "0"} | words).items():
         text = text.replace(word, value)
-    road = Road(name="drawn", lanes={}, net=__file__ if net else None)  # type: ignore[arg-type]
+    road = Road(name="drawn", lanes={}, net=__file__ if net else None, phases=phases)  # type: ignore[arg-type]
     return read_rules(ElementTree.fromstring(text), LANES, road)
 
 
@@ -61,6 +61,11 @@ def test_invented_phases_of_a_map_without_a_net_are_unknown(programme: str, know
     assert (rules.signals[0].at(0.0)[0] != "") == known
     told = "lights of 1 passages are unknown: inferred from vehicles that stand or drive"
     assert notes == (() if known else (told,))
+
+
+def test_phases_that_netconvert_invents_for_another_map_are_unknown() -> None:
+    rules, _ = rules_of(phases=False, LIGHT='tl="t" linkIndex="0"')
+    assert rules.signals[0].at(0.0)[0] == ""
 
 
 def test_phases_that_do_not_fit_are_not_obeyed() -> None:

@@ -98,7 +98,7 @@ def _imported(
     except MapError as error:
         raise MapError(f"{path}: netconvert cannot convert it to a usable net ({error})") from None
     note = f"{path.name}: read by way of netconvert, as {net}"
-    return replace(road, notes=(note, *repairs, *road.notes))
+    return replace(road, phases=False, notes=(note, *repairs, *road.notes))
 
 
 def kept_net(path: Path, made_of: bytes, make: Callable[[], bytes]) -> Path:
