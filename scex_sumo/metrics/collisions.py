@@ -130,10 +130,10 @@ class Contacts:
         way = _way(before, after)
         if self._anchor is None or _way(self._anchor, after) > _NEAR_M:
             self._anchor = before
-            near = self._distance(before, ...) <= self._reach + 2 * max(_NEAR_M, way)
+            near = self._squares(before, ...) <= (self._reach + 2 * max(_NEAR_M, way)) ** 2
             self._rows = np.flatnonzero(near & np.isfinite(self._limit))
         future, pair = np.divmod(self._rows, len(self._one))
-        near = self._distance(after, (future, pair)) <= self._reach[pair] + 2 * way
+        near = self._squares(after, (future, pair)) <= (self._reach[pair] + 2 * way) ** 2
         future, pair = future[near], pair[near]
         tracks = SceneTracks(
             states=States.stack([before, after], axis=1), length=self._length, width=self._width, first=1
@@ -143,13 +143,15 @@ class Contacts:
         hit = touch[_exceeding(moves.take(touch), self._limit[pair[touch]], only_whether=True)[1]]
         return moves.future[hit], moves.first[hit], moves.second[hit]
 
-    def _distance(self, states: States, rows: Any) -> FloatArray:
-        """Return the distance of the centres of pairs (C, P), or of some rows of them, m."""
+    def _squares(self, states: States, rows: Any) -> FloatArray:
+        """Return the squared distance of the centres of pairs (C, P), or of some rows of them, m²."""
         future, pair = (slice(None), slice(None)) if rows is ... else rows
         one, two = self._one[pair], self._two[pair]
-        return np.hypot(
-            states.x[future, two] - states.x[future, one], states.y[future, two] - states.y[future, one]
-        )
+        dx, dy = (v[future, two] - v[future, one] for v in (states.x, states.y))
+        dx *= dx
+        dy *= dy
+        dx += dy
+        return dx
 
 
 def _way(before: States, after: States) -> float:

@@ -74,12 +74,12 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_path
     hits = collisions.take(np.flatnonzero(inside))
     first, second = scenes.pairs
     size = len(first) * futures
+    gap, gap_step = _gaps_of_near(scenes)
     if on_paths:
-        gap, gap_step, least_pet, cross = scenes.of_pairs(_approaches).reshape(size, 4).T
+        least_pet, cross = scenes.of_pairs(_crossings).reshape(size, 2).T
         ttc, ttc_step, drac, towards = _on_paths(scenes)
     else:
-        gap, steps_of_gaps = _least_gaps(scenes)
-        gap_step, cross, drac = steps_of_gaps.astype(np.float64), np.zeros(size), np.zeros(size)
+        cross, drac = np.zeros((2, size))
         least_pet, ttc = np.full((2, size), np.inf)
         ttc_step, towards = np.full(size, -1), np.zeros(size, dtype=np.int64)
     kind, later = np.full(size, NO_COLLISION), np.zeros(size, dtype=np.bool_)
@@ -93,7 +93,7 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_path
     hit_by = (hits.first_side == 0).astype(np.int64) - (hits.second_side == 0)  # 1 if the front hits
     towards[at] = np.where(hits.first == low, hit_by, -hit_by)
     # Steps count from the first evaluated one, times from the seed moment before it.
-    near = np.where(np.isfinite(gap), gap_step.astype(np.int64), ttc_step)
+    near = np.where(np.isfinite(gap), gap_step, ttc_step).astype(np.int64)
     critical = np.where(EVENTS["ttc"].happens(ttc), ttc_step, near)
     after = 1 if scenes.tracks.first else 0
     time = np.where(kind != NO_COLLISION, impact, (critical + after) * scenes.tracks.step_s)
@@ -124,18 +124,29 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_path
     )
 
 
-def _approaches(scenes: Scenes) -> FloatArray:
+def _crossings(scenes: Scenes) -> FloatArray:
+    """Return (P, C, 2) least PET of pairs, and whether their planned paths cross."""
     futures, steps = scenes.shape
     size = len(scenes.pairs[0]) * futures
-    gap, gap_step = _least_gaps(scenes)
     times = pet(scenes)
     time = np.full(2 * size, np.inf)
     np.minimum.at(time, times.where // max(steps, 1), times.value)
     least_pet = np.minimum(time[:size], time[size:])
-    return np.stack([gap, gap_step, least_pet, _cross(scenes)], axis=1).reshape(-1, futures, 4)
+    return np.stack([least_pet, _cross(scenes)], axis=1).reshape(-1, futures, 2)
 
 
-def _least_gaps(scenes: Scenes) -> tuple[FloatArray, IntArray]:
+def _gaps_of_near(scenes: Scenes) -> FloatArray:
+    """Return (2, P·C) least gaps and their steps; the gap is inf above `NEAR_M`."""
+    near = scenes if scenes.near is None else scenes.near.scenes.under(scenes.preset)
+    gaps = near.of_pairs(_least_gaps)
+    if scenes.near is not None:
+        table = np.full((len(scenes.pairs[0]), *gaps.shape[1:]), np.inf)
+        table[scenes.near.pair] = gaps
+        gaps = table
+    return gaps.reshape(-1, 2).T
+
+
+def _least_gaps(scenes: Scenes) -> FloatArray:
     futures, steps = scenes.shape
     size = len(scenes.pairs[0]) * futures
     low, high = gap_bounds(scenes)
@@ -144,7 +155,8 @@ def _least_gaps(scenes: Scenes) -> tuple[FloatArray, IntArray]:
     flat = np.flatnonzero(close)
     key = flat // max(steps, 1)
     gaps = gaps_of(scenes, *np.divmod(flat, scenes.count))
-    return _extremum(key, flat % max(steps, 1), np.where(gaps <= NEAR_M, gaps, np.inf), size)
+    gap, step = _extremum(key, flat % max(steps, 1), np.where(gaps <= NEAR_M, gaps, np.inf), size)
+    return np.stack([gap, step], axis=1).reshape(-1, futures, 2)
 
 
 def _on_paths(scenes: Scenes) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:

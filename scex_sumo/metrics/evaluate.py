@@ -16,11 +16,12 @@ from scex_sumo.base.errors import InputError, ScexError
 from scex_sumo.metrics.base import PAPER, MetricParameters, PlannedPaths, SceneTracks
 from scex_sumo.metrics.extrema import SceneValues, Worst, extrema, scene_mean
 from scex_sumo.metrics.pairs.leaders import preset_named
+from scex_sumo.metrics.pairs.near import near_pairs
 from scex_sumo.metrics.pairs.scenes import Entries, Preset, Samples, Scenes, TrackPairs
 from scex_sumo.metrics.registry import METRICS, Metric, columns_of, metrics_named
 
 PAPER_PRESET: Final = "paper"
-BATCH_PAIR_STEPS = 1 << 18  # unordered pair-steps per batch
+BATCH_PAIR_STEPS = 1 << 18  # unordered near pair-steps per batch
 SHARED_PAIR_STEPS = 1 << 21  # of the futures whose equal tracks are evaluated once; 0: never
 MAX_DIFFERENT = 0.9  # share of different pairs above which the search for equal ones does not pay
 
@@ -66,9 +67,9 @@ def evaluate(
     for start, scenes in scene_batches(tracks, planned, preset=preset, parameters=parameters):
         own = scenes if vehicles is None else scenes.of_vehicles(vehicles)
         for metric in chosen:
-            if vehicles is None or metric.quick is not None:
+            if vehicles is None or metric.pairwise:
                 samples = samples_of(metric, own, quick=True)
-            else:  # leaders and traffic quality depend on all vehicles
+            else:
                 samples = _of_vehicles(samples_of(metric, scenes, quick=False), vehicles, scenes)
             parts[metric.name].append(extrema(metric, samples, scenes))
         if also is not None:
@@ -99,25 +100,31 @@ def scene_batches(
     futures, _, vehicles = tracks.states.shape
     if planned is not None:
         planned.check_fit(tracks)
-    per_future = max(tracks.steps * vehicles * (vehicles - 1) // 2, 1)
-    size, group_size = (max(limit // per_future, 1) for limit in (BATCH_PAIR_STEPS, SHARED_PAIR_STEPS))
+    near = near_pairs(tracks)
+    pairs = vehicles * (vehicles - 1) // 2 if near is None else len(near)
+    size, group_size = (
+        max(limit // max(tracks.steps * pairs, 1), 1) for limit in (BATCH_PAIR_STEPS, SHARED_PAIR_STEPS)
+    )
     for begin in range(0, max(futures, 1), group_size):
         group = slice(begin, begin + group_size)
         some, plans = tracks.futures(group), None if planned is None else planned.futures(group)
         shared = track_pairs(some, plans, preset=rules, parameters=parameters)
+        both = shared, None if shared is None or near is None else shared.of_pairs(near)
         for start in range(0, max(some.states.shape[0], 1), size):
             part = slice(start, start + size)
+            of_all, of_near = (None if each is None else each.of_futures(part) for each in both)
             scenes = Scenes(
                 tracks=some.futures(part),
                 planned=None if plans is None else plans.futures(part),
                 parameters=parameters,
                 preset=rules,
-                shared=None if shared is None else replace(shared, row=shared.row[:, part]),
-            )
+                shared=of_all,
+            ).with_near(near, of_near)
             yield begin + start, scenes
             scenes.release()
-        if shared is not None:
-            shared.scenes.release()
+        for each in both:
+            if each is not None:
+                each.scenes.release()
 
 
 def track_pairs(

@@ -17,10 +17,10 @@ from scex_sumo.base.errors import UsageError, nearest
 from scex_sumo.base.importing import Registry, import_object
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.formulas.crossing import gap_time, pet
-from scex_sumo.metrics.formulas.distance import distance, gap, least_gap
-from scex_sumo.metrics.formulas.following import drac, pttc, thw, ttc
+from scex_sumo.metrics.formulas.distance import distance, gap, least_distance, least_gap
+from scex_sumo.metrics.formulas.following import drac, least_pttc, least_ttc, pttc, thw, ttc
 from scex_sumo.metrics.formulas.tq import tq
-from scex_sumo.metrics.formulas.wttc import least_wttc_path, wttc, wttc_path
+from scex_sumo.metrics.formulas.wttc import least_wttc, least_wttc_path, wttc, wttc_path
 from scex_sumo.metrics.pairs.scenes import Entries, Samples, Scenes
 
 
@@ -40,7 +40,8 @@ class Metric:
     finite: bool = False  # leave infinite values out of the aggregates
     harmonic: bool = False  # the mean over scenes is 1 / mean(1 / value); infinite values count as 0
     preset: str | None = None  # car-following rule; None uses that of the evaluation
-    quick: Callable[[Scenes], Samples] | None = None  # computes the same extrema from fewer pairs
+    quick: Callable[[Scenes], Samples | Entries] | None = None  # computes the same extrema from fewer pairs
+    pairwise: bool = False  # a pair's values depend on its own two tracks only
     threshold: float | None = None  # value from which a future is critical
     label: str = ""  # name in tables and pictures; else the column's
 
@@ -99,21 +100,62 @@ def _no_formula(scenes: Scenes) -> Samples | Entries:
     raise UsageError("metrics: this metric is known from a result only; register its function to evaluate it")
 
 
-_PTTC = Metric(name="pttc", unit="s", critical="min", evaluate=pttc, finite=True, harmonic=True, label="PTTC")
+_PTTC = Metric(
+    name="pttc",
+    unit="s",
+    critical="min",
+    evaluate=pttc,
+    quick=least_pttc,
+    finite=True,
+    harmonic=True,
+    label="PTTC",
+)
 _TTC = Metric(
-    name="ttc", unit="s", critical="max", evaluate=ttc, inverse=True, threshold=1 / 1.5, label="1/TTC"
+    name="ttc",
+    unit="s",
+    critical="max",
+    evaluate=ttc,
+    quick=least_ttc,
+    inverse=True,
+    threshold=1 / 1.5,
+    label="1/TTC",
 )
 _BY_HEADING = (
-    Metric(name="distance", unit="m", critical="min", evaluate=distance, threshold=5.0),
+    Metric(
+        name="distance",
+        unit="m",
+        critical="min",
+        evaluate=distance,
+        quick=least_distance,
+        pairwise=True,
+        threshold=5.0,
+    ),
     Metric(name="tq", critical="max", evaluate=tq, threshold=1.2, label="traffic quality"),
     Metric(name="gap_time", unit="s", critical="min", evaluate=gap_time, label="gap time"),
     _PTTC,
-    Metric(name="wttc", unit="s", critical="min", evaluate=wttc, threshold=0.26, label="WTTC"),
+    Metric(
+        name="wttc",
+        unit="s",
+        critical="min",
+        evaluate=wttc,
+        quick=least_wttc,
+        pairwise=True,
+        threshold=0.26,
+        label="WTTC",
+    ),
     _TTC,
 )
 _LIMITS = {name: event.threshold for name, event in EVENTS.items()}
 _ON_PATHS = (
-    Metric(name="gap", unit="m", critical="min", evaluate=gap, quick=least_gap, label="body gap"),
+    Metric(
+        name="gap",
+        unit="m",
+        critical="min",
+        evaluate=gap,
+        quick=least_gap,
+        pairwise=True,
+        label="body gap",
+    ),
     replace(
         _TTC,
         name="ttc_path",
@@ -128,6 +170,7 @@ _ON_PATHS = (
         critical="min",
         evaluate=wttc_path,
         quick=least_wttc_path,
+        pairwise=True,
         label="WTTC of outlines",
     ),
     Metric(name="thw", unit="s", critical="min", evaluate=thw, label="THW"),

@@ -10,6 +10,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.geometry.rectangles import distance_apart
 from scex_sumo.metrics.base import Rows
+from scex_sumo.metrics.pairs.near import NEAR_M, least_of_near
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 MARGIN = 1e-6  # for rounding, so that the nearest pair is never lost
@@ -24,6 +25,11 @@ def distance(scenes: Scenes) -> Samples:
 def gap(scenes: Scenes) -> Samples:
     """Compute the body gap of all pairs, m; 0 on overlap."""
     return scenes.of_all_pairs(gaps_of)
+
+
+def least_distance(scenes: Scenes) -> Samples:
+    """Compute the distance of the pairs that can be the nearest of their scene, m."""
+    return least_of_near(scenes, distance, NEAR_M)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,7 +113,11 @@ def gap_bounds(scenes: Scenes) -> tuple[FloatArray, FloatArray]:
 
 def least_gap(scenes: Scenes) -> Samples:
     """Compute the body gaps of the pairs that can be the nearest of their scene, m."""
-    return scenes.once(_least_gap)
+    return scenes.once(_least_gap_of_near)
+
+
+def _least_gap_of_near(scenes: Scenes) -> Samples:
+    return least_of_near(scenes, _least_gap, NEAR_M)
 
 
 def _least_gap(scenes: Scenes) -> Samples:

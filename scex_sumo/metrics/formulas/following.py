@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.metrics.pairs.scenes import Entries, Scenes
+from scex_sumo.metrics.pairs.leaders import leaders_by_heading
+from scex_sumo.metrics.pairs.near import soonest_following
+from scex_sumo.metrics.pairs.scenes import Entries, Following, Scenes
 
 MIN_CLOSING_MPS = 1e-9
 
@@ -24,9 +26,22 @@ def time_to_collision(*, gap: FloatArray, closing_speed: FloatArray) -> FloatArr
 
 def ttc(scenes: Scenes) -> Entries:
     """Compute the TTC of all car-following pairs, s."""
-    pairs = scenes.following
+    return _ttc_of(scenes.following)
+
+
+def least_ttc(scenes: Scenes) -> Entries:
+    """Compute the TTC of the car-following pairs that can have the least one of their scene, s."""
+    return _ttc_of(_soonest(scenes))
+
+
+def _ttc_of(pairs: Following) -> Entries:
     time = time_to_collision(gap=pairs.gap, closing_speed=pairs.follower_speed - pairs.leader_speed)
     return Entries(where=pairs.where, value=time)
+
+
+def _soonest(scenes: Scenes) -> Following:
+    by_heading = scenes.preset.leaders is leaders_by_heading
+    return scenes.once(soonest_following) if by_heading else scenes.following
 
 
 def potential_time_to_collision(
@@ -67,7 +82,15 @@ def potential_time_to_collision(
 
 def pttc(scenes: Scenes) -> Entries:
     """Compute the PTTC of all car-following pairs, s."""
-    pairs = scenes.following
+    return _pttc_of(scenes.following)
+
+
+def least_pttc(scenes: Scenes) -> Entries:
+    """Compute the PTTC of the car-following pairs that can have the least one of their scene, s."""
+    return _pttc_of(_soonest(scenes))
+
+
+def _pttc_of(pairs: Following) -> Entries:
     time = potential_time_to_collision(
         gap=pairs.gap,
         follower_speed=pairs.follower_speed,

@@ -6,6 +6,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.metrics.formulas.distance import least_gap
+from scex_sumo.metrics.pairs.near import surroundings
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 DISTANCE_SCALE_M = 5.0
@@ -50,15 +51,17 @@ def tq(scenes: Scenes) -> Samples:
     present, speed, vehicles = scenes.present, scenes.speed, scenes.vehicles
     macro = _variation(speed, present)
     count = present.sum(axis=0)
-    radius = (0.36 * speed) ** 2 + scenes.length + speed
-    first, second = scenes.pairs
+    radius = surroundings(speed, scenes.length)
+    near = scenes if scenes.near is None else scenes.near.scenes
+    first, second = near.pairs
+    apart = np.where(near.both_present, near.distance, np.inf)
     micro, nano = np.zeros_like(speed), np.zeros_like(speed)
-    apart = np.full((vehicles, vehicles, *scenes.shape), np.inf)
-    apart[first, second] = apart[second, first] = np.where(scenes.both_present, scenes.distance, np.inf)
     for vehicle in range(vehicles):
-        near = apart[vehicle] <= radius[vehicle]
-        micro[vehicle] = near.sum(axis=0) / np.maximum(count, 1)
-        nano[vehicle] = _variation(speed, near)
+        after, before = np.flatnonzero(first == vehicle), np.flatnonzero(second == vehicle)
+        others = np.concatenate([first[before], second[after]])  # ascending: sums keep their order
+        close = apart[np.concatenate([before, after])] <= radius[vehicle]
+        micro[vehicle] = close.sum(axis=0) / np.maximum(count, 1)
+        nano[vehicle] = _variation(speed[others], close)
     gaps = least_gap(scenes)
     nearest = np.where(gaps.defined, gaps.value, np.inf).min(axis=0, initial=np.inf)
     closeness = np.exp(-nearest / DISTANCE_SCALE_M)

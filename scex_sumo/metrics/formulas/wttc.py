@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -18,7 +19,8 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.geometry.rectangles import separated
 from scex_sumo.metrics.base import Rows
 from scex_sumo.metrics.formulas.distance import MARGIN, OutlinePairs, in_chunks, outline_pairs
-from scex_sumo.metrics.pairs.scenes import Samples, Scenes
+from scex_sumo.metrics.pairs.near import NEAR_M, least_of_near
+from scex_sumo.metrics.pairs.scenes import PairValues, Samples, Scenes
 
 MAX_ITERATIONS = 100  # a double root converges by one bit per iteration; anything else within about ten
 TOLERANCE_S = 1e-12
@@ -89,26 +91,58 @@ def _first_touch(
 
 def wttc(scenes: Scenes) -> Samples:
     """Compute the WTTC of all pairs, s."""
-    return scenes.unordered(scenes.of_pairs(_times))
+    return scenes.of_all_pairs(_disc_times)
 
 
-def _times(scenes: Scenes) -> FloatArray:
-    first, second = scenes.pairs
-    radius = np.hypot(scenes.length / 2, scenes.width / 2)
-    limit = scenes.max_acceleration
+def _disc_times(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
+    if not pair.size:
+        return np.empty(0)
+    radius, limit = np.hypot(scenes.length / 2, scenes.width / 2), scenes.max_acceleration
+    x, y, vx, vy = (
+        a.reshape(scenes.vehicles, -1)
+        for a in (scenes.x, scenes.y, scenes.speed * scenes.cos, scenes.speed * scenes.sin)
+    )
+
+    def of_chunk(pair: IntArray, scene: IntArray) -> FloatArray:
+        one, two = (side[pair] for side in scenes.pairs)
+        return worst_time_to_collision(
+            dx=x[two, scene] - x[one, scene],
+            dy=y[two, scene] - y[one, scene],
+            dvx=vx[two, scene] - vx[one, scene],
+            dvy=vy[two, scene] - vy[one, scene],
+            radius=scenes.size_of(radius, one, scene) + scenes.size_of(radius, two, scene),
+            acceleration=scenes.size_of(limit, one, scene) + scenes.size_of(limit, two, scene),
+        )
+
+    return in_chunks(pair, scene, of_chunk)
+
+
+def least_wttc(scenes: Scenes) -> Samples:
+    """Compute the WTTC of the pairs that can have the shortest one of their scene, s."""
+    return least_of_near(scenes, partial(_shortest, bounds=_disc_bounds, times=_disc_times), _beyond(scenes))
+
+
+def _beyond(scenes: Scenes) -> float:
+    """Bound the WTTC of pairs that are not near from below, s."""
+    limit = 2 * scenes.max_acceleration.max(initial=0.0)
+    closing = 2 * np.abs(scenes.speed).max(initial=0.0)
+    return float(_tangent_meets_parabola(np.array(NEAR_M), -closing, limit))
+
+
+def _disc_bounds(scenes: Scenes) -> FloatArray:
+    radius, limit = np.hypot(scenes.length / 2, scenes.width / 2), scenes.max_acceleration
     vx, vy = scenes.speed * scenes.cos, scenes.speed * scenes.sin
 
     def of_part(part: slice) -> FloatArray:
-        one, two, dx = first[part], second[part], scenes.dx[part]
-        time = worst_time_to_collision(
-            dx=dx.reshape(-1),
-            dy=scenes.dy[part].reshape(-1),
-            dvx=(vx[two] - vx[one]).reshape(-1),
-            dvy=(vy[two] - vy[one]).reshape(-1),
-            radius=np.broadcast_to(radius[one] + radius[two], dx.shape).reshape(-1),
-            acceleration=np.broadcast_to(limit[one] + limit[two], dx.shape).reshape(-1),
+        one, two = (side[part] for side in scenes.pairs)
+        dx, dy, distance = scenes.dx[part], scenes.dy[part], scenes.distance[part]
+        spare = distance - (radius[one] + radius[two])
+        closing = (dx * (vx[two] - vx[one]) + dy * (vy[two] - vy[one])) / np.where(
+            distance > 0, distance, 1.0
         )
-        return time.reshape(dx.shape)
+        both = np.broadcast_to(limit[one] + limit[two], spare.shape)
+        least = _tangent_meets_parabola(np.maximum(spare, 0.0), closing, both)
+        return np.where(scenes.both_present[part], np.where(spare > 0, least, 0.0), np.inf)
 
     return _some_at_once(scenes, of_part)
 
@@ -203,21 +237,27 @@ def _worst_times(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
 def least_wttc_path(scenes: Scenes) -> Samples:
     """Compute the WTTC of the outlines of the pairs that can have the shortest one of their scene, s.
 
-    Along the line of the centres, the outlines approach no faster than their extents: a lower bound. Only
-    pairs with a bound below the time of the likeliest pair can be faster.
+    Along the line of the centres, the outlines approach no faster than their extents: a lower bound.
     """
-    bound = scenes.of_pairs(_lower_bounds)
+    return least_of_near(
+        scenes, partial(_shortest, bounds=_outline_bounds, times=_worst_times), _beyond(scenes)
+    )
+
+
+def _shortest(scenes: Scenes, *, bounds: Callable[[Scenes], FloatArray], times: PairValues) -> Samples:
+    """Return times of the pairs whose lower bound is below the time of the likeliest pair of their scene."""
+    bound = scenes.of_pairs(bounds)
     if not bound.size:
         return scenes.unordered(bound)
     scene = np.arange(scenes.count)
     likely = bound.argmin(axis=0).reshape(-1)
-    first = scenes.at_pairs(_worst_times, likely, scene)
+    first = scenes.at_pairs(times, likely, scene)
     limit = np.where(scenes.both_present.any(axis=0).reshape(-1), first, -1.0)
     close: BoolArray = scenes.both_present & (bound <= limit.reshape(scenes.shape) + MARGIN)
-    return scenes.of_some_pairs(_worst_times, close)
+    return scenes.of_some_pairs(times, close)
 
 
-def _lower_bounds(scenes: Scenes) -> FloatArray:
+def _outline_bounds(scenes: Scenes) -> FloatArray:
     limit = scenes.max_acceleration
 
     def of_part(part: slice) -> FloatArray:

@@ -92,6 +92,7 @@ class Scenes:
     preset: Preset
     chosen: tuple[IntArray, IntArray] | None = None
     shared: TrackPairs | None = None  # values computed once for equal tracks of several futures
+    near: Near | None = None  # None: all pairs are taken for near
     _derived: dict[Callable[[Scenes], Any] | str, Any] = field(default_factory=dict, repr=False)
 
     def _evaluated(self, array: FloatArray) -> FloatArray:
@@ -235,7 +236,32 @@ class Scenes:
         own = np.isin(self.pairs, list(vehicles)).any(axis=0)
         shared = None if self.shared is None else replace(self.shared, row=self.shared.row[own])
         first, second = self.pairs
-        return replace(self, chosen=(first[own], second[own]), shared=shared, _derived={})
+        return replace(self, chosen=(first[own], second[own]), shared=shared, near=None, _derived={})
+
+    def of_scenes(self, scene: IntArray, pairs: IntArray) -> Scenes:
+        """Return scenes, by flat index into (C, T), as steps of one future, with pairs by number."""
+        at, tracks = np.divmod(scene, max(self.shape[1], 1)), self.tracks
+        at = at[0], at[1] + tracks.first
+        tracks = replace(
+            tracks,
+            states=tracks.states.map(lambda values: values[at][None]),
+            present=None if tracks.present is None else tracks.present[at][None],
+            acceleration=self.all_acceleration[at][None],
+            length=np.atleast_2d(tracks.length)[0],  # sizes of one future: unused by leaders
+            width=np.atleast_2d(tracks.width)[0],
+            first=0,
+        )
+        first, second = self.pairs
+        chosen = first[pairs], second[pairs]
+        return replace(self, tracks=tracks, planned=None, chosen=chosen, shared=None, near=None, _derived={})
+
+    def with_near(self, pairs: IntArray | None, shared: TrackPairs | None) -> Scenes:
+        """Return the same scenes with near pairs, given by number, whose values are ``shared``."""
+        if pairs is None:
+            return self
+        first, second = self.pairs
+        near = replace(self, chosen=(first[pairs], second[pairs]), shared=shared, _derived={})
+        return replace(self, near=Near(scenes=near, pair=pairs))
 
     def once(self, make: Callable[[Scenes], T]) -> T:
         """Return ``make(self)``, computed once for all metrics."""
@@ -247,6 +273,8 @@ class Scenes:
     def release(self) -> None:
         """Drop derived values, because reference cycles keep the memory."""
         self._derived.clear()
+        if self.near is not None:
+            self.near.scenes.release()
 
     def of_pairs(self, make: Callable[[Scenes], FloatArray]) -> FloatArray:
         """Return (P, C, T) values that depend on a pair's two tracks only."""
@@ -314,6 +342,14 @@ def _distance(scenes: Scenes) -> FloatArray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Near:
+    """Near pairs of a batch of scenes."""
+
+    scenes: Scenes  # the same scenes with the near pairs only
+    pair: IntArray  # (P',) numbers of the near pairs among all
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class TrackPairs:
     """Different pairs of tracks of several futures; values of a pair are computed once."""
 
@@ -321,6 +357,17 @@ class TrackPairs:
     row: IntArray  # (P, C) number of each pair of vehicles among those pairs
     _bounds: dict[Any, IntArray] = field(default_factory=dict, repr=False)
     _values: dict[Any, tuple[FloatArray, BoolArray]] = field(default_factory=dict, repr=False)
+
+    def of_pairs(self, pairs: IntArray) -> TrackPairs:
+        """Return the different pairs of tracks of some pairs of vehicles."""
+        first, second = self.scenes.pairs
+        kept, row = np.unique(self.row[pairs], return_inverse=True)
+        scenes = replace(self.scenes, chosen=(first[kept], second[kept]), _derived={})
+        return TrackPairs(scenes=scenes, row=row.reshape(len(pairs), -1))
+
+    def of_futures(self, part: slice) -> TrackPairs:
+        """Return the same pairs of tracks for some futures."""
+        return replace(self, row=self.row[:, part])
 
     def per_future(self, make: Any, rows: E) -> E:
         """Repeat rows, made by ``make``, for all futures that contain the pair."""
