@@ -64,6 +64,8 @@ def _show(file: Path) -> None:
     if not os.environ.get("DISPLAY") and sys.platform.startswith("linux"):
         raise ScexError(f"no display for sumo-gui; on a machine with a display: {by_hand}")
     command = [program("sumo-gui"), "-c", file.name]
-    status = subprocess.run(command, check=False, env=environment(), cwd=file.parent).returncode
+    # sumo-gui prints to stdout how each person with a visible id walks.
+    quiet = subprocess.DEVNULL
+    status = subprocess.run(command, check=False, env=environment(), cwd=file.parent, stdout=quiet).returncode
     if status != 0:
         raise ScexError(f"sumo-gui ended with status {status}; try it by hand: {by_hand}")

@@ -60,7 +60,10 @@ _SETTINGS = """<viewsettings>
                   vehicleName_show="{names}" vehicleName_onlySelected="{chosen}"
                   vehicleName_size="{name_size}" vehicleName_color="20,22,26"
                   vehicleName_bgColor="255,255,255,200" vehicleName_constantSize="0"/>
-        <persons personMode="0" personQuality="2" person_minSize="1" person_exaggeration="1"/>
+        <persons personMode="0" personQuality="2" person_minSize="1" person_exaggeration="{exaggeration:.2f}"
+                 personName_show="{names}" personName_onlySelected="{chosen}"
+                 personName_size="{name_size}" personName_color="20,22,26"
+                 personName_bgColor="255,255,255,200" personName_constantSize="0"/>
         <junctions junctionMode="0" drawLinkTLIndex_show="0" drawLinkJunctionIndex_show="0" drawShape="1"
                    junctionName_show="0" drawCrossingsAndWalkingareas="0">
             <colorScheme name="uniform">

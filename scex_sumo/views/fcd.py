@@ -1,7 +1,8 @@
 """Floating car data (FCD): SUMO's format of trajectories, for replays in sumo-gui.
 
 SUMO needs a lane for every position: the nearest one with a similar direction. A vehicle's first lane is
-outside of junctions, where SUMO inserts no vehicle.
+outside of junctions, where SUMO inserts no vehicle. So are all edges of a pedestrian: SUMO removes persons
+from edges within junctions.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ class FcdTracks:
     """Tracks of N vehicles in one tile.
 
     Attributes:
+        walks: (N,) pedestrians; the others are vehicles.
         length: (N,) m.
         states: (N, T) centres in the net's coordinates.
         present: (N, T) from first to last appearance.
@@ -39,6 +41,7 @@ class FcdTracks:
 
     ids: Sequence[str]
     types: Sequence[str]
+    walks: BoolArray
     length: FloatArray
     states: States
     present: BoolArray
@@ -64,7 +67,7 @@ class LaneFinder:
     ) -> tuple[list[str], FloatArray]:
         """Return (n) lane ids of places, and (n,) positions along the lanes, m.
 
-        ``first`` (n,) marks the first place of a vehicle.
+        ``first`` (n,) marks places that need a lane outside of junctions.
         """
         places = shapely.points(x, y)
         place, lane = self._tree.query(places, predicate="dwithin", distance=_NEAR_M)
@@ -101,21 +104,22 @@ def write_fcd(path: Path, groups: Sequence[FcdTracks], lanes: LaneFinder) -> Non
         x, y, angle = to_sumo(group.states, group.length[:, None])
         dx, dy = group.offset
         there = group.present
-        first = there & (np.cumsum(there, axis=1) == 1)
+        first = there & ((np.cumsum(there, axis=1) == 1) | group.walks[:, None])
         names, along = lanes.find(x[there], y[there], group.states.heading[there], first[there])
         vehicle, when = np.nonzero(there)
         heads = [
-            f"        <vehicle id={quoted(key)} type={quoted(kind)}"
-            for key, kind in zip(group.ids, group.types, strict=True)
+            f"        <{'person' if walks else 'vehicle'} id={quoted(key)} type={quoted(kind)}"
+            for key, kind, walks in zip(group.ids, group.types, group.walks.tolist(), strict=True)
         ]
         places = (x[there] + dx, y[there] + dy, angle[there], group.states.speed[there], along)
         columns = [column.tolist() for column in (vehicle, when, *places)]
         for name, n, t, *numbers in zip(names, *columns, strict=True):
             lane = name if group.tile is None else tile_id(group.tile, name)
             at_x, at_y, turned, speed, position = numbers
+            place = f"edge={quoted(lane.rpartition('_')[0])}" if group.walks[n] else f"lane={quoted(lane)}"
             rows[t].append(
                 f'{heads[n]} x="{at_x:.6f}" y="{at_y:.6f}" angle="{turned:.6f}" speed="{speed:.6f}"'
-                f' pos="{position:.2f}" lane={quoted(lane)} slope="0"/>\n'
+                f' pos="{position:.2f}" {place} slope="0"/>\n'
             )
     with path.open("w", encoding="utf-8") as file:
         file.write('<?xml version="1.0" encoding="UTF-8"?>\n<fcd-export>\n')

@@ -157,6 +157,7 @@ def _choose_ids(
     here.sort(key=lambda entry: entry[0] is not groups[0] or entry[1] not in future.event)
     here = [(group, n) for group, n in here if group.present[n, at]]
     names = [group.ids[n] for group, n in here]
+    kinds = ["person" if group.walks[n] else "vehicle" for group, n in here]
     x, y = (np.array([getattr(group.states, axis)[n, at] for group, n in here]) for axis in ("x", "y"))
     event, beside = list(range(len(future.event))), ""
     kept = readable(names, x, y, letter_m)
@@ -164,7 +165,7 @@ def _choose_ids(
         rest = [n for n in range(len(here)) if n not in event]
         kept = [rest[k] for k in readable([names[n] for n in rest], x[rest], y[rest], letter_m)]
         beside = draw_ids([names[n] for n in event], x[event], y[event], frame.line_m)
-    path.write_text("".join(f"vehicle:{names[n]}\n" for n in kept), encoding="utf-8")
+    path.write_text("".join(f"{kinds[n]}:{names[n]}\n" for n in kept), encoding="utf-8")
     return beside
 
 
@@ -184,6 +185,7 @@ def _groups(scene: SeedScene, tiled: TiledFuture) -> list[FcdTracks]:
     vehicles = FcdTracks(
         ids=[tiled.id(str(track)) for track in scene.track_ids],
         types=[_type_id(model, scene.types[v], v) for v, model in enumerate(tiled.future.models)],
+        walks=_walks(scene.types),
         length=scene.length,
         states=tiled.future.states,
         present=np.ones(tiled.future.states.shape, dtype=bool),
@@ -198,6 +200,7 @@ def _groups(scene: SeedScene, tiled: TiledFuture) -> list[FcdTracks]:
     obstacles = FcdTracks(
         ids=[tiled.id(f"P{name}") for name in others.ids],
         types=[_type_id("other", kind, o) for o, kind in enumerate(others.types)],
+        walks=_walks(others.types),
         length=others.length,
         states=others.states[:, columns],
         present=_without_gaps(others.present[:, columns]),
@@ -205,6 +208,10 @@ def _groups(scene: SeedScene, tiled: TiledFuture) -> list[FcdTracks]:
         offset=tiled.offset,
     )
     return [vehicles, obstacles]
+
+
+def _walks(kinds: Sequence[str]) -> BoolArray:
+    return np.array([road_user(kind) == "pedestrian" for kind in kinds], dtype=np.bool_)
 
 
 def _without_gaps(present: BoolArray) -> BoolArray:
@@ -226,12 +233,18 @@ def _types(scene: SeedScene, futures: Sequence[FutureView], colors: Mapping[str,
     for v in range(scene.vehicles):
         size = scene.types[v], float(scene.length[v]), float(scene.width[v])
         for model in sorted({future.models[v] for future in futures}):
-            lines.append(given_type(_type_id(model, size[0], v), *size, colors[model]))
+            lines.append(_type(model, v, size, colors[model]))
     if (others := scene.obstacles) is not None:
         for o, kind in enumerate(others.types):
             size = kind, float(others.length[o]), float(others.width[o])
-            lines.append(given_type(_type_id("other", kind, o), *size, OTHER_RGB))
+            lines.append(_type("other", o, size, OTHER_RGB))
     return "".join(lines)
+
+
+def _type(model: str, number: int, size: tuple[str, float, float], rgb: Rgb) -> str:
+    user = road_user(size[0])
+    own_class = user if user in PEOPLE else "ignoring"
+    return given_type(_type_id(model, size[0], number), *size, rgb, own_class=own_class)
 
 
 def _write_configuration(

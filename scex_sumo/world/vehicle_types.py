@@ -28,10 +28,16 @@ def road_class(kind: str) -> str:
 
 
 def given_type(
-    name: str, kind: str, length: float, width: float, rgb: tuple[int, int, int] | None = None
+    name: str,
+    kind: str,
+    length: float,
+    width: float,
+    rgb: tuple[int, int, int] | None = None,
+    *,
+    own_class: str = "ignoring",
 ) -> str:
     """Return the ``vType`` of moved vehicles; class ``ignoring`` may be on any lane."""
-    attributes = {"vClass": "ignoring", "guiShape": gui_shape(kind), "maxSpeed": "200"}
+    attributes = {"vClass": own_class, "guiShape": gui_shape(kind), "maxSpeed": "200"}
     if rgb is not None:
         attributes["color"] = ",".join(str(c) for c in rgb)
     return _element(name, length, width, attributes)

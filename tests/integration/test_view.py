@@ -54,7 +54,7 @@ def scene() -> SeedScene:
         recorded_steps=np.full(4, 10),
         obstacles=Obstacles(
             ids=("P1",),
-            types=("pedestrian/bicycle",),
+            types=("pedestrian",),
             length=np.array([0.6]),
             width=np.array([0.6]),
             states=walk,
@@ -111,6 +111,8 @@ def test_a_future_is_replayed_as_logged(crossing: SimpleNamespace, tmp_path: Pat
     for v, key in enumerate(("3", "12", "7", "1")):
         agree(seen[key], tracks(0.0)[v], float(scene().length[v]))
     assert sorted(seen["PP1"]) == list(range(3, 21))
+    assert seen["PP1"][10][:2] == pytest.approx((1010 + 10 * 0.13 + 0.3, 1012.0))  # its front
+    assert '<person id="PP1"' in configuration.with_suffix(".out.xml").read_text()
 
 
 def test_futures_are_replayed_side_by_side(crossing: SimpleNamespace, tmp_path: Path) -> None:
