@@ -333,7 +333,7 @@ def test_an_exact_row_is_what_the_tables_of_a_run_give(tmp_path: Path) -> None:
     assert (row["futures"], row["remainder"]) == (64, 3 / 64)
     assert 0 < row["extra"] <= 128
     seed = scex_sumo.read_seed(scex_sumo.example_path("roundabout"), time=row["time_s"])
-    run = extrapolate(seed, futures=96, out=tmp_path / "run")
+    run = extrapolate(seed, futures=96, reference="none", response="none", out=tmp_path / "run")
     assert run.collision.exact == pytest.approx(row["p_collision"])
     tables = {
         key: table.probability() for key, table in exact_of(run).tables.items() if key[2] == "collision"

@@ -87,7 +87,7 @@ def test_a_validation_over_the_cluster_is_that_of_this_machine(
     told = {}
     for name, option in (("cluster", ("--cluster", cluster.address)), ("alone", ())):
         folder = tmp_path / name
-        words = ("--every", "5", "--futures", "2", "--seed", "3", *option, "-o", folder)
+        words = ("--every", "8", "--futures", "2", "--seed", "3", *option, "-o", folder)
         done = scex("validate", dataset, *words)
         assert done.returncode == 0, done.stderr
         told[name] = {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*.parquet")}
