@@ -26,9 +26,10 @@ from scex_sumo.behaviors.driving.motion import drive
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.behaviors.registry import model_specs
-from scex_sumo.suites.catalogue import cutter_of, recordings_of
 from scex_sumo.suites.choice import choose
+from scex_sumo.suites.cut import cutter_of, recordings_of
 from scex_sumo.suites.estimate import difference, rate
+from scex_sumo.suites.pilot import touches
 from scex_sumo.suites.population import Population, read_population
 from scex_sumo.suites.simulate import simulate
 from scex_sumo.suites.testing.tasks import record_of
@@ -81,6 +82,7 @@ def of_candidate(cutter: Any, row: Mapping[str, Any], specs: Mapping[str, Any]) 
     try:
         _, situation = cutter.situation(row)
         found: dict[str, Any] = {"people": situation.human_like, "most": situation.most}
+        found["pilot"] = touches(situation, seed=0)
         for name, spec in specs.items():
             began = time.process_time()
             record = record_of(situation, simulate(situation, spec, 64, seed=0))
@@ -99,7 +101,8 @@ def judge(population: Population, lines: Sequence[Mapping[str, Any]], count: int
     """Print a line for each function."""
     lines = [one for one in lines if "error" not in one]
     kept = [population.rows[one["k"]] for one in lines]
-    population = dataclasses.replace(population, rows=kept)
+    pilot = np.array([one["pilot"] for one in lines])
+    population = dataclasses.replace(population, rows=kept, pilot=pilot)
     people, most = (np.array([one[name] for one in lines]) for name in ("people", "most"))
     chosen = [choose(population, count, seed=seed) for seed in range(suites)]
     rng, size = np.random.default_rng(0), len(kept)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +16,8 @@ from scex_sumo.base.errors import ScexError, UsageError, reason_of
 from scex_sumo.base.files import write_atomic
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
-from scex_sumo.certainty.response.answer import with_rules
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.registries import Recording
-from scex_sumo.evaluation.recordings import load_recording, seed_at
 from scex_sumo.exporters.request import EXPORTERS
 from scex_sumo.results.folder import OutputFolder
 from scex_sumo.results.info import versions
@@ -28,9 +26,11 @@ from scex_sumo.studies.moments.folder import plain
 from scex_sumo.studies.rank.rank import rank
 from scex_sumo.suites.case import FORMATS, write_case
 from scex_sumo.suites.choice import Chosen, check_count, choose
+from scex_sumo.suites.cut import Cutter, cutter_of, recordings_of
 from scex_sumo.suites.page import CaseCard, write_catalogue_page
+from scex_sumo.suites.pilot import piloted
 from scex_sumo.suites.population import RISK_WORDS, Population, is_ranking, read_population
-from scex_sumo.suites.situation import Situation, situation_of
+from scex_sumo.suites.situation import Situation
 from scex_sumo.suites.suite import CASES, FORMAT, MAPS, SUITE, Suite, open_suite
 
 RANKING = "ranking"
@@ -94,7 +94,7 @@ def catalogue(
         every: s between two moments; ``min_vehicles`` of a moment as of `rank`.
         formats: export formats of the cases.
         licence: a sentence about the recordings.
-        workers: processes that rank.
+        workers: processes that rank, and drive the pilot.
         overwrite: replace another suite in ``out``.
 
     Raises:
@@ -118,17 +118,20 @@ def catalogue(
             own |= {"overwrite": overwrite, "progress": progress, "command": command}
             rank(others, out=out / RANKING, **own, **_PAIRS_ALONE)
             rankings.append(out / RANKING)
-        population = read_population(rankings)
+        whole = read_population(rankings)
+        recordings = recordings_of(whole)
+        with progress_of(progress, "pilot") as tick:
+            population = piloted(whole, count, recordings, seed=seed, workers=workers, tick=tick)
         chosen = choose(population, count, seed=seed)
         draws = {"seed": seed, "futures": FUTURES}
         cases, notes = [], list[str]()
         with progress_of(progress, "cases") as tick:
-            for one in _cases(population, chosen, out, tuple(formats), draws, notes):
+            for one in _cases(population, chosen, recordings, out, tuple(formats), draws, notes):
                 cases.append(one)
                 if tick is not None:
                     tick(len(cases), len(chosen))
         cases.sort(key=lambda one: str(one.about["name"]))
-        info = _info(population, chosen, cases, draws) | {"notes": notes, "versions": versions()}
+        info = _info(whole, chosen, cases, draws) | {"notes": notes, "versions": versions()}
         info |= {"command": list(command) if command else None, "scex_sumo": __version__}
         info |= {"seconds": round(time.perf_counter() - started, 1)}
         names = ", ".join(sorted({str(one.about["site"]) for one in cases}))
@@ -166,6 +169,7 @@ def _identity(
 def _cases(
     population: Population,
     chosen: Chosen,
+    recordings: Mapping[str, Recording],
     out: Path,
     formats: Sequence[str],
     draws: Mapping[str, Any],
@@ -175,37 +179,10 @@ def _cases(
     wanted: dict[str, list[int]] = {}
     for number, index in enumerate(chosen.index.tolist()):
         wanted.setdefault(population.rows[index]["recording"], []).append(number)
-    recordings = recordings_of(population)
     for name in sorted(wanted):
         cut = cutter_of(recordings, name)
         for number in wanted[name]:
             yield _case(population, chosen, number, cut, out, formats, draws, notes)
-
-
-def recordings_of(population: Population) -> dict[str, Recording]:
-    """Return the recordings of a population by name."""
-    return {recording.name: recording for recording in find_recordings(list(population.roots))}
-
-
-def cutter_of(recordings: Mapping[str, Recording], name: str) -> Cutter:
-    """Return one of the recordings of a population; raise a `UsageError` if it is gone."""
-    if name not in recordings:
-        raise UsageError(f"{name}: a recording of the ranking that is not found any more; rank again")
-    return Cutter(recordings[name])
-
-
-class Cutter:
-    """Recording that gives seed scenes."""
-
-    def __init__(self, recording: Recording) -> None:
-        self.name, self.loaded = recording.name, load_recording(recording)
-
-    def situation(self, row: Mapping[str, Any]) -> tuple[SeedScene, Situation]:
-        """Return the seed scene of a candidate, with rules, and what happens in it."""
-        scene = with_rules(seed_at(self.loaded, row["time_s"], case=row["case"] or None))
-        assert scene.road is not None
-        bare = replace(scene, road=replace(scene.road, net=None))
-        return scene, situation_of(bare, row["track_id"], row["other_id"])
 
 
 def _case(

@@ -74,11 +74,12 @@ def choose(population: Population, count: int, *, seed: int = 0, per_moment: boo
     if len(rest):
         own, names = strata_of(population, rest, max(1, (count - int(sure.sum())) // (2 * EACH)))
         stratum[rest], words = own + 1, [*words, *names]
-    sizes = np.bincount(stratum, minlength=len(words))
+    sizes = np.rint(np.bincount(stratum, population.stands_for, minlength=len(words))).astype(np.int64)
+    held = np.bincount(stratum, minlength=len(words))
     sums = [float(size[(stratum == h) & ~sure].sum()) for h in range(1, len(words))]
-    shares = allocation(sizes[1:], sums, count - int(sure.sum()))
+    shares = allocation(held[1:], sums, count - int(sure.sum()))
     index: list[int] = np.flatnonzero(sure).tolist()
-    weight, spare, used = [1.0] * len(index), [list[int]() for _ in index], set[str]()
+    weight, spare, used = [1.0] * len(index), [list[int]() for _ in index], set[str]()  # among the rows
     seeds = [row["seed"] for row in population.rows]
     used.update(seeds[k] for k in index)
     for h, cases in enumerate(shares.tolist(), start=1):
@@ -98,7 +99,7 @@ def choose(population: Population, count: int, *, seed: int = 0, per_moment: boo
     return Chosen(
         index=chosen[order],
         stratum=stratum[chosen][order],
-        weight=np.array(weight)[order],
+        weight=(np.array(weight) * population.stands_for[chosen])[order],
         novelty=novelty,
         spare=[spare[k] for k in order.tolist()],
         strata=words,

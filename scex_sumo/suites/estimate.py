@@ -2,7 +2,8 @@
 
 Stratified estimator: the sum of weight · y over the cases, over the recorded hours. Its variance is that
 within strata, as if their cases were drawn with replacement, times the share that was not drawn; it holds the
-variance of the futures, too. The interval is on the log scale with Student's t.
+variance of the futures, too. The interval is on the log scale with Student's t, whose degrees of freedom are
+those of Satterthwaite (1946): few if the variance comes from few strata.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ class Rate:
     low: float
     high: float
     deviation: float
-    freedom: int
+    freedom: float
 
     def to_json(self) -> Mapping[str, Any]:
         """Return the values by name."""
@@ -51,7 +52,7 @@ def _number(value: float) -> str:
 
 def total(
     y: FloatArray, weight: FloatArray, stratum: IntArray, sizes: IntArray, drawn: FloatArray | None = None
-) -> tuple[float, float, int]:
+) -> tuple[float, float, float]:
     """Return the estimated sum over the population, its variance, and the degrees of freedom.
 
     Args:
@@ -61,7 +62,7 @@ def total(
         drawn: (n,) variance of y by the futures of a case; counts in full where a stratum was taken whole.
     """
     each = weight * y
-    variance, freedom = 0.0, 0
+    variance, spread = 0.0, 0.0
     for h in range(len(sizes)):
         inside = stratum == h
         count = int(inside.sum())
@@ -69,13 +70,15 @@ def total(
             continue
         left = max(0.0, 1.0 - count / sizes[h])
         if count > 1:
-            variance += left * count * float(np.var(each[inside], ddof=1))
-            freedom += count - 1
+            part = left * count * float(np.var(each[inside], ddof=1))
         else:  # of one that stands for others nothing is known but its size
-            variance += left * float((each[inside] ** 2).sum())
-        if drawn is not None:
+            part = left * float((each[inside] ** 2).sum())
+        variance += part
+        spread += part**2 / max(count - 1, 1)
+        if drawn is not None:  # many futures: their variance is known
             variance += (1.0 - left) * float((weight[inside] ** 2 * drawn[inside]).sum())
-    return float(each.sum()), variance, max(freedom, 1)
+    freedom = variance**2 / spread if spread > 0 else float(len(y))
+    return float(each.sum()), variance, max(freedom, 1.0)
 
 
 def rate(
@@ -126,7 +129,7 @@ def difference(
     )
 
 
-def _student(freedom: int) -> float:
+def _student(freedom: float) -> float:
     from scipy.special import stdtrit
 
     return float(stdtrit(freedom, (1 + LEVEL) / 2))

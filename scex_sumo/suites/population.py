@@ -24,6 +24,8 @@ from scex_sumo.studies.moments.pairs import BACK, OWN, PARAMETERS
 
 LEAST: Final = 1e-9
 """P of a contact from which a vehicle of an encounter is a candidate."""
+PILOT: Final = (0.3, 0.1)
+"""Parts of the choice that go by the contacts of a blind driver: where nobody acts, and by its P."""
 RISKS: Final = (1e-7, 1e-6, 1e-5)
 """P between classes of risk."""
 RISK_WORDS: Final = ("below 1e-7", "1e-7 to 1e-6", "1e-6 to 1e-5", "1e-5 or more")
@@ -45,6 +47,8 @@ class Population:
         doubtful: encounters left out.
         roots: of the recordings.
         seeds: number of moments.
+        share: (N,) candidates for which each one stands, if the rows are drawn from more; None: one each.
+        pilot: (N, 2) share of typical futures in which a blind driver touches, and its P; None: not known.
     """
 
     rows: Sequence[Mapping[str, Any]]
@@ -53,6 +57,8 @@ class Population:
     doubtful: int
     roots: Sequence[str]
     seeds: int
+    share: FloatArray | None = None
+    pilot: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -89,17 +95,27 @@ class Population:
         spread = values.std(axis=0) if len(values) else np.ones(values.shape[1])
         return np.asarray((values - values.mean(axis=0)) / np.where(spread > 0, spread, 1.0))
 
+    @property
+    def stands_for(self) -> FloatArray:
+        """Candidates (N,) for which each one stands."""
+        return np.ones(len(self)) if self.share is None else self.share
+
     def size(self) -> FloatArray:
         """Return the (N,) share of each candidate in what any function may bring about; it sums to 1.
 
-        A quarter each goes by P of people, by P of a contact of who never responds, by how often the other
-        one acts at all, and equally.
+        Equal parts go by P of people, by P of a contact of who never responds, by how often the other one
+        acts at all, and equally; `PILOT` goes by what the pilot touched, if there was one.
         """
-        names = ("probability", "unanswered", "acts")
-        shares = [np.full(len(self), 1 / len(self))]
-        for values in map(self.column, names):
-            shares.append(values / values.sum() if values.sum() > 0 else shares[0])
-        return np.asarray(np.mean(shares, axis=0))
+        columns = map(self.column, ("probability", "unanswered", "acts"))
+        size = np.mean([self._shares(values) for values in (np.ones(len(self)), *columns)], axis=0)
+        if self.pilot is not None:
+            size *= 1 - sum(PILOT)
+            size += sum(part * self._shares(of) for part, of in zip(PILOT, self.pilot.T, strict=True))
+        return np.asarray(size)
+
+    def _shares(self, values: FloatArray) -> FloatArray:
+        whole = self.stands_for * (values if values.any() else 1.0)
+        return np.asarray(whole / whole.sum())
 
     def exposure(self) -> list[dict[str, Any]]:
         """Return by kind how many candidates and contacts of people there are, and how many an hour."""

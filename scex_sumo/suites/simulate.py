@@ -20,7 +20,7 @@ from scex_sumo.base.errors import ScexError
 from scex_sumo.behaviors.base import PLAN_STEPS, Behavior, is_driven_by_sumo, layer_with
 from scex_sumo.behaviors.registry import ModelSpec, build, parse_models
 from scex_sumo.certainty.response.critical import DECELERATIONS, responded
-from scex_sumo.certainty.response.motion.actions import TIME_S
+from scex_sumo.certainty.response.motion.actions import LEVELS, TIME_S
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
 from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, separation
@@ -256,6 +256,20 @@ def outcomes_of(
         ttc_s=np.where(counts, gap / np.maximum(closing, 1e-9), np.inf).min(axis=1),
         states=states,
     )
+
+
+def chances(situation: Situation, outcomes: Outcomes) -> tuple[float, float]:
+    """Return the share of typical futures with a contact, and P of a contact after an action."""
+    draws, hit = outcomes.draws, outcomes.hit
+    shares = by_level(situation, draws.weight * hit, draws.row)
+    return float(hit[draws.row < 0].mean()), situation.probability(shares)
+
+
+def by_level(situation: Situation, values: FloatArray, row: IntArray) -> FloatArray:
+    """Return the sums (n, 10) of values of futures by action and value."""
+    sums = np.zeros(situation.levels)
+    np.add.at(sums, row[row >= 0], values[row >= 0])
+    return sums.reshape(-1, LEVELS)
 
 
 def _closing(states: States, i: int, j: int, row: IntArray, step: IntArray) -> FloatArray:

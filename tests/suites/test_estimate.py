@@ -22,6 +22,13 @@ def test_a_rate_is_the_weighted_sum_over_the_hours() -> None:
     assert found.freedom == 3
 
 
+def test_variance_of_one_stratum_has_few_degrees_of_freedom() -> None:
+    """Two strata of two and ten cases; in the large one all are alike."""
+    y, stratum = np.array([0.1, 0.5, *np.full(10, 0.2)]), np.repeat([0, 1], [2, 10])
+    _, _, freedom = total(y, np.full(12, 10.0), stratum, np.array([20, 100]))
+    assert freedom == pytest.approx(1.0)
+
+
 def test_a_whole_stratum_has_the_variance_of_its_futures_alone() -> None:
     y, drawn = np.array([0.1, 0.9]), np.array([0.01, 0.02])
     value, variance, _ = total(y, np.ones(2), np.zeros(2, dtype=np.int64), np.array([2]), drawn)

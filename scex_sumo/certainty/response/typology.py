@@ -37,7 +37,7 @@ CONFLICTS: Final = (
 """Kinds, in the order of the docs."""
 
 _STANDS_MPS, _SLOWER_MPS, _BRAKES_MPS2 = 0.5, 0.5, -0.5
-_IN_LINE_M = 2.0  # of the centre of a leader from the follower's line, now and a second ago
+_IN_LINE_M = 2.75  # of the centre of a leader from the follower's line, mean of now and a second ago
 _IN_LINE_RAD, _ALONG_RAD, _OPPOSED_RAD = np.deg2rad(45.0), np.deg2rad(30.0), np.deg2rad(135.0)
 _TURNS_RAD = np.deg2rad(30.0)
 _MEETING_M, _CROSS_M = 2.0, 1.0  # between lines that come together, and that cross
@@ -115,7 +115,7 @@ def conflict_of(expected: Expected, one: int, other: int) -> Conflict:
 def _way(expected: Expected, v: int) -> _Way:
     lines, now = expected.lines, expected.scene.now
     s = lines.start[v] + lines.spacing_m * np.arange(lines.x.shape[1])
-    reach = max(float(expected.s[v, -1]), 8.0 * float(now.speed[v])) + _BEYOND_M
+    reach = max(float(expected.s[v, -1]), 8.0 * float(now.speed[v]), _BEYOND_M) + _BEYOND_M
     ahead = np.flatnonzero((s >= 0) & (s <= reach))
     return _Way(
         x=lines.x[v, ahead],
@@ -161,13 +161,14 @@ def _kind(expected: Expected, both: tuple[int, int], ways: list[_Way], place: tu
     points = np.array([*here, *((way.x[0], way.y[0]) for way in ways)])
     assert expected.scene.road is not None
     _, meets, *stands = places_of(expected.scene.road, points)
-    circles = meets == "ring" and now < _OPPOSED_RAD
-    if stands != ["ring", "ring"] and (circles or "ring" in stands):
+    apart = _least_apart(*ways)
+    circles = meets == "ring" and (now < _OPPOSED_RAD or apart < _MEETING_M)
+    turns = now >= _ALONG_RAD
+    if (turns or stands != ["ring", "ring"]) and (circles or "ring" in stands):
         return ENTRY
-    if now < _ALONG_RAD:
+    if not turns and abs(wrap(ways[0].heading[place[0]] - ways[1].heading[place[1]])) < _IN_LINE_RAD:
         return MERGE if meets == "merge" else LANE_CHANGE
-    crosses = _least_apart(*ways) < _CROSS_M
-    return _across(came, turned, together=_go_on_together(ways, place), crosses=crosses)
+    return _across(came, turned, together=_go_on_together(ways, place), crosses=apart < _CROSS_M)
 
 
 def _leads(expected: Expected, lead: int, way: _Way) -> bool:
@@ -176,7 +177,7 @@ def _leads(expected: Expected, lead: int, way: _Way) -> bool:
     apart, past = (np.hypot(way.x - states.x[k], way.y - states.y[k]) for k in (-1, -1 - _SECOND))
     nearest = int(np.argmin(apart))
     turn = abs(wrap(states.heading[-1] - way.heading[nearest]))
-    inside = max(apart[nearest], past.min()) < _IN_LINE_M
+    inside = (apart[nearest] + past.min()) / 2 < _IN_LINE_M
     return bool(nearest > 0 and inside and turn < _IN_LINE_RAD)
 
 

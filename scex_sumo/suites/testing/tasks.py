@@ -13,13 +13,12 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import OutOfTimeError, reason_of
 from scex_sumo.behaviors.spec import ModelSpec
-from scex_sumo.certainty.response.motion.actions import LEVELS
 from scex_sumo.plug_in.time_limit import time_limit
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.moments.run import MomentTask, StudySettings, attempt, pack_road
 from scex_sumo.studies.rank.stage import Stage, stage_of_motion
-from scex_sumo.suites.simulate import Outcomes, simulate
+from scex_sumo.suites.simulate import Outcomes, by_level, chances, simulate
 from scex_sumo.suites.situation import Situation, situation_of
 from scex_sumo.suites.suite import Case
 
@@ -52,12 +51,27 @@ _packed = lru_cache(maxsize=4)(pack_road)
 
 def task_of(case: Case, spec: ModelSpec, futures: int, *, seed: int, limit_s: float) -> CaseTask:
     """Return the task of a case; raise a `ResultError` if its files were changed."""
-    scene, content = case.scene(), case.content
+    content = case.content
+    both = int(content["other"]["track_id"]), int(content["function"]["track_id"])
+    return task_of_scene(case.name, case.scene(), both, spec, futures, seed=seed, limit_s=limit_s)
+
+
+def task_of_scene(
+    name: str,
+    scene: SeedScene,
+    both: tuple[int, int],
+    spec: ModelSpec,
+    futures: int,
+    *,
+    seed: int,
+    limit_s: float,
+) -> CaseTask:
+    """Return the task of a seed scene with a road; ``both`` are the track ids of initiator and responder."""
     assert scene.road is not None
     ref = MomentRef(
-        moment=case.name,
+        moment=name,
         location=scene.location,
-        recording=case.name,
+        recording=name,
         case="",
         time_s=0.0,
         vehicles=scene.vehicles,
@@ -68,8 +82,8 @@ def task_of(case: Case, spec: ModelSpec, futures: int, *, seed: int, limit_s: fl
         road=_packed(scene.road),
         futures=range(futures),
         settings=StudySettings(),
-        initiator=int(content["other"]["track_id"]),
-        responder=int(content["function"]["track_id"]),
+        initiator=both[0],
+        responder=both[1],
         spec=spec,
         seed=seed,
         limit_s=limit_s,
@@ -95,10 +109,9 @@ def record_of(situation: Situation, outcomes: Outcomes) -> dict[str, Any]:
     """Return what is kept of the futures of a case, fit for JSON."""
     draws, hit = outcomes.draws, outcomes.hit
     typical = draws.row < 0
-    shares = by_level(situation, draws.weight * hit, draws.row)
     injuries = situation.injuries(outcomes.closing_mps) * hit
     harmed = by_level(situation, draws.weight * injuries, draws.row)
-    acting, share = situation.probability(shares), float(hit[typical].mean())
+    share, acting = chances(situation, outcomes)
     stage = stage_of_future(situation, outcomes, worst_future(situation, outcomes))
     expected = expected_contacts(situation, outcomes)
     return {
@@ -130,13 +143,6 @@ def record_of(situation: Situation, outcomes: Outcomes) -> dict[str, Any]:
 def _median(values: FloatArray) -> float | None:
     finite = values[np.isfinite(values)]
     return float(np.median(finite)) if len(finite) else None
-
-
-def by_level(situation: Situation, values: FloatArray, row: Any) -> FloatArray:
-    """Return the sums (n, 10) of values of futures by action and value."""
-    sums = np.zeros(situation.levels)
-    np.add.at(sums, row[row >= 0], values[row >= 0])
-    return sums.reshape(-1, LEVELS)
 
 
 def expected_contacts(situation: Situation, outcomes: Outcomes) -> FloatArray:

@@ -131,6 +131,17 @@ def test_who_enters_a_roundabout_and_who_is_on_it_meet_at_its_entry() -> None:
     assert kind(scene(entering, circling)) != "roundabout entry"
 
 
+def test_one_that_turns_onto_the_ring_enters_though_both_are_on_it() -> None:
+    """Both are on lanes of the ring, at right angles."""
+    road = Road(name="ring", lanes={k + 1: quarter(k) for k in range(4)})
+    assert kind(scene((19.0, 2.0, 180.0, 6.0), (20.0, -14.0, 90.0, 6.0), road=road)) == "roundabout entry"
+
+
+def test_a_leader_may_be_a_little_beside_the_line_but_not_on_the_next_lane() -> None:
+    assert kind(scene((20.0, 2.5, 0.0, 10.0), (0.0, 0.0, 0.0, 10.0))) == "lead vehicle moving on"
+    assert kind(scene((20.0, 3.0, 0.0, 10.0), (0.0, 0.0, 0.0, 10.0))) == "lane change"
+
+
 @pytest.mark.parametrize(
     ("heading", "speed", "word"), [(-90.0, 1.4, "crossing"), (0.0, 1.4, "along"), (-90.0, 0.0, "along")]
 )
