@@ -34,6 +34,14 @@ def complete_results(incomplete: str) -> list[str]:
     return sorted(f"{typed}{slash}{name}" for name in names if name.startswith(begin))
 
 
+def processes(text: str) -> int:
+    """Read a number of processes; ``auto`` is one for each core."""
+    from scex_sumo.extrapolation.options import AUTO, cores, read_workers
+
+    workers = read_workers(text)
+    return cores() if workers == AUTO else int(workers)
+
+
 Origin = Annotated[
     str | None,
     typer.Option(metavar="LAT,LON", help="Origin of the map's coordinates; default: that of meta_data.csv."),
@@ -79,7 +87,12 @@ Cluster = Annotated[
 ]
 Cache = Annotated[bool, typer.Option(help="Keep converted maps and assignments for the next run.")]
 Seed = Annotated[int, typer.Option(help="Random seed.")]
-Processes = Annotated[int, typer.Option(help="Processes.")]
+Processes = Annotated[
+    Any,
+    typer.Option(
+        metavar="N|auto", help="Processes; auto: one for each core.", parser=processes, envvar="SCEX_WORKERS"
+    ),
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace another run's result.")]
 InRegion = Annotated[
     str | None, typer.Option("--region", metavar="X,Y,R", help="Only pairs with a vehicle in this circle, m.")

@@ -238,7 +238,8 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
             drivers = np.where(self._crashes.crashed[envs], -1, self._assignment[envs])
             groups = groups_of(drivers, len(self._models.built))
             generators = [self._generators[env] for env in envs.tolist()]
-            for m, model_plan in plans_of(self._models.built, groups, history, self.road, generators):
+            plans = plans_of(self._models.built, groups, history, self.road, generators, self.replan)
+            for m, model_plan in plans:
                 usable = checked_plan(model_plan, len(groups[m]), self.replan, self._models.names[m])
                 plan.assign((groups[m].future, groups[m].vehicle), usable)
             crashed = self._crashes.crashed[envs]

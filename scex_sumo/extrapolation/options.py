@@ -98,9 +98,9 @@ class RunOptions:
             return 1
         futures = FUTURES if settings.until_band is not None else settings.count or MAX_FUTURES
         help_by = futures * settings.steps // (FUTURES_EACH * RunSettings.steps)
-        return max(1, min(_cores(), help_by))
+        return max(1, min(cores(), help_by))
 
 
-def _cores() -> int:
+def cores() -> int:
     """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

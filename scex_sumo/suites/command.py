@@ -29,7 +29,7 @@ def catalogue_command(
     ] = "openscenario,commonroad,sumo",
     licence: Annotated[str, Option(metavar="TEXT", help="Sentence on what the recordings allow.")] = "",
     seed: Seed = 0,
-    workers: Processes = 1,
+    workers: Processes = "auto",
     overwrite: Annotated[bool, Option("--overwrite", help="Replace another suite.")] = False,
     out: Annotated[Path, Option("-o", "--out", metavar="OUT", help="Folder of the suite.")] = Path("suite"),
 ) -> Answer:

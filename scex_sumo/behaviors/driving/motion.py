@@ -346,16 +346,20 @@ class DrivesAlong(ABC):
         """Return the drive of these vehicles."""
 
 
-def driven(history: SceneHistory, intents: Sequence[Intent]) -> list[Plan]:
-    """Drive the vehicles of several models in one call; return a plan of 3 s per model."""
+def driven(history: SceneHistory, intents: Sequence[Intent], steps: int = PLAN_STEPS) -> list[Plan]:
+    """Drive the vehicles of several models in one call; return a plan per model."""
     plans: dict[int, Plan] = {}
     for paths in {id(intent.paths): intent.paths for intent in intents}.values():
         mine = [index for index, intent in enumerate(intents) if intent.paths is paths]
-        plans |= zip(mine, _side_by_side(history, paths, [intents[index] for index in mine]), strict=True)
+        plans |= zip(
+            mine, _side_by_side(history, paths, [intents[index] for index in mine], steps), strict=True
+        )
     return [plans[index] for index in range(len(intents))]
 
 
-def _side_by_side(history: SceneHistory, paths: SeedPaths, intents: Sequence[Intent]) -> list[Plan]:
+def _side_by_side(
+    history: SceneHistory, paths: SeedPaths, intents: Sequence[Intent], steps: int
+) -> list[Plan]:
     ends = [0, *accumulate(len(intent.who) for intent in intents)]
     parts = [(intent.accelerate, slice(*part)) for intent, part in zip(intents, pairwise(ends), strict=True)]
     who = VehicleIndex(
@@ -374,6 +378,6 @@ def _side_by_side(history: SceneHistory, paths: SeedPaths, intents: Sequence[Int
                 for intent in intents
             ]
         )
-    plan = drive(history, who, paths, row, accelerate, aside=aside)
+    plan = drive(history, who, paths, row, accelerate, steps=steps, aside=aside)
     kinds = [np.arange(len(intent.who)) if intent.kind is None else intent.kind for intent in intents]
     return [handed_out(plan, begin + kind) for begin, kind in zip(ends, kinds, strict=False)]

@@ -71,11 +71,12 @@ def foot_points(
     Args:
         expected: (n,) rough arc length, m, which decides where a path passes a place twice.
     """
-    nearest = np.empty(len(row), dtype=np.int64)
+    first = np.empty(len(row))
     for start in range(0, len(row), POINTS_AT_ONCE):
         part = slice(start, start + POINTS_AT_ONCE)
-        nearest[part] = _nearest_sample(paths, row[part], x[part], y[part], expected[part])
-    return refine(paths, row, nearest * (COARSE * DS_M), x, y, 4)
+        nearest = _nearest_sample(paths, row[part], x[part], y[part], expected[part])
+        first[part] = nearest * (COARSE * DS_M)
+    return refine(paths, row, first, x, y, 4)
 
 
 def _nearest_sample(

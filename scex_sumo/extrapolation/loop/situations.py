@@ -9,7 +9,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import IntArray, distinct
 from scex_sumo.base.cache import owner_cache
-from scex_sumo.behaviors.base import Behavior, sight_of
+from scex_sumo.behaviors.base import PLAN_STEPS, Behavior, sight_of
 from scex_sumo.behaviors.driving.motion import Intent, driven, handed_out, own_motion
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
@@ -21,14 +21,15 @@ def plans_of(
     history: SceneHistory,
     road: Road,
     rng: Sequence[np.random.Generator],
+    steps: int = PLAN_STEPS,
 ) -> Iterator[tuple[int, Plan]]:
     """Yield the index of each model that drives vehicles, and its plan for them.
 
-    Path-following models plan together.
+    Path-following models plan together, and ``steps`` only.
     """
     some = [index for index, who in enumerate(groups) if len(who)]
     along = {index: one for index in some if (one := _intent(models[index], history, road, groups[index]))}
-    together = dict(zip(along, driven(history, list(along.values())), strict=True))
+    together = dict(zip(along, driven(history, list(along.values()), steps), strict=True))
     for index in some:
         plan = together.get(index)
         yield index, plan_once(models[index], history, road, groups[index], rng) if plan is None else plan

@@ -66,7 +66,7 @@ def rank_command(
         bool, Option("--fit-weights", help="P with weights of the models fitted to the recordings, too.")
     ] = False,
     seed: Seed = 0,
-    workers: Processes = 1,
+    workers: Processes = "auto",
     cluster: Cluster = None,
     cache: Cache = True,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace another ranking.")] = False,

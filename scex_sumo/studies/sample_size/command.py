@@ -51,7 +51,7 @@ def sample_size_command(
     ] = "random",
     preset: Preset = "both",
     seed: Seed = 0,
-    workers: Processes = 1,
+    workers: Processes = "auto",
     plots: Annotated[
         bool, Option("--report/--no-report", "--plots/--no-plots", help="Write sample_size.html.")
     ] = True,

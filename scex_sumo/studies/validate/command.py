@@ -31,7 +31,7 @@ def validate_command(
     usual: Annotated[bool, Option("--usual", help="What is usual there: critical responses, too.")] = False,
     steps: Annotated[int, Option(help="Steps of 0.1 s of a future: 30, or 50, 80.")] = 30,
     seed: Seed = 0,
-    workers: Processes = 1,
+    workers: Processes = "auto",
     cluster: Cluster = None,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace another validation.")] = False,
     out: Annotated[

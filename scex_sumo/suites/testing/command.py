@@ -37,7 +37,7 @@ def test_command(
         Path | None, Option(metavar="JSON", help="test.json of another or an older function.")
     ] = None,
     time_limit: Annotated[float, Option("--time-limit", metavar="S", help="Time of a case, s.")] = 60.0,
-    workers: Processes = 1,
+    workers: Processes = "auto",
     cluster: Cluster = None,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace another test.")] = False,
     out: Annotated[
