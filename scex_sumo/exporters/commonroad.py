@@ -16,7 +16,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.files import write_atomic
 from scex_sumo.converters.tracks.road_users import road_user
-from scex_sumo.exporters.light_cycles import Cycles, LightCycle, light_cycles
+from scex_sumo.exporters.light_cycles import Cycles, LightCycle, light_cycles, with_lights
 from scex_sumo.exporters.request import RECORDED, Participant, Request
 from scex_sumo.geometry.polylines import along, arc_lengths
 from scex_sumo.road import Lane, Road
@@ -50,14 +50,13 @@ def write_commonroad(request: Request) -> list[Path]:
 
     Time step 0 is the first logged frame; with an ego, it is the seed scene, and the ego is no obstacle.
     """
-    ego, files, cycles = request.ego_index(), [], light_cycles(request.run.net)
+    ego, files, net = request.ego_index(), [], request.run.net
+    lit, cycles = with_lights(request.road, net), light_cycles(net)
     seed_step = LOGGED_HISTORY - 1 if ego is None else 0
     for future in request.futures:
         name = _benchmark(request.road.name, future)
         root = _root(name, request.file_stem(future))
-        road, used = road_elements(
-            request.road, request.scene.track_ids.tolist(), cycles=cycles, seed_step=seed_step
-        )
+        road, used = road_elements(lit, request.scene.track_ids.tolist(), cycles=cycles, seed_step=seed_step)
         root.extend(road)
         root.extend(_obstacles(request, future, ego, used))
         if ego is not None:

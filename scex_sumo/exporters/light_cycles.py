@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import TypeAlias
 from xml.etree.ElementTree import Element
@@ -12,6 +12,7 @@ import numpy as np
 
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.converters.net.xml import net_root
+from scex_sumo.road import Regulation, Road
 from scex_sumo.scene import STEP_S
 
 
@@ -54,6 +55,20 @@ def light_cycles(net: SumoNet) -> dict[int, dict[LightCycle, str]]:
                 turns = cycles.setdefault(lane, {})
                 turns[cycle] = turns.get(cycle, "") + link.get("dir", "s")
     return cycles
+
+
+def with_lights(road: Road, net: SumoNet) -> Road:
+    """Return a road with a regulation for each lane before a light of its net that the map does not name."""
+    named = {i for rule in road.regulations if rule.kind == "traffic_light" for i in rule.lanes}
+    links = (link for link in net_root(net.path).iter("connection") if link.get("tl"))
+    lanes = (net.lanes.lanelets(f"{link.get('from')}_{link.get('fromLane')}")[-1:] for link in links)
+    unnamed = sorted({i for last in lanes for i in last if i in road.lanes} - named)
+    first = max((rule.element_id for rule in road.regulations), default=0) + 1
+    lights = [
+        Regulation(element_id=number, kind="traffic_light", lanes=(i,))
+        for number, i in enumerate(unnamed, first)
+    ]
+    return replace(road, regulations=(*road.regulations, *lights)) if lights else road
 
 
 def _cycle(logic: Element | None, link: int) -> LightCycle | None:
