@@ -32,6 +32,7 @@ SHARES = {
 }  # of a batch; more would learn the few people of TAF-BW by heart
 FOLDS = 3
 SHRUNK = 0.7  # towards constant velocity: the best of 1, 0.8, 0.6, 0.4 is between in both sets' folds
+WIDENED = 1.25  # scales: in closed loop the training parts then have 88 % along on average, else 85 %
 HIDDEN, NOISE_MPS = 0.25, 0.02  # share of moments without vehicles, or people; noise of velocities
 SHORT = 0.15  # share of the moments whose past is cut
 OWN, OTHER = 23, 11
@@ -289,6 +290,7 @@ def main() -> None:
         values = {name: value.numpy().astype(np.float32) for name, value in network.state_dict().items()}
         for name in [name for name in values if name.startswith("own.4")]:
             values[name] *= SHRUNK
+        weight[:, 0] += np.log(WIDENED)
         arrays = {**renumbered(values), "scale": weight.astype(np.float32)}
         np.savez_compressed(WEIGHTS, **arrays)  # type: ignore[arg-type]
 

@@ -1,4 +1,4 @@
-"""Video of a future from above: MP4 (PyAV) or GIF, drawn by matplotlib."""
+"""Video of futures from above: MP4 (PyAV) or GIF, drawn by matplotlib."""
 
 from __future__ import annotations
 
@@ -46,50 +46,61 @@ _WINDSCREEN = np.array([[0.24, 0.4], [0.12, 0.36], [0.12, -0.36], [0.24, -0.4]])
 
 
 def write_mp4(request: Request) -> list[Path]:
-    """Write each future as MP4 (H.264) in real time; several into a folder."""
+    """Write each future as MP4 (H.264) in real time; several into a folder, or together into a file."""
     if importlib.util.find_spec("av") is None:
         raise UsageError("--to mp4 needs PyAV: pip install 'scex-sumo[video]'; --to gif needs nothing")
     return _write(request, "mp4", _encode_mp4)
 
 
 def write_gif(request: Request) -> list[Path]:
-    """Write each future as animated GIF in real time; several into a folder."""
+    """Write each future as animated GIF in real time; several as of `write_mp4`."""
     return _write(request, "gif", _encode_gif)
 
 
-def _write(request: Request, ending: str, encode: Callable[[Path, Request, int], None]) -> list[Path]:
-    files = request.files(f".{ending}")
-    for future, path in zip(request.futures, files, strict=True):
+def _write(
+    request: Request, ending: str, encode: Callable[[Path, Request, tuple[int, ...]], None]
+) -> list[Path]:
+    if request.out is not None and request.out.suffix == f".{ending}" and not request.out.is_dir():
+        shown = {request.file("", ""): request.futures}
+    else:
+        each = [(future,) for future in request.futures]
+        shown = dict(zip(request.files(f".{ending}"), each, strict=True))
+    for path, futures in shown.items():
         with replacing(path) as unfinished, mpl.rc_context(STYLE):
-            encode(unfinished, request, future)
-    return files
+            encode(unfinished, request, futures)
+    return list(shown)
 
 
-def _encode_mp4(path: Path, request: Request, future: int) -> None:
+def _encode_mp4(path: Path, request: Request, futures: tuple[int, ...]) -> None:
     import av
 
     with av.open(str(path), "w", format="mp4", options={"movflags": "faststart"}) as container:
         stream = container.add_stream("libx264", rate=_MP4_RATE)
-        stream.width, stream.height = _MP4_SIZE
+        stream.width, stream.height = _MP4_SIZE[0], _height(_MP4_SIZE, futures) * len(futures)
         stream.pix_fmt = "yuv420p"
         stream.options = {"crf": "22", "preset": "veryfast"}
-        for picture in _pictures(request, future, _MP4_SIZE, _MP4_RATE):
+        for picture in _pictures(request, futures, _MP4_SIZE, _MP4_RATE):
             container.mux(stream.encode(av.VideoFrame.from_ndarray(picture)))
         container.mux(stream.encode())
 
 
-def _encode_gif(path: Path, request: Request, future: int) -> None:
-    pictures = [Image.fromarray(picture) for picture in _pictures(request, future, _GIF_SIZE, _GIF_RATE)]
+def _encode_gif(path: Path, request: Request, futures: tuple[int, ...]) -> None:
+    pictures = [Image.fromarray(picture) for picture in _pictures(request, futures, _GIF_SIZE, _GIF_RATE)]
     colors = pictures[-1].quantize(_GIF_COLORS)
     first, *rest = (picture.quantize(palette=colors, dither=Image.Dither.NONE) for picture in pictures)
     first.save(path, "GIF", save_all=True, append_images=rest, duration=1000 // _GIF_RATE, loop=0)
 
 
-def _pictures(request: Request, future: int, size: tuple[int, int], rate: int) -> Iterator[Any]:
-    film = Film(request, future, size)
+def _height(size: tuple[int, int], futures: tuple[int, ...]) -> int:
+    """Return the even height of each of some futures in a picture, px."""
+    return size[1] // len(futures) // 2 * 2
+
+
+def _pictures(request: Request, futures: tuple[int, ...], size: tuple[int, int], rate: int) -> Iterator[Any]:
+    films = [Film(request, future, (size[0], _height(size, futures))) for future in futures]
     last = LOGGED_HISTORY - 1 + int(request.run.info["steps"])
     for frame in np.arange(0, last + 1e-9, _FRAME_RATE / rate):
-        picture = film.picture(float(frame))
+        picture = np.concatenate([film.picture(float(frame)) for film in films])
         yield picture
     for _ in range(round(_STILL_S * rate)):
         yield picture
@@ -114,7 +125,8 @@ class Film:
         self._axes.set_axis_off()
         lines = road_lines(run.net.path, (low[0], high[0], low[1], high[1]))
         _draw_lines(self._axes, lines, self._scale)
-        title = " · ".join(part for part in (request.name, f"future {future}", words) if part)
+        driven = ", ".join(models[v] for v in self._pair)
+        title = " · ".join(part for part in (request.name, f"future {future}", words, driven) if part)
         self._axes.add_artist(self._corner_text(0.008, title))
         self._draw_legend({model: colors[model] for model in sorted(set(models))})
         self._canvas.draw()
@@ -143,8 +155,9 @@ class Film:
         states = self._states[self._pair] if self._pair else self._states
         places = np.stack([states.x, states.y])[:, :, LOGGED_HISTORY - 1 :].reshape(2, -1)
         low, high = places.min(axis=1), places.max(axis=1)
-        margin = _PAIR_MARGIN_M if self._pair else _MARGIN_M
-        scale = float(min(np.array(size) / np.maximum(high - low + 2 * margin, _MIN_HEIGHT_M)))
+        share = 1.0 if size[1] >= _GIF_SIZE[1] else 0.5  # of the surroundings in a low picture
+        margin = share * (_PAIR_MARGIN_M if self._pair else _MARGIN_M)
+        scale = float(min(np.array(size) / np.maximum(high - low + 2 * margin, share * _MIN_HEIGHT_M)))
         half = np.array(size) / scale / 2
         return (low + high) / 2 - half, (low + high) / 2 + half, scale
 
