@@ -71,7 +71,9 @@ def converted(
 def _net(road: Road, keep: bool, signals: Path | None = None) -> WrittenNet:
     if not keep:
         return _written(road, signals)
-    return _cached(road, signals, *([] if signals is None else [sha256_of(signals)]))
+    # A KML beside the phases says to which lanes they belong.
+    files = [] if signals is None else [signals, *sorted(signals.parent.glob("*.kml"))]
+    return _cached(road, signals, *map(sha256_of, files))
 
 
 @owner_cache
