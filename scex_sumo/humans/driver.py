@@ -15,6 +15,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.draws import uniforms
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import PLAN_STEPS, check_path, check_positive
@@ -40,7 +41,12 @@ from scex_sumo.humans.observed.observations import (
     stop_features,
 )
 from scex_sumo.humans.observed.seed_state import estimated_history, heading_scatter
-from scex_sumo.humans.parameters import HumanParameters, human_parameters, simulated
+from scex_sumo.humans.parameters import (
+    SUMO_ACCELERATION_MPS2,
+    HumanParameters,
+    human_parameters,
+    simulated,
+)
 from scex_sumo.humans.population import drawn_variation, lateral_offsets, spread_factor, students
 from scex_sumo.humans.terms import Drivers, Expectation, Situation, Trailers, acceleration, demanded
 from scex_sumo.road import Road
@@ -145,6 +151,8 @@ class LikelyDriver:
         crawl = speed * (1 + np.minimum(spread, 1.0) * (2 * draws[:, CRAWL] - 1))
         crawl = np.where(speed < human.standing_mps, np.minimum(crawl, human.standing_mps), 0.0)
         pull = np.exp(spread * human.pull_spread * ndtri(draws[:, PULL]))
+        pull = np.where(speed < human.standing_mps, pull, 1.0)
+        share, top = vehicle_types(view.scene)[vehicle].T
         normal, mean, unsure = students(draws[:, VARIATION]), observed.mean_features, observed.spread_features
         drivers = Drivers(
             speed=speed,
@@ -152,11 +160,12 @@ class LikelyDriver:
             headway=np.clip(np.minimum(headway, kept), least, most),
             braking=np.clip(braking, *human.braking_range_mps2),
             sudden=shown.sudden[vehicle],
-            variation=drawn_variation(speed, mean[row], unsure[row], spread * normal, human),
+            variation=share[:, None] * drawn_variation(speed, mean[row], unsure[row], spread * normal, human),
             crawl=crawl,
-            limit=observed.limit[row],
+            limit=np.minimum(observed.limit[row], top),
             rest=np.maximum(rest, human.rest_range_m[0]),
-            pull=np.where(speed < human.standing_mps, pull, 1.0),
+            pull=pull * share,
+            top=top,
             stop_s=self._stops(view, draws[:, STOP]),
         )
         return replace(drivers, habit=shown_habit(view, drivers))
@@ -216,6 +225,15 @@ class LikelyDriver:
 def human_of(scene: SeedScene, human: HumanParameters) -> HumanParameters:
     """Return the parameters of the drivers of a scene."""
     return simulated(human) if scene.intentions else human
+
+
+@owner_cache
+def vehicle_types(scene: SeedScene) -> FloatArray:
+    """Return (V, 2) accelerations over those of SUMO's default type, and speeds that vehicles reach, m/s."""
+    types = [{} if known is None else known.parameters for known in scene.intentions]
+    types = types or [{}] * scene.vehicles
+    most = [float(given.get("accel", SUMO_ACCELERATION_MPS2)) / SUMO_ACCELERATION_MPS2 for given in types]
+    return np.column_stack([most, [float(given.get("maxSpeed", np.inf)) for given in types]])
 
 
 def lane_offsets(view: View, deviation: FloatArray) -> FloatArray:
@@ -339,7 +357,7 @@ def accelerations(
             driver=drivers,
             expects=expects,
             speed=v,
-            limit=limits[at(s)],
+            limit=np.minimum(limits[at(s)], drivers.top),
             curve_speed=curves[at(s + v * CURVE_TIME_S)],
             gap=gap,
             leader_speed=leader_speed,

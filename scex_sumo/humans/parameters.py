@@ -19,6 +19,7 @@ from scex_sumo.base.files import sha256_of
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmProfile
 from scex_sumo.humans.guard.corridors import GuardProfile
 
+SUMO_ACCELERATION_MPS2, SUMO_BRAKING_MPS2 = 2.6, 4.5  # of SUMO's default type
 SHIPPED = Path(__file__).with_name("parameters.json")
 CONFLICT = GuardProfile(
     comfort_deceleration=4.0,
@@ -79,6 +80,7 @@ class HumanParameters:
     limit_ahead_m: float = 10.0  # m | place ahead of the speed limit in ``mean_features`` | chosen
     easy_mps2: float = 2.0  # m/s² | comfortable lateral acceleration in ``mean_features`` | chosen
     curve_ahead_s: float = 2.0  # s | place ahead of the curve in ``mean_features`` | chosen
+    free_exponent: float = 4.0  # 1 | of v/v0 on the free road | Treiber, Hennecke, Helbing 2000
     # Leaders
     clearance_m: float = 1.2  # m | of another vehicle's centre from the line that a driver keeps | chosen
     corridor_margin_m: float = -0.2  # m | measured boxes of vehicles side by side may touch | chosen
@@ -189,14 +191,30 @@ class HumanParameters:
 def simulated(human: HumanParameters) -> HumanParameters:
     """Return the parameters for traffic of SUMO, which has no habits: it drives as its default type may.
 
-    Source: SUMO's documentation: accel, decel of passenger cars; netconvert's junctions.limit-turn-speed.
+    It gains speed evenly up to its limit, with the three quarters of ``accel`` that dawdling leaves, keeps to
+    the middle of its lane, and leaves people no room.
+
+    Source: SUMO's documentation: accel, decel, sigma of passenger cars; junctions.limit-turn-speed.
     """
     idm = replace(
-        human.idm, max_acceleration=2.6, curve_acceleration=5.5, curve_deceleration=4.5, habit_memory=0.0
+        human.idm,
+        max_acceleration=0.75 * SUMO_ACCELERATION_MPS2,
+        curve_acceleration=5.5,
+        curve_deceleration=SUMO_BRAKING_MPS2,
+        habit_memory=0.0,
     )
-    braking = np.array([np.log(4.5), human.braking_log[1]])
-    # Both ends of its vehicles are on the lane: a heading across it in a bend is no motion across it.
-    return replace(human, idm=idm, braking_log=braking, habit_s=0.5, sudden_s=0.3, max_lateral=0.0)
+    return replace(
+        human,
+        idm=idm,
+        free_exponent=20.0,
+        braking_log=np.array([np.log(SUMO_BRAKING_MPS2), human.braking_log[1]]),
+        habit_s=0.5,
+        sudden_s=0.3,
+        # Both ends of its vehicles are on the lane: a heading across it in a bend is no motion across it.
+        max_lateral=0.0,
+        keep_scale_m=0.02,
+        passing_gap_m=human.beside_gap_m,
+    )
 
 
 @cache

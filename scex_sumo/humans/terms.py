@@ -42,7 +42,8 @@ class Drivers:
     crawl: Values = 0.0  # speed at which a standing vehicle creeps, m/s
     limit: Values | None = None  # speed limit in the seed scene, m/s; None: as now
     rest: Values = 0.0  # gap to the leader at rest, m
-    pull: Values = 1.0  # factor on accelerations from standing
+    pull: Values = 1.0  # factor on accelerations: from standing, or of a vehicle of SUMO
+    top: Values = np.inf  # speed that the vehicle can reach, m/s
     stop_s: Values = np.inf  # time in which a creeping vehicle comes to rest, s; inf: it does not
 
 
@@ -146,7 +147,7 @@ def free(now: Situation, human: HumanParameters) -> FloatArray:
     share = np.divide(limit, before, out=np.ones_like(limit), where=before > 0)
     desired = desired_speed(human.idm, limit, now.speed, share * speed, now.driver.acceleration, now.time_s)
     desired = np.where(speed < human.standing_mps, limit, desired)
-    wanted: FloatArray = human.idm.max_acceleration * free_share(now.speed, desired)
+    wanted: FloatArray = human.idm.max_acceleration * free_share(now.speed, desired, human.free_exponent)
     return np.maximum(wanted, -human.idm.max_deceleration)
 
 

@@ -144,9 +144,9 @@ def idm_acceleration(
     return np.maximum(result, -profile.max_deceleration)
 
 
-def free_share(speed: FloatArray, desired_speed: FloatArray) -> FloatArray:
-    """Return (n,) shares of a_max without a leader: 1 - (v/v0)⁴."""
-    free = 1 - (speed / np.maximum(desired_speed, 0.1)) ** 4
+def free_share(speed: FloatArray, desired_speed: FloatArray, exponent: float = 4) -> FloatArray:
+    """Return (n,) shares of a_max without a leader: 1 - (v/v0)^exponent."""
+    free = 1 - (speed / np.maximum(desired_speed, 0.1)) ** exponent
     return np.where(desired_speed < 0.1, np.minimum(free, 0.0), free)
 
 
