@@ -15,6 +15,8 @@ Seed scenes of the part of the time split are driven for 3 s (--steps) in a worl
 - realism: score of the Waymo Sim Agents Challenge, of 3 s and without lights;
 - brake: share of vehicle-seconds with braking above 3 m/s² (over half a second), futures and recording, %.
 
+Then near misses of pairs whose recorded boxes are apart: sum of forecasts, count, constant velocity's count.
+
 ``--kept`` keeps the seed scenes and their recorded values in a file, which makes later runs faster. ``--raw``
 plans from recorded headings and speeds instead of estimated ones.
 """
@@ -51,12 +53,13 @@ from scex_sumo.studies.validate.noise import BoxNoise, as_recorded, box_noise
 from scex_sumo.studies.validate.realism import realism, realism_score
 from scex_sumo.studies.validate.scores import brier, covered
 from scex_sumo.studies.validate.scoring import COLLISION, EVENTS, MIN_DEFINED
+from scex_sumo.studies.validate.vehicles import least_gap, near_pairs, pair_events
 from scex_sumo.world.plain import PlainWorld
 
 STEPS, REPLAN = 30, 5
 NOISY_STEPS = 30  # no longer noise of boxes is known
 HARD_MPS2, OVER_STEPS = 3.0, 5
-STANDING_MPS, STARTED_M = 0.5, 1.0
+STANDING_MPS, STARTED_M, NEAR_M = 0.5, 1.0, 0.5
 SETTINGS = RunSettings(futures=1, preset="both")
 DATASETS = ("mona", "taf_bw", "ngsim", str(INTERACTION), "av2", "scenarionet")
 UNSEEN = ("av2", "nuscenes")  # nothing of them is fitted to: test parts
@@ -307,6 +310,25 @@ def braking(f: Figures) -> tuple[np.ndarray, np.ndarray]:
     return hard.swapaxes(1, 2)[:, known].ravel(), hard_real[known]
 
 
+def near_misses(done: list[Figures]) -> str:
+    """Return sums of forecast near misses of pairs, counts, and counts of constant velocity."""
+    total: dict[str, np.ndarray] = {}
+    for f in done:
+        scene = f.case.scene
+        assert scene.future is not None and scene.future_valid is not None
+        judged = np.asarray(scene.future_valid[:, :STEPS].all(axis=1))
+        recorded = scene.future[:, :STEPS].repeat(1).swapaxes(1, 2)
+        first, second = near_pairs(f.states, judged)
+        apart = least_gap(scene, recorded, first, second)[0] > 0
+        first, second = first[apart], second[apart]
+        for column, states in enumerate((f.states, recorded, f.case.straight_states)):
+            events = pair_events(scene, states, first, second)
+            events[f"gap < {NEAR_M} m"] = least_gap(scene, states, first, second) < NEAR_M
+            for name, happened in events.items():
+                total.setdefault(name, np.zeros(3))[column] += happened.mean(axis=0).sum()
+    return "\n".join(f"{name}: {p:.1f} / {o:.0f} / {cv:.0f}" for name, (p, o, cv) in total.items())
+
+
 def table(rows: dict[str, dict[str, float]]) -> str:
     lines = [f"{'site':24}" + "".join(f"{name:>9}" for name in COLUMNS) + "  worst value"]
     for site, row in rows.items():
@@ -350,6 +372,7 @@ def main() -> None:
     sites = {site: [f for f in done if f.case.site == site] for site in SITES}
     groups = {site: part for site, part in sites.items() if part} | {"all": done}
     print(table({site: row_of(part) for site, part in groups.items()}))
+    print(near_misses(done))
     print(f"{len(done)} seed scenes, {arguments.futures} futures each, {time.process_time() - begin:.0f} s")
 
 

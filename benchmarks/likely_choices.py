@@ -17,7 +17,9 @@ from scex_sumo.humans.lines.driven_line import driven_paths
 from scex_sumo.humans.lines.lanes import change_features
 from scex_sumo.humans.observed.observations import (
     keep_features,
+    offset_limits,
     path_features,
+    place_features,
     start_features,
     stop_features,
 )
@@ -38,15 +40,16 @@ STARTED_M = 0.7  # a standing vehicle that came this far has started; less is th
 
 
 def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """``keep_weights`` (5,) and scale, noise and growth (5,) of who stays near its path.
+    """``keep_weights`` (5,) and scale, noise and growth (6,) of who stays near its path.
 
     Least squares, with less weight for who is far from it; then the Student distribution of greatest
     likelihood of what is left, as wide as its 5-95 % must be for nine in ten.
     """
-    near = (np.abs(samples.side) < HUMAN.max_offset_m) & ~changed(samples).any(axis=1)
+    left, right = offset_limits(samples.room[:, 1], HUMAN).T
+    near = (samples.side < left) & (samples.side > -right) & ~changed(samples).any(axis=1)
     across, share = samples.lateral[near], weight[near] / weight[near].mean()
-    shown = np.column_stack([across, samples.bends[near]])
-    features = keep_features(samples.side_features[near], samples.bends[near], HUMAN)
+    shown = place_features(across, samples.bends[near], samples.room[near])
+    features = keep_features(samples.side_features[near], samples.bends[near], samples.room[near], HUMAN)
     none, one = np.zeros(len(across)), np.ones(len(across))
     end = np.array([HUMAN.lateral_s])
     by_then = lateral_offsets(0 * across, one, end, HUMAN)[:, 0]
@@ -63,8 +66,8 @@ def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatA
         far = np.log1p((rest / scale) ** 2 / DEGREES)
         return float((share * (np.log(scale) + (DEGREES + 1) / 2 * far)).mean())
 
-    limits = [(-4.0, 1.0), (0.0, 20.0), (-3.0, 3.0), (-3.0, 3.0), (-3.0, 3.0)]
-    grows = minimize(cost, np.array([-1.2, 1.0, 0.0, 0.0, 0.0]), method="L-BFGS-B", bounds=limits).x
+    limits = [(-4.0, 1.0), (0.0, 20.0), *[(-3.0, 3.0)] * 4]
+    grows = minimize(cost, np.array([-1.2, 1.0, 0.0, 0.0, 0.0, 0.0]), method="L-BFGS-B", bounds=limits).x
     scale = np.exp(grows[0]) * spread_factor(features, grows[1:2], grows[2:])[:, 0]
     far = np.abs(rest) / scale
     order = np.argsort(far)

@@ -70,6 +70,7 @@ class Samples:
         headway: (n,) shown, s, as in `PathObservations`.
         lateral: (n, 3) likewise.
         bends: (n, 2) likewise.
+        room: (n, 2, 2) likewise.
         mean_features: (n, 11) shown, as in `PathObservations`.
         spread_features: (n, 3) likewise.
         limit: (n, AHEAD) m/s.
@@ -91,6 +92,7 @@ class Samples:
     headway: FloatArray
     lateral: FloatArray
     bends: FloatArray
+    room: FloatArray
     mean_features: FloatArray
     spread_features: FloatArray
     limit: FloatArray
@@ -156,6 +158,7 @@ def samples_of(scene: SeedScene) -> Samples | None:
         headway=seen.headway[row],
         lateral=seen.lateral[row],
         bends=seen.bends[row],
+        room=seen.room[row],
         mean_features=seen.mean_features[row],
         spread_features=seen.spread_features[row],
         limit=paths.speed_limit[row[:, None], at],

@@ -33,7 +33,9 @@ from scex_sumo.humans.observed.observations import (
     behind_a_wave,
     keep_features,
     leaders_of,
+    offset_limits,
     path_edges,
+    place_features,
     queue_leaders,
     room_beside,
     side_features,
@@ -246,12 +248,13 @@ def lane_offsets(view: View, deviation: FloatArray) -> FloatArray:
     lateral = view.observed.lateral[view.row]
     offset = lateral[:, 0]
     bends = view.observed.bends[view.row]
-    features = keep_features(side_features(scene, human)[vehicle], bends, human)
+    room = view.observed.room[view.row]
+    features = keep_features(side_features(scene, human)[vehicle], bends, room, human)
     spread = spread_factor(features, human.keep_noise, human.keep_growth)[:, 0]
     right, left = (human.room_share * room_beside(scene, human)[vehicle]).T
-    most = np.maximum(human.max_offset_m, np.abs(offset))
-    keeps = np.column_stack([lateral, bends]) @ human.keep_weights
-    keeps = np.clip(keeps + human.keep_scale_m * spread * deviation, -most, most)
+    leftmost, rightmost = np.maximum(offset_limits(room[:, 1], human), np.abs(offset)[:, None]).T
+    keeps = place_features(lateral, bends, room) @ human.keep_weights
+    keeps = np.clip(keeps + human.keep_scale_m * spread * deviation, -rightmost, leftmost)
     # Vehicles beside each other share the space between them.
     keeps = offset + np.clip(keeps - offset, -right, left)
     # Off the mapped lanes there is no lane to return to: the turn goes on.

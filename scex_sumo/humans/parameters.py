@@ -117,9 +117,10 @@ class HumanParameters:
     keep_weights: FloatArray  # 1, s, s², m², m² | (5,) of ``lateral``, ``bends`` for the offset then | fitted
     keep_scale_m: float  # m | scale of its deviation | fitted
     keep_noise: FloatArray  # 1/(m/s²) | (1,) growth with ``side_features``, see `spread_factor` | fitted
-    keep_growth: FloatArray  # 1 | (3,) growth with the other ``side_features``, the sharper bend | fitted
+    keep_growth: FloatArray  # 1 | (4,) growth with the other ``keep_features`` | fitted
     max_bend: float = 0.15  # 1/m | sharper bends make no difference | chosen
-    max_offset_m: float = 1.75  # m | from the path, for a vehicle that keeps its lane | chosen
+    max_offset_m: float = 1.75  # m | from the path, for a vehicle that keeps a lane of usual width | chosen
+    max_spare_m: float = 6.0  # m | more room beyond that makes no difference | chosen
     max_turning_m: float = 6.0  # m | the same off the mapped lanes | chosen
     max_lateral: float = 1.5  # m/s, m/s² | across a path; larger values are errors of measurement | chosen
     room_share: float = 0.4  # 1 | of the room to vehicles beside: largest motion towards them | chosen

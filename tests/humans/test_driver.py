@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.draws import uniforms
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.leaders import Leaders
@@ -33,6 +34,7 @@ from scex_sumo.humans.population import (
     students,
 )
 from scex_sumo.intention import Intention
+from scex_sumo.road import Lane
 from scex_sumo.scene import SeedScene
 from tests.behaviors import roads
 
@@ -254,13 +256,39 @@ def test_who_has_others_beside_keeps_more_to_its_side() -> None:
     assert side_features(beside, HUMAN)[0, 2] == pytest.approx(1.0, abs=0.1)
     factor = [
         spread_factor(
-            keep_features(side_features(scene, HUMAN)[:1], np.zeros((1, 2)), HUMAN),
+            keep_features(side_features(scene, HUMAN)[:1], np.zeros((1, 2)), np.zeros((1, 2, 2)), HUMAN),
             HUMAN.keep_noise,
             HUMAN.keep_growth,
         )
         for scene in (alone, beside)
     ]
     assert factor[1] < factor[0]
+
+
+def lane_of(number: int, begin: float, end: float, half_m: float, **neighbours: tuple[int, ...]) -> Lane:
+    line = roads.lane(number, [(begin, 0.0), (end, 0.0)], width=2 * half_m, **neighbours)  # type: ignore[arg-type]
+    side = np.array([0.0, half_m])
+    return replace(line, left_bound=line.centreline + side, right_bound=line.centreline - side)
+
+
+def offsets_after(half_m: float, ahead_half_m: float, offset_m: float) -> FloatArray:
+    """Offsets after 3 s of 50 drivers on a lane that becomes another wide one 10 m ahead."""
+    where = roads.road(
+        lane_of(1, 0.0, 110.0, half_m, successors=(2,)),
+        lane_of(2, 110.0, 600.0, ahead_half_m, predecessors=(1,)),
+    )
+    scene = replace(roads.scene_of((100.0, offset_m, 0.0, 10.0)), road=where)
+    return np.asarray(roads.plan(DRIVER, where, roads.present(scene, 50, DRAW[:, None])).y[:, 29])
+
+
+def test_in_a_wide_lane_drivers_differ_more() -> None:
+    assert np.ptp(offsets_after(7.0, 7.0, 0.0)) > 2 * np.ptp(offsets_after(1.75, 1.75, 0.0))
+
+
+def test_where_a_lane_narrows_drivers_keep_their_share_of_its_width() -> None:
+    wide, half = (np.median(offsets_after(3.5, ahead, 1.5)) for ahead in (3.5, 1.75))
+    assert wide > 1.1
+    assert half == pytest.approx(wide / 2, abs=0.15)
 
 
 def test_what_a_driver_shows_beside_what_is_asked_of_it_goes_on_for_a_while() -> None:

@@ -13,17 +13,16 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.driving.paths import DS_M, FIRST_HORIZON_S, PathLine, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.smoothing import gaussian
 from scex_sumo.geometry.polylines import arc_lengths
+from scex_sumo.humans.observed.room import CLEAR_M, lane_bounds
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 
 EVERY = 4  # samples of a path per knot of the band
 STIFF_M = 6.0  # length over which the band rounds a kink
 SPRING = 1.2  # with room, the band moves inwards by (this times half the width)² / radius
-CLEAR_M = 1.4  # of the line from the bounds of its lanes
 SWEEPS, STEP = 40, 2.0  # of the alternating direction method of multipliers, and its step
 ROUND_M = 1.0  # of a Gaussian filter of the knots' shifts
 
@@ -42,14 +41,6 @@ def redrawn(road: Road, lines: Sequence[PathLine], smooth: FloatArray, raw: Floa
     return smooth
 
 
-@owner_cache
-def _bounds(road: Road) -> dict[int, tuple[shapely.LineString, shapely.LineString]]:
-    return {
-        number: (shapely.LineString(lane.left_bound), shapely.LineString(lane.right_bound))
-        for number, lane in road.vehicle_lanes.items()
-    }
-
-
 def room_of(road: Road, points: FloatArray, owner: IntArray, at: FloatArray) -> FloatArray:
     """Return (N, 2) distances to the left and right bound of the lanes along a centreline, m.
 
@@ -59,7 +50,7 @@ def room_of(road: Road, points: FloatArray, owner: IntArray, at: FloatArray) -> 
         at: (N,) arc lengths of the samples, m.
     """
     room = np.empty((len(points), 2))
-    lanes = _bounds(road)
+    lanes = lane_bounds(road)
     for lane in np.unique(owner).tolist():
         mine = owner == lane
         where = shapely.points(points[mine])

@@ -19,6 +19,7 @@ from scex_sumo.behaviors.models.idm import (
 )
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.humans.guard.side_clearance import box_distances
+from scex_sumo.humans.observed.room import CLEAR_M, room_at
 from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 
@@ -210,9 +211,39 @@ def side_features(scene: SeedScene, human: HumanParameters) -> FloatArray:
     return np.column_stack([scatter, speed, room])
 
 
-def keep_features(side: FloatArray, bends: FloatArray, human: HumanParameters) -> FloatArray:
-    """Return (n, 4): ``side_features`` (n, 3), and the sharper of bends (n, 2) over the largest one."""
-    return np.column_stack([side, np.abs(bends).max(axis=1) / human.max_bend])
+def keep_features(
+    side: FloatArray, bends: FloatArray, room: FloatArray, human: HumanParameters
+) -> FloatArray:
+    """Return (n, 5): ``side_features`` (n, 3), the sharper of bends (n, 2) over the largest one, spare room.
+
+    Spare room is what half the width of the wider lane exceeds the largest offset by, over its limit.
+
+    Args:
+        room: (n, 2, 2), see `PathObservations`.
+    """
+    spare = np.clip(room.mean(axis=2).max(axis=1) - human.max_offset_m, 0.0, human.max_spare_m)
+    bend = np.abs(bends).max(axis=1) / human.max_bend
+    return np.column_stack([side, bend, spare / human.max_spare_m])
+
+
+def place_features(lateral: FloatArray, bends: FloatArray, room: FloatArray) -> FloatArray:
+    """Return (n, 5) ``lateral`` (n, 3), ``bends`` (n, 2); the offset shrinks with a lane that narrows.
+
+    Args:
+        room: (n, 2, 2), see `PathObservations`.
+    """
+    here, ahead = room.mean(axis=2).T
+    shrinks = np.where(ahead > 0, np.minimum(ahead / np.maximum(here, ahead + 1e-9), 1.0), 1.0)
+    return np.column_stack([lateral[:, 0] * shrinks, lateral[:, 1:], bends])
+
+
+def offset_limits(room: FloatArray, human: HumanParameters) -> FloatArray:
+    """Return (n, 2) largest offsets to the left and right without a lane change, m.
+
+    Args:
+        room: (n, 2) to the bounds of the lane, m.
+    """
+    return np.maximum(room - CLEAR_M, human.max_offset_m)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -228,6 +259,7 @@ class PathObservations:
     headway: FloatArray  # beyond the minimum gap, s
     lateral: FloatArray  # (P, 3) motion of the rear axle across the path: m, left positive; m/s; m/s²
     bends: FloatArray  # (P, 2) curvatures here and 3 s ahead, left positive, 1/m
+    room: FloatArray  # (P, 2, 2) to the left and right bound of the lane here and 3 s ahead, m
     # (P, 11) 1, shown acceleration, that of the model, speed difference to the leader, line error, leader's
     # acceleration, limit minus speed, speed difference to the leader's leader, acceleration around, braking
     # that curves need, comfortable speed in the curve ahead minus speed
@@ -263,6 +295,7 @@ def observations_of(scene: SeedScene, paths: SeedPaths, human: HumanParameters) 
         headway=(gap - idm.minimum_gap) / np.maximum(speed, 1.0),
         lateral=lateral,
         bends=_bends(view),
+        room=np.stack([_room(view, 0.0), _room(view, human.lateral_s)], axis=1),
         mean_features=_mean_features(view, leaders, gap, near),
         spread_features=np.column_stack([scatter, size, near.astype(np.float64)]),
     )
@@ -301,6 +334,12 @@ def _bends(view: View) -> FloatArray:
     way = view.human.lateral_s * view.shown.speed[view.who.vehicle]
     there = np.stack([bend_at(view.paths, view.row, s) for s in (view.s, view.s + way)], axis=1)
     return np.clip(there, -view.human.max_bend, view.human.max_bend)
+
+
+def _room(view: View, after_s: float) -> FloatArray:
+    """Return (P, 2) room to the left and right of paths after a time at the present speed, m."""
+    road, way = view.scene.road, after_s * view.shown.speed[view.who.vehicle]
+    return np.zeros((len(way), 2)) if road is None else room_at(road, view.paths, view.s + way)
 
 
 def braking_for_turns(

@@ -121,12 +121,12 @@ def gap_forecasts(
     futures (share), the recording and constant velocity count along the driven tracks. Arguments as of
     `position_forecasts`; ``recorded`` (1, T, V).
     """
-    first, second = _near_pairs(futures, judged)
+    first, second = near_pairs(futures, judged)
     forecast, happened, plain_events = (
-        _pair_events(scene, states, first, second) for states in (futures, recorded, straight)
+        pair_events(scene, states, first, second) for states in (futures, recorded, straight)
     )
     gaps, noisy, plain, real = (
-        _least_gap(scene, states, first, second) for states in (futures, seen, straight, recorded)
+        least_gap(scene, states, first, second) for states in (futures, seen, straight, recorded)
     )
     rows = [
         {
@@ -148,7 +148,7 @@ def gap_forecasts(
     return pa.Table.from_pylist(rows, schema=ENCOUNTERS)
 
 
-def _pair_events(scene: SeedScene, states: States, first: IntArray, second: IntArray) -> dict[str, BoolArray]:
+def pair_events(scene: SeedScene, states: States, first: IntArray, second: IntArray) -> dict[str, BoolArray]:
     """Return by name (C, P) whether events happen; planned paths are the driven tracks, then straight on."""
     count, steps, _ = states.shape
     last = states[:, -1:]
@@ -167,7 +167,8 @@ def _pair_events(scene: SeedScene, states: States, first: IntArray, second: IntA
     return events
 
 
-def _near_pairs(futures: States, judged: BoolArray) -> tuple[IntArray, IntArray]:
+def near_pairs(futures: States, judged: BoolArray) -> tuple[IntArray, IntArray]:
+    """Return both vehicles of each judged pair whose centres come within 25 m in some future."""
     vehicles = np.flatnonzero(judged)
     a, b = np.triu_indices(len(vehicles), 1)
     first, second = vehicles[a], vehicles[b]
@@ -179,7 +180,8 @@ def _near_pairs(futures: States, judged: BoolArray) -> tuple[IntArray, IntArray]
     return first[near], second[near]
 
 
-def _least_gap(scene: SeedScene, states: States, first: IntArray, second: IntArray) -> FloatArray:
+def least_gap(scene: SeedScene, states: States, first: IntArray, second: IntArray) -> FloatArray:
+    """Return (C, P) least gaps between the bodies of pairs, m."""
     least = np.empty((states.shape[0], len(first)))
     for k, pair in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
         one, two = (Rectangles.of(states[:, :, v], scene.length[v], scene.width[v]) for v in pair)
