@@ -2,7 +2,7 @@
 
     python benchmarks/interpret.py [--data FOLDER] [--every SECONDS] [MODEL...]
 
-MODEL: as in `run --models`, for example joint_predictor:weights=FILE,mode=draw. INTERPRET's own cases are
+MODEL: as in `run --models`, for example joint_predictor:weights=FILE:mode=draw. INTERPRET's own cases are
 not part of the recordings, so a case is a moment of the last fifth of a recording: 1 s is seen, 3 s are
 predicted. Its vehicles are those seen all the time; one of them, drawn, is the ego, which no measure counts.
 
@@ -35,7 +35,7 @@ from scex_sumo.scene import SeedScene, States
 MODELS = (
     "constant_velocity",
     "likely_driver",
-    "graph_predictor:path=likeliest,mode=draw",
+    "graph_predictor:path=likeliest:mode=draw",
     "joint_predictor:mode=draw",
 )
 COLUMNS = (
