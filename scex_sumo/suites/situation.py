@@ -54,7 +54,7 @@ class Situation:
         often: (n, 10) how often the initiator does it with at least each value.
         late: (n, 10) P that people respond too late.
         late_by: (10 n, A) the same for each of `DECELERATIONS`.
-        critical: (10 n,) latest response without contact, s; inf where nobody has to respond.
+        critical_by: (10 n, A) latest response without contact, s; inf where nobody has to respond.
     """
 
     expected: Expected
@@ -68,7 +68,12 @@ class Situation:
     often: FloatArray
     late: FloatArray
     late_by: FloatArray
-    critical: FloatArray
+    critical_by: FloatArray
+
+    @property
+    def critical(self) -> FloatArray:
+        """Latest response (10 n,) without contact, with the least deceleration, s."""
+        return np.asarray(self.critical_by.min(axis=1))
 
     @property
     def levels(self) -> int:
@@ -117,7 +122,10 @@ class Situation:
             grid, cases.action[:, None], time_gaps(cases)[:, None], left_at(cases, grid)
         )
         later = np.minimum.accumulate(later, axis=1)
-        times_s = [np.interp(-u, -later[k], _GRID_S) for k, u in zip(row.tolist(), survival, strict=True)]
+        times_s = [
+            np.interp(-u, -later[k], _GRID_S, right=np.inf)
+            for k, u in zip(row.tolist(), survival, strict=True)
+        ]
         return np.where(np.isinf(self.critical[row]) & (self.critical[row] > 0), np.inf, times_s)
 
     def scripted(self, rows: IntArray, extra: int) -> States:
@@ -196,7 +204,7 @@ def situation_of(scene: SeedScene, initiator: int, responder: int) -> Situation:
         often=often[kept],
         late=late[kept],
         late_by=late_by[rows],
-        critical=response[rows].min(axis=1),
+        critical_by=response[rows],
     )
 
 

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import OutOfTimeError, reason_of
 from scex_sumo.behaviors.spec import ModelSpec
 from scex_sumo.plug_in.time_limit import time_limit
@@ -24,6 +24,8 @@ from scex_sumo.suites.suite import Case
 
 PEOPLE_TYPICAL: Final = 1e-3
 """P that people touch in a typical future: simulated others are not exact."""
+EXACT_S: Final = 0.1
+"""To which latest responses are known: futures have steps of 0.1 s."""
 _TYPICAL_STEPS = 50
 
 
@@ -114,6 +116,7 @@ def record_of(situation: Situation, outcomes: Outcomes) -> dict[str, Any]:
     share, acting = chances(situation, outcomes)
     stage = stage_of_future(situation, outcomes, worst_future(situation, outcomes))
     expected = expected_contacts(situation, outcomes)
+    near = touch_and_go(situation, outcomes)
     return {
         "probability": 1 - (1 - share) * (1 - acting),
         "severity": float(injuries[typical].mean()) + situation.total(harmed),
@@ -123,7 +126,7 @@ def record_of(situation: Situation, outcomes: Outcomes) -> dict[str, Any]:
         "futures": len(hit),
         "contacts": int(hit.sum()),
         "struck": int(outcomes.struck.sum()),
-        "chance": chance(expected, int(hit.sum())),
+        "chance": chance(np.where(near, 1.0, expected), np.where(near, 0.0, expected), int(hit.sum())),
         "people_contacts": float(expected.sum()),
         "people": situation.human_like,
         "most": situation.most,
@@ -155,19 +158,32 @@ def expected_contacts(situation: Situation, outcomes: Outcomes) -> FloatArray:
     return np.where(draws.row < 0, PEOPLE_TYPICAL, part)
 
 
-def chance(expected: FloatArray, contacts: int) -> Mapping[str, float]:
+def touch_and_go(situation: Situation, outcomes: Outcomes) -> BoolArray:
+    """Return in which futures (C,) people respond so near to the latest time that either may happen."""
+    draws = outcomes.draws
+    latest = situation.critical_by[np.maximum(draws.row, 0), draws.braking]
+    with np.errstate(invalid="ignore"):
+        near = np.abs(draws.response_s - latest) <= EXACT_S
+    return np.asarray(near & (draws.row >= 0) & (draws.high - draws.low < 1))
+
+
+def chance(most: FloatArray, least: FloatArray, contacts: int) -> Mapping[str, float]:
     """Return the one-sided probabilities that people touch in at least, and at most, so many futures.
 
     Args:
-        expected: (C,) probabilities; their sum is Poisson binomial.
+        most: (C,) probabilities, at most; ``least`` at least. Their sums are Poisson binomial.
     """
+    return {
+        "more": float(min(_counts(most)[contacts:].sum(), 1.0)),
+        "fewer": float(min(_counts(least)[: contacts + 1].sum(), 1.0)),
+    }
+
+
+def _counts(expected: FloatArray) -> FloatArray:
     counts = np.ones(1)
     for p in expected.tolist():
         counts = np.convolve(counts, [1 - p, p])
-    return {
-        "more": float(min(counts[contacts:].sum(), 1.0)),
-        "fewer": float(min(counts[: contacts + 1].sum(), 1.0)),
-    }
+    return counts
 
 
 def worst_future(situation: Situation, outcomes: Outcomes) -> int:

@@ -33,7 +33,7 @@ def record(name: str, contacts: int, people: float, futures: int = 48, **given: 
         "contacts": contacts,
         "people_contacts": people,
         "futures": futures,
-        "chance": chance(spread, contacts),
+        "chance": chance(spread, spread, contacts),
         "probability": contacts / 1000,
         "people": people / 1000,
         "severity": contacts / 1e5,
@@ -89,7 +89,7 @@ def test_more_contacts_than_people_are_worse_fewer_better() -> None:
 
 
 def test_the_chance_of_a_count_is_poisson_binomial() -> None:
-    found = chance(np.array([0.5, 0.25]), 1)
+    found = chance(*[np.array([0.5, 0.25])] * 2, 1)
     assert found["more"] == pytest.approx(1 - 0.5 * 0.75)
     assert found["fewer"] == pytest.approx(1 - 0.5 * 0.25)
 
@@ -174,3 +174,12 @@ def test_an_older_result_must_be_of_the_same_suite(tmp_path: Path) -> None:
     file.write_text("[1]")
     with pytest.raises(ResultError, match="no result of a test"):
         read_result(file, "1")
+
+
+def test_futures_that_may_go_either_way_are_no_evidence() -> None:
+    """Of ten, people surely touch in five; in three of the others a tenth of a second decides."""
+    most, least = np.repeat([1.0, 1.0, 0.0], [5, 3, 2]), np.repeat([1.0, 0.0, 0.0], [5, 3, 2])
+    for contacts in (5, 6, 8):
+        assert chance(most, least, contacts) == {"more": 1.0, "fewer": 1.0}
+    assert chance(most, least, 9)["more"] == 0.0
+    assert chance(most, least, 4)["fewer"] == 0.0
