@@ -21,6 +21,7 @@ from scex_sumo.results.tables.encounters import (
     event_of,
     in_words,
     is_queue,
+    precedence_words,
 )
 
 if TYPE_CHECKING:
@@ -63,17 +64,11 @@ class Meeting:
         doubt = self.row.get("doubt")
         return None if doubt is None else str(doubt)
 
-    @property
-    def precedence(self) -> list[tuple[int, str]]:
-        """What the rules of the road say of one of the two, e.g. (12, ``must yield``)."""
-        known = self.run.info.get("precedence", ())
-        return [(track, what) for track, other, what in known if {track, other} == set(self.pair)]
-
     def words(self) -> str:
         """Return the encounter in words, with the cut sets of its event where the run has an exact table."""
         event = event_of(self.row)[0] or "critical"
         text = in_words(self.row, self.encounter.probability(event).known)
-        text += "".join(f"; {track} {what}" for track, what in self.precedence)
+        text += precedence_words(self.run.info, self.pair)
         text += f"; doubtful: {self.doubt}" if self.doubt else ""
         if self.futures == STRESS_TEST:
             return text

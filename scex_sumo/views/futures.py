@@ -15,6 +15,7 @@ from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import writing
 from scex_sumo.metrics.registry import COLLISION, metric_of, side_of
 from scex_sumo.results.run import Run
+from scex_sumo.results.tables.encounters import precedence_words
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 from scex_sumo.views.drawings import FutureView
 from scex_sumo.views.replay import write_view
@@ -161,7 +162,7 @@ def _event_view(
     run: Run, number: int, tracks: Sequence[int], step: int, what: str, states: States | None = None
 ) -> FutureView:
     ids = list(run.info["seed_scene"]["track_ids"])
-    title = f"{what} · {_named(tracks)} after {step * STEP_S:.1f} s"
+    title = f"{what} · {_named(tracks)} after {step * STEP_S:.1f} s{precedence_words(run.info, tracks)}"
     event = [ids.index(track) for track in tracks]
     return _future_view(run, number, title=title, states=states, event=event, stop=LOGGED_HISTORY - 1 + step)
 

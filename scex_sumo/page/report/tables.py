@@ -26,7 +26,7 @@ from scex_sumo.reports.encounter_rows import (
 from scex_sumo.reports.run_table import expected_injuries
 from scex_sumo.results.probability import Probability, critical_outcomes
 from scex_sumo.results.run import PAIR_OUTCOMES, Run
-from scex_sumo.results.tables.encounters import arrows, event_of
+from scex_sumo.results.tables.encounters import arrows, event_of, precedence_words
 from scex_sumo.results.tables.outcomes import COLLISIONS, first_contacts
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
@@ -212,7 +212,7 @@ def _story(group: Sequence[Meeting], both: Sequence[Run]) -> dict[str, Any]:
         "question": question,
         "happens": happens,
         "about": ", ".join(part for part in (one.row["kind"], one.row["place"], *also) if part),
-        "why": ways or f"typically {', '.join(drivers)}",
+        "why": (ways or f"typically {', '.join(drivers)}") + precedence_words(one.run.info, one.pair),
         "told": [_told(probability_in(run, one.pair, question)) for run in both],
     }
 

@@ -257,6 +257,16 @@ def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) ->
     ]
 
 
+def precedence_words(info: Mapping[str, Any], pair: Sequence[int]) -> str:
+    """Return what the rules of the road say of a pair of vehicles, e.g. ``; 12 must yield``.
+
+    Args:
+        info: of the run.
+    """
+    known = info.get("precedence", ())
+    return "".join(f"; {one} {what}" for one, other, what in known if {one, other} == set(pair))
+
+
 def in_words(row: Mapping[str, Any], exact: ExactProbability | None = None) -> str:
     """Return a row in words, e.g. ``17 → 23 (rear-end, ring, 1.8 s): collides in 12 % [9–16], ...``.
 

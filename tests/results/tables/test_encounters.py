@@ -17,6 +17,7 @@ from scex_sumo.results.tables.encounters import (
     encounters_table,
     in_words,
     outcomes_table,
+    precedence_words,
 )
 from scex_sumo.scene import States
 from scex_sumo.statistics.density import wilson
@@ -188,3 +189,9 @@ def test_no_encounters_are_an_empty_table() -> None:
         found, track_ids=TRACKS, models=MODELS[LEVELS], intervals=DesignIntervals(LEVELS, design="random")
     )
     assert empty.num_rows == 0 and empty.schema == SCHEMA
+
+
+def test_a_pair_says_who_of_the_two_must_yield() -> None:
+    info = {"precedence": [[12, 7, "must yield"], [3, 7, "has red"]]}
+    assert precedence_words(info, (7, 12)) == "; 12 must yield"
+    assert precedence_words({}, (7, 12)) == ""
