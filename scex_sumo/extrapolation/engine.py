@@ -112,10 +112,12 @@ def _opened(
     """Open the folder of a run; return it with the run's job."""
     if scene.road is None:
         raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
+    known = scene.notes
     if settings.vru != "replay":
         from scex_sumo.results.participants import with_people
 
         scene = with_people(scene, settings.vru)
+    added, scene = scene.notes[len(known) :], dataclasses.replace(scene, notes=known)
     if settings.within is not None:
         scene = settings.within.simulated(scene, settings.steps, [*settings.assign, *settings.under_test])
     settings.check_size(settings.count or 1, scene.vehicles)
@@ -123,7 +125,8 @@ def _opened(
     models.try_on(scene, seed=settings.seed)
     identity = _identity(scene, settings, models, assignment)
     folder = ResultFolder(path, identity, overwrite=options.overwrite)
-    scene, net = ruled(scene, _net(scene, folder, options, settings), settings)
+    net = _net(scene, folder, options, settings)
+    scene, net = ruled(scene, dataclasses.replace(net, notes=(*net.notes, *added)), settings)
     compared, gui = options.compared, options.gui
     return folder, Job(scene, net, settings, models, assignment, folder.path, gui, compared=compared)
 

@@ -23,15 +23,16 @@ MAX_SIZE_M: Final = 4.0
 
 
 def with_people(scene: SeedScene, vru: str) -> SeedScene:
-    """Return the scene in which people do what the option ``--vru`` says."""
+    """Return the scene in which people do what the option ``--vru`` says; a scene with people stays."""
     others = scene.obstacles
-    if others is None or vru == "replay":
+    if others is None or vru == "replay" or scene.people is not None:
         return scene
     people = np.array([road_user(kind) in PEOPLE for kind in others.types])
     if vru == "none":
         return replace(scene, obstacles=some_obstacles(others, ~people))
-    taking = people & others.present[:, HISTORY_STEPS]
-    notes = []
+    notes, there = [], others.states[:, : HISTORY_STEPS + 1]
+    known = np.isfinite([there.x, there.y, there.heading, there.speed]).all(axis=(0, 2))
+    taking = people & others.present[:, HISTORY_STEPS] & known
     if taking.sum() > MAX_PEOPLE:
         far = _distance(scene, others)
         far[~taking] = np.inf

@@ -43,6 +43,13 @@ def test_people_count_in_pairs_with_vehicles_only(scene: SeedScene, tmp_path: Pa
     assert run.metrics.equals(again.metrics)
 
 
+def test_notes_on_people_are_shown(scene: SeedScene, tmp_path: Path) -> None:
+    assert scene.obstacles is not None
+    sized = replace(scene, obstacles=replace(scene.obstacles, length=np.zeros(2)))
+    with pytest.warns(scex.ScexWarning, match="people without a usable size have the usual one: P0, P1"):
+        run_of(sized, tmp_path / "one", vru="model", models="constant_velocity", futures=2)
+
+
 def test_a_driver_that_sees_who_steps_out_brakes(scene: SeedScene, tmp_path: Path) -> None:
     shares = [
         run_of(scene, tmp_path / model, vru="model", models=f"{model},steps_out").collision.sampled.value

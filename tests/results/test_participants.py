@@ -65,6 +65,14 @@ def test_people_of_no_size_have_the_usual_one_and_crowds_are_cut() -> None:
     crowd = with_people(scene_with(*["pedestrian"] * 500), "model")
     assert crowd.vehicles == 2 + MAX_PEOPLE and crowd.obstacles is not None
     assert crowd.notes[-1] == "400 of 500 people, those farthest from vehicles, are replayed"
+    assert with_people(crowd, "model") is crowd  # the reference takes part with the same people
+
+
+def test_people_without_a_place_are_no_participants() -> None:
+    scene = scene_with("pedestrian", "pedestrian")
+    assert scene.obstacles is not None
+    scene.obstacles.states.x[0, 4] = np.nan
+    assert with_people(scene, "model").vehicles == 3
 
 
 def test_people_in_buildings_behind_walls_and_on_motorways_are_named() -> None:
