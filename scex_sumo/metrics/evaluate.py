@@ -22,7 +22,8 @@ from scex_sumo.metrics.registry import METRICS, Metric, columns_of, metrics_name
 
 PAPER_PRESET: Final = "paper"
 BATCH_PAIR_STEPS = 1 << 18  # unordered near pair-steps per batch
-SHARED_PAIR_STEPS = 1 << 21  # of the futures whose equal tracks are evaluated once; 0: never
+ALL_PAIR_STEPS = 1 << 22  # of the futures whose equal tracks are evaluated once, far pairs included
+SHARED_PAIR_STEPS = 1 << 21  # near ones of the futures whose equal tracks are evaluated once; 0: never
 MAX_DIFFERENT = 0.9  # share of different pairs above which the search for equal ones does not pay
 
 
@@ -101,10 +102,17 @@ def scene_batches(
     if planned is not None:
         planned.check_fit(tracks)
     near = near_pairs(tracks)
-    pairs = vehicles * (vehicles - 1) // 2 if near is None else len(near)
-    size, group_size = (
-        max(limit // max(tracks.steps * pairs, 1), 1) for limit in (BATCH_PAIR_STEPS, SHARED_PAIR_STEPS)
+    every = vehicles * (vehicles - 1) // 2
+    some_pairs = every if near is None else len(near)
+    size, shared_size, most = (
+        max(limit // max(tracks.steps * pairs, 1), 1)
+        for limit, pairs in (
+            (BATCH_PAIR_STEPS, some_pairs),
+            (SHARED_PAIR_STEPS, some_pairs),
+            (ALL_PAIR_STEPS, every),
+        )
     )
+    group_size = min(shared_size, most)
     for begin in range(0, max(futures, 1), group_size):
         group = slice(begin, begin + group_size)
         some, plans = tracks.futures(group), None if planned is None else planned.futures(group)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
@@ -56,6 +56,12 @@ def validate_command(
     }
 
 
+def _ratio(row: dict[str, Any]) -> float | None:
+    """Return the error over that of constant velocity; None where that one is 0."""
+    rival = row["constant_velocity_error_m"]
+    return row["error_of_mean_m"] / rival if rival else None
+
+
 def _print_scores(done: Validation) -> None:
     from scex_sumo.commands.console import output_console
     from scex_sumo.page.study import Column, print_columns
@@ -100,7 +106,7 @@ def _print_scores(done: Validation) -> None:
         Column("vehicles", "vehicles"),
         Column("error_of_mean_m", "error [m]", ".2f"),
         Column("constant_velocity_error_m", "const. vel.", ".2f"),
-        Column(lambda row: row["error_of_mean_m"] / row["constant_velocity_error_m"], "ratio", ".2f"),
+        Column(_ratio, "ratio", ".2f"),
         Column("along_coverage", "along within 5-95 %", ".0%"),
         Column("across_coverage", "across", ".0%"),
     ]
