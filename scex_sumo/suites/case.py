@@ -69,7 +69,7 @@ def write_case(
     content = case_content(scene, situation, row, draws)
     content["seed_scene"] |= {what: f"../../{MAPS}/{copied.name}" for what, copied in shared.items()}
     stage = stage_of_case(situation)
-    write_atomic(folder / PICTURE, _standalone(str(stage.picture)).encode())
+    write_atomic(folder / PICTURE, _standalone(stage).encode())
     notes = write_exports(folder, scene, situation, formats)
     tags = openlabel_tags(content)
     for name, value in ((CASE, content), (TAGS, tags)):
@@ -182,10 +182,16 @@ def stage_of_case(situation: Situation) -> Stage:
     return stage_of_motion(whole, both, critical_motion(situation), states[:, :41], known[:, :41])
 
 
-def _standalone(svg: str) -> str:
+def _standalone(stage: Stage) -> str:
+    """Return the picture at the contact, with styles of its own."""
+    svg, *outlines = str(stage.picture).split("<rect")
+    for outline, track in zip(outlines, stage.outlines, strict=True):
+        place = track[min(stage.contact, len(track) - 1)]
+        at = f"translate({place[0]} {place[1]}) rotate({place[2]})" if place else "scale(0)"
+        svg += f'<rect transform="{at}"{outline}'
     style = (
         "<style>.lane,path{fill:none;stroke:#999}rect{fill:#bbb}"
-        ".acts{fill:#c33}.responds{fill:#36c}.ghost{fill:none;stroke:#666}</style>"
+        ".acts{fill:#c33}.responds{fill:#36c}.ghost{fill:none;stroke:#666;stroke-width:.2}</style>"
     )
     head, tag, rest = svg.partition("<svg")
     body = rest if "xmlns=" in rest else f' xmlns="http://www.w3.org/2000/svg"{rest}'

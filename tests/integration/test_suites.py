@@ -113,7 +113,10 @@ def test_cases_have_tags_and_files_for_simulators(place: Path) -> None:
         label = json.loads((case.folder / "openlabel.json").read_text())["openlabel"]
         assert label["metadata"]["schema_version"] == "1.0.0"
         assert {one["ontology_uid"] for one in label["tags"].values()} <= set(label["ontologies"])
-        ET.fromstring((case.folder / "picture.svg").read_text())
+        picture = ET.fromstring((case.folder / "picture.svg").read_text())
+        assert all(
+            "transform" in outline.attrib for outline in picture.iter("{http://www.w3.org/2000/svg}rect")
+        )
         assert [file.suffix for file in sorted((case.folder / "openscenario").iterdir())].count(".xosc") == 2
         assert len(list((case.folder / "sumo").rglob("future.sumocfg"))) == 2
 
