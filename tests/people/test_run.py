@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import scex_sumo as scex
-from scex_sumo.scene import SeedScene
+from scex_sumo.scene import Obstacles, SeedScene, States
 from tests.behaviors import roads
 from tests.results.test_participants import scene_with
 
@@ -69,3 +69,27 @@ def test_what_people_do_is_counted_exactly(scene: SeedScene, tmp_path: Path) -> 
     assert scex.weighted_probability(run, {"steps_out": 1.0}, pair=(0, 2)) == pytest.approx(1 / 4)
     again = scex.open_run(run.folder)
     assert again.encounter(0, 2).collision.exact == pair.exact
+
+
+def test_a_driver_moves_aside_for_a_cyclist_towards_a_metre(tmp_path: Path) -> None:
+    """The cyclist rides 1.9 m beside the way of the car, which leaves 0.65 m between the boxes."""
+    car = roads.scene_of((20.0, 0.0, 0.0, 9.0))
+    past = 0.1 * np.arange(-10, 31)[None]
+    rides = States(
+        x=30.0 + 4.0 * past, y=np.full_like(past, -1.9), heading=0 * past, speed=np.full_like(past, 4.0)
+    )
+    cyclist = Obstacles(
+        ids=("P1",),
+        types=("bicycle",),
+        length=np.array([1.8]),
+        width=np.array([0.7]),
+        states=rides,
+        present=np.ones(past.shape, dtype=np.bool_),
+    )
+    scene = replace(car, track_ids=np.array([0]), road=roads.straight(), obstacles=cyclist)
+    options = {"vru": "model", "futures": 2, "models": "likely_driver:spread=0:inattention=0,keeps_walking"}
+    states = run_of(scene, tmp_path / "run", **options).states(0)
+    beside = np.abs(states.x[0] - states.x[1]) < 2.0
+    gap = np.abs(states.y[0] - states.y[1]) - (car.width[0] + 0.7) / 2
+    assert gap[0] == pytest.approx(0.65)
+    assert 0.85 < gap[beside].min() < gap[beside].max() <= 1.0  # it comes over within some seconds
