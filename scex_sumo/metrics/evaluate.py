@@ -103,7 +103,7 @@ def scene_batches(
         planned.check_fit(tracks)
     near = near_pairs(tracks)
     every = vehicles * (vehicles - 1) // 2
-    some_pairs = every if near is None else len(near)
+    some_pairs = every if near is None else len(near[0])
     size, shared_size, most = (
         max(limit // max(tracks.steps * pairs, 1), 1)
         for limit, pairs in (
@@ -117,7 +117,7 @@ def scene_batches(
         group = slice(begin, begin + group_size)
         some, plans = tracks.futures(group), None if planned is None else planned.futures(group)
         shared = track_pairs(some, plans, preset=rules, parameters=parameters)
-        both = shared, None if shared is None or near is None else shared.of_pairs(near)
+        both = shared, None if shared is None or near is None else shared.of_pairs(near[0])
         for start in range(0, max(some.states.shape[0], 1), size):
             part = slice(start, start + size)
             of_all, of_near = (None if each is None else each.of_futures(part) for each in both)

@@ -26,7 +26,7 @@ def test_pairs_are_near_up_to_20_m_between_their_circles(monkeypatch: pytest.Mon
     """The circle around each car has a radius of sqrt(5) m; pairs are 01, 02, 12."""
     monkeypatch.setattr(near, "MIN_PAIRS", 0)
     found = near_pairs(standing([0, 24.4, 49]))
-    assert found is not None and found.tolist() == [0]
+    assert found is not None and found[0].tolist() == [0]
 
 
 def test_all_pairs_of_a_jam_are_near() -> None:

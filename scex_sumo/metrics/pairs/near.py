@@ -26,8 +26,8 @@ def surroundings(speed: FloatArray, length: FloatArray) -> FloatArray:
     return radius
 
 
-def near_pairs(tracks: SceneTracks) -> IntArray | None:
-    """Return the numbers of the near pairs; None if most are, or there are few in all.
+def near_pairs(tracks: SceneTracks) -> tuple[IntArray, FloatArray] | None:
+    """Return the numbers of the near pairs, and the least distance (P,) of each pair; None if most are near.
 
     A pair is near if the boxes around both ways, of all futures, come within `NEAR_M` beyond both outer
     circles, or within the `surroundings` of either.
@@ -47,8 +47,9 @@ def near_pairs(tracks: SceneTracks) -> IntArray | None:
     circle = np.hypot(length, width) / 2
     seen = np.where(there, surroundings(states.speed, length), 0.0).max(axis=(0, 1))
     reach = np.maximum(NEAR_M + circle[one] + circle[two], np.maximum(seen[one], seen[two]))
-    near = np.flatnonzero(np.hypot(*apart) <= reach)
-    return near if len(near) < MAX_SHARE * len(one) else None
+    distance = np.hypot(*apart)
+    near = np.flatnonzero(distance <= reach)
+    return (near, distance) if len(near) < MAX_SHARE * len(one) else None
 
 
 def least_of_near(scenes: Scenes, values: Callable[[Scenes], Samples], beyond: float) -> Samples:
@@ -68,20 +69,31 @@ def least_of_near(scenes: Scenes, values: Callable[[Scenes], Samples], beyond: f
 def soonest_following(scenes: Scenes) -> Following:
     """Find those pairs of `leaders_by_heading` that can have the least TTC or PTTC of their scene.
 
-    These are the near pairs, and the others in scenes where no near pair is as soon as these can be.
+    These are the near pairs, and others in scenes in which they may be as soon as the soonest near pair.
     """
     if scenes.near is None:
         return scenes.following
-    near = scenes.near.scenes.under(scenes.preset)
-    rows, pairs, count = near.following, len(scenes.pairs[0]), scenes.count
-    closing = rows.follower_speed - rows.leader_speed
-    soon, fastest = np.zeros(count, dtype=bool), scenes.speed.max(initial=0.0) - scenes.speed.min(initial=0.0)
-    is_soon = (closing > MIN_CLOSING_MPS) & (rows.gap * fastest < NEAR_M * (1 - ROUNDING) * closing)
-    soon[rows.where[is_soon] % count] = True
-    far, late = np.setdiff1d(np.arange(pairs), scenes.near.pair), np.flatnonzero(~soon)
-    some = scenes.of_scenes(late, far)
-    parts = []
-    for found, pair, scene in ((rows, scenes.near.pair, np.arange(count)), (some.following, far, late)):
-        number, at = np.divmod(found.where, max(len(scene), 1))
-        parts.append(replace(found, where=np.concatenate([pair, pair + pairs])[number] * count + scene[at]))
-    return Following.join(parts)
+    pairs, count, apart = len(scenes.pairs[0]), scenes.count, scenes.near.apart
+    near = scenes.near.scenes.under(scenes.preset).following
+    closing = near.follower_speed - near.leader_speed
+    closes = closing > MIN_CLOSING_MPS
+    soonest = np.full(count, np.inf)
+    np.minimum.at(soonest, near.where[closes] % count, near.gap[closes] / closing[closes])
+    fastest = (scenes.speed.max(initial=0.0) - scenes.speed.min(initial=0.0)) * (1 + ROUNDING)
+    found = [(near, scenes.near.pair, np.arange(count))]
+    far = np.ones(pairs, dtype=bool)
+    far[scenes.near.pair] = False
+    least = apart[far].min(initial=np.inf)
+    for late in (np.isfinite(soonest) & (soonest * fastest >= least), np.isinf(soonest)):
+        reach = soonest[late].max(initial=0.0)
+        some = np.flatnonzero(far & ((apart <= reach * fastest) | np.isinf(reach)))
+        scene = np.flatnonzero(late)
+        found.append((scenes.of_scenes(scene, some).following, some, scene))
+    return Following.join([_among_all(scenes, *each) for each in found])
+
+
+def _among_all(scenes: Scenes, rows: Following, pair: IntArray, scene: IntArray) -> Following:
+    """Return rows of some pairs in some scenes, both by number, as rows of all."""
+    number, at = np.divmod(rows.where, max(len(scene), 1))
+    ordered = np.concatenate([pair, pair + len(scenes.pairs[0])])
+    return replace(rows, where=ordered[number] * scenes.count + scene[at])

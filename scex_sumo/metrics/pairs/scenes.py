@@ -255,13 +255,13 @@ class Scenes:
         chosen = first[pairs], second[pairs]
         return replace(self, tracks=tracks, planned=None, chosen=chosen, shared=None, near=None, _derived={})
 
-    def with_near(self, pairs: IntArray | None, shared: TrackPairs | None) -> Scenes:
-        """Return the same scenes with near pairs, given by number, whose values are ``shared``."""
-        if pairs is None:
+    def with_near(self, found: tuple[IntArray, FloatArray] | None, shared: TrackPairs | None) -> Scenes:
+        """Return the same scenes with near pairs, as of `near_pairs`, whose values are ``shared``."""
+        if found is None:
             return self
-        first, second = self.pairs
+        (pairs, apart), (first, second) = found, self.pairs
         near = replace(self, chosen=(first[pairs], second[pairs]), shared=shared, _derived={})
-        return replace(self, near=Near(scenes=near, pair=pairs))
+        return replace(self, near=Near(scenes=near, pair=pairs, apart=apart))
 
     def once(self, make: Callable[[Scenes], T]) -> T:
         """Return ``make(self)``, computed once for all metrics."""
@@ -347,6 +347,7 @@ class Near:
 
     scenes: Scenes  # the same scenes with the near pairs only
     pair: IntArray  # (P',) numbers of the near pairs among all
+    apart: FloatArray  # (P,) distance that the centres of each pair never fall below, m
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
