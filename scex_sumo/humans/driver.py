@@ -107,7 +107,7 @@ class LikelyDriver:
         human = human_of(history.scene, self.human)
         view = View(history=history, who=who, paths=paths, row=row, s=s, human=human)
         draws = uniforms(history.route_draw[who.future, who.vehicle], DRAWS, DRIVER)
-        drivers, offsets = self._drivers(view, draws), self._offsets(view, road, draws)
+        drivers, offsets = self._drivers(view, draws), self._offsets(view, road)
         leaders = leaders_of(view, offsets[:, 0])
         obeyed = self._obeyed(view, road)
         expects = expectation(view, drivers, leaders, self._waits(view, leaders, obeyed))
@@ -184,9 +184,14 @@ class LikelyDriver:
         normal = ndtri(np.where(stops, draw / share, 0.5))
         return np.where(stops, human.stop_s * np.exp(spread * human.stop_spread * normal), np.inf)
 
-    def _offsets(self, view: View, road: Road, draws: FloatArray) -> FloatArray:
-        """Return (n, 31) wanted offsets from the path now and after each step, m, left positive."""
+    def _offsets(self, view: View, road: Road) -> FloatArray:
+        """Return (n, 31) wanted offsets from the path now and after each step, m, left positive.
+
+        A towed vehicle has the draws of its leader.
+        """
         human, spread, step = view.human, self.profile.spread, view.history.step
+        vehicle = np.where(towed_by_leader(view), view.observed.leader[view.row], view.who.vehicle)
+        draws = uniforms(view.history.route_draw[view.who.future, vehicle], DRAWS, DRIVER)
         deviation = spread * students(draws[:, SIDE])[:, 0]
         choice = draws[:, CHANGE] if spread else np.full(len(draws), 0.5)
         left, right = change_shares(view.scene, road, view.paths, human)[view.row].T
@@ -295,10 +300,7 @@ def expectation(view: View, drivers: Drivers, leaders: Leaders, waits_s: FloatAr
     same = leaders.index == observed.leader[row]
     pull = _leader_acceleration(view, leaders)
     trust = view.shown.trust[np.clip(leaders.index, 0, view.scene.vehicles - 1)]
-    gap, speed = observed.gap[row] - observed.slack[row], drivers.speed
-    opening = observed.leader_speed[row] - speed
-    tows = same & (gap < human.towed_s * speed) & (speed > human.towed_mps)
-    tows = np.flatnonzero(tows & (np.abs(opening) < human.towed_opening_mps))
+    gap, tows = observed.gap[row] - observed.slack[row], np.flatnonzero(same & towed_by_leader(view))
     rows = np.full(view.history.now.shape, -1)
     rows[who.future, who.vehicle] = np.arange(len(who))
     known = (leaders.index >= 0) & (leaders.index < view.scene.vehicles)
@@ -310,11 +312,20 @@ def expectation(view: View, drivers: Drivers, leaders: Leaders, waits_s: FloatAr
         speed=leaders.speed,
         acceleration=pull,
         # Starting in a queue, drivers expect their leader's acceleration to go on.
-        starting=np.where(speed < human.standing_mps, np.maximum(pull, 0.0), 0.0),
+        starting=np.where(drivers.speed < human.standing_mps, np.maximum(pull, 0.0), 0.0),
         slowing=np.minimum(pull, 0.0) * trust,
         waits_s=waits_s,
         trailers=Trailers(row=tows, leader=pullers[tows], gap=leaders.gap[tows], drawbar=gap[tows]),
     )
+
+
+def towed_by_leader(view: View) -> BoolArray:
+    """Return (n,) whether vehicles follow another one in the seed scene as only trailers do."""
+    human, observed, row = view.human, view.observed, view.row
+    gap, speed = observed.gap[row] - observed.slack[row], view.shown.speed[view.who.vehicle]
+    near = (gap < human.towed_s * speed) & (speed > human.towed_mps)
+    near &= (observed.leader[row] >= 0) & (observed.leader[row] < view.scene.vehicles)
+    return np.asarray(near & (np.abs(observed.leader_speed[row] - speed) < human.towed_opening_mps))
 
 
 def _leader_acceleration(view: View, leaders: Leaders) -> FloatArray:

@@ -163,6 +163,15 @@ def test_one_who_drives_close_to_its_leader_does_not_brake_for_it() -> None:
     assert made.speed[0, 9] > 13.5
 
 
+def test_a_trailer_stays_behind_its_leader_across_the_lane() -> None:
+    where, draw = roads.straight(), np.column_stack([DRAW, DRAW[::-1]])
+    for behind, least in ((105.0, 0.0), (130.0, 0.8)):  # a trailer, and one that follows
+        scene = roads.scene_of((100.0, 0.0, 0.0, 15.0), (behind, 0.0, 0.0, 15.0))
+        side = roads.plan(DRIVER, where, roads.present(scene, 50, draw)).y[:, 29].reshape(50, 2)
+        apart = np.abs(side[:, 0] - side[:, 1]).max()
+        assert apart > least if least else apart < 0.3
+
+
 def test_room_beside_is_up_to_who_drives_there() -> None:
     scene = roads.scene_of((100.0, 0.0, 0.0, 10.0), (103.0, 3.5, 0.0, 10.0), (140.0, -3.5, 0.0, 10.0))
     right, left = room_beside(scene, HUMAN)[0]
