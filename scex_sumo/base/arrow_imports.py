@@ -26,7 +26,7 @@ class _ArrowFinder:
     def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
         if name != ARROW:
             return None
-        sys.meta_path.remove(self)  # type: ignore[arg-type]
+        sys.meta_path.remove(self)
         spec = importlib.util.find_spec(name)
         loader: Any = None if spec is None else spec.loader
         if loader is not None:
@@ -40,11 +40,11 @@ def _execute_alone(execute: Any, module: ModuleType) -> None:
     if PANDAS in sys.modules:
         return
     hidden = _NoPandas()
-    sys.meta_path.insert(0, hidden)  # type: ignore[arg-type]
+    sys.meta_path.insert(0, hidden)
     try:
         module.array([0])  # Arrow looks for pandas here, once
     finally:
-        sys.meta_path.remove(hidden)  # type: ignore[arg-type]
+        sys.meta_path.remove(hidden)
 
 
 class _NoPandas:

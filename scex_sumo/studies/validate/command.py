@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -56,7 +57,7 @@ def validate_command(
     }
 
 
-def _ratio(row: dict[str, Any]) -> float | None:
+def _ratio(row: Mapping[str, Any]) -> float | None:
     """Return the error over that of constant velocity; None where that one is 0."""
     rival = row["constant_velocity_error_m"]
     return row["error_of_mean_m"] / rival if rival else None
