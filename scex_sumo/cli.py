@@ -15,7 +15,6 @@ from typing import Annotated
 
 import typer
 
-from scex_sumo.base.arrow_imports import import_arrow_alone
 from scex_sumo.base.errors import ScexError, ScexWarning, UsageError, last_words
 from scex_sumo.base.options import present_names
 from scex_sumo.commands import console
@@ -86,7 +85,6 @@ def main() -> None:
 
 
 def _run() -> None:
-    import_arrow_alone()
     # NumPy's products are small: threads cost more than they save.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # SIGTERM does the same as Ctrl-C: finished futures stay, workers end.

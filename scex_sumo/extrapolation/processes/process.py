@@ -18,7 +18,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from scex_sumo.base.arrow_imports import import_arrow_alone
 from scex_sumo.base.errors import OutOfTimeError, SimulationError, last_words
 from scex_sumo.base.sending import pickled, unpickled
 
@@ -131,7 +130,6 @@ def serve() -> None:
     faulthandler.enable(crash)
     reports = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # SUMO's prints do not get among the reports
-    import_arrow_alone()
     from scex_sumo.world.session import load_sumo
 
     with suppress(Exception):  # the first task reports it

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.behaviors.driving.paths import BEHIND_M
 from scex_sumo.behaviors.driving.smoothing import resample
 from scex_sumo.geometry.polylines import length_of
-from scex_sumo.humans.lines.driven_line import driven_lines, driven_paths, room_of
-from scex_sumo.humans.observed.room import CLEAR_M, room_at
+from scex_sumo.humans.lines.driven_line import driven_lines, room_of
+from scex_sumo.humans.observed.room import CLEAR_M
 from tests.behaviors import roads
 
 RADIUS = 15.0
@@ -53,12 +52,3 @@ def test_room_is_the_distance_to_the_bounds_of_the_lane_under_each_point() -> No
     lane = replace(roads.lane(1, line), left_bound=line + up, right_bound=line - 0.4 * up)
     room = room_of(roads.road(lane), line, np.array([1, 1]), np.array([10.0, 20.0]))
     assert room == pytest.approx(np.array([[5.0, 2.0], [5.0, 2.0]]))
-
-
-def test_room_at_a_place_on_a_path_is_that_of_the_lane_there_and_none_beyond_the_lanes() -> None:
-    line, up = np.array([(0.0, 0.0), (120.0, 0.0)]), np.array([0.0, 5.0])
-    lane = replace(roads.lane(1, line), left_bound=line + up, right_bound=line - 0.4 * up)
-    road = roads.road(lane)
-    paths = driven_paths(roads.scene_of((100.0, 0.0, 0.0, 10.0)), road)
-    assert room_at(road, paths, np.array([BEHIND_M])) == pytest.approx(np.array([[5.0, 2.0]]), abs=0.1)
-    assert room_at(road, paths, np.array([BEHIND_M + 30.0])) == pytest.approx(0.0)
