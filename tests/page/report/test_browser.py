@@ -372,7 +372,7 @@ def test_the_weights_move_every_exact_probability(page: Any, run: Run) -> None:
     first = "#exact-table tbody tr:first-child td:nth-child(2)"
     own = text(page, first)
     page.locator("#weights input").nth(2).fill("0.7")  # constant_velocity; the others share the rest
-    rest = {name: 0.1 for name in tables.models} | {"constant_velocity": 0.7}
+    rest = {name: 0.1 for name in tables.draws.models} | {"constant_velocity": 0.7}
     assert text(page, "#any-collision") == known_percent(weighted_probability(run, rest), tables.remainder)
     one, other = text(page, "#exact-table tbody tr:first-child td").split(" → ")
     pair = weighted_probability(run, rest, pair=(int(one), int(other)))
