@@ -38,7 +38,6 @@ class DrawnModels:
         models, tracks = job.models, job.scene.track_ids
         walking = next((w for w in models.people.values() if len(w) > 1), {})
         weights = {k: spec.weight for k, spec in enumerate(models.drawn) if spec.weight > 0}
-        shares = [np.array([*group.values()]) / sum(group.values()) for group in (weights, walking) if group]
         self._index = np.array([*weights, *walking], dtype=np.int64)
         self.track_ids = [int(track) for track in tracks]
         people = np.zeros(len(tracks), dtype=np.bool_) if job.scene.people is None else job.scene.people
@@ -46,18 +45,16 @@ class DrawnModels:
         draws &= np.array([len(models.people.get(kind, ())) > 1 for kind in job.scene.types])
         self.fixed = job.fixed & ~draws
         self._offset = np.where(draws, len(weights), 0)
-        self.draws = Draws(
-            models=tuple(models.names[k] for k in self._index),
-            shares=np.concatenate(shares),
-            people=frozenset(tracks[draws].tolist()),
-            of_people=frozenset(models.names[k] for k in walking),
+        named, of_people = (
+            {models.names[k]: weight for k, weight in group.items()} for group in (weights, walking)
         )
+        self.draws = Draws.of(named, of_people, tracks[draws].tolist())
         place = np.zeros(len(models.specs), dtype=np.int64)
         place[self._index] = np.arange(len(self._index))
         self.levels = np.where(self.fixed, 0, place[job.assignment] - self._offset)
         self.each = [
-            np.ones(1) if fixed else shares[int(walks)]
-            for fixed, walks in zip(self.fixed.tolist(), draws.tolist(), strict=True)
+            np.ones(1) if fixed else self.draws.shares[self.draws.own(track)]
+            for fixed, track in zip(self.fixed.tolist(), self.track_ids, strict=True)
         ]
         self._first = job.assignment[0]
 

@@ -165,14 +165,7 @@ def _draws(run: Run) -> Draws:
     drawn = {entry["model"]: float(entry["weight"]) for entry in run.info["models"] if entry["weight"] > 0}
     kinds: list[dict[str, float]] = list(run.info.get("people", {}).values())
     walking = next((weights for weights in kinds if len(weights) > 1), {})
-    shares = [np.array([*group.values()]) / sum(group.values()) for group in (drawn, walking) if group]
-    people = run.info["seed_scene"].get("people", ()) if walking else ()
-    return Draws(
-        models=(*drawn, *walking),
-        shares=np.concatenate(shares),
-        people=frozenset(people),
-        of_people=frozenset(walking),
-    )
+    return Draws.of(drawn, walking, run.info["seed_scene"].get("people", ()))
 
 
 def weighted_share(happens: BoolArray, ratio: FloatArray, what: str) -> float:

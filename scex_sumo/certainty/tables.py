@@ -61,6 +61,19 @@ class Draws:
     people: frozenset[int] = frozenset()
     of_people: frozenset[str] = frozenset()
 
+    @classmethod
+    def of(
+        cls, of_vehicles: Mapping[str, float], of_people: Mapping[str, float], people: Iterable[int]
+    ) -> Draws:
+        """Build from weights by model; people draw only if they have models."""
+        groups = [group for group in (of_vehicles, of_people) if group]
+        return cls(
+            models=(*of_vehicles, *of_people),
+            shares=np.concatenate([np.array([*group.values()]) / sum(group.values()) for group in groups]),
+            people=frozenset(people if of_people else ()),
+            of_people=frozenset(of_people),
+        )
+
     def own(self, track: int) -> BoolArray:
         """Return (M,) whether a vehicle or person draws each model."""
         return np.array([(name in self.of_people) == (track in self.people) for name in self.models])

@@ -112,12 +112,12 @@ def _opened(
     """Open the folder of a run; return it with the run's job."""
     if scene.road is None:
         raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
-    known = scene.notes
+    added: tuple[str, ...] = ()
     if settings.vru != "replay":
         from scex_sumo.results.participants import with_people
 
-        scene = with_people(scene, settings.vru)
-    added, scene = scene.notes[len(known) :], dataclasses.replace(scene, notes=known)
+        taking = with_people(scene, settings.vru)
+        added, scene = taking.notes[len(scene.notes) :], dataclasses.replace(taking, notes=scene.notes)
     if settings.within is not None:
         scene = settings.within.simulated(scene, settings.steps, [*settings.assign, *settings.under_test])
     settings.check_size(settings.count or 1, scene.vehicles)
@@ -126,7 +126,9 @@ def _opened(
     identity = _identity(scene, settings, models, assignment)
     folder = ResultFolder(path, identity, overwrite=options.overwrite)
     net = _net(scene, folder, options, settings)
-    scene, net = ruled(scene, dataclasses.replace(net, notes=(*net.notes, *added)), settings)
+    if added:
+        net = dataclasses.replace(net, notes=(*net.notes, *added))
+    scene, net = ruled(scene, net, settings)
     compared, gui = options.compared, options.gui
     return folder, Job(scene, net, settings, models, assignment, folder.path, gui, compared=compared)
 

@@ -3,6 +3,9 @@
 The impact is that of the severity in `scex_sumo.results.tables.outcomes`, along the heading of each
 vehicle: none turns or is pushed aside. It goes on as long as two that touch close in. Both decelerate as
 with sliding tyres on dry asphalt, about 0.7 g.
+
+Source: Fricke, Baker, Drag factor and coefficient of friction in traffic accident reconstruction, topic 862
+of the Traffic Accident Investigation Manual (Northwestern University Traffic Institute 1990).
 """
 
 from __future__ import annotations
