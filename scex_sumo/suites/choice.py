@@ -70,14 +70,17 @@ def choose(population: Population, count: int, *, seed: int = 0, per_moment: boo
     rng, features, size = np.random.default_rng(seed), population.parameters(), population.size()
     sure = _sure(size, min(count, len(population)))
     rest = np.flatnonzero(~sure)
-    stratum, words = np.zeros(len(population), dtype=np.int64), ["taken for sure"]
+    kinds, left = np.array(population.kinds), count - int(sure.sum())
+    stratum, shared = np.zeros(len(population), dtype=np.int64), 0
     if len(rest):
-        own, names = strata_of(population, rest, max(1, (count - int(sure.sum())) // (2 * EACH)))
-        stratum[rest], words = own + 1, [*words, *names]
+        own = strata_of(population, rest, max(1, left // (2 * EACH)))
+        own, shared = own_strata(kinds[rest], own, size[rest], left, served=kinds[sure])
+        stratum[rest] = own + 1
+    words = ["taken for sure", *_words(kinds[rest], population.risk[rest], stratum[rest])]
     sizes = np.rint(np.bincount(stratum, population.stands_for, minlength=len(words))).astype(np.int64)
-    held = np.bincount(stratum, minlength=len(words))
-    sums = [float(size[(stratum == h) & ~sure].sum()) for h in range(1, len(words))]
-    shares = allocation(held[1:], sums, count - int(sure.sum()))
+    held = np.bincount(stratum, minlength=len(words))[1:]
+    sums = np.bincount(stratum[rest], size[rest], minlength=len(words))[1:]
+    shares = allocation(held, sums, left, least=np.where(np.arange(len(held)) < shared, EACH, 1))
     index: list[int] = np.flatnonzero(sure).tolist()
     weight, spare, used = [1.0] * len(index), [list[int]() for _ in index], set[str]()  # among the rows
     seeds = [row["seed"] for row in population.rows]
@@ -124,8 +127,8 @@ def _sure(size: FloatArray, count: int) -> BoolArray:
     return sure
 
 
-def strata_of(population: Population, some: IntArray, most: int) -> tuple[IntArray, list[str]]:
-    """Return the stratum (n,) of some candidates, and their words: kinds by class of risk.
+def strata_of(population: Population, some: IntArray, most: int) -> IntArray:
+    """Return the stratum (n,) of some candidates: kinds by class of risk.
 
     The smallest of more than ``most`` strata joins the smallest of its kind, else that of its risk.
     """
@@ -144,8 +147,29 @@ def strata_of(population: Population, some: IntArray, most: int) -> tuple[IntArr
         groups[small | others[0]] = groups.pop(small) + groups.pop(others[0])
     names = sorted(groups, key=lambda g: (-groups[g], sorted(g)))
     number = {cell: h for h, group in enumerate(names) for cell in group}
-    stratum = np.array([number[cell] for cell in zip(kinds, risk, strict=True)], dtype=np.int64)
-    return stratum, [_words(group) for group in names]
+    return np.array([number[cell] for cell in zip(kinds, risk, strict=True)], dtype=np.int64)
+
+
+def own_strata(
+    kinds: FloatArray, stratum: IntArray, size: FloatArray, count: int, *, served: FloatArray
+) -> tuple[IntArray, int]:
+    """Return strata (n,) in which each kind has one of its own, and the number of those that were before.
+
+    A kind that shares all its strata gets its part of the one in which it weighs most; the heaviest kinds
+    first, if ``count`` cases are too few for all.
+
+    Args:
+        served: kinds that have a case already.
+    """
+    strata, lacking = stratum.copy(), dict[str, FloatArray]()
+    alone = {kinds[stratum == h][0] for h in np.unique(stratum) if len(set(kinds[stratum == h])) == 1}
+    for kind in sorted(set(kinds) - set(served) - alone):
+        lacking[kind] = np.bincount(stratum, size * (kinds == kind))
+    room = count - EACH * len(np.unique(stratum))
+    for kind in sorted(lacking, key=lambda kind: -lacking[kind].sum())[: max(room, 0)]:
+        strata[(kinds == kind) & (stratum == np.argmax(lacking[kind]))] = strata.max() + 1
+    left, number = np.unique(strata, return_inverse=True)
+    return number, int((left <= stratum.max()).sum())
 
 
 def _apart(one: frozenset[tuple[str, int]], other: frozenset[tuple[str, int]]) -> tuple[int, int]:
@@ -156,21 +180,25 @@ def _apart(one: frozenset[tuple[str, int]], other: frozenset[tuple[str, int]]) -
     return away, 0 if same else 1
 
 
-def _words(group: frozenset[tuple[str, int]]) -> str:
-    kinds, risks = sorted({kind for kind, _ in group}), sorted({risk for _, risk in group})
-    name = ", ".join(kinds) if len(kinds) <= _NAMED else f"{len(kinds)} kinds"
-    return f"{name}, {' or '.join(RISK_WORDS[risk] for risk in risks)}"
+def _words(kinds: FloatArray, risk: IntArray, stratum: IntArray) -> list[str]:
+    """Return the words of the strata of candidates (n,), numbered from 1."""
+    words = []
+    for h in np.unique(stratum):
+        own, risks = np.unique(kinds[stratum == h]), np.unique(risk[stratum == h])
+        name = ", ".join(own) if len(own) <= _NAMED else f"{len(own)} kinds"
+        words.append(f"{name}, {' or '.join(RISK_WORDS[k] for k in risks)}")
+    return words
 
 
-def allocation(sizes: IntArray, sums: Sequence[float], count: int) -> IntArray:
-    """Return the number of cases (H,) of each stratum: `EACH`, or all; the others by the sum of shares."""
-    counts = np.minimum(sizes, EACH).astype(np.float64)
+def allocation(sizes: IntArray, sums: FloatArray, count: int, *, least: IntArray) -> IntArray:
+    """Return the number of cases (H,) of each stratum: ``least``, or all; the others by the sum of shares."""
+    counts = np.minimum(sizes, least).astype(np.float64)
     for _ in range(len(sizes) + 1):
         open_ = counts < sizes
         left = min(count, int(sizes.sum())) - counts.sum()
         if left <= 1e-9 or not open_.any():
             break
-        counts = np.minimum(counts + left * _share(np.where(open_, np.array(sums), 0.0)), sizes)
+        counts = np.minimum(counts + left * _share(np.where(open_, sums, 0.0)), sizes)
     whole = np.floor(counts + 1e-9).astype(np.int64)
     rest = np.argsort(whole - counts, kind="stable")[: max(0, round(float(counts.sum())) - int(whole.sum()))]
     whole[rest] += 1

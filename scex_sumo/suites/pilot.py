@@ -48,7 +48,7 @@ def piloted(
     """Return the candidates of a pilot for a number of cases; all without a pilot if there are no more."""
     if len(population) <= count:
         return population
-    index, share = drawn(population.size(), TIMES * count, seed=seed)
+    index, share = drawn(population.size(), population.kinds, TIMES * count, seed=seed)
     rows = [population.rows[k] for k in index.tolist()]
     touched = np.zeros((len(rows), 2))
     with closing(moment_workers(run_pilot, workers, None)) as pool:
@@ -59,19 +59,25 @@ def piloted(
     return replace(population, rows=rows, share=share, pilot=touched)
 
 
-def drawn(size: FloatArray, count: int, *, seed: int) -> tuple[IntArray, FloatArray]:
+def drawn(
+    size: FloatArray, kinds: Sequence[str], count: int, *, seed: int
+) -> tuple[IntArray, FloatArray]:
     """Return indices (n,) of candidates drawn by size, and (n,) for how many each stands; all up to a count.
 
-    Systematic sampling: their inclusion probabilities are like their sizes, and at most 1.
+    Systematic sampling, one kind after the other: inclusion probabilities are like the sizes, and at most 1.
+    Sizes of a kind grow to those of `TIMES` candidates, so that each kind has some.
     """
-    chance = np.minimum(1.0, size * count)
+    own, number = np.unique(kinds, return_inverse=True)
+    size = size * np.maximum(1.0, TIMES / count / np.bincount(number, size, minlength=len(own)))[number]
+    chance = np.minimum(1.0, size / size.sum() * count)
     while len(size) > count and (gap := count - chance.sum()) > 1e-6:
         chance = np.minimum(1.0, chance * (1 + gap / chance[chance < 1].sum()))
     if len(size) <= count:
         chance[:] = 1.0
+    order = np.argsort(number, kind="stable")
     start = np.random.default_rng([seed, _STREAM]).random()
-    steps = np.floor(np.concatenate([[0.0], np.cumsum(chance)]) + start + 1e-9)
-    index = np.flatnonzero(np.diff(steps) > 0)
+    steps = np.floor(np.concatenate([[0.0], np.cumsum(chance[order])]) + start + 1e-9)
+    index = np.sort(order[np.diff(steps) > 0])
     return index, 1 / chance[index]
 
 

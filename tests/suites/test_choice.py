@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.suites.choice import EACH, allocation, choose, clusters
+from scex_sumo.suites.population import Population
 from tests.suites.populations import KINDS, population
 
 
@@ -37,6 +40,42 @@ def test_kinds_and_risk_are_strata_and_each_has_cases() -> None:
     chosen = choose(people, 48)
     assert set(np.array(people.kinds)[chosen.index]) == set(KINDS)
     assert all((chosen.stratum == h).sum() >= EACH for h in range(1, len(chosen.sizes)))
+
+
+def rare(count: int) -> Population:
+    """Return a population with 5 merges and 3 cyclists among others, of little weight."""
+    people = population(count)
+    kinds = ["merge"] * 5 + ["cyclist along"] * 3 + ["lead vehicle slower", "head-on"] * count
+    rows = [
+        row | {"conflict": kind} | ({"probability": 1e-8, "unanswered": 1e-3, "acts": 1e-3} if k < 8 else {})
+        for k, (row, kind) in enumerate(zip(people.rows, kinds, strict=False))
+    ]
+    return replace(people, rows=rows)
+
+
+def test_a_rare_kind_has_a_case_in_every_choice() -> None:
+    people = rare(300)
+    for seed in range(20):
+        chosen = choose(people, 20, seed=seed)
+        assert len(chosen) == 20
+        assert {"merge", "cyclist along"} < set(np.array(people.kinds)[chosen.index])
+
+
+def test_the_weighted_sum_over_a_rare_kind_is_unbiased() -> None:
+    """Over 200 choices the mean is within three standard errors of the sum, for each kind."""
+    people = rare(120)
+    values, kinds = people.column("speed_mps") ** 2, np.array(people.kinds)
+    chosen = [choose(people, 12, seed=k) for k in range(200)]
+    for kind in ("merge", "cyclist along", "head-on"):
+        own = np.where(kinds == kind, values, 0.0)
+        sums = [float((one.weight * own[one.index]).sum()) for one in chosen]
+        assert abs(np.mean(sums) - own.sum()) < 3 * np.std(sums) / np.sqrt(len(sums))
+
+
+def test_too_few_cases_go_to_the_heaviest_kinds() -> None:
+    people = rare(300)
+    assert len(choose(people, 2)) == 2
+    assert "lead vehicle slower" in set(np.array(people.kinds)[choose(people, 3).index])
 
 
 def test_few_candidates_are_all_taken_with_weight_one() -> None:
@@ -72,7 +111,7 @@ def test_clusters_have_nearly_one_sum_of_sizes_and_lie_together() -> None:
 
 
 def test_each_stratum_has_two_cases_or_all_and_the_larger_share_more() -> None:
-    found = allocation(np.array([100, 100, 1]), [0.6, 0.3, 0.1], 20)
+    found = allocation(np.array([100, 100, 1]), np.array([0.6, 0.3, 0.1]), 20, least=np.full(3, EACH))
     assert found.sum() == 20
     assert found[0] > found[1] > found[2] == 1
 

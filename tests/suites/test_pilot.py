@@ -14,14 +14,22 @@ from tests.suites.populations import population
 
 def test_candidates_are_drawn_by_size_and_at_most_once() -> None:
     size = np.array([0.5, *np.full(50, 0.01)])
-    index, share = drawn(size, 10, seed=3)
+    index, share = drawn(size, ["merge"] * 51, 10, seed=3)
     assert len(index) == 10 == len(set(index.tolist()))
     assert share[index == 0].tolist() == [1.0]  # would be drawn five times
     assert share[index > 0] == pytest.approx(50 / 9)
 
 
+def test_a_rare_kind_is_among_those_drawn_and_stands_for_itself() -> None:
+    """Three of 10 003 candidates, whose size alone would draw them once in 300 pilots."""
+    kinds, size = ["merge"] * 10_000 + ["cyclist along"] * 3, np.ones(10_003)
+    index, share = drawn(size / size.sum(), kinds, 100, seed=0)
+    assert (index >= 10_000).sum() == 3 and share[-3:].tolist() == [1.0, 1.0, 1.0]
+    assert share.sum() == pytest.approx(10_003, rel=0.02)
+
+
 def test_all_are_taken_where_there_are_no_more() -> None:
-    index, share = drawn(np.array([0.7, 0.2, 0.1]), 5, seed=0)
+    index, share = drawn(np.array([0.7, 0.2, 0.1]), ["merge"] * 3, 5, seed=0)
     assert index.tolist() == [0, 1, 2] and share.tolist() == [1.0, 1.0, 1.0]
 
 
@@ -36,7 +44,7 @@ def test_the_weighted_sum_over_both_draws_is_unbiased() -> None:
     values, sums = people.column("speed_mps") ** 2, []
     touched = np.random.default_rng(1).random((300, 2)) ** 8
     for seed in range(200):
-        index, share = drawn(people.size(), 60, seed=seed)
+        index, share = drawn(people.size(), people.kinds, 60, seed=seed)
         rows = [people.rows[k] for k in index.tolist()]
         chosen = choose(replace(people, rows=rows, share=share, pilot=touched[index]), 12, seed=seed)
         sums.append(float((chosen.weight * values[index[chosen.index]]).sum()))
