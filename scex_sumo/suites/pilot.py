@@ -59,9 +59,7 @@ def piloted(
     return replace(population, rows=rows, share=share, pilot=touched)
 
 
-def drawn(
-    size: FloatArray, kinds: Sequence[str], count: int, *, seed: int
-) -> tuple[IntArray, FloatArray]:
+def drawn(size: FloatArray, kinds: Sequence[str], count: int, *, seed: int) -> tuple[IntArray, FloatArray]:
     """Return indices (n,) of candidates drawn by size, and (n,) for how many each stands; all up to a count.
 
     Systematic sampling, one kind after the other: inclusion probabilities are like the sizes, and at most 1.
