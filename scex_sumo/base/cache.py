@@ -13,7 +13,7 @@ from functools import cache, wraps
 from pathlib import Path
 from threading import Lock
 from typing import Any, Concatenate, Literal, ParamSpec, TypeVar
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, ref
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from scex_sumo.base.errors import ResultError
 from scex_sumo.base.files import cache_folder, write_atomic
 
 Made = TypeVar("Made")
+Key = TypeVar("Key")
 Owner = TypeVar("Owner")
 P = ParamSpec("P")
 
@@ -131,6 +132,7 @@ def code_key() -> bytes:
 
 
 _by_owner: dict[type, WeakKeyDictionary[Any, dict[Any, Any]]] = {}
+_latest: dict[type, ref[Any]] = {}
 _owner_lock = Lock()  # `rank` reads recordings in a thread
 
 
@@ -154,10 +156,25 @@ def owner_cache(make: Callable[Concatenate[Owner, P], Made]) -> Callable[Concate
 
 
 def _results_of(owner: Any) -> dict[Any, Any]:
+    latest = _latest.get(type(owner))
+    known = _by_owner[type(owner)].get(owner) if latest is not None and latest() is owner else None
+    if known is not None:  # the usual case needs no lock
+        return known
     with _owner_lock:
         owners = _by_owner.setdefault(type(owner), WeakKeyDictionary())
         results = owners.pop(owner, {})
         owners[owner] = results
         if len(owners) > MAX_OWNERS:
             del owners[next(iter(owners))]
+        _latest[type(owner)] = ref(owner)
     return results
+
+
+def recent(known: dict[Key, Made], key: Key, most: int, make: Callable[[], Made]) -> Made:
+    """Return the value of a key; the oldest goes where there are ``most``."""
+    if key not in known:
+        made = make()
+        while len(known) >= most:
+            del known[next(iter(known))]
+        known[key] = made
+    return known[key]

@@ -266,8 +266,17 @@ def centreline(
         missing -= length[before[0]]
     sequence = (*before, *extended(road, lanes, s + ahead_m))
     here = sum(length[i] for i in before) + s
-    points, owner = join_owned(*_pieces(known, sequence, here))
-    return _cut(points, owner, here - behind_m, behind_m + ahead_m)
+    if all(after in known[lane].successors for lane, after in pairwise(sequence)):
+        line = _joined(road, sequence)
+    else:  # where the changes begin is the caller's
+        line = join_owned(*_pieces(known, sequence, here))
+    return _cut(*line, here - behind_m, behind_m + ahead_m)
+
+
+@owner_cache
+def _joined(road: Road, sequence: tuple[int, ...]) -> tuple[FloatArray, IntArray]:
+    """Return the points (P, 2) of successive lanes, and the lane of each."""
+    return join_owned(*_pieces(_known(road), sequence, 0.0))
 
 
 def _pieces(

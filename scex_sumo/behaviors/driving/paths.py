@@ -7,15 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain
 from math import ceil
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.cache import owner_cache, recent
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.smoothing import drivable, resample
 from scex_sumo.geometry.polylines import arc_lengths, length_of, nearest
@@ -30,6 +30,7 @@ FIRST_HORIZON_S = 8.0  # 3 s of a future, 3 s of a plan, and some acceleration
 LONGER_S = 5.0  # longer futures get tables that are longer by 1, 3, 7, ... times this
 ROUTE_M = 500.0  # of the routes for SUMO
 BESIDE_M, BESIDE_COS = (25.0, 8.0), 0.87  # along and across, to a vehicle that drives in parallel
+_RECENT_LINES, _RECENT_TABLES = 512, 4  # of a road
 COARSE = 8  # for the first step of a projection
 COLUMNS = ("x", "y", "cos", "sin", "heading", "curvature")
 PathChoice: TypeAlias = (
@@ -170,7 +171,7 @@ def _smooth_lines(
         else:
             options = [
                 PathLine(
-                    *centreline(road, p.lanes, p.s, BEHIND_M, ahead),
+                    *_centreline(road, p.lanes, p.s, ahead),
                     p.lanes,
                     p.probability,
                     p.angle,
@@ -192,6 +193,22 @@ def _smooth_lines(
             width[k], limit[k] = _of_lanes(road, line.points, line.owner, raw.shape[1])
     smooth = drivable(raw, np.maximum(width, 1.0) / 2, DS_M)
     return _SmoothLines(lines=every, count=count, raw=raw, smooth=smooth, limit=limit)
+
+
+def _centreline(road: Road, lanes: tuple[int, ...], s: float, ahead: float) -> tuple[FloatArray, IntArray]:
+    """Return a centreline, once for a scene and the same scene with estimated headings."""
+    make = partial(centreline, road, lanes, s, BEHIND_M, ahead)
+    return recent(_recent_lines(road), (lanes, s, ahead), _RECENT_LINES, make)
+
+
+@owner_cache
+def _recent_lines(road: Road) -> dict[tuple[tuple[int, ...], float, float], tuple[FloatArray, IntArray]]:
+    return {}
+
+
+@owner_cache
+def _recent_lines_evenly(road: Road) -> dict[tuple[Any, ...], FloatArray]:
+    return {}
 
 
 @dataclass(frozen=True)
@@ -276,12 +293,9 @@ def _given(
 
 def _tabulate(road: Road, smooth_lines: _SmoothLines, redraw: Redraw | None) -> SeedPaths:
     lines, count, samples = smooth_lines.lines, smooth_lines.count, smooth_lines.raw.shape[1]
-    smooth = (
-        smooth_lines.smooth
-        if redraw is None
-        else redraw(road, lines, smooth_lines.smooth.copy(), smooth_lines.raw)
-    )
-    even = np.stack([resample(line, samples, DS_M) for line in smooth])
+    known = _recent_lines_evenly(road)
+    key = (redraw, *(line.lanes for line in lines), smooth_lines.raw.tobytes())
+    even = recent(known, key, _RECENT_TABLES, partial(_evenly, road, smooth_lines, redraw))
     centre = even.reshape(-1, 2).mean(axis=0)
     some = even[:, ::COARSE] - centre
     first = np.cumsum(count) - count
@@ -301,6 +315,14 @@ def _tabulate(road: Road, smooth_lines: _SmoothLines, redraw: Redraw | None) -> 
         centre=centre,
         slow_in_curves=road.sumo_lanes,
     )
+
+
+def _evenly(road: Road, given: _SmoothLines, redraw: Redraw | None) -> FloatArray:
+    """Return the lines (K, N, 2) that are driven, every `DS_M`."""
+    smooth = given.smooth
+    if redraw is not None:
+        smooth = redraw(road, given.lines, smooth.copy(), given.raw)
+    return np.stack([resample(line, given.raw.shape[1], DS_M) for line in smooth])
 
 
 def _shares(lines: list[PathLine]) -> FloatArray:
