@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from scex_sumo.base.errors import ScexError
-from scex_sumo.certainty.exact import find_exact, why_not_exact
 from scex_sumo.certainty.fitted import answer_of, fitted_weights, percent_of, write_fitted
 from scex_sumo.certainty.options import EXACT, FITTED, ExactProbabilities
 from scex_sumo.certainty.page import exact_part
@@ -64,6 +63,8 @@ class ExactExtra(ExactProbabilities):
     def _searched(self, work: Work) -> Any:
         if not self.exact:
             return None
+        from scex_sumo.certainty.exact import find_exact, why_not_exact
+
         job = work.job
         if why_not_exact(job.settings, job.models, len(job.assignment)) is not None:
             return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final
@@ -20,6 +21,9 @@ from scex_sumo.results.parts import PARTS, Parts
 
 PLAIN_WORLDS: Final = ("sumo", "checked")
 """Worlds with the same result as arrays alone, if SUMO drives nobody."""
+
+VEHICLES_EACH: Final = 100
+"""Vehicles, over all futures, from which another process helps with a round."""
 
 _AT_ONCE = 2000  # futures that are read at once
 
@@ -103,7 +107,8 @@ class ExtraFutures:
         done = set(Parts(self.job.folder).futures.tolist())
         left = [future for future in range(first, stop) if future not in done]
         few = dataclasses.replace(self.job, assignment=assignment[first:])
-        size = batch_size(few, self._workers.free if len(left) >= 64 else 1)
+        processes = min(self._workers.free, max(len(left) * few.scene.vehicles // VEHICLES_EACH, 1))
+        size = min(batch_size(few), math.ceil(max(len(left), 1) / processes))
         for _ in self._workers.run(self.job, batches_of(left, size, apart=self.job.apart)):
             pass
         return self._encounters(first, stop)

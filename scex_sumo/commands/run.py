@@ -8,20 +8,21 @@ import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from scex_sumo.base.options import from_command_line, split_options
 from scex_sumo.commands.console import output_console, progress_bar, resumable, warn
 from scex_sumo.commands.generated import with_options
 from scex_sumo.commands.seed import MapPath, seed_scene
 from scex_sumo.commands.shared import COMMANDS, Answer
-from scex_sumo.extrapolation.engine import checked_models, run_scene
 from scex_sumo.extrapolation.extras import extras_of, run_options
 from scex_sumo.extrapolation.options import AUTO, RunOptions, read_workers
 from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.run import Run
 from scex_sumo.scenarios.options import SeedOptions
+
+if TYPE_CHECKING:
+    from scex_sumo.results.run import Run
 
 EXAMPLE = "k733.osm --tracks vehicle_tracks_000.csv --time 60 -o out/k733"
 
@@ -44,9 +45,11 @@ def run_command(map_path: MapPath, **given: Any) -> Answer:
         from scex_sumo.extrapolation.own_extra import extra_named
 
         extras += map(extra_named, options.extra)
-    models = checked_models(settings, options, extras)
     with Workers(options.processes(settings)) as pool:
-        scene = seed_scene(map_path, source, seed=settings.seed, cache=options.cache)  # while workers start
+        from scex_sumo.extrapolation.engine import checked_models, run_scene  # while workers start
+
+        models = checked_models(settings, options, extras)
+        scene = seed_scene(map_path, source, seed=settings.seed, cache=options.cache)
         folder = Path(options.out) if options.out is not None else Path("out") / scene.name
         options = replace(options, out=folder)
         with resumable("futures", folder):

@@ -250,7 +250,8 @@ def _part_of(progress: Progress | None, part: int, parts: int) -> Progress | Non
 
 def _run_all(job: Job, workers: Workers, batch: int | None, progress: Progress | None) -> None:
     done, total, steps = set(Parts(job.folder).futures.tolist()), len(job.assignment), job.settings.steps
-    size = batch if batch is not None else batch_size(job, workers.free)
+    size = batch if batch is not None else batch_size(job, workers.processes)
+    together = 1 if batch is not None else max(batch_size(job) // size, 1)
     batches = batches_of([c for c in range(total) if c not in done], size, apart=job.apart)
     ticks = len(done) * steps
 
@@ -263,5 +264,5 @@ def _run_all(job: Job, workers: Workers, batch: int | None, progress: Progress |
     on_step(0)
     if not batches:
         return
-    for _ in workers.run(job, batches, on_step=on_step):
+    for _ in workers.run(job, batches, together=together, on_step=on_step):
         pass

@@ -7,18 +7,20 @@ from concurrent.futures import Future
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from scex_sumo.base.progress import Progress
-from scex_sumo.extrapolation.job import Job
-from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.options import RunOptions
 from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.extras import ExtraResults, Row, extra_types
-from scex_sumo.results.parts import Part, Parts
-from scex_sumo.results.run import Run
-from scex_sumo.scene import States
+
+if TYPE_CHECKING:
+    from scex_sumo.extrapolation.job import Job
+    from scex_sumo.extrapolation.models import ModelSet
+    from scex_sumo.results.parts import Part
+    from scex_sumo.results.run import Run
+    from scex_sumo.scene import States
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,6 +54,8 @@ class Work:
     @property
     def states(self) -> States:
         """States of all futures at all steps, (futures, steps, vehicles), read from the result folder."""
+        from scex_sumo.results.parts import Parts
+
         return Parts(self.job.folder).states()
 
     @property

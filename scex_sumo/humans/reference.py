@@ -21,7 +21,8 @@ from scex_sumo.extrapolation.processes.pool import succeeded
 from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.humans.extra import HumanReference
-from scex_sumo.results.run import REFERENCE, Run
+from scex_sumo.results.extras import REFERENCE
+from scex_sumo.results.run import Run
 from scex_sumo.world.base import WORLDS
 
 REFERENCE_FUTURES: Final = 117
@@ -43,7 +44,7 @@ class ReferenceExtra(HumanReference):
             return None
         wanted = reference_settings(job.settings, str(self.reference), len(job.assignment))
         these = job.scene, wanted, ModelSet.of(wanted), _options(options, job.folder, no_bar)
-        return workers.submit(partial(simulate_ahead, *these), where="in the reference")
+        return workers.submit(partial(simulate_ahead, *these), where="in the reference", waits=True)
 
     def finish(self, run: Run, work: Work) -> Mapping[str, Path]:
         """Run the reference, or what `begin` left of it; a finished one is kept."""

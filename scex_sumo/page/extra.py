@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from scex_sumo.base.options import option
 from scex_sumo.extrapolation.extras import Extra, Work
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.run import Run
+
+if TYPE_CHECKING:
+    from scex_sumo.results.run import Run
 
 
 @dataclass(frozen=True, kw_only=True)

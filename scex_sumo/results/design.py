@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, numbers_in
 from scex_sumo.base.errors import ResultError
 from scex_sumo.metrics.registry import side_of
 from scex_sumo.statistics.density import BANDWIDTH, Density, density, mixed_density
@@ -64,7 +64,7 @@ def is_critical(values: FloatArray, column: str, limit: float) -> BoolArray:
 
 def column_of(table: pa.Table, column: str) -> FloatArray:
     """Return the values (C,) of a metric column, NaN where undefined."""
-    return np.asarray(table[column].to_numpy(zero_copy_only=False), dtype=np.float64)
+    return numbers_in(table[column])
 
 
 DENSITIES = "densities.parquet"

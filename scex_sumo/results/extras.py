@@ -24,6 +24,10 @@ E = TypeVar("E", bound="ExtraResults")
 
 EXTRAS: Final = Registry(group="scex_sumo.extras", kind="extra of a run")
 
+REFERENCE: Final = "reference"
+BASELINE: Final = "baseline"
+"""Folders in that of a run, with results of their own."""
+
 
 def known_percent(value: float, remainder: float) -> str:
     """Return a share in percent, rounded to what a remainder leaves, with one significant digit or more."""

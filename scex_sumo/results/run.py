@@ -16,7 +16,7 @@ from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.importing import DRAWINGS
 from scex_sumo.metrics.registry import COLLISION, column_named, learn_metrics, side_of
 from scex_sumo.results.design import column_of, half_widths, intervals_of, is_critical, metric_density
-from scex_sumo.results.extras import Decision, extras_results
+from scex_sumo.results.extras import BASELINE, REFERENCE, Decision, extras_results
 from scex_sumo.results.info import read_info
 from scex_sumo.results.probability import Encounter, Probability, probability_of
 from scex_sumo.results.tables.reading import read_assignments, read_metrics, read_table
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 TABLES: Final = ("metrics", "assignments", "tracks", "worst", "collisions", "encounters")
 PAIR_OUTCOMES: Final = "pair_outcomes.parquet"
-REFERENCE: Final = "reference"
-BASELINE: Final = "baseline"
 UNDER_TEST: Final = "under_test.parquet"
 
 

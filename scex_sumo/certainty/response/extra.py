@@ -5,13 +5,19 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from scex_sumo.base.errors import ResultError, listed
 from scex_sumo.certainty.options import DECISION, MAPS, PEOPLE, RESPONSE, CriticalResponse
 from scex_sumo.extrapolation.extras import Work
+from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.options import RunOptions
+from scex_sumo.extrapolation.processes.pool import succeeded
+from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.extras import Decision, Row
 from scex_sumo.results.participants import people_apart
@@ -49,41 +55,52 @@ class ResponseExtra(CriticalResponse):
 
         return Population.read(Path(self.usual))
 
+    def begin(self, job: Job, workers: Workers, options: RunOptions) -> Future[Any] | None:
+        """Write the table and the decision in a worker: they need the seed scene alone."""
+        if options.is_reference:
+            return None
+        these = people_apart(job.scene), job.folder, options.keep_doubtful
+        return workers.submit(partial(self._write, *these), where="in the critical responses", waits=True)
+
     def after(self, work: Work) -> Sequence[Row]:
         """Write the table and the decision; return P of any collision for the human-like futures."""
+        if not work.is_reference:
+            if work.begun is None or not succeeded(work.begun):
+                self._write(people_apart(work.job.scene), work.job.folder, work.options.keep_doubtful)
+            return (Row(name=_ROW, value=None),)
         for name in self.files:
             (work.job.folder / name).unlink(missing_ok=True)
-        from scex_sumo.certainty.response.answer import any_collision, once_in, responses_and_maps
-
-        if not work.is_reference:
-            scene = people_apart(work.job.scene)
-            self._write(work, scene, *responses_and_maps(scene, self._file))
-            return (Row(name=_ROW, value=None),)
         import pyarrow.parquet as pq
+
+        from scex_sumo.certainty.response.answer import any_collision, once_in
 
         rows = pq.read_table((work.job.folder.parent / RESPONSE).absolute()).to_pylist()  # of the run itself
         value = any_collision(rows, doubtful=work.options.keep_doubtful)
         return (Row(name=_ROW, value=once_in(value)),)
 
-    def _write(self, work: Work, scene: SeedScene, table: Any, maps: Mapping[str, Any]) -> None:
+    def _write(self, scene: SeedScene, folder: Path, keep_doubtful: bool) -> None:
+        for name in self.files:
+            (folder / name).unlink(missing_ok=True)
         import pyarrow.parquet as pq
 
         from scex_sumo.base.files import replacing, write_atomic
+        from scex_sumo.certainty.response.answer import responses_and_maps
         from scex_sumo.certainty.response.decision import decide, with_usual
         from scex_sumo.certainty.response.sensitivity import varied
 
+        table, maps = responses_and_maps(scene, self._file)
         population = self._population()
         if population is not None:
             table = with_usual(table, population, scene.location)
-        with replacing(work.job.folder / RESPONSE) as temporary:
+        with replacing(folder / RESPONSE) as temporary:
             pq.write_table(table, temporary)
         decision = decide(
             table.to_pylist(),
-            keep_doubtful=work.options.keep_doubtful,
+            keep_doubtful=keep_doubtful,
             varied=lambda pair: varied(scene, pair, self._file),
         )
-        write_atomic(work.job.folder / MAPS, json.dumps(maps, allow_nan=False).encode())
-        write_atomic(work.job.folder / DECISION, json.dumps(dataclasses.asdict(decision)).encode())
+        write_atomic(folder / MAPS, json.dumps(maps, allow_nan=False).encode())
+        write_atomic(folder / DECISION, json.dumps(dataclasses.asdict(decision)).encode())
 
     def decision(self, run: Run) -> Decision | None:
         """Return what to test."""

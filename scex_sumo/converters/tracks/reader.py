@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, numbers_in
 from scex_sumo.base.errors import TrackError, listed
 from scex_sumo.converters.naming import in_arrow, open_binary
 from scex_sumo.converters.tracks.check import (
@@ -244,13 +244,13 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
         raise TrackError(f"{path}: cannot be unpacked ({error}); fetch the file again") from None
     if arrow.num_rows == 0:
         raise TrackError(f"{path}: a header and no rows; give a file with tracks")
-    columns: dict[str, Any] = {name: np.array(arrow[name].to_numpy(), np.float64) for name in numbers}
+    columns: dict[str, Any] = {name: numbers_in(arrow[name]) for name in numbers}
     for name in words:
         text = pc.utf8_trim_whitespace(arrow[name])
         if name == "agent_type":
             text = pc.utf8_lower(text)
         encoded = text.combine_chunks().dictionary_encode()
-        columns[name] = encoded.indices.to_numpy().astype(np.int64), [str(n) for n in encoded.dictionary]
+        columns[name] = np.from_dlpack(encoded.indices).astype(np.int64), [str(n) for n in encoded.dictionary]
     columns, notes = _checked(path, header, columns)
     return columns, [*notes, *_in_milliseconds(path, columns), *_in_radians(columns)]
 

@@ -7,15 +7,20 @@ libsumo runs one simulation per process. A worker that dies is replaced, and its
 
 from __future__ import annotations
 
+import math
 import pickle
 import queue
 import signal
+import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
 from typing import Any, TypeAlias, TypeVar
+
+import numpy as np
 
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import SimulationError
@@ -24,6 +29,7 @@ from scex_sumo.base.sending import pickled
 from scex_sumo.extrapolation.processes.process import OnStep, Report, WorkerProcess
 
 TRIES = 2
+BATCH_S = 0.4  # of batches that are worth their fixed cost
 
 T = TypeVar("T")
 Work: TypeAlias = Callable[[], AbstractContextManager[Callable[[Any, OnStep], Any]]]
@@ -38,13 +44,16 @@ class WorkersDied(Exception):
 
 
 class Pool:
-    """Worker processes; a context manager. They start at once."""
+    """Worker processes; a context manager. They start at once.
 
-    def __init__(self, processes: int) -> None:
+    ``simulates``: they load what batches need before the first one comes.
+    """
+
+    def __init__(self, processes: int, *, simulates: bool = False) -> None:
         self.deaths: list[str] = []
         """One phrase for each worker that died and was replaced."""
         self._folder = TemporaryFolder()
-        self._workers = [WorkerProcess(self._folder.name) for _ in range(processes)]
+        self._workers = [WorkerProcess(self._folder.name, simulates) for _ in range(processes)]
         self._calls: dict[WorkerProcess, Future[Any]] = {}
 
     def __enter__(self) -> Pool:
@@ -66,14 +75,16 @@ class Pool:
         """Workers that do no function of `submit`."""
         return [worker for worker in self._workers if worker not in self._calls or self._calls[worker].done()]
 
-    def run(self, work: Work, batches: Sequence[IntArray], tick: OnStep) -> Iterator[IntArray]:
+    def run(
+        self, work: Work, batches: Sequence[IntArray], tick: OnStep, *, together: int = 1
+    ) -> Iterator[IntArray]:
         """Run batches of futures, here and in the workers; see `Workers.run`."""
-        left, reports = deque(batches), queue.SimpleQueue[Report]()
+        left, reports = _Batches(batches, 1 + len(self._workers), together), queue.SimpleQueue[Report]()
         busy = self._workers[: max(len(batches) - 1, 0)]
         packed = pickled(work) if busy else b""
         for worker in busy:
             worker.thread.submit(self._share, worker, packed, left, reports)
-        unfinished = len(batches)
+        unfinished = sum(map(len, batches))
 
         def read() -> Iterator[IntArray]:
             nonlocal unfinished
@@ -83,14 +94,14 @@ class Pool:
             elif kind == "failed":
                 raise content
             else:
-                unfinished -= 1
+                unfinished -= len(content)
                 yield content
 
         try:
             with work() as run_here:
-                for batch in _taken(left):
+                for batch in left.taken():
                     yield run_here(batch, tick)
-                    unfinished -= 1
+                    unfinished -= len(batch)
                     while not reports.empty():
                         yield from read()
             while unfinished:
@@ -99,7 +110,7 @@ class Pool:
             left.clear()
 
     def _share(
-        self, worker: WorkerProcess, work: bytes, left: deque[IntArray], reports: queue.SimpleQueue[Report]
+        self, worker: WorkerProcess, work: bytes, left: _Batches, reports: queue.SimpleQueue[Report]
     ) -> None:
 
         def tick(futures: int) -> None:
@@ -109,7 +120,7 @@ class Pool:
             return
         try:
             self._try_twice(worker, "before its first futures", partial(worker.open, work))
-            for batch in _taken(left):
+            for batch in left.taken():
                 where = f"during futures {int(batch[0])} to {int(batch[-1])}"
                 order = partial(worker.do, work, batch, tick)
                 reports.put(("done", self._try_twice(worker, where, order)))
@@ -190,10 +201,37 @@ def _calling(function: Callable[..., Any], tells: bool) -> Iterator[Callable[[An
     yield lambda task, on_step: function(on_step) if tells else function()
 
 
-def _taken(left: deque[IntArray]) -> Iterator[IntArray]:
-    with suppress(IndexError):
+class _Batches:
+    """Batches that no process has taken yet.
+
+    A process takes its share of those that are left, at most ``together``, and quick ones together: so it
+    begins with large batches, and small ones are left for a process that comes late.
+    """
+
+    def __init__(self, batches: Sequence[IntArray], processes: int, together: int) -> None:
+        self._left, self._processes, self._together = deque(batches), processes, together
+        self._lock = threading.Lock()
+
+    def __len__(self) -> int:
+        return len(self._left)
+
+    def clear(self) -> None:
+        """Leave none."""
+        self._left.clear()
+
+    def taken(self) -> Iterator[IntArray]:
+        """Yield the batches that a process takes, one after the other."""
+        quick = 1  # batches that take `BATCH_S`
         while True:
-            yield left.popleft()
+            with self._lock:
+                share = max(math.ceil(len(self._left) / self._processes), quick)
+                count = min(share, self._together, len(self._left))
+                taken = [self._left.popleft() for _ in range(count)]
+            if not taken:
+                return
+            begin = time.perf_counter()
+            yield np.concatenate(taken)
+            quick = int(BATCH_S * count / max(time.perf_counter() - begin, 1e-9))
 
 
 def in_other_process(

@@ -25,6 +25,7 @@ OnStep: TypeAlias = Callable[[int], None]
 Report: TypeAlias = tuple[Literal["step", "done", "failed"], Any]
 
 _FRAME = re.compile(r"^  File .* in (\S+)$", re.MULTILINE)  # of faulthandler
+SIMULATES = "simulates"
 _MAIN = str(Path(__file__).with_name("__main__.py"))
 # One thread each: the processes are the parallelism.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -33,8 +34,9 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM
 class WorkerProcess:
     """Process that does one task after another, and the thread that waits for it."""
 
-    def __init__(self, folder: str) -> None:
+    def __init__(self, folder: str, simulates: bool = False) -> None:
         self.thread = ThreadPoolExecutor(1, thread_name_prefix="scex-worker")
+        self._command = [sys.executable, _MAIN, *([SIMULATES] if simulates else [])]
         self._folder = folder  # temporary files of a killed worker are removed with it
         self._starting = threading.Lock()
         self._ended = False
@@ -49,7 +51,7 @@ class WorkerProcess:
             self._close_pipes()
             self._work: bytes | None = None
             self._process = subprocess.Popen(
-                [sys.executable, _MAIN],
+                self._command,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 env={**os.environ, **_ONE_THREAD, "TMPDIR": self._folder},
@@ -134,6 +136,8 @@ def serve() -> None:
 
     with suppress(Exception):  # the first task reports it
         load_sumo()
+        if SIMULATES in sys.argv:
+            import scex_sumo.extrapolation.job  # noqa: F401  # loaded while the first batch is prepared
 
     def report(kind: str, content: Any) -> None:
         _write(reports, (kind, content))

@@ -41,7 +41,7 @@ class Workers:
         if processes > 1:
             from scex_sumo.extrapolation.processes.pool import Pool
 
-            self.pool = Pool(processes - 1)
+            self.pool = Pool(processes - 1, simulates=True)
 
     def __enter__(self) -> Workers:
         return self
@@ -56,11 +56,17 @@ class Workers:
         return [] if self.pool is None else self.pool.deaths
 
     def run(
-        self, job: Job, batches: Sequence[IntArray], *, on_step: Callable[[int], None] | None = None
+        self,
+        job: Job,
+        batches: Sequence[IntArray],
+        *,
+        together: int = 1,
+        on_step: Callable[[int], None] | None = None,
     ) -> Iterator[IntArray]:
         """Run batches of futures, here and in the pool, and save their parts in the result folder.
 
         Args:
+            together: batches that a process may run as one.
             on_step: called with a number of futures when they have made a step.
 
         Yields:
@@ -75,7 +81,7 @@ class Workers:
         slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
         tick = on_step or (lambda futures: None)
         if self.pool is not None:
-            yield from self.pool.run(partial(batch_runner, job, slots), batches, tick)
+            yield from self.pool.run(partial(batch_runner, job, slots), batches, tick, together=together)
             return
         with batch_runner(job, slots) as run_here:
             for batch in batches:
@@ -86,6 +92,11 @@ class Workers:
         """Number of processes, this one included, that do no function of `submit`."""
         return 1 if self.pool is None else 1 + len(self.pool.free)
 
-    def submit(self, function: Callable[[], Any], *, where: str) -> Future[Any] | None:
-        """Let a worker of the pool call a function, see `Pool.submit`; None without a free one."""
-        return self.pool.submit(function, where=where) if self.pool is not None and self.pool.free else None
+    def submit(self, function: Callable[[], Any], *, where: str, waits: bool = False) -> Future[Any] | None:
+        """Let a worker of the pool call a function, see `Pool.submit`.
+
+        None without a worker, and without a free one unless the function ``waits`` for it.
+        """
+        if self.pool is None or not (waits or self.pool.free):
+            return None
+        return self.pool.submit(function, where=where)

@@ -11,8 +11,8 @@ from rich.console import Console
 from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.extras import Work
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.extras import Row
-from scex_sumo.results.run import BASELINE, Run
+from scex_sumo.results.extras import BASELINE, Row
+from scex_sumo.results.run import Run
 from scex_sumo.studies.under_test.extra import Baseline
 from scex_sumo.studies.under_test.page import under_test_part
 from scex_sumo.studies.under_test.table import print_under_test

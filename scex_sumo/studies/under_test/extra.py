@@ -8,7 +8,7 @@ from typing import ClassVar
 from scex_sumo.base.options import option
 from scex_sumo.extrapolation.extras import Extra
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.run import BASELINE
+from scex_sumo.results.extras import BASELINE
 
 
 @dataclass(frozen=True, kw_only=True)
