@@ -28,7 +28,7 @@ from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.behaviors.registry import model_specs
 from scex_sumo.suites.choice import choose
 from scex_sumo.suites.cut import cutter_of, recordings_of
-from scex_sumo.suites.estimate import difference, rate
+from scex_sumo.suites.estimate import rate
 from scex_sumo.suites.pilot import touches
 from scex_sumo.suites.population import Population, read_population
 from scex_sumo.suites.simulate import simulate
@@ -118,24 +118,21 @@ def judge(population: Population, lines: Sequence[Mapping[str, Any]], count: int
 
         def of(i: Any, weights: tuple[Any, Any, Any], y: Any = y, drawn: Any = drawn) -> tuple[float, ...]:
             found = rate(y[i], *weights, population.hours, most=most[i], drawn=drawn[i])
-            apart = difference(y[i] - people[i], *weights, population.hours, drawn=drawn[i])
-            return found.value, found.low, found.high, apart.low, apart.high
+            return found.value, found.low, found.high
 
         own = np.array([of(c.index, (c.weight, c.stratum, c.sizes)) for c in chosen])
         other = np.array([of(i, equal) for i in plain])
         estimates[name] = own[:, 0]
-        apart = truth - level
         holds = np.mean((own[:, 1] <= truth) & (truth <= own[:, 2]))
         plainly = np.mean((other[:, 1] <= truth) & (truth <= other[:, 2]))
-        differs = np.mean((own[:, 3] <= apart) & (apart <= own[:, 4]))
         width = np.median(own[:, 2] - own[:, 1]) / np.median(other[:, 2] - other[:, 1])
         error = np.sqrt(np.mean((own[:, 0] - truth) ** 2) / np.mean((other[:, 0] - truth) ** 2))
-        zero = np.mean((own[:, 3] <= 0) & (own[:, 4] >= 0))
+        equal_to_people = np.mean((own[:, 1] <= level) & (level <= own[:, 2]))
         largest = y.max() / max(y.sum(), 1e-300)
         print(
             f"{name}: {truth:.3g} an hour, largest candidate {largest:.0%}; mean/truth "
-            f"{own[:, 0].mean() / truth:.2f}; holds {holds:.1%} (plain {plainly:.1%}), difference "
-            f"{differs:.1%} (holds 0: {zero:.0%}); width {width:.2f}, error {error:.2f} of plain"
+            f"{own[:, 0].mean() / truth:.2f}; holds {holds:.1%} (plain {plainly:.1%}), people's rate in "
+            f"{equal_to_people:.1%}; width {width:.2f}, error {error:.2f} of plain"
         )
     right = np.mean((estimates["cv"] > estimates["acc"]) & (estimates["acc"] > estimates["likely"]))
     print(f"order as in full: {right:.0%}")

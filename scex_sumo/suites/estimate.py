@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -39,6 +39,10 @@ class Rate:
     def to_json(self) -> Mapping[str, Any]:
         """Return the values by name."""
         return asdict(self)
+
+    def less(self, known: float) -> Rate:
+        """Return the difference to a rate that is known for the whole population."""
+        return replace(self, value=self.value - known, low=self.low - known, high=self.high - known)
 
     def words(self) -> str:
         """Return value and interval, two digits each."""
@@ -105,27 +109,6 @@ def rate(
     low, high = value / spread, value * spread
     return Rate(
         value=value / hours, low=low / hours, high=high / hours, deviation=deviation / hours, freedom=freedom
-    )
-
-
-def difference(
-    d: FloatArray,
-    weight: FloatArray,
-    stratum: IntArray,
-    sizes: IntArray,
-    hours: float,
-    *,
-    drawn: FloatArray | None = None,
-) -> Rate:
-    """Return the difference of two rates by the (n,) paired differences of the cases; a plain interval."""
-    value, variance, freedom = total(d, weight, stratum, sizes, drawn)
-    half = _student(freedom) * math.sqrt(variance)
-    return Rate(
-        value=value / hours,
-        low=(value - half) / hours,
-        high=(value + half) / hours,
-        deviation=math.sqrt(variance) / hours,
-        freedom=freedom,
     )
 
 

@@ -24,7 +24,7 @@ from scex_sumo.studies.moments.pairs import BACK, OWN, PARAMETERS
 
 LEAST: Final = 1e-9
 """P of a contact from which a vehicle of an encounter is a candidate."""
-PILOT: Final = (0.3, 0.1)
+PILOT: Final = (0.2, 0.2)
 """Parts of the choice that go by the contacts of a blind driver: where nobody acts, and by its P."""
 RISKS: Final = (1e-7, 1e-6, 1e-5)
 """P between classes of risk."""

@@ -62,10 +62,10 @@ def test_a_rare_kind_has_a_case_in_every_choice() -> None:
 
 
 def test_the_weighted_sum_over_a_rare_kind_is_unbiased() -> None:
-    """Over 200 choices the mean is within three standard errors of the sum, for each kind."""
+    """Over 100 choices the mean is within three standard errors of the sum, for each kind."""
     people = rare(120)
     values, kinds = people.column("speed_mps") ** 2, np.array(people.kinds)
-    chosen = [choose(people, 12, seed=k) for k in range(200)]
+    chosen = [choose(people, 12, seed=k) for k in range(100)]
     for kind in ("merge", "cyclist along", "head-on"):
         own = np.where(kinds == kind, values, 0.0)
         sums = [float((one.weight * own[one.index]).sum()) for one in chosen]

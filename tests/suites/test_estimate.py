@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.suites.choice import choose
-from scex_sumo.suites.estimate import difference, rate, total
+from scex_sumo.suites.estimate import rate, total
 from tests.suites.populations import population
 
 ONE = np.zeros(4, dtype=np.int64)
@@ -41,11 +41,12 @@ def test_nothing_seen_is_bounded_by_the_rule_of_three() -> None:
     assert found.high == pytest.approx(3 / 4 * 100 * 0.2 / 5)
 
 
-def test_a_difference_may_have_either_sign() -> None:
-    d = np.array([0.1, -0.2, 0.1, -0.1])
-    found = difference(d, np.full(4, 25.0), ONE, np.array([100]), 5.0)
-    assert found.low < 0 < found.high
-    assert found.value == pytest.approx(-0.5)
+def test_a_difference_to_a_known_rate_may_have_either_sign() -> None:
+    found = rate(np.array([0.1, 0.2, 0.3, 0.4]), np.full(4, 25.0), ONE, np.array([100]), 5.0, most=np.ones(4))
+    apart = found.less(5.5)
+    assert apart.value == pytest.approx(-0.5)
+    assert (apart.low, apart.high) == pytest.approx((found.low - 5.5, found.high - 5.5))
+    assert apart.low < 0 < apart.high
 
 
 def test_intervals_of_choices_hold_in_95_percent() -> None:

@@ -15,7 +15,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ResultError, UsageError, one_line
 from scex_sumo.studies.under_test.paired import holm
-from scex_sumo.suites.estimate import Rate, difference, rate
+from scex_sumo.suites.estimate import Rate, rate
 from scex_sumo.suites.suite import Suite
 
 BETTER, EQUAL, WORSE, FAILED = VERDICTS = ("better", "equal", "worse", "failed")
@@ -93,6 +93,8 @@ def verdicts_by_kind(cases: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, 
 def number_of(suite: Suite, records: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
     """Return the rates of the function and of people, and their difference; None if every case failed.
 
+    What people do is known for all candidates, so that only the function's rate is uncertain.
+
     The weights of failed cases go to the others of their stratum; a stratum without any other is not seen.
     ``largest`` is the case with most of the collisions of the function, of those that stand for others, too.
     """
@@ -117,15 +119,16 @@ def number_of(suite: Suite, records: Sequence[Mapping[str, Any]]) -> dict[str, A
 
     parts = np.where(weight > 1, weight * each["probability"], 0.0)
     largest = int(np.argmax(parts))
-    apart = difference(each["probability"] - each["people"], drawn=drawn, **given)
+    collisions, severe = of(each["probability"], each["most"], drawn), of(each["severity"], harm)
+    people = suite.info["people"]
     return {
-        "collisions_per_hour": of(each["probability"], each["most"], drawn).to_json(),
-        "severe_per_hour": of(each["severity"], harm).to_json(),
+        "collisions_per_hour": collisions.to_json(),
+        "severe_per_hour": severe.to_json(),
         "people_collisions_per_hour": of(each["people"], each["most"]).to_json(),
         "people_severe_per_hour": of(each["people_severity"], harm).to_json(),
-        "people_of_all": suite.info["people"],
-        "difference": apart.to_json(),
-        "severe_difference": difference(each["severity"] - each["people_severity"], **given).to_json(),
+        "people_of_all": people,
+        "difference": collisions.less(people["collisions_per_hour"]).to_json(),
+        "severe_difference": severe.less(people["severe_per_hour"]).to_json(),
         "cases": len(rows),
         "largest": {
             "name": rows[largest]["name"],
