@@ -21,7 +21,7 @@ from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, SLOPE_SPEED, rea
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.humans.guard.conflicts import StopLines
 from scex_sumo.humans.guard.corridors import SAMPLE_S, expected
-from scex_sumo.humans.guard.guarded import arriving_later, line_motion, needed_braking, retimed
+from scex_sumo.humans.guard.guarded import Towed, arriving_later, line_motion, needed_braking, retimed
 from scex_sumo.humans.guard.side_clearance import offsets_beside
 from scex_sumo.humans.observed.observations import View
 from scex_sumo.humans.parameters import HumanParameters
@@ -99,10 +99,10 @@ def looks_away(
     return away
 
 
-def yielding(plan: Plan, view: View, road: Road, attention: Attention) -> Plan:
+def yielding(plan: Plan, view: View, road: Road, attention: Attention, towed: Towed | None = None) -> Plan:
     """Return plans (n, H) slowed down for conflicts while their drivers are aware of them."""
     bounds = partial(_bounds, attention=attention, human=view.human)
-    return retimed(plan, view.history, road, view.who, view.human.conflict, bounds)
+    return retimed(plan, view.history, road, view.who, view.human.conflict, bounds, towed)
 
 
 def _bounds(

@@ -70,6 +70,14 @@ class Expectation:
     waits_s: Values = 0.0  # time until a standing vehicle starts, s
     trailers: Trailers | None = None
 
+    @property
+    def towed(self) -> tuple[IntArray, IntArray] | None:
+        """Rows (k,) of trailers whose leaders plan here, and of these; None if nobody tows."""
+        if self.trailers is None or not len(self.trailers.row):
+            return None
+        known = self.trailers.leader >= 0
+        return self.trailers.row[known], self.trailers.leader[known]
+
     def leader(self, step: int, travelled: Values, human: HumanParameters) -> tuple[FloatArray, FloatArray]:
         """Return (n,) gaps, m, after a step, and the speeds that drivers foresee of their leaders, m/s."""
         gap = self.gap + (self.speed + self.starting * step * STEP_S / 2) * step * STEP_S - travelled
