@@ -21,7 +21,7 @@ from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, SLOPE_SPEED, rea
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.humans.guard.conflicts import StopLines
 from scex_sumo.humans.guard.corridors import SAMPLE_S, expected
-from scex_sumo.humans.guard.guarded import Towed, arriving_later, line_motion, needed_braking, retimed
+from scex_sumo.humans.guard.guarded import NOBODY, Towed, arriving_later, line_motion, needed_braking, retimed
 from scex_sumo.humans.guard.side_clearance import offsets_beside
 from scex_sumo.humans.observed.observations import View
 from scex_sumo.humans.parameters import HumanParameters
@@ -99,7 +99,7 @@ def looks_away(
     return away
 
 
-def yielding(plan: Plan, view: View, road: Road, attention: Attention, towed: Towed | None = None) -> Plan:
+def yielding(plan: Plan, view: View, road: Road, attention: Attention, towed: Towed = NOBODY) -> Plan:
     """Return plans (n, H) slowed down for conflicts while their drivers are aware of them."""
     bounds = partial(_bounds, attention=attention, human=view.human)
     return retimed(plan, view.history, road, view.who, view.human.conflict, bounds, towed)
@@ -137,7 +137,9 @@ def _bounds(
     acts = (needed > onset) & (lines.until > t)
     allowed = np.where(acts, v - braking * STEP_S, np.inf)
     gap = position - s
-    close = (gap >= 0) & (gap < human.stop_gap_m) & (lines.enter <= t) & (lines.until > t)
+    close = (gap >= 0) & (lines.enter <= t + np.where(lines.speed == 0, human.crossing_s, 0.0))
+    close |= ~lines.safe & (gap > -human.fall_back_m) & (lines.enter <= t)
+    close &= (gap < human.stop_gap_m) & (lines.until > t)
     creeps = np.maximum(leader + gap / human.creep_s, v - human.conflict_braking_mps2 * STEP_S)
     allowed = np.where(close, np.minimum(allowed, creeps), allowed)
     lowest: FloatArray = np.minimum.reduceat(allowed, first)

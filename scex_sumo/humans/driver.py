@@ -116,7 +116,7 @@ class LikelyDriver:
         accelerate = accelerations(view, drivers, expects, attention.aware, hold)
         aside = kept_clear(offsets, view, road)
         plan = drive(history, who, paths, row, accelerate, aside=aside, parallel=True, doubt=doubt)
-        return yielding(plan, view, road, attention, expects.towed)
+        return yielding(plan, view, road, attention, expects.trailers.pairs)
 
     def _paths(self, history: SceneHistory, road: Road, who: VehicleIndex) -> tuple[SeedPaths, IntArray]:
         if self.profile.path != "fitted":

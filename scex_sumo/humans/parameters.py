@@ -173,6 +173,8 @@ class HumanParameters:
     merging_mps: float = 2.0  # m/s | speed difference for that | chosen
     entry_gap_m: float = 1.0  # m | to a vehicle that merges in front | chosen
     stop_gap_m: float = 0.4  # m | to a conflict, beyond that of the guard | chosen
+    fall_back_m: float = 1.5  # m | overlap up to which a driver falls back behind one that closes in | chosen
+    crossing_s: float = 1.0  # s | before one that crosses: a driver stays out of its way | chosen
     creep_s: float = 1.0  # s | time constant of closing a smaller gap | chosen
     beside_gap_m: float = 0.3  # m | between boxes beside each other | chosen
     passing_gap_m: float = 1.0  # m | to people beside, if 0.5 m aside is enough | chosen

@@ -56,6 +56,16 @@ class Trailers:
     gap: FloatArray  # (k,) when the plan begins, m
     drawbar: FloatArray  # (k,) gap in the seed scene, m
 
+    @property
+    def pairs(self) -> tuple[IntArray, IntArray]:
+        """Rows of those whose leaders plan here, and of these leaders."""
+        known = self.leader >= 0
+        return self.row[known], self.leader[known]
+
+
+NONE, NOWHERE = np.zeros(0, dtype=np.int64), np.zeros(0)
+NO_TRAILERS = Trailers(row=NONE, leader=NONE, gap=NOWHERE, drawbar=NOWHERE)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Expectation:
@@ -68,15 +78,7 @@ class Expectation:
     starting: Values = 0.0  # the same if the driver starts in a queue, at least 0
     slowing: Values = 0.0  # the same without noise, at most 0
     waits_s: Values = 0.0  # time until a standing vehicle starts, s
-    trailers: Trailers | None = None
-
-    @property
-    def towed(self) -> tuple[IntArray, IntArray] | None:
-        """Rows (k,) of trailers whose leaders plan here, and of these; None if nobody tows."""
-        if self.trailers is None or not len(self.trailers.row):
-            return None
-        known = self.trailers.leader >= 0
-        return self.trailers.row[known], self.trailers.leader[known]
+    trailers: Trailers = NO_TRAILERS
 
     def leader(self, step: int, travelled: Values, human: HumanParameters) -> tuple[FloatArray, FloatArray]:
         """Return (n,) gaps, m, after a step, and the speeds that drivers foresee of their leaders, m/s."""
@@ -255,7 +257,7 @@ def towed(moving: FloatArray, now: Situation) -> FloatArray:
     a = a_leader + 2 1/s·Δv + 1 1/s²·(gap - drawbar).
     """
     expects, trailers, v = now.expects, now.expects.trailers, now.speed
-    if trailers is None or not len(trailers.row):
+    if not len(trailers.row):
         return moving
     k = trailers.row
     pull, speed = (np.broadcast_to(a, v.shape)[k] for a in (expects.acceleration, expects.speed))
@@ -263,8 +265,7 @@ def towed(moving: FloatArray, now: Situation) -> FloatArray:
     gap = trailers.gap + (speed + pull * step * STEP_S / 2) * step * STEP_S - travelled[k]
     result = moving.copy()
     result[k] = pull + 2 * (speed + pull * step * STEP_S - v[k]) + gap - trailers.drawbar
-    known = trailers.leader >= 0
-    puller, k = trailers.leader[known], k[known]
-    apart = (trailers.gap - trailers.drawbar)[known] - travelled[k] + travelled[puller]
+    k, puller = trailers.pairs
+    apart = (trailers.gap - trailers.drawbar)[trailers.leader >= 0] - travelled[k] + travelled[puller]
     result[k] = result[puller] + 2 * (v[puller] - v[k]) + apart
     return result

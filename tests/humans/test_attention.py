@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths
@@ -142,22 +143,33 @@ def test_the_front_of_a_long_vehicle_stays_clear_and_its_rear_axle_follows() -> 
     assert 0.03 < kept[-1] < kept[-1] + 0.3 < wanted[0, -1]
 
 
+def bounds_of(v: float, *, safe: bool = False, **values: list[float]) -> FloatArray:
+    """Highest speeds of vehicles with a stop line each: values of `StopLines` that are not 0 or inf."""
+    count = len(values["position"])
+    arrays = {name: np.zeros(count) for name in ("speed", "deceleration", "enter")}
+    arrays |= {name: np.full(count, np.inf) for name in ("stop_time", "until")}
+    arrays |= {name: np.array(given) for name, given in values.items()}
+    flags = {"firm": np.ones(count, dtype=bool), "safe": np.full(count, safe)}
+    aware = Attention(aware=np.ones((count, 30), dtype=bool), onset=np.full(count, 0.8))
+    lines, rows = StopLines(row=np.arange(count), **arrays, **flags), np.arange(count)
+    return _bounds(lines, rows, 0, np.zeros(count), np.full(count, v), attention=aware, human=HUMAN)
+
+
 def test_a_driver_does_not_creep_into_a_vehicle_in_its_way() -> None:
     # Both move so slowly that they stay apart for a while, 0.2 m and 0.5 m before a standing vehicle.
-    lines = StopLines(
-        row=np.arange(2),
-        position=np.array([0.2, 0.5]),
-        speed=np.zeros(2),
-        deceleration=np.zeros(2),
-        stop_time=np.full(2, np.inf),
-        enter=np.zeros(2),
-        until=np.full(2, np.inf),
-        firm=np.ones(2, dtype=bool),
-        safe=np.ones(2, dtype=bool),
-    )
-    aware = Attention(aware=np.ones((2, 30), dtype=bool), onset=np.full(2, 0.8))
-    bound = _bounds(lines, np.arange(2), 0, np.zeros(2), np.full(2, 0.3), attention=aware, human=HUMAN)
-    assert bound.tolist() == [0.2, np.inf]
+    assert bounds_of(0.3, safe=True, position=[0.2, 0.5]).tolist() == [0.2, np.inf]
+
+
+def test_a_driver_does_not_creep_into_the_way_of_one_that_crosses_soon() -> None:
+    # 0.2 m before the way of vehicles that come in half a second and in 3 s.
+    assert bounds_of(0.3, safe=True, position=[0.2, 0.2], enter=[0.5, 3.0]).tolist() == [0.2, np.inf]
+
+
+def test_a_driver_falls_back_behind_one_that_closes_in_beside_it() -> None:
+    # The line of a vehicle at 3 m/s is 0.5 m behind the own front: at 2.5 m/s it gets away.
+    bound = bounds_of(2.6, position=[-0.5, -2.0], speed=[3.0, 3.0])
+    assert bound.tolist() == [2.5, np.inf]
+    assert bounds_of(2.6, safe=True, position=[-0.5], speed=[3.0]).tolist() == [np.inf]
 
 
 def test_drivers_foresee_that_a_leader_goes_on_slowing_down() -> None:
@@ -174,24 +186,24 @@ def test_drivers_foresee_that_a_leader_goes_on_slowing_down() -> None:
 
 def test_drivers_make_room_gently_for_a_vehicle_about_as_fast_that_merges() -> None:
     # Both others enter the corridor in 0.8 s, beside it: to fall behind takes more than 5 m/s².
-    speed = np.array([10.0, 5.0])
-    lines = StopLines(
-        row=np.arange(2),
-        position=5.0 - 0.8 * speed,
-        speed=speed,
-        deceleration=np.zeros(2),
-        stop_time=np.full(2, np.inf),
-        enter=np.full(2, 0.8),
-        until=np.full(2, np.inf),
-        firm=np.ones(2, dtype=bool),
-        safe=np.zeros(2, dtype=bool),
-    )
-    aware = Attention(aware=np.ones((2, 30), dtype=bool), onset=np.full(2, 0.8))
-    v = np.full(2, 11.0)
-    bound = _bounds(lines, np.arange(2), 0, np.zeros(2), v, attention=aware, human=HUMAN)
-    braking = (v - bound) / 0.1
+    bound = bounds_of(11.0, position=[-3.0, 1.0], speed=[10.0, 5.0], enter=[0.8, 0.8])
+    braking = (11.0 - bound) / 0.1
     assert braking[0] == pytest.approx(3.0)
     assert braking[1] > 5.0
+
+
+def test_a_trailer_brakes_with_its_leader() -> None:
+    # A slower vehicle comes over in front of the leader, 15 m/s, which tows one 0.3 m behind it.
+    scene = roads.scene_of((104.8, 0.0, 0.0, 15.0), (100.0, 0.0, 0.0, 15.0), (114.0, 3.0, -0.3, 8.0))
+    history, both = roads.present(scene), VehicleIndex(future=np.zeros(2, dtype=int), vehicle=np.arange(2))
+    x = scene.now.x[:2, None] + 1.5 * np.arange(1, 31)
+    plan = Plan(x=x, y=0 * x, heading=0 * x, speed=0 * x + 15.0)
+    aware = Attention(aware=np.array([[True] * 30, [False] * 30]), onset=np.full(2, 0.8))
+    view, towed = view_of(history, roads.straight(), both), (np.array([1]), np.array([0]))
+    made = yielding(plan, view, roads.straight(), aware, towed)
+    assert made.speed[0].min() < 12.0
+    assert made.speed[1] == pytest.approx(made.speed[0])
+    assert (made.x[0] - made.x[1] - scene.length[0]).min() > 0.2
 
 
 CROSS = roads.road(
@@ -223,20 +235,7 @@ def test_a_vehicle_that_creeps_towards_a_crossing_gives_way_to_a_fast_one() -> N
 
 
 def test_nobody_brakes_for_a_crossing_vehicle_that_leaves_in_time() -> None:
-    until = np.array([1.5, np.inf])
-    lines = StopLines(
-        row=np.arange(2),
-        position=np.full(2, 29.0),
-        speed=np.zeros(2),
-        deceleration=np.zeros(2),
-        stop_time=np.full(2, np.inf),
-        enter=np.zeros(2),
-        until=until,
-        firm=np.ones(2, dtype=bool),
-        safe=np.zeros(2, dtype=bool),
-    )
-    aware = Attention(aware=np.ones((2, 30), dtype=bool), onset=np.full(2, 0.8))
-    bound = _bounds(lines, np.arange(2), 0, np.zeros(2), np.full(2, 12.8), attention=aware, human=HUMAN)
+    bound = bounds_of(12.8, position=[29.0, 29.0], until=[1.5, np.inf])
     assert bound[0] == np.inf and bound[1] < 12.6
 
 

@@ -31,6 +31,7 @@ speed (P,), m/s, of each line's vehicle.
 
 Towed: TypeAlias = tuple[IntArray, IntArray]
 """Rows (k,) of trailers, and of their leaders."""
+NOBODY: Towed = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
 
 
 def safe_speed(
@@ -91,7 +92,7 @@ def retimed(
     who: VehicleIndex,
     profile: GuardProfile,
     bounds: Bounds,
-    towed: Towed | None = None,
+    towed: Towed = NOBODY,
 ) -> Plan:
     """Re-time a plan (n, H) along its way under the bounds of its stop lines.
 
@@ -101,10 +102,9 @@ def retimed(
     holds = find_stop_lines(paths, history, road, who, profile).joined_by(_leaping(paths))
     if not len(holds.row):
         return plan
-    if towed is not None:
-        towed = tuple(rows[np.isin(towed[1], holds.row)] for rows in towed)
-        holds = holds.joined_by(towed[0])
-    speed, arc, changed = _timed(paths, holds, profile, bounds, towed)
+    held = np.isin(towed[1], holds.row)
+    trailer, leader = towed[0][held], towed[1][held]
+    speed, arc, changed = _timed(paths, holds.joined_by(trailer), profile, bounds, (trailer, leader))
     rows = np.flatnonzero(changed)
     if not len(rows):
         return plan
@@ -122,7 +122,7 @@ def _leaping(paths: PlannedWays) -> IntArray:
 
 
 def _timed(
-    paths: PlannedWays, holds: StopLines, profile: GuardProfile, bounds: Bounds, towed: Towed | None
+    paths: PlannedWays, holds: StopLines, profile: GuardProfile, bounds: Bounds, towed: Towed
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return speeds and arc lengths (n, H), and (n,) which vehicles are slowed."""
     speed, arc = paths.speed.copy(), paths.arc[:, 1:].copy()
@@ -135,12 +135,13 @@ def _timed(
     count = np.diff(np.append(first, len(holds.row)))
     gain = np.diff(planned, axis=0, prepend=v[None]) / STEP_S
     gain = np.maximum(np.where(gain > LEAP_MPS2, 0.0, gain), profile.release_acceleration)
-    trailer, leader = ([], []) if towed is None else (np.searchsorted(rows, row) for row in towed)
+    trailer, leader = (np.searchsorted(rows, row) for row in towed)
     timed = np.empty((2, *planned.shape))
     for step, (speed_then, way_then) in enumerate(zip(planned, way, strict=True)):
         bound = bounds(holds, first, step, np.repeat(s, count), np.repeat(v, count))
         wanted = np.minimum(np.minimum(speed_then, bound), v + gain[step] * STEP_S)
-        wanted[trailer] = np.minimum(wanted[trailer], (speed_then[trailer] - speed_then[leader]) + wanted[leader])
+        with_leader = wanted[leader] + speed_then[trailer] - speed_then[leader]
+        wanted[trailer] = np.minimum(wanted[trailer], with_leader)
         following = np.maximum(np.minimum(wanted, speed_then), 0.0)
         moved = (v + following) * (STEP_S / 2)
         held |= (following < speed_then - MIN_CHANGE_MPS) | (moved < way_then - LEAP_M)
