@@ -149,6 +149,7 @@ class SeedScene(SentOnce):
         intentions: (V,) what SUMO knows of each vehicle of its simulation; () for recordings.
         rules: lights and right of way that drivers obey; None: none.
         people: (V,) pedestrians and cyclists that take part; pairs of two do not count. None: nobody.
+        horizon_s: least time of futures for which the paths of vehicles are looked for.
 
     Example:
         >>> scene = scex.read_seed(scex.example_path("roundabout"))
@@ -174,6 +175,7 @@ class SeedScene(SentOnce):
     intentions: tuple[Intention | None, ...] = ()
     rules: Rules | None = None
     people: BoolArray | None = None
+    horizon_s: float = 3.0
 
     def __repr__(self) -> str:
         future = 0 if self.future is None else self.future.shape[1]

@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.errors import ScexError
 from scex_sumo.base.importing import Registry
 from scex_sumo.behaviors.base import is_driven_by_sumo
@@ -27,7 +28,7 @@ from scex_sumo.results.design import design_intervals
 from scex_sumo.results.parts import Part, joined_parts, save_part
 from scex_sumo.results.tables.outcomes import collisions_table, encounter_rows
 from scex_sumo.road import Road
-from scex_sumo.scene import LOGGED_HISTORY, SeedScene
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.world.base import WORLDS, BatchStart, Simulator, SumoDriven, WorldRequest
 from scex_sumo.world.tiles import TILE_SLOTS
@@ -103,11 +104,20 @@ class Job:
 
 
 def ruled(scene: SeedScene, net: SumoNet, settings: RunSettings) -> tuple[SeedScene, SumoNet]:
-    """Return the scene of a job with the rules of its road, and the net with notes on them."""
+    """Return the scene of a job with the rules of its road, and the net with notes on them.
+
+    In longer futures vehicles choose their ways at further forks.
+    """
+    scene = _looking_ahead(scene, STEP_S * settings.steps)
     if not settings.obeys or not has_rules(scene):
         return scene if scene.rules is None else replace(scene, rules=None), net
     scene, notes = RULES.load("reading")(scene, net)
     return scene, replace(net, notes=(*net.notes, *notes))
+
+
+@owner_cache
+def _looking_ahead(scene: SeedScene, horizon_s: float) -> SeedScene:
+    return replace(scene, horizon_s=horizon_s) if horizon_s > scene.horizon_s + 1e-9 else scene
 
 
 def has_rules(scene: SeedScene) -> bool:

@@ -27,6 +27,7 @@ from scex_sumo.behaviors.models.idm import HABIT_STEPS, desired_speeds
 from scex_sumo.humans.attention import attention_of, kept_clear, yielding
 from scex_sumo.humans.lines.driven_line import redrawn
 from scex_sumo.humans.lines.lanes import change_offsets, change_shares, lanes_beside
+from scex_sumo.humans.lines.later import later_changes
 from scex_sumo.humans.observed.observations import (
     LEADER_MOVES,
     View,
@@ -191,7 +192,8 @@ class LikelyDriver:
         """
         human, spread, step = view.human, self.profile.spread, view.history.step
         vehicle = np.where(towed_by_leader(view), view.observed.leader[view.row], view.who.vehicle)
-        draws = uniforms(view.history.route_draw[view.who.future, vehicle], DRAWS, DRIVER)
+        draw = view.history.route_draw[view.who.future, vehicle]
+        draws = uniforms(draw, DRAWS, DRIVER)
         deviation = spread * students(draws[:, SIDE])[:, 0]
         choice = draws[:, CHANGE] if spread else np.full(len(draws), 0.5)
         left, right = change_shares(view.scene, road, view.paths, human)[view.row].T
@@ -201,7 +203,10 @@ class LikelyDriver:
         changes = np.clip(changes, -human.max_change_m, human.max_change_m)
         keeps = np.where(choice > 1 - right, changes[:, 1], lane_offsets(view, deviation))
         time_s = np.arange(step, step + PLAN_STEPS + 1, dtype=np.float64) * STEP_S
-        return lateral_offsets(lateral, np.where(choice < left, changes[:, 0], keeps), time_s, human)
+        offsets = lateral_offsets(lateral, np.where(choice < left, changes[:, 0], keeps), time_s, human)
+        if not spread or time_s[0] < human.lateral_s - 1e-9:
+            return offsets
+        return later_changes(view, road, offsets, draw)
 
     def _waits(self, view: View, leaders: Leaders, obeyed: Obeyed | None) -> FloatArray:
         """Return (n,) s for which vehicles stand from now on."""

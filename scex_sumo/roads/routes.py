@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
+from heapq import heapify, heappop, heappush
 from itertools import pairwise
 
 import numpy as np
@@ -25,7 +26,9 @@ from scex_sumo.scene import SeedScene
 
 MAX_ROUTES = 32
 MAX_LOOK_AHEAD = 12  # lanes of a route whose changes are avoided
-HORIZON_M, HORIZON_S = 80.0, 6.0  # of a candidate path
+HORIZON_M, HORIZON_S = 80.0, 6.0  # of a candidate path for futures of 3 s: they, and a plan of 3 s
+PLAN_S = 3.0
+MAX_LONGER = 12  # paths of a vehicle from one lane, with the forks that only longer futures reach
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,19 +103,22 @@ def _turn(road: Road, lane: int, other: int) -> float:
 def candidate_paths(road: Road, scene: SeedScene) -> tuple[tuple[CandidatePath, ...], ...]:
     """Return the paths that each vehicle of a seed scene can take, from left to right; none off the lanes.
 
-    A path is 80 m long, or 6 s at the vehicle's speed if that is longer.
+    A path is 80 m long, or 6 s at the vehicle's speed if that is longer; in longer futures in proportion.
     """
-    now = scene.now
+    now, longer = scene.now, (scene.horizon_s + PLAN_S) / HORIZON_S
     matches = match(road, now.x, now.y, now.heading)
     result: list[tuple[CandidatePath, ...]] = []
     for v in range(scene.vehicles):
         mine = np.flatnonzero(matches.vehicle == v)
         pose = (float(now.x[v]), float(now.y[v]), float(now.heading[v]))
-        horizon = max(HORIZON_M, HORIZON_S * float(now.speed[v]))
+        first = max(HORIZON_M, HORIZON_S * float(now.speed[v]))
+        horizon = longer * first
         starts = _starts(road, matches, mine, _past(scene, v))
         total = sum(p for _, _, p in starts)
         paths = [
-            path for lane, s, p in starts for path in _paths_from(road, lane, s, p / total, horizon, pose)
+            path
+            for lane, s, p in starts
+            for path in _paths_from(road, lane, s, p / total, (first, horizon), pose)
         ]
         if (intention := scene.intention(v)) is not None:
             paths = _with_intended(road, paths, starts, intention.lanes, horizon, pose)
@@ -206,9 +212,17 @@ def _came_along(road: Road, lane: int, s: float, past: FloatArray) -> float:
 
 
 def _paths_from(
-    road: Road, lane: int, s: float, probability: float, horizon: float, pose: tuple[float, float, float]
+    road: Road,
+    lane: int,
+    s: float,
+    probability: float,
+    horizons: tuple[float, float],
+    pose: tuple[float, float, float],
 ) -> list[CandidatePath]:
-    options = routes(road, lane, s, horizon)
+    first, horizon = horizons
+    options = routes(road, lane, s, first)
+    if horizon > first:
+        options = _with_later_forks(road, options, s, horizon)
     paths = []
     for route in options:
         share = probability
@@ -217,6 +231,31 @@ def _paths_from(
         angle = _angle(road, route, s, horizon, pose)
         paths.append(CandidatePath(lanes=route, s=s, probability=share, angle=angle))
     return paths
+
+
+def _with_later_forks(
+    road: Road, options: tuple[tuple[int, ...], ...], s: float, horizon: float
+) -> tuple[tuple[int, ...], ...]:
+    """Extend routes by all forks up to a distance, the nearest first, up to `MAX_LONGER` routes in all."""
+    lanes, complete = _known(road), list[tuple[int, ...]]()
+    open_routes = [(_covered(road, route) - s, route) for route in options]
+    heapify(open_routes)
+    while open_routes:
+        covered, route = heappop(open_routes)
+        following, gain = onward(lanes, route)
+        count = len(complete) + len(open_routes) + len(following)
+        if covered >= horizon or not following or (len(following) > 1 and count > MAX_LONGER):
+            complete.append(route)
+            continue
+        for lane in following:
+            heappush(open_routes, (covered + (_lengths(road)[lane] if gain else 0.0), (*route, lane)))
+    return tuple(complete)
+
+
+def _covered(road: Road, lanes: tuple[int, ...]) -> float:
+    """Return the length of a route, m; a lane change adds none."""
+    known, length = _known(road), _lengths(road)
+    return length[lanes[0]] + sum(length[b] for a, b in pairwise(lanes) if b in known[a].successors)
 
 
 def _angle(
@@ -231,8 +270,7 @@ def _angle(
 def extended(road: Road, lanes: tuple[int, ...], length_m: float) -> tuple[int, ...]:
     """Extend a route by the smallest turn at every fork, to a length or to the end of the road."""
     known, length = _known(road), _lengths(road)
-    # A lane change adds no length.
-    covered = length[lanes[0]] + sum(length[b] for a, b in pairwise(lanes) if b in known[a].successors)
+    covered = _covered(road, lanes)
     while covered < length_m:
         following, gain = onward(known, lanes)
         if not following:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.geometry.polylines import length_of
+from scex_sumo.road import Road
 from scex_sumo.roads.routes import candidate_paths, centreline, extended, routes
 from tests.behaviors import roads
 
@@ -96,6 +97,34 @@ def test_probability_is_shared_at_each_fork_not_among_all_ends() -> None:
     assert {path.lanes: path.probability for path in paths} == pytest.approx(
         {(1, 2, 4): 0.25, (1, 2, 5): 0.25, (1, 3): 0.5}
     )
+
+
+def chain_of_forks(count: int) -> Road:
+    """Forks every 40 m into two lanes that meet again: lanes 10k and 10k + 1 after the k-th."""
+    pieces = []
+    for k in range(count):
+        begin, end = [(40.0 * k, 0.0), (40.0 * k + 40.0, 0.0)], (10 * k + 10, 10 * k + 11)
+        for lane in (10 * k, 10 * k + 1):
+            pieces.append(roads.lane(lane, begin, successors=end if k + 1 < count else ()))
+    return roads.road(*pieces)
+
+
+def test_longer_futures_choose_at_forks_that_shorter_ones_do_not_reach() -> None:
+    forks, scene = chain_of_forks(4), roads.scene_of((5.0, 0.0, 0.0, 10.0))
+    counts = [
+        len(candidate_paths(forks, replace(scene, horizon_s=horizon_s))[0]) for horizon_s in (3.0, 5.0, 8.0)
+    ]
+    assert counts == [8, 8, 16]  # two lanes to begin on; 80, 107 and 147 m
+    (paths,) = candidate_paths(forks, replace(scene, horizon_s=8.0))
+    assert [path.probability for path in paths] == pytest.approx([1 / 16] * 16)
+
+
+def test_at_most_a_dozen_paths_lead_on_from_a_lane_and_the_nearest_forks_count() -> None:
+    forks, scene = chain_of_forks(12), roads.scene_of((5.0, 0.0, 0.0, 10.0))
+    (paths,) = candidate_paths(forks, replace(scene, horizon_s=20.0))
+    assert 16 < len(paths) <= 24
+    assert min(len(path.lanes) for path in paths) == 4
+    assert sum(path.probability for path in paths) == pytest.approx(1.0)
 
 
 def test_a_vehicle_at_the_start_of_overlapping_lanes_can_take_any_of_them() -> None:
