@@ -140,7 +140,7 @@ def main() -> None:
         for count, scene in enumerate(recorded_parts(arguments.data, site, arguments.part)):
             if count < arguments.most:
                 measure(scene, rows.setdefault(f"{site} {scene.location}"[:40], defaultdict(list)))
-    columns = "hours,free,changes,rate,of free,lasts,lead 5,lead 50,lag 5,lag 50".split(",")
+    columns = ["hours", "free", "changes", "rate", "of free", "lasts", "lead 5", "lead 50", "lag 5", "lag 50"]
     print(f"{'site':40}" + "".join(f"{name:>9}" for name in columns))
     for site, of in rows.items():
         hours, free, count = sum(of["exposure"]), float(np.mean(of["free"] or [np.nan])), len(of["changes"])

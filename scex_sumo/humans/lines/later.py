@@ -1,6 +1,6 @@
 """Lane changes of `LikelyDriver` that begin later than in the first three seconds.
 
-The wish comes after an exponential time. The driver then changes once the lane beside it is free, and gives up a
+The wish comes after an exponential time. The driver changes once the lane beside it is free, and gives up a
 change that has hardly begun if the lane is free no more. The place across the path shows how far a change is.
 """
 
