@@ -5,7 +5,7 @@
 A change is a step from a lane to one beside it, with at least 2 m across both in 4 s.
 Exposure is time at more than 3 m/s on a lane with another one beside it, per side. Columns:
 
-- hours: exposure; free: share of it in which `lanes_occupied` (headway 0.3 s) says that the lane beside is free;
+- hours: exposure; free: share of it in which the lane beside is free by `lanes_occupied` (headway 0.3 s);
 - changes; rate: an hour of exposure; of free: an hour of free exposure;
 - lasts: median time that a quintic with the speed at the border needs, s;
 - lead, lag: 5 % and 50 % quantile of the headways to the next vehicle ahead and behind on the new lane, s.

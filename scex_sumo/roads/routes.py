@@ -40,7 +40,10 @@ class CandidatePath:
             way on.
         s: arc length of the vehicle's foot point on the first lane, m.
         probability: match probability, shared equally at every fork.
-        angle: from the vehicle to the end of the path in the vehicle's frame, rad, left positive.
+        angle: from the vehicle to the end of the path in the vehicle's frame, rad, left positive; forks that
+            only longer futures reach do not count.
+        end_angle: with these forks.
+        straight_on: whether it takes the smallest turn at each of them.
         intended: whether it is the route that SUMO's simulation has for the vehicle.
     """
 
@@ -48,6 +51,8 @@ class CandidatePath:
     s: float
     probability: float
     angle: float
+    end_angle: float = 0.0
+    straight_on: bool = True
     intended: bool = False
 
 
@@ -122,8 +127,12 @@ def candidate_paths(road: Road, scene: SeedScene) -> tuple[tuple[CandidatePath, 
         ]
         if (intention := scene.intention(v)) is not None:
             paths = _with_intended(road, paths, starts, intention.lanes, horizon, pose)
-        result.append(tuple(sorted(paths, key=lambda path: (-round(path.angle, 9), path.lanes))))
+        result.append(tuple(sorted(paths, key=_from_left_to_right)))
     return tuple(result)
+
+
+def _from_left_to_right(path: CandidatePath) -> tuple[float, float, tuple[int, ...]]:
+    return -round(path.angle, 9), -round(path.end_angle, 9), path.lanes
 
 
 def _with_intended(
@@ -220,16 +229,26 @@ def _paths_from(
     pose: tuple[float, float, float],
 ) -> list[CandidatePath]:
     first, horizon = horizons
-    options = routes(road, lane, s, first)
+    options = near = routes(road, lane, s, first)
     if horizon > first:
-        options = _with_later_forks(road, options, s, horizon)
+        options = _with_later_forks(road, near, s, horizon)
+    straight = [extended(road, route, s + horizon) for route in near]
     paths = []
     for route in options:
         share = probability
         for i in range(1, len(route)):  # alternatives at each fork
             share /= len({other[i] for other in options if other[:i] == route[:i] and len(other) > i})
-        angle = _angle(road, route, s, horizon, pose)
-        paths.append(CandidatePath(lanes=route, s=s, probability=share, angle=angle))
+        angle, end = (_angle(road, route, s, ahead, pose) for ahead in horizons)
+        paths.append(
+            CandidatePath(
+                lanes=route,
+                s=s,
+                probability=share,
+                angle=angle,
+                end_angle=end,
+                straight_on=any(ahead[: len(route)] == route for ahead in straight),
+            )
+        )
     return paths
 
 

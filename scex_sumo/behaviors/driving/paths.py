@@ -175,6 +175,7 @@ def _smooth_lines(
                     p.lanes,
                     p.probability,
                     p.angle,
+                    straight_on=p.straight_on,
                     intended=p.intended,
                 )
                 for p in candidates[v]
@@ -221,6 +222,7 @@ class PathLine:
     share: float = 1.0
     angle: float = 0.0
     on_road: bool = True
+    straight_on: bool = True
     intended: bool = False
 
 
@@ -339,7 +341,8 @@ def _straightest(lines: list[PathLine]) -> int:
     for line in lines:
         by_lane[line.lanes[:1]] = by_lane.get(line.lanes[:1], 0.0) + line.share
     likeliest = max(by_lane, key=lambda lane: by_lane[lane])
-    return min((abs(line.angle), k) for k, line in enumerate(lines) if line.lanes[:1] == likeliest)[1]
+    some = [k for k, line in enumerate(lines) if line.lanes[:1] == likeliest and line.straight_on]
+    return min((abs(lines[k].angle), k) for k in some)[1]
 
 
 def _of_lanes(road: Road, points: FloatArray, owner: IntArray, samples: int) -> tuple[FloatArray, FloatArray]:
