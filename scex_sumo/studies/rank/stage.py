@@ -20,7 +20,7 @@ _MARGIN_M = 10.0
 _MIN_WIDTH_M = 45.0  # width of a picture
 _ASPECT = 0.6  # height over width
 _STEPS: Final = 30  # of a recording after the moment
-_LAST: Final = 21  # steps up to the contact that a picture encloses: fast vehicles drive into it
+_LAST: Final = 21  # steps up to the contact that a picture encloses; it begins when both are inside
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,7 +29,8 @@ class Stage:
 
     Attributes:
         picture: with one outline for each of ``outlines``.
-        outlines: x, y in m and turn in degrees by step from 1 s before the moment on; None: not recorded.
+        outlines: x, y in m and turn in degrees by step, from the first one on in which both vehicles are in
+            the picture, at most 1 s before the moment; None: not recorded.
         contact: step of the contact.
     """
 
@@ -62,6 +63,8 @@ def stage_of_motion(
     one, other = both
     happens = States.concatenate([scene.history[[one, other], :-1], motion], axis=1)
     box = _box(happens[:, -_LAST:])
+    begins = int(np.argmax(_inside(happens, box).all(axis=0)))  # fast vehicles have to come near first
+    happens, states, known = happens[:, begins:], states[:, begins:], known[:, begins:]
     tracks, shown = [], []
     for v in np.flatnonzero((_inside(states, box) & known).any(axis=1)).tolist():
         kind = "ghost" if v in (one, other) else "vehicle"

@@ -27,13 +27,16 @@ def with_person() -> SeedScene:
     return dataclasses.replace(queues(1, gap_m=5.0), obstacles=person)
 
 
-@pytest.mark.parametrize("scene", [queues(2, gap_m=5.0), with_person()], ids=["vehicles", "person"])
-def test_both_move_until_they_touch(scene: SeedScene) -> None:
+@pytest.mark.parametrize(
+    ("scene", "later"), [(queues(2, gap_m=5.0), 0), (with_person(), 5)], ids=["vehicles", "person"]
+)
+def test_both_move_until_they_touch(scene: SeedScene, later: int) -> None:
+    """``later``: steps until the vehicle is in the picture."""
     row = pairs_of_moment(scene).to_pylist()[0]
     stage = stage_of(scene, row)
     acts, responds = (np.array(outline) for outline in stage.outlines[-2:])
     assert len(acts) == len(responds) == stage.contact + 1
-    assert np.isclose(stage.contact - HISTORY_STEPS, 10 * row["contact_s"], atol=1)
+    assert np.isclose(later + stage.contact - HISTORY_STEPS, 10 * row["contact_s"], atol=1)
     apart = np.hypot(*(acts - responds)[:, :2].T)
     assert apart[-1] < apart[0] and apart[-1] < 5.0
     assert stage.picture.count("<rect") == len(stage.outlines)
@@ -43,7 +46,9 @@ def test_the_picture_shows_the_last_2_s_of_fast_vehicles_and_not_all_their_way()
     scene = queues(2, gap_m=25.0, speed=30.0)
     row = pairs_of_moment(scene).to_pylist()[0]
     stage = stage_of(scene, row)
-    acts, responds = (np.array(outline)[:, 0] for outline in stage.outlines[-2:])
-    width = float(str(stage.picture).split('viewBox="')[1].split()[2])
-    assert width == pytest.approx(np.ptp([acts[-21:], responds[-21:]]) + 20.0, abs=0.1)
-    assert width < np.ptp([acts, responds])
+    acts, responds = (np.array(outline) for outline in stage.outlines[-2:])
+    left, top, width, height = map(float, str(stage.picture).split('viewBox="')[1].split('"')[0].split())
+    assert width == pytest.approx(np.ptp([acts[-21:, 0], responds[-21:, 0]]) + 20.0, abs=0.1)
+    assert 21 <= len(acts) < HISTORY_STEPS + 1 + 10 * row["contact_s"]
+    for x, y, _ in (*acts, *responds):
+        assert left < x < left + width and top < -y < top + height
