@@ -9,15 +9,12 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.tracks.road_users import PEOPLE, obstacle_size, road_user
+from scex_sumo.converters.tracks.road_users import PEOPLE, obstacle_size, person_kind, road_user
 from scex_sumo.roads.misplaced import misplaced
 from scex_sumo.scene import HISTORY_STEPS, Obstacles, SeedScene, States
 
 MAX_PEOPLE: Final = 100
 """People that take part in a scene: those nearest to a vehicle."""
-
-RUNNING_MPS: Final = 3.0
-"""Mean speed of the last second above which one who walks or rides, as ``pedestrian/bicycle``, rides."""
 
 MAX_SIZE_M: Final = 4.0
 
@@ -71,7 +68,8 @@ def people_apart(scene: SeedScene) -> SeedScene:
 
 def _taking_part(scene: SeedScene, people: Obstacles) -> tuple[SeedScene, str]:
     """Return the scene with people as its last vehicles, and the names of those of unusable size."""
-    kinds = tuple(_kind(kind, states) for kind, states in zip(people.types, _rows(people), strict=True))
+    past = people.states.speed[:, : HISTORY_STEPS + 1]
+    kinds = tuple(road_user(person_kind(kind, v)) for kind, v in zip(people.types, past, strict=True))
     length, width, wrong = _sizes(people, kinds)
     known = people.present[:, :HISTORY_STEPS]
     taking = joined(
@@ -109,17 +107,6 @@ def joined(
         future_valid=None if scene.future_valid is None else np.concatenate([scene.future_valid, valid]),
         intentions=scene.intentions and (*scene.intentions, *(None,) * len(track_ids)),
     )
-
-
-def _rows(people: Obstacles) -> list[States]:
-    return [people.states[k, : HISTORY_STEPS + 1] for k in range(len(people.ids))]
-
-
-def _kind(kind: str, past: States) -> str:
-    """Return the road user; the speed decides on ``pedestrian/bicycle``."""
-    if "pedestrian" in kind and "bicycle" in kind:
-        return PEOPLE[int(np.mean(past.speed) > RUNNING_MPS)]
-    return road_user(kind)
 
 
 def _sizes(people: Obstacles, kinds: tuple[str, ...]) -> tuple[FloatArray, FloatArray, str]:

@@ -23,7 +23,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.colors import OTHER_RGB, Rgb
 from scex_sumo.converters.net.text import points_of
 from scex_sumo.converters.net.xml import net_root
-from scex_sumo.converters.tracks.road_users import PEOPLE, road_user
+from scex_sumo.converters.tracks.road_users import PEOPLE, obstacle_kinds, road_user
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.views.drawings import (
     WINDOW_SIZE,
@@ -199,8 +199,8 @@ def _groups(scene: SeedScene, tiled: TiledFuture) -> list[FcdTracks]:
     columns = np.minimum(np.arange(1, steps + 1), others.states.shape[1] - 1)
     obstacles = FcdTracks(
         ids=[tiled.id(f"P{name}") for name in others.ids],
-        types=[_type_id("other", kind, o) for o, kind in enumerate(others.types)],
-        walks=_walks(others.types),
+        types=[_type_id("other", kind, o) for o, kind in enumerate(obstacle_kinds(others))],
+        walks=_walks(obstacle_kinds(others)),
         length=others.length,
         states=others.states[:, columns],
         present=_without_gaps(others.present[:, columns]),
@@ -235,7 +235,7 @@ def _types(scene: SeedScene, futures: Sequence[FutureView], colors: Mapping[str,
         for model in sorted({future.models[v] for future in futures}):
             lines.append(_type(model, v, size, colors[model]))
     if (others := scene.obstacles) is not None:
-        for o, kind in enumerate(others.types):
+        for o, kind in enumerate(obstacle_kinds(others)):
             size = kind, float(others.length[o]), float(others.width[o])
             lines.append(_type("other", o, size, OTHER_RGB))
     return "".join(lines)

@@ -97,12 +97,14 @@ class Selection:
 
     Attributes:
         index: (n,) flat index into (C, V).
+        row: (n,) index into the shared vehicles.
         ids: (n) SUMO's ids.
         lanes: (n) moveToXY's ``keepRoute``.
         watched: indices into n of vehicles in mixed futures.
     """
 
     index: IntArray
+    row: IntArray
     ids: list[str]
     lanes: list[int]
     watched: list[int]
@@ -116,10 +118,11 @@ class RunningBatch:
         offset: (2, C, 1) of the tiles, m.
         overridden: (C, V) False where SUMO drives.
         mixed: (C,) True with SUMO drivers or a watcher.
+        walking: (C, V) SUMO's persons: pedestrians that take part in mixed futures.
         lanes: (C, V) moveToXY's ``keepRoute``.
         speed: (C, V) last speed set, where overridden.
         held: (C, V) the same after the last step, never negative.
-        obstacles: ids of present pedestrians and cyclists.
+        obstacles: ids of present obstacles which are vehicles in SUMO.
     """
 
     slots: list[int]
@@ -127,12 +130,13 @@ class RunningBatch:
     offset: FloatArray
     overridden: BoolArray
     mixed: BoolArray
+    walking: BoolArray
     lanes: IntArray
     speed: FloatArray
     held: FloatArray
     shared: SharedVehicles
     obstacles: set[str] = field(default_factory=set)
-    _selected: dict[bool, Selection] = field(default_factory=dict)
+    _selected: dict[str, Selection] = field(default_factory=dict)
 
     def id_of(self, future: int, vehicle: int) -> str:
         """Return SUMO's id of a vehicle."""
@@ -142,25 +146,26 @@ class RunningBatch:
     @property
     def everybody(self) -> Selection:
         """Vehicles in SUMO."""
-        return self._select(driven=True)
+        return self._select("everybody", ~self.walking)
 
     @property
     def moved(self) -> Selection:
         """Vehicles in SUMO that it does not drive."""
-        return self._select(driven=False)
+        return self._select("moved", self.overridden & ~self.walking)
 
-    def _select(self, *, driven: bool) -> Selection:
-        if driven not in self._selected:
-            index = self.shared.held
-            index = index if driven else index[self.overridden.reshape(-1)[index]]
+    def _select(self, name: str, mask: BoolArray) -> Selection:
+        if name not in self._selected:
+            row = np.flatnonzero(mask.reshape(-1)[self.shared.held])
+            index = self.shared.held[row]
             watched = self.mixed[index // self.overridden.shape[1]]
-            self._selected[driven] = Selection(
+            self._selected[name] = Selection(
                 index=index,
+                row=row,
                 ids=[self.ids[i] for i in index.tolist()],
                 lanes=self.lanes.reshape(-1)[index].tolist(),
                 watched=np.flatnonzero(watched).tolist(),
             )
-        return self._selected[driven]
+        return self._selected[name]
 
     def split(self, poses: Sequence[FloatArray]) -> IntArray:
         """Separate vehicles with different poses (C, V), and return the flat indices of those new to SUMO."""
@@ -203,8 +208,9 @@ def new_batch(
     slots: list[int],
     offsets: Sequence[tuple[float, float]],
     watched: bool,
+    pedestrians: BoolArray,
 ) -> RunningBatch:
-    """Return a batch before its start; ``watched``: sumo-gui shows it."""
+    """Return a batch before its start; ``watched``: sumo-gui shows it; ``pedestrians`` (V,) take part."""
     overridden = np.ones(start.shape, dtype=bool)
     for d in driven:
         overridden[d.future, d.vehicle] = False
@@ -219,6 +225,7 @@ def new_batch(
         offset=np.array(offsets, dtype=np.float64).T[..., None],
         overridden=overridden,
         mixed=mixed,
+        walking=mixed[:, None] & pedestrians,
         lanes=np.where(mixed[:, None] & overridden, OWN_LANE, _OWN_ROUTE),
         speed=start.speed.copy(),
         held=np.empty(start.shape),

@@ -6,38 +6,66 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray
+from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.cache import owner_cache
+from scex_sumo.converters.tracks.road_users import obstacle_kinds, road_user
 from scex_sumo.scene import HISTORY_STEPS, REPLAYED, SeedScene, States
 from scex_sumo.world.batch import MATCH_M, NO_LANE, OWN_LANE, RunningBatch, to_sumo
+from scex_sumo.world.persons import Person, Persons
 from scex_sumo.world.session import ANY_ROUTE
 from scex_sumo.world.tiles import tile_id
-from scex_sumo.world.vehicle_types import TypeBook, road_class
+from scex_sumo.world.vehicle_types import PERSON, TypeBook
 
 REACH_M = 250.0  # between vehicles that can meet within some seconds
 
 
 def put_obstacles(
-    scene: SeedScene, batch: RunningBatch, sumo: Any, types: TypeBook, states: States, present: BoolArray
+    scene: SeedScene,
+    batch: RunningBatch,
+    persons: Persons,
+    sumo: Any,
+    types: TypeBook,
+    states: States,
+    present: BoolArray,
 ) -> None:
     """Set the states (O,) after the next step, in futures with SUMO drivers or a watcher."""
     others = scene.obstacles
     assert others is not None
     front_x, front_y, angle = to_sumo(states, others.length)
+    kinds, places = obstacle_kinds(others), persons.places.find(front_x, front_y)
     for future in np.flatnonzero(batch.mixed):
         slot, (dx, dy) = batch.slots[future], batch.offset[:, future, 0]
         for o in obstacles_in_reach(scene):
             key = tile_id(slot, f"other{others.ids[o]}")
-            if present[o]:
+            x, y, turned = float(front_x[o] + dx), float(front_y[o] + dy), float(angle[o])
+            if road_user(kinds[o]) == "pedestrian":
+                if present[o]:
+                    persons.put(Person(key, types.obstacle(o) + PERSON, slot, places[o]), x, y, turned)
+                else:
+                    persons.remove(key)
+            elif present[o]:
                 if key not in batch.obstacles:
                     sumo.vehicle.add(key, tile_id(slot, ANY_ROUTE), types.obstacle(o))
-                    sumo.vehicle.setVehicleClass(key, road_class(others.types[o]))
+                    sumo.vehicle.setVehicleClass(key, persons.places.road_class(kinds[o]))
                     batch.obstacles.add(key)
-                x, y = float(front_x[o] + dx), float(front_y[o] + dy)
-                sumo.vehicle.moveToXY(key, "", NO_LANE, x, y, float(angle[o]), OWN_LANE, MATCH_M)
+                sumo.vehicle.moveToXY(key, "", NO_LANE, x, y, turned, OWN_LANE, MATCH_M)
             elif key in batch.obstacles:
                 sumo.vehicle.remove(key)
                 batch.obstacles.remove(key)
+
+
+def put_pedestrians(
+    batch: RunningBatch, persons: Persons, types: TypeBook, poses: tuple[FloatArray, FloatArray, FloatArray]
+) -> None:
+    """Set the poses (C, V) of pedestrians that take part after the next step."""
+    at = np.nonzero(batch.walking)
+    x, y, angle = (values[at] for values in poses)
+    dx, dy = batch.offset[:, at[0], 0]
+    places = persons.places.find(x - dx, y - dy)
+    rows = zip(*(values.tolist() for values in (*at, places, x, y, angle)), strict=True)
+    for future, v, place, *pose in rows:
+        key, slot = batch.id_of(future, v), batch.slots[future]
+        persons.put(Person(key, types.overridden(v) + PERSON, slot, place), *pose)
 
 
 @owner_cache

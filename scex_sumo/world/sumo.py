@@ -13,6 +13,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.world.base import BatchStart, SumoDriven, World, WorldRequest
 from scex_sumo.world.batch import (
@@ -20,6 +21,7 @@ from scex_sumo.world.batch import (
     NO_LANE,
     RunningBatch,
     Selection,
+    angle_read_back,
     from_sumo,
     new_batch,
     to_sumo,
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
     from scex_sumo.base.colors import Rgb
     from scex_sumo.converters.net.sumo_net import SumoNet
     from scex_sumo.world.driven import SumoDrivers
+    from scex_sumo.world.persons import Persons
 
 __all__ = ["TILE_SLOTS", "SumoDriven", "SumoSimulator", "SumoWorld"]
 
@@ -74,6 +77,11 @@ class SumoWorld:
         self._speeds: list[tuple[str, float, float]] = []
         self._routes = 0
         self._drivers: SumoDrivers | None = None
+        self._net = net.path
+        self._persons: Persons | None = None
+        self._walked: tuple[FloatArray, FloatArray, FloatArray] | None = None
+        kinds = np.array([road_user(kind) == "pedestrian" for kind in scene.types], dtype=np.bool_)
+        self._pedestrians = np.zeros_like(kinds) if scene.people is None else kinds & scene.people
 
     def __enter__(self) -> SumoWorld:
         return self
@@ -107,13 +115,23 @@ class SumoWorld:
         self._call = VehicleCalls.of(self._sumo)
         ids = vehicle_ids(wanted, self._scene.track_ids)
         offsets = [self._session.layout.offset(slot) for slot in wanted]
-        batch = new_batch(start, driven, ids=ids, slots=wanted, offsets=offsets, watched=self._gui)
+        batch = new_batch(
+            start,
+            driven,
+            ids=ids,
+            slots=wanted,
+            offsets=offsets,
+            watched=self._gui,
+            pedestrians=self._pedestrians,
+        )
         self._running = batch
+        self._persons = self._new_persons(batch)
         batch.refuse_shared_slots()
         with self._session.refusals(f"set up a batch of {len(wanted)} futures"):
             poses = self._poses(start)
             self._add_vehicles(batch.split(poses), driven)
             self._place(poses, batch.everybody, start.speed, np.zeros(start.shape))
+            self._walk(poses)
         if others := self._scene.obstacles:
             self.move_obstacles(*others.at(0))
         self._advance(batch)
@@ -136,15 +154,18 @@ class SumoWorld:
             poses = self._poses(states)
             self._add_vehicles(batch.split(poses))
             self._place(poses, batch.moved, states.speed, (states.speed - batch.speed) / STEP_S)
+            self._walk(poses)
         np.copyto(batch.speed, states.speed, where=mask)
 
     def move_obstacles(self, states: States, present: BoolArray) -> None:
         """Set the states (O,) of pedestrians and cyclists after the next step, for SUMO's drivers."""
-        if self._scene.obstacles is not None:
+        if self._persons is not None and self._scene.obstacles is not None:
             from scex_sumo.world.obstacles import put_obstacles
 
             with self._session.refusals("move pedestrians and cyclists"):
-                put_obstacles(self._scene, self._batch, self._sumo, self._types, states, present)
+                put_obstacles(
+                    self._scene, self._batch, self._persons, self._sumo, self._types, states, present
+                )
 
     def step(self) -> None:
         """Advance by 0.1 s."""
@@ -160,20 +181,24 @@ class SumoWorld:
     def read(self) -> States:
         """Return SUMO's states (C, V), headings in (-pi, pi].
 
-        The speed of a moved vehicle is the one that was set, see ``_advance``.
+        The speed of a moved vehicle is the one that was set, see ``_advance``; so is the pose of a person.
         """
         batch, get = self._batch, self._call
-        shape = batch.overridden.shape
         with self._session.refusals("read vehicles"):
-            held, place = batch.everybody.ids, batch.shared.place.reshape(shape)
-            ends = chain.from_iterable(map(get.getPosition, held))
-            front = np.fromiter(ends, np.float64, 2 * len(held)).reshape(-1, 2)[place]
-            angle = np.fromiter(map(get.getAngle, held), np.float64, len(held))[place]
+            some, place = batch.everybody, batch.shared.place.reshape(batch.overridden.shape)
+            read = np.zeros((3, len(batch.shared.held)))
+            ends = chain.from_iterable(map(get.getPosition, some.ids))
+            read[:2, some.row] = np.fromiter(ends, np.float64, 2 * len(some.ids)).reshape(-1, 2).T
+            read[2, some.row] = np.fromiter(map(get.getAngle, some.ids), np.float64, len(some.ids))
             speed = batch.held.copy()
             for k in np.flatnonzero(~batch.overridden):
                 speed.flat[k] = get.getSpeed(batch.ids[k])
-        x, y = front[..., 0] - batch.offset[0], front[..., 1] - batch.offset[1]
-        return from_sumo(x, y, angle, speed, self._length)
+        x, y, angle = read[:, place]
+        if self._walked is not None:
+            x, y, angle = (
+                np.where(batch.walking, *both) for both in zip(self._walked, read[:, place], strict=True)
+            )
+        return from_sumo(x - batch.offset[0], y - batch.offset[1], angle, speed, self._length)
 
     def save(self, folder: Path) -> None:
         """Write net, vehicle types and a state for ``--load-state``."""
@@ -186,7 +211,11 @@ class SumoWorld:
         """Colour a vehicle in sumo-gui; does nothing without it."""
         if self._gui:
             with self._session.refusals("colour a vehicle"):
-                self._sumo.vehicle.setColor(self._batch.id_of(future, vehicle), (*rgb, 255))
+                key = self._batch.id_of(future, vehicle)
+                if self._batch.walking[future, vehicle] and self._persons is not None:
+                    self._persons.color(key, (*rgb, 255))
+                else:
+                    self._sumo.vehicle.setColor(key, (*rgb, 255))
 
     @property
     def _batch(self) -> RunningBatch:
@@ -209,6 +238,24 @@ class SumoWorld:
             at = some.index[some.watched]
             speeds, changes = (values.reshape(-1)[at].tolist() for values in (speed, acceleration))
             self._speeds.extend(zip([some.ids[i] for i in some.watched], speeds, changes, strict=True))
+
+    def _new_persons(self, batch: RunningBatch) -> Persons | None:
+        """Return the persons of a batch; None if SUMO sees nobody on foot or bicycle in it."""
+        self._walked = None
+        if not batch.mixed.any() or (self._scene.obstacles is None and self._scene.people is None):
+            return None
+        from scex_sumo.world.persons import Persons, walking_places
+
+        return Persons(self._sumo, walking_places(self._net))
+
+    def _walk(self, poses: tuple[FloatArray, FloatArray, FloatArray]) -> None:
+        """Set the poses (C, V) of SUMO's persons after the next step."""
+        batch = self._batch
+        if self._persons is not None and batch.walking.any():
+            from scex_sumo.world.obstacles import put_pedestrians
+
+            put_pedestrians(batch, self._persons, self._types, poses)
+            self._walked = *poses[:2], angle_read_back(poses[2])
 
     def _advance(self, batch: RunningBatch) -> None:
         """Run one step of SUMO, count the vehicles, and set the speeds of moved vehicles."""
@@ -235,12 +282,14 @@ class SumoWorld:
                 self._sumo.vehicle.add(key, route, self._types.driven(v, d.model, d.parameters))
                 if (intention := self._scene.intention(v)) is not None:
                     self._sumo.vehicle.setSpeedFactor(key, intention.speed_factor)
-            else:
+            elif not batch.walking[future, v]:
                 self._sumo.vehicle.add(key, tile_id(slot, ANY_ROUTE), self._types.overridden(v))
                 if batch.mixed[future]:
                     # Else others give way to lane changes that never happen.
                     self._sumo.vehicle.setLaneChangeMode(key, 0)
-                    self._sumo.vehicle.setVehicleClass(key, road_class(self._scene.types[v]))
+                    kind = self._scene.types[v]
+                    own = road_class(kind) if self._persons is None else self._persons.places.road_class(kind)
+                    self._sumo.vehicle.setVehicleClass(key, own)
 
 
 class SumoSimulator:

@@ -8,11 +8,15 @@ from pathlib import Path
 from typing import TypeAlias
 from xml.sax.saxutils import quoteattr as quoted
 
-from scex_sumo.converters.tracks.road_users import road_user
+from scex_sumo.base.colors import OTHER_RGB, Rgb
+from scex_sumo.converters.tracks.road_users import obstacle_kinds, road_user
 from scex_sumo.scene import SeedScene
 
 _GUI_SHAPES = {"van": "delivery", "car": "passenger", "tram": "rail/railcar"}
 _Driver: TypeAlias = tuple[str, tuple[tuple[str, str], ...], str]  # model, parameters, SUMO's class
+PERSON = "_person"
+"""End of the name of a person's type."""
+_TOWARDS_MPS = 0.1  # with which SUMO's drivers expect persons on their lane to come towards them
 _CLASSES = {"truck": "truck", "bus": "bus", "motorcycle": "motorcycle"}
 
 
@@ -23,7 +27,7 @@ def gui_shape(kind: str) -> str:
 
 
 def road_class(kind: str) -> str:
-    """Return SUMO's class for a recorded type: none that may be on crossings, where libsumo 1.28 crashes."""
+    """Return SUMO's class for a recorded type: none for crossings, where vehicles crash libsumo."""
     return _CLASSES.get(gui_shape(kind), "passenger")
 
 
@@ -35,12 +39,17 @@ def given_type(
     rgb: tuple[int, int, int] | None = None,
     *,
     own_class: str = "ignoring",
+    speed_mps: float = 200.0,
 ) -> str:
     """Return the ``vType`` of moved vehicles; class ``ignoring`` may be on any lane."""
-    attributes = {"vClass": own_class, "guiShape": gui_shape(kind), "maxSpeed": "200"}
+    attributes = {"vClass": own_class, "guiShape": gui_shape(kind), "maxSpeed": f"{speed_mps:g}"}
     if rgb is not None:
         attributes["color"] = ",".join(str(c) for c in rgb)
     return _element(name, length, width, attributes)
+
+
+def _person_type(name: str, kind: str, length: float, width: float, rgb: Rgb | None) -> str:
+    return given_type(name, kind, length, width, rgb, own_class="passenger", speed_mps=_TOWARDS_MPS)
 
 
 def _driven_type(
@@ -73,7 +82,7 @@ class TypeBook:
         self._obstacles = []
         if (others := scene.obstacles) is not None:
             self._obstacles = list(
-                zip(others.types, others.length.tolist(), others.width.tolist(), strict=True)
+                zip(obstacle_kinds(others), others.length.tolist(), others.width.tolist(), strict=True)
             )
         self._intentions = scene.intentions
         self.random = False
@@ -115,13 +124,13 @@ class TypeBook:
 
     def write(self, path: Path) -> None:
         """Write SUMO's additional file."""
-        lines = {_type_name(*size): given_type(_type_name(*size), *size) for size in self._vehicles}
-        if self._obstacles:
-            from scex_sumo.base.colors import OTHER_RGB
-
-            lines |= {
-                (name := _type_name(*size)): given_type(name, *size, OTHER_RGB) for size in self._obstacles
-            }
+        lines = {}
+        for sizes, rgb in ((self._vehicles, None), (self._obstacles, OTHER_RGB)):
+            for size in sizes:
+                name = _type_name(*size)
+                lines[name] = given_type(name, *size, rgb)
+                if road_user(size[0]) == "pedestrian":
+                    lines[name + PERSON] = _person_type(name + PERSON, *size, rgb)
         for (model, parameters, own), index in self._drivers.items():
             for size in self._vehicles:
                 name = f"{_type_name(*size)}_{model}{index}"

@@ -6,6 +6,8 @@ the junction at x = 992, and goes on at y = 998.4 beyond it; the speed limit is 
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -308,19 +310,100 @@ def test_a_route_that_the_net_does_not_hold_is_an_error(crossing: SimpleNamespac
         drive(world, seed, [0], [driven(1, "IDM", ("w_in", "nowhere"))], 1)
 
 
-def test_pedestrians_are_on_no_walking_lane_of_sumo(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Libsumo 1.28 crashes after some batches in which vehicles were on crossings and walking areas."""
-    lanes: list[str] = []
+@pytest.mark.parametrize("vru", ["replay", "model"])
+def test_a_pedestrian_is_a_person_on_no_walking_area_and_a_cyclist_a_bicycle(
+    vru: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Libsumo 1.28 shifts persons on walking areas, or crashes."""
+    lanes, classes = list[str](), set[str]()
     advance = SumoWorld._advance
 
     def recorded(world: SumoWorld, batch: RunningBatch) -> None:
         advance(world, batch)
-        lanes.extend(map(libsumo.vehicle.getLaneID, batch.obstacles))
+        lanes.extend(map(libsumo.person.getLaneID, libsumo.person.getIDList()))
+        classes.update(map(libsumo.vehicle.getVehicleClass, libsumo.vehicle.getIDList()))
 
     monkeypatch.setattr(SumoWorld, "_advance", recorded)
     seed = read_seed(example_path("urban_intersection"))
-    extrapolate(seed, models="sumo:EIDM", futures=1, steps=10, exact=False, out=tmp_path / "run")
-    assert len(lanes) == 22 and not any("_w" in lane or "_c" in lane for lane in lanes)
+    models = "sumo:EIDM,keeps_walking" if vru == "model" else "sumo:EIDM"
+    extrapolate(seed, models=models, vru=vru, futures=1, steps=10, exact=False, out=tmp_path / "run")
+    assert len(lanes) == 11 and not any("_w" in lane for lane in lanes)
+    assert classes == {"passenger", "bicycle"}
+
+
+def crossing_of(net: Path) -> tuple[str, np.ndarray]:
+    """A crossing's lane before which vehicles from A0 have to stop, and its ends."""
+    (lane,) = (lane for lane in ElementTree.parse(net).iter("lane") if lane.get("id") == ":A1_c2_0")
+    ends = [[float(value) for value in point.split(",")] for point in lane.attrib["shape"].split()]
+    return lane.attrib["id"], np.array(ends)
+
+
+def test_a_driver_of_sumo_stops_before_a_person_on_a_crossing(tmp_path: Path) -> None:
+    """It drove on, at 14 m/s, while the person was a vehicle in SUMO."""
+    net = write_grid(tmp_path).net
+    _, (start, *_, end) = crossing_of(net)
+    (lane,) = (lane for lane in ElementTree.parse(net).iter("lane") if lane.get("id") == "A0A1_1")
+    x, y = (float(value) for value in lane.attrib["shape"].split()[0].split(","))
+    where = start + (x - start[0]) / (end - start)[0] * (end - start)
+    seed = scene((x, y + 20.0, np.pi / 2, 10.0), obstacles=obstacle(where[0], where[1], 0.0))
+    with SumoWorld(SimpleNamespace(path=net, extras=None), seed, slots=[0]) as world:
+        read = drive(world, seed, [0], [driven(0, "EIDM", ("A0A1", "A1A2"))], 100)
+        assert libsumo.person.getRoadID("t0_otherP1").startswith(":t0_A1_c")
+    gap = where[1] - read.y[0, 0] - 2.25
+    assert read.speed[0, 0, -1] < 0.2 and 0.3 < gap[-1] < 10.0
+
+
+WALK = """
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import libsumo
+import numpy as np
+
+import scex_sumo.world.tiles as tiles
+from scex_sumo.world.persons import Person, Persons, walking_places
+
+tiles.tile_prefix = lambda slot: ""  # the net has no tiles
+net, folder = Path(sys.argv[1]), Path(sys.argv[2])
+types, empty = folder / "types.add.xml", str(folder / "empty.xml")
+types.write_text('<additional><vType id="walks" vClass="passenger" maxSpeed="0.1"/></additional>')
+options = ["-n", str(net), "-a", str(types), "--step-length", "0.1", "--no-warnings", "true"]
+libsumo.simulation.start(["sumo", *options, "--no-step-log", "true", "--duration-log.disable", "true"])
+libsumo.simulation.saveState(empty)
+root = ElementTree.parse(net)
+crossings = [edge for edge in root.iter("edge") if edge.get("function") == "crossing"]
+spots = [edge.find("lane").get("shape").split()[0].split(",") for edge in crossings]
+rng, places, most = np.random.default_rng(0), walking_places(net), 0.0
+for moment in range(30):
+    libsumo.simulation.loadState(empty)
+    persons, pick = Persons(libsumo, places), rng.integers(len(spots), size=14)
+    at = np.array([[float(value) for value in spots[k][:2]] for k in pick]) + rng.normal(0, 3, (14, 2))
+    heading, speed = rng.uniform(-np.pi, np.pi, 14), rng.uniform(0, 2, 14)
+    for step in range(30):
+        found = places.find(*at.T)
+        for k in range(14):
+            pose = float(at[k, 0]), float(at[k, 1]), float(np.degrees(np.pi / 2 - heading[k]) % 360)
+            persons.put(Person(f"p{k}", "walks", 0, found[k]), *pose)
+        libsumo.simulation.step()
+        for k in range(14):
+            lane = libsumo.person.getLaneID(f"p{k}") if found[k] else ""
+            assert "_w" not in lane and ("_c" in lane) == found[k].startswith(":"), (lane, found[k])
+            off = np.hypot(*np.subtract(libsumo.person.getPosition(f"p{k}"), at[k]))
+            most = max(most, off if found[k] != "lane" else 0.0)
+        at += 0.1 * speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
+assert most < 0.02, most
+print("walked")
+"""
+
+
+def test_many_people_that_walk_over_crossings_do_not_crash_sumo(tmp_path: Path) -> None:
+    """On their own with ``moveToXY`` alone, libsumo 1.28 crashes after the second of these moments."""
+    net = write_grid(tmp_path).net
+    done = subprocess.run(
+        [sys.executable, "-c", WALK, str(net), str(tmp_path)], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (0, "walked\n"), done.stderr
 
 
 @pytest.mark.parametrize("kind", ["car", "bus", "pedestrian", "bicycle"])

@@ -4,6 +4,15 @@ from __future__ import annotations
 
 from typing import Final
 
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.cache import owner_cache
+from scex_sumo.scene import HISTORY_STEPS, Obstacles
+
+RUNNING_MPS: Final = 3.0
+"""Mean speed above which one who walks or rides, as ``pedestrian/bicycle``, rides."""
+
 PEOPLE: Final = ("pedestrian", "bicycle")
 """Road users that may take part in a scene, in the words of `road_user`."""
 
@@ -56,3 +65,17 @@ def road_user(kind: str) -> str:
 def obstacle_size(kind: str) -> tuple[float, float]:
     """Usual length and width of a road user that is not a vehicle, m."""
     return OBSTACLE_SIZES.get(kind, OBSTACLE_SIZES["bicycle"])
+
+
+def person_kind(kind: str, speed: FloatArray) -> str:
+    """Return the type of a road user; its speeds (T,), m/s, decide on ``pedestrian/bicycle``."""
+    if "pedestrian" in kind and "bicycle" in kind:
+        return PEOPLE[int(np.mean(speed) > RUNNING_MPS)]
+    return kind
+
+
+@owner_cache
+def obstacle_kinds(others: Obstacles) -> tuple[str, ...]:
+    """Return the types (O,) of obstacles; the last second decides on ``pedestrian/bicycle``."""
+    past = others.states.speed[:, : HISTORY_STEPS + 1]
+    return tuple(person_kind(kind, speed) for kind, speed in zip(others.types, past, strict=True))

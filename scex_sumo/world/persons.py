@@ -1,0 +1,135 @@
+"""Pedestrians of SUMO's world: persons on the net's crossings and lanes, elsewhere beside the net.
+
+``person.moveToXY`` of libsumo 1.28 takes a lane for the wanted edge. On walking areas it shifts persons by
+up to 12 m, and crashes if one comes to them from a lane in a junction. So persons are never on them: SUMO's
+drivers see persons on crossings and lanes. A person that changes between these is removed and added again.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.converters.tracks.road_users import road_user
+from scex_sumo.world.batch import MATCH_M, OWN_LANE
+from scex_sumo.world.tiles import tile_id
+from scex_sumo.world.vehicle_types import road_class
+
+LANE: Final = "lane"
+NOWHERE: Final = ""
+_ANY_CLASS = 4  # of moveToXY's keepRoute
+_NO_MATCH_M = 1e-6
+_STAGE_S = 1e6
+_WIDTH_M = 3.2  # SUMO's lanes without one
+
+
+class Person(NamedTuple):
+    """Person in a tile; ``place`` is a crossing's lane, `LANE` or `NOWHERE`."""
+
+    key: str
+    kind: str
+    slot: int
+    place: str
+
+
+class WalkingPlaces:
+    """Crossings of a net, and its lanes for cars.
+
+    Attributes:
+        edge: id of an edge, on which persons are added.
+        for_cyclists: whether bicycles may be where cars may be, and nowhere else.
+    """
+
+    def __init__(self, net: ElementTree.Element) -> None:
+        """Collect the places of a net."""
+        self._crossings, shapes, lanes, apart = list[str](), list[Any](), list[Any](), False
+        self.edge = ""
+        for edge in net.iter("edge"):
+            function = edge.get("function", "normal")
+            for lane in edge.iter("lane"):
+                walks = function in ("crossing", "walkingarea")
+                cars, bicycles = _allows(lane, "passenger"), _allows(lane, "bicycle")
+                apart |= cars != bicycles
+                if function == "crossing":
+                    self._crossings.append(lane.get("id", ""))
+                    shapes.append(_area(lane))
+                elif not walks and cars:
+                    lanes.append(_area(lane))
+                    self.edge = self.edge or (edge.get("id", "") if function == "normal" else "")
+        self.for_cyclists = not apart
+        self._shapes, self._lanes = shapely.STRtree(shapes), shapely.STRtree(lanes)
+
+    def road_class(self, kind: str) -> str:
+        """Return SUMO's class for a recorded type; bicycles have their own where they use cars' lanes."""
+        return "bicycle" if self.for_cyclists and road_user(kind) == "bicycle" else road_class(kind)
+
+    def find(self, x: FloatArray, y: FloatArray) -> NDArray[np.object_]:
+        """Return the places (N,) of persons: a crossing's lane, `LANE` or `NOWHERE`."""
+        points, found = shapely.points(x, y), np.full(len(x), NOWHERE, dtype=object)
+        found[self._lanes.query(points, predicate="intersects")[0]] = LANE
+        for point, crossing in self._shapes.query(points, predicate="intersects").T.tolist():
+            found[point] = self._crossings[crossing]
+        return found
+
+
+def walking_places(net_path: Path) -> WalkingPlaces:
+    """Return the walking places of a net; the last ones are reused for the same content."""
+    return _of_content(net_path.read_bytes())
+
+
+@lru_cache(maxsize=1)
+def _of_content(content: bytes) -> WalkingPlaces:
+    return WalkingPlaces(ElementTree.fromstring(content))
+
+
+class Persons:
+    """Persons of a batch in SUMO."""
+
+    def __init__(self, sumo: Any, places: WalkingPlaces) -> None:
+        self._sumo, self.places = sumo, places
+        self._place: dict[str, str] = {}
+        self._colors: dict[str, tuple[int, int, int, int]] = {}
+
+    def put(self, person: Person, x: float, y: float, angle: float) -> None:
+        """Set the pose after the next step, in SUMO's frame."""
+        calls, (key, kind, slot, place) = self._sumo.person, person
+        if self._place.get(key) != place:
+            self.remove(key)
+            calls.add(key, tile_id(slot, self.places.edge), 0.0, typeID=kind)
+            calls.appendWaitingStage(key, _STAGE_S)
+            if key in self._colors:
+                calls.setColor(key, self._colors[key])
+            self._place[key] = place
+        wanted, route, reach = "", OWN_LANE, MATCH_M
+        if place == NOWHERE:
+            reach = _NO_MATCH_M
+        elif place != LANE:
+            wanted, route = tile_id(slot, place), OWN_LANE + _ANY_CLASS
+        calls.moveToXY(key, wanted, x, y, angle, route, reach)
+
+    def remove(self, key: str) -> None:
+        """Remove a person, if it is there."""
+        if self._place.pop(key, None) is not None:
+            self._sumo.person.remove(key)
+
+    def color(self, key: str, rgba: tuple[int, int, int, int]) -> None:
+        """Colour a person in sumo-gui."""
+        self._colors[key] = rgba
+        self._sumo.person.setColor(key, rgba)
+
+
+def _allows(lane: ElementTree.Element, kind: str) -> bool:
+    allowed, closed = (set(lane.get(key, "").split()) for key in ("allow", "disallow"))
+    return bool({kind, "all"} & allowed) if allowed else not {kind, "all"} & closed
+
+
+def _area(lane: ElementTree.Element) -> Any:
+    points = [tuple(map(float, point.split(",")[:2])) for point in lane.get("shape", "").split()]
+    return shapely.LineString(points).buffer(float(lane.get("width", _WIDTH_M)) / 2, cap_style="flat")
