@@ -6,6 +6,7 @@ import json
 import shlex
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
@@ -175,6 +176,16 @@ def test_a_bad_function_fails_its_case_with_the_reason(
     found = run_case(task_of(case, spec, 8, seed=0, limit_s=600.0))
     assert isinstance(found, Failure)
     assert reason in found.reason
+
+
+def test_a_program_drives_a_case(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The example of the docs, in another process."""
+    monkeypatch.chdir(Path(__file__).parents[2])
+    case = scex.open_suite(place / "suite").cases[0]
+    (spec,) = scex.parse_models(f"process:{sys.executable} docs/examples/process_driver.py")
+    found = run_case(task_of(case, spec, 8, seed=0, limit_s=600.0))
+    assert not isinstance(found, Failure), found.reason
+    assert found["futures"] >= 8 and 0.0 <= found["probability"] <= 1.0
 
 
 def test_a_function_without_end_fails_its_case_and_the_test(place: Path) -> None:
