@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from heapq import heapify, heappop, heappush
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.cache import owner_cache, recent
 from scex_sumo.geometry.polylines import (
     along,
     arc_lengths,
@@ -26,6 +27,7 @@ from scex_sumo.scene import SeedScene
 
 MAX_ROUTES = 32
 MAX_LOOK_AHEAD = 12  # lanes of a route whose changes are avoided
+_RECENT = 1024  # centrelines of a road: more than those of a scene
 HORIZON_M, HORIZON_S = 80.0, 6.0  # of a candidate path for futures of 3 s: they, and a plan of 3 s
 PLAN_S = 3.0
 MAX_LONGER = 12  # paths of a vehicle from one lane, with the forks that only longer futures reach
@@ -309,8 +311,20 @@ def centreline(
     It follows the smallest turns, and goes straight on at the ends of the road.
 
     Returns:
-        (P, 2) points and (P,) the lane id under each.
+        (P, 2) points and (P,) the lane id under each; nobody may change them.
     """
+    make = partial(_traced, road, lanes, s, behind_m, ahead_m)
+    return recent(_recent_lines(road), (lanes, s, behind_m, ahead_m), _RECENT, make)
+
+
+@owner_cache
+def _recent_lines(road: Road) -> dict[tuple[Any, ...], tuple[FloatArray, IntArray]]:
+    return {}
+
+
+def _traced(
+    road: Road, lanes: tuple[int, ...], s: float, behind_m: float, ahead_m: float
+) -> tuple[FloatArray, IntArray]:
     known, length = _known(road), _lengths(road)
     before: list[int] = []
     missing = behind_m - s

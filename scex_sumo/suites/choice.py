@@ -79,7 +79,7 @@ def choose(population: Population, count: int, *, seed: int = 0, per_moment: boo
     words = ["taken for sure", *_words(kinds[rest], population.risk[rest], stratum[rest])]
     sizes = np.rint(np.bincount(stratum, population.stands_for, minlength=len(words))).astype(np.int64)
     held = np.bincount(stratum, minlength=len(words))[1:]
-    sums = np.bincount(stratum[rest], size[rest], minlength=len(words))[1:]
+    sums = np.bincount(stratum[rest], size[rest], minlength=len(words))[1:].astype(np.float64)
     shares = allocation(held, sums, left, least=np.where(np.arange(len(held)) < shared, EACH, 1))
     index: list[int] = np.flatnonzero(sure).tolist()
     weight, spare, used = [1.0] * len(index), [list[int]() for _ in index], set[str]()  # among the rows
@@ -164,7 +164,7 @@ def own_strata(
     strata, lacking = stratum.copy(), dict[str, FloatArray]()
     alone = {kinds[stratum == h][0] for h in np.unique(stratum) if len(set(kinds[stratum == h])) == 1}
     for kind in sorted(set(kinds) - set(served) - alone):
-        lacking[kind] = np.bincount(stratum, size * (kinds == kind))
+        lacking[kind] = np.bincount(stratum, size * (kinds == kind)).astype(np.float64)
     room = count - EACH * len(np.unique(stratum))
     for kind in sorted(lacking, key=lambda kind: -lacking[kind].sum())[: max(room, 0)]:
         strata[(kinds == kind) & (stratum == np.argmax(lacking[kind]))] = strata.max() + 1

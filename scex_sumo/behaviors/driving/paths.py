@@ -30,7 +30,7 @@ FIRST_HORIZON_S = 8.0  # 3 s of a future, 3 s of a plan, and some acceleration
 LONGER_S = 5.0  # longer futures get tables that are longer by 1, 3, 7, ... times this
 ROUTE_M = 500.0  # of the routes for SUMO
 BESIDE_M, BESIDE_COS = (25.0, 8.0), 0.87  # along and across, to a vehicle that drives in parallel
-_RECENT_LINES, _RECENT_TABLES = 512, 4  # of a road
+_RECENT = 4  # sets of lines of a road: with recorded and with estimated headings, smoothed and driven
 COARSE = 8  # for the first step of a projection
 COLUMNS = ("x", "y", "cos", "sin", "heading", "curvature")
 PathChoice: TypeAlias = (
@@ -171,7 +171,7 @@ def _smooth_lines(
         else:
             options = [
                 PathLine(
-                    *_centreline(road, p.lanes, p.s, ahead),
+                    *centreline(road, p.lanes, p.s, BEHIND_M, ahead),
                     p.lanes,
                     p.probability,
                     p.angle,
@@ -196,19 +196,8 @@ def _smooth_lines(
     return _SmoothLines(lines=every, count=count, raw=raw, smooth=smooth, limit=limit)
 
 
-def _centreline(road: Road, lanes: tuple[int, ...], s: float, ahead: float) -> tuple[FloatArray, IntArray]:
-    """Return a centreline, once for a scene and the same scene with estimated headings."""
-    make = partial(centreline, road, lanes, s, BEHIND_M, ahead)
-    return recent(_recent_lines(road), (lanes, s, ahead), _RECENT_LINES, make)
-
-
 @owner_cache
-def _recent_lines(road: Road) -> dict[tuple[tuple[int, ...], float, float], tuple[FloatArray, IntArray]]:
-    return {}
-
-
-@owner_cache
-def _recent_lines_evenly(road: Road) -> dict[tuple[Any, ...], FloatArray]:
+def _recent_lines(road: Road) -> dict[tuple[Any, ...], FloatArray]:
     return {}
 
 
@@ -295,9 +284,9 @@ def _given(
 
 def _tabulate(road: Road, smooth_lines: _SmoothLines, redraw: Redraw | None) -> SeedPaths:
     lines, count, samples = smooth_lines.lines, smooth_lines.count, smooth_lines.raw.shape[1]
-    known = _recent_lines_evenly(road)
+    known = _recent_lines(road)
     key = (redraw, *(line.lanes for line in lines), smooth_lines.raw.tobytes())
-    even = recent(known, key, _RECENT_TABLES, partial(_evenly, road, smooth_lines, redraw))
+    even = recent(known, key, _RECENT, partial(_evenly, road, smooth_lines, redraw))
     centre = even.reshape(-1, 2).mean(axis=0)
     some = even[:, ::COARSE] - centre
     first = np.cumsum(count) - count

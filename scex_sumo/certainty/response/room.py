@@ -68,6 +68,11 @@ class Meeting:
         return blocked_stretches(self.lines, np.arange(len(self.speed)), self.length, self.width, self.others)
 
     @cached_property
+    def straight_on(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(n, K) x, y and heading on the lines with the speed of now."""
+        return self.lines.at(np.arange(len(self.speed)), self.speed[:, None] * self.time_s)
+
+    @cached_property
     def collides(self) -> BoolArray:
         """(n,) whether a vehicle that keeps speed and line touches the other one."""
         return self.blocked.touched(self.speed[:, None] * self.time_s)
@@ -87,7 +92,7 @@ class Meeting:
         """
         way = acceleration[:, None] * np.maximum(self.time_s - begin_s[:, None], 0.0) ** 2 / 2
         aside = side * np.minimum(way, self.room[:, :1] if side > 0 else self.room[:, 1:])
-        x, y, heading = self.lines.at(np.arange(len(self.speed)), self.speed[:, None] * self.time_s)
+        x, y, heading = self.straight_on
         own = Rectangles(
             x=x - aside * np.sin(heading),
             y=y + aside * np.cos(heading),
