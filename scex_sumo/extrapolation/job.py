@@ -26,6 +26,7 @@ from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.design import design_intervals
 from scex_sumo.results.parts import Part, joined_parts, save_part
+from scex_sumo.results.tables.horizons import horizons_table
 from scex_sumo.results.tables.outcomes import collisions_table, encounter_rows
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene
@@ -224,6 +225,7 @@ def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: On
             hits, outcome.severity, futures=futures, track_ids=ids, first=LOGGED_HISTORY
         ),
         encounters=encounter_rows(outcome.encounters, futures),
+        horizons=horizons_table(values, futures, settings.steps),
     )
 
 

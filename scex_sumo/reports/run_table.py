@@ -30,12 +30,10 @@ from scex_sumo.results.extras import extras_results
 from scex_sumo.results.probability import Probability
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import ENCOUNTERS
-from scex_sumo.scene import STEP_S
+from scex_sumo.results.tables.horizons import horizons_of
 from scex_sumo.statistics.density import Interval
 
 KEEP_DOUBTFUL: Final = "--keep-doubtful"
-HORIZONS_S: Final = (1.0, 2.0, 3.0, 5.0, 8.0)
-HORIZONS_STEPS: Final = 30  # a longer run tells P(collision) by horizon, too
 SEVERITY: Final = "severe injuries [‰]"
 MAIN: Final[tuple[str, ...]] = ("gap", "ttc_path", "drac", "thw", "wttc_path")
 """Metrics of the table in its default form."""
@@ -197,12 +195,10 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
         human = () if likely is None else (_tight(likely.collision.share),)
         collided = _collision_shares(run.collision)
         rows.append(("collision", _recorded_overlaps(run), "–", "any", *human, *collided, "all"))
-    steps = int(run.info.get("steps", 0))
-    for seconds in HORIZONS_S if steps > HORIZONS_STEPS and run.outcomes else ():
-        if seconds < STEP_S * steps:
-            human = () if likely is None else (_tight(likely.p_collision_by(seconds).share),)
-            collided = _shares(run.p_collision_by(seconds))
-            rows.append((f"collision by {seconds:g} s", *("–",) * 2, "any", *human, *collided, "all"))
+    for seconds in horizons_of(int(run.info.get("steps", 0))) if run.outcomes else ():
+        human = () if likely is None else (_tight(likely.p_collision_by(seconds).share),)
+        collided = _shares(run.p_collision_by(seconds))
+        rows.append((f"collision by {seconds:g} s", *("–",) * 2, "any", *human, *collided, "all"))
     if (injuries := expected_injuries(run)) is not None:
         expected = None if likely is None else expected_injuries(likely)
         human = () if likely is None else ("–" if expected is None else f"{1000 * expected:.2f}",)

@@ -214,7 +214,7 @@ _TABLES = tuple(
     f"{name}.parquet"
     for name in (
         *("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst"),
-        *("collisions", "encounters", "pair_outcomes", "under_test"),
+        *("collisions", "encounters", "pair_outcomes", "under_test", "horizons"),
     )
 )
 

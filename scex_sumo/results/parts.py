@@ -17,7 +17,7 @@ from scex_sumo.base.files import remove_unfinished, replacing
 from scex_sumo.scene import States
 
 PARTS = ".parts"
-TABLES = ("worst", "fallbacks", "collisions", "encounters")
+TABLES = ("worst", "fallbacks", "collisions", "encounters", "horizons")
 _STATES = ("x", "y", "heading", "speed")
 
 
@@ -31,6 +31,7 @@ class Part:
         worst: rows of ``worst.parquet``; so ``fallbacks``, ``collisions``.
         tested: (2, C, M) values, and 1 where defined, of the vehicles under test alone; None without any.
         encounters: rows of `encounter_rows`.
+        horizons: rows of ``horizons.parquet``; None for short futures.
     """
 
     futures: IntArray
@@ -44,6 +45,7 @@ class Part:
     tested: FloatArray | None = None
     collisions: pa.Table | None = None
     encounters: pa.Table | None = None
+    horizons: pa.Table | None = None
 
 
 def save_part(folder: Path, part: Part) -> None:
@@ -129,6 +131,7 @@ class Parts:
             fallbacks=_none_if_empty(_in_order(tables["fallbacks"])),
             collisions=_in_order(tables["collisions"]),
             encounters=_in_order(tables["encounters"]),
+            horizons=_in_order(tables["horizons"]),
             values=some["values"],
             defined=some["defined"],
             plan_x=some.get("plan_x"),
@@ -176,6 +179,7 @@ def joined_parts(parts: Sequence[Part]) -> Part:
         fallbacks=table("fallbacks"),
         collisions=table("collisions"),
         encounters=table("encounters"),
+        horizons=table("horizons"),
         tested=one([part.tested for part in parts], axis=1),
     )
 

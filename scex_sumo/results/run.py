@@ -19,6 +19,7 @@ from scex_sumo.results.design import column_of, half_widths, intervals_of, is_cr
 from scex_sumo.results.extras import BASELINE, REFERENCE, Decision, extras_results
 from scex_sumo.results.info import read_info
 from scex_sumo.results.probability import Encounter, Probability, probability_of
+from scex_sumo.results.tables.horizons import HORIZONS, horizons_of
 from scex_sumo.results.tables.reading import read_assignments, read_metrics, read_table
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
 from scex_sumo.statistics.density import BANDWIDTH, Density, Interval
@@ -54,6 +55,7 @@ class Run:
         self.folder = folder
         self._temporary = temporary  # lives as long as the run
         self.written: dict[str, Path] = {}
+        self._widths: dict[float | None, dict[str, float]] = {}
         self.info = read_info(folder)
         learn_metrics(self.info.get("metrics", ()))
 
@@ -269,35 +271,74 @@ class Run:
         """Return the metric column of a printed name; raise a `UsageError` if there is none."""
         return COLLISION if text.strip().lower() in self.outcomes else column_named(text, self.columns)
 
-    def values(self, column: str) -> FloatArray:
-        """Return the values (C,) of a metric, NaN where undefined; 0 and 1 of ``collision``."""
-        return column_of(self.metrics, self.column(column))
+    def values(self, column: str, *, until_s: float | None = None) -> FloatArray:
+        """Return the values (C,) of a metric, NaN where undefined; 0 and 1 of ``collision``.
+
+        Args:
+            until_s: of the first seconds alone, 1, 2, 3, 5 or 8, in a run of more than 3 s.
+        """
+        return column_of(self._metrics_until(until_s), self.column(column))
+
+    def _metrics_until(self, until_s: float | None) -> ArrowTable:
+        """Return the metric columns of whole futures, or of their first seconds."""
+        if until_s is None:
+            return self.metrics
+        if until_s not in (known := self.horizons_s):
+            there = f"give one of {', '.join(f'{t:g}' for t in known)}" if known else "a run of 3 s has none"
+            raise UsageError(f"until_s={until_s!r}: {there}")
+        table = self._horizons
+        return table.filter(np.asarray(table["until_s"]) == until_s)
+
+    @property
+    def horizons_s(self) -> tuple[float, ...]:
+        """Times by which the metrics of longer futures are known, too; () for 3 s and in older results."""
+        there = (self.folder / HORIZONS).is_file()
+        return horizons_of(int(self.info["steps"])) if there else ()
+
+    @cached_property
+    def _horizons(self) -> ArrowTable:
+        return self.table(HORIZONS, columns=("future", "until_s", *self.columns))
 
     def samples(self, column: str) -> FloatArray:
         """Return the values (n,) of a metric in the futures where it is defined."""
         values = self.values(column)
         return values[~np.isnan(values)]
 
-    def density(self, column: str, *, bandwidth: float = BANDWIDTH, reflect: bool | None = None) -> Density:
+    def density(
+        self,
+        column: str,
+        *,
+        bandwidth: float = BANDWIDTH,
+        reflect: bool | None = None,
+        until_s: float | None = None,
+    ) -> Density:
         """Return density and cumulative density of a metric with its 95 % band.
 
         Args:
             bandwidth: of the kernel, in the metric's unit.
             reflect: as of `metric_density`; None: as set in the run.
+            until_s: as of `values`.
         """
         folded = bool(self.info.get("reflect", True)) if reflect is None else reflect
         column = self.column(column)
         if column == COLLISION:
             raise UsageError(f"{column}: is 0 or 1 in each future and has no density; see its share instead")
-        width = self._half_widths[column]
-        return metric_density(self.values(column), width, reflect=folded, bandwidth=bandwidth)
+        width = self._half_widths(until_s)[column]
+        values = self.values(column, until_s=until_s)
+        return metric_density(values, width, reflect=folded, bandwidth=bandwidth)
 
-    @cached_property
-    def _half_widths(self) -> dict[str, float]:
-        return half_widths(self.metrics, self.columns, self.intervals)
+    def _half_widths(self, until_s: float | None) -> dict[str, float]:
+        if until_s not in self._widths:
+            self._widths[until_s] = half_widths(self._metrics_until(until_s), self.columns, self.intervals)
+        return self._widths[until_s]
 
-    def p_critical(self, column: str, *, threshold: float | None = None) -> Interval:
+    def p_critical(
+        self, column: str, *, threshold: float | None = None, until_s: float | None = None
+    ) -> Interval:
         """Return the share of critical futures with its 95 % interval; an undefined metric is not critical.
+
+        Args:
+            until_s: as of `values`.
 
         Raises:
             UsageError: no ``threshold`` is given, and the run has none for this metric.
@@ -309,7 +350,7 @@ class Run:
                 f"{column}: has no threshold; those that have: {', '.join(self.thresholds)}; "
                 "give one as threshold="
             )
-        return self.intervals.share(is_critical(self.values(column), column, limit))
+        return self.intervals.share(is_critical(self.values(column, until_s=until_s), column, limit))
 
     def recorded_value(self, column: str) -> float | None:
         """Return the value of a metric in the recorded future, or None."""

@@ -107,16 +107,24 @@ def _explain_lines(run: Run, figure: Figure, *, headline: bool) -> None:
     lines = [Line2D([], [], color=_CURVE, linewidth=1.2, label="stress test")]
     if run.reference is not None:
         lines.append(Line2D([], [], color=_LIKELY, linewidth=1.2, label="human-like"))
+    if run.horizons_s:
+        words = f"by {', '.join(f'{t:g}' for t in run.horizons_s)} s"
+        lines.append(Line2D([], [], color=_CURVE, linewidth=0.7, linestyle=":", label=words))
     lines.append(Line2D([], [], color=_CRITICAL, linewidth=1.0, label="threshold"))
     if run.recorded is not None:
         lines.append(Line2D([], [], color=_RECORDED, linewidth=1.2, linestyle="--", label="recorded"))
     style: dict[str, Any] = {"columnspacing": 1.0, "handlelength": 1.4, "frameon": False}
-    figure.legend(handles=lines, loc="outside lower center", ncols=len(lines), **style)
+    figure.legend(handles=lines, loc="outside lower center", ncols=min(len(lines), 4), **style)
 
 
 def _draw_curves(run: Run, curve: str, column: str, axes: Axes) -> None:
     drawn, ends = run.density(column), [run.density(column).x]
     drawn.plot(axes, curve=curve, color=_CURVE)
+    for until_s in run.horizons_s:
+        if not np.isnan(run.values(column, until_s=until_s)).all():
+            early = run.density(column, until_s=until_s)
+            y, alpha = early.pdf if curve == "density" else early.cdf, until_s / run.horizons_s[-1]
+            axes.plot(early.x, y, color=_CURVE, linewidth=0.7, linestyle=":", alpha=0.4 + 0.6 * alpha)
     if run.reference is not None and len(run.reference.samples(column)):
         likely = run.reference.density(column)
         y = likely.pdf if curve == "density" else likely.cdf
