@@ -10,7 +10,6 @@ from scipy.special import logit, ndtri
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.draws import uniforms
 from scex_sumo.humans.observed.observations import View
-from scex_sumo.humans.parameters import SUMO_BRAKING_MPS2
 from scex_sumo.road import Rules
 from scex_sumo.rules.holds import Manner, Obeyed, lights, obeyed
 from scex_sumo.rules.states import Lit, traffic_on
@@ -79,9 +78,9 @@ def obedience(view: View, rows: IntArray, spread: float) -> Obeyed:
     history, who, rules = view.history, view.who, view.history.scene.rules
     assert rules is not None
     manner = manner_of(history.route_draw[who.future, who.vehicle], spread)
-    if history.scene.intentions:  # a driver of SUMO stops at yellow if its deceleration is enough
+    if np.isfinite(view.human.yellow_mps2):
         yellow_s = np.where(np.isinf(manner.yellow_s), np.inf, 0.0)
-        manner = replace(manner, yellow_mps2=SUMO_BRAKING_MPS2, yellow_s=yellow_s)
+        manner = replace(manner, yellow_mps2=view.human.yellow_mps2, yellow_s=yellow_s)
     traffic = traffic_on(history, view.paths, rows)
     return obeyed(history, who, view.paths, view.row, traffic, manner, _lights(view, rules, spread))
 

@@ -111,6 +111,7 @@ class HumanParameters:
     stop_weights: FloatArray  # log odds | (5,) of `stop_features` | fitted
     stop_s: float = 2.2  # s | median time in which creeping vehicles come to rest | chosen
     stop_spread: float = 0.4  # 1 | standard deviation of its logarithm | chosen
+    yellow_mps2: float = np.inf  # m/s² | braking that is enough to stop at yellow; inf: by time | chosen
     line_gap_m: float = 0.5  # m | to a place where rules make it stop | chosen
     # Place in the lane
     lateral_s: float = 3.0  # s | time after which the wanted offset is reached | chosen
@@ -197,7 +198,7 @@ def simulated(human: HumanParameters) -> HumanParameters:
     """Return the parameters for traffic of SUMO, which has no habits: it drives as its default type may.
 
     It gains speed evenly up to its limit, with the three quarters of ``accel`` that dawdling leaves, keeps to
-    the middle of its lane, and leaves people no room.
+    the middle of its lane, stops at yellow if ``decel`` is enough, and leaves people no room.
 
     Source: SUMO's documentation: accel, decel, sigma of passenger cars; junctions.limit-turn-speed.
     """
@@ -212,6 +213,7 @@ def simulated(human: HumanParameters) -> HumanParameters:
         human,
         idm=idm,
         free_exponent=20.0,
+        yellow_mps2=SUMO_BRAKING_MPS2,
         braking_log=np.array([np.log(SUMO_BRAKING_MPS2), human.braking_log[1]]),
         habit_s=0.5,
         sudden_s=0.3,
