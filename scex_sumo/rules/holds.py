@@ -29,6 +29,7 @@ SLOW_MPS, GOES_MPS2 = 6.0, 1.0  # a slower vehicle that gains speed with so litt
 START_MPS2 = 1.5  # acceleration of a vehicle that goes
 COMING_MPS2 = 3.0  # a vehicle that would brake harder than this does not stop at its red light
 GOING_MPS = 5.0  # least speed of a vehicle that goes, after it has started
+LONG_RED_S, HARDEST_MPS2 = 3.0, 9.0  # nobody hopes to pass so long after red begins: all brake as they can
 CLEAR_S = 1.0  # between a vehicle that leaves a conflict and the next one
 PERMITTED_S, CROSSING_S, MERGING_S = 4.5, 6.5, 5.0  # critical headways
 WALKER_M, WALKER_S = 1.0, (0.0, 1.0, 2.0)  # around a crosswalk; times ahead at which walkers count
@@ -164,7 +165,8 @@ def _at_lights(me: _Drivers, ways: RuledWays, lit: Lit) -> tuple[FloatArray, Flo
     stops = (
         (yellow | early) & (needed <= me.of("yellow_mps2", driver)) & (away_s >= me.of("yellow_s", driver))
     )
-    stops |= red & ~early & (needed <= me.of("red_mps2", driver))
+    hardest = np.where(since > LONG_RED_S, HARDEST_MPS2, me.of("red_mps2", driver))
+    stops |= red & ~early & (needed <= hardest)
     stops &= me.of("lights", driver) != 0
     # A stop sign holds everyone once.
     state = np.array(ways.state, dtype="U1")[entry]
