@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.special import ndtri, stdtrit
 
-from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.draws import uniforms
 from scex_sumo.behaviors.base import PLAN_STEPS, Sight, check_positive
 from scex_sumo.behaviors.models.idm import IdmParameters
+from scex_sumo.people.evasion import EVASIONS, evaded
 from scex_sumo.people.expectation import expected
 from scex_sumo.people.gaps import meetings, waiting_way
 from scex_sumo.people.parameters import PeopleParameters, people_parameters
 from scex_sumo.people.walking import HORIZON_S, Behind, Wish, steady, towards, walked
 from scex_sumo.people.ways import Ways, ways_of
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
 DRAWS, SALT = 6, 90_000
 EASE_MPS2, BRAKING_MPS2 = 1.5, 3.0  # of the people of the stress test
@@ -64,7 +66,7 @@ class Person:
         wait, in_the_way = waiting_way(meetings(history, who, speed, heading, people), speed, gap, people)
         hurries = np.where(in_the_way & (now.speed > people.standing_mps), people.hurry, 1.0)
         ways = ways_of(history, road, who, self.kind)
-        return walked(
+        plan = walked(
             now,
             Wish(speed=wish.speed * hurries[:, None], heading=wish.heading),
             wait_m=wait,
@@ -72,6 +74,17 @@ class Person:
             braking=people.braking_mps2,
             bend=None if ways is None else ways.bend(),
             behind=None if ways is None else self._behind(history, who, ways),
+        )
+        return evaded(plan, history, who, [partial(self._other, now, *way) for way in EVASIONS])
+
+    def _other(self, now: States, turn: float, least_mps: float, rows: IntArray) -> Plan:
+        """Return plans of some people (n,): straight on after a turn, with at least a speed; 0 stops."""
+        people, now = self.parameters, now[rows]
+        speed = np.maximum(now.speed, least_mps) if least_mps else np.zeros(len(rows))
+        free = np.full(len(rows), np.inf)
+        braking = people.braking_mps2
+        return walked(
+            now, steady(speed, now.heading + turn), wait_m=free, acceleration=braking, braking=braking
         )
 
     def _behind(self, history: SceneHistory, who: VehicleIndex, ways: Ways) -> Behind | None:
