@@ -69,22 +69,13 @@ def choose(population: Population, count: int, *, seed: int = 0, per_moment: boo
     check_count(count)
     rng, features, size = np.random.default_rng(seed), population.parameters(), population.size()
     sure = _sure(size, min(count, len(population)))
-    rest = np.flatnonzero(~sure)
-    kinds, left = np.array(population.kinds), count - int(sure.sum())
-    stratum, shared = np.zeros(len(population), dtype=np.int64), 0
-    if len(rest):
-        own = strata_of(population, rest, max(1, left // (2 * EACH)))
-        own, shared = own_strata(kinds[rest], own, size[rest], left, served=kinds[sure])
-        stratum[rest] = own + 1
-    words = ["taken for sure", *_words(kinds[rest], population.risk[rest], stratum[rest])]
+    stratum, shares = _divided(population, size, sure, count - int(sure.sum()))
+    words = ["taken for sure", *_words(np.array(population.kinds), population.risk, stratum)]
     sizes = np.rint(np.bincount(stratum, population.stands_for, minlength=len(words))).astype(np.int64)
-    held = np.bincount(stratum, minlength=len(words))[1:]
-    sums = np.bincount(stratum[rest], size[rest], minlength=len(words))[1:].astype(np.float64)
-    shares = allocation(held, sums, left, least=np.where(np.arange(len(held)) < shared, EACH, 1))
     index: list[int] = np.flatnonzero(sure).tolist()
-    weight, spare, used = [1.0] * len(index), [list[int]() for _ in index], set[str]()  # among the rows
+    weight, spare = [1.0] * len(index), [list[int]() for _ in index]  # among the rows
     seeds = [row["seed"] for row in population.rows]
-    used.update(seeds[k] for k in index)
+    used = {seeds[k] for k in index}
     for h, cases in enumerate(shares.tolist(), start=1):
         inside = np.flatnonzero(stratum == h)
         cluster = clusters(features[inside], size[inside], cases, rng)
@@ -108,6 +99,22 @@ def choose(population: Population, count: int, *, seed: int = 0, per_moment: boo
         strata=words,
         sizes=sizes,
     )
+
+
+def _divided(
+    population: Population, size: FloatArray, sure: BoolArray, count: int
+) -> tuple[IntArray, IntArray]:
+    """Return the stratum (N,) of candidates, 0 of those taken for sure, and the cases (H,) of the others."""
+    rest, kinds = np.flatnonzero(~sure), np.array(population.kinds)
+    stratum = np.zeros(len(population), dtype=np.int64)
+    if not len(rest):
+        return stratum, stratum[:0]
+    mixed = strata_of(population, rest, max(1, count // (2 * EACH)))
+    own, shared = own_strata(kinds[rest], mixed, size[rest], count, served=kinds[sure])
+    stratum[rest] = own + 1
+    held, sums = np.bincount(own), np.bincount(own, size[rest]).astype(np.float64)
+    least = np.where(np.arange(len(held)) < shared, EACH, 1)
+    return stratum, allocation(held, sums, count, least=least)
 
 
 def _sure(size: FloatArray, count: int) -> BoolArray:
@@ -181,9 +188,9 @@ def _apart(one: frozenset[tuple[str, int]], other: frozenset[tuple[str, int]]) -
 
 
 def _words(kinds: FloatArray, risk: IntArray, stratum: IntArray) -> list[str]:
-    """Return the words of the strata of candidates (n,), numbered from 1."""
+    """Return the words of the strata of candidates (n,), from 1 on."""
     words = []
-    for h in np.unique(stratum):
+    for h in range(1, int(stratum.max(initial=0)) + 1):
         own, risks = np.unique(kinds[stratum == h]), np.unique(risk[stratum == h])
         name = ", ".join(own) if len(own) <= _NAMED else f"{len(own)} kinds"
         words.append(f"{name}, {' or '.join(RISK_WORDS[k] for k in risks)}")

@@ -93,48 +93,52 @@ def verdicts_by_kind(cases: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, 
 def number_of(suite: Suite, records: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
     """Return the rates of the function and of people, and their difference; None if every case failed.
 
-    What people do is known for all candidates, so that only the function's rate is uncertain.
+    What people do is known for all candidates, so that only the function's rate is uncertain. If strata have
+    no case that ran, both rates are those of the others.
 
     The weights of failed cases go to the others of their stratum; a stratum without any other is not seen.
-    ``largest`` is the case with most of the collisions of the function, of those that stand for others, too.
     """
     names = {one["name"]: one for one in records if "reason" not in one}
     ran = np.array([case.name in names for case in suite.cases])
     if not ran.any():
         return None
     rows = [names[case.name] for case, there in zip(suite.cases, ran, strict=True) if there]
-    stratum, sizes = suite.stratum[ran], suite.sizes
-    weight = _scaled(suite, ran)
+    stratum, weight = suite.stratum[ran], _scaled(suite, ran)
     each = {
         name: np.array([row[name] for row in rows]) for name in ("probability", "severity", "people", "most")
     }
     own = [case.about["severity"] for case, there in zip(suite.cases, ran, strict=True) if there]
     each["people_severity"] = np.array(own)
     drawn = np.array([row["variance"] for row in rows])
-    given: Any = {"weight": weight, "stratum": stratum, "sizes": sizes, "hours": suite.hours}
+    given: Any = {"weight": weight, "stratum": stratum, "sizes": suite.sizes, "hours": suite.hours}
     harm = each["most"] * _harm(each)
 
     def of(values: FloatArray, most: FloatArray, spread: FloatArray | None = None) -> Rate:
         return rate(values, most=most, drawn=spread, **given)
 
-    parts = np.where(weight > 1, weight * each["probability"], 0.0)
-    largest = int(np.argmax(parts))
     collisions, severe = of(each["probability"], each["most"], drawn), of(each["severity"], harm)
-    people = suite.info["people"]
+    people, people_severe = of(each["people"], each["most"]), of(each["people_severity"], harm)
+    known = {"collisions_per_hour": people.value, "severe_per_hour": people_severe.value}
+    if np.isin(suite.stratum, stratum).all():
+        known = suite.info["people"]
     return {
         "collisions_per_hour": collisions.to_json(),
         "severe_per_hour": severe.to_json(),
-        "people_collisions_per_hour": of(each["people"], each["most"]).to_json(),
-        "people_severe_per_hour": of(each["people_severity"], harm).to_json(),
-        "people_of_all": people,
-        "difference": collisions.less(people["collisions_per_hour"]).to_json(),
-        "severe_difference": severe.less(people["severe_per_hour"]).to_json(),
+        "people_collisions_per_hour": people.to_json(),
+        "people_severe_per_hour": people_severe.to_json(),
+        "people_of_all": suite.info["people"],
+        "difference": collisions.less(known["collisions_per_hour"]).to_json(),
+        "severe_difference": severe.less(known["severe_per_hour"]).to_json(),
         "cases": len(rows),
-        "largest": {
-            "name": rows[largest]["name"],
-            "share": float(parts[largest] / max((weight * each["probability"]).sum(), 1e-300)),
-        },
+        "largest": _largest(rows, weight, each["probability"]),
     }
+
+
+def _largest(rows: Sequence[Mapping[str, Any]], weight: FloatArray, y: FloatArray) -> dict[str, Any]:
+    """Return the case that stands for others with most of the collisions, and its share of all."""
+    parts = np.where(weight > 1, weight * y, 0.0)
+    k = int(np.argmax(parts))
+    return {"name": rows[k]["name"], "share": float(parts[k] / max((weight * y).sum(), 1e-300))}
 
 
 def _harm(each: Mapping[str, FloatArray]) -> FloatArray:

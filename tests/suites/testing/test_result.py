@@ -101,6 +101,16 @@ def test_weights_of_failed_cases_go_to_their_stratum() -> None:
     assert number_of(suite(), with_verdicts([FAILED])) is None
 
 
+def test_the_difference_is_to_people_in_the_whole_data_set_if_all_strata_ran() -> None:
+    number, part = (number_of(suite(), with_verdicts(some)) for some in (RECORDS, RECORDS[:2]))
+    assert number is not None and part is not None
+    value = number["collisions_per_hour"]["value"]
+    assert number["difference"]["value"] == pytest.approx(value - 1e-3)
+    assert number["severe_difference"]["high"] == pytest.approx(number["severe_per_hour"]["high"] - 1e-5)
+    people = 10 * (0.002 + 0.02) / 2  # of the stratum that ran
+    assert part["difference"]["value"] == pytest.approx(part["collisions_per_hour"]["value"] - people)
+
+
 def test_a_number_of_one_case_is_said_to_be_so() -> None:
     one = result()
     assert one["number"]["largest"] == {
