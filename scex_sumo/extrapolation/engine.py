@@ -35,6 +35,7 @@ from scex_sumo.scene import SeedScene
 from scex_sumo.world.base import WORLDS
 
 DEFAULT_OPTIONS = RunOptions()
+VEHICLES_AHEAD = 2400  # over all futures of a batch for which a finished run may have to wait
 
 
 def run_scene(
@@ -99,11 +100,16 @@ def run_scene(
     return run
 
 
-def simulate_ahead(scene: SeedScene, settings: RunSettings, models: ModelSet, options: RunOptions) -> None:
-    """Simulate the futures of a run in its folder ``options.out``; `run_scene` goes on with them."""
+def simulate_ahead(
+    scene: SeedScene, settings: RunSettings, models: ModelSet, options: RunOptions, *, enough: Path
+) -> None:
+    """Simulate the futures of a run in its folder ``options.out``; `run_scene` goes on with them.
+
+    It ends after the batch in which the file ``enough`` appears.
+    """
     folder, job = _opened(scene, settings, options, models, Path(str(options.out)))
     with folder:
-        _run_all(job, Workers(1), options.batch, None)
+        _run_all(job, Workers(1), max(VEHICLES_AHEAD // scene.vehicles, 1), None, enough=enough)
 
 
 def _opened(
@@ -248,7 +254,9 @@ def _part_of(progress: Progress | None, part: int, parts: int) -> Progress | Non
     return lambda done, total: progress(part * total + done, parts * total)
 
 
-def _run_all(job: Job, workers: Workers, batch: int | None, progress: Progress | None) -> None:
+def _run_all(
+    job: Job, workers: Workers, batch: int | None, progress: Progress | None, *, enough: Path | None = None
+) -> None:
     done, total, steps = set(Parts(job.folder).futures.tolist()), len(job.assignment), job.settings.steps
     size = batch if batch is not None else batch_size(job, workers.processes)
     together = 1 if batch is not None else max(batch_size(job) // size, 1)
@@ -265,4 +273,5 @@ def _run_all(job: Job, workers: Workers, batch: int | None, progress: Progress |
     if not batches:
         return
     for _ in workers.run(job, batches, together=together, on_step=on_step):
-        pass
+        if enough is not None and enough.exists():
+            break

@@ -31,6 +31,10 @@ REFERENCE_STEPS: Final = 30
 """Up to so many steps, a reference has all `REFERENCE_FUTURES`, however few the run has."""
 
 
+_ENOUGH: Final = ".enough"
+"""File by which a run asks the worker that simulates its reference to leave the rest to all."""
+
+
 class ReferenceExtra(HumanReference):
     """Human-like reference with its methods."""
 
@@ -44,13 +48,21 @@ class ReferenceExtra(HumanReference):
             return None
         wanted = reference_settings(job.settings, str(self.reference), len(job.assignment))
         these = job.scene, wanted, ModelSet.of(wanted), _options(options, job.folder, no_bar)
-        return workers.submit(partial(simulate_ahead, *these), where="in the reference", waits=True)
+        enough = job.folder / _ENOUGH
+        enough.unlink(missing_ok=True)
+        ahead = partial(simulate_ahead, *these, enough=enough)
+        return workers.submit(ahead, where="in the reference", waits=True)
 
     def finish(self, run: Run, work: Work) -> Mapping[str, Path]:
-        """Run the reference, or what `begin` left of it; a finished one is kept."""
+        """Run the reference, or what `begin` left of it, with all workers; a finished one is kept."""
         job, workers = work.job, work.workers
         if work.begun is not None:
-            succeeded(work.begun)
+            enough = run.folder / _ENOUGH
+            enough.touch()
+            try:
+                succeeded(work.begun)
+            finally:
+                enough.unlink()
         options = _options(work.options, run.folder, lambda label: work.options.bar("reference"))
         others = [extra for extra in work.extras if extra.nested and not isinstance(extra, HumanReference)]
         wanted = reference_settings(job.settings, str(self.reference), run.futures)

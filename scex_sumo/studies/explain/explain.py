@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import pyarrow.compute as pc
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
@@ -234,11 +235,10 @@ def worst_rows(
     """Return the most critical futures as rows; ``levels`` and ``names`` as of `assignment_of`."""
     track_ids = run.info["seed_scene"]["track_ids"]
     metric = explanation.metric.removesuffix("_mean")
-    source = {
-        row["future"]: row
-        for row in (run.worst.to_pylist() if metric == explanation.metric else [])
-        if row["metric"] == metric and row["future"] in explanation.worst
-    }
+    source: dict[int, dict[str, Any]] = {}
+    if metric == explanation.metric:
+        rows_of = run.worst.filter(pc.equal(run.worst["metric"], metric)).to_pylist()
+        source = {row["future"]: row for row in rows_of}
     pair = pair_of(explanation.metric)
     if explanation.metric == COLLISION or pair:
         hits = (

@@ -125,7 +125,7 @@ class RankingRun:
 
     def tasks(self, refs: Sequence[MomentRef]) -> Iterator[MomentTask]:
         """Yield tasks that run moments once more, with all their futures."""
-        names = {ref.moment for ref in refs}
+        names = {ref.moment for ref in refs} & self._drawn.keys()  # those of failed ones are not there
         items = moment_tasks(
             self._readable(),
             self.listings,

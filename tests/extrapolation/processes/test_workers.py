@@ -15,6 +15,7 @@ import pytest
 
 from scex_sumo.base.errors import ResultError, SimulationError
 from scex_sumo.converters.net.convert import convert
+from scex_sumo.extrapolation import engine
 from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.job import Job, batch_size
 from scex_sumo.extrapolation.models import ModelSet
@@ -99,6 +100,18 @@ def test_run_and_reference_of_two_processes_have_the_same_bytes(
     assert len(files) > 15
     for file in files:
         assert (tmp_path / "1" / file).read_bytes() == (tmp_path / "2" / file).read_bytes(), file
+
+
+def test_a_reference_ahead_ends_after_the_batch_when_the_run_is_finished(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, settings = read_seed(example_path("motorway_merge")), RunSettings(futures=3, steps=1)
+    monkeypatch.setattr(engine, "VEHICLES_AHEAD", scene.vehicles)  # a future in each batch
+    for name, futures in (("not yet", 3), (".", 1)):
+        options = RunOptions(out=tmp_path / f"out {futures}")
+        models = ModelSet.of(settings)
+        engine.simulate_ahead(scene, settings, models, options, enough=tmp_path / name)
+        assert len(Parts(tmp_path / f"out {futures}").futures) == futures
 
 
 def test_a_worker_with_a_function_to_do_is_not_free() -> None:

@@ -243,6 +243,7 @@ def test_a_moment_whose_futures_fail_keeps_its_encounters(
     assert found.encounters["seed"][0].as_py() == bad
     rows = {row["seed"]: row for row in moments_table(found).to_pylist()}
     assert (rows[bad]["failure"], rows[bad]["futures"]) == ("bad luck", 0)
+    assert bad not in {task.ref.moment for task in found.tasks(found.refs)}  # for the page
 
 
 def flipped(at: int) -> Callable[[bytes], bytes]:
