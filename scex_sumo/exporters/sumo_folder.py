@@ -10,6 +10,7 @@ import numpy as np
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import write_atomic
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.exporters.request import Request
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 from scex_sumo.world.sumo import SumoDriven, SumoWorld
@@ -53,7 +54,8 @@ def _write_future(request: Request, future: int, folder: Path) -> Path:
         scene, request.road, np.arange(scene.vehicles), np.zeros(scene.vehicles)
     )
     edges = [tuple(request.run.net.lanes.edges(route)) for route in routes]
-    kept = [v for v, route in enumerate(edges) if route]
+    walks = np.array([road_user(kind) == "pedestrian" for kind in scene.types])
+    kept = [v for v, route in enumerate(edges) if route and not walks[v]]
     if not kept:
         raise UsageError(f"future {future}: no vehicle is on a mapped lane at its end; choose another one")
     left_out = [str(scene.track_ids[v]) for v in range(scene.vehicles) if v not in kept]
@@ -65,7 +67,7 @@ def _write_future(request: Request, future: int, folder: Path) -> Path:
     with SumoWorld(request.run.net, scene, slots=[0]) as world:
         world.begin(scene.now.repeat(1), np.zeros(1, dtype=np.int64), driven)
         world.save(folder)
-    left = f"Off the lanes, and left out: {', '.join(left_out)}." if left_out else ""
+    left = f"Off the lanes or on foot, and left out: {', '.join(left_out)}." if left_out else ""
     text = _README.format(future=future, name=request.name, model=_MODEL, left=left)
     write_atomic(folder / "README.md", text.encode())
     configuration = _CONFIGURATION.format(step=STEP_S, end=_END_S, blocked=_BLOCKED_S)

@@ -119,11 +119,13 @@ def _opened(
     if scene.road is None:
         raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
     added: tuple[str, ...] = ()
-    if settings.vru != "replay":
+    if scene.obstacles is not None:
         from scex_sumo.results.participants import with_people
 
         taking = with_people(scene, settings.vru)
-        added, scene = taking.notes[len(scene.notes) :], dataclasses.replace(taking, notes=scene.notes)
+        added = taking.notes[len(scene.notes) :]
+        if settings.vru != "replay":
+            scene = dataclasses.replace(taking, notes=scene.notes)
     if settings.within is not None:
         scene = settings.within.simulated(scene, settings.steps, [*settings.assign, *settings.under_test])
     settings.check_size(settings.count or 1, scene.vehicles)

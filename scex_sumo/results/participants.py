@@ -22,14 +22,18 @@ MAX_SIZE_M: Final = 4.0
 def with_people(scene: SeedScene, vru: str) -> SeedScene:
     """Return the scene in which people do what the option ``--vru`` says; a scene with people stays."""
     others = scene.obstacles
-    if others is None or vru == "replay" or scene.people is not None:
+    if others is None or scene.people is not None:
         return scene
     people = np.array([road_user(kind) in PEOPLE for kind in others.types])
+    if vru == "replay":
+        notes = _on_places(scene, people & others.present[:, HISTORY_STEPS])
+        return replace(scene, notes=(*scene.notes, *notes)) if notes else scene
     if vru == "none":
         return replace(scene, obstacles=some_obstacles(others, ~people))
-    notes, there = [], others.states[:, : HISTORY_STEPS + 1]
+    there = others.states[:, : HISTORY_STEPS + 1]
     known = np.isfinite([there.x, there.y, there.heading, there.speed]).all(axis=(0, 2))
     taking = people & others.present[:, HISTORY_STEPS] & known
+    notes = _on_places(scene, taking)
     if taking.sum() > MAX_PEOPLE:
         far = _distance(scene, others)
         far[~taking] = np.inf
@@ -41,8 +45,14 @@ def with_people(scene: SeedScene, vru: str) -> SeedScene:
     taking_part, wrong = _taking_part(scene, people_now)
     if wrong:
         notes.append(f"people without a usable size have the usual one: {wrong}")
-    notes += misplaced(taking_part)
     return replace(taking_part, obstacles=some_obstacles(others, ~taking), notes=(*scene.notes, *notes))
+
+
+def _on_places(scene: SeedScene, taking: BoolArray) -> list[str]:
+    """Return notes on the places of some obstacles (O,)."""
+    others, rows = scene.obstacles, np.flatnonzero(taking)
+    assert others is not None
+    return misplaced(scene.road, others.states[rows, HISTORY_STEPS], [others.ids[k] for k in rows])
 
 
 def people_apart(scene: SeedScene) -> SeedScene:

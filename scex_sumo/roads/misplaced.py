@@ -10,7 +10,7 @@ import shapely
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import listed
 from scex_sumo.road import Road
-from scex_sumo.scene import SeedScene
+from scex_sumo.scene import States
 
 CLOSED = ("building", "keepout")
 WALLS = ("wall", "fence", "guard_rail", "building")
@@ -18,13 +18,10 @@ MOTORWAY_MPS = 99 / 3.6  # lanes with a higher limit
 AHEAD_S = 3.0
 
 
-def misplaced(scene: SeedScene) -> list[str]:
-    """Return notes on people whose place or way contradicts the map."""
-    road = scene.road
-    if road is None or scene.people is None:
+def misplaced(road: Road | None, now: States, names: Sequence[object]) -> list[str]:
+    """Return notes on people (P,) whose place or way contradicts the map."""
+    if road is None or not len(names):
         return []
-    rows = np.flatnonzero(scene.people)
-    now, names = scene.now[rows], scene.track_ids[rows]
     way = AHEAD_S * now.speed
     there = np.stack([now.x + way * np.cos(now.heading), now.y + way * np.sin(now.heading)], axis=1)
     points, ends = shapely.points(now.x, now.y), shapely.points(there)
@@ -35,7 +32,7 @@ def misplaced(scene: SeedScene) -> list[str]:
         "that walk through a wall or fence within 3 s": _meets(points, ends, walls),
     }
     return [
-        f"people {what} (check map and tracks): {listed(names[where].tolist())}"
+        f"people {what} (check map and tracks): {listed([names[k] for k in np.flatnonzero(where)])}"
         for what, where in found.items()
         if where.any()
     ]

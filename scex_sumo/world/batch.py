@@ -225,7 +225,7 @@ def new_batch(
         offset=np.array(offsets, dtype=np.float64).T[..., None],
         overridden=overridden,
         mixed=mixed,
-        walking=mixed[:, None] & pedestrians,
+        walking=mixed[:, None] & overridden & pedestrians,
         lanes=np.where(mixed[:, None] & overridden, OWN_LANE, _OWN_ROUTE),
         speed=start.speed.copy(),
         held=np.empty(start.shape),

@@ -252,7 +252,7 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
         encoded = text.combine_chunks().dictionary_encode()
         columns[name] = np.from_dlpack(encoded.indices).astype(np.int64), [str(n) for n in encoded.dictionary]
     columns, notes = _checked(path, header, columns)
-    return columns, [*notes, *_in_milliseconds(path, columns), *_in_radians(columns)]
+    return columns, [*notes, *_in_milliseconds(path, columns), *_in_radians(columns), *_of_no_size(columns)]
 
 
 def _header(path: Path, *, shapes: bool = True) -> list[str]:
@@ -329,6 +329,11 @@ def _in_milliseconds(path: Path, columns: dict[str, Any]) -> list[str]:
         f"{path}: samples of a track are {usual / 1000.0:g} s apart by timestamp_ms, {MIN_STEP_S:g} to "
         f"{MAX_STEP_S:g} s expected; give the stamps in milliseconds"
     )
+
+
+def _of_no_size(columns: dict[str, Any]) -> list[str]:
+    count = int(((columns["length"] <= 0.0) | (columns["width"] <= 0.0)).sum())
+    return [f"{count} rows of a length or width that is not positive: the usual one"] if count else []
 
 
 def _in_radians(columns: dict[str, Any]) -> list[str]:

@@ -285,6 +285,14 @@ def test_the_names_of_columns_may_be_in_any_case(tmp_path: Path) -> None:
     assert read_tracks(path).vehicles.labels == ("7",)
 
 
+def test_people_of_no_size_get_the_usual_one_with_a_note(tmp_path: Path) -> None:
+    rows = straight(1) + straight(2, y=4.0, agent_type="pedestrian", length=0.0, width=0.6)
+    table = read_tracks(write_rows(tmp_path / "t.csv", rows))
+    count = len(straight(2))
+    assert table.notes == (f"{count} rows of a length or width that is not positive: the usual one",)
+    assert (table.others.length == 0.6).all()
+
+
 def test_headings_in_degrees_are_told_by_the_driving(tmp_path: Path) -> None:
     rows = straight(1, speed=-10.0, psi_rad=180.0) + straight(2, y=4.0, psi_rad=0.0)
     table = read_tracks(write_rows(tmp_path / "t.csv", rows))
