@@ -117,7 +117,7 @@ def kind_table(
             wanted = json.dumps({"kind": kind, filter_name: value})
             row.append(element("td", element("button", words, data_cell=wanted) if has_cases else words))
         body.append(element("tr", element("th", kind), *row))
-    return element("div.scroll", element("table", element("thead", head), element("tbody", *body)))
+    return element("div", element("table", element("thead", head), element("tbody", *body)))
 
 
 def filter_bar(filters: Mapping[str, Sequence[str]], words: str, *, save: bool) -> Html:
