@@ -121,11 +121,17 @@ def train(
 
 
 def learned(
-    file: Path, kind: str, *, attention: float = 0.5, head: str = "bounded", mode: str = "best"
+    file: Path,
+    kind: str,
+    *,
+    attention: float = 0.5,
+    head: str = "bounded",
+    mode: str = "best",
+    prior: float = 1.0,
 ) -> Any:
     """A learned driver with a file of weights."""
     if kind == "joint":
-        return JointPredictor(JointPredictorProfile(weights=str(file), mode=mode))
+        return JointPredictor(JointPredictorProfile(weights=str(file), mode=mode, prior=prior))
     if kind == "graph":
         return GraphPredictor(GraphPredictorProfile(path="likeliest", weights=str(file), mode=mode))
     return GraphImagePredictor(

@@ -2,15 +2,19 @@
 
     python benchmarks/site_curve.py OUT [--data FOLDER]... [--kinds graph hybrid joint] [--left-out SITE...]
                                         [--counts 2 4 6 8] [--seeds 3] [--steps 800] [--minutes M]
+                                        [--moments 800] [--stops 3] [--device auto|cpu|cuda]
+                                        [--hidden 64] [--share 1] [--prior 1]
 
 Each point is a training of its own with the same number of steps, without a round in closed loop; its epoch
 is the best on validation parts of the sites that it learns from. A seed draws the order of the sites, of
 which a training takes the first ones. Measured is the test part of the site left out: error of moving
 vehicles after 3 s as a share of constant velocity's, and for the fewest and the most sites minJointFDE of six
 futures of a scene (*apart*: if each vehicle has them in an order of its own), and the shares of vehicles that
-collide or leave the road within these 3 s, beside those recorded; with and without the guard. OUT
-keeps samples, weights and `results.json`; only what is missing there is done. FOLDER: as of predictors.py,
-with INTERACTION.
+collide or leave the road within these 3 s, beside those recorded; with and without the guard. `--hidden`
+is the width of the networks, `--share` that of the moments that are trained on, `--stops` the number of
+copies of each with standing vehicles, `--prior` a parameter of `joint_predictor`. OUT keeps samples, weights
+and `results.json`; only what is missing there is done, so other options need another OUT. FOLDER: as of
+predictors.py, with INTERACTION.
 """
 
 from __future__ import annotations
@@ -45,33 +49,36 @@ from scex_sumo.learned.training.data.dataset import (
 from scex_sumo.learned.training.data.samples import TrainingSamples, learnable
 from scex_sumo.learned.training.networks.graph_image import save_net
 from scex_sumo.learned.training.options import Kind, TrainOptions
-from scex_sumo.learned.training.train import Trainer
+from scex_sumo.learned.training.train import Trainer, device_of
 from scex_sumo.scene import States
 
 SETS = ("mona", "taf_bw", "ngsim", "interaction")
 LEFT_OUT = ("DR_USA_Roundabout_FT", "DR_USA_Intersection_EP0", "k733_2020-09-15")
-MOMENTS, TEST_MOMENTS = 500, 250  # of a site; a fifth of the latter is measured
+TEST_MOMENTS = 250  # of a site; a fifth of them is measured
 PER_GRAPH = {"node": "nodes", "history": "nodes", "pose": "nodes", "edge": "edges", "edge_index": "edges"}
 
 
-def samples_of(recordings: Sequence[Recording], cache: Path) -> Dataset:
+def samples_of(recordings: Sequence[Recording], cache: Path, moments: int, stops: int) -> Dataset:
     """Return the samples of all sites; recordings for tests are left out."""
     kept = [r for r in recordings if part_of(r.name) != "test"]
     short = tuple(r.name for r in kept if part_of(r.name) == "validation")
-    options = SampleOptions(moments=MOMENTS, stops=1, split=Split(kept_validation=short))
+    options = SampleOptions(moments=moments, stops=stops, split=Split(kept_validation=short))
     return make_dataset(kept, options, cache=cache)
 
 
-def of_sites(dataset: Dataset, names: Sequence[str]) -> Dataset:
-    """Return the samples of some sites."""
+def of_sites(dataset: Dataset, names: Sequence[str], share: float = 1.0) -> Dataset:
+    """Return the samples of some sites; of those to train on a share."""
     wanted = np.isin(dataset.sites, names)
-    parts = {part: chosen(getattr(dataset, part), wanted) for part in ("train", "validation")}
+    kept = np.random.default_rng(0).random(len(dataset.train)) < share
+    parts = {
+        "train": chosen(dataset.train, wanted[dataset.train.site] & kept),
+        "validation": chosen(dataset.validation, wanted[dataset.validation.site]),
+    }
     return dataclasses.replace(dataset, recorded=len(parts["train"]), **parts)
 
 
-def chosen(samples: TrainingSamples, wanted: BoolArray) -> TrainingSamples:
-    """Return the graphs of sites that are wanted (S,)."""
-    graph = wanted[samples.site]
+def chosen(samples: TrainingSamples, graph: BoolArray) -> TrainingSamples:
+    """Return some graphs (G,)."""
     keep = {name: np.repeat(graph, getattr(samples, name)) for name in ("nodes", "edges", "pairs")}
     keep |= {name: keep[counted] for name, counted in PER_GRAPH.items()}
     columns = {}
@@ -82,12 +89,15 @@ def chosen(samples: TrainingSamples, wanted: BoolArray) -> TrainingSamples:
     return TrainingSamples(**columns)
 
 
-def train(dataset: Dataset, kind: Kind, seed: int, steps: int, file: Path) -> None:
+def train(
+    dataset: Dataset, kind: Kind, seed: int, steps: int, file: Path, device: str = "cpu", hidden: int = 64
+) -> None:
     """Train a network for about so many steps."""
     nodes = int(dataset.train.nodes.sum())
     epochs = max(1, round(steps * TrainOptions.nodes / nodes))
-    options = TrainOptions(kind=kind, seed=seed, epochs=epochs, rounds=0, patience=epochs)
-    run = Trainer(dataset, options, device=torch.device("cpu"))
+    sizes = {"hidden": hidden}
+    options = TrainOptions(kind=kind, seed=seed, epochs=epochs, rounds=0, patience=epochs, sizes=sizes)
+    run = Trainer(dataset, options, device=device_of(device))
     run.run(lambda progress: None)
     save_net(file, run.finished(), {"sites": sorted(set(np.array(dataset.sites)[dataset.train.site]))})
 
@@ -132,9 +142,9 @@ def measure_futures(tests: Sequence[measures.TestScene], model: Behavior, kind: 
     }
 
 
-def drawing(file: Path, kind: str, guard: str) -> Behavior:
+def drawing(file: Path, kind: str, guard: str, prior: float = 1.0) -> Behavior:
     """Return a network's driver that draws, with the guard unless `guard` is empty."""
-    model: Behavior = learned(file, kind, mode="draw")
+    model: Behavior = learned(file, kind, mode="draw", prior=prior)
     return Guarded(model) if guard else model
 
 
@@ -212,13 +222,19 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--steps", type=int, default=800)
     parser.add_argument("--minutes", type=float, default=np.inf, help="begin nothing later than this")
+    parser.add_argument("--moments", type=int, default=SampleOptions.moments)
+    parser.add_argument("--stops", type=int, default=SampleOptions.stops)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--hidden", type=int, default=64)
+    parser.add_argument("--share", type=float, default=1.0)
+    parser.add_argument("--prior", type=float, default=1.0)
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(1)
     begun = time.monotonic()
     recordings = find_recordings(given.data or [data_root() / name for name in SETS])
     results = Results(given.out / "results.json")
-    dataset = samples_of(recordings, given.out / "samples")
+    dataset = samples_of(recordings, given.out / "samples", given.moments, given.stops)
     trained = np.array(dataset.sites)[np.unique(dataset.train.site)].tolist()
     scenes = {site: test_scenes(recordings, site) for site in given.left_out}
 
@@ -231,8 +247,9 @@ def main() -> None:
         if not file.exists():
             rng = np.random.default_rng(seed)
             order = rng.permutation([other for other in trained if other != site])
-            train(of_sites(dataset, order[:count].tolist()), kind, seed, given.steps, file)  # type: ignore[arg-type]
-        return learned(file, kind)
+            some = of_sites(dataset, order[:count].tolist(), given.share)
+            train(some, kind, seed, given.steps, file, given.device, given.hidden)  # type: ignore[arg-type]
+        return learned(file, kind, prior=given.prior)
 
     for site in given.left_out:
         add(f"errors|straight_on|{site}", lambda: measure_errors(scenes[site], "straight_on"))  # noqa: B023
@@ -255,7 +272,7 @@ def main() -> None:
                             f"futures|{kind}{guard}|{site}|{count}|{seed}",
                             lambda: measure_futures(
                                 scenes[site],  # noqa: B023
-                                drawing(file, kind, guard),  # noqa: B023
+                                drawing(file, kind, guard, given.prior),  # noqa: B023
                                 kind,  # noqa: B023
                             ),
                         )

@@ -85,10 +85,11 @@ class JointDriver(LearnedDriver):
         return Plan(**vars(plan)), chosen
 
     def path_prior(self, scene: SeedScene, paths: SeedPaths) -> FloatArray:
-        """Return (P,) log probabilities of `LikelyDriver`: pose, speed and shape tell more at a new place."""
+        """Return (P,) log probabilities of `LikelyDriver`, from pose, speed and shape, times `prior`."""
+        assert isinstance(self.profile, JointPredictorProfile)
         weight = path_weights(scene, paths, human_parameters())
         share = weight / np.repeat(np.add.reduceat(weight, paths.first), paths.count)
-        return rounded(np.log(np.maximum(share, TINY)))
+        return rounded(self.profile.prior * np.log(np.maximum(share, TINY)))
 
     def _roll(
         self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray

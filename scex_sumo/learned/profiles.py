@@ -65,7 +65,7 @@ class JointPredictorProfile:
 
     Attributes:
         path: as in `GraphPredictorProfile`; ``likeliest`` weighs probabilities of the network with those of
-            `LikelyDriver`.
+            `LikelyDriver` to the power of `prior`.
         mode: ``draw``, one motion for each vehicle every 0.5 s; or ``best``, the expected motion.
         temperature: 1 draws with the network's probabilities; less prefers probable motions.
     """
@@ -73,12 +73,14 @@ class JointPredictorProfile:
     path: PathChoice | Literal["likeliest"] = "likeliest"
     mode: str = "draw"
     temperature: float = 0.95
+    prior: float = 1.0
     radius: float = 100.0
     weights: str = ""
 
     def __post_init__(self) -> None:
         _check(self)
         check_positive(self, "temperature")
+        check_positive(self, "prior", zero=True)
 
 
 Profile: TypeAlias = GraphPredictorProfile | GraphImagePredictorProfile | JointPredictorProfile

@@ -182,14 +182,13 @@ def test_where_a_vehicle_has_merged_the_other_one_follows_it() -> None:
     assert follows.gap[0] == pytest.approx(own - 20.0 + 12.0 - scene.length[0])
 
 
-def test_paths_are_as_probable_as_network_and_likely_driver_agree(tmp_path: Path) -> None:
+@pytest.mark.parametrize("prior", [1.0, 0.25])
+def test_paths_are_as_probable_as_network_and_likely_driver_agree(tmp_path: Path, prior: float) -> None:
     scene = roads.scene_of((8.0, 0.3, 0.02, 6.0))
-    driver = model(tmp_path).driver
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(type(driver), "path_prior", lambda *_: 0.0)
-        alone = choice_of(replace(scene), driver, ROAD).paths[0]
+    network, driver = (model(tmp_path, f"joint_predictor:prior={weight}").driver for weight in (0.0, prior))
+    alone = choice_of(scene, network, ROAD).paths[0]
     edges = path_edges(scene, seed_paths(scene, ROAD), human_parameters())
-    both = np.diff(alone, prepend=0.0) * np.diff(edges, prepend=0.0)
+    both = np.diff(alone, prepend=0.0) * np.diff(edges, prepend=0.0) ** prior
     assert len(both) > 1 and 0.01 < both[0] / both.sum() < 0.99
     assert np.allclose(choice_of(scene, driver, ROAD).paths[0], np.cumsum(both) / both.sum(), atol=1e-3)
 
