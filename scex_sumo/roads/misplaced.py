@@ -32,7 +32,7 @@ def misplaced(road: Road | None, now: States, names: Sequence[object]) -> list[s
         "that walk through a wall or fence within 3 s": _meets(points, ends, walls),
     }
     return [
-        f"people {what} (check map and tracks): {listed([names[k] for k in np.flatnonzero(where)])}"
+        f"people {what} (check map and tracks): {listed([names[k] for k in np.flatnonzero(where).tolist()])}"
         for what, where in found.items()
         if where.any()
     ]

@@ -64,6 +64,7 @@ class SumoDrivers:
         self._refused = refused
         self._plan_stops()
         self._go_on_changing()
+        self._watch_route_ends()
 
     def _plan_stops(self) -> None:
         for d in self._driven:

@@ -304,6 +304,16 @@ def test_a_parameter_that_sumo_refuses_is_an_error_in_its_words_and_in_one_line(
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_driver_that_starts_at_the_end_of_its_route_goes_straight_on(crossing: SimpleNamespace) -> None:
+    """SUMO removed it in the first step."""
+    (lane,) = (lane for lane in ElementTree.parse(crossing.path).iter("lane") if lane.get("id") == "e_out_0")
+    x, y = (float(value) for value in lane.attrib["shape"].split()[-1].split(",")[:2])
+    seed = scene((x - 0.3 - 2.25, y, 0.0, 9.0), (900.0, 1100.0, 0.0, 0.0))
+    with SumoWorld(crossing, seed, slots=[0]) as world:
+        read = drive(world, seed, [0], [driven(0, "EIDM", ("e_out",))], 10)
+    assert read.x[0, 0, -1] == pytest.approx(seed.now.x[0] + 9.0)
+
+
 def test_a_route_that_the_net_does_not_hold_is_an_error(crossing: SimpleNamespace) -> None:
     seed = mixed()
     with SumoWorld(crossing, seed, slots=[0]) as world, pytest.raises(SimulationError, match="nowhere"):
