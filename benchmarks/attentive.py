@@ -2,6 +2,7 @@
 
     python benchmarks/attentive.py [--data FOLDER] [--part test] [--most 5] [--futures 32] [--models likely]
                                    [--kept FILE] [--raw] [--no-rules] [--sites NAMES] [--steps 30]
+                                   [--parameters FILE]
 
 Seed scenes of the part of the time split are driven for 3 s (--steps) in a world without SUMO. Columns:
 
@@ -18,7 +19,8 @@ Seed scenes of the part of the time split are driven for 3 s (--steps) in a worl
 Then near misses of pairs whose recorded boxes are apart: sum of forecasts, count, constant velocity's count.
 
 ``--kept`` keeps the seed scenes and their recorded values in a file, which makes later runs faster. ``--raw``
-plans from recorded headings and speeds instead of estimated ones.
+plans from recorded headings and speeds instead of estimated ones. ``--parameters`` reads a file of
+``calibrate_likely.py``, e.g. one that is fitted without a site.
 """
 
 from __future__ import annotations
@@ -48,6 +50,7 @@ from scex_sumo.extrapolation.loop.measure import measure_outcome, measure_record
 from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.humans import driver
+from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.validate.noise import BoxNoise, as_recorded, box_noise
 from scex_sumo.studies.validate.realism import realism, realism_score
@@ -353,7 +356,11 @@ def main() -> None:
     parser.add_argument("--no-rules", action="store_true", help="drivers without the rules of the road")
     parser.add_argument("--sites", default=",".join(SITES))
     parser.add_argument("--steps", type=int, default=STEPS, help="of 0.1 s; files of --kept have their own")
+    parser.add_argument("--parameters", type=Path, help="of the human-like driver")
     arguments = parser.parse_args()
+    if arguments.parameters is not None:
+        human = HumanParameters.read(arguments.parameters)
+        driver.human_parameters = lambda: human  # type: ignore[assignment]
     globals()["STEPS"] = arguments.steps
     if arguments.raw:
         driver.estimated_history = lambda history, road: history  # type: ignore[assignment]

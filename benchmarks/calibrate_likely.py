@@ -1,6 +1,6 @@
 """Fits the parameters of likely_driver to recordings and writes ``scex_sumo/humans/parameters.json``.
 
-    python benchmarks/calibrate_likely.py [--data FOLDER] [--without SET] [-o FILE]
+    python benchmarks/calibrate_likely.py [--data FOLDER] [-o FILE] [--leave-out FOLDER]
 
 From the training part by time of the sites of INTERACTION, of TAF-BW and MONA, and from the NGSIM files that
 are not kept for tests (``benchmarks/recorded_scenes.py`` names them). Every vehicle is put on the path that
@@ -9,7 +9,7 @@ acceleration of its own in each of three seconds, by least squares over the 30 s
 are regressed on what the seed scene shows (ridge), and what is left gives the scale of a Student distribution
 of four degrees: its quartiles' width by direction, so that a few mistracked vehicles do not set it. Headways,
 starts from standing, stops of creeping vehicles, offsets from the path, lane changes and the choice of path
-are counted from the same vehicles.
+are counted from the same vehicles. ``--leave-out`` writes a file for each set, fitted to the others.
 """
 
 from __future__ import annotations
@@ -131,11 +131,16 @@ def main() -> None:
     )
     parser.add_argument("--data", type=Path, default=Path(os.environ.get("SCEX_DATA", "../shared/data")))
     parser.add_argument("-o", "--out", type=Path, default=SHIPPED)
-    parser.add_argument("--without", choices=list(EVERY_S), help="data set to leave out")
+    parser.add_argument("--leave-out", type=Path, help="folder for fits without each data set")
     arguments = parser.parse_args()
-    names = [name for name in EVERY_S if name != arguments.without]
-    sets = [Collected.of(list(recorded_parts(arguments.data, name, "train"))) for name in names]
-    arguments.out.write_text(json.dumps(fit(sets), indent=1) + "\n", encoding="utf-8")
+    sets = {name: Collected.of(list(recorded_parts(arguments.data, name, "train"))) for name in EVERY_S}
+    files = {arguments.out: sets}
+    if arguments.leave_out is not None:
+        files = {arguments.leave_out / f"{left}.json": sets.keys() - {left} for left in sets}
+    for file, names in files.items():
+        fitted = fit([part for name, part in sets.items() if name in names])
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(json.dumps(fitted, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
