@@ -8,7 +8,7 @@ Seed scenes of the part of the time split are driven for 3 s (--steps) in a worl
 
 - brier, cv, base: mean Brier score of the paper's four events, of constant velocity, and of the base rate;
 - cover, least: share of recorded values within 5-95 % of the futures, mean and smallest of the 24 values;
-- P(coll): mean share of futures with a collision, over scenes in which no recorded boxes overlap;
+- P(coll): mean share of futures with a collision, where recorded boxes never overlap;
 - error: position error of moving vehicles after 3 s (mean future) against that of constant velocity;
 - along, across: share of moving vehicles within 5-95 % along and across the road after 3 s;
 - starts: standing vehicles that move more than 1 m in 3 s, share within 5-95 %, and mean error, m;
@@ -50,6 +50,7 @@ from scex_sumo.extrapolation.loop.measure import measure_outcome, measure_record
 from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.humans import driver
+from scex_sumo.humans.guard.side_clearance import box_distances
 from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.validate.noise import BoxNoise, as_recorded, box_noise
@@ -150,7 +151,9 @@ def case_of(site: str, scene: SeedScene, noise: BoxNoise) -> Case:
     recorded = measure_recorded(scene, STEPS, metrics=SETTINGS.measured, preset=SETTINGS.rule)
     assert recorded is not None
     values = np.where(recorded.values.defined, recorded.values.values, np.nan)
-    real = np.concatenate([values, recorded.overlaps.any_of(1)[:, None]], axis=1)[0]
+    distance = box_distances(scene) + np.diag(np.full(scene.vehicles, np.inf))
+    overlap = recorded.overlaps.any_of(1) | (distance.min() <= 0)
+    real = np.concatenate([values, overlap[:, None]], axis=1)[0]
     straight = simulated(scene, "constant_velocity", range(1))
     return Case(
         site=site,
