@@ -255,6 +255,15 @@ class SceneHistory:
             route_draw=np.zeros((1, scene.vehicles)),
         )
 
+    def part(self, futures: IntArray | slice) -> SceneHistory:
+        """Return the history of some futures, by index."""
+        return replace(
+            self,
+            states=self.states[futures],
+            futures=self.futures[futures],
+            route_draw=self.route_draw[futures],
+        )
+
     @property
     def obstacle_states(self) -> States | None:
         """(O,) now; None without obstacles."""

@@ -67,12 +67,7 @@ class JointDriver(LearnedDriver):
         """Roll out all vehicles of the futures of `who`; other models' vehicles are predicted, too."""
         futures, future = np.unique(who.future, return_inverse=True)
         vehicles = history.scene.vehicles
-        here = replace(
-            history,
-            states=history.states[futures],
-            futures=history.futures[futures],
-            route_draw=history.route_draw[futures],
-        )
+        here = history.part(futures)
         everyone = VehicleIndex(
             future=np.repeat(np.arange(len(futures)), vehicles),
             vehicle=np.tile(np.arange(vehicles), len(futures)),

@@ -133,7 +133,7 @@ class SingleVehicle:
         """Ask the model for one vehicle after the other; see `Behavior.plan`."""
         now = history.now
         plans = []
-        alone = {c: _future_history(history, c) for c in np.unique(who.future).tolist()}
+        alone = {c: history.part(slice(c, c + 1)) for c in np.unique(who.future).tolist()}
         for c, v in zip(who.future.tolist(), who.vehicle.tolist(), strict=True):
             visible = road
             if self.radius is not None:
@@ -152,16 +152,6 @@ class SingleVehicle:
                 f"needs four of at least ({PLAN_STEPS},)"
             )
         return plan
-
-
-def _future_history(history: SceneHistory, future: int) -> SceneHistory:
-    only = slice(future, future + 1)
-    return replace(
-        history,
-        states=history.states[only],
-        futures=history.futures[only],
-        route_draw=history.route_draw[only],
-    )
 
 
 def narrow_road(road: Road, x: float, y: float, radius: float) -> Road:

@@ -147,6 +147,25 @@ class Script:
         return Plan(**vars(self.states[who.future, who.vehicle][:, steps]))
 
 
+class FewFutures:
+    """Driver in some futures only, which it plans without the others.
+
+    Args:
+        inner: a driver whose plans in one future do not depend on the others.
+    """
+
+    def __init__(self, inner: Behavior) -> None:
+        self.inner = inner
+
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        """Return the inner driver's plan."""
+        futures, future = np.unique(who.future, return_inverse=True)
+        few = VehicleIndex(future=future, vehicle=who.vehicle)
+        return self.inner.plan(history.part(futures), road, few, [rng[c] for c in futures.tolist()])
+
+
 def simulate(
     situation: Situation, spec: ModelSpec, futures: int, *, seed: int, given: Behavior | None = None
 ) -> Outcomes:
@@ -167,11 +186,11 @@ def simulate(
     if human_like:
         _respond(script, situation, draws)
     names = (str(spec), OTHERS, EXPECTED, "scripted")
-    built = [build(parse_models(name)[0]) for name in names[1:3]]
+    others, expected = (build(parse_models(name)[0]) for name in names[1:3])
     batch = Batch(
         futures=np.arange(len(draws.row)),
         assignment=_assignment(situation, draws, human_like=human_like),
-        models=[function, *built, Script(script)],
+        models=[function, others, FewFutures(expected), Script(script)],
         names=names,
         overridden=np.ones(len(names), dtype=np.bool_),
         route_draw=draws.route,

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.registry import parse_models
+from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.certainty.response.answer import any_of, critical_responses
 from scex_sumo.certainty.response.critical import DECELERATIONS
-from scex_sumo.suites.simulate import Outcomes, draws_of, simulate
+from scex_sumo.scene import SceneHistory, VehicleIndex
+from scex_sumo.suites.simulate import FewFutures, Outcomes, draws_of, simulate
 from scex_sumo.suites.situation import STEPS, Situation, situation_of
 from scex_sumo.suites.testing.tasks import by_level, expected_contacts, record_of
 from tests.certainty.queues import queues
@@ -49,6 +50,17 @@ def test_draws_do_not_depend_on_the_function(following: Situation) -> None:
     assert np.array_equal(one.draws.route, other.draws.route)
     again = run(following, "constant_velocity")
     assert np.array_equal(one.states.x, again.states.x)
+
+
+def test_a_driver_in_few_futures_plans_as_among_all() -> None:
+    scene, rng = queues(2, gap_m=9.0, speed=12.0), np.random.default_rng(0)
+    assert scene.road is not None
+    draw, states = rng.random((3, 2)), scene.history.repeat(3)
+    history = SceneHistory(scene=scene, states=states, futures=np.arange(3), step=0, route_draw=draw)
+    who = VehicleIndex(future=np.array([2, 0]), vehicle=np.array([0, 1]))
+    driver = build(parse_models("likely_driver")[0])
+    plans = [d.plan(history, scene.road, who, [rng] * 3) for d in (driver, FewFutures(driver))]
+    assert np.array_equal(plans[0].x, plans[1].x) and np.array_equal(plans[0].speed, plans[1].speed)
 
 
 def test_the_initiator_acts_and_a_function_that_goes_on_hits_it(following: Situation) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -87,13 +86,7 @@ def _first_alike(history: SceneHistory) -> IntArray:
 @owner_cache
 def _one_of_each(history: SceneHistory) -> tuple[SceneHistory, IntArray]:
     futures = np.unique(_first_alike(history))
-    few = replace(
-        history,
-        states=history.states[futures],
-        futures=history.futures[futures],
-        route_draw=history.route_draw[futures],
-    )
-    return few, futures
+    return history.part(futures), futures
 
 
 def _some(who: VehicleIndex, index: IntArray) -> VehicleIndex:
