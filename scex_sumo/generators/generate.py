@@ -146,9 +146,10 @@ def _drawn(
         chosen = np.argsort(-(scores / (1 + k / 2) + rng.gumbel(size=number)), kind="stable")[:AT_ONCE]
         near = ways[chosen][:, None] + step_m * ((np.arange(PARTS) + rng.random()) / PARTS - 0.5)
         near = np.clip(near, 0.0, ends[-1] - 1e-6)
-        finer = model.place_scores(at(near.ravel())[2]).reshape(near.shape)
-        pick = (finer + rng.gumbel(size=finer.shape)).argmax(axis=1)
-        lane, s, features = at(near[np.arange(len(chosen)), pick])
+        lane, s, features = at(near.ravel())
+        finer = model.place_scores(features).reshape(near.shape)
+        pick = (finer + rng.gumbel(size=finer.shape)).argmax(axis=1) + PARTS * np.arange(len(chosen))
+        lane, s, features = lane[pick], s[pick], features[pick]
         values = model.draw(features, rng)
         speed = values["speed"] * pace
         tries = Placed(
@@ -173,9 +174,8 @@ def _drawn(
 
 def _motion(table: LaneCells, vehicles: Placed) -> States:
     """Return (n, 7) states of vehicles: as they came, and at constant speed from now on."""
-    past = states_of(table, vehicles, CHECKED_S[CHECKED_S <= 0])
-    steady = replace(vehicles, acceleration=np.zeros_like(vehicles.speed))
-    return States.concatenate([past, states_of(table, steady, CHECKED_S[CHECKED_S > 0])], 1)
+    acceleration = np.where(CHECKED_S > 0, 0.0, vehicles.acceleration[:, None])
+    return states_of(table, replace(vehicles, acceleration=acceleration), CHECKED_S)
 
 
 def _free(table: LaneCells, tries: Placed, others: Placed, motion: States, most_mps2: float) -> BoolArray:

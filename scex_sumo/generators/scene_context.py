@@ -445,9 +445,11 @@ def demands(table: LaneCells, vehicles: Placed) -> dict[str, FloatArray]:
 def states_of(table: LaneCells, vehicles: Placed, steps: FloatArray) -> States:
     """Return (n, T) states of vehicles along their lanes at times (T,) in s, with constant acceleration.
 
-    A vehicle that stands stays where it stands; one that starts has stood before.
+    The acceleration may be (n, T), one for each time. A vehicle that stands stays where it stands; one that
+    starts has stood before.
     """
-    v, a = vehicles.speed[:, None], np.nan_to_num(vehicles.acceleration)[:, None]
+    v, a = vehicles.speed[:, None], np.nan_to_num(vehicles.acceleration)
+    a = a if a.ndim == 2 else a[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
         rest = np.where(a != 0, -v / a, -np.inf)  # when its speed is 0
     t = np.where(a > 0, np.maximum(steps, rest), np.where(a < 0, np.minimum(steps, rest), steps))
