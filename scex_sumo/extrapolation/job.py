@@ -122,9 +122,13 @@ def _looking_ahead(scene: SeedScene, horizon_s: float) -> SeedScene:
 
 
 def has_rules(scene: SeedScene) -> bool:
-    """Whether the road of a scene has rules, or its recording has lights."""
+    """Whether the road of a scene has rules, or its recording has lights, or people at crosswalks."""
     road = scene.road
-    return road is not None and bool(road.regulations or road.net or signals_of(scene))
+    if road is None:
+        return False
+    people = scene.obstacles is not None or scene.people is not None
+    crossed = people and any(area.kind == "crosswalk" for area in road.areas)
+    return bool(road.regulations or road.net or crossed or signals_of(scene))
 
 
 def batches_of(futures: Sequence[int], size: int, *, apart: bool = True) -> list[IntArray]:

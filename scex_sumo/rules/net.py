@@ -36,7 +36,7 @@ def with_rules(scene: SeedScene, net: SumoNet, *, keep: bool = True) -> tuple[Se
     if scene.rules is not None and scene.rules.net == file.digest:
         return scene, scene.rules.notes
     found = _rules_of(scene, net.lanes, file, keep)
-    rules = found if found.passages else None
+    rules = found if found.passages or found.crosswalks else None
     return scene if scene.rules is rules else _ruled(scene, rules), found.notes
 
 

@@ -136,9 +136,10 @@ def test_who_stopped_first_at_an_all_way_stop_goes_first() -> None:
     assert driven.y[0, 1, -1] < -11.0
 
 
-def test_lets_people_on_a_crosswalk_pass() -> None:
+@pytest.mark.parametrize("regulated", [True, False])
+def test_lets_people_on_a_crosswalk_pass(regulated: bool) -> None:
     outline = np.array([(40.0, -4.0), (43.0, -4.0), (43.0, 4.0), (40.0, 4.0)])
-    rules = Rules(passages=passages(), crosswalks=(outline,))
+    rules = Rules(passages=passages() if regulated else (), crosswalks=(outline,))
     rest = np.zeros((1, 80))
     someone = Obstacles(
         ids=("p",),

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 import scex_sumo as scex
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.net.sumo_net import LaneTable
-from scex_sumo.road import Road
+from scex_sumo.extrapolation.job import has_rules
+from scex_sumo.road import Area, Road
 from scex_sumo.rules.net import read_rules, with_rules
+from tests.behaviors.roads import scene_of, straight
 
 # A street from a to b, and one from c to d that crosses it and gives way.
 NET = """<net>
@@ -84,6 +88,18 @@ def test_two_that_give_way_to_each_other_have_no_rules() -> None:
     rules, notes = rules_of(FIRST="10")
     assert rules.passages == ()
     assert notes == ("junction j: a_0 to b_0 and c_0 to d_0 give way to each other; no rules there",)
+
+
+def test_crosswalks_of_a_map_without_regulations_count_if_there_are_people(tmp_path: Path) -> None:
+    walk = Area(area_id=1, kind="crosswalk", outline=np.array([(40.0, -3.0), (43.0, -3.0), (43.0, 3.0)]))
+    road = replace(straight(), areas=(walk,))
+    scene = replace(scene_of((20.0, 0.0, 0.0, 9.0)), road=road)
+    assert not has_rules(scene)
+    with_people = replace(scene, people=np.zeros(1, dtype=bool))
+    assert has_rules(with_people)
+    ruled, _ = with_rules(with_people, converted(road, tmp_path / "x.net.xml"))
+    assert ruled.rules is not None
+    assert (len(ruled.rules.passages), len(ruled.rules.crosswalks)) == (0, 1)
 
 
 def test_runs_of_one_moment_share_its_scene_with_rules(tmp_path: Path) -> None:
