@@ -37,6 +37,10 @@ from scex_sumo.world.tiles import TILE_SLOTS
 OnStep = Callable[[int], None]
 
 RULES = Registry(group="scex_sumo.rules", kind="function of the rules of the road")
+QUEUED, STANDING_MPS = (
+    4,
+    0.5,
+)  # vehicles that stand before a junction that may have lights without a map's word
 VEHICLES_AT_ONCE = 6000  # over all futures of a batch
 BATCHES_EACH = 2  # of each process: one that starts later does less
 
@@ -122,13 +126,14 @@ def _looking_ahead(scene: SeedScene, horizon_s: float) -> SeedScene:
 
 
 def has_rules(scene: SeedScene) -> bool:
-    """Whether the road of a scene has rules, or its recording has lights, or people at crosswalks."""
+    """Whether the road of a scene has rules, or its recording has lights, people at crosswalks, or queues."""
     road = scene.road
     if road is None:
         return False
     people = scene.obstacles is not None or scene.people is not None
     crossed = people and any(area.kind == "crosswalk" for area in road.areas)
-    return bool(road.regulations or road.net or crossed or signals_of(scene))
+    queues = int((scene.now.speed < STANDING_MPS).sum()) >= QUEUED
+    return bool(road.regulations or road.net or crossed or queues or signals_of(scene))
 
 
 def batches_of(futures: Sequence[int], size: int, *, apart: bool = True) -> list[IntArray]:

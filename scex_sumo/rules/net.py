@@ -60,7 +60,8 @@ def _rules_of(scene: SeedScene, lanes: LaneTable, net: _NetFile, keep: bool) -> 
     assert road is not None
     signals = signals_of(scene)
     if signals is None:
-        return _rules_of_road(road, lanes, net)
+        rules = _rules_of_road(road, lanes, net)
+        return rules if road.regulations or road.net else _with_apparent_lights(scene, lanes, net, rules)
     root = net_root(net.path)
     if not _is_recorded(root):
         with TemporaryFolder() as folder:
@@ -78,6 +79,32 @@ def _rules_of_road(road: Road, lanes: LaneTable, net: _NetFile) -> Rules:
     """Return the rules of a road without recorded lights, once for all its moments."""
     rules, notes = read_rules(net_root(net.path), lanes, road)
     return replace(rules, notes=notes, net=net.digest)
+
+
+def _with_apparent_lights(scene: SeedScene, lanes: LaneTable, net: _NetFile, rules: Rules) -> Rules:
+    """Add the lights that a road without regulations apparently has."""
+    from scex_sumo.rules.apparent import apparent_lights
+
+    root = net_root(net.path)
+    shapes = {lane.get("id", ""): points_of(lane.get("shape", "")) for lane in root.iter("lane")}
+    links, passages, stops = list(links_of(root, shapes)), list(rules.passages), list(rules.stop_lines)
+    signals: dict[tuple[str, int], Signal] = {}
+    notes = list(rules.notes)
+    for junction in sorted({link.junction for link in links}):
+        lit, states, lines = apparent_lights(scene, [link for link in links if link.junction == junction])
+        if lit:
+            signals |= states
+            passages += _passages(lit, len(passages), signals, lanes)
+            stops += lines
+            why = f"vehicles queue on {len(lines)} lanes before it"
+            notes.append(f"junction {junction} apparently has lights, whose states are inferred: {why}")
+    return replace(
+        rules,
+        passages=tuple(passages),
+        signals=tuple(signals.values()),
+        stop_lines=tuple(stops),
+        notes=tuple(notes),
+    )
 
 
 def _is_recorded(root: Element) -> bool:
