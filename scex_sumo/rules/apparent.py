@@ -9,7 +9,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.road import Signal
-from scex_sumo.rules.net import Link
+from scex_sumo.rules.link import Link
 from scex_sumo.rules.states import STANDS_MPS
 from scex_sumo.scene import SeedScene
 

@@ -20,6 +20,8 @@ from scex_sumo.converters.net.xml import net_root, unpacked
 from scex_sumo.converters.signals import signals_of
 from scex_sumo.geometry.polylines import without_repeats
 from scex_sumo.road import Passage, Road, Rules, Signal
+from scex_sumo.rules.apparent import apparent_lights
+from scex_sumo.rules.link import Link
 from scex_sumo.scene import STEP_S, SeedScene
 
 BOTH_WAYS = "wZ="  # link states of which two may give way to each other
@@ -83,8 +85,6 @@ def _rules_of_road(road: Road, lanes: LaneTable, net: _NetFile) -> Rules:
 
 def _with_apparent_lights(scene: SeedScene, lanes: LaneTable, net: _NetFile, rules: Rules) -> Rules:
     """Add the lights that a road without regulations apparently has."""
-    from scex_sumo.rules.apparent import apparent_lights
-
     root = net_root(net.path)
     shapes = {lane.get("id", ""): points_of(lane.get("shape", "")) for lane in root.iter("lane")}
     links, passages, stops = list(links_of(root, shapes)), list(rules.passages), list(rules.stop_lines)
@@ -142,19 +142,6 @@ def read_rules(root: Element, lanes: LaneTable, road: Road) -> tuple[Rules, tupl
         notes.append(f"lights of {unknown} passages are unknown: inferred from vehicles that stand or drive")
     rules = Rules(passages=tuple(passages), signals=states, stop_lines=lines, crosswalks=crosswalks)
     return rules, tuple(notes)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Link:
-    """Link of a net from a lane to a lane, with its light (light, index) and the rows to which it yields."""
-
-    line: FloatArray
-    lanes: tuple[str, ...]
-    junction: str
-    row: int
-    state: str
-    light: tuple[str, int] | None
-    yields: frozenset[int]
 
 
 def links_of(root: Element, shapes: Mapping[str, FloatArray]) -> Iterator[Link]:
