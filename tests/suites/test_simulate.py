@@ -103,6 +103,14 @@ def test_expected_contacts_of_people_are_those_of_the_map(following: Situation) 
     assert expected[~typical] == pytest.approx(following.late.ravel()[outcomes.draws.row[~typical]])
 
 
+def test_people_are_equal_to_people_where_nobody_can_respond_in_time() -> None:
+    situation = situation_of(queues(2, gap_m=1.0, speed=12.0), 1, 2)
+    assert (situation.late == 1).any()
+    record = record_of(situation, run(situation, "likely_driver"))
+    assert min(record["chance"].values()) > 0.05
+    assert record["people_contacts"] == pytest.approx(record["contacts"], abs=4)
+
+
 def test_a_pair_without_an_action_is_one_line() -> None:
     scene = queues(2, gap_m=9.0, speed=12.0)
     with pytest.raises(UsageError, match="no vehicle 7 in the seed scene"):
