@@ -14,7 +14,7 @@ from scex_sumo.certainty.response.critical import DECELERATIONS
 from scex_sumo.scene import SceneHistory, VehicleIndex
 from scex_sumo.suites.simulate import FewFutures, Outcomes, draws_of, simulate
 from scex_sumo.suites.situation import STEPS, Situation, situation_of
-from scex_sumo.suites.testing.tasks import by_level, expected_contacts, record_of
+from scex_sumo.suites.testing.tasks import by_level, expected_contacts, record_of, touch_and_go
 from tests.certainty.queues import queues
 
 
@@ -109,6 +109,17 @@ def test_people_are_equal_to_people_where_nobody_can_respond_in_time() -> None:
     record = record_of(situation, run(situation, "likely_driver"))
     assert min(record["chance"].values()) > 0.05
     assert record["people_contacts"] == pytest.approx(record["contacts"], abs=4)
+
+
+def test_people_that_pass_within_10_cm_may_as_well_touch(following: Situation) -> None:
+    outcomes = run(following, "likely_driver")
+    misses = replace(
+        outcomes, contact_s=np.full(len(outcomes.hit), np.inf), gap_m=np.full(len(outcomes.hit), 0.09)
+    )
+    people = (outcomes.draws.row >= 0) & (outcomes.draws.high - outcomes.draws.low < 1)
+    assert touch_and_go(following, misses).tolist() == people.tolist()
+    far = touch_and_go(following, replace(misses, gap_m=misses.gap_m + 0.1))
+    assert far.sum() < people.sum()
 
 
 def test_a_pair_without_an_action_is_one_line() -> None:

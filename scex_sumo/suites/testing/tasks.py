@@ -26,6 +26,8 @@ PEOPLE_TYPICAL: Final = 1e-3
 """P that people touch in a typical future: simulated others are not exact."""
 EXACT_S: Final = 0.1
 """To which latest responses are known: futures have steps of 0.1 s."""
+EXACT_M: Final = 0.1
+"""To which gaps of critical responses are known: their stretches are those of tangents."""
 _TYPICAL_STEPS = 50
 
 
@@ -161,11 +163,12 @@ def expected_contacts(situation: Situation, outcomes: Outcomes) -> FloatArray:
 
 
 def touch_and_go(situation: Situation, outcomes: Outcomes) -> BoolArray:
-    """Return in which futures (C,) people respond so near to the latest time that either may happen."""
+    """Return in which futures (C,) of people either may happen: near the latest response, or a graze."""
     draws = outcomes.draws
     latest = situation.critical_by[np.maximum(draws.row, 0), draws.braking]
     with np.errstate(invalid="ignore"):
         near = np.abs(draws.response_s - latest) <= EXACT_S
+    near |= ~outcomes.hit & (outcomes.gap_m < EXACT_M)
     return np.asarray(near & (draws.row >= 0) & (draws.high - draws.low < 1))
 
 
