@@ -197,14 +197,14 @@ class HumanParameters:
 def simulated(human: HumanParameters) -> HumanParameters:
     """Return the parameters for traffic of SUMO, which has no habits: it drives as its default type may.
 
-    It gains speed evenly up to its limit, with the three quarters of ``accel`` that dawdling leaves, keeps to
+    It gains speed evenly up to its limit, with ``accel`` (chosen: `rules.py simulated` at 5 s), keeps to
     the middle of its lane, stops at yellow if ``decel`` is enough, and leaves people no room.
 
     Source: SUMO's documentation: accel, decel, sigma of passenger cars; junctions.limit-turn-speed.
     """
     idm = replace(
         human.idm,
-        max_acceleration=0.75 * SUMO_ACCELERATION_MPS2,
+        max_acceleration=SUMO_ACCELERATION_MPS2,
         curve_acceleration=5.5,
         curve_deceleration=SUMO_BRAKING_MPS2,
         habit_memory=0.0,

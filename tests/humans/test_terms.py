@@ -45,7 +45,7 @@ def test_a_driver_at_the_limit_of_a_turn_speeds_up_to_that_of_the_road_behind_it
 
 
 def test_drivers_of_sumo_start_as_fast_as_its_default_type() -> None:
-    assert terms.free(situation([0.0]), simulated(HUMAN)) == pytest.approx([0.75 * 2.6])
+    assert terms.free(situation([0.0]), simulated(HUMAN)) == pytest.approx([2.6])
 
 
 def test_nobody_brakes_much_harder_for_a_leader_than_it_takes() -> None:
