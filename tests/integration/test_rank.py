@@ -323,7 +323,7 @@ def test_a_metric_of_ones_own_is_ranked_beside_the_others(dataset: Path, tmp_pat
 
 def test_an_exact_row_is_what_the_tables_of_a_run_give(tmp_path: Path) -> None:
     """A ranking of one moment is settled; of several, those whose rank is uncertain get tables."""
-    words = ("--every", 2, "--to", 5, "--first", 32, "--futures", 192, "--top", 3, "--json")
+    words = ("--every", 2, "--to", 9, "--first", 32, "--futures", 192, "--top", 3, "--json")
     done = rank(scex_sumo.example_path("roundabout"), *words, "-o", tmp_path / "exact")
     assert done.returncode == 0, done.stderr
     rows = [row for row in json.loads(done.stdout)["moments"] if row["remainder"] is not None]
