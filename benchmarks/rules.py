@@ -2,7 +2,7 @@
 
     python benchmarks/rules.py recorded [--data FOLDER] [--sites NAMES] [--part test] [--every 20] [--most 20]
     python benchmarks/rules.py simulated SIM.sumocfg ... [--times 100,160,220] [--steps 50]
-    python benchmarks/rules.py grids FOLDER
+    python benchmarks/rules.py grids FOLDER [--first 1]
     python benchmarks/rules.py rest --part train --every 10 --most 1000
     python benchmarks/rules.py order --every 5 --most 60 --steps 50 [--sites NAMES]
     python benchmarks/rules.py violations --sites NAMES --most 8 --futures 128
@@ -11,8 +11,8 @@
 many new futures of the default mix find. ``rest`` fits the gaps at which vehicles rest
 behind each other: log mean and deviation.
 
-``grids`` writes for ``simulated`` four signalised grids with random trips (netgenerate), and two
-of SUMO's tutorials with lights. Columns:
+``grids`` writes for ``simulated`` four signalised grids with random trips (netgenerate, seeds from
+``--first``), and two of SUMO's tutorials with lights. Columns:
 
 - error: of the futures' mean after 3 s (and at the end), against constant velocity's; all vehicles, moving;
 - across: share of moving vehicles within 5-95 % across the road after 3 s;
@@ -322,7 +322,7 @@ def gaps_at_rest(scene: SeedScene, steps: int) -> list[float]:
     return found
 
 
-def write_simulations(folder: Path) -> None:
+def write_simulations(folder: Path, first_seed: int) -> None:
     """Write four signalised grids with trips, and two of SUMO's tutorials with lights."""
     home = Path(sumolib.__file__).parents[1] / "sumo"
 
@@ -332,7 +332,7 @@ def write_simulations(folder: Path) -> None:
         subprocess.run([*run, *rest], cwd=place, check=True)
 
     grid = "netgenerate --grid --grid.number 3 --grid.length 150 -L 2 --turn-lanes 1 -o net.net.xml"
-    for seed in range(1, 5):
+    for seed in range(first_seed, first_seed + 4):
         place = _simulation(folder / f"grid{seed}", "trips.trips.xml")
         call(f"{grid} --default-junction-type traffic_light --seed {seed}", place)
         trips = "randomTrips.py -n net.net.xml -o trips.trips.xml -e 300 -p 1.2 --fringe-factor 5"
@@ -368,6 +368,7 @@ def main() -> None:
     )
     parser.add_argument("--most", type=int, default=20, help="moments of each site")
     parser.add_argument("--telling", action="store_true", help="moments with starts, or passings, alone")
+    parser.add_argument("--first", type=int, default=1, help="seed of the first grid")
     parser.add_argument("--times", default="100,160,220", help="moments of simulations, s")
     parser.add_argument("--models", default="likely_driver")
     parser.add_argument("--futures", type=int, default=16)
@@ -378,7 +379,7 @@ def main() -> None:
     )
     arguments = parser.parse_args()
     if arguments.what == "grids":
-        return write_simulations(Path(arguments.files[0]))
+        return write_simulations(Path(arguments.files[0]), arguments.first)
     given = dict(pair.split("=") for pair in arguments.given.split(",") if pair)
     changed = dataclasses.replace(obedience.RULE_PARAMETERS, **{k: float(v) for k, v in given.items()})
     obedience.RULE_PARAMETERS = changed
