@@ -32,11 +32,8 @@ from scex_sumo.roads.routes import centreline
 from scex_sumo.scene import STEP_S, SeedScene
 
 STEPS, STAYS, EVERY, BEFORE = 80, 10, 5, 20  # of futures, on a lane; of exposure; from begin to border
-HALF, MOVED_M, PEAK = (
-    20,
-    2.0,
-    1.875,
-)  # of a change: steps, least way across; largest over mean speed of a quintic
+HALF, MOVED_M = 20, 2.0  # of a change: steps, least way across
+PEAK = 1.875  # largest over mean speed of a quintic
 AROUND_M, FAR_M = 80.0, 100.0
 SIDE_M = 1.5, 6.0  # across, to a vehicle on the lane beside
 

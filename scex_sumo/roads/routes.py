@@ -231,23 +231,23 @@ def _paths_from(
     pose: tuple[float, float, float],
 ) -> list[CandidatePath]:
     first, horizon = horizons
-    options = near = routes(road, lane, s, first)
+    options = straight = routes(road, lane, s, first)
     if horizon > first:
-        options = _with_later_forks(road, near, s, horizon)
-    straight = [extended(road, route, s + horizon) for route in near]
+        straight = tuple(extended(road, route, s + horizon) for route in options)
+        options = _with_later_forks(road, options, s, horizon)
     paths = []
     for route in options:
         share = probability
         for i in range(1, len(route)):  # alternatives at each fork
             share /= len({other[i] for other in options if other[:i] == route[:i] and len(other) > i})
-        angle, end = (_angle(road, route, s, ahead, pose) for ahead in horizons)
+        angle = _angle(road, route, s, first, pose)
         paths.append(
             CandidatePath(
                 lanes=route,
                 s=s,
                 probability=share,
                 angle=angle,
-                end_angle=end,
+                end_angle=_angle(road, route, s, horizon, pose) if horizon > first else angle,
                 straight_on=any(ahead[: len(route)] == route for ahead in straight),
             )
         )

@@ -63,7 +63,9 @@ def _rules_of(scene: SeedScene, lanes: LaneTable, net: _NetFile, keep: bool) -> 
     signals = signals_of(scene)
     if signals is None:
         rules = _rules_of_road(road, lanes, net)
-        return rules if road.regulations or road.net else _with_apparent_lights(scene, lanes, net, rules)
+        return (
+            rules if road.regulations or road.net else _with_apparent_lights(scene, road, lanes, net, rules)
+        )
     root = net_root(net.path)
     if not _is_recorded(root):
         with TemporaryFolder() as folder:
@@ -83,15 +85,14 @@ def _rules_of_road(road: Road, lanes: LaneTable, net: _NetFile) -> Rules:
     return replace(rules, notes=notes, net=net.digest)
 
 
-def _with_apparent_lights(scene: SeedScene, lanes: LaneTable, net: _NetFile, rules: Rules) -> Rules:
+def _with_apparent_lights(
+    scene: SeedScene, road: Road, lanes: LaneTable, net: _NetFile, rules: Rules
+) -> Rules:
     """Add the lights that a road without regulations apparently has."""
-    root = net_root(net.path)
-    shapes = {lane.get("id", ""): points_of(lane.get("shape", "")) for lane in root.iter("lane")}
-    links, passages, stops = list(links_of(root, shapes)), list(rules.passages), list(rules.stop_lines)
+    passages, stops, notes = list(rules.passages), list(rules.stop_lines), list(rules.notes)
     signals: dict[tuple[str, int], Signal] = {}
-    notes = list(rules.notes)
-    for junction in sorted({link.junction for link in links}):
-        lit, states, lines = apparent_lights(scene, [link for link in links if link.junction == junction])
+    for junction, links in _links_by_junction(road, net).items():
+        lit, states, lines = apparent_lights(scene, links)
         if lit:
             signals |= states
             passages += _passages(lit, len(passages), signals, lanes)
@@ -107,6 +108,20 @@ def _with_apparent_lights(scene: SeedScene, lanes: LaneTable, net: _NetFile, rul
     )
 
 
+@owner_cache
+def _links_by_junction(road: Road, net: _NetFile) -> dict[str, list[Link]]:
+    """Return the links of each junction of a road's net, once for all its moments."""
+    found: dict[str, list[Link]] = {}
+    for link in _links(net_root(net.path)):
+        found.setdefault(link.junction, []).append(link)
+    return dict(sorted(found.items()))
+
+
+def _links(root: Element) -> list[Link]:
+    shapes = {lane.get("id", ""): points_of(lane.get("shape", "")) for lane in root.iter("lane")}
+    return list(links_of(root, shapes))
+
+
 def _is_recorded(root: Element) -> bool:
     return any(logic.get("programID") == RECORDED for logic in root.iter("tlLogic"))
 
@@ -117,8 +132,7 @@ def read_rules(root: Element, lanes: LaneTable, road: Road) -> tuple[Rules, tupl
     Lights whose phases are invented, as the net of a map without phases needs them, are unknown; so those
     that netconvert gives to OpenDRIVE and OpenStreetMap maps.
     """
-    shapes = {lane.get("id", ""): points_of(lane.get("shape", "")) for lane in root.iter("lane")}
-    links = list(links_of(root, shapes))
+    links = _links(root)
     signals, notes = signals_of_links(root, links, known=road.net is not None and road.phases)
     passages: list[Passage] = []
     for junction in root.iter("junction"):

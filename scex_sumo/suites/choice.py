@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
@@ -158,7 +159,7 @@ def strata_of(population: Population, some: IntArray, most: int) -> IntArray:
 
 
 def own_strata(
-    kinds: FloatArray, stratum: IntArray, size: FloatArray, count: int, *, served: FloatArray
+    kinds: NDArray[np.str_], stratum: IntArray, size: FloatArray, count: int, *, served: NDArray[np.str_]
 ) -> tuple[IntArray, int]:
     """Return strata (n,) in which each kind has one of its own, and the number of those that were before.
 
@@ -187,7 +188,7 @@ def _apart(one: frozenset[tuple[str, int]], other: frozenset[tuple[str, int]]) -
     return away, 0 if same else 1
 
 
-def _words(kinds: FloatArray, risk: IntArray, stratum: IntArray) -> list[str]:
+def _words(kinds: NDArray[np.str_], risk: IntArray, stratum: IntArray) -> list[str]:
     """Return the words of the strata of candidates (n,), from 1 on."""
     words = []
     for h in range(1, int(stratum.max(initial=0)) + 1):

@@ -17,6 +17,7 @@ import shapely
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import FloatArray
+from scex_sumo.converters.net.text import points_of
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.world.batch import MATCH_M, OWN_LANE
 from scex_sumo.world.tiles import tile_id
@@ -131,5 +132,6 @@ def _allows(lane: ElementTree.Element, kind: str) -> bool:
 
 
 def _area(lane: ElementTree.Element) -> Any:
-    points = [tuple(map(float, point.split(",")[:2])) for point in lane.get("shape", "").split()]
-    return shapely.LineString(points).buffer(float(lane.get("width", _WIDTH_M)) / 2, cap_style="flat")
+    return shapely.LineString(points_of(lane.get("shape", ""))).buffer(
+        float(lane.get("width", _WIDTH_M)) / 2, cap_style="flat"
+    )

@@ -154,9 +154,9 @@ def expected_contacts(situation: Situation, outcomes: Outcomes) -> FloatArray:
     """Return the probability (C,) with which people touch in each future."""
     draws = outcomes.draws
     row = np.maximum(draws.row, 0)
-    exact = draws.high - draws.low < 1  # people, with a deceleration of their own
-    late = np.where(exact, situation.late_by[row, draws.braking], situation.late.ravel()[row])
     wide = draws.high - draws.low
+    exact = wide < 1  # people, with a deceleration of their own
+    late = np.where(exact, situation.late_by[row, draws.braking], situation.late.ravel()[row])
     part = np.clip((late - draws.low) / np.maximum(wide, 1e-12), 0.0, 1.0)
     part = np.where(wide > 0, part, outcomes.hit)  # nobody responds so: its weight is 0
     return np.where(draws.row < 0, PEOPLE_TYPICAL, part)
