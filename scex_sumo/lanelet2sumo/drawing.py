@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr as quoted
 
-import numpy as np
-
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.text import shape_text
 from scex_sumo.geometry.polylines import cut, length_of
@@ -73,12 +71,16 @@ def _markings(road: Road) -> Iterator[str]:
 
 
 def _stop_lines(road: Road) -> Iterator[str]:
-    drawn = [marking.points for marking in road.markings if marking.kind == "stop_line"]
+    drawn = {_content(marking.points) for marking in road.markings if marking.kind == "stop_line"}
     marked = len(drawn)
     for line in (line for rule in road.regulations for line in rule.stop_lines):
-        if not any(np.array_equal(line, other) for other in drawn):
+        if _content(line) not in drawn:
             yield _poly(f"stop_line.{len(drawn) - marked}", "stop_line", LINES["stop_line"], line)
-            drawn.append(line)
+            drawn.add(_content(line))
+
+
+def _content(line: FloatArray) -> bytes:
+    return (line + 0.0).tobytes()  # 0.0 for -0.0
 
 
 def _strokes(marking: Marking, style: _Style) -> Iterator[FloatArray]:

@@ -111,10 +111,14 @@ def _with_apparent_lights(
 @owner_cache
 def _links_by_junction(road: Road, net: _NetFile) -> dict[str, list[Link]]:
     """Return the links of each junction of a road's net, once for all its moments."""
+    return dict(sorted(_by_junction(_links(net_root(net.path))).items()))
+
+
+def _by_junction(links: Sequence[Link]) -> dict[str, list[Link]]:
     found: dict[str, list[Link]] = {}
-    for link in _links(net_root(net.path)):
+    for link in links:
         found.setdefault(link.junction, []).append(link)
-    return dict(sorted(found.items()))
+    return found
 
 
 def _links(root: Element) -> list[Link]:
@@ -134,9 +138,9 @@ def read_rules(root: Element, lanes: LaneTable, road: Road) -> tuple[Rules, tupl
     """
     links = _links(root)
     signals, notes = signals_of_links(root, links, known=road.net is not None and road.phases)
-    passages: list[Passage] = []
+    by_junction, passages = _by_junction(links), list[Passage]()
     for junction in root.iter("junction"):
-        mine = [link for link in links if link.junction == junction.get("id")]
+        mine = by_junction.get(junction.get("id", ""), [])
         if any(link.light is not None and link.light not in signals for link in mine):
             continue
         lit = any(link.light is not None for link in mine)
