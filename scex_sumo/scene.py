@@ -50,10 +50,12 @@ class States:
 
     def map(self, function: Callable[[FloatArray], FloatArray]) -> States:
         """Apply a function to each of the four arrays."""
-        return self.joined([self], lambda arrays: function(arrays[0]))
+        return States(
+            x=function(self.x), y=function(self.y), heading=function(self.heading), speed=function(self.speed)
+        )
 
     def __getitem__(self, key: Any) -> States:
-        return self.map(lambda values: values[key])
+        return States(x=self.x[key], y=self.y[key], heading=self.heading[key], speed=self.speed[key])
 
     def repeat(self, count: int) -> States:
         """Repeat the states along a new first axis."""

@@ -34,10 +34,17 @@ def path_ahead(paths: SeedPaths, row: IntArray, way: FloatArray, now: States) ->
 
 def observed(arrays: Mapping[str, FloatArray], *, flat: bool) -> Observation:
     """Return the observation of N agents by their named arrays; ``flat`` as `gymnasium.spaces.flatten`."""
-    cut = {
-        name: np.clip(values, -MAX_OBSERVED, MAX_OBSERVED).astype(np.float32)
-        for name, values in arrays.items()
-    }
     if not flat:
-        return cut
-    return np.concatenate([cut[name].reshape(len(cut[name]), -1) for name in sorted(cut)], axis=1)
+        return {name: _cut(values.astype(np.float32)) for name, values in arrays.items()}
+    return _cut(
+        np.concatenate(
+            [arrays[name].reshape(len(arrays[name]), -1) for name in sorted(arrays)],
+            axis=1,
+            dtype=np.float32,
+            casting="same_kind",
+        )
+    )
+
+
+def _cut(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.clip(values, -MAX_OBSERVED, MAX_OBSERVED, out=values)

@@ -263,7 +263,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
             self._next.assign((future, vehicle, (self._age[future] + step) % self.replan), motion[:, step])
         return np.isin(every, future[vehicle == self._vehicle]) & moving
 
-    def _history(self, envs: IntArray, age: int) -> SceneHistory:
+    def _history(self, envs: IntArray | slice, age: int) -> SceneHistory:
         return history_at(
             self.scene, self._window[envs], self._future[envs], self._route_draw[envs], step=age
         )
@@ -284,17 +284,10 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         return limit
 
     def _arrays(self) -> dict[str, FloatArray]:
-        parts: list[tuple[IntArray, dict[str, FloatArray]]] = []
-        # Only replayed pedestrians and cyclists depend on the time since the seed scene.
-        ages = np.zeros_like(self._age) if self.scene.obstacles is None else self._age
-        for age in np.unique(ages).tolist():
-            envs = np.flatnonzero(ages == age)
-            who = VehicleIndex(future=np.arange(len(envs)), vehicle=np.full(len(envs), self._vehicle))
-            parts.append(
-                (envs, predictor_inputs(self._history(envs, age), self.road, who, self._surroundings))
-            )
-        order = np.argsort(np.concatenate([envs for envs, _ in parts]))
-        arrays = {name: np.concatenate([part[name] for _, part in parts])[order] for name in parts[0][1]}
+        every = np.arange(self.num_envs)
+        who = VehicleIndex(future=every, vehicle=np.full(self.num_envs, self._vehicle))
+        history = self._history(slice(None), 0)
+        arrays = predictor_inputs(history, self.road, who, self._surroundings, step=self._age)
         return {**arrays, "path": path_ahead(self._paths, self._row, self._way, self._agent_now())}
 
     def _observation(self) -> Observation:

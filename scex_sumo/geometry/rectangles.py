@@ -190,4 +190,7 @@ def seen_from(now: States, states: States) -> FloatArray:
     cos, sin = np.cos(now.heading)[frame], np.sin(now.heading)[frame]
     dx, dy = states.x - now.x[frame], states.y - now.y[frame]
     turn = states.heading - now.heading[frame]
-    return np.stack([cos * dx + sin * dy, cos * dy - sin * dx, np.cos(turn), np.sin(turn), states.speed], -1)
+    seen = np.empty((*turn.shape, len(SEEN_COLUMNS)))
+    seen[..., 0], seen[..., 1] = cos * dx + sin * dy, cos * dy - sin * dx
+    seen[..., 2], seen[..., 3], seen[..., 4] = np.cos(turn), np.sin(turn), states.speed
+    return seen

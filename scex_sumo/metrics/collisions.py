@@ -155,7 +155,8 @@ class Contacts:
 
 
 def _way(before: States, after: States) -> float:
-    return float(np.hypot(after.x - before.x, after.y - before.y).max(initial=0.0))
+    dx, dy = after.x - before.x, after.y - before.y
+    return float(np.sqrt((dx * dx + dy * dy).max(initial=0.0)))
 
 
 def _limits(moves: Moves, start: int, limit_m2: float) -> FloatArray:

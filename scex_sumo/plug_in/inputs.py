@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
@@ -83,6 +84,8 @@ def predictor_inputs(
     who: VehicleIndex,
     surroundings: Surroundings,
     names: Collection[str] = ARRAYS,
+    *,
+    step: IntArray | None = None,
 ) -> dict[str, NDArray[Any]]:
     """Return the named input arrays of n vehicles.
 
@@ -93,6 +96,9 @@ def predictor_inputs(
     ``lanes`` (n, L, P, 2): centreline pieces in driving direction, nearest middle first, m.
     ``lane_limit`` (n, L): speed limits, m/s.
     ``neighbour_mask`` (n, K) and ``lane_mask`` (n, L): False for unused rows, which are zero.
+
+    Args:
+        step: (n,) steps since the seed scene; None for the history's.
     """
     scene = history.scene
     past = history.states[who.future, who.vehicle]
@@ -104,71 +110,92 @@ def predictor_inputs(
         "kind": kinds[who.vehicle],
     }
     if any(name.startswith("neighbour") for name in names):
-        inputs |= _others(history, who, now, surroundings, kinds)
+        steps = np.full(len(who), history.step) if step is None else step
+        inputs |= _others(history, who, now, surroundings, kinds, steps)
     if any(name.startswith("lane") for name in names):
         inputs |= _lanes(road, now, surroundings)
     return {name: inputs[name] for name in names}
 
 
+@cache
 def vehicle_kind(word: str) -> int:
     """Return the index into `KINDS` of a recorded type, e.g. ``truck_bus``."""
     return next((kind for part, kind in _WORDS if part in word.lower()), KINDS.index("other"))
 
 
 def _others(
-    history: SceneHistory, who: VehicleIndex, now: States, surroundings: Surroundings, kinds: IntArray
+    history: SceneHistory,
+    who: VehicleIndex,
+    now: States,
+    surroundings: Surroundings,
+    kinds: IntArray,
+    step: IntArray,
 ) -> dict[str, NDArray[Any]]:
-    scene, states = history.scene, history.states
+    scene, states, obstacles = history.scene, history.states, history.scene.obstacles
     size = np.stack([scene.length, scene.width], axis=-1)
-    present = np.ones(states.shape[:2], dtype=np.bool_)
-    if scene.obstacles is not None:
-        # Obstacles are replayed: their past is the recorded one.
-        steps = np.arange(history.step, history.step + HISTORY_STEPS + 1)
-        steps = np.minimum(steps, scene.obstacles.states.shape[1] - 1)
-        shape = (len(states.x), len(scene.obstacles.ids), HISTORY_STEPS + 1)
-        past = scene.obstacles.states[:, steps].map(lambda values: np.broadcast_to(values, shape))
-        states = States.concatenate([states, past], axis=1)
-        there = np.broadcast_to(scene.obstacles.present[:, steps[-1]], shape[:2])
-        present = np.concatenate([present, there], axis=1)
-        more = np.stack([scene.obstacles.length, scene.obstacles.width], axis=-1)
-        size = np.concatenate([size, more])
-        kinds = np.concatenate([kinds, [vehicle_kind(word) for word in scene.obstacles.types]])
-    x, y = states.x[:, :, -1], states.y[:, :, -1]
-    distance = np.hypot(x[who.future] - now.x[:, None], y[who.future] - now.y[:, None])
-    distance[~present[who.future]] = np.inf
+    distance = _apart(now, history.now[who.future])
     distance[np.arange(len(who)), who.vehicle] = np.inf
+    if obstacles is not None:
+        # Obstacles are replayed: their past is the recorded one.
+        steps = np.minimum(step[:, None] + np.arange(HISTORY_STEPS + 1), obstacles.states.shape[1] - 1)
+        there = obstacles.present[:, steps[:, -1]].T
+        further = np.where(there, _apart(now, obstacles.states[:, steps[:, -1]].swapaxes(0, 1)), np.inf)
+        distance = np.concatenate([distance, further], axis=1)
+        size = np.concatenate([size, np.stack([obstacles.length, obstacles.width], axis=-1)])
+        kinds = np.concatenate([kinds, [vehicle_kind(word) for word in obstacles.types]])
     nearest, mask = _nearest(distance, surroundings.neighbours, surroundings.radius)
-    seen = seen_from(now, states[who.future[:, None], nearest])
+    past = states[who.future[:, None], np.minimum(nearest, scene.vehicles - 1)]
+    if obstacles is not None:
+        row, column = np.nonzero(nearest >= scene.vehicles)
+        which = nearest[row, column] - scene.vehicles
+        past.assign((row, column), obstacles.states[which[:, None], steps[row]])
+    seen = seen_from(now, past)
+    seen[~mask] = 0.0
     return {
-        "neighbours": np.where(mask[..., None, None], seen, 0.0),
+        "neighbours": seen,
         "neighbour_size": np.where(mask[..., None], size[nearest], 0.0),
         "neighbour_kind": np.where(mask, kinds[nearest], 0),
         "neighbour_mask": mask,
     }
 
 
+def _apart(now: States, others: States) -> FloatArray:
+    """Return the distances (n, M) of vehicles (n,) from others (n, M), m."""
+    return np.hypot(others.x - now.x[:, None], others.y - now.y[:, None])
+
+
 def _nearest(distance: FloatArray, count: int, radius: float) -> tuple[IntArray, BoolArray]:
     order = np.argsort(distance, axis=1, kind="stable")[:, :count]
     mask = np.take_along_axis(distance, order, axis=1) <= radius
-    short = count - order.shape[1]
-    return np.pad(order, ((0, 0), (0, short))), np.pad(mask, ((0, 0), (0, short)))
+    if short := count - order.shape[1]:
+        return np.pad(order, ((0, 0), (0, short))), np.pad(mask, ((0, 0), (0, short)))
+    return order, mask
 
 
 def _lanes(road: Road, now: States, surroundings: Surroundings) -> dict[str, NDArray[Any]]:
     pieces, limit = lane_pieces(road, surroundings.points, surroundings.spacing)
     middle = pieces[:, [surroundings.points // 2, (surroundings.points - 1) // 2]].mean(axis=1)
+    near = _around(now, middle, surroundings.radius + 1.0)  # more than rounding
+    pieces, middle, limit = pieces[near], middle[near], limit[near]
     distance = np.hypot(middle[:, 0] - now.x[:, None], middle[:, 1] - now.y[:, None])
     nearest, mask = _nearest(distance, surroundings.lanes, surroundings.radius)
     if len(pieces) == 0:
         pieces, limit = np.zeros((1, surroundings.points, 2)), np.zeros(1)
-    delta = pieces[nearest] - np.stack([now.x, now.y], axis=-1)[:, None, None]
     cos, sin = np.cos(now.heading)[:, None, None], np.sin(now.heading)[:, None, None]
-    ahead, left = cos * delta[..., 0] + sin * delta[..., 1], cos * delta[..., 1] - sin * delta[..., 0]
-    return {
-        "lanes": np.where(mask[..., None, None], np.stack([ahead, left], axis=-1), 0.0),
-        "lane_limit": np.where(mask, limit[nearest], 0.0),
-        "lane_mask": mask,
-    }
+    dx = pieces[..., 0].take(nearest, axis=0) - now.x[:, None, None]
+    dy = pieces[..., 1].take(nearest, axis=0) - now.y[:, None, None]
+    lanes = np.empty((*dx.shape, 2))
+    lanes[..., 0], lanes[..., 1] = cos * dx + sin * dy, cos * dy - sin * dx
+    lanes[~mask] = 0.0
+    return {"lanes": lanes, "lane_limit": np.where(mask, limit[nearest], 0.0), "lane_mask": mask}
+
+
+def _around(now: States, places: FloatArray, radius: float) -> BoolArray:
+    """Return which places (R, 2) are within a radius, m, of the box around all vehicles (n,)."""
+    near = np.ones(len(places), dtype=np.bool_)
+    for at, place in zip((now.x, now.y), places.T, strict=True):
+        near &= (place >= at.min(initial=np.inf) - radius) & (place <= at.max(initial=-np.inf) + radius)
+    return near
 
 
 @owner_cache

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
@@ -12,6 +16,9 @@ from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.models.idm import IdmDriver, IdmProfile
 from scex_sumo.road import Road
 from scex_sumo.scene import SceneHistory, VehicleIndex
+
+if TYPE_CHECKING:
+    from scex_sumo.rules.holds import Manner
 
 SIDEWAYS = ("", "cuts_in", "drifts")
 
@@ -48,29 +55,66 @@ class RuledDriver(IdmDriver):
 
     profile: RuledProfile
 
-    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent:
+    @property
+    def looks(self) -> Hashable:
         """See `DrivesAlong`."""
         profile = self.profile
-        paths, row = chosen_paths(history, road, who, profile.path)
+        return RuledDriver, profile.path, profile.clearance, profile.obstacle_clearance, profile.radius
+
+    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent:
+        """See `DrivesAlong`."""
+        return self.intend_together([self], history, road, [who])[0]
+
+    @staticmethod
+    def intend_together(
+        drivers: Sequence[RuledDriver], history: SceneHistory, road: Road, groups: Sequence[VehicleIndex]
+    ) -> list[Intent]:
+        """See `DrivesAlong`."""
+        who = VehicleIndex(
+            future=np.concatenate([group.future for group in groups]),
+            vehicle=np.concatenate([group.vehicle for group in groups]),
+        )
+        path = drivers[0].profile.path
+        paths, row = chosen_paths(history, road, who, path)
         hold: FloatArray | None = None
-        if history.scene.rules is not None and not isinstance(profile.path, tuple):
-            from scex_sumo.rules.holds import Manner, lights, obeyed
+        way: FloatArray | None = None
+        if history.scene.rules is not None and not isinstance(path, tuple):
+            from scex_sumo.rules.holds import lights, obeyed
             from scex_sumo.rules.states import straight_traffic
 
-            manner = Manner(
-                lights=profile.lights,
-                priority=profile.priority,
-                yellow_mps2=profile.yellow_deceleration,
-                red_mps2=profile.max_deceleration,
-                red_delay_s=profile.red_delay,
-                gaps=profile.gap_factor,
-                priority_mps2=profile.comfort_deceleration,
-            )
-            lit = lights(history, paths)
-            hold = obeyed(history, who, paths, row, straight_traffic(history, paths), manner, lit).hold
-        intent = self.follow(history, who, paths, row, hold)
-        if not profile.sideways:
-            return intent
-        from scex_sumo.rules.sideways import offsets
+            manner, traffic = _manner(drivers, groups), straight_traffic(history, paths)
+            hold = obeyed(history, who, paths, row, traffic, manner, lights(history, paths)).hold
+            way = traffic.way[who.future, who.vehicle] if path == "straight" else None
+        leaders = drivers[0].look(history, who, paths, row, way)
+        intents, end = [], 0
+        for driver, group in zip(drivers, groups, strict=True):
+            k = slice(end, end := end + len(group))
+            held = None if hold is None else hold[k]
+            intent = driver.behind(leaders.part(k), history, group, paths, row[k], held)
+            if sideways := driver.profile.sideways:
+                from scex_sumo.rules.sideways import offsets
 
-        return replace(intent, aside=offsets(history, road, paths, intent.row, intent.who, profile.sideways))
+                aside = offsets(history, road, paths, intent.row, intent.who, sideways)
+                intent = replace(intent, aside=aside)
+            intents.append(intent)
+        return intents
+
+
+def _manner(drivers: Sequence[RuledDriver], groups: Sequence[VehicleIndex]) -> Manner:
+    """Return the manner of each of the n vehicles."""
+    from scex_sumo.rules.holds import Manner
+
+    profiles, counts = [driver.profile for driver in drivers], [len(group) for group in groups]
+
+    def each(name: str) -> FloatArray:
+        return np.repeat([float(getattr(profile, name)) for profile in profiles], counts)
+
+    return Manner(
+        lights=each("lights"),
+        priority=each("priority"),
+        yellow_mps2=each("yellow_deceleration"),
+        red_mps2=each("max_deceleration"),
+        red_delay_s=each("red_delay"),
+        gaps=each("gap_factor"),
+        priority_mps2=each("comfort_deceleration"),
+    )

@@ -55,9 +55,10 @@ class Lit:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Traffic:
-    """Places of all vehicles on their paths: (C, V) path, front and rear, m, and speed, m/s."""
+    """Places of all vehicles on their paths: (C, V) path, centre, front and rear, m, and speed, m/s."""
 
     row: IntArray
+    way: FloatArray
     front: FloatArray
     rear: FloatArray
     speed: FloatArray
@@ -73,6 +74,7 @@ def traffic_on(history: SceneHistory, paths: SeedPaths, row: IntArray) -> Traffi
     s, half = s.reshape(row.shape), history.scene.length / 2
     return Traffic(
         row=row,
+        way=s,
         front=s + half,
         rear=s - half,
         speed=np.maximum(now.speed, 0.0),

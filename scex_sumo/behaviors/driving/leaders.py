@@ -26,6 +26,10 @@ class Leaders:
     speed: FloatArray  # (n,) along the path, m/s; 0 without a leader
     index: IntArray  # (n,) column: vehicles first, then obstacles; -1 without a leader
 
+    def part(self, keep: slice) -> Leaders:
+        """Return those of some vehicles."""
+        return Leaders(gap=self.gap[keep], speed=self.speed[keep], index=self.index[keep])
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ahead:

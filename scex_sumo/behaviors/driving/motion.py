@@ -9,7 +9,7 @@ decays like (A + Bs + Cs²)·exp(-ωs), ω = 1/max(3 m, v·0.67 s).
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate, pairwise
 from typing import Any, ClassVar, TypeAlias
@@ -344,6 +344,18 @@ class DrivesAlong(ABC):
     @abstractmethod
     def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent:
         """Return the drive of these vehicles."""
+
+    @property
+    def looks(self) -> Hashable:
+        """Key of drivers that look around together; its own: alone."""
+        return self
+
+    @staticmethod
+    def intend_together(
+        drivers: Sequence[Any], history: SceneHistory, road: Road, groups: Sequence[VehicleIndex]
+    ) -> list[Intent]:
+        """Return the intents of drivers with one key, each for its vehicles."""
+        return [driver.intend(history, road, who) for driver, who in zip(drivers, groups, strict=True)]
 
 
 def driven(history: SceneHistory, intents: Sequence[Intent], steps: int = PLAN_STEPS) -> list[Plan]:

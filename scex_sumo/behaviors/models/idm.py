@@ -10,7 +10,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray, distinct
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.base import Sight, check_path, check_positive
-from scex_sumo.behaviors.driving.leaders import find_leaders
+from scex_sumo.behaviors.driving.leaders import Leaders, find_leaders
 from scex_sumo.behaviors.driving.motion import (
     CURVE_TIME_S,
     REAR_AXLE_SHARE,
@@ -185,28 +185,44 @@ class IdmDriver(DrivesAlong):
         """See `DrivesAlong`."""
         return self.follow(history, who, *chosen_paths(history, road, who, self.profile.path))
 
-    def follow(
+    def follow(self, history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray) -> Intent:
+        """Return the drive along (n,) rows of `paths`."""
+        return self.behind(self.look(history, who, paths, row), history, who, paths, row)
+
+    def look(
         self,
+        history: SceneHistory,
+        who: VehicleIndex,
+        paths: SeedPaths,
+        row: IntArray,
+        way: FloatArray | None = None,
+    ) -> Leaders:
+        """Return the leaders of vehicles on rows of paths; ``way`` (n,): where they are on them, m."""
+        profile = self.profile
+        if way is None:
+            now = history.now[who.future, who.vehicle]
+            way, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
+        return find_leaders(
+            history,
+            who,
+            paths,
+            row,
+            way,
+            clearance=profile.clearance,
+            radius=profile.radius,
+            obstacle_clearance=profile.obstacle_clearance,
+        )
+
+    def behind(
+        self,
+        leaders: Leaders,
         history: SceneHistory,
         who: VehicleIndex,
         paths: SeedPaths,
         row: IntArray,
         hold: FloatArray | None = None,
     ) -> Intent:
-        """Return the drive along (n,) rows of `paths`; (n,) ways to places to stop, m, inf without."""
-        profile = self.profile
-        now = history.now[who.future, who.vehicle]
-        s_centre, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
-        leaders = find_leaders(
-            history,
-            who,
-            paths,
-            row,
-            s_centre,
-            clearance=profile.clearance,
-            radius=profile.radius,
-            obstacle_clearance=profile.obstacle_clearance,
-        )
+        """Return the drive behind leaders; ``hold`` (n,): ways to places to stop, m, inf without."""
         # Vehicles with the same leader at the same gap drive the same; many futures differ elsewhere only.
         holds = [] if hold is None else [hold]
         situation = np.stack([row, leaders.gap, leaders.speed, *holds], axis=1)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from scex_sumo.base.arrays import IntArray, distinct
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS, Behavior, sight_of
-from scex_sumo.behaviors.driving.motion import Intent, driven, handed_out, own_motion
+from scex_sumo.behaviors.driving.motion import DrivesAlong, Intent, driven, handed_out, own_motion
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 
@@ -27,26 +27,38 @@ def plans_of(
     Path-following models plan together, and ``steps`` only.
     """
     some = [index for index, who in enumerate(groups) if len(who)]
-    along = {index: one for index in some if (one := _intent(models[index], history, road, groups[index]))}
+    along = _intents({index: models[index] for index in some}, history, road, groups)
     together = dict(zip(along, driven(history, list(along.values()), steps), strict=True))
     for index in some:
         plan = together.get(index)
         yield index, plan_once(models[index], history, road, groups[index], rng) if plan is None else plan
 
 
-def _intent(model: Behavior, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent | None:
-    """Return a path-following model's intent, once for equal situations; None for other models."""
-    sight, intend = sight_of(model), getattr(model, "intend", None)
-    if sight is None or intend is None:
-        return None
-    if sight == "itself":
-        first, kind = distinct(own_motion(history, who))
-    else:
-        first, kind = distinct(
-            np.stack([_first_alike(history)[who.future], who.vehicle], axis=1).astype(np.float64)
-        )
-    intent: Intent = intend(history, road, _some(who, first))
-    return intent.of(kind)
+def _intents(
+    models: Mapping[int, Behavior], history: SceneHistory, road: Road, groups: Sequence[VehicleIndex]
+) -> dict[int, Intent]:
+    """Return the intents of the path-following models, once for equal situations."""
+    alike: dict[Hashable, dict[int, DrivesAlong]] = {}
+    for index, model in models.items():
+        if isinstance(model, DrivesAlong) and sight_of(model) is not None:
+            alike.setdefault(model.looks, {})[index] = model
+    intents: dict[int, Intent] = {}
+    for drivers in alike.values():
+        found = [_situations(model, history, groups[index]) for index, model in drivers.items()]
+        few = [groups[index][first] for index, (first, _) in zip(drivers, found, strict=True)]
+        together = [*drivers.values()]
+        made = together[0].intend_together(together, history, road, few)
+        intents |= {
+            index: intent.of(kind) for index, intent, (_, kind) in zip(drivers, made, found, strict=True)
+        }
+    return {index: intents[index] for index in models if index in intents}
+
+
+def _situations(model: DrivesAlong, history: SceneHistory, who: VehicleIndex) -> tuple[IntArray, IntArray]:
+    """Return the first vehicle (k,) in each situation, and the situation (n,) of each."""
+    if sight_of(model) == "itself":
+        return distinct(own_motion(history, who))
+    return distinct(np.stack([_first_alike(history)[who.future], who.vehicle], axis=1).astype(np.float64))
 
 
 def plan_once(
