@@ -68,7 +68,7 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_path
 
     Without ``on_paths``, only gaps and collisions make an encounter.
     """
-    scenes = scenes.under(preset_named("path"))
+    scenes = (scenes if scenes.meeting is None else scenes.meeting.scenes).under(preset_named("path"))
     futures, steps = scenes.shape
     inside = (collisions.future >= start) & (collisions.future < start + futures)
     hits = collisions.take(np.flatnonzero(inside))

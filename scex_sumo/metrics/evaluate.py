@@ -16,7 +16,7 @@ from scex_sumo.base.errors import InputError, ScexError
 from scex_sumo.metrics.base import PAPER, MetricParameters, PlannedPaths, SceneTracks
 from scex_sumo.metrics.extrema import SceneValues, Worst, extrema, scene_mean
 from scex_sumo.metrics.pairs.leaders import preset_named
-from scex_sumo.metrics.pairs.near import near_pairs
+from scex_sumo.metrics.pairs.near import meeting_pairs, near_pairs
 from scex_sumo.metrics.pairs.scenes import Entries, Preset, Samples, Scenes, TrackPairs
 from scex_sumo.metrics.registry import METRICS, Metric, columns_of, metrics_named
 
@@ -65,7 +65,10 @@ def evaluate(
     """
     chosen = metrics_named(metrics)
     parts: dict[str, list[tuple[SceneValues, Worst]]] = {metric.name: [] for metric in chosen}
-    for start, scenes in scene_batches(tracks, planned, preset=preset, parameters=parameters):
+    all_pairs = any(m.quick is None or (vehicles is not None and not m.pairwise) for m in chosen)
+    for start, scenes in scene_batches(
+        tracks, planned, preset=preset, parameters=parameters, all_pairs=all_pairs
+    ):
         own = scenes if vehicles is None else scenes.of_vehicles(vehicles)
         for metric in chosen:
             if vehicles is None or metric.pairwise:
@@ -94,30 +97,44 @@ def evaluate(
 
 
 def scene_batches(
-    tracks: SceneTracks, planned: PlannedPaths | None, *, preset: str, parameters: MetricParameters
+    tracks: SceneTracks,
+    planned: PlannedPaths | None,
+    *,
+    preset: str,
+    parameters: MetricParameters,
+    all_pairs: bool = True,
 ) -> Iterator[tuple[int, Scenes]]:
-    """Yield scenes of a few futures with the number of the first; the next batch drops derived values."""
+    """Yield scenes of a few futures with the number of the first; the next batch drops derived values.
+
+    Args:
+        all_pairs: values of all pairs are needed: fewer futures at once.
+    """
     rules = preset_named(preset)
     futures, _, vehicles = tracks.states.shape
     if planned is not None:
         planned.check_fit(tracks)
     near = near_pairs(tracks)
+    meeting = None if near is None else meeting_pairs(tracks, planned, parameters, near[0])
     every = vehicles * (vehicles - 1) // 2
-    some_pairs = every if near is None else len(near[0])
-    size, shared_size, most = (
+    shares = every if meeting is None else len(meeting)
+    size, shared_size, most, many = (
         max(limit // max(tracks.steps * pairs, 1), 1)
         for limit, pairs in (
-            (BATCH_PAIR_STEPS, some_pairs),
-            (SHARED_PAIR_STEPS, some_pairs),
-            (ALL_PAIR_STEPS, every),
+            (BATCH_PAIR_STEPS, every if near is None else len(near[0])),
+            (SHARED_PAIR_STEPS, every if near is None else len(near[0])),
+            (ALL_PAIR_STEPS, shares),
+            (ALL_PAIR_STEPS, every if all_pairs else shares),
         )
     )
-    group_size = min(shared_size, most)
+    group_size, size = min(shared_size, most), min(size, many)
     for begin in range(0, max(futures, 1), group_size):
         group = slice(begin, begin + group_size)
         some, plans = tracks.futures(group), None if planned is None else planned.futures(group)
-        shared = track_pairs(some, plans, preset=rules, parameters=parameters)
-        both = shared, None if shared is None or near is None else shared.of_pairs(near[0])
+        shared = track_pairs(some, plans, preset=rules, parameters=parameters, pairs=meeting)
+        of_some = None
+        if shared is not None and near is not None and near[0].size:
+            of_some = shared.of_pairs(near[0] if meeting is None else np.searchsorted(meeting, near[0]))
+        both = shared, of_some
         for start in range(0, max(some.states.shape[0], 1), size):
             part = slice(start, start + size)
             of_all, of_near = (None if each is None else each.of_futures(part) for each in both)
@@ -126,8 +143,9 @@ def scene_batches(
                 planned=None if plans is None else plans.futures(part),
                 parameters=parameters,
                 preset=rules,
-                shared=of_all,
-            ).with_near(near, of_near)
+                shared=of_all if meeting is None else None,
+            )
+            scenes = scenes.with_near(near, of_near).with_meeting(meeting, of_all)
             yield begin + start, scenes
             scenes.release()
         for each in both:
@@ -136,9 +154,18 @@ def scene_batches(
 
 
 def track_pairs(
-    tracks: SceneTracks, planned: PlannedPaths | None, *, preset: Preset, parameters: MetricParameters
+    tracks: SceneTracks,
+    planned: PlannedPaths | None,
+    *,
+    preset: Preset,
+    parameters: MetricParameters,
+    pairs: IntArray | None = None,
 ) -> TrackPairs | None:
-    """Find the different pairs of tracks; None if few are equal or sizes depend on the future."""
+    """Find the different pairs of tracks; None if few are equal or sizes depend on the future.
+
+    Args:
+        pairs: of vehicles, by number; None for all.
+    """
     futures, _, vehicles = tracks.states.shape
     sizes = tracks.length, tracks.width, np.empty(0) if tracks.types is None else tracks.types
     same_sizes = all(np.ndim(values) == 1 for values in sizes)
@@ -150,11 +177,12 @@ def track_pairs(
         number[vehicle] = of_future + sum(map(len, firsts))
         firsts.append(first)
     future, owner = np.concatenate(firsts), np.repeat(np.arange(vehicles), [len(f) for f in firsts])
-    one, two = (number[side] for side in np.triu_indices(vehicles, 1))
+    chosen = slice(None) if pairs is None else pairs
+    one, two = (number[side[chosen]] for side in np.triu_indices(vehicles, 1))
     if len(future) > MAX_DIFFERENT * number.size:
         return None
     keys, row = np.unique(one * len(future) + two, return_inverse=True)
-    if len(keys) > MAX_DIFFERENT * one.size:
+    if not keys.size or len(keys) > MAX_DIFFERENT * one.size:
         return None
     scenes = Scenes(
         tracks=_tracks_of(tracks, future, owner),

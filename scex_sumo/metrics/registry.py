@@ -130,8 +130,8 @@ _BY_HEADING = (
         pairwise=True,
         threshold=5.0,
     ),
-    Metric(name="tq", critical="max", evaluate=tq, threshold=1.2, label="traffic quality"),
-    Metric(name="gap_time", unit="s", critical="min", evaluate=gap_time, label="gap time"),
+    Metric(name="tq", critical="max", evaluate=tq, quick=tq, threshold=1.2, label="traffic quality"),
+    Metric(name="gap_time", unit="s", critical="min", evaluate=gap_time, quick=gap_time, label="gap time"),
     _PTTC,
     Metric(
         name="wttc",
@@ -182,7 +182,9 @@ _ON_PATHS = (
         threshold=_LIMITS["drac"],
         label="DRAC",
     ),
-    Metric(name="pet", unit="s", critical="min", evaluate=pet, threshold=_LIMITS["pet"], label="PET"),
+    Metric(
+        name="pet", unit="s", critical="min", evaluate=pet, quick=pet, threshold=_LIMITS["pet"], label="PET"
+    ),
 )
 METRICS: Final[Mapping[str, Metric]] = {each.name: each for each in (*_BY_HEADING, *_ON_PATHS)}
 """Built-in metrics: the paper's six, then those of preset ``path``."""
@@ -190,7 +192,7 @@ METRICS: Final[Mapping[str, Metric]] = {each.name: each for each in (*_BY_HEADIN
 PAPER_METRICS: Final[tuple[str, ...]] = tuple(each.name for each in _BY_HEADING)
 SETS: Final[Mapping[str, tuple[Metric, ...]]] = {
     "paper": _BY_HEADING,
-    "path": tuple(replace(each, preset="path") for each in _ON_PATHS),
+    "path": tuple(replace(each, preset="path", quick=each.quick or each.evaluate) for each in _ON_PATHS),
 }
 """Metrics that a word stands for; those of ``path`` are always evaluated along paths."""
 

@@ -7,10 +7,10 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from scex_sumo.metrics.base import SceneTracks
+from scex_sumo.metrics.base import PAPER, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.metrics.pairs import near
-from scex_sumo.metrics.pairs.near import near_pairs
+from scex_sumo.metrics.pairs.near import meeting_pairs, near_pairs
 from scex_sumo.scene import States
 from tests.metrics.scenes import find_encounters, random_run
 
@@ -34,18 +34,26 @@ def test_all_pairs_of_a_jam_are_near() -> None:
 
 
 @pytest.mark.parametrize("preset", ["paper", "path"])
+@pytest.mark.parametrize("longer", [1, 5])
 @pytest.mark.parametrize(("seed", "absent", "same"), [(0, 0.0, 1), (1, 0.2, 1), (2, 0.0, 4), (3, 0.2, 4)])
 def test_far_pairs_change_no_byte(
-    seed: int, absent: float, same: int, preset: str, monkeypatch: pytest.MonkeyPatch
+    seed: int, absent: float, same: int, longer: int, preset: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """``same``: how often each of two futures is there, so that their pairs of tracks are shared."""
-    tracks, planned = random_run(np.random.default_rng(seed), futures=1, vehicles=12, area=250, absent=absent)
+    """``same``: how often each of two futures is there, so that their pairs of tracks are shared.
+
+    Plans that are ``longer`` cross far from the vehicles.
+    """
+    rng, area = np.random.default_rng(seed), 250 * longer
+    tracks, planned = random_run(rng, futures=1, vehicles=12, area=area, absent=absent)
+    x, y = (v[..., :1] + longer**2 * (v - v[..., :1]) for v in (planned.x, planned.y))
+    planned = replace(planned, x=x, y=y)
     times, vehicle = np.zeros(2 * same, dtype=np.int64), np.arange(12)
     states = tracks.states.map(lambda values: values[times])
     states.x[same:] += np.where(vehicle % 2, 3.0, 0.0)
     present = None if tracks.present is None else tracks.present[times]
     tracks = replace(tracks, states=states, present=present)
     planned = replace(planned, x=planned.x[times], y=planned.y[times])
+    assert meeting_pairs(tracks, planned, PAPER, np.empty(0, dtype=np.int64)) is not None
     found = []
     for few in (0, 10**9):
         monkeypatch.setattr(near, "MIN_PAIRS", few)

@@ -21,7 +21,7 @@ def gap_time(scenes: Scenes) -> Entries:
     """
     if scenes.planned is None or len(scenes.pairs[0]) == 0:
         return _nothing()
-    return scenes.of_ordered_pairs(_gap_time_at_areas if scenes.preset.conflict_area else _gap_time_at_points)
+    return scenes.of_meeting_pairs(_gap_time_at_areas if scenes.preset.conflict_area else _gap_time_at_points)
 
 
 def _gap_time_at_points(scenes: Scenes) -> Entries:
@@ -69,7 +69,7 @@ def pet(scenes: Scenes) -> Entries:
     """
     if len(scenes.pairs[0]) == 0:
         return _nothing()
-    return scenes.of_ordered_pairs(_pet_at_areas if scenes.preset.conflict_area else _pet_at_points)
+    return scenes.of_meeting_pairs(_pet_at_areas if scenes.preset.conflict_area else _pet_at_points)
 
 
 def _pet_at_points(scenes: Scenes) -> Entries:

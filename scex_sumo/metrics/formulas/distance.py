@@ -10,7 +10,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.geometry.rectangles import distance_apart
 from scex_sumo.metrics.base import Rows
-from scex_sumo.metrics.pairs.near import NEAR_M, least_of_near
+from scex_sumo.metrics.pairs.near import least_of_near
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 MARGIN = 1e-6  # for rounding, so that the nearest pair is never lost
@@ -29,7 +29,7 @@ def gap(scenes: Scenes) -> Samples:
 
 def least_distance(scenes: Scenes) -> Samples:
     """Compute the distance of the pairs that can be the nearest of their scene, m."""
-    return least_of_near(scenes, distance, NEAR_M)
+    return least_of_near(scenes, distance, float)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -117,7 +117,7 @@ def least_gap(scenes: Scenes) -> Samples:
 
 
 def _least_gap_of_near(scenes: Scenes) -> Samples:
-    return least_of_near(scenes, _least_gap, NEAR_M)
+    return least_of_near(scenes, _least_gap, float)
 
 
 def _least_gap(scenes: Scenes) -> Samples:

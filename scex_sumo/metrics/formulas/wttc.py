@@ -19,7 +19,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.geometry.rectangles import separated
 from scex_sumo.metrics.base import Rows
 from scex_sumo.metrics.formulas.distance import MARGIN, OutlinePairs, in_chunks, outline_pairs
-from scex_sumo.metrics.pairs.near import NEAR_M, least_of_near
+from scex_sumo.metrics.pairs.near import least_of_near
 from scex_sumo.metrics.pairs.scenes import PairValues, Samples, Scenes
 
 MAX_ITERATIONS = 100  # a double root converges by one bit per iteration; anything else within about ten
@@ -119,14 +119,14 @@ def _disc_times(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
 
 def least_wttc(scenes: Scenes) -> Samples:
     """Compute the WTTC of the pairs that can have the shortest one of their scene, s."""
-    return least_of_near(scenes, partial(_shortest, bounds=_disc_bounds, times=_disc_times), _beyond(scenes))
+    return least_of_near(scenes, partial(_shortest, bounds=_disc_bounds, times=_disc_times), _within(scenes))
 
 
-def _beyond(scenes: Scenes) -> float:
-    """Bound the WTTC of pairs that are not near from below, s."""
+def _within(scenes: Scenes) -> Callable[[float], float]:
+    """Return the distance that two vehicles can close in a time, m by s."""
     limit = 2 * scenes.max_acceleration.max(initial=0.0)
     closing = 2 * np.abs(scenes.speed).max(initial=0.0)
-    return float(_tangent_meets_parabola(np.array(NEAR_M), -closing, limit))
+    return lambda time_s: float(closing * time_s + limit * time_s * time_s / 2)
 
 
 def _disc_bounds(scenes: Scenes) -> FloatArray:
@@ -240,7 +240,7 @@ def least_wttc_path(scenes: Scenes) -> Samples:
     Along the line of the centres, the outlines approach no faster than their extents: a lower bound.
     """
     return least_of_near(
-        scenes, partial(_shortest, bounds=_outline_bounds, times=_worst_times), _beyond(scenes)
+        scenes, partial(_shortest, bounds=_outline_bounds, times=_worst_times), _within(scenes)
     )
 
 

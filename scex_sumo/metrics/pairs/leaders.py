@@ -66,7 +66,7 @@ def leaders_on_path(scenes: Scenes) -> Following:
     """
     if scenes.planned is None or len(scenes.pairs[0]) == 0:
         return _following(scenes, np.empty(0, dtype=np.int64), np.empty(0))
-    on_paths = scenes.of_ordered_pairs(_on_paths)
+    on_paths = scenes.of_meeting_pairs(_on_paths)
     follower, _ = scenes.flat_of(on_paths.where)
     # the smallest arc length to its centre
     chosen = np.sort(least_of(follower, on_paths.along))

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.metrics.base import SceneTracks
+from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
 from scex_sumo.metrics.pairs.scenes import Following, Samples, Scenes
 
 NEAR_M: Final = 20.0
 """Pairs whose circles are always farther apart than this are no near pairs."""
 MIN_PAIRS = 500  # below, evaluating all pairs is as fast
+MARGIN_M = 1.0  # for rounding
+PAIR_STEPS = 1 << 21  # of far pairs at a time
 ROUNDING = 1e-9
 MIN_CLOSING_MPS = 1e-6
 MAX_SHARE = 0.7  # of near pairs, above which the search for them does not pay
@@ -38,11 +39,8 @@ def near_pairs(tracks: SceneTracks) -> tuple[IntArray, FloatArray] | None:
     if len(one) < MIN_PAIRS or steps < 2 or not futures:
         return None
     there = np.ones(states.shape, dtype=np.bool_) if present is None else present[:, tracks.first :]
-    apart = []
-    for values in (states.x, states.y):
-        low = np.where(there, values, np.inf).min(axis=(0, 1))
-        high = np.where(there, values, -np.inf).max(axis=(0, 1))
-        apart.append(np.maximum(np.maximum(low[two] - high[one], low[one] - high[two]), 0.0))
+    low, high = _extent([np.where(there, values, np.nan) for values in (states.x, states.y)])
+    apart = np.maximum(np.maximum(low[:, two] - high[:, one], low[:, one] - high[:, two]), 0.0)
     length, width = (np.atleast_2d(size).max(axis=0) for size in (tracks.length, tracks.width))
     circle = np.hypot(length, width) / 2
     seen = np.where(there, surroundings(states.speed, length), 0.0).max(axis=(0, 1))
@@ -52,18 +50,56 @@ def near_pairs(tracks: SceneTracks) -> tuple[IntArray, FloatArray] | None:
     return (near, distance) if len(near) < MAX_SHARE * len(one) else None
 
 
-def least_of_near(scenes: Scenes, values: Callable[[Scenes], Samples], beyond: float) -> Samples:
-    """Return values of the near pairs if these have the smallest value of each scene; else of all pairs.
+def _extent(values: Sequence[FloatArray]) -> FloatArray:
+    """Return (2, N, V) lowest and highest values of vehicles over (..., V); inf and -inf if all are NaN."""
+    every = [value.reshape(-1, value.shape[-1]) for value in values]
+    low = np.stack([np.fmin.reduce(value, axis=0, initial=np.inf) for value in every])
+    return np.stack([low, [np.fmax.reduce(value, axis=0, initial=-np.inf) for value in every]])
+
+
+def meeting_pairs(
+    tracks: SceneTracks, planned: PlannedPaths | None, parameters: MetricParameters, near: IntArray
+) -> IntArray | None:
+    """Return the numbers of the near pairs and of those whose ways may meet; None if these are most.
+
+    The way of a vehicle is in the box around all that it drives and plans. Ways may meet if the boxes do,
+    with the vehicles' widths and the straight lines on which leaders are searched for.
+    """
+    states, present = tracks.states, tracks.present
+    there = np.ones(states.shape, dtype=np.bool_) if present is None else present
+    low, high = _extent([np.where(there, values, np.nan) for values in (states.x, states.y)])
+    if planned is not None:
+        plan = _extent([values.swapaxes(2, 3) for values in (planned.x, planned.y)])
+        low, high = np.minimum(low, plan[0]), np.maximum(high, plan[1])
+    speed = np.where(there, np.abs(states.speed), 0.0).max(axis=(0, 1))
+    width = np.atleast_2d(tracks.width).max(axis=0)
+    ahead = np.maximum(parameters.path_extension, parameters.path_extension_time * speed) + width + MARGIN_M
+    one, two = np.triu_indices(states.shape[2], 1)
+    apart = np.maximum(low[:, two] - high[:, one], low[:, one] - high[:, two]).max(axis=0)
+    meets = apart <= np.maximum(ahead[one] + width[two], ahead[two] + width[one])
+    meets[near] = True
+    return np.flatnonzero(meets) if np.count_nonzero(meets) < MAX_SHARE * len(one) else None
+
+
+def least_of_near(
+    scenes: Scenes, values: Callable[[Scenes], Samples], within: Callable[[float], float]
+) -> Samples:
+    """Return values of pairs that have the smallest value of each scene: the near ones, or more if needed.
 
     Args:
-        beyond: no value of another pair is smaller.
+        within: returns the distance between the circles beyond which no pair has a value as small, m.
     """
-    if scenes.near is not None:
-        found = values(scenes.near.scenes.under(scenes.preset))
-        least = np.where(found.defined, found.value, np.inf).min(axis=0, initial=np.inf)
-        if (least < beyond * (1 - ROUNDING)).all():
-            return found
-    return values(scenes)
+    if scenes.near is None:
+        return values(scenes)
+    found = values(scenes.near.scenes.under(scenes.preset))
+    least = np.where(found.defined, found.value, np.inf).min(axis=0, initial=np.inf).max(initial=0.0)
+    reach = within(float(least)) * (1 + ROUNDING) if np.isfinite(least) else np.inf
+    if reach <= NEAR_M:
+        return found
+    (one, two), size = scenes.pairs, np.hypot(scenes.length, scenes.width).max(axis=(1, 2)) / 2
+    some = scenes.near.apart <= reach + size[one] + size[two]
+    some[scenes.near.pair] = True
+    return values(scenes if some.all() else scenes.of_pair_numbers(np.flatnonzero(some)).under(scenes.preset))
 
 
 def soonest_following(scenes: Scenes) -> Following:
@@ -87,13 +123,7 @@ def soonest_following(scenes: Scenes) -> Following:
     for late in (np.isfinite(soonest) & (soonest * fastest >= least), np.isinf(soonest)):
         reach = soonest[late].max(initial=0.0)
         some = np.flatnonzero(far & ((apart <= reach * fastest) | np.isinf(reach)))
-        scene = np.flatnonzero(late)
-        found.append((scenes.of_scenes(scene, some).following, some, scene))
-    return Following.join([_among_all(scenes, *each) for each in found])
-
-
-def _among_all(scenes: Scenes, rows: Following, pair: IntArray, scene: IntArray) -> Following:
-    """Return rows of some pairs in some scenes, both by number, as rows of all."""
-    number, at = np.divmod(rows.where, max(len(scene), 1))
-    ordered = np.concatenate([pair, pair + len(scenes.pairs[0])])
-    return replace(rows, where=ordered[number] * scenes.count + scene[at])
+        scene, size = np.flatnonzero(late), max(PAIR_STEPS // max(len(some), 1), 1)
+        for part in (scene[start : start + size] for start in range(0, len(scene), size)):
+            found.append((scenes.of_scenes(part, some).following, some, part))
+    return Following.join([scenes.numbered(*each) for each in found])

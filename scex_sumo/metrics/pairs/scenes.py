@@ -15,6 +15,7 @@ from scex_sumo.metrics.base import MetricParameters, PlannedPaths, Rows, SceneTr
 
 T = TypeVar("T")
 E = TypeVar("E", bound="PairRows")
+S = TypeVar("S", bound="Some")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,6 +94,7 @@ class Scenes:
     chosen: tuple[IntArray, IntArray] | None = None
     shared: TrackPairs | None = None  # values computed once for equal tracks of several futures
     near: Near | None = None  # None: all pairs are taken for near
+    meeting: Some | None = None  # pairs whose ways may meet; None: all may
     _derived: dict[Callable[[Scenes], Any] | str, Any] = field(default_factory=dict, repr=False)
 
     def _evaluated(self, array: FloatArray) -> FloatArray:
@@ -233,10 +235,20 @@ class Scenes:
 
     def of_vehicles(self, vehicles: Collection[int]) -> Scenes:
         """Return the same scenes with those pairs only that one of these vehicles (indices) is in."""
-        own = np.isin(self.pairs, list(vehicles)).any(axis=0)
+        own = np.flatnonzero(np.isin(self.pairs, list(vehicles)).any(axis=0))
         shared = None if self.shared is None else replace(self.shared, row=self.shared.row[own])
+        scenes, near, meeting = self.of_pair_numbers(own, shared), self.near, self.meeting
+        if near is not None:
+            near = replace(near.among(own, near.scenes.of_vehicles(vehicles)), apart=near.apart[own])
+        if meeting is not None:
+            meeting = meeting.among(own, meeting.scenes.of_vehicles(vehicles))
+        return replace(scenes, near=near, meeting=meeting)
+
+    def of_pair_numbers(self, pairs: IntArray, shared: TrackPairs | None = None) -> Scenes:
+        """Return the same scenes with some pairs, by number, whose values are ``shared``."""
         first, second = self.pairs
-        return replace(self, chosen=(first[own], second[own]), shared=shared, near=None, _derived={})
+        chosen = first[pairs], second[pairs]
+        return replace(self, chosen=chosen, shared=shared, near=None, meeting=None, _derived={})
 
     def of_scenes(self, scene: IntArray, pairs: IntArray) -> Scenes:
         """Return scenes, by flat index into (C, T), as steps of one future, with pairs by number."""
@@ -251,17 +263,23 @@ class Scenes:
             width=np.atleast_2d(tracks.width)[0],
             first=0,
         )
-        first, second = self.pairs
-        chosen = first[pairs], second[pairs]
-        return replace(self, tracks=tracks, planned=None, chosen=chosen, shared=None, near=None, _derived={})
+        return replace(self.of_pair_numbers(pairs), tracks=tracks, planned=None)
 
     def with_near(self, found: tuple[IntArray, FloatArray] | None, shared: TrackPairs | None) -> Scenes:
         """Return the same scenes with near pairs, as of `near_pairs`, whose values are ``shared``."""
         if found is None:
             return self
-        (pairs, apart), (first, second) = found, self.pairs
-        near = replace(self, chosen=(first[pairs], second[pairs]), shared=shared, _derived={})
-        return replace(self, near=Near(scenes=near, pair=pairs, apart=apart))
+        pairs, apart = found
+        return replace(self, near=Near(scenes=self.of_pair_numbers(pairs, shared), pair=pairs, apart=apart))
+
+    def with_meeting(self, pairs: IntArray | None, shared: TrackPairs | None) -> Scenes:
+        """Return the same scenes with the pairs whose ways may meet; the near ones are among them."""
+        if pairs is None:
+            return self
+        scenes, near = self.of_pair_numbers(pairs, shared), self.near
+        if near is not None:
+            near = replace(near.among(pairs, near.scenes), apart=near.apart[pairs])
+        return replace(self, meeting=Some(scenes=replace(scenes, near=near), pair=pairs))
 
     def once(self, make: Callable[[Scenes], T]) -> T:
         """Return ``make(self)``, computed once for all metrics."""
@@ -273,8 +291,9 @@ class Scenes:
     def release(self) -> None:
         """Drop derived values, because reference cycles keep the memory."""
         self._derived.clear()
-        if self.near is not None:
-            self.near.scenes.release()
+        for some in (self.near, self.meeting):
+            if some is not None:
+                some.scenes.release()
 
     def of_pairs(self, make: Callable[[Scenes], FloatArray]) -> FloatArray:
         """Return (P, C, T) values that depend on a pair's two tracks only."""
@@ -288,6 +307,19 @@ class Scenes:
         if self.shared is None:
             return self.once(make)
         return self.shared.per_future(make, self.shared.scenes.under(self.preset).once(make))
+
+    def of_meeting_pairs(self, make: Callable[[Scenes], E]) -> E:
+        """Return rows of `of_ordered_pairs` that only pairs can have whose ways may meet."""
+        if self.meeting is None:
+            return self.of_ordered_pairs(make)
+        rows = self.meeting.scenes.under(self.preset).of_ordered_pairs(make)
+        return self.numbered(rows, self.meeting.pair, np.arange(self.count))
+
+    def numbered(self, rows: E, pair: IntArray, scene: IntArray) -> E:
+        """Return rows of some pairs in some scenes, both by number, as rows of all."""
+        number, at = np.divmod(rows.where, max(len(scene), 1))
+        ordered = np.concatenate([pair, pair + len(self.pairs[0])])
+        return replace(rows, where=ordered[number] * self.count + scene[at])
 
     def at_pairs(self, values: PairValues, pair: IntArray, scene: IntArray) -> FloatArray:
         """Return (N,) values of pairs in scenes given by flat index into (C, T)."""
@@ -342,11 +374,22 @@ def _distance(scenes: Scenes) -> FloatArray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Near:
+class Some:
+    """Some pairs of a batch of scenes."""
+
+    scenes: Scenes  # the same scenes with these pairs only
+    pair: IntArray  # (P',) their numbers among all, ascending
+
+    def among(self: S, pairs: IntArray, scenes: Scenes) -> S:
+        """Return those of them that are among other pairs, by number; they have their own scenes."""
+        own = np.isin(self.pair, pairs)
+        return replace(self, scenes=scenes, pair=np.searchsorted(pairs, self.pair[own]))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Near(Some):
     """Near pairs of a batch of scenes."""
 
-    scenes: Scenes  # the same scenes with the near pairs only
-    pair: IntArray  # (P',) numbers of the near pairs among all
     apart: FloatArray  # (P,) distance that the centres of each pair never fall below, m
 
 
