@@ -30,7 +30,7 @@ MIN_BACKING: Final = 8
 BASE_ROWS: Final = 64
 """Futures drawn first: they show where an event depends on more than was guessed."""
 
-ROUND_ROWS: Final = 16
+ROUND_ROWS: Final = 32
 """Futures of a round before it takes up later events: few rounds cost less than few futures."""
 
 PATIENCE: Final = 96

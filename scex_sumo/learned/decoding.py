@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, drive, map_plan
+from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, Intent, driven, map_plan
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.humans.guard.side_clearance import offsets_beside, reached
@@ -30,7 +30,23 @@ def plan_along(
     road: Road | None = None,
     clear: bool = False,
 ) -> Plan:
-    """Drive along paths with given accelerations and offsets.
+    """Drive along paths with given accelerations and offsets; arguments as of `intent_along`."""
+    intent = intent_along(history, who, paths, row, acceleration, offset, road=road, clear=clear)
+    return driven(history, [intent], acceleration.shape[1])[0]
+
+
+def intent_along(
+    history: SceneHistory,
+    who: VehicleIndex,
+    paths: SeedPaths,
+    row: IntArray,
+    acceleration: FloatArray,
+    offset: FloatArray | None,
+    *,
+    road: Road | None = None,
+    clear: bool = False,
+) -> Intent:
+    """Return the drive along paths with given accelerations and offsets.
 
     Args:
         acceleration: (n, H) m/s²; vehicles stop instead of reversing.
@@ -55,7 +71,10 @@ def plan_along(
     # the rear axle follows the path
     wanted = wanted - (REAR_AXLE_SHARE * history.scene.length[who.vehicle])[:, None] * _slope(wanted, way)
 
-    return drive(history, who, paths, row, lambda step, *_: acceleration[:, step], steps=steps, aside=wanted)
+    def accelerate(step: int, *_: FloatArray) -> FloatArray:
+        return acceleration[:, step]
+
+    return Intent(who=who, paths=paths, row=row, accelerate=accelerate, aside=wanted)
 
 
 def _bounds(

@@ -17,9 +17,10 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, distinct
 from scex_sumo.base.cache import cached_bytes, owner_cache
 from scex_sumo.base.errors import InputError
 from scex_sumo.base.files import sha256_of
+from scex_sumo.behaviors.driving.motion import Intent, driven
 from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths
 from scex_sumo.humans.lines.nearest_path import follow_path
-from scex_sumo.learned.decoding import plan_along, plan_freely, way_of
+from scex_sumo.learned.decoding import intent_along, plan_freely, way_of
 from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS, STANDING_MPS, PathInputs, path_inputs
 from scex_sumo.learned.inputs.raster import raster_of
 from scex_sumo.learned.network.architecture import FEATURES, STRIDE
@@ -116,7 +117,7 @@ class LearnedDriver:
     ) -> Plan:
         """Plan 3 s; see `Behavior.plan`."""
         paths, row = self._paths(history, road, who)
-        reasons = np.where(paths.on_road[who.vehicle] | self.leaves_map, "", OFF_MAP)
+        reasons = np.where(self._drives(paths, who), "", OFF_MAP)
         usable = np.flatnonzero(reasons == "")
         parts: list[tuple[IntArray, Plan]] = []
         if len(usable):
@@ -127,6 +128,17 @@ class LearnedDriver:
         if len(rest) or not parts:
             parts.append((rest, follow_path(history, road, who[rest])))
         return _merged(parts, reasons)
+
+    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent | None:
+        """Return the drive of these vehicles along their paths; None if some need another plan."""
+        paths, row = self._paths(history, road, who)
+        if self.free or not self._drives(paths, who).all():
+            return None
+        intent, finite = self._intend(history, road, who, paths, row)
+        return intent if finite.all() else None
+
+    def _drives(self, paths: SeedPaths, who: VehicleIndex) -> BoolArray:
+        return np.asarray(paths.on_road[who.vehicle] | self.leaves_map)
 
     def predict(
         self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
@@ -149,23 +161,28 @@ class LearnedDriver:
         self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> tuple[Plan, BoolArray]:
         """Plan for those of n vehicles with finite outputs; return (n,) which these are, too."""
+        if self.free:
+            _, modes = self.predict(history, road, who, paths, row)
+            free = rounded(modes.free[np.arange(len(who)), self._modes(history, road, who, row, modes)])
+            finite = _finite(free)
+            return plan_freely(history, who[finite], free[finite]), finite
+        intent, finite = self._intend(history, road, who, paths, row)
+        return driven(history, [intent])[0], finite
+
+    def _intend(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
+    ) -> tuple[Intent, BoolArray]:
+        """Return the drive of those of n vehicles with finite outputs, and (n,) which these are."""
         inputs, modes = self.predict(history, road, who, paths, row)
         chosen = (np.arange(len(who)), self._modes(history, road, who, row, modes))
-        free = None if modes.free is None else rounded(modes.free[chosen])
-        acceleration = rounded(modes.acceleration[chosen])
+        acceleration, offset = rounded(modes.acceleration[chosen]), rounded(modes.offset[chosen])
         if self.profile.mode == "best":
             stays = _stays(inputs, modes, waits=history.step < WAITS_STEPS)
             acceleration = np.where(stays[:, None], STOPPING_MPS2, acceleration)
-        offset = rounded(modes.offset[chosen])
-        finite = np.ones(len(who), dtype=np.bool_)
-        for values in (free, acceleration, offset):
-            if values is not None:
-                finite &= np.isfinite(values.reshape(len(who), -1)).all(axis=1)
-        if free is not None:
-            return plan_freely(history, who[finite], free[finite]), finite
+        finite = _finite(acceleration) & _finite(offset)
         wanted = (acceleration[finite], offset[finite])
-        plan = plan_along(history, who[finite], paths, row[finite], *wanted, road=road, clear=self.clear)
-        return plan, finite
+        some = who[finite], paths, row[finite]
+        return intent_along(history, *some, *wanted, road=road, clear=self.clear), finite
 
     def path_prior(self, scene: SeedScene, paths: SeedPaths) -> FloatArray | float:
         """Return (P,) numbers to add to the network's logits of paths."""
@@ -250,6 +267,11 @@ def drawn(upper: FloatArray, draw: FloatArray) -> IntArray:
 
 def _plain(path: PathChoice | Literal["likeliest"]) -> PathChoice:
     return "straight" if path == "likeliest" else path
+
+
+def _finite(values: FloatArray) -> BoolArray:
+    """Return (n,) whether all of a vehicle's outputs are finite."""
+    return np.asarray(np.isfinite(values.reshape(len(values), -1)).all(axis=1))
 
 
 def _merged(parts: list[tuple[IntArray, Plan]], reasons: NDArray[np.str_]) -> Plan:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from scex_sumo.behaviors.base import Sight
+from scex_sumo.behaviors.driving.motion import Intent
 from scex_sumo.learned.profiles import Profile, weights_file
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
@@ -62,6 +63,10 @@ class LearnedModel:
         other.driver = copy(self.driver)
         other.driver.clear = True
         return other
+
+    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent | None:
+        """Return the drive of these vehicles along their paths; None if some need another plan."""
+        return self.driver.intend(history, road, who)
 
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]

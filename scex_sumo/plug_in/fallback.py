@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -17,6 +17,7 @@ from scex_sumo.base.blame import own_error_reason
 from scex_sumo.base.errors import OutOfTimeError, ScexError
 from scex_sumo.base.importing import staying
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior, Sight, clear_of_others, sight_of
+from scex_sumo.behaviors.driving.motion import Intent
 from scex_sumo.humans.lines.nearest_path import follow_path
 from scex_sumo.plug_in.time_limit import time_limit
 from scex_sumo.plug_in.user_model import SingleVehicle
@@ -54,6 +55,15 @@ class Fallible:
     def clear_of_others(self) -> Fallible:
         """Return a copy whose model steers away from vehicles beside it."""
         return Fallible(clear_of_others(self.inner), self.name)
+
+    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent | None:
+        """Return the drive of a model of this package along paths; None if it may need a fallback."""
+        intend: Any = getattr(self.inner, "intend", None)
+        intent: Intent | None = None
+        if intend is not None:
+            with suppress(Exception):  # `plan` meets it again
+                intent = intend(history, road, who)
+        return intent
 
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]

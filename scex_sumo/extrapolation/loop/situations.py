@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -42,7 +43,8 @@ def _intents(
     for index, model in models.items():
         if isinstance(model, DrivesAlong) and sight_of(model) is not None:
             alike.setdefault(model.looks, {})[index] = model
-    intents: dict[int, Intent] = {}
+    learned = {index: _intent(model, history, road, groups[index]) for index, model in models.items()}
+    intents = {index: intent for index, intent in learned.items() if intent is not None}
     for drivers in alike.values():
         found = [_situations(model, history, groups[index]) for index, model in drivers.items()]
         few = [groups[index][first] for index, (first, _) in zip(drivers, found, strict=True)]
@@ -52,6 +54,19 @@ def _intents(
             index: intent.of(kind) for index, intent, (_, kind) in zip(drivers, made, found, strict=True)
         }
     return {index: intents[index] for index in models if index in intents}
+
+
+def _intent(model: Behavior, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent | None:
+    """Return the intent of a learned driver along paths, once for equal situations; None for other models."""
+    intend = getattr(model, "intend", None)
+    if isinstance(model, DrivesAlong) or intend is None or sight_of(model) is None:
+        return None
+    few, asked, futures, kind = _distinct_situations(history, who)
+    intent: Intent | None = intend(few, road, asked)
+    if intent is None:
+        return None
+    here = VehicleIndex(future=futures[intent.who.future], vehicle=intent.who.vehicle)
+    return replace(intent, who=here).of(kind)
 
 
 def _situations(model: DrivesAlong, history: SceneHistory, who: VehicleIndex) -> tuple[IntArray, IntArray]:
@@ -74,14 +89,21 @@ def plan_once(
     if sight == "itself":
         first, kind = distinct(own_motion(history, who))
         return handed_out(model.plan(history, road, _some(who, first), rng), kind)
-    alike = _first_alike(history)
-    if len(alike) == len(np.unique(alike)):
-        return model.plan(history, road, who, rng)
-    few, futures = _one_of_each(history)
-    future = np.searchsorted(futures, alike[who.future])
-    first, kind = distinct(np.stack([future, who.vehicle], axis=1).astype(np.float64))
-    asked = _some(VehicleIndex(future=future, vehicle=who.vehicle), first)
+    few, asked, futures, kind = _distinct_situations(history, who)
     return handed_out(model.plan(few, road, asked, [rng[c] for c in futures.tolist()]), kind)
+
+
+def _distinct_situations(
+    history: SceneHistory, who: VehicleIndex
+) -> tuple[SceneHistory, VehicleIndex, IntArray, IntArray]:
+    """Return one of each of the equal futures, their k distinct vehicles there, and (n,) which is whose.
+
+    In between (C',) indices of these futures.
+    """
+    few, futures = _one_of_each(history)
+    future = np.searchsorted(futures, _first_alike(history)[who.future])
+    first, kind = distinct(np.stack([future, who.vehicle], axis=1).astype(np.float64))
+    return few, VehicleIndex(future=future, vehicle=who.vehicle)[first], futures, kind
 
 
 @owner_cache
@@ -98,7 +120,7 @@ def _first_alike(history: SceneHistory) -> IntArray:
 @owner_cache
 def _one_of_each(history: SceneHistory) -> tuple[SceneHistory, IntArray]:
     futures = np.unique(_first_alike(history))
-    return history.part(futures), futures
+    return history if len(futures) == history.states.shape[0] else history.part(futures), futures
 
 
 def _some(who: VehicleIndex, index: IntArray) -> VehicleIndex:

@@ -71,9 +71,11 @@ def test_plans_are_the_same_to_the_bit(model: Behavior, whole: SceneHistory) -> 
 
 
 @pytest.mark.parametrize("whole", [alike(), history(7)], ids=["alike", "apart"])
-def test_models_side_by_side_plan_what_each_plans_alone(whole: SceneHistory) -> None:
+def test_models_side_by_side_plan_what_each_plans_alone(whole: SceneHistory, tmp_path: Path) -> None:
     names = ["standard_driver", "risky_driver", "emergency_brake", "constant_velocity:path=-1", "replay"]
-    models = [build(parse_models(name)[0]) for name in [*names, "calibrated_driver:guard=true"]]
+    net = nets.untrained(tmp_path, "graph_predictor", SCENE, ROAD)
+    names += ["calibrated_driver:guard=true", f"graph_predictor:weights={net}"]
+    models = [ModelSet.of(RunSettings(models=name)).built[0] for name in names]
     drawn = np.random.default_rng(3).integers(len(models), size=whole.now.shape)
     groups = [
         VehicleIndex(future=c, vehicle=v) for c, v in (np.nonzero(drawn == m) for m in range(len(models)))
@@ -81,7 +83,7 @@ def test_models_side_by_side_plan_what_each_plans_alone(whole: SceneHistory) -> 
     groups[2] = VehicleIndex(future=groups[2].future[:0], vehicle=groups[2].vehicle[:0])
     rng = [np.random.default_rng(c) for c in range(len(whole.futures))]
     made = dict(plans_of(models, groups, whole, ROAD, rng))
-    assert list(made) == [0, 1, 3, 4, 5]
+    assert list(made) == [0, 1, 3, 4, 5, 6]
     for index, plan in made.items():
         alone = models[index].plan(whole, ROAD, groups[index], rng)
         for key in ("x", "y", "heading", "speed"):
