@@ -260,7 +260,7 @@ def _run_all(
     job: Job, workers: Workers, batch: int | None, progress: Progress | None, *, enough: Path | None = None
 ) -> None:
     done, total, steps = set(Parts(job.folder).futures.tolist()), len(job.assignment), job.settings.steps
-    size = batch if batch is not None else batch_size(job, workers.processes)
+    size = batch if batch is not None else batch_size(job, workers.free)
     together = 1 if batch is not None else max(batch_size(job) // size, 1)
     batches = batches_of([c for c in range(total) if c not in done], size, apart=job.apart)
     ticks = len(done) * steps
