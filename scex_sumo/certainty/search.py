@@ -363,17 +363,20 @@ class Search:
         for index, path in enumerate(every):
             for vehicle, level in path:
                 asked[index, vehicle] = level
+        # The second future of a leaf comes in another row.
+        numbers: dict[frozenset[tuple[int, int]], int] = {}
+        leaf = np.array([numbers.setdefault(frozenset(path), len(numbers)) for path in every], dtype=np.int64)
         left, rows = np.ones(len(every), dtype=np.bool_), []
         while left[:count].any():
-            row, open_ = np.full(len(self.levels), FREE, dtype=np.int64), left.copy()
+            row, fits = np.full(len(self.levels), FREE, dtype=np.int64), np.ones(len(every), dtype=np.bool_)
+            open_ = left.copy()
             while open_.any():
                 index = int(np.argmax(open_))
-                row = np.where(asked[index] != FREE, asked[index], row)
                 left[index] = False
-                clash = (asked != FREE) & (row != FREE) & (asked != row)
-                open_ = left & ~clash.any(axis=1)
-                # The second future of a leaf comes in another row.
-                open_ &= ~np.all(asked == asked[index], axis=1)
+                for vehicle, level in every[index]:
+                    row[vehicle] = level
+                    fits &= (asked[:, vehicle] == FREE) | (asked[:, vehicle] == level)
+                open_ = left & fits & (leaf != leaf[index])
             rows.append(np.where(row == FREE, self.random(1)[0], row))
         return rows
 

@@ -137,17 +137,15 @@ def _ahead_of(
     near = (ox - now.x[:, None]) ** 2 + (oy - now.y[:, None]) ** 2 <= radius**2
     near &= others.present[who.future]
     near[np.arange(len(who)), who.vehicle] = False
-    guess, distance2 = _first_guess(paths, row, s_centre, ox, oy, radius)
     # Points further than this from every coarse sample count in no case.
     reach = max(
         float(clearance.max(initial=0.0)), float(width.max(initial=0.0)) / 2 + margin + others.longest / 2
     )
     if aside is not None:
         reach += float(np.abs(aside).max(initial=0.0))
-    near &= distance2 <= (reach + COARSE * DS_M) ** 2
-    i, j = np.nonzero(near)
+    i, j, guess = _first_guess(paths, row, s_centre, ox, oy, near, radius, reach + COARSE * DS_M)
     x, y = ox[i, j], oy[i, j]
-    s, offset, path_heading = refine(paths, row[i], guess[i, j], x, y, 3)
+    s, offset, path_heading = refine(paths, row[i], guess, x, y, 3)
     if aside is not None:
         offset = offset - aside[i]
     turn = others.states.heading[who.future[i], j] - path_heading
@@ -172,8 +170,16 @@ def _ahead_of(
 
 
 def _first_guess(
-    paths: SeedPaths, row: IntArray, s: FloatArray, x: FloatArray, y: FloatArray, radius: float
-) -> tuple[FloatArray, FloatArray]:
+    paths: SeedPaths,
+    row: IntArray,
+    s: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    near: BoolArray,
+    radius: float,
+    reach: float,
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return driver, column and arc length of the nearest coarse sample, of near points within reach."""
     spacing = COARSE * DS_M
     samples = paths.coarse.shape[2]
     span = min(samples, int(radius / spacing) + 4)
@@ -184,11 +190,19 @@ def _first_guess(
     later = LATER_WEIGHT * spacing * np.arange(span)
     coarse[:, :, 2] += later
     px, py = x - paths.centre[0], y - paths.centre[1]
-    points = np.stack([px, py, np.ones_like(px)], axis=-1)  # (n, M, 3)
-    cost = points @ coarse.transpose(0, 2, 1)
-    best = np.argmin(cost, axis=2)
-    smallest = np.take_along_axis(cost, best[:, :, None], axis=2)[:, :, 0]
-    return (start[:, None] + best) * spacing, smallest - later[best] + px**2 + py**2
+    for column, at in enumerate((px, py)):
+        of_path = coarse[:, :, column] / -2
+        low, high = of_path.min(axis=1)[:, None], of_path.max(axis=1)[:, None]
+        near = near & (at >= low - reach) & (at <= high + reach)
+    i, j = np.nonzero(near)
+    place = np.arange(len(i)) - np.searchsorted(i, i)  # among the driver's points
+    points = np.zeros((len(row), place.max(initial=0) + 1, 3))
+    points[i, place] = np.stack([px[i, j], py[i, j], np.ones(len(i))], axis=1)
+    cost = (points @ coarse.transpose(0, 2, 1))[i, place]
+    best = np.argmin(cost, axis=1)
+    square = cost[np.arange(len(i)), best] - later[best] + px[i, j] ** 2 + py[i, j] ** 2
+    close = square <= reach**2
+    return i[close], j[close], (start[i] + best)[close] * spacing
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
