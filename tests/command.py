@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping
+from multiprocessing.context import ForkServerContext
 from pathlib import Path
 
 PRELOADED = (
@@ -43,9 +44,17 @@ PRELOADED = (
     "scex_sumo.world.plain",
     "scex_sumo.world.sumo",
     "tests.command",
+    "tests.workers",
 )
 # Options of a run that leave out what costs more than a few futures.
 ALONE = ("--reference", "none", "--response", "none")
+
+
+def forkserver() -> ForkServerContext:
+    """Return what forks processes off the server of this process."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(list(PRELOADED))
+    return context
 
 
 class Started:
@@ -54,12 +63,10 @@ class Started:
     def __init__(
         self, words: list[str], cwd: Path | None, path: Path | None, env: Mapping[str, str] | None
     ) -> None:
-        context = multiprocessing.get_context("forkserver")
-        context.set_forkserver_preload(list(PRELOADED))
         self._words, self._folder = words, tempfile.TemporaryDirectory()
         self._files = [Path(self._folder.name, name) for name in ("stdout", "stderr")]
         given = (words, self._files, cwd or Path.cwd(), path, dict(os.environ if env is None else env))
-        self._process = context.Process(target=_run, args=given)
+        self._process = forkserver().Process(target=_run, args=given)
         self._process.start()
         self.kill = self._process.kill
 
@@ -115,5 +122,7 @@ def _run(
         sys.path.insert(0, str(path))
     sys.argv = ["scex-sumo", *words]
     from scex_sumo.__main__ import start
+    from tests.workers import forked_workers
 
-    start()
+    with forked_workers(multiprocessing.get_context("fork")):
+        start()

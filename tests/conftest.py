@@ -6,10 +6,14 @@ import os
 import signal
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+from tests.command import forkserver
+from tests.workers import forked_workers
 
 # Times of a busy machine say nothing about what is tested.
 settings.register_profile("suite", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -42,6 +46,13 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
         patch.setenv("SCEX_WORKERS", "1")  # tests share the cores already
+        yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _quick_workers(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Worker processes start in milliseconds, but for modules that test them: `NEW_PROCESSES`."""
+    with nullcontext() if hasattr(request.module, "NEW_PROCESSES") else forked_workers(forkserver()):
         yield
 
 

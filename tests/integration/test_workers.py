@@ -66,6 +66,8 @@ if __name__ == "__main__":
     )
 """
 
+NEW_PROCESSES = True
+
 
 def ran(folder: Path, in_helper: str, workers: int = 2) -> subprocess.CompletedProcess[str]:
     """The script's run in a folder; ``in_helper`` is what a helper does when it first plans."""

@@ -13,6 +13,8 @@ from scex_sumo.plug_in import time_limit
 from scex_sumo.scenarios import example_path
 from tests.command import scex
 
+NEW_PROCESSES = True
+
 
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:

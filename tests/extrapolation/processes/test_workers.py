@@ -31,6 +31,8 @@ from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
 
+NEW_PROCESSES = True
+
 
 def refuse() -> None:
     """Raise an error of ours."""

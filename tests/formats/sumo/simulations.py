@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
-import sys
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from scex_sumo.base.sumo.programs import environment, program
+from scex_sumo.extrapolation.processes.pool import in_other_process
 
 ROUTES = """<routes>
  <vType id="car" vClass="passenger" length="4.3" width="1.75"/><vType id="truck" vClass="truck"/>
@@ -96,28 +96,28 @@ def write_grid(
     return Simulation(config=config, net=folder / "g.net.xml", routes=folder / "r.rou.xml")
 
 
-_TRUTH = """
-import json, sys, libsumo as s
-file, time, steps = sys.argv[1], float(sys.argv[2]), int(sys.argv[3])
-given = ["-c", file] if file.endswith(".sumocfg") else ["-n", file, "--step-length", "0.1"]
-s.start(["sumo", *given, "--no-step-log", "--no-warnings", "--xml-validation", "never"])
-if time > s.simulation.getTime():
-    s.simulationStep(time)
-is_bike = {v: s.vehicle.getVehicleClass(v) == "bicycle" for v in s.vehicle.getIDList()}
-vehicles = {v: [*s.vehicle.getPosition(v), s.vehicle.getAngle(v), s.vehicle.getSpeed(v),
-                s.vehicle.getLength(v), s.vehicle.getWidth(v)] for v in is_bike if not is_bike[v]}
-persons = list(s.person.getIDList())
-lights = {t: [] for t in s.trafficlight.getIDList()}
-for _ in range(steps):
-    for t in lights:
-        lights[t].append(s.trafficlight.getRedYellowGreenState(t))
-    s.simulationStep()
-print(json.dumps([vehicles, [v for v in is_bike if is_bike[v]], persons, lights]))
-"""
-
-
 def in_sumo(file: Path, time_s: float, *, steps: int = 0) -> Truth:
     """Simulate a configuration, or an empty net, with SUMO's own options until a time."""
-    command = [sys.executable, "-c", _TRUTH, str(file), str(time_s), str(steps)]
-    done = subprocess.run(command, check=True, capture_output=True, text=True, cwd=file.parent)
-    return Truth(*json.loads(done.stdout.splitlines()[-1]))
+    return in_other_process(partial(_truth, file, time_s, steps), where="in the truth", died="no truth")
+
+
+def _truth(file: Path, time_s: float, steps: int) -> Truth:
+    import libsumo
+
+    given = ["-c", str(file)] if file.suffix == ".sumocfg" else ["-n", str(file), "--step-length", "0.1"]
+    libsumo.start(["sumo", *given, "--no-step-log", "--no-warnings", "--xml-validation", "never"])
+    if time_s > libsumo.simulation.getTime():
+        libsumo.simulationStep(time_s)
+    cars, persons = libsumo.vehicle, list(libsumo.person.getIDList())
+    is_bike = {v: cars.getVehicleClass(v) == "bicycle" for v in cars.getIDList()}
+    vehicles = {
+        v: [*cars.getPosition(v), cars.getAngle(v), cars.getSpeed(v), cars.getLength(v), cars.getWidth(v)]
+        for v in is_bike
+        if not is_bike[v]
+    }
+    lights: dict[str, list[str]] = {t: [] for t in libsumo.trafficlight.getIDList()}
+    for _ in range(steps):
+        for t in lights:
+            lights[t].append(libsumo.trafficlight.getRedYellowGreenState(t))
+        libsumo.simulationStep()
+    return Truth(vehicles, [v for v in is_bike if is_bike[v]], persons, lights)
