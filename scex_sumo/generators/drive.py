@@ -23,6 +23,7 @@ from scex_sumo.scene import HISTORY_STEPS, STEP_S, States
 
 LANE_CHANGE_S = 4.0
 TELEPORT_S = 20.0
+TOLD_EVERY_S = 0.2  # how far SUMO is
 MIN_ORIGINS = 60
 MAX_DELAY_S = 15.0
 JUMP_M = 0.5  # beyond the driven way: SUMO moved the vehicle
@@ -176,7 +177,7 @@ def _written(fcd: Path, sumo: subprocess.Popen[bytes]) -> Iterator[tuple[float, 
     with fcd.open("rb") as file:
         while not ended:
             with suppress(subprocess.TimeoutExpired):
-                sumo.wait(0.2)
+                sumo.wait(TOLD_EVERY_S)
             ended = sumo.poll() is not None
             *lines, rest = (rest + file.read()).split(b"\n")
             rows += sum(b";;" not in line for line in lines)
