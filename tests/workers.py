@@ -16,8 +16,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import ClassVar
 
-import pytest
-
 from scex_sumo.extrapolation.processes import process
 
 
@@ -50,10 +48,12 @@ class ForkedWorker:
 def forked_workers(context: BaseContext) -> Iterator[None]:
     """Fork workers instead of starting Python anew."""
     names = {name: getattr(subprocess, name) for name in ("PIPE", "TimeoutExpired")}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ForkedWorker, "context", context, raising=False)
-        patch.setattr(process, "subprocess", SimpleNamespace(Popen=ForkedWorker, **names))
+    ForkedWorker.context = context
+    process.subprocess = SimpleNamespace(Popen=ForkedWorker, **names)  # type: ignore[assignment]
+    try:
         yield
+    finally:
+        process.subprocess = subprocess
 
 
 def _serve(

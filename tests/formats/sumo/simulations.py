@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import subprocess
+import tempfile
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 from scex_sumo.base.sumo.programs import environment, program
@@ -87,13 +88,20 @@ def write_grid(
     net_options: tuple[str, ...] = (),
 ) -> Simulation:
     """Write a grid with traffic, people and bicycles, and its configuration."""
-    grid = ["--grid", "--grid.number", 3, "--grid.length", 80, "-L", 2, "-o", "g.net.xml", *net_options]
-    sides = ["--sidewalks.guess", "--crossings.guess", "-j", "traffic_light", "--tls.default-type", lights]
-    run("netgenerate", *grid, *sides, cwd=folder)
+    (folder / "g.net.xml").write_bytes(_net(lights, net_options))
     (folder / "r.rou.xml").write_text(routes)
     config = folder / "mine.sumocfg"
     config.write_text(CONFIG.format(step=step_s, processing=processing, files=files, output=output, end=end))
     return Simulation(config=config, net=folder / "g.net.xml", routes=folder / "r.rou.xml")
+
+
+@cache
+def _net(lights: str, options: tuple[str, ...]) -> bytes:
+    grid = ["--grid", "--grid.number", 3, "--grid.length", 80, "-L", 2, "-o", "g.net.xml", *options]
+    sides = ["--sidewalks.guess", "--crossings.guess", "-j", "traffic_light", "--tls.default-type", lights]
+    with tempfile.TemporaryDirectory() as folder:
+        run("netgenerate", *grid, *sides, cwd=Path(folder))
+        return Path(folder, "g.net.xml").read_bytes()
 
 
 def in_sumo(file: Path, time_s: float, *, steps: int = 0) -> Truth:
