@@ -3,7 +3,7 @@
     python benchmarks/site_curve.py OUT [--data FOLDER]... [--kinds graph hybrid joint] [--left-out SITE...]
                                         [--counts 2 4 6 8] [--seeds 3] [--steps 800] [--minutes M]
                                         [--moments 800] [--stops 3] [--device auto|cpu|cuda]
-                                        [--hidden 64] [--share 1] [--prior 1]
+                                        [--hidden 64] [--share 1] [--prior 1] [--together]
 
 Each point is a training of its own with the same number of steps, without a round in closed loop; its epoch
 is the best on validation parts of the sites that it learns from. A seed draws the order of the sites, of
@@ -12,9 +12,9 @@ vehicles after 3 s as a share of constant velocity's, and for the fewest and the
 futures of a scene (*apart*: if each vehicle has them in an order of its own), and the shares of vehicles that
 collide or leave the road within these 3 s, beside those recorded; with and without the guard. `--hidden`
 is the width of the networks, `--share` that of the moments that are trained on, `--stops` the number of
-copies of each with standing vehicles, `--prior` a parameter of `joint_predictor`. OUT keeps samples, weights
-and `results.json`; only what is missing there is done, so other options need another OUT. FOLDER: as of
-predictors.py, with INTERACTION.
+copies of each with standing vehicles, `--prior` a parameter of `joint_predictor`. `--together` leaves all
+these sites out of each training. OUT keeps samples, weights and `results.json`; only what is missing there is
+done, so other options need another OUT. FOLDER: as of predictors.py, with INTERACTION.
 """
 
 from __future__ import annotations
@@ -228,6 +228,7 @@ def main() -> None:
     parser.add_argument("--hidden", type=int, default=64)
     parser.add_argument("--share", type=float, default=1.0)
     parser.add_argument("--prior", type=float, default=1.0)
+    parser.add_argument("--together", action="store_true")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(1)
@@ -242,11 +243,14 @@ def main() -> None:
         if time.monotonic() - begun < 60 * given.minutes:
             results.add(name, measure)
 
+    def file_of(kind: str, site: str, count: int, seed: int) -> Path:
+        return given.out / f"{kind}-{count}-{'all' if given.together else site}-{seed}.safetensors"
+
     def network(kind: str, site: str, count: int, seed: int) -> Any:
-        file = given.out / f"{kind}-{count}-{site}-{seed}.safetensors"
+        file = file_of(kind, site, count, seed)
         if not file.exists():
-            rng = np.random.default_rng(seed)
-            order = rng.permutation([other for other in trained if other != site])
+            left_out = given.left_out if given.together else [site]
+            order = np.random.default_rng(seed).permutation([x for x in trained if x not in left_out])
             some = of_sites(dataset, order[:count].tolist(), given.share)
             train(some, kind, seed, given.steps, file, given.device, given.hidden)  # type: ignore[arg-type]
         return learned(file, kind, prior=given.prior)
@@ -266,7 +270,7 @@ def main() -> None:
                     )
                     if count not in (min(given.counts), max(given.counts)):
                         continue
-                    file = given.out / f"{kind}-{count}-{site}-{seed}.safetensors"
+                    file = file_of(kind, site, count, seed)
                     for guard in ("",) if kind == "joint" else ("", "+guard"):
                         add(
                             f"futures|{kind}{guard}|{site}|{count}|{seed}",

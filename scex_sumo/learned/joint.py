@@ -38,7 +38,6 @@ CLEARANCE_M = 2.2  # between paths that are in each other's way
 SLOW_MPS, STARTS_MPS2 = 0.5, 2.0  # a slower vehicle leaves the others first; with it a waiting one starts
 CLEAR_S = 0.5  # between two vehicles at a crossing
 APART_M, TOUCH_M = 0.1, 1.0  # between boxes at the end of a motion; between those that are compared
-YIELDS_MPS2 = 6.0  # of a vehicle that would come nearer than that
 TOKEN_S = TOKEN_STEPS * STEP_S
 SPEED, LEADER, GAP, LEADER_SPEED = (
     PATH_COLUMNS.index(name) for name in ("speed", "leader", "leader_gap", "leader_speed")
@@ -47,13 +46,15 @@ AGREEMENT = 0.9  # correlation of a vehicle's draw with that of its leader, if t
 FOLLOWS_M = 20.0
 QUEUE = 4  # vehicles through which a draw is passed on
 TINY = 1e-12  # keeps a motion to draw where the network holds all safe ones impossible
-FIRST_SALT = 64  # of the draws of the first 0.5 s
+FIRST_SALT, REDRAW_SALT = 64, 4096  # of the draws of the first 0.5 s; between those of a future drawn again
+REDRAWS = 3  # of a future in which boxes touch
 
 
 class JointDriver(LearnedDriver):
     """A network that rolls out all vehicles of each future in steps of 0.5 s.
 
-    It was trained on vehicles off the map, too. Vehicles start with estimated headings and speeds.
+    It was trained on vehicles off the map, too. Vehicles start with estimated headings and speeds. Futures in
+    which boxes touch are drawn again, up to `REDRAWS` times.
     """
 
     clear = leaves_map = True
@@ -68,12 +69,17 @@ class JointDriver(LearnedDriver):
         futures, future = np.unique(who.future, return_inverse=True)
         vehicles = history.scene.vehicles
         here = history.part(futures)
-        everyone = VehicleIndex(
-            future=np.repeat(np.arange(len(futures)), vehicles),
-            vehicle=np.tile(np.arange(vehicles), len(futures)),
-        )
+        everyone = _everyone(here)
         _, rows = self._paths(here, road, everyone)
         rolled, finite = self._roll(here, road, everyone, paths, rows)
+        for attempt in range(1, 1 + (REDRAWS if self.profile.mode == "draw" else 0)):
+            again = np.flatnonzero(_touch(here, rolled))
+            if not len(again):
+                break
+            part = here.part(again)
+            k = (again[:, None] * vehicles + np.arange(vehicles)).ravel()
+            redrawn, finite[k] = self._roll(part, road, _everyone(part), paths, rows[k], attempt)
+            rolled.assign(k, redrawn)
         mine = future * vehicles + who.vehicle
         chosen = finite[mine]
         plan = rolled[mine[chosen]]
@@ -87,7 +93,13 @@ class JointDriver(LearnedDriver):
         return rounded(self.profile.prior * np.log(np.maximum(share, TINY)))
 
     def _roll(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
+        self,
+        history: SceneHistory,
+        road: Road,
+        who: VehicleIndex,
+        paths: SeedPaths,
+        row: IntArray,
+        attempt: int = 0,
     ) -> tuple[States, BoolArray]:
         futures, vehicles, _ = history.states.shape
         finite, parts = np.ones(len(who), dtype=np.bool_), []
@@ -96,7 +108,10 @@ class JointDriver(LearnedDriver):
             now = history.now[who.future, who.vehicle]
             way, offset, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
             ahead = _ahead(history, inputs).joined_with(_crossing(history, paths, row, way))
-            acceleration, sideways = self._chosen(history, who, tokens, inputs, ahead)
+            # so a plan and the next one draw the same
+            salt = FIRST_SALT + REDRAW_SALT * attempt + history.step // TOKEN_STEPS
+            draw = uniforms(history.route_draw[who.future, who.vehicle], 2, salt)
+            acceleration, sideways = self._chosen(history, draw, tokens, inputs, ahead)
             finite &= np.isfinite(acceleration) & np.isfinite(sideways)
             acceleration[~finite], sideways[~finite] = 0.0, 0.0
             drives = partial(self._driven, history, road, paths=paths)
@@ -106,7 +121,7 @@ class JointDriver(LearnedDriver):
                 k = _yielding(history, plan, pairs, both=both)
                 if not len(k):
                     break
-                acceleration[k], sideways[k] = np.minimum(acceleration[k], -YIELDS_MPS2), 0.0
+                acceleration[k], sideways[k] = -SAFE_MPS2, 0.0
                 plan.assign(k, drives(who[k], row[k], acceleration[k], offset[k], sideways[k]))
             parts.append(plan)
             states = States.concatenate(
@@ -144,7 +159,7 @@ class JointDriver(LearnedDriver):
         )
 
     def _chosen(
-        self, history: SceneHistory, who: VehicleIndex, tokens: Tokens, inputs: PathInputs, ahead: _Pairs
+        self, history: SceneHistory, draw: FloatArray, tokens: Tokens, inputs: PathInputs, ahead: _Pairs
     ) -> tuple[FloatArray, FloatArray]:
         """Return (n,) accelerations, m/s², and (n,) sideways speeds, m/s, of the next 0.5 s.
 
@@ -155,12 +170,11 @@ class JointDriver(LearnedDriver):
         assert isinstance(self.profile, JointPredictorProfile)
         temperature = self.profile.temperature if self.profile.mode == "draw" else 1.0
         weight = np.exp((logits - logits.max(1, keepdims=True)) / temperature) + TINY
-        weight = weight.reshape(len(who), len(tokens.acceleration), len(tokens.sideways))
+        weight = weight.reshape(len(draw), len(tokens.acceleration), len(tokens.sideways))
         along = weight.sum(2)
-        salt = FIRST_SALT + history.step // TOKEN_STEPS  # so a plan and the next one draw the same
-        draw = _with_leaders(uniforms(history.route_draw[who.future, who.vehicle], 2, salt), inputs)
+        draw = _with_leaders(draw, inputs)
         best = self.profile.mode == "best"
-        most = np.full(len(who), np.inf)
+        most = np.full(len(draw), np.inf)
         for _ in range(history.scene.vehicles + 1):  # a queue passes one bound on in each round
             beyond = tokens.acceleration > np.maximum(most, tokens.acceleration[0])[:, None]
             share = np.where(beyond, 0.0, along)
@@ -175,7 +189,7 @@ class JointDriver(LearnedDriver):
         if best:
             aside = np.where(beyond[:, :, None], 0.0, weight).sum(1)
             return acceleration, rounded(aside / aside.sum(1, keepdims=True) @ tokens.sideways)
-        part = weight[np.arange(len(who)), a]
+        part = weight[np.arange(len(draw)), a]
         s = drawn(np.cumsum(part / part.sum(1, keepdims=True), axis=1), draw[:, 1])
         return acceleration, tokens.sideways[s]
 
@@ -247,6 +261,33 @@ def _near(history: SceneHistory, plan: Plan) -> tuple[IntArray, IntArray, IntArr
         near = near & (np.abs(end[:, None, :] - end[:, :, None]) < reach)
     future, i, j = np.nonzero(near)
     return future, i, j
+
+
+def _everyone(history: SceneHistory) -> VehicleIndex:
+    futures, vehicles, _ = history.states.shape
+    return VehicleIndex(
+        future=np.repeat(np.arange(futures), vehicles), vehicle=np.tile(np.arange(vehicles), futures)
+    )
+
+
+def _touch(history: SceneHistory, states: States) -> BoolArray:
+    """Return (F,) futures of states (F * V, H) in which boxes come to touch that do not now."""
+    scene, (futures, vehicles, _) = history.scene, history.states.shape
+    half = np.hypot(scene.length, scene.width) / 2
+    reach = np.where(np.tri(vehicles, k=0), -1.0, half[:, None] + half)
+
+    def touching(at: States) -> BoolArray:
+        apart = np.hypot(*(a[:, None, :] - a[:, :, None] for a in (at.x, at.y)))
+        future, *pair = np.nonzero(apart < reach)
+        boxes = (Rectangles.of(at[future, v], scene.length[v], scene.width[v]) for v in pair)
+        result = np.zeros(apart.shape, dtype=np.bool_)
+        result[(future, *pair)] = rectangle_distance(*boxes) <= 0
+        return result
+
+    hit = np.zeros((futures, vehicles, vehicles), dtype=np.bool_)
+    for k in range(1, PLAN_STEPS, 2):
+        hit |= touching(states[:, k].map(lambda a: a.reshape(futures, vehicles)))
+    return np.asarray((hit & ~touching(history.now)).any(axis=(1, 2)))
 
 
 def _yielding(

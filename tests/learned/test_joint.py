@@ -207,7 +207,7 @@ def test_of_two_boxes_that_come_too_near_the_rear_one_yields(
     assert _yielding(history, made, _near(history, made), both=both).tolist() == yields
 
 
-def test_vehicles_side_by_side_touch_less_often_if_one_yields(
+def test_vehicles_side_by_side_touch_less_often_if_one_yields_or_their_future_is_drawn_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Two lanes become one; the motions of an untrained network do not depend on the other vehicle."""
@@ -223,7 +223,10 @@ def test_vehicles_side_by_side_touch_less_often_if_one_yields(
         boxes = [Rectangles.of(made[k::2], scene.length[0], scene.width[0]) for k in range(2)]
         return int((rectangle_distance(*boxes) == 0).any(axis=1).sum())
 
+    few = touching()
+    monkeypatch.setattr(joint, "REDRAWS", 0)
     some = touching()
+    assert 3 * few < some
     monkeypatch.setattr(joint, "_yielding", lambda *_, both: np.empty(0, dtype=int))
     assert 0 < 2 * some < touching()
 
