@@ -47,8 +47,12 @@ class MomentWorkers(Protocol):
     def notes(self) -> list[str]:
         """Return notes for the user."""
 
-    def run(self, tasks: Iterable[MomentTask]) -> Iterator[Done]:
-        """Run tasks, a few at a time; yield them with their results as they finish."""
+    def run(self, tasks: Iterable[MomentTask], work: Work | None = None) -> Iterator[Done]:
+        """Run tasks, a few at a time; yield them with their results as they finish.
+
+        Args:
+            work: a function of a module; None for that of all workers.
+        """
 
     def close(self) -> None:
         """End the workers."""
@@ -72,11 +76,11 @@ class LocalWorkers:
         """See `MomentWorkers`."""
         return self._workers.deaths
 
-    def run(self, tasks: Iterable[MomentTask]) -> Iterator[Done]:
+    def run(self, tasks: Iterable[MomentTask], work: Work | None = None) -> Iterator[Done]:
         """See `MomentWorkers`."""
         assert self._workers.pool is not None
         for task, future in self._workers.pool.run_each(
-            partial(_runner, self._work), tasks, where=lambda task: f"at {task.ref.moment}"
+            partial(_runner, work or self._work), tasks, where=lambda task: f"at {task.ref.moment}"
         ):
             try:
                 yield task, future.result()
@@ -155,7 +159,7 @@ class DaskWorkers:
             self._asked_at = now
         return _AHEAD * max(self._threads, 1)
 
-    def run(self, tasks: Iterable[MomentTask]) -> Iterator[Done]:
+    def run(self, tasks: Iterable[MomentTask], work: Work | None = None) -> Iterator[Done]:
         """See `MomentWorkers`."""
         from distributed import as_completed
 
@@ -166,7 +170,7 @@ class DaskWorkers:
             room = self._room()
             while len(running) < room and (task := next(waiting, None)) is not None:
                 with _answering():
-                    future = self._submit(task)
+                    future = self._submit(task, work or self._work)
                 running[future.key] = task
                 finished.add(future)
             if not running:
@@ -177,14 +181,14 @@ class DaskWorkers:
             yield task, _result(task, future)
             future.release()
 
-    def _submit(self, task: MomentTask) -> Future:
+    def _submit(self, task: MomentTask, work: Work) -> Future:
         road = task.road
         assert road is not None
         if road not in self._roads:
             key = f"scex-road-{hashlib.sha256(road).hexdigest()[:32]}"
             self._roads[road] = self._client.submit(publish_road, road, key=key)
         bare = dataclasses.replace(task, road=None)
-        return self._client.submit(self._work, bare, self._roads[road], pure=False)
+        return self._client.submit(work, bare, self._roads[road], pure=False)
 
     def close(self) -> None:
         """See `MomentWorkers`; the cluster itself goes on."""

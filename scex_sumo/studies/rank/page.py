@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from scex_sumo.base.errors import ScexError
 from scex_sumo.base.files import TemporaryFolder, write_atomic
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.certainty.fitted import FittedWeights
@@ -29,8 +29,8 @@ from scex_sumo.page.study import card, failure_card, page_table, table_place, wr
 from scex_sumo.reports.run_table import counted
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.encounters import with_columns
-from scex_sumo.studies.moments.folder import MomentRef
-from scex_sumo.studies.moments.run import MomentTask, unpack_road, written
+from scex_sumo.studies.moments.folder import Failure, MomentRef
+from scex_sumo.studies.moments.run import MomentTask, attempt, unpack_road, written
 from scex_sumo.studies.rank.encounters import FITTED, TRIAGE, leads
 from scex_sumo.studies.rank.futures import REPORTS
 from scex_sumo.studies.rank.ranking_run import RankingRun
@@ -61,15 +61,12 @@ def write_ranking_page(
     folder: Path,
     ranking: pa.Table,
     fitted: RecordingWeights | None = None,
-    *,
-    workers: int = 1,
 ) -> tuple[pa.Table, list[str]]:
     """Write the page and a report of each moment on it; return the encounters and these moments, best first.
 
     Args:
         ranking: the encounters in their order; those on the page get their P with fitted weights.
         fitted: weights of the models.
-        workers: processes of this machine that run the moments shown.
     """
     lines = leads(ranking)
     top = lines.filter(pc.is_valid(lines["rank"])).slice(0, run.settings.top).to_pylist()
@@ -77,17 +74,27 @@ def write_ranking_page(
     refs = [ref for ref in run.refs if ref.moment in names]
     cards: dict[int, tuple[Html, dict[str, Any]]] = {}
     shares: dict[int, float | None] = {}
-    with Workers(workers) as pool:
+
+    def tasks() -> Iterator[_ReportTask]:
         for task in run.tasks(refs):
-            assert task.road is not None
-            scene = dataclasses.replace(task.scene, road=unpack_road(task.road))
-            command, report = _command(run, task.ref), folder / REPORTS / f"{task.ref.moment}.html"
             rows = [row for row in top if row["seed"] == task.ref.moment]
             weights = None if fitted is None else fitted.of(run.recording(task.ref))
-            ran = _write_report(task, scene, command, report, pool, rows, weights)
-            for row in rows:
-                shares[row["rank"]] = row[FITTED]
-                cards[row["rank"]] = _card(row, scene, command, ran)
+            command = _command(run, task.ref)
+            yield _ReportTask.of(task, rows=rows, weights=weights, command=command)
+
+    for task, made in run.run_again(tasks(), _report):
+        assert isinstance(task, _ReportTask) and task.road is not None
+        ran = not isinstance(made, Failure)
+        if ran:
+            html, values = made
+            shares |= {row["rank"]: value for row, value in zip(task.rows, values, strict=True)}
+            report = folder / REPORTS / f"{task.ref.moment}.html"
+            report.parent.mkdir(parents=True, exist_ok=True)
+            write_atomic(report, html)
+        scene = dataclasses.replace(task.scene, road=unpack_road(task.road))
+        for row in task.rows:
+            shown_row = {**row, FITTED: shares.get(row["rank"])}
+            cards[row["rank"]] = _card(shown_row, scene, task.command, ran)
     each = ranking.select(["rank", "more"]).to_pylist()
     values = [None if row["more"] is None else shares.get(row["rank"]) for row in each]
     ranking = with_columns(ranking, {FITTED: values})
@@ -121,33 +128,30 @@ def write_ranking_page(
     return ranking, names
 
 
-def _write_report(
-    task: MomentTask,
-    scene: SeedScene,
-    command: Sequence[str],
-    path: Path,
-    workers: Workers,
-    rows: Sequence[dict[str, Any]],
-    weights: FittedWeights | None,
-) -> bool:
-    """Run the futures of a moment and write their report; return whether they can be run.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _ReportTask(MomentTask):
+    """A moment to be reported: its rows of the ranking, the fitted weights, and the command that runs it."""
 
-    Rows of its encounters get their P with fitted weights.
-    """
+    rows: Sequence[Mapping[str, Any]]
+    weights: FittedWeights | None
+    command: Sequence[str]
+
+
+def _report(task: _ReportTask, road: bytes | None = None) -> tuple[bytes, list[float | None]] | Failure:
+    """Return the report of a moment's futures, and P of each row with fitted weights; or its failure."""
+    return attempt(_reported, task, road)
+
+
+def _reported(task: _ReportTask, scene: SeedScene, road: bytes) -> tuple[bytes, list[float | None]]:
     settings = dataclasses.replace(task.settings.run, futures=len(task.futures))
     with TemporaryFolder() as folder:
-        try:
-            options = RunOptions(compared=False, out=Path(folder) / "run")
-            run = run_scene(scene, settings, workers=workers, options=options, extras=_EXTRAS)
-        except ScexError:
-            return False
-        for row in rows:
-            row[FITTED] = p_fitted(run, row, weights)
+        options = RunOptions(compared=False, out=Path(folder) / "run")
+        with Workers(1) as alone:
+            run = run_scene(scene, settings, workers=alone, options=options, extras=_EXTRAS)
         info, arrays = report_contents(run, scene)
-        info |= {"folder": command[-1], "command": shlex.join(command)}
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomic(path, filled_report(run, info, arrays).encode())
-        return True
+        info |= {"folder": task.command[-1], "command": shlex.join(task.command)}
+        values = [p_fitted(run, row, task.weights) for row in task.rows]
+        return filled_report(run, info, arrays).encode(), values
 
 
 def _command(run: RankingRun, ref: MomentRef) -> list[str]:

@@ -136,8 +136,7 @@ def rank(
         moments = moments_table(ranking)
         table = order.ranked(with_stress(ranking.encounters, ranking.stress()))
         fitted = RecordingWeights(settings.models) if fit_weights else None
-        processes = workers if cluster is None else 1
-        table, shown = write_ranking_page(ranking, folder.path, table, fitted, workers=processes)
+        table, shown = write_ranking_page(ranking, folder.path, table, fitted)
         lines = leads(table)
         for name, content in (("moments", moments), ("ranking", table)):
             write_table(folder.path / name, content)

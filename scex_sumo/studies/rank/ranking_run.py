@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
 from functools import cached_property
 
@@ -17,7 +17,7 @@ from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
 from scex_sumo.studies.moments.encounters import encounters_of
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef
 from scex_sumo.studies.moments.run import MomentTask
-from scex_sumo.studies.moments.workers import MomentWorkers
+from scex_sumo.studies.moments.workers import Done, MomentWorkers, Work
 from scex_sumo.studies.rank.encounters import BY_SEVERITY, Order, StressTest, leads
 from scex_sumo.studies.rank.exact import ExactScore
 from scex_sumo.studies.rank.futures import MAX_KEPT, PAIRS_ROUND, RankFolder, RankTask, is_pairs
@@ -122,6 +122,10 @@ class RankingRun:
                         self._folder.append(task.ref, result)
                         self._count(task.ref, result.futures)
                     self._tick(_cost(span))
+
+    def run_again(self, tasks: Iterable[MomentTask], work: Work) -> Iterator[Done]:
+        """Let the workers do something else with moments; see `MomentWorkers.run`."""
+        return self._workers.run(tasks, work)
 
     def tasks(self, refs: Sequence[MomentRef]) -> Iterator[MomentTask]:
         """Yield tasks that run moments once more, with all their futures."""
