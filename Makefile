@@ -2,7 +2,6 @@
 PYTHON ?= python3
 VENV := .venv
 STAMP := $(VENV)/.installed
-CHECK_STAMP := $(VENV)/.installed-check
 TEST_STAMP := $(VENV)/.installed-test
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check
 
@@ -19,13 +18,8 @@ $(STAMP): $(VENV)/bin/python pyproject.toml constraints.txt
 	$(PIP) install --quiet --no-compile --constraint constraints.txt --editable .
 	touch $@
 
-# Checks begin while the rest of what tests need is installed.
-$(CHECK_STAMP): $(STAMP)
+$(TEST_STAMP): $(STAMP)
 	$(PIP) install --quiet --no-compile --constraint constraints.txt torch
-	$(PIP) install --quiet --no-compile --constraint constraints.txt --editable '.[all]' import-linter mypy ruff
-	touch $@
-
-$(TEST_STAMP): $(CHECK_STAMP)
 	$(PIP) install --quiet --no-compile --constraint constraints.txt --editable '.[all,dev]'
 	touch $@
 
@@ -39,7 +33,7 @@ test: $(TEST_STAMP)
 fuzz: $(TEST_STAMP)
 	$(VENV)/bin/python -m tests.fuzz --cases 10000
 
-check: $(CHECK_STAMP)
+check: $(TEST_STAMP)
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/mypy

@@ -20,7 +20,7 @@ METRICS = ("paper", "path")
 def mixed_run(seed: int, *, absent: float = 0.0) -> tuple[SceneTracks, PlannedPaths]:
     """Forty futures in which every vehicle has one of three tracks, by even seeds with other plans."""
     rng = np.random.default_rng(seed)
-    tracks, planned = random_run(rng, futures=3, vehicles=5, steps=4, absent=absent)
+    tracks, planned = random_run(rng, futures=3, vehicles=5, absent=absent)
     which = rng.integers(3, size=(40, 5)), np.arange(5)
     plans = which[0] if seed % 2 else rng.integers(3, size=(40, 5)), np.arange(5)
     states = tracks.states.map(lambda values: values[which[0], :, which[1]].swapaxes(1, 2))
