@@ -16,7 +16,8 @@ Seed scenes of the part of the time split are driven for 3 s (--steps) in a worl
 - realism: score of the Waymo Sim Agents Challenge, of 3 s and without lights;
 - brake: share of vehicle-seconds with braking above 3 m/s² (over half a second), futures and recording, %.
 
-Then near misses of pairs whose recorded boxes are apart: sum of forecasts, count, constant velocity's count.
+Then near misses of pairs whose recorded boxes are apart: sum of forecasts, count, constant velocity's count;
+and 95 % intervals: the seed scenes of each row are drawn anew 1000 times.
 
 ``--kept`` keeps the seed scenes and their recorded values in a file, which makes later runs faster. ``--raw``
 plans from recorded headings and speeds instead of estimated ones. ``--parameters`` reads a file of
@@ -335,6 +336,26 @@ def near_misses(done: list[Figures]) -> str:
     return "\n".join(f"{name}: {p:.1f} / {o:.0f} / {cv:.0f}" for name, (p, o, cv) in total.items())
 
 
+def intervals(found: list[Figures]) -> str:
+    """Return 95 % intervals of error, along, across and starts over seed scenes that are drawn anew."""
+    sums = []
+    for f in found:
+        moving, starts, _ = positions(f)
+        within = sum(hit for hit, _ in starts)
+        sums.append([*np.array(moving).reshape(-1, 4).sum(axis=0), len(moving), within, len(starts)])
+    chosen = np.random.default_rng(0).integers(len(found), size=(1000, len(found)))
+    error, plain, along, across, n, within, starts_n = np.array(sums, dtype=np.float64)[chosen].sum(axis=1).T
+    with np.errstate(invalid="ignore"):
+        ratios = {
+            "error": error / plain,
+            "along": along / n,
+            "across": across / n,
+            "starts": within / starts_n,
+        }
+    low_high = {name: np.quantile(ratio, [0.025, 0.975]) for name, ratio in ratios.items()}
+    return ", ".join(f"{name} {low:.3f} to {high:.3f}" for name, (low, high) in low_high.items())
+
+
 def table(rows: dict[str, dict[str, float]]) -> str:
     lines = [f"{'site':24}" + "".join(f"{name:>9}" for name in COLUMNS) + "  worst value"]
     for site, row in rows.items():
@@ -383,6 +404,8 @@ def main() -> None:
     groups = {site: part for site, part in sites.items() if part} | {"all": done}
     print(table({site: row_of(part) for site, part in groups.items()}))
     print(near_misses(done))
+    for site, part in groups.items():
+        print(f"{site}: {intervals(part)}")
     print(f"{len(done)} seed scenes, {arguments.futures} futures each, {time.process_time() - begin:.0f} s")
 
 
