@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.compute as pc
 
 from scex_sumo.base.arrays import FloatArray, IntArray
@@ -237,8 +238,9 @@ def worst_rows(
     metric = explanation.metric.removesuffix("_mean")
     source: dict[int, dict[str, Any]] = {}
     if metric == explanation.metric:
-        rows_of = run.worst.filter(pc.equal(run.worst["metric"], metric)).to_pylist()
-        source = {row["future"]: row for row in rows_of}
+        table = run.worst.filter(pc.equal(run.worst["metric"], metric))
+        few = table.filter(pc.is_in(table["future"], pa.array(explanation.worst, table["future"].type)))
+        source = {row["future"]: row for row in few.to_pylist()}
     pair = pair_of(explanation.metric)
     if explanation.metric == COLLISION or pair:
         hits = (
