@@ -16,6 +16,10 @@ that becomes slow and on the grid above with departures of 30 s. It runs until a
 
 Processor time and wall time of a moment of a watch: the first one, and those of warm processes.
 
+    python -m benchmarks.live again OUT [--vehicles 20] [--futures 64] [--workers 2]
+
+Wall time of the first and of further calls of `Watch.extrapolate` in one session, of moments of the grid above.
+
     xvfb-run -a python -m benchmarks.live film FILM.mp4 [--scenario MINE.sumocfg] [--from 20] [--to 40]
 
 Film of sumo-gui while it is watched, a picture for each step of the simulation, and a picture of the worst
@@ -221,6 +225,20 @@ def speed(config: str, vehicles: int, moments: int) -> None:
     print("then, median: {:.2f} s processor, {:.2f} s; most {:.2f} s processor".format(*middle))
 
 
+def again(folder: Path, vehicles: int, futures: int, workers: int) -> None:
+    write_scenario(folder)
+    sumo, spent = start(folder, 1), []
+    watch = Watch(sumo, folder / "g.net.xml")
+    watch.until(lambda: sumo.vehicle.getIDCount() >= vehicles)
+    for k in range(6):
+        began = time.perf_counter()
+        run = watch.extrapolate(futures=futures, workers=workers, out=folder / f"run{k}", overwrite=True)
+        spent.append(time.perf_counter() - began)
+        print(f"{run.scene.vehicles} vehicles: {spent[-1]:.2f} s")
+        sumo.simulationStep(sumo.simulation.getTime() + 1)
+    print(f"first {spent[0]:.2f} s, then median {np.median(spent[1:]):.2f} s")
+
+
 def warn(folder: Path, seeds: list[int]) -> None:
     """Print collisions and travel time with the page's warning system and without it, paired by seed."""
     for name in ("row", "grid"):
@@ -298,7 +316,7 @@ def write_film(path: Path, pictures: list[Path], rate: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("what", choices=("collisions", "table", "warning", "speed", "film"))
+    parser.add_argument("what", choices=("collisions", "table", "warning", "speed", "again", "film"))
     parser.add_argument("path", type=Path)
     parser.add_argument("--seeds", default=None)
     parser.add_argument("--scenario", type=Path)
@@ -306,6 +324,7 @@ def main() -> None:
     parser.add_argument("--to", type=float, default=75.0)
     parser.add_argument("--futures", type=int, default=64)
     parser.add_argument("--vehicles", type=int, default=25)
+    parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--moments", type=int, default=20)
     parser.add_argument("--count", action="store_true", help="only count the collisions")
     given = parser.parse_args()
@@ -322,6 +341,8 @@ def main() -> None:
     if given.what == "speed":
         return speed(str(given.path), given.vehicles, given.moments)
     given.path.mkdir(parents=True, exist_ok=True)
+    if given.what == "again":
+        return again(given.path, given.vehicles, given.futures, given.workers)
     if given.what == "collisions":
         write_scenario(given.path)
         for seed in seeds:

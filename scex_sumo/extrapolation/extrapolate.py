@@ -14,10 +14,11 @@ from scex_sumo.base.options import Option, options_of, split_options
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.extras import extras_of, run_options
-from scex_sumo.extrapolation.options import RunOptions
+from scex_sumo.extrapolation.options import RunOptions, has_own_drivers
 from scex_sumo.extrapolation.own_extra import extra_named
-from scex_sumo.extrapolation.processes.workers import Workers
+from scex_sumo.extrapolation.processes.workers import Workers, kept_workers
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.metrics.registry import METRICS
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 
@@ -77,7 +78,10 @@ def _run(
     settings = RunSettings(**values) if settings is None else dataclasses.replace(settings, **values)
     how = RunOptions(bar=partial(progress_of, progress), **others)
     extras = [*extras_of(own), *map(extra_named, how.extra)]
-    with Workers(how.processes(settings)) as pool:
+    # The user's own code may change within a session; kept workers have what they loaded first.
+    own_metrics = any(metric.name not in METRICS for metric in settings.measured)
+    made = Workers if how.extra or own_metrics or has_own_drivers(settings) else kept_workers
+    with made(how.processes(settings)) as pool:
         return run_scene(scene, settings, workers=pool, options=how, extras=extras)
 
 

@@ -93,12 +93,17 @@ class RunOptions:
             return 1
         if self.workers != AUTO:
             return min(1 if self.workers is None else int(self.workers), settings.count or MAX_FUTURES)
-        given = [*settings.assign.values(), *(one for one in settings.under_test.values() if one is not None)]
-        if any(map(is_own, chain(settings.drawn, *map(model_specs, given)))):
+        if has_own_drivers(settings):
             return 1
         futures = FUTURES if settings.until_band is not None else settings.count or MAX_FUTURES
         help_by = futures * settings.steps // (FUTURES_EACH * RunSettings.steps)
         return max(1, min(cores(), help_by))
+
+
+def has_own_drivers(settings: RunSettings) -> bool:
+    """Return whether a run has drivers of the user's."""
+    given = [*settings.assign.values(), *(one for one in settings.under_test.values() if one is not None)]
+    return any(map(is_own, chain(settings.drawn, *map(model_specs, given))))
 
 
 def cores() -> int:

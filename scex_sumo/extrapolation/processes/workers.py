@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
+import os
 import resource
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -106,3 +109,38 @@ class Workers:
         if self.pool is None or not (waits or self.pool.free):
             return None
         return self.pool.submit(function, where=where)
+
+
+_idle: dict[tuple[Any, ...], Workers] = {}
+"""Workers that wait for the next run, by what they have inherited."""
+
+
+@contextmanager
+def kept_workers(processes: int) -> Iterator[Workers]:
+    """Give workers that stay for the next run of a Python session, with all that they have loaded.
+
+    A run that fails ends them; so does a run in another folder or environment, or with another number.
+    """
+    workers = _idle.pop(_inherited(processes), None)
+    _end_idle()
+    workers = workers or Workers(processes)
+    try:
+        yield workers
+    except BaseException:
+        workers.__exit__()
+        raise
+    workers.deaths.clear()
+    _end_idle()  # of another thread
+    _idle[_inherited(processes)] = workers
+
+
+def _inherited(processes: int) -> tuple[Any, ...]:
+    return os.getpid(), processes, os.getcwd(), *sorted(os.environ.items())
+
+
+@atexit.register
+def _end_idle() -> None:
+    while _idle:
+        key, workers = _idle.popitem()
+        if key[0] == os.getpid():  # another process is a fork
+            workers.__exit__()

@@ -22,7 +22,7 @@ from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.options import RunOptions
 from scex_sumo.extrapolation.processes import pool
 from scex_sumo.extrapolation.processes.pool import Pool, in_other_process, succeeded
-from scex_sumo.extrapolation.processes.workers import Workers
+from scex_sumo.extrapolation.processes.workers import Workers, kept_workers
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.humans.extra import HumanReference
 from scex_sumo.results.parts import Parts
@@ -114,6 +114,23 @@ def test_a_reference_ahead_ends_after_the_batch_when_the_run_is_finished(
         models = ModelSet.of(settings)
         engine.simulate_ahead(scene, settings, models, options, enough=tmp_path / name)
         assert len(Parts(tmp_path / f"out {futures}").futures) == futures
+
+
+def test_kept_workers_stay_for_the_next_run_in_the_same_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def worker() -> Any:
+        with kept_workers(2) as workers:
+            done = workers.submit(os.getpid, where="at home")
+            assert done is not None
+            return done.result()
+
+    first, again = worker(), worker()
+    monkeypatch.chdir(tmp_path)
+    elsewhere = worker()
+    with pytest.raises(ZeroDivisionError), kept_workers(2):
+        raise ZeroDivisionError
+    assert first == again and len({first, elsewhere, worker()}) == 3
 
 
 def test_a_worker_with_a_function_to_do_is_not_free() -> None:
