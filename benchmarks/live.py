@@ -18,7 +18,7 @@ Processor time and wall time of a moment of a watch: the first one, and those of
 
     python -m benchmarks.live again OUT [--vehicles 20] [--futures 64] [--workers 2]
 
-Wall time of the first and of further calls of `Watch.extrapolate` in one session, of moments of the grid above.
+Wall time of the first and of further calls of `Watch.extrapolate` in one session, of the grid above.
 
     xvfb-run -a python -m benchmarks.live film FILM.mp4 [--scenario MINE.sumocfg] [--from 20] [--to 40]
 

@@ -8,6 +8,7 @@ import resource
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from threadpoolctl import threadpool_limits
@@ -135,7 +136,7 @@ def kept_workers(processes: int) -> Iterator[Workers]:
 
 
 def _inherited(processes: int) -> tuple[Any, ...]:
-    return os.getpid(), processes, os.getcwd(), *sorted(os.environ.items())
+    return os.getpid(), processes, Path.cwd(), *sorted(os.environ.items())
 
 
 @atexit.register
