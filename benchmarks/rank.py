@@ -35,7 +35,7 @@ from scex_sumo.studies.rank.scores import RankSettings
 
 DATASET = scex_sumo.example_path("roundabout").parent
 MODELS = ("standard_driver", "risky_driver", "constant_velocity", "emergency_brake")
-TEN_THOUSAND = 10_000
+TEN_THOUSAND, FORTY_THOUSAND = 10_000, 40_000
 
 
 def settings_of(args: argparse.Namespace) -> RankSettings:
@@ -45,11 +45,14 @@ def settings_of(args: argparse.Namespace) -> RankSettings:
 
 def run_all(args: argparse.Namespace, workers: MomentWorkers, progress: Callable[[int, int], None]) -> None:
     """Run all moments into a folder that is not kept, with workers that are ended after it."""
-    with (
-        closing(workers),
-        tempfile.TemporaryDirectory() as out,
-        RankFolder(Path(out) / "out", {}) as folder,
-    ):
+    with tempfile.TemporaryDirectory() as out:
+        run_into(Path(out) / "out", args, workers, progress)
+
+
+def run_into(
+    out: Path, args: argparse.Namespace, workers: MomentWorkers, progress: Callable[[int, int], None]
+) -> None:
+    with closing(workers), RankFolder(out, {}) as folder:
         RankingRun(find_recordings([args.dataset]), settings_of(args), folder, workers, progress).run()
 
 
@@ -225,6 +228,37 @@ def memory(args: argparse.Namespace) -> None:
         print(f"  after {index:5d} seeds: main process {seen[index][0]:.0f}, worker {seen[index][1]:.0f}")
 
 
+def cluster(args: argparse.Namespace) -> None:
+    """What seeds cost on a Dask cluster of two workers, and what forty thousand would."""
+    import psutil
+
+    def used(process: psutil.Process) -> float:
+        return sum(process.cpu_times()[:2])
+
+    with dask_cluster(2) as address, tempfile.TemporaryDirectory() as out:
+        workers = cluster_workers(address, 2)
+        scheduler, *both = psutil.Process().children()
+        owners = [psutil.Process(), scheduler, both[0]]
+        begin = [used(each) for each in (owners[0], scheduler, *both)]
+        seen: list[list[float]] = []
+        run_into(Path(out) / "out", args, workers, lambda *_: seen.append([resident(p.pid) for p in owners]))
+        own, handing, *work = (
+            used(each) - start for each, start in zip((owners[0], scheduler, *both), begin, strict=True)
+        )
+        size = sum(f.stat().st_size for f in Path(out).rglob("*") if f.is_file())
+    seeds = len(seen) - 1
+    each_s, each_kb = sum(work) / seeds, size / seeds / 1e3
+    print(f"Dask, 2 workers, pairs of {seeds} seeds: {each_s:.2f} s in a worker, ", end="")
+    print(f"{1e3 * own / seeds:.0f} ms in the main process, {1e3 * handing / seeds:.0f} ms in the scheduler")
+    print(f"  {FORTY_THOUSAND} seeds: {each_s * FORTY_THOUSAND / 3600:.1f} core-hours, ", end="")
+    print(
+        f"{each_kb * FORTY_THOUSAND / 1e6:.2f} GB, at most {each_s * seeds / max(own, handing):.0f} workers"
+    )
+    names = "main process", "scheduler", "worker"
+    for name, half, end in zip(names, seen[seeds // 2], seen[-1], strict=True):
+        print(f"  {name}: {half:.0f} MB after half of the seeds, {end:.0f} MB at the end")
+
+
 def sizes(args: argparse.Namespace) -> None:
     """Bytes on disk per seed, and for ten thousand."""
     for keep in ("none", "critical", "all"):
@@ -257,6 +291,7 @@ PARTS = {
     "costs": costs,
     "scheduler": scheduler,
     "memory": memory,
+    "cluster": cluster,
     "sizes": sizes,
 }
 
