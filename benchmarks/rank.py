@@ -229,7 +229,10 @@ def memory(args: argparse.Namespace) -> None:
 
 
 def cluster(args: argparse.Namespace) -> None:
-    """What seeds cost on a Dask cluster of two workers, and what forty thousand would."""
+    """What seeds cost on a Dask cluster of two workers, and what forty thousand would.
+
+    The scheduler's time has its idle time in it, so more workers than the printed ones may be fed.
+    """
     import psutil
 
     def used(process: psutil.Process) -> float:
@@ -252,7 +255,7 @@ def cluster(args: argparse.Namespace) -> None:
     print(f"{1e3 * own / seeds:.0f} ms in the main process, {1e3 * handing / seeds:.0f} ms in the scheduler")
     print(f"  {FORTY_THOUSAND} seeds: {each_s * FORTY_THOUSAND / 3600:.1f} core-hours, ", end="")
     print(
-        f"{each_kb * FORTY_THOUSAND / 1e6:.2f} GB, at most {each_s * seeds / max(own, handing):.0f} workers"
+        f"{each_kb * FORTY_THOUSAND / 1e6:.2f} GB, at least {each_s * seeds / max(own, handing):.0f} workers"
     )
     names = "main process", "scheduler", "worker"
     for name, half, end in zip(names, seen[seeds // 2], seen[-1], strict=True):
