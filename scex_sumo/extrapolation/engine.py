@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from threadpoolctl import threadpool_limits
+
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder, writing
@@ -67,7 +69,8 @@ def run_scene(
     begun = [extra.begin(job, workers, options) for extra in active]
     watch.lap("convert")
     repeats = [extra.repeats(settings) for extra in active]
-    with options.bar(scene.name) as tick:
+    # More threads of matrix products would wait for cores on which workers run.
+    with threadpool_limits(1, user_api="blas"), options.bar(scene.name) as tick:
         parts = [_part_of(tick, k, 1 + sum(repeats)) for k in range(1 + sum(repeats))]
         run_all = partial(_run_all, workers=workers, batch=options.batch, progress=parts[0])
         band, settled = None, dict[int, Any]()

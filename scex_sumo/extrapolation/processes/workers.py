@@ -11,8 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from threadpoolctl import threadpool_limits
-
 from scex_sumo.base.errors import SimulationError, UsageError
 
 if TYPE_CHECKING:
@@ -29,8 +27,6 @@ MIN_ADDRESS_SPACE = 3 * 10**9  # bytes; with less, libsumo or Arrow crash while 
 class Workers:
     """Processes that run futures; a context manager. They start at once.
 
-    Matrix products of this process have one thread: more would wait for cores that the others use.
-
     Attributes:
         pool: all but one of the processes; this process is the other. None if it is alone.
     """
@@ -45,7 +41,6 @@ class Workers:
                 f"needs {MIN_ADDRESS_SPACE / 1e9:.1f} GB; raise it, or limit resident memory instead"
             )
         self.processes = processes
-        self._one_thread = threadpool_limits(1, user_api="blas")
         self.pool: Pool | None = None
         if processes > 1:
             from scex_sumo.extrapolation.processes.pool import Pool
@@ -56,7 +51,6 @@ class Workers:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._one_thread.restore_original_limits()
         if self.pool is not None:
             self.pool.close()
 
