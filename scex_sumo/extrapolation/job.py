@@ -41,7 +41,7 @@ QUEUED, STANDING_MPS = (
     4,
     0.5,
 )  # vehicles that stand before a junction that may have lights without a map's word
-VEHICLES_AT_ONCE = 6000  # over all futures of a batch
+VEHICLES_AT_ONCE = 5400  # over all futures of a batch
 BATCHES_EACH = 2  # of each process: one that starts later does less
 
 
@@ -151,7 +151,7 @@ def batches_of(futures: Sequence[int], size: int, *, apart: bool = True) -> list
 
 
 def batch_size(job: Job, processes: int = 1) -> int:
-    """Return the number of futures in a batch: at most 6000 vehicles, and two batches for each process.
+    """Return the number of futures in a batch: at most 5400 vehicles, and two batches for each process.
 
     A step costs the same for one vehicle as for some hundreds.
     """

@@ -40,7 +40,7 @@ class RunOptions:
     Attributes:
         out: None makes a temporary folder that lives as long as the run.
         workers: processes that share the futures, see `processes`; None for 1, on the command line ``auto``.
-        batch: futures side by side in one world; None for about 6000 vehicles.
+        batch: futures side by side in one world; None for about 5400 vehicles.
         cache: keep net, map features and assignments in ``~/.cache/scex-sumo``.
         extra: an object, too.
         bar: opens a progress bar by its label; yields a function of (done, total), or None.

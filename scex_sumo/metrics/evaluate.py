@@ -21,7 +21,7 @@ from scex_sumo.metrics.pairs.scenes import Entries, Preset, Samples, Scenes, Tra
 from scex_sumo.metrics.registry import METRICS, Metric, columns_of, metrics_named
 
 PAPER_PRESET: Final = "paper"
-BATCH_PAIR_STEPS = 1 << 18  # unordered near pair-steps per batch
+BATCH_PAIR_STEPS = 1 << 17  # unordered near pair-steps per batch
 ALL_PAIR_STEPS = 1 << 20  # of the futures whose equal tracks are evaluated once, far pairs included
 SHARED_PAIR_STEPS = 1 << 21  # near ones of the futures whose equal tracks are evaluated once; 0: never
 MAX_DIFFERENT = 0.9  # share of different pairs above which the search for equal ones does not pay

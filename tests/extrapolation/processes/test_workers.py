@@ -144,7 +144,7 @@ def test_a_worker_with_a_function_to_do_is_not_free() -> None:
         assert succeeded(done) and workers.free == 2
 
 
-@pytest.mark.parametrize(("futures", "batches"), [(385, 4), (40_000, 96)])
+@pytest.mark.parametrize(("futures", "batches"), [(385, 4), (40_000, 104)])
 def test_each_process_has_two_batches_of_few_enough_vehicles(
     futures: int, batches: int, tmp_path: Path
 ) -> None:
