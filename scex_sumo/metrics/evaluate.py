@@ -116,12 +116,13 @@ def scene_batches(
     near = near_pairs(tracks)
     meeting = None if near is None else meeting_pairs(tracks, planned, parameters, near[0])
     every = vehicles * (vehicles - 1) // 2
+    some_pairs = every if near is None else len(near[0])
     shares = every if meeting is None else len(meeting)
     size, shared_size, most, many = (
         max(limit // max(tracks.steps * pairs, 1), 1)
         for limit, pairs in (
-            (BATCH_PAIR_STEPS, every if near is None else len(near[0])),
-            (SHARED_PAIR_STEPS, every if near is None else len(near[0])),
+            (BATCH_PAIR_STEPS, some_pairs),
+            (SHARED_PAIR_STEPS, some_pairs),
             (ALL_PAIR_STEPS, shares),
             (ALL_PAIR_STEPS, every if all_pairs else shares),
         )

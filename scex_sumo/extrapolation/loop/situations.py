@@ -61,7 +61,8 @@ def _intent(model: Behavior, history: SceneHistory, road: Road, who: VehicleInde
     intend = getattr(model, "intend", None)
     if isinstance(model, DrivesAlong) or intend is None or sight_of(model) is None:
         return None
-    few, asked, futures, kind = _distinct_situations(history, who)
+    first, kind = _situations(model, history, who)
+    few, asked, futures = _in_few(history, who[first])
     intent: Intent | None = intend(few, road, asked)
     if intent is None:
         return None
@@ -69,7 +70,7 @@ def _intent(model: Behavior, history: SceneHistory, road: Road, who: VehicleInde
     return replace(intent, who=here).of(kind)
 
 
-def _situations(model: DrivesAlong, history: SceneHistory, who: VehicleIndex) -> tuple[IntArray, IntArray]:
+def _situations(model: Behavior, history: SceneHistory, who: VehicleIndex) -> tuple[IntArray, IntArray]:
     """Return the first vehicle (k,) in each situation, and the situation (n,) of each."""
     if sight_of(model) == "itself":
         return distinct(own_motion(history, who))
@@ -86,24 +87,18 @@ def plan_once(
     sight = sight_of(model)
     if sight is None or len(who) < 2:
         return model.plan(history, road, who, rng)
+    first, kind = _situations(model, history, who)
     if sight == "itself":
-        first, kind = distinct(own_motion(history, who))
-        return handed_out(model.plan(history, road, _some(who, first), rng), kind)
-    few, asked, futures, kind = _distinct_situations(history, who)
+        return handed_out(model.plan(history, road, who[first], rng), kind)
+    few, asked, futures = _in_few(history, who[first])
     return handed_out(model.plan(few, road, asked, [rng[c] for c in futures.tolist()]), kind)
 
 
-def _distinct_situations(
-    history: SceneHistory, who: VehicleIndex
-) -> tuple[SceneHistory, VehicleIndex, IntArray, IntArray]:
-    """Return one of each of the equal futures, their k distinct vehicles there, and (n,) which is whose.
-
-    In between (C',) indices of these futures.
-    """
+def _in_few(history: SceneHistory, who: VehicleIndex) -> tuple[SceneHistory, VehicleIndex, IntArray]:
+    """Return one of each of the equal futures, the vehicles there, and (C',) indices of these futures."""
     few, futures = _one_of_each(history)
     future = np.searchsorted(futures, _first_alike(history)[who.future])
-    first, kind = distinct(np.stack([future, who.vehicle], axis=1).astype(np.float64))
-    return few, VehicleIndex(future=future, vehicle=who.vehicle)[first], futures, kind
+    return few, VehicleIndex(future=future, vehicle=who.vehicle), futures
 
 
 @owner_cache
@@ -121,7 +116,3 @@ def _first_alike(history: SceneHistory) -> IntArray:
 def _one_of_each(history: SceneHistory) -> tuple[SceneHistory, IntArray]:
     futures = np.unique(_first_alike(history))
     return history if len(futures) == history.states.shape[0] else history.part(futures), futures
-
-
-def _some(who: VehicleIndex, index: IntArray) -> VehicleIndex:
-    return VehicleIndex(future=who.future[index], vehicle=who.vehicle[index])

@@ -74,6 +74,7 @@ def write_ranking_page(
     refs = [ref for ref in run.refs if ref.moment in names]
     cards: dict[int, tuple[Html, dict[str, Any]]] = {}
     shares: dict[int, float | None] = {}
+    failures = run.unreadable | run.failures
 
     def tasks() -> Iterator[_ReportTask]:
         for task in run.tasks(refs):
@@ -84,8 +85,9 @@ def write_ranking_page(
 
     for task, made in run.run_again(tasks(), _report):
         assert isinstance(task, _ReportTask) and task.road is not None
-        ran = not isinstance(made, Failure)
-        if ran:
+        if isinstance(made, Failure):
+            failures[task.ref.moment] = made
+        else:
             html, values = made
             shares |= {row["rank"]: value for row, value in zip(task.rows, values, strict=True)}
             report = folder / REPORTS / f"{task.ref.moment}.html"
@@ -94,7 +96,7 @@ def write_ranking_page(
         scene = dataclasses.replace(task.scene, road=unpack_road(task.road))
         for row in task.rows:
             shown_row = {**row, FITTED: shares.get(row["rank"])}
-            cards[row["rank"]] = _card(shown_row, scene, task.command, ran)
+            cards[row["rank"]] = _card(shown_row, scene, task.command, not isinstance(made, Failure))
     each = ranking.select(["rank", "more"]).to_pylist()
     values = [None if row["more"] is None else shares.get(row["rank"]) for row in each]
     ranking = with_columns(ranking, {FITTED: values})
@@ -105,7 +107,7 @@ def write_ranking_page(
         _bar(),
         element("div.moments", *(html for html, _ in shown)),
         card("All encounters", _more(len(lines)), table_place("all-encounters")),
-        *failure_card("Failed", {name: one.reason for name, one in (run.unreadable | run.failures).items()}),
+        *failure_card("Failed", {name: one.reason for name, one in failures.items()}),
     ]
     info = {
         "name": run.identity,
