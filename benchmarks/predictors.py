@@ -52,10 +52,10 @@ from scex_sumo.learned.training.command import train_command
 from scex_sumo.learned.training.data.samples import learnable
 from scex_sumo.scene import SeedScene
 
-# s between two moments: MONA has many vehicles, the others few.
-ERRORS_EVERY_S = {"MONA": 2.0}
+# s between two moments: MONA has many vehicles, INTERACTION hours.
+ERRORS_EVERY_S = {"MONA": 2.0, "INTERACTION": 10.0}
 ERRORS_OFTEN_S = 0.5
-LOOP_EVERY_S = {"TAF-BW": 1.0}
+LOOP_EVERY_S = {"TAF-BW": 1.0, "INTERACTION": 60.0}
 LOOP_OFTEN_S = 4.0
 YARDSTICKS: dict[str, Callable[[SeedScene, IntArray], FloatArray]] = {
     "straight_on": measures.straight_on,
@@ -65,7 +65,7 @@ YARDSTICKS: dict[str, Callable[[SeedScene, IntArray], FloatArray]] = {
 }
 RULES = ("calibrated_driver",)
 KINDS = ("graph", "hybrid", "joint")
-JOINT_EVERY_S = {"MONA": 4.0, "Peachtree": 0.5}
+JOINT_EVERY_S = {"MONA": 4.0, "Peachtree": 0.5, "INTERACTION": 30.0}
 JOINT_OFTEN_S = 1.0
 EXAMPLES = ("roundabout", "urban_intersection", "motorway_merge")
 ALONE = ("likely_driver", "constant_velocity")  # drawn independently, like `graph`
@@ -127,7 +127,7 @@ def learned(
     attention: float = 0.5,
     head: str = "bounded",
     mode: str = "best",
-    prior: float = 1.0,
+    prior: float = JointPredictorProfile.prior,
 ) -> Any:
     """A learned driver with a file of weights."""
     if kind == "joint":
@@ -277,7 +277,7 @@ def data_root() -> Path:
 
 
 def _recordings(given: Sequence[Path]) -> tuple[tuple[Recording, ...], tuple[Path, ...]]:
-    roots = tuple(given) or tuple(data_root() / name for name in ("mona", "taf_bw", "ngsim"))
+    roots = tuple(given) or tuple(data_root() / name for name in ("mona", "taf_bw", "ngsim", "interaction"))
     return find_recordings(roots), roots
 
 

@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 
 # What a site's name begins with, and the place that it is counted with.
-PLACES = {"k7": "TAF-BW", "C-DEU_MONA": "MONA", "USA_Lanker": "Lankershim", "USA_Peach": "Peachtree"}
+PLACES = {
+    "k7": "TAF-BW",
+    "C-DEU_MONA": "MONA",
+    "USA_Lanker": "Lankershim",
+    "USA_Peach": "Peachtree",
+    "DR_": "INTERACTION",
+}
 NAMES = tuple(PLACES.values())
 YARDSTICK = {"moving": "straight_on", "standing": "stands_still", "changing": "straight_on"}
 WORDS = {
@@ -30,8 +36,10 @@ def tables(numbers: Mapping[str, Any]) -> str:
     """All tables that the results allow."""
     joint = [sums for name, sums in numbers.items() if name.startswith("joint|")]
     sites = sorted({key.split("|")[1] for sums in joint for key in sums})
+    places = {key.split("|")[1] for name in YARDSTICK.values() for key in numbers.get(f"errors|{name}", {})}
     parts = (
-        *(_errors(numbers, group) for group in WORDS),
+        *(_errors(numbers, group, NAMES) for group in WORDS),
+        _errors(numbers, "moving", sorted(site for site in places if place(site) == "INTERACTION")),
         _left_out(numbers),
         *(_loops(numbers, part) for part in STARTS),
         _joint(numbers, NAMES),
@@ -74,21 +82,21 @@ def _cell(runs: Sequence[Any], yardstick: Any, begin: str, group: str) -> str:
     return f"{fde:.2f}{spread} ({fde / against:.2f}{six})"
 
 
-def _errors(numbers: Mapping[str, Any], group: str) -> str:
+def _errors(numbers: Mapping[str, Any], group: str, names: Sequence[str]) -> str:
     runs = {name: found for name, found in _runs(numbers, "errors").items() if "without" not in name}
-    if YARDSTICK[group] not in runs:
+    if YARDSTICK[group] not in runs or not names:
         return ""
     (yardstick,) = runs[YARDSTICK[group]]
-    counts = [f"{name} ({_mean(yardstick, name, group)[3]:.0f})" for name in NAMES]
+    counts = [f"{name} ({_mean(yardstick, name, group)[3]:.0f})" for name in names]
     lines = [
         f"**{WORDS[group]}: error after 3 s** (m, mean over trainings; in brackets "
         f"its share of `{YARDSTICK[group]}`, and that of the best of six)",
         "",
         "| driver | trainings | " + " | ".join(counts) + " |",
-        "|---|---|" + "---|" * len(NAMES),
+        "|---|---|" + "---|" * len(names),
     ]
     for name, found in runs.items():
-        cells = [_cell(found, yardstick, begin, group) for begin in NAMES]
+        cells = [_cell(found, yardstick, begin, group) for begin in names]
         lines.append(f"| {name} | {len(found)} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 

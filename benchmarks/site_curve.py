@@ -3,7 +3,7 @@
     python benchmarks/site_curve.py OUT [--data FOLDER]... [--kinds graph hybrid joint] [--left-out SITE...]
                                         [--counts 2 4 6 8] [--seeds 3] [--steps 800] [--minutes M]
                                         [--moments 800] [--stops 3] [--device auto|cpu|cuda]
-                                        [--hidden 64] [--share 1] [--prior 1] [--together]
+                                        [--hidden 64] [--share 1] [--prior 0.5] [--together]
 
 Each point is a training of its own with the same number of steps, without a round in closed loop; its epoch
 is the best on validation parts of the sites that it learns from. A seed draws the order of the sites, of
@@ -39,6 +39,7 @@ from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import load_recording
 from scex_sumo.evaluation.split import Split
 from scex_sumo.humans.guard.guarded import Guarded
+from scex_sumo.learned.profiles import JointPredictorProfile
 from scex_sumo.learned.training.data.dataset import (
     Dataset,
     SampleOptions,
@@ -142,7 +143,7 @@ def measure_futures(tests: Sequence[measures.TestScene], model: Behavior, kind: 
     }
 
 
-def drawing(file: Path, kind: str, guard: str, prior: float = 1.0) -> Behavior:
+def drawing(file: Path, kind: str, guard: str, prior: float = JointPredictorProfile.prior) -> Behavior:
     """Return a network's driver that draws, with the guard unless `guard` is empty."""
     model: Behavior = learned(file, kind, mode="draw", prior=prior)
     return Guarded(model) if guard else model
@@ -227,7 +228,7 @@ def main() -> None:
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--hidden", type=int, default=64)
     parser.add_argument("--share", type=float, default=1.0)
-    parser.add_argument("--prior", type=float, default=1.0)
+    parser.add_argument("--prior", type=float, default=JointPredictorProfile.prior)
     parser.add_argument("--together", action="store_true")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)

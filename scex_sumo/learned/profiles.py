@@ -73,7 +73,7 @@ class JointPredictorProfile:
     path: PathChoice | Literal["likeliest"] = "likeliest"
     mode: str = "draw"
     temperature: float = 0.95
-    prior: float = 1.0
+    prior: float = 0.5
     radius: float = 100.0
     weights: str = ""
 

@@ -25,6 +25,7 @@ class LossWeights:
     path: float = 0.3
     free: float = 0.5
     motion: float = 1.0  # negative log probability of the next 0.5 s (joint)
+    whole: float = 0.5  # all parts of its second head
     final: float = 0.5  # weight of the last step besides the mean over all
     sharp_m: float = 0.1  # difference of errors that separates two modes, m
     round_m: float = 0.2  # smaller errors count by their square, m
@@ -61,6 +62,7 @@ def loss(
             "motion": weights.motion
             * _mean(token_errors(modes, batch.s, batch.d, batch.start), share, total),
             "path": weights.path * _path_entropy(modes.path_logit, batch),
+            "whole": weights.whole * loss(modes.whole, batch, weights)[0],
         }
         return _whole(parts)
     way = displacement(batch.start[:, 0], modes.acceleration)

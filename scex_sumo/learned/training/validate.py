@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -42,6 +42,7 @@ def score_network(predict: Predict, batches: Batches, weights: LossWeights) -> S
     """Score a network on all samples of `batches`."""
     rows: list[Tensor] = []
     total = count = 0.0
+    weights = replace(weights, whole=0.0)  # that head is for training alone
     # one site per batch, as the image branch has them in training
     order = np.argsort(batches.samples.site, kind="stable")
     for graphs in batches.groups(order, NODES):

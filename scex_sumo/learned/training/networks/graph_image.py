@@ -21,6 +21,7 @@ from scex_sumo.learned.network.architecture import (
     SIN,
     STRIDE,
     Architecture,
+    shapes,
 )
 from scex_sumo.learned.network.weights import save_weights
 from scex_sumo.learned.training.networks.graph import (
@@ -145,6 +146,7 @@ NETWORKS: Mapping[str, type[GraphPredictorNet] | type[GraphImagePredictorNet] | 
 
 
 def save_net(path: str | Path, net: Net, meta: Mapping[str, Any]) -> None:
-    """Write a network's weights; see `save_weights`."""
-    state = {name: values.detach().cpu().numpy() for name, values in net.state_dict().items()}
-    save_weights(path, net.kind, net.sizes, state, meta)
+    """Write the weights that a network's driver needs; see `save_weights`."""
+    state = net.state_dict()
+    needed = {name: state[name].detach().cpu().numpy() for name in shapes(net.kind, net.sizes)}
+    save_weights(path, net.kind, net.sizes, needed, meta)

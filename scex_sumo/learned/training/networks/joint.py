@@ -17,6 +17,7 @@ from scex_sumo.learned.network.architecture import Architecture
 from scex_sumo.learned.training.networks.graph import (
     ModeTensors,
     PathBatch,
+    PlanHeadModule,
     ScalerModule,
     SceneBatch,
     SceneModule,
@@ -29,12 +30,17 @@ ROUNDS = 30  # of k-means
 
 
 class TokenTensors(NamedTuple):
-    """Tokens of n pairs as tensors, see `scex_sumo.learned.network.networks.Tokens`."""
+    """Tokens of n pairs as tensors, see `scex_sumo.learned.network.networks.Tokens`.
+
+    Attributes:
+        whole: plans of 3 s, from which the layers below learn, too.
+    """
 
     logits: Tensor
     path_logit: Tensor
     acceleration: Tensor
     sideways: Tensor
+    whole: ModeTensors
 
 
 class JointHead(nn.Module):
@@ -51,14 +57,17 @@ class JointHead(nn.Module):
         self.register_buffer("acceleration", torch.zeros(sizes.accelerations))
         self.register_buffer("sideways", torch.zeros(sizes.sideways))
 
-    def forward(self, h: Tensor) -> TokenTensors:
-        """Return tokens of (n, inner) vectors."""
+    def forward(self, h: Tensor) -> tuple[Tensor, Tensor]:
+        """Return logits of motions and of the path, of (n, inner) vectors."""
         choice = self.choice(torch.relu(self.body(h)))
-        return TokenTensors(choice[:, :-1], choice[:, -1], self.acceleration, self.sideways)
+        return choice[:, :-1], choice[:, -1]
 
 
 class JointPredictorNet(nn.Module):
-    """Network from scene graph, history and path ahead to the motion of the next 0.5 s."""
+    """Network from scene graph, history and path ahead to the motion of the next 0.5 s.
+
+    A second head, with plans of 3 s, is for training alone.
+    """
 
     kind = "joint"
 
@@ -68,12 +77,15 @@ class JointPredictorNet(nn.Module):
         self.scene, self.path_scale = SceneModule(sizes), ScalerModule(sizes.path_columns)
         self.path = mlp(sizes.path_columns, 2 * sizes.hidden, sizes.hidden)
         self.head = JointHead(sizes)
+        self.whole = PlanHeadModule(self.sizes)
 
     def forward(self, scene: SceneBatch, path: PathBatch) -> TokenTensors:
         """Return tokens of n pairs."""
         way = torch.relu(self.path(self.path_scale(path.features)))
-        tokens: TokenTensors = self.head(torch.cat([self.scene(scene, path.node), way], 1))
-        return tokens
+        h = torch.cat([self.scene(scene, path.node), way], 1)
+        logits, path_logit = self.head(h)
+        whole = self.whole(h, path.features)
+        return TokenTensors(logits, path_logit, self.head.acceleration, self.head.sideways, whole)
 
     def fit_tokens(self, s: FloatArray, d: FloatArray, start: FloatArray) -> None:
         """Cluster recorded motions into the classes; arguments as in `motions`."""
