@@ -4,6 +4,7 @@
                                         [--counts 2 4 6 8] [--seeds 3] [--steps 800] [--minutes M]
                                         [--moments 800] [--stops 3] [--device auto|cpu|cuda]
                                         [--hidden 64] [--share 1] [--prior 0.5] [--together]
+                                        [--trained FOLDER]
 
 Each point is a training of its own with the same number of steps, without a round in closed loop; its epoch
 is the best on validation parts of the sites that it learns from. A seed draws the order of the sites, of
@@ -13,8 +14,10 @@ futures of a scene (*apart*: if each vehicle has them in an order of its own), a
 collide or leave the road within these 3 s, beside those recorded; with and without the guard. `--hidden`
 is the width of the networks, `--share` that of the moments that are trained on, `--stops` the number of
 copies of each with standing vehicles, `--prior` a parameter of `joint_predictor`. `--together` leaves all
-these sites out of each training. OUT keeps samples, weights and `results.json`; only what is missing there is
-done, so other options need another OUT. FOLDER: as of predictors.py, with INTERACTION.
+these sites out of each training. `--trained` measures networks that `scex-sumo train --leave-out ...` made,
+FOLDER/KIND-SEED.safetensors; give --counts the number of their sites. OUT keeps samples, weights and
+`results.json`; only what is missing there is done, so other options need another OUT. FOLDER of --data: as of
+predictors.py, with INTERACTION.
 """
 
 from __future__ import annotations
@@ -230,14 +233,16 @@ def main() -> None:
     parser.add_argument("--share", type=float, default=1.0)
     parser.add_argument("--prior", type=float, default=JointPredictorProfile.prior)
     parser.add_argument("--together", action="store_true")
+    parser.add_argument("--trained", type=Path)
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     torch.set_num_threads(1)
     begun = time.monotonic()
     recordings = find_recordings(given.data or [data_root() / name for name in SETS])
     results = Results(given.out / "results.json")
-    dataset = samples_of(recordings, given.out / "samples", given.moments, given.stops)
-    trained = np.array(dataset.sites)[np.unique(dataset.train.site)].tolist()
+    if given.trained is None:
+        dataset = samples_of(recordings, given.out / "samples", given.moments, given.stops)
+        trained = np.array(dataset.sites)[np.unique(dataset.train.site)].tolist()
     scenes = {site: test_scenes(recordings, site) for site in given.left_out}
 
     def add(name: str, measure: Callable[[], Any]) -> None:
@@ -245,11 +250,13 @@ def main() -> None:
             results.add(name, measure)
 
     def file_of(kind: str, site: str, count: int, seed: int) -> Path:
+        if given.trained is not None:
+            return Path(given.trained / f"{kind}-{seed}.safetensors")
         return given.out / f"{kind}-{count}-{'all' if given.together else site}-{seed}.safetensors"
 
     def network(kind: str, site: str, count: int, seed: int) -> Any:
         file = file_of(kind, site, count, seed)
-        if not file.exists():
+        if given.trained is None and not file.exists():
             left_out = given.left_out if given.together else [site]
             order = np.random.default_rng(seed).permutation([x for x in trained if x not in left_out])
             some = of_sites(dataset, order[:count].tolist(), given.share)

@@ -38,6 +38,7 @@ from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 IMAGES = Path(__file__).resolve().parent / "images"
 # Of the example roundabout: a moment, two vehicles, and the place where their ways meet, m.
 CROSSING_S, CROSSING, PLACE = 9.1, (10, 11), (1022.5, 997.7)
+ATTENTION_S = 6.0  # a moment in which it matters on the roundabout
 PEDESTRIAN = (8, 1)  # of the example with people, and the car that passes
 NEAR_M, WAITS_M = 3.0, 5.0  # a vehicle that comes so near passes, or waits
 BLUE, RED, GREY = "#1f5fa8", "#b5342b", "#777777"
@@ -87,7 +88,7 @@ def scene_graph() -> None:
 
 def attention() -> None:
     """What is planned for several attention weights; needs the extra ``learned``."""
-    scene = scex.read_seed(scex.example_path("roundabout"))
+    scene = scex.read_seed(scex.example_path("roundabout"), time=ATTENTION_S)
     scex.plot_attention(scene, IMAGES / "attention.png", around_m=32.0)
 
 

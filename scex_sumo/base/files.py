@@ -32,10 +32,10 @@ def writing(path: Path) -> Iterator[None]:
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary file beside ``path``, which replaces ``path`` if the block succeeds.
 
-    Its content reaches the disk before its name does.
+    Its content reaches the disk before its name does. Each process has a temporary file of its own.
     """
     # Arrow reads a relative path with a colon as a URI.
-    temporary = path.absolute().with_name(f".{path.name}{_WRITING}")
+    temporary = path.absolute().with_name(f".{path.name}.{os.getpid()}{_WRITING}")
     try:
         yield temporary
         if temporary.exists():
