@@ -177,3 +177,15 @@ def test_what_cannot_be_written_is_named_though_the_system_names_nothing(tmp_pat
         writing(tmp_path / "x.svg"),
     ):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_two_processes_may_write_one_file_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "samples.npz"
+    with replacing(file) as mine:
+        mine.write_bytes(b"mine")
+        monkeypatch.setattr(os, "getpid", lambda: 1)
+        with replacing(file) as other:
+            other.write_bytes(b"other")
+        assert file.read_bytes() == b"other"
+    assert file.read_bytes() == b"mine"
+    assert os.listdir(tmp_path) == [file.name]
