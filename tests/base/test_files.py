@@ -188,4 +188,4 @@ def test_two_processes_may_write_one_file_at_once(tmp_path: Path, monkeypatch: p
             other.write_bytes(b"other")
         assert file.read_bytes() == b"other"
     assert file.read_bytes() == b"mine"
-    assert os.listdir(tmp_path) == [file.name]
+    assert list(tmp_path.iterdir()) == [file]
