@@ -184,6 +184,7 @@ def test_the_joint_network_learns_motions_of_the_recordings(small: Dataset) -> N
         small, options(kind="joint", epochs=4, sizes={**SMALL, "accelerations": 9, "sideways": 3})
     )
     assert log[-1].parts["motion"] < log[0].parts["motion"] < 2 * np.log(27)
+    assert log[-1].parts["whole"] < log[0].parts["whole"]
     assert log[-1].score.loss < log[0].score.loss
     head = run.finished().head
     assert (np.diff(head.acceleration) > 0).all() and (np.diff(head.sideways) > 0).all()

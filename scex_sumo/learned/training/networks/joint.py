@@ -57,10 +57,10 @@ class JointHead(nn.Module):
         self.register_buffer("acceleration", torch.zeros(sizes.accelerations))
         self.register_buffer("sideways", torch.zeros(sizes.sideways))
 
-    def forward(self, h: Tensor) -> tuple[Tensor, Tensor]:
-        """Return logits of motions and of the path, of (n, inner) vectors."""
+    def forward(self, h: Tensor, whole: ModeTensors) -> TokenTensors:
+        """Return tokens of (n, inner) vectors."""
         choice = self.choice(torch.relu(self.body(h)))
-        return choice[:, :-1], choice[:, -1]
+        return TokenTensors(choice[:, :-1], choice[:, -1], self.acceleration, self.sideways, whole)
 
 
 class JointPredictorNet(nn.Module):
@@ -83,9 +83,8 @@ class JointPredictorNet(nn.Module):
         """Return tokens of n pairs."""
         way = torch.relu(self.path(self.path_scale(path.features)))
         h = torch.cat([self.scene(scene, path.node), way], 1)
-        logits, path_logit = self.head(h)
-        whole = self.whole(h, path.features)
-        return TokenTensors(logits, path_logit, self.head.acceleration, self.head.sideways, whole)
+        tokens: TokenTensors = self.head(h, self.whole(h, path.features))
+        return tokens
 
     def fit_tokens(self, s: FloatArray, d: FloatArray, start: FloatArray) -> None:
         """Cluster recorded motions into the classes; arguments as in `motions`."""
