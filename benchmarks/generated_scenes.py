@@ -209,7 +209,7 @@ def model_without(site: str, roots: Sequence[Path], folder: Path) -> SceneModel:
     """Return the model of a folder that was not fitted to the place of a site; train it if it is missing."""
     import torch
 
-    file, place = folder / f"{site}.safetensors", site.rpartition("-")[0]
+    file, place = folder / f"{site}.safetensors", site.rpartition("-")[0] or site
     if not file.is_file():
         torch.set_num_threads(1)
         kept = [r for r in find_recordings(roots) if not r.site.startswith(place)]

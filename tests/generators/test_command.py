@@ -98,16 +98,16 @@ def test_critical_scenes_are_drawn_from_those_without_the_option_and_weighted(tm
 def test_weighted_shares_are_those_of_all_scenes(name: str) -> None:
     road, rng = read_road(example_path(name)), np.random.default_rng(0)
     some = {"vehicles": 5, "speed": 12.0}
-    scenes = [generated_scene(road, load_scenes(), number=k, **some) for k in range(16)]  # type: ignore[arg-type]
+    scenes = [generated_scene(road, load_scenes(), number=k, **some) for k in range(32)]  # type: ignore[arg-type]
     score = encounter_scores(scenes)
     close = np.array([pdist(np.column_stack([scene.now.x, scene.now.y])).min() < 12.0 for scene in scenes])
-    draws = [sample_by_score(score, 6, rng) for _ in range(400)]
+    draws = [sample_by_score(score, 12, rng) for _ in range(400)]
     for value in (close, score):
         weighted, plain = np.array([(w @ value[k], value[k].mean()) for k, w in draws]).T
-        error = weighted.std()  # of one draw; ratios of 6 cases have a bias below it
+        error = weighted.std()  # of one draw; ratios of 12 cases have a bias below it
         assert weighted.mean() == pytest.approx(value.mean(), abs=error)
     assert plain.mean() > score.mean() + 2 * error  # so weights matter
-    assert all(w.max() < 5 / 6 and len(set(k)) == 6 for k, w in draws)
+    assert all(w.max() < 5 / 12 and len(set(k)) == 12 for k, w in draws)
 
 
 def test_a_copy_knows_the_origin_of_its_map(tmp_path: Path) -> None:

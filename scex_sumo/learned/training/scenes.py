@@ -44,6 +44,7 @@ BATCH, EPOCHS, PATIENCE = 128, 12, 4
 WIDTHS = np.linspace(0.0, 1.0, 9)
 RIDGE = 0.3  # of the slopes of `usual_pace`, because sites are few
 USUAL = 0.995  # share of recorded vehicles within each bound of generated ones
+MOST_LATERAL_MPS2 = 4.5  # at a lane's curvature; recorded vehicles cut sharp bends and seem to exceed it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -332,5 +333,6 @@ def train_scenes(
         report=report,
     )
     bounds = {name: float(np.quantile(np.concatenate(some), USUAL)) for name, some in needs.items()}
+    bounds["lateral"] = min(bounds["lateral"], MOST_LATERAL_MPS2)
     count = sum(len(scenes) for m in of_maps.values() for (_, part), scenes in m.items() if part == "train")
     return tensors, {"sites": sites, "scenes": count, "validation_loss": round(loss, 3), "bounds": bounds}
