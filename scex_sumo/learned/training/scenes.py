@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -332,7 +332,12 @@ def train_scenes(
         epochs=epochs,
         report=report,
     )
-    bounds = {name: float(np.quantile(np.concatenate(some), USUAL)) for name, some in needs.items()}
-    bounds["lateral"] = min(bounds["lateral"], MOST_LATERAL_MPS2)
     count = sum(len(scenes) for m in of_maps.values() for (_, part), scenes in m.items() if part == "train")
+    bounds = bounds_of(needs)
     return tensors, {"sites": sites, "scenes": count, "validation_loss": round(loss, 3), "bounds": bounds}
+
+
+def bounds_of(needs: Mapping[str, Sequence[FloatArray]]) -> dict[str, float]:
+    """Return bounds of generated vehicles by name, from ``needs`` of recorded ones (`demands`), (n,) each."""
+    bounds = {name: float(np.quantile(np.concatenate(some), USUAL)) for name, some in needs.items()}
+    return {**bounds, "lateral": min(bounds["lateral"], MOST_LATERAL_MPS2)}

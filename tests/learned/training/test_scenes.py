@@ -14,6 +14,7 @@ from scex_sumo.generators.scene_model import KINDS, SceneModel, usual_pace
 from scex_sumo.learned.training.scenes import (
     bin_numbers,
     bins_of,
+    bounds_of,
     fit,
     known_scenes,
     pace_slopes,
@@ -91,3 +92,10 @@ def test_the_fit_learns_lane_speed_and_gap(tmp_path: Path) -> None:
     assert np.mean(np.abs(np.array(left) - 5.25) < 0.5) > 0.9  # the recorded lane
     assert np.mean(np.ptp(speeds, axis=1) < 1.0) > 0.7  # vehicles of one scene have one speed
     assert {round(v) for v in np.concatenate(speeds)} == {5, 12}
+
+
+def test_bounds_are_those_of_nearly_all_recorded_vehicles_but_no_car_slides() -> None:
+    values = np.arange(1001.0)
+    cut, kept = (bounds_of({"over_limit": [values / 100], "lateral": [values * k]}) for k in (0.01, 0.001))
+    assert cut == {"over_limit": pytest.approx(9.95), "lateral": 4.5}
+    assert kept["lateral"] == pytest.approx(0.995)
