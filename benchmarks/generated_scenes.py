@@ -9,7 +9,7 @@ vehicles (conflicts: of all scenes), and the maximum mean discrepancy of scenes,
 average over `--each` draws; the last number of a cell is that of the two halves of the recorded scenes, by
 time. A classifier tells generated scenes from recorded ones; recorded seconds that follow each other are in
 one fold; the last line says how well it tells them without each of its features. `--left-out` trains a model
-without each site, which it keeps in the folder, and measures that site.
+without each place, which it keeps in the folder, and measures its sites.
 """
 
 from __future__ import annotations
@@ -209,7 +209,8 @@ def model_without(site: str, roots: Sequence[Path], folder: Path) -> SceneModel:
     """Return the model of a folder that was not fitted to the place of a site; train it if it is missing."""
     import torch
 
-    file, place = folder / f"{site}.safetensors", site.rpartition("-")[0] or site
+    place = site.rpartition("-")[0] or site
+    file = folder / f"{place}.safetensors"
     if not file.is_file():
         torch.set_num_threads(1)
         kept = [r for r in find_recordings(roots) if not r.site.startswith(place)]
