@@ -22,7 +22,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from people_moments import SETS
 from response_samples import (
     HAPPENS,
     NEAR,
@@ -46,6 +45,7 @@ Data = Annotated[Path, typer.Option(help="Folder of the data sets.")]
 Cache = Annotated[Path, typer.Option(help="Folder for samples.")]
 EVERY_S = {"interaction": 5.0, "mona": 8.0, "ngsim": 2.0, "taf_bw": 20.0}
 PEOPLE_EVERY_S = 2.0
+WITH_CYCLISTS = ("interaction/recorded_trackfiles/DR_DEU_Roundabout_OF", "taf_bw", "av2", "scenarionet")
 HORIZON_S, WINDOW_S = 3.0, 1.5
 SPEED_EDGES = (4.0, 8.0)
 LEADER = (8.0, 2.0, 1.5)  # a leader is within 8 m + 2 s, and 1.5 m to the side
@@ -356,7 +356,7 @@ def _write(content: dict[str, Any]) -> None:
 @app.command()
 def people(data: Data, every_s: float = 1.0) -> None:
     """Print how often pedestrians and cyclists stepped out within 3 s, beside what the file expects."""
-    rows = [row for folder in SETS.values() for row in _stepping(data / folder, every_s)]
+    rows = [row for folder in WITH_CYCLISTS for row in _stepping(data / folder, every_s)]
     for kind, approaches in product(("pedestrian", "bicycle"), (False, True)):
         chosen = [row[2:] for row in rows if row[:2] == (kind, approaches)]
         did, usual = np.array(chosen).reshape(-1, 2).T

@@ -29,7 +29,7 @@ from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.evaluation.pair_values import evaluate_pairs
 from scex_sumo.exporters.request import Request
-from scex_sumo.exporters.video import Film, write_mp4
+from scex_sumo.exporters.video import Film
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.page.figures.drawing import STYLE
 from scex_sumo.road import Road
@@ -39,7 +39,6 @@ IMAGES = Path(__file__).resolve().parent / "images"
 # Of the example roundabout: a moment, two vehicles, and the place where their ways meet, m.
 CROSSING_S, CROSSING, PLACE = 9.1, (10, 11), (1022.5, 997.7)
 ATTENTION_S = 6.0  # a moment in which it matters on the roundabout
-PEDESTRIAN = (8, 1)  # of the example with people, and the car that passes
 NEAR_M, WAITS_M = 3.0, 5.0  # a vehicle that comes so near passes, or waits
 BLUE, RED, GREY = "#1f5fa8", "#b5342b", "#777777"
 
@@ -324,32 +323,6 @@ def going_first() -> None:
     )
 
 
-def people() -> None:
-    """Film and picture of one moment with three outcomes: a pedestrian stops, walks on, steps out."""
-    size = {"vehicles": 6, "people": 8, "seed": 3}
-    scene = scex.synthetic_seed(scex.example_path("urban_intersection"), like="recorded", **size)
-    stress = ("stops", "keeps_walking", "steps_out")
-    with tempfile.TemporaryDirectory() as folder, mpl.rc_context(STYLE):
-        run = scex.extrapolate(
-            scene,
-            models=",".join(["likely", *stress]),
-            futures=48,
-            vru="model",
-            reference=None,
-            response=None,
-            out=Path(folder, "out"),
-        )
-        walker, car = PEDESTRIAN
-        at = run.scene.track_ids.tolist().index(walker)
-        drawn = [run.models_of(future)[at] for future in range(run.futures)]
-        futures = tuple(drawn.index(name) for name in stress)
-        request = Request(run=run, futures=futures, encounter=(walker, car), out=IMAGES / "people.mp4")
-        write_mp4(request)
-        films = [Film(request, future, (800, 160)) for future in futures]
-        shot = np.vstack([film.picture(LOGGED_HISTORY + 13.0) for film in films])
-    Image.fromarray(shot).quantize(64).save(IMAGES / "people.png", optimize=True)
-
-
 def handover() -> None:
     """One future in sumo-gui beside what was exported of it; needs a screen or Xvfb."""
     import handover_picture
@@ -359,7 +332,7 @@ def handover() -> None:
 
 PICTURES: dict[str, Callable[[], None]] = {
     made.__name__: made
-    for made in (report, scene_graph, attention, going_first, converter, generated, metrics, people, handover)
+    for made in (report, scene_graph, attention, going_first, converter, generated, metrics, handover)
 }
 
 

@@ -40,7 +40,7 @@ WORDS: Mapping[str, str] = {
     "drifts": "drifts out of its lane",
     "steps_out": "steps out",
     "stops": "stops",
-    "keeps_walking": "walks on",
+    "keeps_way": "keeps its way",
 }
 """What a vehicle or person does under a model, for cut sets in words."""
 

@@ -1,209 +1,199 @@
-"""Behaviour models of people: ``walker`` and ``cyclist``, and those of the stress test."""
+"""Behaviour models of pedestrians and cyclists: they go straight on and wait, stop, or step out."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
-from scipy.special import ndtri, stdtrit
 
-from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.base.draws import uniforms
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.base import PLAN_STEPS, Sight, check_positive
-from scex_sumo.behaviors.models.idm import IdmParameters
-from scex_sumo.people.evasion import EVASIONS, evaded
-from scex_sumo.people.expectation import expected
-from scex_sumo.people.gaps import meetings, waiting_way
-from scex_sumo.people.parameters import PeopleParameters, people_parameters
-from scex_sumo.people.walking import HORIZON_S, Behind, Wish, steady, towards, walked
-from scex_sumo.people.ways import Ways, ways_of
+from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
-DRAWS, SALT = 6, 90_000
-EASE_MPS2, BRAKING_MPS2 = 1.5, 3.0  # of the people of the stress test
+SPEEDING_UP_MPS2, BRAKING_MPS2 = 1.5, 3.0
+LOOK_STEPS = 40  # for which a person and a vehicle are expected to keep their velocities
+WAIT_M = 0.5  # from a vehicle's way, or from the vehicle ahead, to where a person waits
+STANDING_MPS = 0.5
 FAR_M = 60.0  # beyond it nobody steps out before a vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
-class PersonProfile:
-    """Parameters of `Person`.
+class KeepsWayProfile:
+    """Parameters of `KeepsWay`.
 
     Attributes:
-        spread: factor on all drawn deviations; 0 is the expected person.
-        gap: added to the time gap which it accepts before a vehicle, s.
+        gap: least time between leaving the way of a vehicle and its arrival, s.
+        braking: m/s².
     """
 
-    spread: float = 1.0
-    gap: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_positive(self, "spread", zero=True)
-
-
-class Person:
-    """A pedestrian or cyclist drawn for every future: speed, direction, stops, and gaps before vehicles."""
-
-    kind = "pedestrian"
-
-    def __init__(self, profile: PersonProfile, parameters: PeopleParameters | None = None) -> None:
-        self.profile = profile
-        self.parameters = parameters or people_parameters(self.kind)
-
-    def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
-    ) -> Plan:
-        """Plan 3 s; see `Behavior.plan`."""
-        people = self.parameters
-        draw = uniforms(history.route_draw[who.future, who.vehicle], DRAWS, SALT)
-        wish = self._wish(history, who, draw)
-        gap = people.gap_s + self.profile.spread * people.gap_spread_s * ndtri(draw[:, 5])
-        gap = np.maximum(gap, 0.0) + self.profile.gap
-        now = history.now[who.future, who.vehicle]
-        speed, heading = np.maximum(wish.speed[:, 0], 0.1), wish.heading[:, PLAN_STEPS // 3]
-        wait, in_the_way = waiting_way(meetings(history, who, speed, heading, people), speed, gap, people)
-        hurries = np.where(in_the_way & (now.speed > people.standing_mps), people.hurry, 1.0)
-        ways = ways_of(history, road, who, self.kind)
-        plan = walked(
-            now,
-            Wish(speed=wish.speed * hurries[:, None], heading=wish.heading),
-            wait_m=wait,
-            acceleration=people.acceleration_mps2,
-            braking=people.braking_mps2,
-            bend=None if ways is None else ways.bend(),
-            behind=None if ways is None else self._behind(history, who, ways),
-        )
-        return evaded(plan, history, who, [partial(self._other, now, *way) for way in EVASIONS])
-
-    def _other(self, now: States, turn: float, least_mps: float, rows: IntArray) -> Plan:
-        """Return plans of some people (n,): straight on after a turn, with at least a speed; 0 stops."""
-        people, now = self.parameters, now[rows]
-        speed = np.maximum(now.speed, least_mps) if least_mps else np.zeros(len(rows))
-        free = np.full(len(rows), np.inf)
-        braking = people.braking_mps2
-        return walked(
-            now, steady(speed, now.heading + turn), wait_m=free, acceleration=braking, braking=braking
-        )
-
-    def _behind(self, history: SceneHistory, who: VehicleIndex, ways: Ways) -> Behind | None:
-        """Return what n people follow; None if they follow nobody."""
-        return None
-
-    def _wish(self, history: SceneHistory, who: VehicleIndex, draw: FloatArray) -> Wish:
-        """Return the wanted motion (n, H), which follows from the seed scene and the draws (n, 6)."""
-        people, spread, seen = self.parameters, self.profile.spread, expected(history.scene)
-        shown, direction = seen.speed[who.vehicle], seen.direction[who.vehicle]
-        student = spread * stdtrit(people.tails, draw[:, :2])
-        stands = shown < people.standing_mps
-        beyond = seen.beyond[who.vehicle] + seen.scale[who.vehicle] * student
-        # Stops and starts: an exponential time, of which a share lies within 3 s.
-        rate = -np.log1p(-np.where(stands, people.start_share, people.stop_share)) / HORIZON_S
-        at = -np.log(draw[:, 2]) / rate if spread else np.full(len(rate), np.inf)
-        time: FloatArray = (history.step + np.arange(PLAN_STEPS, dtype=np.float64)) * STEP_S
-        walks = towards(shown, direction, beyond, time + STEP_S, people.settle_s)
-        usual = people.usual_mps * np.exp(2 * people.usual_spread * ndtri(draw[:, 3]))
-        sway = spread * people.sway_mps * np.abs(ndtri(draw[:, 3]))
-        changed = time >= at[:, None]
-        starts = np.where(changed, usual[:, None], sway[:, None])
-        looks = direction + np.pi * (spread > 0) * (2 * draw[:, 4] - 1) ** 3
-        return Wish(
-            speed=np.where(stands[:, None], starts, np.where(changed, 0.0, walks.speed)),
-            heading=np.where(stands[:, None], looks[:, None], walks.heading),
-        )
-
-
-class Walker(Person):
-    """A pedestrian."""
-
-
-class Cyclist(Person):
-    """A cyclist."""
-
-    kind = "bicycle"
-
-    def _behind(self, history: SceneHistory, who: VehicleIndex, ways: Ways) -> Behind | None:
-        leaders, people = ways.leaders(history, who), self.parameters
-        idm = IdmParameters(
-            time_headway=people.headway_s,
-            minimum_gap=people.least_gap_m,
-            max_acceleration=people.acceleration_mps2,
-            comfort_deceleration=people.braking_mps2 / 2,
-            max_deceleration=people.braking_mps2,
-        )
-        return Behind(gap=leaders.gap, speed=leaders.speed, idm=idm)
-
-
-@dataclass(frozen=True, kw_only=True)
-class StressProfile:
-    """Parameters of the people of the stress test.
-
-    Attributes:
-        speed: least speed of one that steps out, m/s.
-        braking: of one that stops, m/s².
-    """
-
-    speed: float = 1.5
+    gap: float = 0.5
     braking: float = BRAKING_MPS2
 
     def __post_init__(self) -> None:
-        check_positive(self, "speed", "braking")
+        check_positive(self, "gap", zero=True)
+        check_positive(self, "braking")
 
 
-class KeepsWalking:
-    """Walks on as shown, whatever comes."""
+class KeepsWay:
+    """Keeps the velocity of the seed scene, and waits for vehicles: see `way_to_wait`."""
 
-    sight: Sight = "itself"
+    sight: Sight = "everyone"
 
-    def __init__(self, profile: StressProfile) -> None:
+    def __init__(self, profile: KeepsWayProfile) -> None:
         self.profile = profile
 
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `Behavior.plan`."""
-        now = history.now[who.future, who.vehicle]
-        free = np.full(len(who), np.inf)
+        shown, profile = history.scene.now[who.vehicle], self.profile
+        wait = way_to_wait(history, who, gap_s=profile.gap, braking=profile.braking)
         return walked(
-            now, self.wish(history, who), wait_m=free, acceleration=EASE_MPS2, braking=self.profile.braking
+            history.now[who.future, who.vehicle], shown.speed, shown.heading, wait, braking=profile.braking
         )
 
-    def wish(self, history: SceneHistory, who: VehicleIndex) -> Wish:
-        """Return the wanted motion (n, H)."""
-        now = history.scene.now[who.vehicle]
-        return steady(np.maximum(now.speed, 0.0), now.heading)
+
+@dataclass(frozen=True, kw_only=True)
+class StopsProfile:
+    """Parameters of `Stops`.
+
+    Attributes:
+        braking: m/s².
+    """
+
+    braking: float = BRAKING_MPS2
+
+    def __post_init__(self) -> None:
+        check_positive(self, "braking")
 
 
-class Stops(KeepsWalking):
+class Stops:
     """Stops at once."""
+
+    sight: Sight = "itself"
+
+    def __init__(self, profile: StopsProfile) -> None:
+        self.profile = profile
 
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `Behavior.plan`."""
-        now, still = history.now[who.future, who.vehicle], np.zeros(len(who))
-        wish = steady(still, now.heading)
-        return walked(
-            now, wish, wait_m=still, acceleration=self.profile.braking, braking=self.profile.braking
-        )
+        now, nothing = history.now[who.future, who.vehicle], np.zeros(len(who))
+        return walked(now, nothing, now.heading, nothing, braking=self.profile.braking)
 
 
-class StepsOut(KeepsWalking):
-    """Walks straight across the line of the vehicle that comes next, and on."""
+@dataclass(frozen=True, kw_only=True)
+class StepsOutProfile:
+    """Parameters of `StepsOut`.
 
-    def wish(self, history: SceneHistory, who: VehicleIndex) -> Wish:
-        """Return the wanted motion (n, H), which follows from the seed scene alone."""
-        scene = history.scene
-        now, others = scene.now[who.vehicle], scene.now
-        cos, sin = np.cos(others.heading), np.sin(others.heading)
-        dx, dy = now.x[:, None] - others.x, now.y[:, None] - others.y
-        ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
-        comes = (ahead > 0) & (np.hypot(dx, dy) < FAR_M) & (others.speed > 0.5)
-        if scene.people is not None:
-            comes &= ~scene.people
-        soon = np.where(comes, (ahead + np.abs(aside)) / np.maximum(others.speed, 0.5), np.inf)
-        next_one, row = np.argmin(soon, axis=1), np.arange(len(who))
-        towards = others.heading[next_one] - np.sign(aside[row, next_one]) * (np.pi / 2)
-        heading = np.where(np.isfinite(soon[row, next_one]), towards, now.heading)
-        return steady(np.maximum(now.speed, self.profile.speed), heading)
+    Attributes:
+        speed: least speed, m/s.
+    """
+
+    speed: float = 1.5
+
+    def __post_init__(self) -> None:
+        check_positive(self, "speed")
+
+
+class StepsOut:
+    """Walks straight across the line of the vehicle that comes next in the seed scene, and on."""
+
+    sight: Sight = "itself"
+
+    def __init__(self, profile: StepsOutProfile) -> None:
+        self.profile = profile
+
+    def plan(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        """Plan 3 s; see `Behavior.plan`."""
+        speed = np.maximum(history.scene.now.speed[who.vehicle], self.profile.speed)
+        free = np.full(len(who), np.inf)
+        return walked(history.now[who.future, who.vehicle], speed, _across(history, who), free)
+
+
+def way_to_wait(history: SceneHistory, who: VehicleIndex, *, gap_s: float, braking: float) -> FloatArray:
+    """Return the way (n,) to where people wait for a vehicle, m; inf for those that go on.
+
+    A person and a vehicle are expected to keep their velocities for 4 s. The person waits if it would then
+    be in the vehicle's way, as wide as both, where the vehicle is or arrives within the gap: before that way,
+    or behind a vehicle ahead. Who cannot stop before it, or is in the way of a vehicle that comes, goes on.
+    """
+    scene = history.scene
+    vehicles = np.arange(scene.vehicles) if scene.people is None else np.flatnonzero(~scene.people)
+    me, other = history.now[who.future, who.vehicle], history.now[:, vehicles][who.future]
+    half = (scene.length[who.vehicle] + scene.width[who.vehicle])[:, None] / 4
+    half_length, half_width = scene.length[vehicles] / 2 + half, scene.width[vehicles] / 2 + half
+    cos, sin = np.cos(other.heading), np.sin(other.heading)
+    dx, dy = me.x[:, None] - other.x, me.y[:, None] - other.y
+    ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
+    speed = scene.now.speed[who.vehicle][:, None]
+    turn = scene.now.heading[who.vehicle][:, None] - other.heading
+    closing, across = speed * np.cos(turn) - other.speed, speed * np.sin(turn)
+    reach = half_length + gap_s * np.maximum(other.speed, 0.0)
+    enters, meets = np.full((2, *ahead.shape), np.inf)
+    for step in range(LOOK_STEPS, -1, -1):
+        time_s = step * STEP_S
+        in_way = np.abs(aside + time_s * across) < half_width
+        along = ahead + time_s * closing
+        enters[in_way] = time_s
+        meets[in_way & (along > -half_length) & (along < reach)] = time_s
+    follows = (other.speed < STANDING_MPS) | ((ahead < 0) & (np.cos(turn) > 0))
+    before = np.where(enters > 0, enters, np.where(follows & (meets > 0), meets, np.inf))
+    with np.errstate(invalid="ignore"):  # no way at no speed
+        way = np.where(np.isfinite(meets) & np.isfinite(before), before * speed - WAIT_M, np.inf)
+    stops = (way + WAIT_M >= me.speed[:, None] ** 2 / (2 * braking)) | (enters == 0)
+    return np.asarray(np.where(stops, np.maximum(way, 0.0), np.inf).min(axis=1, initial=np.inf))
+
+
+def walked(
+    now: States,
+    speed: FloatArray,
+    heading: FloatArray,
+    wait_m: FloatArray,
+    *,
+    braking: float = BRAKING_MPS2,
+) -> Plan:
+    """Let n people go straight on, and stop where they wait.
+
+    Args:
+        now: (n,).
+        speed: (n,) wanted, m/s.
+        heading: (n,) rad.
+        wait_m: (n,) way to where they wait; inf: they need not.
+        braking: m/s², at most.
+    """
+    v, way = np.maximum(now.speed, 0.0), np.zeros_like(now.speed)
+    speeds, ways = np.empty((2, len(v), PLAN_STEPS))
+    for step in range(PLAN_STEPS):
+        left = wait_m - way
+        needed = np.where(left > 0, v**2 / (2 * np.maximum(left, 1e-6)), np.inf)
+        eased = v + np.clip(speed - v, -SPEEDING_UP_MPS2 * STEP_S, SPEEDING_UP_MPS2 * STEP_S)
+        held = np.minimum(eased, v - np.minimum(needed, braking) * STEP_S)
+        following = np.maximum(np.where(needed >= SPEEDING_UP_MPS2 / 2, held, eased), 0.0)
+        way = way + (v + following) * (STEP_S / 2)
+        v = following
+        speeds[:, step], ways[:, step] = v, way
+    x, y = now.x[:, None] + ways * np.cos(heading)[:, None], now.y[:, None] + ways * np.sin(heading)[:, None]
+    return Plan(x=x, y=y, heading=np.repeat(wrap(heading)[:, None], PLAN_STEPS, axis=1), speed=speeds)
+
+
+def _across(history: SceneHistory, who: VehicleIndex) -> FloatArray:
+    """Return the headings (n,) across the line of the vehicle that comes next; the own one without."""
+    scene = history.scene
+    now, others = scene.now[who.vehicle], scene.now
+    cos, sin = np.cos(others.heading), np.sin(others.heading)
+    dx, dy = now.x[:, None] - others.x, now.y[:, None] - others.y
+    ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
+    comes = (ahead > 0) & (np.hypot(dx, dy) < FAR_M) & (others.speed > STANDING_MPS)
+    if scene.people is not None:
+        comes &= ~scene.people
+    soon = np.where(comes, (ahead + np.abs(aside)) / np.maximum(others.speed, STANDING_MPS), np.inf)
+    next_one, row = np.argmin(soon, axis=1), np.arange(len(who))
+    towards = others.heading[next_one] - np.sign(aside[row, next_one]) * (np.pi / 2)
+    return np.where(np.isfinite(soon[row, next_one]), towards, now.heading)

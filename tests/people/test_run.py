@@ -87,7 +87,7 @@ def test_a_driver_moves_aside_for_a_cyclist_towards_a_metre(tmp_path: Path) -> N
         present=np.ones(past.shape, dtype=np.bool_),
     )
     scene = replace(car, track_ids=np.array([0]), road=roads.straight(), obstacles=cyclist)
-    options = {"vru": "model", "futures": 2, "models": "likely_driver:spread=0:inattention=0,keeps_walking"}
+    options = {"vru": "model", "futures": 2, "models": "likely_driver:spread=0:inattention=0,keeps_way"}
     states = run_of(scene, tmp_path / "run", **options).states(0)
     beside = np.abs(states.x[0] - states.x[1]) < 2.0
     gap = np.abs(states.y[0] - states.y[1]) - (car.width[0] + 0.7) / 2
