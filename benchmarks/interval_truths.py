@@ -11,6 +11,7 @@ from itertools import islice, zip_longest
 from pathlib import Path
 
 import numpy as np
+from paper import choose_vehicles, reduced
 
 import scex_sumo
 from scex_sumo.base.arrays import BoolArray, FloatArray
@@ -24,7 +25,6 @@ from scex_sumo.metrics.evaluate import scene_batches
 from scex_sumo.results.design import is_critical
 from scex_sumo.results.tables.encounters import answers_of
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
-from scex_sumo.studies.sample_size.sample_size import choose_vehicles, reduced
 
 VEHICLES = 5
 LEVELS = len(DEFAULT_MODELS.split(","))

@@ -6,7 +6,7 @@ Seed scenes are the busiest moments of equal parts of INTERACTION's DR_DEU_Round
 DR_DEU_Merging_MT with vehicles that SUMO drove, as no recording of it is at hand. The six models of the paper
 drive 385 futures of each. Printed are the four thresholds, the twelve values beside what really
 happened, the distances between seed scenes, and the error of fewer futures than all assignments of five
-vehicles. The result folders keep the reports with all densities; the recorded future is their dashed line.
+vehicles, which ``sample_size.png`` shows. ``scex-sumo plot`` draws the densities of the result folders.
 """
 
 from __future__ import annotations
@@ -16,21 +16,27 @@ import os
 from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import NullLocator
 from scipy.stats import ks_2samp
 
 import scex_sumo as scex
-from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
+from scex_sumo.metrics.registry import metric_of
+from scex_sumo.page.figures.drawing import save, sheet
 from scex_sumo.results.design import is_critical
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
-from scex_sumo.studies.sample_size.sample_size import SIZES, choose_vehicles, reduced, study, truth
+from scex_sumo.statistics.density import density, dkw_half_width
 
 RECORDED, MERGING = "DR_DEU_Roundabout_OF", "DR_DEU_Merging_MT"
 MODELS = "paper"
 MERGING_VEHICLES = 12
 AHEAD_S = 3.0
+SIZES = {1000: "#009e73", 385: "#0072b2", 100: "#e69f00", 10: "#cc79a7"}  # and their colours
+VEHICLES = 5  # 6⁵ = 7 776 assignments
 
 
 def seeds(data: Path, count: int) -> list[SeedScene]:
@@ -46,7 +52,7 @@ def seeds(data: Path, count: int) -> list[SeedScene]:
     return [*found, scex.synthetic_seed(merging, vehicles=MERGING_VEHICLES)]
 
 
-def extrapolated(scene: SeedScene, out: Path, futures: int) -> Run:
+def extrapolated(scene: SeedScene, out: Path, futures: int | str) -> Run:
     """The futures of a seed scene, without what the paper does not have."""
     return scex.extrapolate(
         scene,
@@ -113,30 +119,104 @@ def ks(one: FloatArray, other: FloatArray) -> float:
 
 
 def sample_size_table(scene: SeedScene, out: Path, draws: int) -> list[str]:
-    """Errors of fewer futures than all assignments of the five vehicles that interact most."""
-    few = reduced(scene, choose_vehicles(scene))
-    run = truth(few, out / "all_assignments", models=MODELS, preset="paper", overwrite=True)
-    rows = study(run, sizes=SIZES, draws=draws, designs=["random", "balanced"])
-    limits = list(run.thresholds)
-    lines = [row_of(["design", "futures", *(f"KS {c}: median, 95 %" for c in limits), "DKW"])]
-    lines.append(row_of(["---"] * (len(limits) + 3)))
-    for design in ("random", "balanced"):
-        for size in SIZES:
-            cells = []
-            for column in limits:
-                (found,) = (
-                    r for r in rows if (r["design"], r["size"], r["metric"]) == (design, size, column)
-                )
-                cells.append(
-                    "–" if found["ks_median"] is None else f"{found['ks_median']:.3f}, {found['ks_p95']:.3f}"
-                )
-            band = np.sqrt(np.log(2 / 0.05) / (2 * size))
-            lines.append(row_of([design, str(size), *cells, f"{band:.3f}"]))
-    return [
-        f"{few.name}: {run.futures} assignments of tracks {', '.join(map(str, few.track_ids))}",
-        "",
-        *lines,
-    ]
+    """Errors of fewer futures than all assignments of the five vehicles that interact most; their figure."""
+    few = reduced(scene, choose_vehicles(scene, VEHICLES))
+    run = extrapolated(few, out, "all")
+    samples = {size: subsets(run.futures, size, draws) for size in SIZES}
+    limits = [column for column in run.thresholds if len(run.samples(column))]
+    errors: dict[tuple[str, int], FloatArray] = {}
+    for column in limits:
+        values = run.values(column)
+        errors |= {(column, size): distances(values, drawn) for size, drawn in samples.items()}
+    draw_sample_sizes(run, samples, errors, out / "sample_size.png")
+    lines = [row_of(["futures", *(f"KS {column}: median, 95 %" for column in limits), "DKW"])]
+    lines.append(row_of(["---"] * (len(limits) + 2)))
+    for size in SIZES:
+        cells = [", ".join(f"{q:.3f}" for q in middle_and_95(errors[column, size])) for column in limits]
+        lines.append(row_of([str(size), *cells, f"{dkw_half_width(size):.3f}"]))
+    about = f"{few.name}: {run.futures} assignments of tracks {', '.join(map(str, few.track_ids))}"
+    return [about, "", *lines]
+
+
+def subsets(count: int, size: int, draws: int) -> IntArray:
+    """Random subsets (draws, size) of ``count`` futures."""
+    rngs = (np.random.default_rng([size, draw]) for draw in range(draws))
+    return np.stack([rng.permutation(count)[:size] for rng in rngs])
+
+
+def distances(values: FloatArray, samples: IntArray) -> FloatArray:
+    """Kolmogorov-Smirnov distances of samples (D, n) to all futures (N,); NaN where nothing is defined."""
+    return np.array([ks(*(part[~np.isnan(part)] for part in (values[drawn], values))) for drawn in samples])
+
+
+def middle_and_95(errors: FloatArray) -> tuple[float, float]:
+    return float(np.nanmedian(errors)), float(np.nanquantile(errors, 0.95))
+
+
+def draw_sample_sizes(
+    run: Run, samples: dict[int, IntArray], errors: dict[tuple[str, int], FloatArray], path: Path
+) -> None:
+    """Draw cumulative densities of all assignments and of one sample of each size; below, the distances."""
+    columns = [*dict.fromkeys(column for column, _ in errors)]
+    with sheet(2.3 * len(columns), 4.2) as figure:
+        grid = figure.subplots(2, len(columns))
+        for (above, below), column in zip(grid.T, columns, strict=True):
+            metric = metric_of(column)
+            above.set(title=metric.words, xlabel=f"[{metric.column_unit or '–'}]", ylim=(0, 1))
+            draw_cumulative(above, run.values(column), samples)
+            above.axvline(run.thresholds[column], color="#999999", linewidth=0.8)
+            for k, style in enumerate(("-", "--")):
+                line = [middle_and_95(errors[column, size])[k] for size in SIZES]
+                below.plot([*SIZES], line, color="#333333", linestyle=style, marker="o", markersize=3)
+            below.plot([*SIZES], [dkw_half_width(n) for n in SIZES], color="#999999", linewidth=0.8)
+            below.set(xscale="log", yscale="log", xlabel="futures", ylim=(0.01, 0.6))
+            below.set_xticks([*SIZES], [str(size) for size in SIZES])
+            below.set_yticks([0.02, 0.05, 0.1, 0.2, 0.5], ["0.02", "0.05", "0.1", "0.2", "0.5"])
+            for axis in (below.xaxis, below.yaxis):
+                axis.set_minor_locator(NullLocator())
+        grid[0, 0].set_ylabel("cumulative density")
+        grid[1, 0].set_ylabel("KS distance to all")
+        grid[0, -1].legend([f"all {run.futures}", *map(str, SIZES)], frameon=False, fontsize=7)
+        words = ["median", "95 % of samples", "DKW bound"]
+        grid[1, 0].legend(words, frameon=False, fontsize=7, loc="lower left")
+        save(figure, path, dpi=140)
+
+
+def draw_cumulative(axes: Axes, values: FloatArray, samples: dict[int, IntArray]) -> None:
+    """Draw the cumulative density of all futures in black, and of the first sample of each size."""
+    sets = [("#000000", values), *((SIZES[size], values[drawn[0]]) for size, drawn in samples.items())]
+    for number, (color, some) in enumerate(sets):
+        some = some[~np.isnan(some)]
+        if len(some):
+            curve = density(some)
+            axes.plot(curve.x, curve.cdf, color=color, linewidth=1 if number else 2)
+    axes.set_xlim(*np.nanquantile(values, [0, 0.98]))
+
+
+def choose_vehicles(scene: SeedScene, count: int) -> IntArray:
+    """Choose vehicles around the closest encounter, as ascending indices.
+
+    At constant velocity for 3 s, the two moving ones that come nearest to each other are taken first, then
+    always the one that comes nearest to any taken.
+    """
+    now, when = scene.now, np.arange(0.0, 3.05, 0.1)
+    x = now.x[:, None] + (now.speed * np.cos(now.heading))[:, None] * when
+    y = now.y[:, None] + (now.speed * np.sin(now.heading))[:, None] * when
+    apart = np.hypot(x[:, None] - x, y[:, None] - y).min(axis=2)
+    stands = now.speed < 0.5
+    apart[stands[:, None] & stands] += 1e3
+    np.fill_diagonal(apart, np.inf)
+    chosen = [int(v) for v in np.unravel_index(np.argmin(apart), apart.shape)]
+    while len(chosen) < min(count, scene.vehicles):
+        nearest = apart[chosen].min(axis=0)
+        nearest[chosen] = np.inf
+        chosen.append(int(np.argmin(nearest)))
+    return np.sort(chosen)
+
+
+def reduced(scene: SeedScene, vehicles: IntArray) -> SeedScene:
+    """Return the seed scene with some of its vehicles, by index."""
+    return scene.reordered(vehicles.tolist(), name=f"{scene.name}_{len(vehicles)}v")
 
 
 def row_of(cells: list[str]) -> str:

@@ -1,39 +1,120 @@
-"""``scex-sumo plot``: figures of a result folder for a paper."""
+"""``scex-sumo plot``: figures of result folders for a paper; P of several side by side."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scex_sumo.base.errors import UsageError
-from scex_sumo.commands.options import Result, metric_option
+from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.commands.options import complete_results, metric_option
+
+if TYPE_CHECKING:
+    from scex_sumo.results.run import Run
 
 CURVES = ("density", "cumulative")
 ENDINGS = (".svg", ".png", ".pdf")
-EXAMPLE = "out/k733 --metric ttc -o ttc.svg"
+EXAMPLE = "out/k733 out/k729 --metric ttc -o ttc.svg"
 
 
 def plot_command(
-    folder: Result,
+    folders: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="OUT...",
+            help="Result folders; several share their axes.",
+            show_default=False,
+            autocompletion=complete_results,
+        ),
+    ],
     metric: Annotated[str | None, metric_option("One metric only; else all of them.")] = None,
     curve: Annotated[str, typer.Option(metavar="|".join(CURVES), help="What is drawn.")] = "density",
     out: Annotated[
         Path | None,
-        typer.Option("-o", "--out", metavar="FILE", help=f"FILE{'|'.join(ENDINGS)}; else CURVE.svg in OUT."),
+        typer.Option(
+            "-o", "--out", metavar="FILE", help=f"FILE{'|'.join(ENDINGS)}; else CURVE.svg in the first OUT."
+        ),
     ] = None,
 ) -> None:
-    """Draw the densities of a result as in a paper."""
+    """Draw the densities of results as in a paper; print P of several side by side."""
     if curve not in CURVES:
         raise UsageError(f"--curve {curve}: unknown curve; known: {', '.join(CURVES)}")
-    path = out if out is not None else folder / f"{curve}.svg"
+    path = out if out is not None else folders[0] / f"{curve}.svg"
     if path.suffix not in ENDINGS:
         raise UsageError(f"-o {path}: unknown ending; known: {', '.join(ENDINGS)}")
     from scex_sumo.page.figures.figure import draw_figure
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
 
-    with as_written(folder):
-        draw_figure(open_run(folder), curve, path, metric=metric)
+    labels = short_names(folders) if len(folders) > 1 else ["stress test"]
+    with as_written(*folders):
+        runs = [open_run(folder) for folder in folders]
+        check_comparable(runs, labels)
+        draw_figure(runs, curve, path, labels=labels, metric=metric)
+        if len(runs) > 1:
+            _print_probabilities(runs, labels)
     print(path)
+
+
+def short_names(folders: Sequence[Path]) -> list[str]:
+    """Return the last parts of paths, as many as make the names different.
+
+    Raises:
+        UsageError: a folder is named twice.
+    """
+    parts = [folder.resolve().parts for folder in folders]
+    for depth in range(1, max(len(part) for part in parts) + 1):
+        names = ["/".join(part[-depth:]) for part in parts]
+        if len(set(names)) == len(names):
+            return names
+    raise UsageError("plot: a result folder is named twice; name every result once")
+
+
+def check_comparable(runs: Sequence[Run], labels: Sequence[str]) -> None:
+    """Raise a `ResultError` if runs differ in length, metrics or thresholds."""
+    for label, run in zip(labels[1:], runs[1:], strict=True):
+        for what, one, first in (
+            ("steps in a future", run.info["steps"], runs[0].info["steps"]),
+            ("metrics", ", ".join(sorted(run.columns)), ", ".join(sorted(runs[0].columns))),
+            ("thresholds", run.thresholds, runs[0].thresholds),
+        ):
+            if one != first:
+                raise ResultError(
+                    f"{label}: {what} {one}, but {labels[0]} has {first}; run one of them again as the other"
+                )
+
+
+def _print_probabilities(runs: Sequence[Run], labels: Sequence[str]) -> None:
+    """Print P of a collision and of each threshold, one column for each run."""
+    from scex_sumo.commands.console import output_console
+    from scex_sumo.metrics.registry import metric_of
+    from scex_sumo.reports.run_table import console_table, print_table
+
+    rows: list[Sequence[str]] = [["futures", *(str(run.futures) for run in runs)]]
+    if all(run.outcomes for run in runs):
+        rows.append(["collision", *(run.collision.percent for run in runs)])
+    humans = [run.reference for run in runs]
+    if any(humans):
+        shares = (human.collision.percent if human and human.outcomes else "–" for human in humans)
+        rows.append(["collision, human-like", *shares])
+    for column, limit in runs[0].thresholds.items():
+        metric = metric_of(column)
+        words = f"{metric.words} {metric.sign} {limit:.3g} {metric.column_unit}".rstrip()
+        rows.append([words, *(_critical(run, column) for run in runs)])
+    heads = [("", "names", ""), *((label, "text", "") for label in labels)]
+    caption = "95 % interval in brackets; *: critical in the recorded future, too"
+    table = console_table("Share of the futures", heads, rows, caption=caption)
+    print_table(table, output_console(width=110))
+
+
+def _critical(run: Run, column: str) -> str:
+    """Return P of a threshold with its interval, and a star if the recorded future passes it."""
+    import numpy as np
+
+    from scex_sumo.results.design import is_critical
+
+    recorded = run.recorded_value(column)
+    star = recorded is not None and is_critical(np.array([recorded]), column, run.thresholds[column])[0]
+    return f"{run.p_critical(column).percent}{'*' if star else ''}"

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import groupby
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
@@ -110,31 +109,20 @@ def print_columns(
     title: str,
     caption: str | None = None,
     *,
-    grouped: bool = False,
     breaks: Sequence[str] = (),
 ) -> None:
     """Print rows as a table.
 
     Args:
-        grouped: rows with the same first cell are a section, which names it once.
         breaks: as of `print_table`.
     """
     cells = _cells(columns, rows)
-    shown = _in_sections(cells) if grouped else cells
-    table = console_table(title, [column[1:] for column in columns], shown, caption=caption)
+    table = console_table(title, [column[1:] for column in columns], cells, caption=caption)
     print_table(table, console, breaks=breaks)
 
 
 def _cells(columns: Sequence[Column], rows: Iterable[Row]) -> list[list[Any]]:
     return [[column.of(row) for column in columns] for row in rows]
-
-
-def _in_sections(cells: Iterable[list[Any]]) -> Iterator[list[Any] | None]:
-    for number, (_, part) in enumerate(groupby(cells, key=lambda row: row[0])):
-        if number:
-            yield None
-        yield next(part)
-        yield from (["", *row[1:]] for row in part)
 
 
 def failure_card(title: str, reasons: Mapping[str, str]) -> list[Html]:

@@ -207,8 +207,6 @@ _PATTERNS = (
     "cumulative.*",
     "scene.png",
     "fallbacks.*",
-    "explain*",
-    "sample_size*",
 )
 _TABLES = tuple(
     f"{name}.parquet"

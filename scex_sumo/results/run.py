@@ -83,7 +83,7 @@ class Run:
             curve: ``density`` or ``cumulative``.
             ax: draw one metric in these axes; None makes a figure, of pyplot without a ``path``.
         """
-        return list(DRAWINGS.load("densities")(self, curve, path, metric=metric, ax=ax))
+        return list(DRAWINGS.load("densities")([self], curve, path, metric=metric, ax=ax))
 
     def to_pandas(self, table: str = "metrics") -> Any:
         """Return one of `TABLES` as a pandas data frame."""

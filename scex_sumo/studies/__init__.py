@@ -1,1 +1,1 @@
-"""Studies of many runs: rank, validate, compare, explain, and the sample size. A wing around the core."""
+"""Studies of many moments: rank and validate; inspection of a recording; a driving function under test."""

@@ -34,13 +34,13 @@ def documented(command: str) -> list[str]:
     return [key for cell in cells for key in re.findall(r"`(\w+)`", cell)]
 
 
-@pytest.mark.parametrize("command", ["run", "encounters", "explain", "rank", "validate", "inspect"])
+@pytest.mark.parametrize("command", ["run", "encounters", "rank", "validate", "inspect"])
 def test_json_is_all_on_standard_output_and_has_the_documented_keys(
     command: str, result: Path, tmp_path: Path
 ) -> None:
     small = {"rank": (MAP, "--every", 9, "--futures", 2, "--first", 2), "inspect": (MAP,)}
     small |= {"validate": (MAP, "--every", 9, "--futures", 4), "run": (MAP, *SHORT, "--no-report")}
-    out = () if command in ("encounters", "explain", "inspect") else ("-o", tmp_path / "out")
+    out = () if command in ("encounters", "inspect") else ("-o", tmp_path / "out")
     done = scex(command, *small.get(command, (result,)), *out, "--json")
     assert done.returncode == 0, done.stderr
     answer = json.loads(done.stdout)
@@ -116,7 +116,7 @@ def test_a_wrong_file_is_one_line(text: str, said: str, tmp_path: Path) -> None:
 
 
 def test_a_run_is_no_configuration_of_another_command(result: Path) -> None:
-    done = scex("explain", "--config", result / "run.json")
+    done = scex("encounters", "--config", result / "run.json")
     assert (done.returncode, done.stdout) == (2, "") and "is of scex-sumo run" in done.stderr
 
 

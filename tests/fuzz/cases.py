@@ -123,8 +123,7 @@ def _folder(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
         ["view", "out", "--write-only", "--grid", "2"],
         ["export", "out", "--future", "1", "-o", "future.csv"],
         ["metrics", "out"],
-        ["explain", "out", "--no-plots"],
-        ["compare", "out", str(sources.result())],
+        ["plot", "out", str(sources.result())],
     )
     return f"{file.relative_to(work / 'out')}: {how}", rng.choice(commands)
 
@@ -159,7 +158,7 @@ def _columns(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]
         arguments = list(KEPT[command])
         shutil.copytree(sources.interrupted(command), work, dirs_exist_ok=True)
     else:
-        arguments = [command, "out", *([str(sources.result())] if command == "compare" else [])]
+        arguments = [command, "out", *([str(sources.result())] if command == "plot" else [])]
         shutil.copytree(sources.result(), work / "out")
     names = _READ.get(command, ("*",))
     file = rng.choice(sorted(f for name in names for f in (work / "out").rglob(f"{name}.parquet")))
@@ -167,8 +166,7 @@ def _columns(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]
 
 
 _READ: Final = {
-    "compare": ("metrics",),
-    "explain": ("metrics", "assignments", "worst", "collisions", "encounters"),
+    "plot": ("metrics",),
     "encounters": ("encounters",),
 }
 """Tables of a result folder that a command reads; others read all tables."""
@@ -258,10 +256,7 @@ def _answers(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]
         [*encounters, "--weights", "standard_driver=0.9"],
         [*encounters, "--pair", "10,12"],
         ["report", "out"],
-        ["report", "out", "--evidence"],
-        ["explain", "out", "--encounter", "10,12"],
         ["view", "out", "--write-only", "--encounter", "10,12"],
-        ["compare", "out", str(sources.answers())],
         ["run", "urban_intersection.osm", *sources.ANSWERS, "-o", "out"],
     )
     command = rng.choice(commands)

@@ -22,13 +22,11 @@ from tests.runs import extrapolate
 
 EVIL = "from pathlib import Path\nPath(__file__).with_name('executed').touch()\ndef risk(scenes): ...\n"
 READERS: dict[str, Callable[[Path], list[object]]] = {
-    "explain": lambda out: [out],
     "encounters": lambda out: [out],
     "report": lambda out: [out],
-    "compare": lambda out: [out, out.with_name("other"), "-o", out.with_name("compared")],
     "view": lambda out: [out, "--critical", "ttc", "--write-only"],
     "export": lambda out: [out, "--future", "1", "--to", "interaction", "-o", out.with_name("future.csv")],
-    "plot": lambda out: [out],
+    "plot": lambda out: [out, out.with_name("other")],
     "metrics": lambda out: [out, "-o", out.with_name("metrics.csv")],
 }
 

@@ -157,7 +157,7 @@ def test_a_result_is_judged_and_drawn_where_the_metric_is_not_registered(
     assert run.p_critical("speed_gap").value == pytest.approx(2 / 3)
     assert run.most_critical("speed_gap") == 2
     assert [str(cell) for cell in summary_table(run).columns[0].cells] == ["difference of speeds [m/s]"]
-    (panel,) = draw_figure(run, "density", tmp_path / "densities.svg")
+    (panel,) = draw_figure([run], "density", tmp_path / "densities.svg")
     assert (panel.get_title(loc="left"), panel.get_xlabel()) == ("difference of speeds", "[m/s]")
     with pytest.raises(UsageError, match="known from a result only"):
         evaluate(vehicles(1.0, 2.0), None, metrics=[metric_of("speed_gap")])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -13,7 +14,8 @@ from scex_sumo import example_path
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.exporters.command import export_command
 from scex_sumo.page.command import report_command
-from scex_sumo.page.plot_command import plot_command
+from scex_sumo.page.plot_command import plot_command, short_names
+from scex_sumo.results.run import open_run
 from scex_sumo.views.command import view_command
 from tests.command import scex
 
@@ -45,32 +47,68 @@ def test_figures_come_in_the_format_of_their_file(
     folder: Path, tmp_path: Path, ending: str, start: bytes
 ) -> None:
     file = tmp_path / f"figure{ending}"
-    plot_command(folder, metric="distance", curve="cumulative", out=file)
+    plot_command([folder], metric="distance", curve="cumulative", out=file)
     assert file.read_bytes().startswith(start)
 
 
 def test_the_same_figure_has_the_same_bytes(folder: Path, tmp_path: Path) -> None:
     for name in ("one.pdf", "two.pdf"):
-        plot_command(folder, metric="ttc", curve="density", out=tmp_path / name)
+        plot_command([folder], metric="ttc", curve="density", out=tmp_path / name)
     assert (tmp_path / "one.pdf").read_bytes() == (tmp_path / "two.pdf").read_bytes()
 
 
 def test_what_cannot_be_drawn_is_said(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"unknown ending; known: \.svg, \.png, \.pdf"):
-        plot_command(folder, metric=None, curve="density", out=tmp_path / "figure.gif")
+        plot_command([folder], metric=None, curve="density", out=tmp_path / "figure.gif")
     with pytest.raises(UsageError, match="unknown curve; known: density, cumulative"):
-        plot_command(folder, metric=None, curve="histogram", out=None)
+        plot_command([folder], metric=None, curve="histogram", out=None)
     with pytest.raises(UsageError, match="unknown metric 'speed'"):
-        plot_command(folder, metric="speed", curve="density", out=tmp_path / "figure.svg")
+        plot_command([folder], metric="speed", curve="density", out=tmp_path / "figure.svg")
     with pytest.raises(ResultError, match="no such folder"):
         report_command(tmp_path / "none")
 
 
+def test_several_results_are_one_figure_and_a_table_of_their_p(folder: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    done = scex("run", example_path("roundabout"), "--futures", 6, "--seed", 1, "--no-report", "-o", other)
+    assert done.returncode == 0, done.stderr
+    done = scex("plot", folder, other, "-o", tmp_path / "both.svg")
+    assert done.returncode == 0, done.stderr
+    lines = [re.findall(r"[^│┃]+", line) for line in done.stdout.splitlines() if line[:1] in "│┃"]
+    rows = {cells[0].strip(): [cell.strip() for cell in cells[1:]] for cells in lines}
+    runs = [open_run(out) for out in (folder, other)]
+    assert rows[""] == ["out", "other"] and rows["futures"] == ["4", "6"]
+    assert rows["collision"] == [run.collision.percent for run in runs]
+    assert rows["collision, human-like"] == [run.reference.collision.percent for run in runs if run.reference]
+    shares = [run.p_critical("ttc").percent for run in runs]
+    assert [cell.rstrip("*") for cell in rows["1/TTC ≥ 0.667 1/s"]] == shares
+    text = (tmp_path / "both.svg").read_text()
+    assert ">out<" in text and ">other<" in text and ">recorded<" in text
+    assert done.stdout.splitlines()[-1] == str(tmp_path / "both.svg")
+
+
+def test_results_that_do_not_fit_on_common_axes_are_refused(folder: Path, tmp_path: Path) -> None:
+    longer = shutil.copytree(folder, tmp_path / "longer")
+    info = json.loads((longer / "run.json").read_text())
+    (longer / "run.json").write_text(json.dumps({**info, "steps": 50}))
+    with pytest.raises(ResultError, match="longer: steps in a future 50, but out has 30"):
+        plot_command([folder, longer], out=tmp_path / "both.svg")
+    with pytest.raises(UsageError, match="named twice"):
+        plot_command([folder, folder / "." / ".." / "out"], out=tmp_path / "both.svg")
+    with pytest.raises(ResultError, match="no such folder"):
+        plot_command([folder, tmp_path / "none"], out=tmp_path / "both.svg")
+
+
+def test_names_of_results_are_as_long_as_needed() -> None:
+    assert short_names([Path("/out/a"), Path("/out/b")]) == ["a", "b"]
+    assert short_names([Path("/x/one/v1"), Path("/x/two/v1")]) == ["one/v1", "two/v1"]
+
+
 def test_a_collision_has_no_density_and_a_printed_name_is_understood(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="--metric collision: is 0 or 1 in each future and has no density"):
-        plot_command(folder, metric="collision", curve="density", out=tmp_path / "figure.svg")
-    plot_command(folder, metric="TTC", curve="density", out=tmp_path / "printed.svg")
-    plot_command(folder, metric="ttc", curve="density", out=tmp_path / "column.svg")
+        plot_command([folder], metric="collision", curve="density", out=tmp_path / "figure.svg")
+    plot_command([folder], metric="TTC", curve="density", out=tmp_path / "printed.svg")
+    plot_command([folder], metric="ttc", curve="density", out=tmp_path / "column.svg")
     assert (tmp_path / "printed.svg").read_bytes() == (tmp_path / "column.svg").read_bytes()
 
 

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scex_sumo.page.figures.charts import Plane, density_plot, ticks, value_range
+from scex_sumo.page.figures.charts import Plane, ticks, value_range
 from scex_sumo.page.html import element
 from scex_sumo.page.report.scene import lane_lines, outline_svg, scene_svg
 from scex_sumo.page.study import card, plots, table, table_place, write_study
-from scex_sumo.statistics.density import density
 from tests.converters.plain_net import lane
 from tests.converters.sumo_roads import road
 from tests.page.conftest import is_foreign
@@ -42,10 +41,6 @@ def test_a_range_leaves_far_values_out_and_takes_near_marks_in() -> None:
     assert value_range(np.array([8.0, 9.0]), 7.5)[0] == 7.4
 
 
-def test_a_metric_that_is_defined_nowhere_says_so() -> None:
-    assert "defined in no future" in density_plot("ttc", [("drawn", None)], (0.0, 1.0))
-
-
 def test_a_picture_has_the_lanes_that_touch_its_box_and_its_outlines() -> None:
     roads = road([lane(1, [(0, 0), (50, 0)]), lane(2, [(0, 500), (50, 500)])])
     box = (0.0, 50.0, -10.0, 10.0)
@@ -64,7 +59,7 @@ def test_columns_of_names_stand_left_and_those_of_numbers_right() -> None:
 def test_a_page_shows_its_tables_sorted_by_a_click_and_asks_for_nothing(browser: Any, tmp_path: Path) -> None:
     heads = [("name", "text", ""), ("share", "percent", "of all")]
     rows = table(heads, [["b", 0.02], ["a", None], ["c", 0.5]])
-    chart = density_plot("ttc", [("drawn", density([0.2, 0.4]))], (0.0, 1.0))
+    chart = Plane(x=(0, 1)).figure("shares", Plane(x=(0, 1)).dot(0.5, 0.5, "drawn"))
     cards = card("Numbers <here>", "A sentence.", table_place("numbers"), plots(chart, element("p", "a & b")))
     path = write_study(tmp_path / "page.html", "A study", "about", cards, tables={"numbers": rows})
     wrong: list[str] = []

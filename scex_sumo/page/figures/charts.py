@@ -1,4 +1,4 @@
-"""SVG charts of a page: curves, dots, bars, densities. ``assets/chart.js`` draws brushed charts."""
+"""SVG charts of a page: lines, dots, bars. ``assets/chart.js`` draws brushed charts."""
 
 from __future__ import annotations
 
@@ -12,16 +12,12 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.page.html import Html, element, joined
 from scex_sumo.results.run import Run
-from scex_sumo.statistics.density import BANDWIDTH, Density
+from scex_sumo.statistics.density import BANDWIDTH
 
 _ROUND = (1, 2, 5, 10)
 _TICKS_PX = 18
 _TAIL = 5  # values farther than this from the quartiles, in quartile ranges, are left out
 _MIN_SPREAD = 0.25  # least quartile range, in the metric's unit
-_TALLEST_ATOM = 0.9  # of the chart's height
-
-Curves = Sequence[tuple[str, Density | None]]
-"""Kind of line and density; None where the metric is defined in no future."""
 
 
 def ticks(low: float, high: float, most: int = 4) -> list[tuple[float, str]]:
@@ -38,7 +34,7 @@ def ticks(low: float, high: float, most: int = 4) -> list[tuple[float, str]]:
 class Plane:
     """Coordinate plane of a chart; arguments are in axis units, y upwards.
 
-    Kinds of lines are colours: drawn, likely, recorded, critical, picked, soft, or c0 to c5.
+    Kinds of lines are colours: drawn, likely, recorded, critical, picked, or soft.
 
     Attributes:
         x: range of the axis.
@@ -61,11 +57,6 @@ class Plane:
     def line(self, x: FloatArray, y: FloatArray, kind: str, *, dashed: bool = False) -> Html:
         """Return a polyline."""
         return element(f"path.line.{kind}{'.dashed' if dashed else ''}", d=self._path(x, y))
-
-    def area(self, x: FloatArray, low: FloatArray, high: FloatArray, kind: str) -> Html:
-        """Return the area between two lines."""
-        both = self._path(np.concatenate([x, x[::-1]]), np.concatenate([high, low[::-1]]))
-        return element(f"path.area.{kind}", d=both)
 
     def dot(self, x: float, y: float, kind: str, *, radius: float = 3.0, title: str = "") -> Html:
         """Return a dot with a tooltip."""
@@ -149,27 +140,3 @@ def samples_of_both(run: Run, column: str) -> FloatArray:
     """Return the values (n,) of a metric in the stress test and in the human-like futures."""
     both = (run,) if run.reference is None else (run, run.reference)
     return np.concatenate([one.samples(column) for one in both])
-
-
-def density_plot(column: str, curves: Curves, x: tuple[float, float]) -> Html:
-    """Return densities of a metric, the first one filled; atoms are upright lines."""
-    defined = [(kind, curve) for kind, curve in curves if curve is not None]
-    inside = [(curve.x >= x[0]) & (curve.x <= x[1]) for _, curve in defined]
-    drawn = [(kind, c.x[mask], c.pdf[mask], c.atoms) for (kind, c), mask in zip(defined, inside, strict=True)]
-    peak = max([1e-9, *(float(pdf.max(initial=0.0)) for _, _, pdf, _ in drawn)])
-    plane = Plane(x=x, y=(0.0, 1.08 * peak))
-    parts = [] if defined else [_undefined(plane)]
-    most = max([1e-9, *(atom.share for _, _, _, atoms in drawn for atom in atoms)])
-    for number, (kind, at, pdf, atoms) in enumerate(drawn):
-        if not number and at.size:
-            parts.append(plane.area(at, np.zeros_like(pdf), pdf, kind))
-        parts += [plane.line(at, pdf, kind)] if at.size else []
-        for atom in atoms:
-            if x[0] <= atom.value <= x[1]:
-                top = _TALLEST_ATOM * plane.y[1] * atom.share / most
-                parts.append(plane.line(np.full(2, atom.value), np.array([0.0, top]), kind))
-    return plane.figure(metric_title(column), *parts)
-
-
-def _undefined(plane: Plane) -> Html:
-    return plane.words(sum(plane.x) / 2, plane.y[1] / 2, "defined in no future")

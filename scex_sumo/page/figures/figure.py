@@ -1,9 +1,10 @@
-"""Figure of a run: densities or cumulative densities of its metrics."""
+"""Figure of one run or of several on common axes: densities or cumulative densities of their metrics."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
@@ -20,11 +21,14 @@ from scex_sumo.page.figures.charts import samples_of_both, value_range
 from scex_sumo.page.figures.drawing import STYLE, save
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.run import Run
-from scex_sumo.statistics.density import Density
+from scex_sumo.statistics.density import Density, density
 
 _CURVE, _CRITICAL, _RECORDED, _LIKELY = "#0072b2", "#c44e00", "#1b222b", "#9a4d86"  # as on the page
+COLORS: Final = (_CURVE, "#009e73", "#e69f00", "#cc79a7", "#56b4e9", "#000000", "#8b6b3d", "#999999")
+"""Of several runs: most are those of Okabe and Ito 2008, which also colour-blind readers tell apart."""
 _COLUMN_IN = 85 / 25.4  # width of a column of a paper
 _ONE_IN, _PANEL_IN, _HEAD_IN = 55 / 25.4, 35 / 25.4, 12 / 25.4  # heights
+_LINE_IN, _LETTERS = 3 / 25.4, 78  # height of a line of the legend; letters that fit into it
 _ACROSS = 2
 _EDGE = 0.01  # room for a stem at the left end, in panel widths
 _LABEL_SHARE, _LABELS = 0.14, 4  # width of a label, in panel widths; labels of a panel
@@ -32,31 +36,36 @@ _SMALL: dict[Any, Any] = {"font.size": 6, "axes.titlesize": 6.5, "axes.linewidth
 
 
 def draw_figure(
-    run: Run, curve: str, path: str | Path | None, *, metric: str | None = None, ax: Axes | None = None
+    runs: Sequence[Run],
+    curve: str,
+    path: str | Path | None,
+    *,
+    labels: Sequence[str] = ("stress test",),
+    metric: str | None = None,
+    ax: Axes | None = None,
 ) -> list[Axes]:
     """Draw a figure of a paper's column width (85 mm) and return its panels.
 
+    One run is drawn with its human-like futures and its times before the end, several as stress tests alone.
+
     Args:
+        runs: at most as many as there are `COLORS`.
         curve: ``density`` or ``cumulative``.
         path: SVG, PNG or PDF file; None writes none.
-        metric: one column; None draws the most critical values of all metrics that are defined.
+        labels: of the runs, in the legend.
+        metric: one column; None draws the most critical values of all metrics that some run defines.
         ax: draw one metric here.
 
     Raises:
-        UsageError: the metric has no density, or is defined in no future.
+        UsageError: the metric has no density, or is defined in no future; too many runs.
     """
-    columns = critical_columns(run.columns) if metric is None else [run.column(metric)]
-    if columns == [COLLISION]:
-        raise UsageError(
-            "--metric collision: is 0 or 1 in each future and has no density; give another metric"
-        )
-    columns = [column for column in columns if np.isfinite(run.samples(column)).any()]
-    if not columns:
-        raise UsageError(f"{metric or 'metrics'}: defined in no future, so nothing can be drawn")
+    if len(runs) > len(COLORS):
+        raise UsageError(f"plot: {len(runs)} results, but a figure has {len(COLORS)} colours; give fewer")
+    columns = _columns(runs, metric)
     if ax is not None:
         if len(columns) != 1:
             raise UsageError("plot: axes hold one metric; name it with metric=")
-        _draw_panel(run, curve, columns[0], ax)
+        _draw_panel(runs, curve, columns[0], ax)
         return [ax]
     one, rows = len(columns) == 1, -(-len(columns) // _ACROSS)
     with mpl.rc_context(STYLE | _SMALL):
@@ -67,13 +76,29 @@ def draw_figure(
             axes.remove()
         panels = list(grid.flat[: len(columns)])
         for axes, column in zip(panels, columns, strict=True):
-            _draw_panel(run, curve, column, axes)
-        _explain_lines(run, figure, headline=not one)
+            _draw_panel(runs, curve, column, axes)
+        if len(runs) == 1 and not one:
+            figure.suptitle(_headline(runs[0]), x=0.01, ha="left", fontsize=7)
+        _add_legend(runs, labels, figure)
         if path is not None:
             # A file without a date: the same run gives the same bytes.
             metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(Path(path).suffix)
             save(figure, path, dpi=300, metadata=metadata)
     return panels
+
+
+def _columns(runs: Sequence[Run], metric: str | None) -> list[str]:
+    """Return the columns that all runs have and some run defines: one, or all most critical values."""
+    columns = critical_columns(runs[0].columns) if metric is None else [runs[0].column(metric)]
+    if columns == [COLLISION]:
+        raise UsageError(
+            "--metric collision: is 0 or 1 in each future and has no density; give another metric"
+        )
+    columns = [column for column in columns if all(column in run.columns for run in runs)]
+    columns = [column for column in columns if any(np.isfinite(run.samples(column)).any() for run in runs)]
+    if not columns:
+        raise UsageError(f"{metric or 'metrics'}: defined in no future, so nothing can be drawn")
+    return columns
 
 
 def _figure(size: tuple[float, float], *, on_screen: bool) -> Figure:
@@ -84,58 +109,113 @@ def _figure(size: tuple[float, float], *, on_screen: bool) -> Figure:
     return pyplot.figure(figsize=size, layout="constrained", dpi=200)
 
 
-def _draw_panel(run: Run, curve: str, column: str, axes: Axes) -> None:
-    metric, defined = metric_of(column), len(run.samples(column))
+def _draw_panel(runs: Sequence[Run], curve: str, column: str, axes: Axes) -> None:
+    metric, unit = metric_of(column), metric_of(column).column_unit
     mean = ", mean of scenes" if column.endswith("_mean") else ""
     axes.set_title(metric.words + mean, loc="left")
-    part = f", in {defined} of {run.futures}" if defined < run.futures else ""
-    unit = f"[{metric.column_unit}]" if metric.column_unit else "[–]"
-    axes.set_xlabel(unit + part)
+    axes.set_xlabel(f"[{unit or '–'}]{_defined(runs, column)}")
     axes.xaxis.set_major_locator(MaxNLocator(5))
     axes.yaxis.set_major_locator(MaxNLocator(4))
-    _draw_curves(run, curve, column, axes)
+    if len(runs) == 1:
+        _draw_alone(runs[0], curve, column, axes)
+    else:
+        _draw_together(runs, curve, column, axes)
     spec = axes.get_subplotspec()
     if spec is None or spec.is_first_col():
         axes.set_ylabel("density" if curve == "density" else "cumulative density")
 
 
-def _explain_lines(run: Run, figure: Figure, *, headline: bool) -> None:
+def _defined(runs: Sequence[Run], column: str) -> str:
+    """Return in how many futures a metric is defined, in words; nothing if in all."""
+    counts = [len(run.samples(column)) for run in runs]
+    if all(count == run.futures for count, run in zip(counts, runs, strict=True)):
+        return ""
+    if len(runs) == 1:
+        return f", in {counts[0]} of {runs[0].futures}"
+    shares = [count / run.futures for count, run in zip(counts, runs, strict=True)]
+    return f", in {100 * min(shares):.0f}–{max(shares):.0%}"
+
+
+def _headline(run: Run) -> str:
     scene = run.info["seed_scene"]
-    if headline:
-        counts = f"{counted(scene['vehicles'], 'vehicle')}, {counted(run.futures, 'future')}"
-        figure.suptitle(f"{scene['name']}   {counts}", x=0.01, ha="left", fontsize=7)
-    lines = [Line2D([], [], color=_CURVE, linewidth=1.2, label="stress test")]
-    if run.reference is not None:
+    return f"{scene['name']}   {counted(scene['vehicles'], 'vehicle')}, {counted(run.futures, 'future')}"
+
+
+def _add_legend(runs: Sequence[Run], labels: Sequence[str], figure: Figure) -> None:
+    lines = [
+        Line2D([], [], color=color, linewidth=1.2, label=label)
+        for color, label in zip(COLORS, labels, strict=False)
+    ]
+    if len(runs) == 1 and runs[0].reference is not None:
         lines.append(Line2D([], [], color=_LIKELY, linewidth=1.2, label="human-like"))
-    if run.horizons_s:
-        words = f"by {', '.join(f'{t:g}' for t in run.horizons_s)} s"
+    if len(runs) == 1 and runs[0].horizons_s:
+        words = f"by {', '.join(f'{t:g}' for t in runs[0].horizons_s)} s"
         lines.append(Line2D([], [], color=_CURVE, linewidth=0.7, linestyle=":", label=words))
     lines.append(Line2D([], [], color=_CRITICAL, linewidth=1.0, label="threshold"))
-    if run.recorded is not None:
+    if any(run.recorded is not None for run in runs):
         lines.append(Line2D([], [], color=_RECORDED, linewidth=1.2, linestyle="--", label="recorded"))
+    longest = max(len(str(line.get_label())) for line in lines)
+    columns = max(1, min(len(lines), 4, _LETTERS // (longest + 6)))
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, height + _LINE_IN * (-(-len(lines) // columns) - 1))
     style: dict[str, Any] = {"columnspacing": 1.0, "handlelength": 1.4, "frameon": False}
-    figure.legend(handles=lines, loc="outside lower center", ncols=min(len(lines), 4), **style)
+    figure.legend(handles=lines, loc="outside lower center", ncols=columns, **style)
 
 
-def _draw_curves(run: Run, curve: str, column: str, axes: Axes) -> None:
-    drawn, ends = run.density(column), [run.density(column).x]
+def _draw_alone(run: Run, curve: str, column: str, axes: Axes) -> None:
+    drawn = run.density(column)
     drawn.plot(axes, curve=curve, color=_CURVE)
     for until_s in run.horizons_s:
         if not np.isnan(run.values(column, until_s=until_s)).all():
-            early = run.density(column, until_s=until_s)
-            y, alpha = early.pdf if curve == "density" else early.cdf, until_s / run.horizons_s[-1]
-            axes.plot(early.x, y, color=_CURVE, linewidth=0.7, linestyle=":", alpha=0.4 + 0.6 * alpha)
+            early, alpha = run.density(column, until_s=until_s), until_s / run.horizons_s[-1]
+            style: dict[str, Any] = {"linewidth": 0.7, "linestyle": ":", "alpha": 0.4 + 0.6 * alpha}
+            axes.plot(early.x, _heights(early, curve), color=_CURVE, **style)
+    ends = [drawn.x]
     if run.reference is not None and len(run.reference.samples(column)):
         likely = run.reference.density(column)
-        y = likely.pdf if curve == "density" else likely.cdf
-        axes.plot(likely.x, y, color=_LIKELY, linewidth=1.2)
+        axes.plot(likely.x, _heights(likely, curve), color=_LIKELY, linewidth=1.2)
         ends.append(likely.x)
+    _fit_height(curve, axes)
+    _mark([run], [_RECORDED], column, axes, samples_of_both(run, column), np.concatenate(ends))
+    samples, (_, right) = run.samples(column), axes.get_xlim()
+    if run.thresholds.get(column) is not None:
+        axes.set_title(f"P = {run.p_critical(column).value:.1%}", loc="right", color=_CRITICAL)
+    beyond = float(np.mean(samples > right))
+    if beyond > 0:
+        _write(axes, 0.04, f"{max(beyond, 0.001):.1%} beyond →")
+    if curve == "density":
+        _draw_atoms(drawn, axes)
+
+
+def _draw_together(runs: Sequence[Run], curve: str, column: str, axes: Axes) -> None:
+    """Draw curves of several runs; densities as the paper has them, as stems would hide each other."""
+    known = [(run, color) for run, color in zip(runs, COLORS, strict=False) if len(run.samples(column))]
+    ends = []
+    for run, color in known:
+        if curve == "cumulative":
+            drawn = run.density(column)
+            axes.fill_between(drawn.x, *drawn.band, color=color, alpha=0.12, linewidth=0)
+        else:
+            samples = run.samples(column)
+            drawn = density(samples, reflect=bool(samples.min() >= 0))
+        axes.plot(drawn.x, _heights(drawn, curve), color=color, linewidth=1.2)
+        ends.append(drawn.x)
+    axes.set_ylim(0.0, 1.0)
+    _fit_height(curve, axes)
+    samples = np.concatenate([run.samples(column) for run, _ in known])
+    _mark(
+        [run for run, _ in known], [color for _, color in known], column, axes, samples, np.concatenate(ends)
+    )
+
+
+def _heights(drawn: Density, curve: str) -> FloatArray:
+    return drawn.pdf if curve == "density" else drawn.cdf
+
+
+def _fit_height(curve: str, axes: Axes) -> None:
     if curve == "density":
         most = max((float(np.max(line.get_ydata())) for line in axes.lines), default=0)
         axes.set_ylim(0, 1.05 * most or 1)
-    _mark(run, column, axes, np.concatenate(ends))
-    if curve == "density":
-        _draw_atoms(drawn, axes)
 
 
 def _write(axes: Axes, height: float, words: str, color: str = "#666666") -> None:
@@ -167,16 +247,26 @@ def _draw_atoms(curve: Density, axes: Axes) -> None:
             axes.text(atom.value, height + 0.01, f"{atom.share:.0%}", **style)
 
 
-def _mark(run: Run, column: str, axes: Axes, x: FloatArray) -> None:
-    """Draw threshold and recorded value as vertical lines; keep the view where most futures are."""
-    recorded, threshold = run.recorded_value(column), run.thresholds.get(column)
-    samples, limits = run.samples(column), (float(x.min()), float(x.max()))
-    left, right = value_range(samples_of_both(run, column), recorded, threshold, limits=limits)
-    if recorded is not None and left <= recorded <= right:
-        axes.axvline(recorded, color=_RECORDED, linewidth=1.2, linestyle="--")
-    elif recorded is not None:
-        words = f"recorded {recorded:.3g} →" if recorded > right else f"← recorded {recorded:.3g}"
-        _write(axes, 0.15, words, _RECORDED)
+def _mark(
+    runs: Sequence[Run],
+    colors: Sequence[str],
+    column: str,
+    axes: Axes,
+    samples: FloatArray,
+    x: FloatArray,
+) -> None:
+    """Draw threshold and recorded values as vertical lines; keep the view where most futures are."""
+    recorded, threshold = [run.recorded_value(column) for run in runs], runs[0].thresholds.get(column)
+    limits = (float(x.min()), float(x.max()))
+    left, right = value_range(samples, *recorded, threshold, limits=limits)
+    away = 0
+    for value, color in zip(recorded, colors, strict=True):
+        if value is not None and left <= value <= right:
+            axes.axvline(value, color=color, linewidth=1.2, linestyle="--")
+        elif value is not None:
+            words = f"recorded {value:.3g} →" if value > right else f"← recorded {value:.3g}"
+            _write(axes, 0.15 + 0.09 * away, words, color)
+            away += 1
     if threshold is not None:
         if left < threshold < right:
             axes.axvline(threshold, color=_CRITICAL, linewidth=1)
@@ -184,8 +274,4 @@ def _mark(run: Run, column: str, axes: Axes, x: FloatArray) -> None:
         low, high = max(critical[0], left), min(critical[1], right)
         if low < high:
             axes.axvspan(low, high, color=_CRITICAL, alpha=0.07, linewidth=0)
-        axes.set_title(f"P = {run.p_critical(column).value:.1%}", loc="right", color=_CRITICAL)
-    beyond = float(np.mean(samples > right))
-    if beyond > 0:
-        _write(axes, 0.04, f"{max(beyond, 0.001):.1%} beyond →")
     axes.set_xlim(left - _EDGE * (right - left), right)

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.metrics.registry import COLUMNS, THRESHOLDS
-from scex_sumo.page.figures.figure import draw_figure
+from scex_sumo.page.figures.figure import COLORS, draw_figure
 from scex_sumo.reports.run_table import print_summary, summary_table
 from scex_sumo.results.folder import ResultFolder, tracks_table, values_table
 from scex_sumo.results.run import Run, open_run
@@ -67,7 +67,7 @@ def test_unknown_metrics_and_missing_thresholds_name_the_known(run: Run) -> None
 
 def test_plots_say_what_is_defined_and_mark_the_recorded_value(run: Run, tmp_path: Path) -> None:
     for file in (tmp_path / "densities.svg", tmp_path / "densities.png"):
-        panels = draw_figure(run, "density", file)
+        panels = draw_figure([run], "density", file)
     text = (tmp_path / "densities.svg").read_text()
     assert [panel.get_title(loc="left") for panel in panels] == [
         *("distance", "traffic quality", "PTTC", "WTTC", "1/TTC")  # no empty panel: gap time is undefined
@@ -77,8 +77,48 @@ def test_plots_say_what_is_defined_and_mark_the_recorded_value(run: Run, tmp_pat
     assert panels[0].figure.get_size_inches()[0] * 25.4 == pytest.approx(85)
 
 
+@pytest.mark.parametrize("curve", ["density", "cumulative"])
+def test_several_runs_share_axes_each_with_the_recorded_line_in_its_colour(run: Run, curve: str) -> None:
+    (panel,) = draw_figure(
+        [run, run], curve, None, labels=["a", "b"], metric="distance", ax=Figure().subplots()
+    )
+    curves = [line for line in panel.lines if len(np.asarray(line.get_xdata())) > 2]
+    upright = [line for line in panel.lines if len(np.asarray(line.get_xdata())) == 2]
+    assert [line.get_color() for line in curves] == list(COLORS[:2])
+    recorded = [line for line in upright if line.get_linestyle() == "--"]
+    assert [line.get_color() for line in recorded] == list(COLORS[:2])
+    assert {np.asarray(line.get_xdata())[0] for line in recorded} == {0.25 * 8}
+    (threshold,) = (line for line in upright if line not in recorded)
+    assert np.asarray(threshold.get_xdata())[0] == THRESHOLDS["distance"]
+
+
+def test_the_density_of_one_of_several_runs_integrates_to_one(run: Run) -> None:
+    panels = draw_figure(
+        [run, run], "density", None, labels=["a", "b"], metric="distance", ax=Figure().subplots()
+    )
+    x, y = (np.asarray(values) for values in panels[0].lines[0].get_data())
+    assert np.sum((y[1:] + y[:-1]) / 2 * np.diff(x)) == pytest.approx(
+        1.0, abs=1e-3
+    )  # no part of it is a stem
+
+
+def test_a_figure_names_its_runs_also_if_their_names_are_long(run: Run, tmp_path: Path) -> None:
+    labels = [f"DR_DEU_Roundabout_OF_000_t{moment}" for moment in (3.1, 104.6, 177.6)]
+    panels = draw_figure([run] * 3, "cumulative", tmp_path / "several.svg", labels=labels)
+    figure = panels[0].figure
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == [*labels, "threshold", "recorded"]
+    inside = figure.bbox.padded(1.0)
+    assert all(inside.contains(*corner) for corner in legend.get_window_extent().corners())
+
+
+def test_more_runs_than_colours_are_refused(run: Run) -> None:
+    with pytest.raises(UsageError, match="9 results, but a figure has 8 colours"):
+        draw_figure([run] * 9, "density", None)
+
+
 def test_labels_of_a_figure_do_not_overlap(run: Run, tmp_path: Path) -> None:
-    panels = draw_figure(run, "density", tmp_path / "densities.png")
+    panels = draw_figure([run], "density", tmp_path / "densities.png")
     for panel in panels:
         shown = [text for text in panel.texts if text.get_text()]
         boxes = [text.get_window_extent() for text in [*shown, panel.title, panel.xaxis.label]]
@@ -88,7 +128,7 @@ def test_labels_of_a_figure_do_not_overlap(run: Run, tmp_path: Path) -> None:
 def test_the_same_run_is_drawn_in_the_same_bytes(run: Run, tmp_path: Path) -> None:
     files = [tmp_path / "first.svg", tmp_path / "second.svg"]
     for file in files:
-        draw_figure(run, "cumulative", file)
+        draw_figure([run], "cumulative", file)
     assert files[0].read_bytes() == files[1].read_bytes()
 
 
@@ -131,7 +171,7 @@ def test_pictures_leave_the_users_matplotlib_alone(run: Run, tmp_path: Path) -> 
         "import sys, matplotlib; matplotlib.use('svg'); from pathlib import Path\n"
         "from scex_sumo.page.figures import figure\n"
         "from scex_sumo.results.run import open_run\n"
-        "figure.draw_figure(open_run(Path(sys.argv[1])), 'density', Path(sys.argv[2]))\n"
+        "figure.draw_figure([open_run(Path(sys.argv[1]))], 'density', Path(sys.argv[2]))\n"
         "assert matplotlib.get_backend() == 'svg' and 'matplotlib.pyplot' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", code, str(run.folder), str(tmp_path / "densities.png")], check=True)

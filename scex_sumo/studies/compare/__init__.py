@@ -1,1 +1,0 @@
-"""Comparison of runs: distances between densities, groups of runs, and its page."""

@@ -1,1 +1,0 @@
-"""Sample size: how many futures a map needs, and its page."""
