@@ -15,7 +15,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.base.sumo.programs import environment, program
+from scex_sumo.base.sumo.programs import environment, limit_memory, program
 from scex_sumo.generators.demand import Network, Trip, random_trips, write_curve_limits, write_trips
 from scex_sumo.generators.kinematics import body_states
 from scex_sumo.roads.conflicts import runs
@@ -24,6 +24,7 @@ from scex_sumo.scene import HISTORY_STEPS, STEP_S, States
 LANE_CHANGE_S = 4.0
 TELEPORT_S = 20.0
 TOLD_EVERY_S = 0.2  # how far SUMO is
+MAX_SILENT = 600  # such times without a step of SUMO
 MIN_ORIGINS = 60
 MAX_DELAY_S = 15.0
 JUMP_M = 0.5  # beyond the driven way: SUMO moved the vehicle
@@ -157,6 +158,7 @@ def _simulate(folder: Path, options: dict[str, Any], told: Callable[[float, int]
         (folder / "said.txt").open("w+", encoding="utf-8", errors="replace") as said,
         subprocess.Popen(command, stdout=said, stderr=said, env=environment()) as sumo,
     ):
+        limit_memory(sumo, options["net-file"].stat().st_size)
         try:
             for time_s, rows in _written(options["fcd-output"], sumo):
                 told(time_s, rows)
@@ -173,13 +175,16 @@ def _simulate(folder: Path, options: dict[str, Any], told: Callable[[float, int]
 def _written(fcd: Path, sumo: subprocess.Popen[bytes]) -> Iterator[tuple[float, int]]:
     """Yield the time in s and the number of lines with vehicles that SUMO has written, until it has ended."""
     fcd.touch()
-    time_s, rows, rest, ended = 0.0, 0, b"", False
+    time_s, rows, rest, ended, silent = 0.0, 0, b"", False, 0
     with fcd.open("rb") as file:
         while not ended:
             with suppress(subprocess.TimeoutExpired):
                 sumo.wait(TOLD_EVERY_S)
             ended = sumo.poll() is not None
             *lines, rest = (rest + file.read()).split(b"\n")
+            silent = 0 if lines else silent + 1
+            if silent > MAX_SILENT:
+                sumo.kill()
             rows += sum(b";;" not in line for line in lines)
             with suppress(ValueError, IndexError):  # no line yet, or the names of the columns
                 time_s = float(lines[-1].split(b";")[0])

@@ -20,7 +20,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.net.text import points_of
 from scex_sumo.converters.net.xml import net_root
-from scex_sumo.road import Georeference
+from scex_sumo.road import Road
 
 DEFAULT_WIDTH_M = 3.2  # SUMO's own for lanes without a width
 MAX_M = 1e8  # of coordinates
@@ -124,10 +124,12 @@ class NetContent:
         """Links between lanes for passenger cars."""
         return [k for k in self.links if k.from_lane in self.car_lanes and k.to_lane in self.car_lanes]
 
-    def in_map(self, place: Georeference | None) -> NetContent:
-        """Shift lane shapes to the coordinates of a map; ``offset`` is what they were ahead of these."""
-        offset = self.offset
-        if place is not None and self.projected:
+    def in_map(self, road: Road) -> NetContent:
+        """Shift lane shapes to the coordinates of a road; ``offset`` is what they were ahead of these."""
+        offset, place = self.offset, road.georeference
+        if road.net is not None:
+            offset = offset - _offset(net_root(road.net))
+        elif place is not None and self.projected:
             offset = offset + np.array([place.east_m, place.north_m])
         lanes = {i: replace(lane, shape=lane.shape - offset) for i, lane in self.lanes.items()}
         return replace(self, lanes=lanes, offset=offset)
@@ -149,7 +151,7 @@ def read_net(path: Path) -> NetContent:
         phases[programme.get("id", "")] += [phase.get("state", "") for phase in programme.iter("phase")]
     following = _following(root, lanes)
     location = root.find("location")
-    location = location if location is not None else Element("location")
+    projection = "!" if location is None else location.get("projParameter", "!")
     return NetContent(
         path=path,
         lanes=lanes,
@@ -157,8 +159,8 @@ def read_net(path: Path) -> NetContent:
         links=_links(root, following),
         following=following,
         junctions={j.get("id", ""): _checked(path, j, _junction) for j in root.iter("junction")},
-        offset=_checked(path, location, _offset),
-        projected=location.get("projParameter", "").startswith("+proj"),
+        offset=_checked(path, root, _offset),
+        projected=projection.startswith("+proj"),
         phases={i: tuple(states) for i, states in phases.items()},
     )
 
@@ -200,8 +202,8 @@ def _lane(lane: Element, edge: Element) -> SumoLane:
     )
 
 
-def _offset(location: Element) -> FloatArray:
-    (offset,) = points_of(location.get("netOffset") or "0,0")
+def _offset(root: Element) -> FloatArray:
+    (offset,) = points_of(next((x.get("netOffset", "") for x in root.iter("location")), "") or "0,0")
     return np.asarray(offset)
 
 

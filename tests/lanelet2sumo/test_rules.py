@@ -98,6 +98,33 @@ def test_a_rule_of_two_ways_goes_before_a_rule_of_an_approach(tmp_path: Path) ->
     assert check_net(tmp_path / "drawn.net.xml", drawn, None).problems() == []
 
 
+def test_a_rule_of_a_lane_before_a_fork_holds_for_the_branch_that_meets_the_other_lane(
+    tmp_path: Path,
+) -> None:
+    """Lane 2 forks into 3, straight on, and 4, which turns right and merges with 5 from the left."""
+    lanes = [
+        lane(2, [(-60, 0), (-20, 0)], to=(3, 4)),
+        lane(3, [(-20, 0), (80, 0)]),
+        lane(4, arc((-20, -20), 20, 90, 0), to=(6,)),
+        lane(5, [(0, 60), (0, -20)], to=(6,)),
+        lane(6, [(0, -20), (0, -80)]),
+    ]
+    named = [((5,), (3,)), ((2,), (5,))]
+    rules = [
+        Regulation(element_id=9 + k, kind="right_of_way", lanes=y + p, yielding=y, priority=p)
+        for k, (y, p) in enumerate(named)
+    ]
+    for known, turn_yields in ((rules[:1], False), (rules, True)):
+        drawn = road(lanes, known)
+        net = net_of(drawn, tmp_path)
+        turning, south = net.via("l4", "l6"), net.via("l5#1", "l6")
+        assert ((turning, south) in net.yields, (south, turning) in net.yields) == (
+            turn_yields,
+            not turn_yields,
+        )
+        assert check_net(tmp_path / "drawn.net.xml", drawn, None).problems() == []
+
+
 def intersection() -> list[Lane]:
     """Arms 0 to 3, each a quarter turn to the left of the one before.
 

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import os
+import signal
+import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from scex_sumo.base.errors import SimulationError
+
+# Limits of a program, and what they grow by for each byte of the file that it reads.
+MEMORY_BYTES, MEMORY_PER_BYTE = 3 * 2**29, 150
+TIME_S, TIME_PER_BYTE_S = 60.0, 2e-5
 
 
 def sumo_home() -> Path:
@@ -27,6 +35,53 @@ def program(name: str) -> str:
 def environment() -> dict[str, str]:
     """Return the environment variables for SUMO's programs."""
     return {**os.environ, "SUMO_HOME": str(sumo_home())}
+
+
+def limit_memory(process: subprocess.Popen[Any], file_bytes: int) -> float:
+    """Limit the memory of a program by the size of the file that it reads; return the limit in GiB."""
+    limit = MEMORY_BYTES + MEMORY_PER_BYTE * file_bytes
+    if sys.platform == "linux":
+        import resource
+
+        with suppress(ProcessLookupError):
+            resource.prlimit(process.pid, resource.RLIMIT_AS, (limit, limit))
+    return limit / 2**30
+
+
+def run_program(
+    name: str, *options: str, folder: Path, file_bytes: int, limit_s: float | None = None
+) -> tuple[str, ...]:
+    """Run a program of SUMO in a folder, with a limit of memory.
+
+    Args:
+        file_bytes: size of the file that it reads; the limits grow with it.
+        limit_s: of time, in place of that.
+
+    Returns:
+        What it complains about: errors as ``Error: ...``, a crash or a limit as ``Error: NAME ...``.
+    """
+    limit_s = TIME_S + TIME_PER_BYTE_S * file_bytes if limit_s is None else limit_s
+    nowhere, command = subprocess.DEVNULL, [program(name), *options]
+    with subprocess.Popen(
+        command, stdout=nowhere, stderr=subprocess.PIPE, cwd=folder, env=environment()
+    ) as process:
+        limit_gib = limit_memory(process, file_bytes)
+        try:
+            said = process.communicate(timeout=limit_s)[1]
+        except BaseException as error:
+            process.kill()
+            if isinstance(error, subprocess.TimeoutExpired):
+                return (f"Error: {name} was stopped after {limit_s:.0f} s",)
+            raise
+    lines = [line.strip() for line in said.decode(errors="replace").splitlines() if line.strip()]
+    status = process.returncode
+    if status and any("bad_alloc" in line for line in lines):
+        lines = [f"Error: {name} was stopped at {limit_gib:.1f} GiB of memory"]
+    elif status < 0:
+        lines.append(f"Error: {name} crashes ({signal.Signals(-status).name})")
+    elif status and not any(line.startswith("Error") for line in lines):
+        lines.append(f"Error: {name} ended with status {status}")
+    return tuple(lines)
 
 
 def checked_path(path: Path | str) -> str:

@@ -178,9 +178,12 @@ def _missed_joints(lanes: Mapping[int, Lane], starts: set[int], ends: set[int]) 
     last = np.array([lanes[i].centreline[-1] for i in ids])
     pairs = []
     for k, i in enumerate(ids):
-        for m in np.flatnonzero(np.hypot(*(first - last[k]).T) < MISSED_JOINT_M):
+        gaps = np.hypot(*(first - last[k]).T)
+        # Where their beginnings or their ends are nearer, they lie beside each other; a stub may do so whole.
+        apart = np.minimum(np.hypot(*(first - first[k]).T), np.hypot(*(last - last[k]).T))
+        for m in np.flatnonzero((gaps < MISSED_JOINT_M) & (gaps < apart)):
             j = ids[m]
-            if i != j and (j in starts or i in ends) and _aligned(lanes[i], lanes[j]):
+            if (j in starts or i in ends) and _aligned(lanes[i], lanes[j]):
                 pairs.append((i, j))
     befores, afters = [i for i, _ in pairs], [j for _, j in pairs]
     return [(i, j) for i, j in pairs if befores.count(i) == 1 and afters.count(j) == 1]

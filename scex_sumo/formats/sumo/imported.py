@@ -8,7 +8,6 @@ import hashlib
 import os
 import shutil
 import stat
-import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -18,7 +17,7 @@ from xml.etree.ElementTree import Element
 
 from scex_sumo.base.errors import MapError
 from scex_sumo.base.files import TemporaryFolder, cache_folder, sha256_of, write_atomic
-from scex_sumo.base.sumo.programs import environment, program
+from scex_sumo.base.sumo.programs import run_program
 from scex_sumo.base.version import __version__, version_of
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.net.xml import unpacked
@@ -148,18 +147,12 @@ def _netconvert(path: Path, kind: str, content: bytes, options: dict[str, str]) 
         Path(folder, "map.xml").write_bytes(content)
         # Names without a folder: SUMO splits paths at commas.
         given = {f"{kind}-files": "map.xml", "output-file": "made.net.xml", "xml-validation": "never"}
-        command = [
-            program("netconvert"),
-            *(word for k, v in {**given, **options}.items() for word in (f"--{k}", v)),
-        ]
-        done = subprocess.run(
-            command, cwd=folder, capture_output=True, text=True, check=False, env=environment()
-        )
-        net = Path(folder, "made.net.xml")
-        if done.returncode or not net.is_file():
-            said = [line for line in done.stderr.splitlines() if line.startswith("Error")]
-            reason = said[0] if said else "it crashes; leave roads out until it can"
-            raise MapError(f"{path}: netconvert cannot read it: {reason}")
+        words = (word for k, v in {**given, **options}.items() for word in (f"--{k}", v))
+        said = run_program("netconvert", *words, folder=Path(folder), file_bytes=len(content))
+        errors, net = [line for line in said if line.startswith("Error")], Path(folder, "made.net.xml")
+        if errors or not net.is_file():
+            reason = errors[0].removeprefix("Error: ") if errors else "it writes no net"
+            raise MapError(f"{path}: netconvert cannot read it: {reason}; leave roads out until it can")
         written = net.read_bytes()
     if not written.rstrip().endswith(b"</net>"):
         raise MapError(f"{path}: netconvert's net is cut short; make room in {tempfile.gettempdir()}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -15,7 +14,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, listed, reason_of
-from scex_sumo.base.sumo.programs import environment, program
+from scex_sumo.base.sumo.programs import run_program
 from scex_sumo.converters.naming import map_name, unpacked_name
 from scex_sumo.converters.net.allowed import prune
 from scex_sumo.converters.net.reading import allowed_copy, lane_names, lanelet_places, named_parts
@@ -58,10 +57,10 @@ def read_sumo_road(path: str | Path, **_: object) -> Road:
 def _try(path: Path) -> None:
     """Load a net in SUMO in another process, because some inconsistent nets crash libsumo."""
     with allowed_copy(path) as net:
-        command = [program("sumo"), "--net-file", net.name, "--end", "0", "--xml-validation", "never"]
-        done = subprocess.run(command, capture_output=True, env=environment(), check=False, cwd=net.parent)
-    if done.returncode < 0:
-        raise MapError(f"{path}: SUMO crashes when it loads this net; build it again with netconvert")
+        options = ("--net-file", net.name, "--end", "0", "--xml-validation", "never")
+        said = run_program("sumo", *options, folder=net.parent, file_bytes=net.stat().st_size)
+    if ends := [line.removeprefix("Error: ") for line in said if line.startswith("Error: sumo ")]:
+        raise MapError(f"{path}: {ends[0]} when it loads this net; build it again with netconvert")
 
 
 def _road(path: Path) -> Road:

@@ -14,6 +14,7 @@ from scex_sumo.base.errors import MapError, listed
 
 MAX_LENGTH_M = 1e6  # of a road: longer ones cost netconvert all memory
 MIN_LENGTH_M = 1e-6  # of a polynomial: shorter ones too
+FLAT_M = 1e-3  # change of curvature times squared length, below which netconvert fails at spirals
 JOINT_M = 0.05  # of the connecting roads that direct junctions lack
 
 
@@ -77,18 +78,27 @@ def _simpler_geometry(root: Element) -> Iterator[str]:
 
 
 def _plain(stretch: Element) -> bool:
-    """Make an arc without curvature a line, and a spiral of one curvature an arc or a line."""
-    arc, spiral = stretch.find("arc"), stretch.find("spiral")
-    if arc is not None and _number(arc, "curvature") == 0.0:
-        stretch.remove(arc)
-        SubElement(stretch, "line")
-        return True
-    if spiral is None or _number(spiral, "curvStart") != _number(spiral, "curvEnd"):
+    """Make an arc that hardly bends a line, and a spiral of nearly one curvature an arc or a line."""
+    old = next((shape for shape in stretch if shape.tag in ("arc", "spiral")), None)
+    if old is None:
         return False
-    stretch.remove(spiral)
-    curvature = _number(spiral, "curvStart")
-    SubElement(stretch, "arc" if curvature else "line", {"curvature": repr(curvature)} if curvature else {})
+    first, last = _curvatures(stretch)
+    least = FLAT_M / max(_number(stretch, "length"), MIN_LENGTH_M) ** 2
+    straight = max(abs(first), abs(last)) <= least
+    if not straight and (old.tag == "arc" or abs(last - first) > least):
+        return False
+    stretch.remove(old)
+    bent = {} if straight else {"curvature": repr((first + last) / 2)}
+    SubElement(stretch, "arc" if bent else "line", bent)
     return True
+
+
+def _curvatures(stretch: Element) -> tuple[float, float]:
+    """Return the curvatures at both ends of a line, an arc or a spiral."""
+    if (arc := stretch.find("arc")) is not None:
+        return _number(arc, "curvature"), _number(arc, "curvature")
+    spiral = stretch.find("spiral")
+    return (0.0, 0.0) if spiral is None else (_number(spiral, "curvStart"), _number(spiral, "curvEnd"))
 
 
 def _without_empty_roads(path: Path, root: Element) -> Iterator[str]:
@@ -257,12 +267,7 @@ def _along(stretch: Element, length: float) -> tuple[float, float, float]:
     if (poly := stretch.find("poly3")) is not None:
         _, b, c, d = across = [_number(poly, k) for k in "abcd"]
         return length, _evaluated(across, length), math.atan(b + length * (2 * c + length * 3 * d))
-    arc, spiral = stretch.find("arc"), stretch.find("spiral")
-    first = last = 0.0
-    if arc is not None:
-        first = last = _number(arc, "curvature")
-    elif spiral is not None:
-        first, last = _number(spiral, "curvStart"), _number(spiral, "curvEnd")
+    first, last = _curvatures(stretch)
     s = (np.arange(1000) + 0.5) / 1000 * length
     turned = first * s + (last - first) * s**2 / (2 * length)
     steps = length / 1000 * np.stack((np.cos(turned), np.sin(turned)), axis=1)

@@ -16,8 +16,8 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import SimulationError, reason_of
 from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.base.sumo.programs import run_program
 from scex_sumo.geometry.polylines import cut, heading, length_of, turn
-from scex_sumo.lanelet2sumo.judge.loading import run
 from scex_sumo.lanelet2sumo.reader import NetContent, SumoLane, read_net
 
 RUN_UP_M = 20.0  # braking distance at 50 km/h
@@ -117,7 +117,8 @@ def _simulate(net_path: Path, folder: Path, end_s: float) -> tuple[str, ...]:
         f" --fcd-output fcd.xml --fcd-output.attributes id,x,y,angle,lane --device.fcd.period {LOOK_S}"
         " --tripinfo-output trips.xml --statistic-output statistics.xml --xml-validation never --no-step-log"
     )
-    lines = run(folder, LIMIT_S, "sumo", *options.split())
+    size = net_path.stat().st_size
+    lines = run_program("sumo", *options.split(), folder=folder, file_bytes=size, limit_s=LIMIT_S)
     if errors := [line for line in lines if line.startswith("Error")]:
         raise SimulationError(f"{net_path}: cars cannot drive on it: {'; '.join(errors[:3])}; mend the net")
     return lines

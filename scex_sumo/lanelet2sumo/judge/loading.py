@@ -12,6 +12,7 @@ import subprocess
 import threading
 import warnings
 from collections import Counter
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -21,7 +22,7 @@ import shapely
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import SimulationError
-from scex_sumo.base.sumo.programs import checked_path, program
+from scex_sumo.base.sumo.programs import checked_path, limit_memory, program, run_program
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.lanelet2sumo.judge.matching import AHEAD_RAD, Matching, sample_headings, sample_line
 from scex_sumo.lanelet2sumo.reader import NetContent
@@ -32,10 +33,9 @@ MAX_PROBES = 20_000  # on longer maps points are left out evenly
 PROBE_END_M = 0.3  # at its very ends a lanelet and its neighbours in line share their points
 MATCH_THRESHOLD_M = 100.0  # SUMO's own; below 20 m it finds worse lanes at times
 SAME_PLACE_M = 0.05  # branches of a fork lie on each other at first; either is the mapped lane there
-LOAD_LIMIT_S = 60.0
 PROBES_LIMIT_S = 300.0  # SUMO may never end on a damaged net
 RETRY_S = 0.05
-RETRIES = int(LOAD_LIMIT_S / RETRY_S)
+RETRIES = 1200
 
 
 class Loading:
@@ -46,13 +46,10 @@ class Loading:
     """
 
     def __init__(self, matching: Matching) -> None:
-        net, limit = matching.net, LOAD_LIMIT_S
-        path, nowhere = checked_path(net.path.name), os.devnull
-        options = ("-n", path, "--no-step-log", "--end", "1", "--xml-validation", "never")
-        self.sumo = run(net.path.parent, limit, "sumo", *options)
-        refused = run(
-            net.path.parent, limit, "netconvert", "-s", path, "-o", nowhere, "--offset.disable-normalization"
-        )
+        net, path = matching.net, checked_path(matching.net.path.name)
+        run = partial(run_program, folder=net.path.parent, file_bytes=net.path.stat().st_size)
+        self.sumo = run("sumo", "-n", path, "--no-step-log", "--end", "1", "--xml-validation", "never")
+        refused = run("netconvert", "-s", path, "-o", os.devnull, "--offset.disable-normalization")
         self.netconvert = [line for line in refused if line.startswith("Error")]
         self.sumolib = _sumolib_warnings(net.path)
         points, owners, directions = _probe_points(matching.road)
@@ -65,21 +62,6 @@ class Loading:
         )
         self.probes = len(owners)
         self.lost = sorted(misses.items(), key=lambda entry: (-entry[1], entry[0]))
-
-
-def run(folder: Path, limit_s: float, name: str, *options: str) -> tuple[str, ...]:
-    """Run a program of SUMO in a folder; return what it complains about, errors as ``Error: ...``."""
-    command = [program(name), *options]
-    try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, timeout=limit_s, check=False, cwd=folder
-        )
-    except subprocess.TimeoutExpired:
-        return (f"Error: {name} was stopped after {limit_s:.0f} s",)
-    lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
-    if done.returncode != 0 and not any(line.startswith("Error") for line in lines):
-        lines.append(f"Error: {name} ended with status {done.returncode}")
-    return tuple(lines)
 
 
 def _sumolib_warnings(path: Path) -> tuple[str, ...]:
@@ -123,6 +105,7 @@ def _ask_sumo(net: NetContent, points: FloatArray, directions: FloatArray) -> li
     command += ["--collision.action", "none", "--remote-port", str(port)]
     nowhere, folder = subprocess.DEVNULL, net.path.parent
     with subprocess.Popen(command, stdout=nowhere, stderr=nowhere, cwd=folder) as server:
+        limit_memory(server, net.path.stat().st_size)
         stop = threading.Timer(PROBES_LIMIT_S, server.kill)
         stop.start()
         try:

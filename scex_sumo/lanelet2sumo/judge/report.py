@@ -247,7 +247,7 @@ def check_net(net_path: Path, road: Road, lanes: LaneTable | None = None) -> Fid
     Args:
         lanes: SUMO lanes of each lanelet; None to find them by geometry.
     """
-    matching = match_lanelets(read_net(net_path).in_map(road.georeference), road, lanes)
+    matching = match_lanelets(read_net(net_path).in_map(road), road, lanes)
     figures: Figures = {"net": net_path.name, "map": road.name, "lane_table": lanes is not None}
     for part in (Shapes, Moves, RightOfWay, Loading):
         figures |= _measured(part(matching))

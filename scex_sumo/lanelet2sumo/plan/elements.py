@@ -67,6 +67,7 @@ class Connection:
         entry: heading where the path enters the node, rad.
         bend: signed change of heading along the path, rad, positive to the left.
         on: lanelets whose rules apply: those of the path and of the approach.
+        before: these and those before forks of the approach, whose rules apply where no other does.
         across: lanelets of the path within the node.
         on_ring: whether it comes from a lane of a roundabout.
         lanelets: from the road before to the road after, without repeats.
@@ -80,6 +81,7 @@ class Connection:
     entry: float
     bend: float
     on: frozenset[int]
+    before: frozenset[int]
     across: frozenset[int]
     on_ring: bool
     lanelets: tuple[int, ...]

@@ -97,7 +97,7 @@ class _Plan:
             paths = sorted(paths, key=lambda p: (order[self._lane_name(p.start)], self._lane_name(p.end)))
             links = [self._connection(node, k, path, shapes[path]) for k, path in enumerate(paths)]
             merging = set_foes(links, clashes)
-            on = {i for link in links for i in link.on}
+            on = {i for link in links for i in link.before}
             set_right_of_way(links, merging, [rule for rule in rules if named[rule.element_id] & on])
             result[node] = tuple(links)
         return result
@@ -223,6 +223,7 @@ class _Plan:
             entry=heading(self._road_shape(path.start), end=True),
             bend=bend(shape),
             on=approach(self._topology, path),
+            before=approach(self._topology, path, forks=True),
             across=frozenset(self._topology.lane(piece).lane_id for piece in path.inside),
             on_ring=first.lane_id in self._ring,
             internal=internal,

@@ -24,8 +24,12 @@ MAX_ONCOMING = 0.2  # of a roundabout's length that has oncoming lanes beside it
 BESIDE_M = 10.0
 
 
-def approach(topology: Topology, path: Path) -> frozenset[int]:
-    """Return lanelets on a path and up to 30 m before it, as far as no other way joins in between."""
+def approach(topology: Topology, path: Path, *, forks: bool = False) -> frozenset[int]:
+    """Return lanelets on a path and up to 30 m before it, as far as no other way joins in between.
+
+    Args:
+        forks: go on before forks, where a rule may mean another way.
+    """
     lanelets = {topology.lane(piece).lane_id for piece in (path.start, *path.inside)}
     lane, reach = topology.lane(path.start), 0.0
     while reach < REACH_M:
@@ -35,7 +39,7 @@ def approach(topology: Topology, path: Path) -> frozenset[int]:
         if len(before) != 1 or before[0] not in topology.where or before[0] in lanelets:
             break
         lane = topology.lanes[before[0]]
-        if len(lane.successors) != 1:
+        if len(lane.successors) != 1 and not forks:
             break
         lanelets.add(lane.lane_id)
     return frozenset(lanelets)
@@ -100,7 +104,7 @@ def set_right_of_way(
 
 def _by_rule(a: Connection, b: Connection, rules: Sequence[Regulation]) -> str:
     """Return ``yields``, ``has priority``, ``both`` (all-way stop) or nothing, for link a against link b."""
-    mine = theirs = certain = 0
+    mine = theirs = across = ahead = 0
     for rule in rules:
         if rule.kind == "all_way_stop":
             stopping = {*rule.lanes, *rule.yielding}
@@ -110,11 +114,15 @@ def _by_rule(a: Connection, b: Connection, rules: Sequence[Regulation]) -> str:
         yielding = set(rule.yielding) or (set(rule.lanes) if rule.kind in ("stop", "yield") else set())
         sides = yielding, set(rule.priority)
         mine, theirs = max(mine, _weight(a.on, b.on, *sides)), max(theirs, _weight(b.on, a.on, *sides))
-        for across, on in ((a.across, b.on), (a.on, b.across)):
-            certain += (_weight(across, on, *sides) == 2) - (_weight(on, across, *sides) == 2)
-    # Rules of the approaches mean other ways across: those that name these ways decide.
-    if mine == theirs or (certain and max(mine, theirs) < 2):
-        mine, theirs = max(certain, 0), max(-certain, 0)
+        for one, other in ((a.across, b.on), (a.on, b.across)):
+            across += (_weight(one, other, *sides) == 2) - (_weight(other, one, *sides) == 2)
+        for one, other, sign in ((a.before, b.before, 1), (b.before, a.before, -1)):
+            ahead += sign * (_weight(one, other, *sides) == 2)
+    # Rules of the approaches mean other ways across: those that name these ways decide, then those that name
+    # both approaches.
+    for named in (across, ahead):
+        if mine == theirs or (named and max(mine, theirs) < 2):
+            mine, theirs = 2 * max(named, 0), 2 * max(-named, 0)
     if mine == theirs:
         return ""
     return "yields" if mine > theirs else "has priority"

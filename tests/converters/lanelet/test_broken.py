@@ -18,6 +18,7 @@ import pytest
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Road
 from tests.converters.maps import ROAD, Lanelet, Line, draw_map, rule, straight
 
@@ -367,3 +368,12 @@ def test_a_lanelet_missing_between_two_is_added_where_one_goes_on_behind_it(tmp_
 
 def test_room_between_two_lanelets_is_no_lane_where_none_goes_on(tmp_path: Path) -> None:
     assert set(read_road(written(tmp_path, three_beside(60.0))).lanes) == {1, 3, 5}
+
+
+@pytest.mark.parametrize("length", [0.02, 0.2, 0.36, 0.59])
+def test_a_stub_beside_the_beginning_of_a_lane_is_no_gap_before_it(length: float, tmp_path: Path) -> None:
+    lanes = [straight(1, 0, 30), straight(2, 30, 60), straight(3, 30, 30 + length)]
+    road = read_road(written(tmp_path, draw_map(lanes)))
+    assert road.lanes[1].successors == (2, 3) and not road.lanes[3].successors and not road.notes
+    net = convert(road, tmp_path / "stub.net.xml")
+    assert check_net(net.path, road, net.lanes).problems() == []

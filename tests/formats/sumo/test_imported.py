@@ -110,7 +110,7 @@ def test_a_net_cut_by_a_full_disk_is_an_error_and_not_kept(
     cut = tmp_path / "netconvert"
     cut.write_text("#!/bin/sh\nprintf '<net><edge' > made.net.xml\n")  # as netconvert does, with status 0
     cut.chmod(0o755)
-    monkeypatch.setattr(imported, "program", lambda name: str(cut))
+    monkeypatch.setattr("scex_sumo.base.sumo.programs.program", lambda name: str(cut))
     file = tmp_path / "town.osm"
     file.write_text(STREETS)
     with pytest.raises(MapError, match=r"town\.osm: netconvert's net is cut short; make room in "):

@@ -56,6 +56,8 @@ BENT = 100 * np.sin(0.5) + 1.75 * np.sin(0.5), 100 * (1 - np.cos(0.5)) - 1.75 * 
         ('<arc curvature="0"/>', STRAIGHT),
         ('<spiral curvStart="0" curvEnd="0"/>', STRAIGHT),
         ('<spiral curvStart="0.01" curvEnd="0.01"/>', BENT),
+        ('<spiral curvStart="0.01" curvEnd="0.01000000000001"/>', BENT),
+        ('<arc curvature="1e-13"/>', STRAIGHT),
     ],
 )
 def test_curves_that_do_not_bend_more_are_plain_ones(

@@ -12,6 +12,7 @@ import pytest
 
 from scex_sumo.base.errors import InputError
 from scex_sumo.converters.net.convert import convert
+from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.lanelet2sumo.judge.driving import Driving
 from scex_sumo.lanelet2sumo.judge.report import TABLE, FidelityReport, check_net, drive_net
 from tests.converters.plain_net import Table, crossing, lane, write_net
@@ -90,6 +91,13 @@ def test_a_net_offset_is_taken_off(tmp_path: Path) -> None:
     }
     net = write_net(tmp_path, ('netOffset="0.00,0.00"', 'netOffset="-1000.00,500.00"'))
     assert check_net(net, replace(road, lanes=moved), Table()).problems() == []
+
+
+def test_a_net_whose_coordinates_have_an_offset_is_faithful_to_itself(tmp_path: Path) -> None:
+    place = 'netOffset="0.00,0.00"', 'netOffset="-690000.00,-5700000.00"'
+    road = read_sumo_road(write_net(tmp_path, place))
+    net = convert(road, tmp_path / "copy.net.xml")
+    assert check_net(net.path, road, net.lanes).problems() == []
 
 
 def test_a_lane_shifted_by_20_cm_is_found(tmp_path: Path) -> None:
