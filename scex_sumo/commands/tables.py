@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scex_sumo.base.errors import ResultError
-from scex_sumo.base.files import replacing
+from scex_sumo.base.files import output
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -14,15 +13,11 @@ if TYPE_CHECKING:
 TABLE_SUFFIXES = (".parquet", ".csv")
 
 
-def write_table(table: pa.Table, path: Path) -> None:
-    """Write a table as Parquet or CSV, atomically."""
+def write_table(table: pa.Table, path: Path, *inputs: Path) -> None:
+    """Write a table as Parquet or CSV, as `output`."""
     import pyarrow.parquet as pq
 
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ResultError(f"{path}: cannot write: {error.strerror or error}") from None
-    with replacing(path) as temporary:
+    with output(path, *inputs) as temporary:
         if path.suffix == ".parquet":
             pq.write_table(table, temporary)
         else:

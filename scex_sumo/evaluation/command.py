@@ -75,7 +75,7 @@ def metrics_command(
         write_csv(table, sys.stdout.buffer)
         warn([f"level {level}, preset {preset}"])
     else:
-        write_table(table, out)
+        write_table(table, out, source)
         print(f"{out}: {table.num_rows} rows, level {level}, preset {preset}")
 
 

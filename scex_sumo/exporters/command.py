@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from scex_sumo.base.errors import ScexError, UsageError
+from scex_sumo.base.errors import UsageError
+from scex_sumo.base.files import check_output, remember, writing
 from scex_sumo.base.options import last_of_list
 from scex_sumo.commands.options import Result, metric_option, two_tracks
 
@@ -98,12 +99,14 @@ def export_command(
             map_path=map_path,
         )
         request.ego_index()
-    try:
-        # Another package's errors are no errors of the folder.
-        with as_written(folder) if to in EXPORTERS.builtin else nullcontext():
-            files = write(request)
-    except OSError as error:
-        raise ScexError(f"{error.filename or out or '.'}: cannot write: {error.strerror or error}") from None
+    own = to in EXPORTERS.builtin
+    if out is not None and out.is_file() and not own:
+        check_output(out, *request.inputs)
+    # Another package's errors are no errors of the folder.
+    with writing(out or Path()), as_written(folder) if own else nullcontext():
+        files = write(request)
+    if not own:
+        remember(*files)
     for file in files:
         print(file)
 

@@ -14,7 +14,6 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.files import write_atomic
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.exporters.light_cycles import Cycles, LightCycle, light_cycles, with_lights
 from scex_sumo.exporters.request import RECORDED, Participant, Request
@@ -63,7 +62,7 @@ def write_commonroad(request: Request) -> list[Path]:
             root.append(_task(request, future, ego, max(used) + 1_000_000))
         ET.indent(root)
         file = request.folder / f"{name}.xml"
-        write_atomic(file, ET.tostring(root, encoding="utf-8", xml_declaration=True))
+        request.write(file, ET.tostring(root, encoding="utf-8", xml_declaration=True))
         files.append(file)
     return files
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.files import write_atomic
 from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.tracks.road_users import PEOPLE, road_user
 from scex_sumo.exporters.opendrive.of_run import opendrive_of
@@ -78,11 +77,11 @@ def _write(request: Request, *, minor: int) -> list[Path]:
         from scenariogeneration import xosc
     road = request.folder / f"{request.road.name}.xodr"
     drawn = opendrive_of(request)
-    write_atomic(road, drawn.text.encode())
+    request.write(road, drawn.text.encode())
     files = [road]
     for future in request.futures:
         file = request.folder / f"{request.file_stem(future)}.xosc"
-        write_atomic(file, _scenario_text(xosc, request, future, road.name, drawn.flat, minor).encode())
+        request.write(file, _scenario_text(xosc, request, future, road.name, drawn.flat, minor).encode())
         files.append(file)
     readme = request.folder / "README.md"
     text = _README.format(
@@ -97,7 +96,7 @@ def _write(request: Request, *, minor: int) -> list[Path]:
         axles=_WHEELBASE,
         options="--traj_filter 0 --pline_interpolation segment",
     )
-    write_atomic(readme, text.encode())
+    request.write(readme, text.encode())
     return [*files, readme]
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.files import TemporaryFolder, write_atomic
+from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.exporters.light_cycles import LightCycle, light_cycles
@@ -48,7 +48,7 @@ def write_omega_prime(request: Request) -> list[Path]:
                 writer.add(area, topic="ground_truth_map", log_time=0)
                 for truth in _ground_truths(request, future, drawn, betterosi):
                     writer.add(truth, log_time=_time_ns(truth))
-            write_atomic(path, trace.read_bytes())
+            request.write(path, trace.read_bytes())
     return files
 
 
@@ -57,9 +57,9 @@ def write_osi(request: Request) -> list[Path]:
     betterosi, files, drawn = osi_library(), request.files(".osi"), opendrive_of(request)
     for future, path in zip(request.futures, files, strict=True):
         bodies = (truth.to_binary() for truth in _ground_truths(request, future, drawn, betterosi))
-        write_atomic(path, b"".join(len(body).to_bytes(4, "little") + body for body in bodies))
+        request.write(path, b"".join(len(body).to_bytes(4, "little") + body for body in bodies))
     area = files[0].with_name(f"{request.road.name}.xodr")
-    write_atomic(area, drawn.text.encode())
+    request.write(area, drawn.text.encode())
     return [*files, area]
 
 

@@ -6,6 +6,7 @@ Packages add entry points in ``scex_sumo.exporters``; ``--to`` also takes ``pack
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +16,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import MapError, UsageError
-from scex_sumo.base.files import write_atomic
+from scex_sumo.base.files import output
 from scex_sumo.base.importing import Registry
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
@@ -185,8 +186,24 @@ class Request:
         """Write and return the `files` of all futures."""
         paths = self.files(ending)
         for future, path in zip(self.futures, paths, strict=True):
-            write_atomic(path, content(future))
+            self.write(path, content(future))
         return paths
+
+    def write(self, path: Path, content: bytes) -> None:
+        """Write a file, unless it is an input of the run or a file of others."""
+        with self.output(path) as temporary:
+            temporary.write_bytes(content)
+
+    def output(self, path: Path) -> AbstractContextManager[Path]:
+        """Yield a temporary file that becomes a file as of `write`."""
+        return output(path, *self.inputs)
+
+    @property
+    def inputs(self) -> list[Path]:
+        """Map and tracks of the run."""
+        scene = self.run.info["seed_scene"]
+        named = (self.map_path, scene.get("map"), (scene.get("source") or {}).get("tracks"))
+        return [Path(file) for file in named if file]
 
     def ego_index(self) -> int | None:
         """Return the index of the ego in the seed scene, None without an ego."""

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.base.files import write_atomic
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.exporters.request import Participant, Request
@@ -33,12 +32,12 @@ def write_scenarionet(request: Request) -> list[Path]:
         file = request.folder / f"sd_scex_{__version__}_{name}.pkl"
         scenario = _scenario(request, future, name)
         scenario["map_features"] = road
-        write_atomic(file, pickle.dumps(scenario, protocol=4))
+        request.write(file, pickle.dumps(scenario, protocol=4))
         summary[file.name] = scenario["metadata"]
         files.append(file)
     contents = {"dataset_summary.pkl": summary, "dataset_mapping.pkl": dict.fromkeys(summary, "")}
     for name, content in contents.items():
-        write_atomic(request.folder / name, pickle.dumps(content, protocol=4))
+        request.write(request.folder / name, pickle.dumps(content, protocol=4))
         files.append(request.folder / name)
     return files
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.files import write_atomic
+from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.exporters.request import Request
@@ -43,7 +43,6 @@ def write_sumo(request: Request) -> list[Path]:
     files = []
     for future in request.futures:
         folder = request.folder if len(request.futures) == 1 else request.folder / f"future{future:04d}"
-        folder.mkdir(exist_ok=True)
         files.append(_write_future(request, future, folder))
     return files
 
@@ -64,14 +63,16 @@ def _write_future(request: Request, future: int, folder: Path) -> Path:
         SumoDriven(future=0, vehicle=n, model=_MODEL, parameters={}, edges=edges[v])
         for n, v in enumerate(kept)
     ]
-    with SumoWorld(request.run.net, scene, slots=[0]) as world:
+    with SumoWorld(request.run.net, scene, slots=[0]) as world, TemporaryFolder() as temporary:
         world.begin(scene.now.repeat(1), np.zeros(1, dtype=np.int64), driven)
-        world.save(folder)
+        world.save(Path(temporary))
+        for file in sorted(Path(temporary).glob("*.xml")):
+            request.write(folder / file.name, file.read_bytes())
     left = f"Off the lanes or on foot, and left out: {', '.join(left_out)}." if left_out else ""
     text = _README.format(future=future, name=request.name, model=_MODEL, left=left)
-    write_atomic(folder / "README.md", text.encode())
+    request.write(folder / "README.md", text.encode())
     configuration = _CONFIGURATION.format(step=STEP_S, end=_END_S, blocked=_BLOCKED_S)
-    write_atomic(folder / "future.sumocfg", configuration.encode())
+    request.write(folder / "future.sumocfg", configuration.encode())
     return folder / "future.sumocfg"
 
 

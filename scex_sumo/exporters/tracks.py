@@ -13,7 +13,6 @@ from pyarrow import csv
 
 from scex_sumo.base.arrays import BoolArray, IntArray
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.base.files import replacing
 from scex_sumo.exporters.request import Request
 from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
@@ -30,7 +29,7 @@ def write_interaction(request: Request) -> list[Path]:
     path = request.file(stem, ".csv")
     options = csv.WriteOptions(quoting_style="none", quoting_header="none")
     schema = pq.read_schema(run.folder / "tracks.parquet")
-    with replacing(path) as file, csv.CSVWriter(file, schema, write_options=options) as writer:
+    with request.output(path) as file, csv.CSVWriter(file, schema, write_options=options) as writer:
         for first in range(0, len(futures), _FUTURES_AT_ONCE):
             for case in _cases(run, futures[first : first + _FUTURES_AT_ONCE]):
                 writer.write_table(case)
@@ -88,7 +87,7 @@ def write_interpret(request: Request) -> list[Path]:
     table = pa.table(columns)
     if path.is_file():
         table = _with_other_cases(path, table, case)
-    with replacing(path) as file:
+    with request.output(path) as file:
         csv.write_csv(table, file)
     return [path]
 

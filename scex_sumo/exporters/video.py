@@ -22,7 +22,6 @@ from PIL import Image
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.colors import OTHER_RGB, Rgb
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.files import replacing
 from scex_sumo.exporters.request import Request
 from scex_sumo.geometry.rectangles import outlines
 from scex_sumo.lanelet2sumo.road_lines import AREA, BORDER, STOP, SURFACE, RoadLine, road_lines
@@ -66,7 +65,7 @@ def _write(
         each = [(future,) for future in request.futures]
         shown = dict(zip(request.files(f".{ending}"), each, strict=True))
     for path, futures in shown.items():
-        with replacing(path) as unfinished, mpl.rc_context(STYLE):
+        with request.output(path) as unfinished, mpl.rc_context(STYLE):
             encode(unfinished, request, futures)
     return list(shown)
 

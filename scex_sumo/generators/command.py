@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shlex
-import shutil
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,7 +12,7 @@ import numpy as np
 from typer import Option
 
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.base.files import replacing, write_atomic
+from scex_sumo.base.files import check_output, output, write_output
 from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.commands.options import Origin, Overwrite, Seed, Speed
 from scex_sumo.commands.seed import MapPath
@@ -69,7 +68,7 @@ def generate_command(
 ) -> None:
     """Generate seed scenes on a map as recorded ones look: cases that every command takes."""
     from scex_sumo.converters.datasets.writer import write_tracks
-    from scex_sumo.converters.lanelet.origin import META_DATA, parse_origin
+    from scex_sumo.converters.lanelet.origin import META_DATA, parse_origin, recorded_origin
     from scex_sumo.converters.maps import LANELET2, read_map
     from scex_sumo.converters.naming import map_name
     from scex_sumo.converters.registries import map_format
@@ -93,8 +92,14 @@ def generate_command(
     cases = folder / f"{map_name(map_path)}.csv"
     if folder.is_file():
         raise UsageError(f"-o {folder}: is a file; name a folder")
+    target, weights = folder / map_path.name, cases.with_suffix(".weights.json")
     if cases.exists() and not overwrite:
         raise ResultError(f"{cases}: exists; --overwrite replaces it")
+    copied = not target.exists() or not target.samefile(map_path)
+    local = map_format(map_path).read is not LANELET2.read or road.origin == (0.0, 0.0)
+    origins = [] if local or recorded_origin(target) == road.origin else [folder / META_DATA]
+    for file in (cases, weights, *origins, *([target] if copied else [])):
+        check_output(file, scenes)
     drawn, cells, circle = [], None, region_of(region, None).circle
     if circle is not None and road.vehicle_lanes:
         x, y, _ = lane_cells(road).cell_pose
@@ -110,20 +115,17 @@ def generate_command(
     if critical:
         with progress_bar(f"running {road.name}") as tick:
             drawn, about = _drawn(drawn, count, seed, tick)
-    folder.mkdir(parents=True, exist_ok=True)
-    target = folder / map_path.name
-    if target.resolve() != map_path.resolve():
-        with replacing(target) as written:
-            shutil.copyfile(map_path, written)
-    if map_format(map_path).read is LANELET2.read and road.origin != (0.0, 0.0):
+    if copied:
+        write_output(target, map_path.read_bytes())
+    for file in origins:
         lat, lon = road.origin
-        write_atomic(folder / META_DATA, f"originLat,originLon\n{lat!r},{lon!r}\n".encode())
-    weights = cases.with_suffix(".weights.json")
+        write_output(file, f"originLat,originLon\n{lat!r},{lon!r}\n".encode())
     weights.unlink(missing_ok=True)
-    write_tracks(cases, *drawn)
+    with output(cases) as temporary:
+        write_tracks(temporary, *drawn)
     print(f"cases:  {cases} ({count} scenes)")
     if about:
-        write_atomic(weights, (json.dumps(about, indent=1) + "\n").encode())
+        write_output(weights, (json.dumps(about, indent=1) + "\n").encode())
         means = (f"{value:.2f} {name}" for name, value in about["critical_encounters"].items())
         print(f"weight: {weights} (critical encounters of a future: {', '.join(means)})")
     print(f"run:    scex-sumo run {shlex.quote(str(target))} --tracks {shlex.quote(str(cases))} --case 1")

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.base.files import check_output, remember
 from scex_sumo.commands.console import output_console, warn
 from scex_sumo.commands.shared import Answer
 
@@ -64,9 +65,11 @@ def watch_command(
     ] = Path("out") / "watch",
 ) -> Answer:
     """Watch a SUMO simulation: what could happen next, while it runs."""
+    from scex_sumo.formats.sumo.scenario import RISK
     from scex_sumo.live.focus import Focus
+    from scex_sumo.live.folder import LEADS, PAGE
     from scex_sumo.live.risk import Question
-    from scex_sumo.live.session import Session
+    from scex_sumo.live.session import SSM, Session
 
     if (follow or ghosts) and not gui:
         raise UsageError(f"--{'follow' if follow else 'ghosts'}: needs --gui")
@@ -87,6 +90,11 @@ def watch_command(
         ghosts=ghosts,
     )
     teller = _Teller(out)
+    files = [out / name for name in (RISK, LEADS, PAGE, *([SSM] if ssm else []))]
+    if out.resolve() != scenario.resolve().parent:
+        files.append(out / scenario.name)
+    for file in files:
+        check_output(file, scenario)
 
     def begin(watch: Watch, take: Any) -> None:
         teller.watch = watch
@@ -103,6 +111,7 @@ def watch_command(
 
     early = session.run(begin, teller)
     page = teller.write(scenario, ssm=ssm)
+    remember(*files)
     warn([f"{early}; what was watched until then is kept"] if early else [])
     print(f"result: {out / 'risk.parquet'}")
     print(f"look:   {page}")

@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.base.files import write_atomic
+from scex_sumo.base.files import write_output
 from scex_sumo.certainty.response.answer import once_in
 from scex_sumo.commands.tables import write_table
 from scex_sumo.formats.sumo.scenario import RISK, options_of
@@ -115,7 +115,7 @@ def write_configuration(folder: Path, config: Path) -> Path:
         ElementTree.SubElement(root, name, value=value)
     path = folder / config.name
     if path.resolve() != config.resolve():
-        write_atomic(path, ElementTree.tostring(root, encoding="utf-8"))
+        write_output(path, ElementTree.tostring(root, encoding="utf-8"))
     return path
 
 

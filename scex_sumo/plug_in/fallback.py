@@ -27,6 +27,8 @@ from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 MAX_CALL_S, MAX_VEHICLE_S = 60.0, 0.1  # of a call, and of each of its vehicles in addition
 MAX_NAME = 80  # characters of a model's name in an error
 JUMP_M = 5.0  # from the straight motion within one step: 500 m/s², beyond any vehicle
+SHARE = 0.5  # of its way by which speed or heading of a plan may contradict it, if it is 5 m or more
+RANGES = {"speed": (-1.0, 120.0), "heading": (-1e4, 1e4)}  # m/s, a little below 0 by rounding; rad
 STATES = ("x", "y", "heading", "speed")
 
 Answer = tuple[Plan, list[str], BoolArray]  # plans, why each fell back, whether it must be replaced
@@ -167,28 +169,47 @@ def plan_arrays(plan: Any, count: int) -> Plan:
 def plan_defects(plan: Plan, history: SceneHistory, who: VehicleIndex) -> list[str]:
     """Return why each plan is unusable; an empty text for a usable plan.
 
-    A plan must be finite, and no state more than 5 m from the straight continuation of the motion before it.
+    A plan must be finite, in what a vehicle can do (`RANGES`), and no state more than 5 m from the straight
+    continuation of the motion before it. Positions, speed and heading must tell roughly the same motion.
     """
     reasons = [""] * len(who)
-    finite = np.stack([np.isfinite(getattr(plan, key)).all(axis=1) for key in STATES])
-    for row in np.flatnonzero(~finite.all(axis=0)):
-        reasons[row] = f"plan.{STATES[int(np.argmin(finite[:, row]))]} is not finite"
-    off = _deviations(plan, history, who)
-    for row in np.flatnonzero(finite.all(axis=0) & (off > JUMP_M).any(axis=1)):
-        step = int(np.argmax(off[row] > JUMP_M))
+    for key in STATES:
+        values, (least, most) = getattr(plan, key), RANGES.get(key, (-np.inf, np.inf))
+        finite = np.isfinite(values)
+        for row, step in _first(~(finite & (values >= least) & (values <= most)), reasons):
+            needs = f"{values[row, step]:g} at step {step + 1}; needs {least:g} to {most:g}"
+            reasons[row] = f"plan.{key} is {needs if finite[row, step] else 'not finite'}"
+    off, moved, told, along = _motion(plan, history, who)
+    for row, step in _first(off > JUMP_M, reasons):
         where = "starts" if step == 0 else f"jumps at step {step + 1} to"
         reasons[row] = f"plan {where} {off[row, step]:.1f} m from where the vehicle's motion leads"
+    for row, _ in _first(
+        (np.abs(moved - told) > np.maximum(JUMP_M, SHARE * np.maximum(moved, told)))[:, None], reasons
+    ):
+        far = f"leads {told[row]:.1f} m far, its positions {moved[row]:.1f} m"
+        reasons[row] = f"plan.speed {far}; needs m/s"
+    for row, _ in _first(((moved > JUMP_M) & (along < SHARE * moved))[:, None], reasons):
+        reasons[row] = f"plan.heading is across {moved[row]:.1f} m of motion; needs rad, 0 along x"
     return reasons
 
 
-def _deviations(plan: Plan, history: SceneHistory, who: VehicleIndex) -> FloatArray:
+def _first(bad: BoolArray, reasons: Sequence[str]) -> list[tuple[int, int]]:
+    """Return the first bad step of each plan (n, H) that has no reason yet."""
+    rows = np.flatnonzero(bad.any(axis=1) & np.array([reason == "" for reason in reasons], bool))
+    return [(row, int(np.argmax(bad[row]))) for row in rows.tolist()]
+
+
+def _motion(plan: Plan, history: SceneHistory, who: VehicleIndex) -> tuple[FloatArray, ...]:
+    """Return deviations (n, H) from the straight motion; ways (n,) by positions, speed and heading, m."""
     now = history.now[who.future, who.vehicle]
     step = now.speed * STEP_S
     x = np.concatenate([(now.x - step * np.cos(now.heading))[:, None], now.x[:, None], plan.x], axis=1)
     y = np.concatenate([(now.y - step * np.sin(now.heading))[:, None], now.y[:, None], plan.y], axis=1)
     with np.errstate(invalid="ignore", over="ignore"):
-        off: FloatArray = np.hypot(np.diff(x, 2, axis=1), np.diff(y, 2, axis=1))
-    return off
+        off = np.hypot(np.diff(x, 2, axis=1), np.diff(y, 2, axis=1))
+        dx, dy, heading = np.diff(plan.x, axis=1), np.diff(plan.y, axis=1), plan.heading[:, :-1]
+        along = np.abs((dx * np.cos(heading) + dy * np.sin(heading)).sum(axis=1))
+        return off, np.hypot(dx, dy).sum(axis=1), plan.speed[:, :-1].sum(axis=1) * STEP_S, along
 
 
 def describe_source(model: Any) -> str:

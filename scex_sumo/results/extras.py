@@ -139,7 +139,7 @@ class ExtraResults:
     order: ClassVar[int] = 0
     """Extras with a lower number come first."""
     files: ClassVar[tuple[str, ...]] = ()
-    """Patterns of the files and folders that it writes into a result folder; removed if it is off."""
+    """Names of the files and folders that it writes into a result folder; removed if it is off."""
 
     methods: ClassVar[str] = ""
     """Import path of a class derived from it that has all methods, ``package.module:Class``; or none."""
@@ -194,7 +194,7 @@ def extra_types() -> Mapping[str, type[ExtraResults]]:
 def extras_results(folder: Path) -> tuple[ExtraResults, ...]:
     """Return the registered extras, to read what they wrote into a folder; those without are not loaded."""
     return tuple(
-        _reader(name) if not kind.files or any(map(any, map(folder.glob, kind.files))) else kind()
+        _reader(name) if not kind.files or any((folder / file).exists() for file in kind.files) else kind()
         for name, kind in extra_types().items()
     )
 

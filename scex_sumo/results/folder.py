@@ -19,7 +19,16 @@ import pyarrow.parquet as pq
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ResultError
-from scex_sumo.base.files import identity_in, lock, remove_unfinished, replacing, unlock, write_atomic
+from scex_sumo.base.files import (
+    identity_in,
+    lock,
+    own_folder,
+    remove,
+    remove_unfinished,
+    replacing,
+    unlock,
+    write_atomic,
+)
 from scex_sumo.results.extras import extra_types
 from scex_sumo.results.parts import PARTS, Part, Parts, remove_broken
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
@@ -134,19 +143,19 @@ class ResultFolder(OutputFolder):
     evidence = ("metrics.parquet", "assignments.parquet", "tracks.parquet", "seed.csv")
 
     def _clear(self) -> None:
-        self.remove((*_TABLES, *_PATTERNS, PARTS, "sumo"))
+        self.remove((*_FILES, PARTS, "sumo"))
         for kind in extra_types().values():
             self.remove(kind.files)
 
     def _prepare(self) -> None:
         for name in (PARTS, "sumo"):
-            (self.path / name).mkdir(exist_ok=True)
+            own_folder(self.path / name)
         remove_broken(self.path)
 
-    def remove(self, patterns: Sequence[str]) -> None:
-        """Remove files and folders of some patterns."""
-        for path in (path for pattern in patterns for path in self.path.glob(pattern)):
-            shutil.rmtree(path) if path.is_dir() else path.unlink()
+    def remove(self, names: Sequence[str]) -> None:
+        """Remove files and folders."""
+        for name in names:
+            remove(self.path / name)
 
     def in_order(self, futures: int, *, size: int, plans: bool = True) -> Iterator[Part]:
         """Yield all futures in order, some at a time; raise a `ResultError` if some are missing."""
@@ -201,19 +210,16 @@ def _parquet(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
     )
 
 
-_PATTERNS = (
+_FILES = (
     "seed.csv",
-    "densities.*",
-    "cumulative.*",
-    "scene.png",
-    "fallbacks.*",
-)
-_TABLES = tuple(
-    f"{name}.parquet"
-    for name in (
-        *("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst"),
-        *("collisions", "encounters", "pair_outcomes", "under_test", "horizons"),
-    )
+    *(f"{curve}{ending}" for curve in ("density", "cumulative") for ending in (".svg", ".png", ".pdf")),
+    *(
+        f"{name}.parquet"
+        for name in (
+            *("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst", "fallbacks"),
+            *("collisions", "encounters", "pair_outcomes", "under_test", "horizons"),
+        )
+    ),
 )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ import numpy as np
 
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import ScexError, UsageError, reason_of
-from scex_sumo.base.files import write_atomic
+from scex_sumo.base.files import own_folder, remove, write_atomic
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.datasets.find import find_recordings
@@ -56,10 +55,12 @@ class SuiteFolder(OutputFolder):
 
     def _clear(self) -> None:
         for name in (CASES, MAPS):
-            shutil.rmtree(self.path / name, ignore_errors=True)
+            remove(self.path / name)
 
     def _prepare(self) -> None:
         """Nothing is kept of an interrupted suite but its ranking."""
+        for name in (CASES, MAPS):
+            own_folder(self.path / name)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

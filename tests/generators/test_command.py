@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import json
 import shutil
 from pathlib import Path
@@ -50,13 +49,13 @@ def test_a_run_starts_from_a_generated_case(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "run.json").is_file()
 
 
-def test_a_full_disk_is_of_the_copy_not_of_the_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(source: Path, target: Path) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device", str(source), None, str(target))
-
-    monkeypatch.setattr("shutil.copyfile", full)
-    with pytest.raises(ResultError, match=rf"{tmp_path}/scenes/\S+: cannot write: No space left"):
-        generate_command(MAP, vehicles=4, count=1, out=tmp_path / "scenes")
+def test_a_recording_beside_the_map_is_never_replaced(tmp_path: Path) -> None:
+    the_map = Path(shutil.copy(MAP, tmp_path))
+    recording = the_map.with_suffix(".csv")
+    recording.write_text("mine")
+    with pytest.raises(ResultError, match=r"\.csv: exists, and not as scex-sumo wrote it"):
+        generate_command(the_map, vehicles=2, count=1, out=tmp_path, overwrite=True)
+    assert recording.read_text() == "mine" and the_map.read_bytes() == MAP.read_bytes()
 
 
 def test_a_folder_is_replaced_only_on_demand(tmp_path: Path) -> None:

@@ -89,6 +89,43 @@ def test_a_plan_that_jumps_falls_back(step: int, words: str) -> None:
     assert np.array_equal(made.y[1], path.y[1])
 
 
+def keys(**values: float) -> Callable[[Plan, VehicleIndex], Plan]:
+    """The plan of the second vehicle with other values throughout."""
+
+    def spoil(made: Plan, who: VehicleIndex) -> Plan:
+        for key, value in values.items():
+            getattr(made, key)[1] = value
+        return made
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (keys(speed=1e308), "plan.speed is 1e+308 at step 1; needs -1 to 120"),
+        (keys(speed=-5.0), "plan.speed is -5 at step 1; needs -1 to 120"),
+        (keys(heading=1e300), "plan.heading is 1e+300 at step 1; needs -10000 to 10000"),
+        (keys(speed=18.0), "plan.speed leads 52.2 m far, its positions 14.5 m; needs m/s"),  # km/h
+        (keys(heading=90.0), "plan.heading is across 14.5 m of motion; needs rad, 0 along x"),  # degrees
+    ],
+)
+def test_a_plan_beyond_what_a_vehicle_can_do_falls_back(
+    change: Callable[[Plan, VehicleIndex], Plan], words: str
+) -> None:
+    made, path = asked(Forward(change))
+    assert made.reasons == ("", words)
+    assert np.array_equal(made.speed[1], path.speed[1])
+
+
+def test_turns_beyond_a_whole_one_and_reversing_are_plans() -> None:
+    def backwards(made: Plan, who: VehicleIndex) -> Plan:
+        return replace(made, heading=made.heading + 5 * np.pi)
+
+    made, _ = asked(Forward(backwards))
+    assert made.reasons == ("", "")
+
+
 def test_the_hardest_stop_that_a_vehicle_can_make_is_no_jump() -> None:
     def stop(made: Plan, who: VehicleIndex) -> Plan:
         made.x[:] = made.x[:, :1]  # from 5 m/s to 0 within one step

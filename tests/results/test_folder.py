@@ -170,11 +170,25 @@ def test_a_folder_of_other_files_is_never_touched(tmp_path: Path) -> None:
 
 def test_overwriting_leaves_files_of_others_alone(tmp_path: Path) -> None:
     ResultFolder(tmp_path / "out", {"seed": 1}).finish({})
-    (tmp_path / "out" / "notes.txt").write_text("mine")
-    (tmp_path / "out" / "scene.png").write_text("of the earlier run")
+    mine = [tmp_path / "out" / name for name in ("explained_by_me.txt", "densities.bib", "sample_size.md")]
+    for file in (*mine, tmp_path / "out" / "density.svg"):
+        file.write_text("mine")
     ResultFolder(tmp_path / "out", {"seed": 2}, overwrite=True)
-    assert not (tmp_path / "out" / "scene.png").exists()
-    assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
+    assert not (tmp_path / "out" / "density.svg").exists()
+    assert all(file.read_text() == "mine" for file in mine)
+
+
+def test_a_link_in_a_result_folder_is_never_followed(tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "mine.net.xml").write_text("mine")
+    ResultFolder(tmp_path / "out", {"seed": 1}).finish({})
+    (tmp_path / "out" / "sumo").rmdir()
+    (tmp_path / "out" / "sumo").symlink_to(elsewhere)
+    with pytest.raises(ResultError, match=r"out/sumo: is a link; remove it, or give another folder"):
+        ResultFolder(tmp_path / "out", {"seed": 1})
+    ResultFolder(tmp_path / "out", {"seed": 2}, overwrite=True)
+    assert [file.name for file in elsewhere.iterdir()] == ["mine.net.xml"]
 
 
 def test_a_file_in_place_of_the_folder_is_an_error(tmp_path: Path) -> None:

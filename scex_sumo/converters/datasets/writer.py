@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.errors import ResultError
+from scex_sumo.base.files import replacing
 from scex_sumo.converters.datasets.moment import CASE_FRAME
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
@@ -25,14 +25,8 @@ def write_tracks(path: str | Path, *scenes: SeedScene) -> Path:
     path = Path(path)
     parts = [part for k, scene in enumerate(scenes) for part in _case(f"{k + 1}.0", scene)]
     table = pa.table({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
-    partial = path.with_name(path.name + ".partial")
-    try:
-        csv.write_csv(table, partial, csv.WriteOptions(quoting_style="none", quoting_header="none"))
-        partial.replace(path)
-    except OSError as error:
-        raise ResultError(
-            f"{path}: cannot be written ({error.strerror or error}); choose another place"
-        ) from None
+    with replacing(path) as temporary:
+        csv.write_csv(table, temporary, csv.WriteOptions(quoting_style="none", quoting_header="none"))
     return path
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import pickle
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,7 +12,7 @@ from pathlib import Path
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.cache import cached_object, owner_cache
 from scex_sumo.base.errors import MapError, UsageError
-from scex_sumo.base.files import sha256_of, write_atomic
+from scex_sumo.base.files import check_output, sha256_of, write_atomic, write_output
 from scex_sumo.base.importing import Registry
 from scex_sumo.base.version import __version__, version_of
 from scex_sumo.converters.net.sumo_net import RECORDED, SumoNet, WrittenNet, net_file
@@ -32,6 +33,7 @@ def convert(road: Road, net_path: str | Path, *, signals: str | Path | None = No
 
     Raises:
         UsageError: the path names no file.
+        ResultError: a file is there that this program did not write, or an input.
         MapError: the road has no vehicle lanes, or some without length; the signals cannot be used.
 
     Example:
@@ -42,7 +44,11 @@ def convert(road: Road, net_path: str | Path, *, signals: str | Path | None = No
     """
     if not Path(net_path).name:
         raise UsageError(f"net_path: {str(net_path)!r} names no file")
-    return _with_files(_written(road, None if signals is None else Path(signals)), Path(net_path))
+    inputs = [Path(file) for file in (road.file, signals) if file is not None]
+    for file in (Path(net_path), *(net_file(Path(net_path), ending) for ending in (_LANES, _DRAWING))):
+        check_output(file, *inputs)
+    written = _written(road, None if signals is None else Path(signals))
+    return _with_files(written, Path(net_path), write=write_output)
 
 
 def converted(
@@ -90,10 +96,18 @@ def _written(road: Road, signals: Path | None = None) -> WrittenNet:
     return written
 
 
-def _with_files(net: WrittenNet, net_path: Path, content: str = "") -> SumoNet:
+_LANES, _DRAWING = ".lanes.csv", ".add.xml"
+
+
+def _with_files(
+    net: WrittenNet,
+    net_path: Path,
+    content: str = "",
+    write: Callable[[Path, bytes], None] = write_atomic,
+) -> SumoNet:
     """Write the files of a net, with another content if it is given."""
-    extras = net_file(net_path, ".add.xml")
-    write_atomic(net_path, (content or net.content).encode())
-    net.lanes.write(net_file(net_path, ".lanes.csv"))
-    extras.write_text(net.drawing, encoding="utf-8")
+    extras = net_file(net_path, _DRAWING)
+    write(net_path, (content or net.content).encode())
+    write(net_file(net_path, _LANES), net.lanes.text.encode())
+    write(extras, net.drawing.encode())
     return SumoNet(path=net_path, extras=extras, lanes=net.lanes, notes=net.notes, losses=net.losses)

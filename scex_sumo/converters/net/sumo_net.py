@@ -146,13 +146,14 @@ class LaneTable:
                 return beyond
         return None
 
-    def write(self, path: Path) -> None:
-        """Write as CSV with the header ``lanelet_id,lane_id``."""
+    @property
+    def text(self) -> str:
+        """The table as CSV with the header ``lanelet_id,lane_id``."""
         buffer = io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n")
         writer.writerow(HEADER)
         writer.writerows(self.rows)
-        path.write_text(buffer.getvalue(), encoding="utf-8")
+        return buffer.getvalue()
 
 
 def lane_table(

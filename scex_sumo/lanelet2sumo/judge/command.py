@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from scex_sumo.base.errors import MapError, UsageError
-from scex_sumo.base.files import writing
 from scex_sumo.commands.console import warn
 from scex_sumo.commands.options import Origin
 
@@ -102,10 +101,7 @@ def _convert(road: Road, out: Path | None, signals: Path | None) -> SumoNet:
     from scex_sumo.converters.net.convert import convert
 
     warn(road.notes)
-    net_path = out if out is not None else Path(f"{road.name}.net.xml")
-    with writing(net_path):
-        net_path.parent.mkdir(parents=True, exist_ok=True)
-        net = convert(road, net_path, signals=signals)
+    net = convert(road, out if out is not None else Path(f"{road.name}.net.xml"), signals=signals)
     warn(net.notes)
     return net
 

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError, one_line
-from scex_sumo.base.files import writing
+from scex_sumo.base.files import output
 from scex_sumo.geometry.rectangles import outlines
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, SeedScene
@@ -39,9 +39,9 @@ def sheet(width_in: float, height_in: float) -> Iterator[Figure]:
 
 def save(figure: Figure, path: str | Path, **how: Any) -> None:
     """Write a figure; an unknown format or an unusable path is one line."""
-    with writing(Path(path)):
+    with output(Path(path)) as temporary:
         try:
-            figure.savefig(path, **how)
+            figure.savefig(temporary, format=Path(path).suffix[1:], **how)
         except ValueError as error:
             raise UsageError(f"{path}: {one_line(error)}") from None
 

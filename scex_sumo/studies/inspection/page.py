@@ -11,7 +11,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import TrackError
-from scex_sumo.base.files import write_atomic
+from scex_sumo.base.files import write_output
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.listing import known_models
 from scex_sumo.converters.datasets.moment import STAMP_MS, Moment, busiest, recorded_throughout
@@ -57,7 +57,7 @@ def write_inspection(path: Path, loaded: LoadedRecording, moments: Sequence[Mome
         "stem": loaded.recording.name,
     }
     body = _body(loaded, len(moments), len(kept))
-    write_atomic(path, page_html(loaded.recording.name, body, SCRIPTS, info, arrays).encode())
+    write_output(path, page_html(loaded.recording.name, body, SCRIPTS, info, arrays).encode())
     return path
 
 

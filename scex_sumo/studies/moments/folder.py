@@ -9,9 +9,8 @@ import contextlib
 import hashlib
 import json
 import re
-import shutil
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -20,7 +19,15 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scex_sumo.base.errors import ResultError, one_line
-from scex_sumo.base.files import remove_unfinished, replacing, sha256_of, write_atomic
+from scex_sumo.base.files import (
+    own_folder,
+    refuse_link,
+    remove,
+    remove_unfinished,
+    replacing,
+    sha256_of,
+    write_atomic,
+)
 from scex_sumo.results.folder import OutputFolder, as_json
 
 _FAILED, _PARTS = "failed", "parts"
@@ -111,12 +118,13 @@ class StudyFolder(OutputFolder):
     """What else another study in the same folder removes."""
 
     def _clear(self) -> None:
-        for name in (*self.kept, *self.trees, *self._json_folders):
-            path = self.path / name
-            if path.is_dir():
-                shutil.rmtree(path, ignore_errors=True)
-            else:
-                path.unlink(missing_ok=True)
+        for files in (files for parts in self._recorded().values() for files in parts.values()):
+            self._remove(files)
+            for parent in (parent for name in files for parent in [*Path(name).parents][:-1]):
+                with contextlib.suppress(OSError):  # it holds something
+                    (self.path / parent).rmdir()
+        for name in (*self.kept, *self._json_folders):
+            remove(self.path / name)
 
     @property
     def _json_folders(self) -> tuple[str, ...]:
@@ -124,37 +132,36 @@ class StudyFolder(OutputFolder):
 
     def _prepare(self) -> None:
         """Find the parts that are whole; remove the others, so that their moments run again."""
+        for name in self.trees:
+            refuse_link(self.path / name)
         for name in self._json_folders:
-            (self.path / name).mkdir(exist_ok=True)
+            own_folder(self.path / name)
             remove_unfinished(self.path / name)
-        self._parts: dict[str, dict[str, dict[str, str]]] = {}  # SHA-256 by moment, part and file
-        broken: set[str] = set()
-        for file in sorted((self.path / _PARTS).glob("*.json")):
-            rows = self._load(_PARTS, file.stem) or []
-            whole = {row["part"]: row["files"] for row in rows if self._is_whole(row["files"])}
-            self._parts[file.stem] = whole
-            if len(whole) < max(len(rows), 1):
-                broken.add(file.stem)
-                self._save_parts(file.stem)
-        known = {name for parts in self._parts.values() for files in parts.values() for name in files}
-        for tree in self.trees:
-            for file in (self.path / tree).rglob("*.parquet*"):
-                if file.relative_to(self.path).as_posix() not in known:
-                    file.unlink()
-                    broken.add(file.parent.name.removeprefix("seed="))
-        for moment in broken:  # a failure in a later round counts only with the earlier rounds
-            self.clear_failure(moment)
+        self._parts = self._recorded()
+        for moment, parts in self._parts.items():
+            broken = [part for part, files in parts.items() if not self._is_whole(files)]
+            for part in broken:
+                self._drop(moment, part)
+            if broken or not parts:  # a failure in a later round counts only with the earlier rounds
+                self.clear_failure(moment)
+
+    def _recorded(self) -> dict[str, dict[str, dict[str, str]]]:
+        """Return the SHA-256 by moment, part and file; a damaged record has no part."""
+        files = sorted((self.path / _PARTS).glob("*.json"))
+        rows = {file.stem: self._load(_PARTS, file.stem) or [] for file in files}
+        return {moment: {row["part"]: row["files"] for row in found} for moment, found in rows.items()}
 
     def _is_whole(self, files: Mapping[str, str]) -> bool:
         there = {name: self.path / name for name in files}
         return all(file.is_file() and sha256_of(file) == files[name] for name, file in there.items())
 
     def _add(self, moment: str, part: str, tables: Mapping[str, pa.Table], **options: Any) -> None:
-        """Write the tables of a part, by file, and then its record."""
+        """Write the tables of a part, by file; its record names them before and is whole after that."""
+        self._parts.setdefault(moment, {})[part] = dict.fromkeys(tables, "")
+        self._save_parts(moment)
         for name, table in tables.items():
-            _write_table(self.path / name, table, **options)
-        digests = {name: sha256_of(self.path / name) for name in tables}
-        self._parts.setdefault(moment, {})[part] = digests
+            _write_table(self.path, name, table, **options)
+        self._parts[moment][part] = {name: sha256_of(self.path / name) for name in tables}
         self._save_parts(moment)
 
     def _save_parts(self, moment: str) -> None:
@@ -163,10 +170,16 @@ class StudyFolder(OutputFolder):
 
     def _drop(self, moment: str, part: str) -> None:
         """Remove a part."""
-        files = self._parts[moment].pop(part)
+        self._remove(self._parts[moment].pop(part))
         self._save_parts(moment)
-        for name in files:
-            (self.path / name).unlink()
+
+    def _remove(self, files: Iterable[str]) -> None:
+        """Remove files of the folder, but nothing behind a link."""
+        whole = self.path.resolve()
+        for file in (self.path / name for name in files):
+            if file.parent.resolve() == whole / file.parent.relative_to(self.path):
+                file.unlink(missing_ok=True)
+                remove_unfinished(file.parent)
 
     def _has(self, moment: str, part: str) -> bool:
         return part in self._parts.get(moment, {})
@@ -185,14 +198,12 @@ class StudyFolder(OutputFolder):
         self._save(_FAILED, failure.moment, [as_row(failure)])
 
     def failures(self) -> dict[str, Failure]:
-        """Return failures by moment; damaged files are removed, so that their moments run again."""
+        """Return failures by moment, but for damaged files: their moments run again."""
         failures = {}
         for file in sorted((self.path / _FAILED).glob("*.json")):
             if rows := self._load(_FAILED, file.stem):
                 failure = Failure(**from_row(rows[0]))
                 failures[failure.moment] = failure
-            else:
-                file.unlink()
         return failures
 
     def clear_failure(self, moment: str) -> None:
@@ -221,8 +232,9 @@ def _checked(kind: str, name: str, rows: Sequence[dict[str, Any]]) -> str:
     return as_json({**content, "check": zlib.crc32(as_json(content).encode())})
 
 
-def _write_table(file: Path, table: pa.Table, **options: Any) -> None:
-    """Write a Parquet table and its folder."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(file) as temporary:
+def _write_table(folder: Path, name: str, table: pa.Table, **options: Any) -> None:
+    """Write a Parquet table and its folders inside of ``folder``."""
+    for parent in [*Path(name).parents][-2::-1]:
+        own_folder(folder / parent)
+    with replacing(folder / name) as temporary:
         pq.write_table(table, temporary, compression="zstd", write_page_checksum=True, **options)

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.files import sha256_of, write_atomic
+from scex_sumo.base.files import check_output, sha256_of, write_atomic, write_output
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.base import is_driven_by_sumo, layer_with
@@ -123,6 +123,8 @@ def test_suite(
     if not time_limit > 0:
         raise UsageError(f"--time-limit: got {time_limit:g}, needs seconds above 0")
     chosen, digest = _chosen(suite, cases), sha256_of(suite.folder / SUITE)
+    if junit is not None:
+        check_output(Path(junit))
     older = None if against is None else read_result(Path(against), digest)
     identity = _identity(spec, digest, futures, time_limit)
     with (
@@ -148,8 +150,7 @@ def test_suite(
         write_test_page(folder.path / PAGE, result, records)
         write_atomic(folder.path / SUMMARY, markdown_text(result).encode())
         if junit is not None:
-            Path(junit).parent.mkdir(parents=True, exist_ok=True)
-            write_atomic(Path(junit), junit_text(result).encode())
+            write_output(Path(junit), junit_text(result).encode())
         folder.finish(result | {"seconds": round(time.perf_counter() - started, 1)})
     return SuiteTest(folder=Path(out), result=result)
 

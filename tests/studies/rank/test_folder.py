@@ -189,3 +189,41 @@ def test_duckdb_reads_all_futures_in_one_line(filled: Path) -> None:
     duckdb = pytest.importorskip("duckdb")
     query = f"FROM '{filled}/futures/**/*.parquet' SELECT seed, count(*) GROUP BY seed ORDER BY seed"
     assert duckdb.sql(query).fetchall() == [("one_t1.0", 8), ("two_t1.0", 4)]
+
+
+def test_files_of_others_in_its_folders_stay(filled: Path) -> None:
+    mine = [filled / "futures/mine.parquet", filled / "pairs/notes/mine.parquet"]
+    for file in mine:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("mine")
+    with RankFolder(filled, PLAN) as folder:
+        assert folder.has(ONE, range(0, 4))
+    with RankFolder(filled, {"seed": 1}, overwrite=True) as folder:
+        assert not folder.has(ONE, range(0, 4))
+    assert sorted(filled.rglob("*.parquet")) == sorted(mine)
+
+
+def test_links_in_its_folders_are_not_followed(filled: Path, tmp_path: Path) -> None:
+    big = (filled / "futures").rename(tmp_path / "big")
+    there = sorted(big.rglob("*"))
+    (filled / "futures").symlink_to(big)
+    for plan in (PLAN, {"seed": 1}):
+        with pytest.raises(ResultError, match=r"out/futures: is a link"):
+            RankFolder(filled, plan, overwrite=True)
+    assert sorted(big.rglob("*")) == there
+
+
+def test_a_part_that_a_crash_cut_off_is_removed_by_its_record(
+    filled: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def crash(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    with RankFolder(filled, PLAN) as folder, pytest.raises(KeyboardInterrupt):
+        monkeypatch.setattr("scex_sumo.studies.moments.folder.sha256_of", crash)
+        folder.append(TWO, moment_part(4, 8))
+    monkeypatch.undo()
+    cut = filled / "futures/location=there/seed=two_t1.0/futures-00004-00007.parquet"
+    assert cut.is_file()
+    with RankFolder(filled, PLAN) as folder:
+        assert not cut.exists() and not folder.has(TWO, range(4, 8)) and folder.has(TWO, range(0, 4))
