@@ -11,8 +11,8 @@ from scex_sumo.base.cache import cached_object
 from scex_sumo.base.errors import MapError
 from scex_sumo.base.version import version_of
 from scex_sumo.converters.lanelet.origin import recorded_origin
-from scex_sumo.converters.naming import other_content
-from scex_sumo.converters.registries import MapFormat, map_format, refuse_folder
+from scex_sumo.converters.naming import other_content, refuse_pointer
+from scex_sumo.converters.registries import MapFormat, dataset_of, map_format, refuse_folder
 from scex_sumo.road import Area, Georeference, Lane, MapLoss, Marking, Regulation, Road
 
 MAPS_READ = ".osm, .xml (CommonRoad), .net.xml, .xodr"
@@ -53,6 +53,7 @@ def read_map(
     """
     path = Path(map_path)
     options = {"tracks": tracks, "own_corner": own_corner, "country": country, "keep": keep}
+    refuse_pointer(path)
     road = map_format(path).read(path, origin=origin, **options)
     return replace(road, file=path)
 
@@ -66,9 +67,8 @@ def _read_lanelet2(
     country: str | None,
     keep: bool,
 ) -> Road:
-    if kind := other_content(path):
-        raise MapError(f"{path}: {kind}, not a map; give {MAPS_READ}")
     refuse_folder(path)
+    _refuse_recording(path)
     known = origin or recorded_origin(path, tracks_path=None if own_corner else tracks)
 
     def read() -> Road:
@@ -80,6 +80,14 @@ def _read_lanelet2(
         return read()
     made_by = repr((version_of("lanelet2"), path.name, known, own_corner, country))
     return cached_object("roads", made_by.encode() + path.read_bytes(), read, _PARTS)
+
+
+def _refuse_recording(path: Path) -> None:
+    if path.is_file() and (recording := next(iter(dataset_of(path).recordings([path])), None)):
+        its_map = f"its map is {recording.map_path}"
+        raise MapError(f"{path}: a recording, not a map; {its_map}, and --tracks names the recording")
+    if kind := other_content(path):
+        raise MapError(f"{path}: {kind}, not a map; give {MAPS_READ}")
 
 
 LANELET2 = MapFormat(is_mine=lambda path: True, read=_read_lanelet2)

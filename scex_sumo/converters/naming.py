@@ -99,6 +99,12 @@ def other_content(path: Path) -> str:
     return next((word for magic, word in _CONTENTS if start.startswith(magic)), "")
 
 
+def refuse_pointer(path: Path) -> None:
+    """Raise an `InputError` for a pointer of Git LFS that lies in the place of the data."""
+    if path.is_file() and beginning(path).startswith(b"version https://git-lfs"):
+        raise InputError(f"{path}: a pointer of Git LFS, not the data; fetch them with git lfs pull")
+
+
 def plain_or_packed(path: Path) -> Path | None:
     """The file, or ``FILE.gz``; None if neither exists."""
     packed = path.with_name(f"{path.name}.gz")

@@ -50,17 +50,14 @@ def read_seed(
         >>> scex.read_seed(scex.example_path("roundabout"), time=4.0).vehicles
         14
     """
+    from scex_sumo.converters.datasets.find import map_and_tracks
     from scex_sumo.converters.datasets.interaction import find_tracks
     from scex_sumo.converters.datasets.recordings import recorded_scene
     from scex_sumo.converters.maps import read_map
 
     if time is not None and time_s is not None:
         raise UsageError(f"time={time}, time_s={time_s}: two words for one moment; give one of them")
-    map_path, given = Path(map_path), None if tracks is None else Path(tracks)
-    if map_path.is_dir():
-        from scex_sumo.converters.datasets.find import map_and_tracks
-
-        map_path, given = map_and_tracks(map_path, given)
+    map_path, given = map_and_tracks(Path(map_path), None if tracks is None else Path(tracks))
     try:
         track_path = find_tracks(map_path) if given is None else given
     except TrackError:

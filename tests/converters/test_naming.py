@@ -77,6 +77,18 @@ def test_what_is_no_map_and_no_table_is_named(name: str, content: bytes, kind: s
         scex.read_seed(MAP, tracks=path)
 
 
+@pytest.mark.parametrize(
+    "name", ["a.osm", "a.net.xml", "a.xodr", "a.xml", "sd_a.pkl", "log_map_archive_a.json"]
+)
+def test_a_pointer_of_git_lfs_is_named(name: str, tmp_path: Path) -> None:
+    path = tmp_path / name
+    path.write_text("version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n")
+    with pytest.raises(InputError, match="a pointer of Git LFS, not the data"):
+        scex.read_map(path)
+    with pytest.raises(InputError, match="a pointer of Git LFS, not the data"):
+        scex.read_seed(MAP, tracks=path.rename(tmp_path / "a.csv"))
+
+
 def test_a_recording_is_parsed_from_arrow_s_own_memory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,7 +12,7 @@ from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import MapError, TrackError, listed, warn_notes
 from scex_sumo.base.files import identity_in
 from scex_sumo.converters.datasets.interaction import tracks_of_map
-from scex_sumo.converters.naming import unpacked_name
+from scex_sumo.converters.naming import refuse_pointer, unpacked_name
 from scex_sumo.converters.registries import (
     Dataset,
     Recording,
@@ -67,8 +67,11 @@ def map_and_tracks(path: Path, tracks: Path | None = None) -> tuple[Path, Path |
     """Return a map and its tracks as they are given, or the only ones in a folder.
 
     Raises:
-        MapError: the folder holds no map, or several recordings, which the message lists.
+        MapError: the folder holds no map, or several recordings, which the message lists; map and tracks are
+            swapped.
     """
+    if tracks is not None and is_map(tracks) and not is_map(path):
+        raise MapError(f"{path}: not a map, but {tracks} is one: they are swapped; give the map first")
     if not path.is_dir():
         return path, tracks
     files, results = _below([path])
@@ -105,6 +108,8 @@ def _recordings_of(files: Sequence[Path]) -> tuple[Recording, ...]:
 def _why_none(files: Sequence[Path], results: Sequence[Path]) -> str:
     if results:
         return f"{results[0]} is a result of this program; give recordings"
+    for path in files:
+        refuse_pointer(path)
     for pattern, name in _AS_PUBLISHED.items():
         if any(path.match(pattern) for path in files):
             return f"this is {name} as published; convert it by py123d or ScenarioNet, see docs/data.md"

@@ -13,6 +13,7 @@ from scex_sumo.base.progress import Progress
 from scex_sumo.converters.datasets.checks import Check, without_explained
 from scex_sumo.converters.datasets.repairs import align_tracks, check_recording, repair_tracks
 from scex_sumo.converters.datasets.scene import CleanRecording
+from scex_sumo.converters.naming import refuse_pointer
 from scex_sumo.converters.registries import Dataset, Window, dataset_of
 from scex_sumo.converters.tracks.check import check_values
 from scex_sumo.converters.tracks.evidence import Evidence, evidence
@@ -34,6 +35,8 @@ def read_recorded(
     Returns:
         The recording, and a phrase for each thing left out.
     """
+    for path in paths:
+        refuse_pointer(path)
     dataset = dataset_of(paths[0])
     simulation = {"window": window, "progress": progress} if dataset.simulated else {}
     table, notes = dataset.read(paths, net=net, **simulation)

@@ -18,21 +18,12 @@ _UNITS = {
     **dict.fromkeys(("m/s", "mps"), 1.0),
     "knots": 1852 / 3600,
 }
-# Limits by name, km/h: OpenStreetMap's country defaults and Germany's signs.
-_NAMED = {
-    "walk": 7.0,
-    "living_street": 7.0,
-    "urban": 50.0,
-    "rural": 100.0,
-    "motorway": 130.0,
-    "none": 130.0,
-    "de274.1": 30.0,
-    "de310": 50.0,
-    "de325": 7.0,
-    "de325.1": 7.0,
-}
+# Limits by name, km/h, and Germany's signs.
+_NAMED = {"walk": 7.0, "none": 130.0, "274.1": 30.0, "310": 50.0, "325": 7.0, "325.1": 7.0}
+_PLACES = ("urban", "rural", "motorway", "living_street")  # OpenStreetMap's, after a country, e.g. RU:urban
 _NUMBER = re.compile(r"([0-9]+(?:[.,][0-9]+)?)\s*([a-z/]*)")
-_LIMIT_SIGN = re.compile(r"de[-_ ]?274(?:\.1)?[-_ ]([0-9]+)")
+_LIMIT_SIGN = re.compile(r"(?:de[-_: ]?)?274(?:\.1)?[-_ ]([0-9]+)")
+_MAX_MPS = 70.0  # 250 km/h; larger numbers are those of signs
 # The suffix is the limit itself since 2017; before, 51 to 58 stood for 10 to 80 km/h.
 _OLD_SUFFIX = {51: 10, 52: 20, 53: 30, 54: 40, 55: 50, 56: 60, 57: 70, 58: 80}
 
@@ -66,6 +57,7 @@ COUNTRIES = {
     "it": _Country("Italy", 50, 90, 130),
     "nl": _Country("the Netherlands", 50, 80, 100, 15),
     "pl": _Country("Poland", 50, 90, 140),
+    "ru": _Country("Russia", 60, 90, 110),
     "us": _Country("the United States", 25 * _MPH, 55 * _MPH, 65 * _MPH),
 }
 _SPEED_KEYS = (
@@ -81,20 +73,24 @@ _SIGN_KEYS = ("sign_type", "subtype", *_SPEED_KEYS)
 def speed_mps(text: str) -> float | None:
     """Parse a speed limit of a map, m/s; None if it is no speed or zero.
 
-    Examples: ``30 km/h``, ``50kmh``, ``15mph``, ``13.9 m/s``, ``DE:urban``, ``none`` (130 km/h),
-    ``de274-60``.
+    Examples: ``30 km/h``, ``50kmh``, ``15mph``, ``13.9 m/s``, ``RU:urban`` (of that country), ``none``
+    (130 km/h), ``de274-60``.
     """
     word = text.strip().lower()
     sign = _LIMIT_SIGN.fullmatch(word)
     if sign:
         code = int(sign[1])
         return _OLD_SUFFIX.get(code, code) * KMH or None
+    country, _, place = word.rpartition(":")
+    if place in _PLACES:
+        kmh = getattr(COUNTRIES.get(country or GERMANY), place, None)
+    else:
+        kmh = _NAMED.get(re.sub(r"^de[-_: ]?", "", word))
+    if kmh is not None:
+        return float(kmh * KMH)
     number = _NUMBER.fullmatch(word)
-    if number:
-        unit = _UNITS.get(number[2], 0.0)
-        return float(number[1].replace(",", ".")) * unit or None
-    kmh = _NAMED.get(word.rsplit(":", 1)[-1])
-    return kmh * KMH if kmh is not None else None
+    limit = float(number[1].replace(",", ".")) * _UNITS.get(number[2], 0.0) if number else 0.0
+    return limit if 0.0 < limit <= _MAX_MPS else None
 
 
 def lane_speed_mps(lanelet: Relation, map_file: MapFile) -> float | None:

@@ -20,19 +20,19 @@ def explain_mismatch(samples: Evidence, road: Road) -> str:
 
     If one shift puts all tracks onto lanes, the origin is wrong; else the map is of another site.
     """
-    used = f"(used: {road.origin[0]:g},{road.origin[1]:g})"
-    wrong = f"the map's origin is not the recording's {used}"
+    wrong = f"the map's origin is not the recording's (used: {road.origin[0]:g},{road.origin[1]:g})"
+    remedy = "give --origin LAT,LON"
+    if road.net is not None:  # its coordinates are fixed
+        wrong, remedy = "the map's coordinates are not the recording's", "give the map of these tracks"
     from scex_sumo.formats.cleaning.shift import find_shift
 
     shift = find_shift(samples, road)
     if shift is None:
-        return f"{wrong}, or the map is another site's; give --origin LAT,LON"
+        return f"{wrong}, or the map is another site's; {remedy}"
     dx, dy, share = shift
     if share >= FITTING_SHARE:
-        return (
-            f"{wrong}: moved by {dx:+.0f} m, {dy:+.0f} m, {share:.0%} of its driving is on lanes; give "
-            "--origin LAT,LON"
-        )
+        moved = f"moved by {dx:+.0f} m, {dy:+.0f} m, {share:.0%} of its driving is on lanes"
+        return f"{wrong}: {moved}; {remedy}"
     return "no other origin puts them on lanes, so the tracks belong to another map; give that map"
 
 

@@ -52,6 +52,7 @@ _MAX = (
 )
 _FILLED_FROM_S = 0.5  # longer steps are filled in here, because straight lines between them cut curves
 MIN_STEP_S, MAX_STEP_S = 0.001, 2.0
+IN_DEGREES = 1e-3  # of what vehicles drive by their speeds; a metre is 1e-5 degrees
 
 NEAR_M = 0.01  # the direction of a lane is taken over this length
 
@@ -88,8 +89,13 @@ def tracks_of(
     order = np.lexsort((table[:, 0], track))
     track, table = track[order].astype(np.int64), table[order]
     words = np.array([_word_and_size(kind)[0] for kind in kinds])[order]
-    steps = np.diff(table[:, 0])[np.diff(track) == 0]
-    step_s = float(np.median(steps)) if len(steps) else STEP_S
+    step, same = np.diff(table, axis=0), np.diff(track) == 0
+    moved_m, driven_m = np.hypot(*step[same, 1:3].T).sum(), (step[:, 0] * table[1:, 4])[same].sum()
+    if moved_m < IN_DEGREES * driven_m:
+        raise TrackError(
+            f"{path}: its positions are in degrees; simulate again without --fcd-output.geo, for metres"
+        )
+    step_s = float(np.median(step[same, 0])) if same.any() else STEP_S
     if not MIN_STEP_S <= step_s <= MAX_STEP_S:
         limits = f"{MIN_STEP_S:g} to {MAX_STEP_S:g} s"
         raise TrackError(f"{path}: simulated in steps of {step_s:g} s, {limits} are read; simulate again")

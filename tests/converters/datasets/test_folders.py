@@ -45,6 +45,16 @@ def test_a_map_stays_as_it_is_given(tmp_path: Path) -> None:
     assert map_and_tracks(tmp_path / "a.osm", tmp_path / "b.csv") == (tmp_path / "a.osm", tmp_path / "b.csv")
 
 
+def test_map_and_tracks_that_are_swapped_are_called_so(folder: Path) -> None:
+    with pytest.raises(MapError, match=r"a\.csv: not a map, but \S+a\.osm is one: they are swapped"):
+        scex_sumo.read_seed(folder / "a.csv", tracks=folder / "a.osm")
+
+
+def test_a_recording_in_the_place_of_its_map_names_the_map(folder: Path) -> None:
+    with pytest.raises(MapError, match=r"a\.csv: a recording, not a map; its map is \S+a\.osm"):
+        scex_sumo.read_map(folder / "a.csv")
+
+
 def test_the_only_recording_of_a_folder_is_taken(folder: Path) -> None:
     assert map_and_tracks(folder) == (folder / "a.osm", folder / "a.csv")
     assert scex_sumo.read_seed(folder, time=4.0).vehicles == 14

@@ -27,11 +27,15 @@ KMH = 1 / 3.6
         ("10mps", 36),
         ("DE:urban", 50),
         ("DE:rural", 100),
+        ("RU:urban", 60),
+        ("GB:motorway", 112.65408),  # 70 x 1.609344
         ("de274-30", 30),
         ("de274-60", 60),
         ("de274-56", 60),  # the sign's number before 2017
         ("de274.1", 30),
         ("de274.1-20", 20),
+        ("274.1", 30),
+        ("274-60", 60),
         ("de310", 50),
         ("none", 130),
     ],
@@ -41,7 +45,8 @@ def test_a_limit_is_read_in_every_spelling(text: str, kmh: float) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "fast", "50 furlongs", "0", "-30", "de205", "signals", "nan", "inf", "1e3"]
+    "text",
+    ["", "fast", "50 furlongs", "0", "-30", "de205", "signals", "nan", "inf", "1e3", "274", "XX:urban"],
 )
 def test_what_is_no_speed_is_none(text: str) -> None:
     assert speed_mps(text) is None

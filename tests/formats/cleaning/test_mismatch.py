@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,7 +31,12 @@ def driven(a_road: Road, tracks: int = 5) -> Evidence:
 def test_tracks_that_a_shift_brings_onto_lanes_have_a_wrong_origin(bend: Road) -> None:
     away = driven(bend)
     away = replace(away, x=away.x + 200.0, y=away.y - 80.0)
-    assert "moved by -200 m, +80 m, 100% of its driving is on lanes" in explain_mismatch(away, bend)
+    moved = "moved by -200 m, +80 m, 100% of its driving is on lanes"
+    assert f"{moved}; give --origin LAT,LON" in explain_mismatch(away, bend)
+    # Coordinates of a SUMO net have no origin to choose.
+    assert f"{moved}; give the map of these tracks" in explain_mismatch(
+        away, replace(bend, net=Path("a.net.xml"))
+    )
 
 
 def test_tracks_a_few_metres_off_are_doubted_with_the_shift_and_an_origin_that_fits(bend: Road) -> None:

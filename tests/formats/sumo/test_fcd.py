@@ -108,6 +108,20 @@ def test_implausible_data_are_refused(tmp_path: Path, old: str, new: str, words:
         read_fcd(file)
 
 
+def test_positions_in_degrees_are_named(tmp_path: Path) -> None:
+    file = tmp_path / "geo.fcd.xml"
+    steps = "".join(
+        f'<timestep time="{k / 10}"><vehicle id="7" x="{8.4 + k * 1.4e-5}" y="49" angle="90" speed="10"/>'
+        "</timestep>"
+        for k in range(3)
+    )
+    file.write_text(f"<fcd-export>{steps}</fcd-export>")
+    with pytest.raises(
+        TrackError, match=r"positions are in degrees; simulate again without --fcd-output\.geo"
+    ):
+        read_fcd(file)
+
+
 def test_a_broken_archive_is_refused(tmp_path: Path) -> None:
     packed = bytearray(gzip.compress(fcd([k / 10 for k in range(100)]).encode()))
     packed[30:60] = bytes(30)
