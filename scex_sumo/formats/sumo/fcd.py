@@ -54,6 +54,11 @@ _FILLED_FROM_S = 0.5  # longer steps are filled in here, because straight lines 
 MIN_STEP_S, MAX_STEP_S = 0.001, 2.0
 IN_DEGREES = 1e-3  # of what vehicles drive by their speeds; a metre is 1e-5 degrees
 
+# Of a step in which SUMO changes the lane: sideways, and along beside what the speed says.
+ASIDE_M, ALONG_M = (1.2, 6.0), 1.5
+LANE_CHANGE_S = 3.0
+SLOW_MPS = 3.0  # slower vehicles move sideways without turning so much
+
 NEAR_M = 0.01  # the direction of a lane is taken over this length
 
 
@@ -99,6 +104,8 @@ def tracks_of(
     if not MIN_STEP_S <= step_s <= MAX_STEP_S:
         limits = f"{MIN_STEP_S:g} to {MAX_STEP_S:g} s"
         raise TrackError(f"{path}: simulated in steps of {step_s:g} s, {limits} are read; simulate again")
+    if changes := _change_lanes(track, table):
+        findings.append(f"{changes} lane changes in one step: drawn over {LANE_CHANGE_S:g} s")
     if step_s > _FILLED_FROM_S:
         track, table, words = _filled(track, table, words, step_s)
         findings.append(f"simulated in steps of {step_s:g} s: filled in to {STEP_S:g} s along curves")
@@ -224,6 +231,37 @@ def _filled(
         tables.append(rows)
         kinds.append(np.full(len(rows), words[first]))
     return np.concatenate(tracks), np.vstack(tables), np.concatenate(kinds)
+
+
+def _change_lanes(track: IntArray, table: FloatArray) -> int:
+    """Draw the lane changes that SUMO makes in one step over the steps around; return their number."""
+    here, there = table[:-1], table[1:]
+    elapsed, ahead = there[:, 0] - here[:, 0], np.radians(90.0 - table[:, 3])
+    middle = ahead[:-1] + np.asarray(wrap(np.diff(ahead))) / 2
+    (dx, dy), c, s = (there - here)[:, 1:3].T, np.cos(middle), np.sin(middle)
+    aside, along_m = dy * c - dx * s, dx * c + dy * s
+    driven = np.abs(along_m - elapsed * there[:, 4]) < ALONG_M
+    lane = (np.abs(aside) > ASIDE_M[0]) & (np.abs(aside) < ASIDE_M[1])
+    jumps = np.flatnonzero((np.diff(track) == 0) & (elapsed <= MAX_STEP_S) & driven & lane)
+    if not len(jumps):
+        return 0
+    at = table[jumps, 0] + elapsed[jumps] / 2
+    begins, ends = np.searchsorted(track, track[jumps]), np.searchsorted(track, track[jumps] + 1)
+    halfway = np.where(np.diff(track[jumps]) == 0, (at[:-1] + at[1:]) / 2, np.nan)
+    after = np.fmax(table[begins, 0], np.append(np.nan, halfway)[: len(at)])
+    before = np.fmin(table[ends - 1, 0], np.append(halfway, np.nan)[: len(at)])
+    starts = np.maximum(np.minimum(at - LANE_CHANGE_S / 2, before - LANE_CHANGE_S), after)
+    stops = np.minimum(np.maximum(at + LANE_CHANGE_S / 2, after + LANE_CHANGE_S), before)
+    for k in range(len(jumps)):
+        times = table[begins[k] : ends[k], 0]
+        rows = begins[k] + np.flatnonzero((times > starts[k]) & (times < stops[k]))
+        u, size = (table[rows, 0] - starts[k]) / (stops[k] - starts[k]), aside[jumps[k]]
+        shift = size * (3 * u**2 - 2 * u**3 - (table[rows, 0] > at[k]))
+        slope = size * 6 * (u - u**2) / (stops[k] - starts[k])
+        table[rows, 1] -= shift * np.sin(ahead[rows])
+        table[rows, 2] += shift * np.cos(ahead[rows])
+        table[rows, 3] -= np.degrees(np.arctan2(slope, np.maximum(table[rows, 4], SLOW_MPS)))
+    return len(jumps)
 
 
 def _runs(track: IntArray, time: FloatArray, step_s: float) -> list[tuple[int, int]]:

@@ -9,6 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo.base.errors import TrackError
+from scex_sumo.formats.cleaning.repair import repair_tracks
 from scex_sumo.formats.sumo.fcd import read_fcd
 
 
@@ -52,6 +53,30 @@ def test_whole_seconds_are_filled_in_along_the_motion(tmp_path: Path) -> None:
     assert len(table.vehicles) == 21 and table.step_s == pytest.approx(0.1)
     np.testing.assert_allclose(table.vehicles.x, np.arange(21) - 2.5, atol=1e-9)
     assert "simulated in steps of 1 s" in findings[-1]
+
+
+@pytest.mark.parametrize("changes", [[50], [1], [98], [40, 52]], ids=str)
+def test_a_lane_change_in_one_step_is_drawn_over_the_steps_around(changes: list[int], tmp_path: Path) -> None:
+    lane = np.zeros(101)
+    for change in changes:
+        lane[change:] += 3.2
+    rows = "".join(
+        f'<timestep time="{k / 10}"><vehicle id="7" x="{k}" y="{y}" angle="90" speed="10" /></timestep>'
+        for k, y in enumerate(lane)
+    )
+    file = tmp_path / "a.fcd.xml"
+    file.write_text(f"<fcd-export>{rows}</fcd-export>")
+    table, findings = read_fcd(file)
+    assert f"{len(changes)} lane changes in one step: drawn over 3 s" in findings
+    drawn = table.vehicles
+    aside = drawn.y + drawn.length / 2 * np.sin(drawn.psi_rad)
+    assert (aside[0], aside[-1]) == pytest.approx((lane[0], lane[-1]))
+    within_s = 3.0 if len(changes) == 1 else 1.2 + 1.5  # each side of the middle between two has its own time
+    assert np.diff(aside).min() >= -1e-9 and np.diff(aside).max() < 1.51 * 0.1 * 3.2 * len(changes) / within_s
+    along = np.arctan2(drawn.vy, drawn.vx)  # vehicles head where they go
+    np.testing.assert_allclose(np.tan(along[1:-1]), (aside[2:] - aside[:-2]) / 2, atol=0.02)
+    table, findings = repair_tracks(table)
+    assert table.vehicles.segment.max() == 0 and not any("jump" in phrase for phrase in findings)
 
 
 def test_names_that_are_no_numbers_are_numbered(tmp_path: Path) -> None:
