@@ -20,12 +20,18 @@ from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.converters.signals import signals_of
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
-from scex_sumo.extrapolation.loop.measure import measure_outcome, measure_rollout, worst_of
+from scex_sumo.extrapolation.loop.measure import (
+    measure_conflicts,
+    measure_outcome,
+    measure_rollout,
+    worst_of,
+)
 from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.design import design_intervals
 from scex_sumo.results.parts import Part, joined_parts, save_part
+from scex_sumo.results.tables.conflicts import conflicts_table
 from scex_sumo.results.tables.horizons import horizons_table
 from scex_sumo.results.tables.outcomes import collisions_table, encounter_rows
 from scex_sumo.road import Road
@@ -53,6 +59,7 @@ class Job:
         assignment: (C, V) index into ``models``, for all futures.
         counted: (T, V) steps in which a vehicle counts in metrics; None: all.
         on_paths: measure TTC, PET and DRAC of encounters, too.
+        conflicts: measure needed braking and time margins of all pairs, too.
         compared: compare a checked world with SUMO's.
         route_draw: (C, V) as of `SceneHistory`, for all futures; None: by seed and future.
     """
@@ -67,6 +74,7 @@ class Job:
     counted: BoolArray | None = None
     compared: bool = True
     on_paths: bool = True
+    conflicts: bool = False
     route_draw: FloatArray | None = None
 
     @property
@@ -235,6 +243,7 @@ def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: On
         ),
         encounters=encounter_rows(outcome.encounters, futures),
         horizons=horizons_table(values, futures, settings.steps),
+        conflicts=conflicts_table(measure_conflicts(job.scene, rollout), futures) if job.conflicts else None,
     )
 
 

@@ -76,43 +76,46 @@ class ExactProbability:
 
 TEST: Final = "test"
 NOTHING: Final = "nothing"
+DISAGREE: Final = "disagree"
 DOUBTFUL: Final = "doubtful"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
-    """What to test in a moment of traffic.
+    """Verdict on a moment of traffic.
 
     Attributes:
-        kind: ``test``, ``nothing`` or ``doubtful``.
+        kind: ``test``, ``nothing``, ``disagree`` or ``doubtful``.
         sentence: the answer in words.
         pair: track ids of the pair that decides: a vehicle hits or follows another one; None without a pair.
-        place: of the contact, one of `scex_sumo.roads.places.PLACES`; None off the lanes.
-        time_s: of the contact, after the moment.
-        probability: human-like P of a collision of the pair.
-        probability_hard: of one at a relative speed of 4 m/s or more.
-        expected_mais3: severe injuries that are to be expected.
-        preventable: by a careful and competent driver (UN R157), always.
+        what: kind of the conflict, e.g. ``rear-end``; ``how`` it comes to it, in words.
+        place: of the conflict, one of `scex_sumo.roads.places.PLACES`; None off the lanes.
+        time_s: of the conflict, after the moment.
+        future: human-like future that shows it.
+        probability: of a contact of the pair within 3 s, between people.
+        least: the same with contacts a tenth as frequent as published; ``most``: ten times.
         doubt: why the data of the pair are doubtful; None if they are not.
-        least: least P of a collision with boxes 0.3 m or headings 2° off; so ``most``. None if not asked for.
 
     Example:
-        >>> run.decision is None or run.decision.kind in ("test", "nothing", "doubtful")
+        >>> run.decision is None or run.decision.kind in ("test", "nothing", "disagree", "doubtful")
         True
     """
 
     kind: str
     sentence: str
     pair: tuple[int, int] | None = None
+    what: str | None = None
+    how: str | None = None
     place: str | None = None
     time_s: float | None = None
+    future: int | None = None
     probability: float = 0.0
-    probability_hard: float = 0.0
-    expected_mais3: float = 0.0
-    preventable: bool = True
+    least: float = 0.0
+    most: float = 0.0
     doubt: str | None = None
-    least: float | None = None
-    most: float | None = None
+
+    def __post_init__(self) -> None:
+        assert self.least <= self.probability <= self.most, "P lies within its range"
 
 
 @dataclass(frozen=True, kw_only=True)

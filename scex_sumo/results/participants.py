@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.cache import owner_cache
 from scex_sumo.converters.tracks.road_users import PEOPLE, obstacle_size, person_kind, road_user
 from scex_sumo.roads.misplaced import misplaced
 from scex_sumo.scene import HISTORY_STEPS, Obstacles, SeedScene, States
@@ -30,22 +31,56 @@ def with_people(scene: SeedScene, vru: str) -> SeedScene:
         return replace(scene, notes=(*scene.notes, *notes)) if notes else scene
     if vru == "none":
         return replace(scene, obstacles=some_obstacles(others, ~people))
-    there = others.states[:, : HISTORY_STEPS + 1]
-    known = np.isfinite([there.x, there.y, there.heading, there.speed]).all(axis=(0, 2))
-    taking = people & others.present[:, HISTORY_STEPS] & known
+    taking = _taking(others) & people
     notes = _on_places(scene, taking)
-    if taking.sum() > MAX_PEOPLE:
-        far = _distance(scene, others)
-        far[~taking] = np.inf
-        count = int(taking.sum())
-        notes.append(f"{count - MAX_PEOPLE} of {count} people, those farthest from vehicles, are replayed")
-        taking = np.isin(np.arange(len(far)), np.argsort(far, kind="stable")[:MAX_PEOPLE])
+    if (more := int(taking.sum()) - MAX_PEOPLE) > 0:
+        taking = _nearest(scene, others, taking)
+        notes.append(f"{more} of {MAX_PEOPLE + more} people, those farthest from vehicles, are replayed")
     if (people_now := some_obstacles(others, taking)) is None:
         return scene
     taking_part, wrong = _taking_part(scene, people_now)
     if wrong:
         notes.append(f"people without a usable size have the usual one: {wrong}")
     return replace(taking_part, obstacles=some_obstacles(others, ~taking), notes=(*scene.notes, *notes))
+
+
+@owner_cache
+def everybody(scene: SeedScene) -> SeedScene:
+    """Return the scene with its people as last vehicles, also where they are replayed."""
+    return with_people(scene, "model")
+
+
+def with_everybody(scene: SeedScene, states: States) -> States:
+    """Return states (C, 11 + T, V) from a second before the moment on, of all that `everybody` has.
+
+    Args:
+        states: (C, T, V) of the scene's vehicles in futures.
+    """
+    whole, futures, steps = everybody(scene), states.shape[0], states.shape[1]
+    past = whole.history.swapaxes(0, 1).repeat(futures)
+    others = scene.obstacles
+    if others is not None and whole is not scene:
+        people = np.array([road_user(kind) in PEOPLE for kind in others.types])
+        taking = np.flatnonzero(_nearest(scene, others, _taking(others) & people))
+        beside = States.stack([others.at(step)[0][taking] for step in range(1, steps + 1)], axis=0)
+        states = States.concatenate([states, beside.repeat(futures)], axis=2)
+    return States.concatenate([past, states], axis=1)
+
+
+def _taking(others: Obstacles) -> BoolArray:
+    """Return which obstacles (O,) are there at the moment, with known states."""
+    there = others.states[:, : HISTORY_STEPS + 1]
+    known = np.isfinite([there.x, there.y, there.heading, there.speed]).all(axis=(0, 2))
+    return np.asarray(others.present[:, HISTORY_STEPS] & known)
+
+
+def _nearest(scene: SeedScene, others: Obstacles, taking: BoolArray) -> BoolArray:
+    """Return the `MAX_PEOPLE` obstacles of some (O,) that are nearest to a vehicle."""
+    if taking.sum() <= MAX_PEOPLE:
+        return taking
+    far = _distance(scene, others)
+    far[~taking] = np.inf
+    return np.isin(np.arange(len(far)), np.argsort(far, kind="stable")[:MAX_PEOPLE])
 
 
 def _on_places(scene: SeedScene, taking: BoolArray) -> list[str]:

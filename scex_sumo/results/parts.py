@@ -17,7 +17,7 @@ from scex_sumo.base.files import remove_unfinished, replacing
 from scex_sumo.scene import States
 
 PARTS = ".parts"
-TABLES = ("worst", "fallbacks", "collisions", "encounters", "horizons")
+TABLES = ("worst", "fallbacks", "collisions", "encounters", "horizons", "conflicts")
 _STATES = ("x", "y", "heading", "speed")
 
 
@@ -32,6 +32,7 @@ class Part:
         tested: (2, C, M) values, and 1 where defined, of the vehicles under test alone; None without any.
         encounters: rows of `encounter_rows`.
         horizons: rows of ``horizons.parquet``; None for short futures.
+        conflicts: rows of ``conflicts.parquet``; None unless asked for.
     """
 
     futures: IntArray
@@ -46,6 +47,7 @@ class Part:
     collisions: pa.Table | None = None
     encounters: pa.Table | None = None
     horizons: pa.Table | None = None
+    conflicts: pa.Table | None = None
 
 
 def save_part(folder: Path, part: Part) -> None:
@@ -132,6 +134,7 @@ class Parts:
             collisions=_in_order(tables["collisions"]),
             encounters=_in_order(tables["encounters"]),
             horizons=_in_order(tables["horizons"]),
+            conflicts=_in_order(tables["conflicts"]),
             values=some["values"],
             defined=some["defined"],
             plan_x=some.get("plan_x"),
@@ -180,6 +183,7 @@ def joined_parts(parts: Sequence[Part]) -> Part:
         collisions=table("collisions"),
         encounters=table("encounters"),
         horizons=table("horizons"),
+        conflicts=table("conflicts"),
         tested=one([part.tested for part in parts], axis=1),
     )
 

@@ -12,6 +12,7 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.models.simple import Replay, ReplayProfile
+from scex_sumo.conflicts.pairs import Conflicts, find_conflicts
 from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, overlap_area
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
@@ -20,9 +21,10 @@ from scex_sumo.metrics.encounters import Encounters, encounters_of
 from scex_sumo.metrics.evaluate import PAPER_PRESET, ScenarioValues, evaluate
 from scex_sumo.metrics.pairs.scenes import Scenes
 from scex_sumo.metrics.registry import Metric
+from scex_sumo.results.participants import everybody, with_everybody
 from scex_sumo.results.tables.outcomes import Severity, severity_of
 from scex_sumo.results.tables.worst import worst_table
-from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
+from scex_sumo.scene import HISTORY_STEPS, LOGGED_HISTORY, STEP_S, SeedScene, States
 from scex_sumo.world.plain import PlainWorld
 
 P = TypeVar("P", Collisions, Encounters)
@@ -87,6 +89,27 @@ def measure_outcome(
     values = evaluate(tracks, planned, preset=preset, metrics=metrics, vehicles=vehicles, also=meet)
     severity = severity_of(tracks, hits, scene.types, scene.road)
     return Outcome(values=values, collisions=hits, severity=severity, encounters=Encounters.join(met))
+
+
+def measure_conflicts(scene: SeedScene, rollout: Rollout) -> Conflicts:
+    """Return the conflicts of a batch; vehicles by index into `everybody` of the scene."""
+    states, whole = with_everybody(scene, rollout.states), everybody(scene)
+    after = rollout.states.shape[1] % rollout.replan or rollout.replan
+    plan = np.stack([rollout.plan_x, rollout.plan_y])[:, :, -1, :, after:]
+    last = states[:, -1, scene.vehicles :]
+    way = last.speed[..., None] * STEP_S * np.arange(1, plan.shape[-1] + 1)
+    straight = last.map(lambda values: values[..., None])
+    people = np.stack(
+        [straight.x + way * np.cos(straight.heading), straight.y + way * np.sin(straight.heading)]
+    )
+    return find_conflicts(
+        states,
+        whole.length,
+        whole.width,
+        np.concatenate([plan, people], axis=2),
+        now=HISTORY_STEPS,
+        people=whole.people,
+    )
 
 
 def _of_pairs(rows: P, vehicles: Collection[int] | None) -> P:

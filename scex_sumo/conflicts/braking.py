@@ -1,0 +1,68 @@
+"""Needed braking: the least constant deceleration from now on with which a vehicle avoids another one.
+
+The other one goes on as it does: a braking one brakes to rest, an accelerating one accelerates for a second,
+then keeps its speed. Both keep their ways.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.conflicts.shared import Shared
+from scex_sumo.conflicts.ways import HORIZON_S, NODES, Ways
+
+MOST_MPS2: Final = 20.0
+"""Needed braking that stands for all beyond it, and for a contact that no braking avoids."""
+
+_STEP_S = 0.2
+_TIMES_S = np.arange(0.0, HORIZON_S + 1e-9, _STEP_S)[1:]
+_ACCELERATES_S = 1.0
+
+
+def needed_braking(ways: Ways, shared: Shared, acceleration: FloatArray, steps: IntArray) -> FloatArray:
+    """Return (n, S) needed braking of the own vehicles at some steps, m/s²; 0 where none is needed.
+
+    Args:
+        acceleration: (R, T) of all vehicles, m/s².
+        steps: (S,) of the T.
+    """
+    own, other = (shared.own[:, None], steps), (shared.other[:, None], steps)
+    speed = ways.states.speed[own][..., None]
+    gone = ways.arc[other][..., None] + distance(ways.states.speed[other], acceleration[other])
+    enter, leave = (values - ways.arc[own][..., None] for values in _blocked(ways, shared, gone))
+    unbraked = speed * _TIMES_S
+    contact = (unbraked >= enter) & (unbraked <= leave)  # False where nothing is blocked
+    since = np.logical_or.accumulate(contact, axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        moving = 2 * (unbraked - enter) / _TIMES_S**2
+        stopped = speed**2 / (2 * enter)
+    needed = np.where(enter >= unbraked / 2, moving, stopped)
+    needed = np.where(enter <= 0, MOST_MPS2, np.clip(needed, 0.0, MOST_MPS2))
+    return np.asarray(np.where(since & np.isfinite(enter), needed, 0.0).max(axis=-1))
+
+
+def distance(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
+    """Return the (..., K) way of vehicles that go on as they do, m."""
+    speed, acceleration = speed[..., None], acceleration[..., None]
+    rest = np.where(acceleration < 0, speed / np.maximum(-acceleration, 1e-9), np.inf)
+    braked = np.minimum(_TIMES_S, rest)
+    faster = np.minimum(_TIMES_S, _ACCELERATES_S)
+    slowing = speed * braked + acceleration * braked**2 / 2
+    growing = speed * _TIMES_S + acceleration * (faster * _TIMES_S - faster**2 / 2)
+    return np.asarray(np.where(acceleration < 0, slowing, growing))
+
+
+def _blocked(ways: Ways, shared: Shared, arc: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the stretches (n, S, K) that are blocked while the others are at an arc length, m."""
+    node = np.clip(arc / ways.spacing[shared.other][:, None, None], 0, NODES - 1)
+    below = np.minimum(node.astype(np.int64), NODES - 2)
+    share, row = node - below, np.arange(len(arc))[:, None, None]
+    ends = []
+    for values, widest in ((shared.enter, np.fmin), (shared.leave, np.fmax)):
+        a, b = values[row, below], values[row, below + 1]
+        between = (1 - share) * a + share * b
+        ends.append(np.where(np.isnan(between), widest(a, b), between))
+    return ends[0], ends[1]

@@ -1,0 +1,198 @@
+"""Conflicts of pairs in futures: how hard one has to brake for the other, and how closely they pass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Final
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.conflicts.braking import MOST_MPS2, needed_braking
+from scex_sumo.conflicts.margin import time_margins
+from scex_sumo.conflicts.shared import Shared, shared_stretches
+from scex_sumo.conflicts.ways import Ways
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.scene import STEP_S, States
+
+NEAR_M: Final = 35.0
+"""Distance of the centres at the moment up to which a pair has a row whatever it does."""
+LASTS: Final = 4
+"""Intervals of `EVERY` steps for which braking has to be needed: 0.8 s. One that is gone sooner is the
+noise of a driver's acceleration: with 0.4 s futures need 2 m/s² twice as often as recordings."""
+BEFORE: Final = 2
+"""The same for what is needed at the moment itself: it has been needed for 0.4 s."""
+EVERY: Final = 2
+"""Steps between two looks at the needed braking."""
+
+_MEAN_STEPS = 5  # over which the acceleration of the other vehicle is taken
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Conflicts:
+    """Rows of pairs in futures, (N,) each; vehicles by index, ``one`` below ``two``.
+
+    Attributes:
+        future: index into the futures.
+        braking: least constant deceleration of either vehicle that avoids contact, lasting for 0.8 s, m/s²;
+            0 where none is needed, `MOST_MPS2` where none helps.
+        braking_step: steps from the moment until it is needed.
+        brakes_one: whether it is the first vehicle's.
+        margin: time margin of vehicles that cross, s; inf without a common place.
+        margin_step: steps from the moment until the later one enters.
+        later_one: whether that is the first vehicle.
+        gap: least distance of the outlines, m, at the steps when the centres are nearest; 0: contact.
+        gap_step: steps from the moment until then.
+        meets_rad: least angle of both headings where the ways touch, rad; inf where they do not.
+    """
+
+    future: IntArray
+    one: IntArray
+    two: IntArray
+    braking: FloatArray
+    braking_step: IntArray
+    brakes_one: BoolArray
+    margin: FloatArray
+    margin_step: IntArray
+    later_one: BoolArray
+    gap: FloatArray
+    gap_step: IntArray
+    meets_rad: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.future)
+
+    def take(self, rows: IntArray | BoolArray) -> Conflicts:
+        """Select rows."""
+        return Conflicts(**{name: values[rows] for name, values in vars(self).items()})
+
+    @classmethod
+    def join(cls, parts: Sequence[Conflicts]) -> Conflicts:
+        """Join rows of batches."""
+        names = [field.name for field in fields(cls)]
+        return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+
+def find_conflicts(
+    states: States,
+    length: FloatArray,
+    width: FloatArray,
+    planned: FloatArray | None = None,
+    *,
+    now: int,
+    people: BoolArray | None = None,
+) -> Conflicts:
+    """Find the conflicts of all pairs of vehicles in futures.
+
+    Args:
+        states: (C, T, V) as driven, with the last second before the moment.
+        length: (V,) m; so ``width``.
+        planned: (2, C, V, H) x and y of the centres after the last step, m; None: straight on.
+        now: index of the moment in T.
+        people: (V,) whether it is a pedestrian or cyclist: two of them have no conflict.
+
+    Returns:
+        Rows of pairs that are within `NEAR_M` at the moment, or whose ways touch.
+    """
+    futures, steps, vehicles = states.shape
+    rows = states.map(lambda values: values.swapaxes(1, 2).reshape(-1, steps))
+    planned = None if planned is None else planned.reshape(2, futures * vehicles, -1)
+    ways = Ways.of(rows, np.tile(length, futures), np.tile(width, futures), planned)
+    one, two = np.triu_indices(vehicles, 1)
+    if people is not None:
+        both = people[one] & people[two]
+        one, two = one[~both], two[~both]
+    first = vehicles * np.arange(futures)
+    own, other = shared_stretches(ways, (first + one[:, None]).ravel(), (first + two[:, None]).ravel())
+    apart = np.hypot(*(v[0, now, one] - v[0, now, two] for v in (states.x, states.y)))
+    number = np.full((vehicles, vehicles), -1)
+    number[one, two] = np.arange(len(one))
+    touching = number[own.own % vehicles, own.other % vehicles]
+    near = np.flatnonzero(np.isin(np.arange(len(one)), touching) | (apart < NEAR_M))
+    place = np.searchsorted(near, touching) * futures + own.own // vehicles
+    return _filled(ways, (own, other), place, (one[near], two[near]), futures, now)
+
+
+def _filled(
+    ways: Ways,
+    shared: tuple[Shared, Shared],
+    place: IntArray,
+    pairs: tuple[IntArray, IntArray],
+    futures: int,
+    now: int,
+) -> Conflicts:
+    """Return the rows of pairs in all futures; ``place`` (n,) is the row of each shared stretch."""
+    vehicles, count = len(ways.length) // futures, len(pairs[0]) * futures
+    future = np.tile(np.arange(futures), len(pairs[0]))
+    one, two = (np.repeat(side, futures) for side in pairs)
+    braking, braking_step, brakes_one = needed_by_pairs(ways, *shared, now=now)
+    margins = time_margins(ways, shared[0], now=now)
+    gap, gap_step = _gaps(ways, future * vehicles + one, future * vehicles + two, now)
+
+    def spread(values: FloatArray | IntArray | BoolArray, empty: float) -> np.ndarray[tuple[int], np.dtype]:
+        whole = np.full(count, empty, dtype=values.dtype)
+        whole[place] = values
+        return whole
+
+    return Conflicts(
+        future=future,
+        one=one,
+        two=two,
+        braking=spread(braking, 0.0),
+        braking_step=spread(braking_step, 0),
+        brakes_one=spread(brakes_one, False),
+        margin=spread(margins.margin, np.inf),
+        margin_step=spread(np.maximum(margins.step - now, 0), 0),
+        later_one=spread(margins.own_is_later, False),
+        gap=gap,
+        gap_step=gap_step,
+        meets_rad=spread(shared[0].least_angle(ways), np.inf),
+    )
+
+
+def needed_by_pairs(
+    ways: Ways, own: Shared, other: Shared, *, now: int
+) -> tuple[FloatArray, IntArray, BoolArray]:
+    """Return (n,) needed braking that lasts, the steps until then, and whether it is the first one's.
+
+    That of the moment itself counts if it has been needed for `BEFORE`.
+    """
+    speed = ways.states.speed
+    acceleration = np.zeros_like(speed)
+    acceleration[:, _MEAN_STEPS:] = (speed[:, _MEAN_STEPS:] - speed[:, :-_MEAN_STEPS]) / (
+        _MEAN_STEPS * STEP_S
+    )
+    steps = np.arange(now - BEFORE * EVERY, speed.shape[1], EVERY)
+    each = [needed_braking(ways, side, acceleration, steps) for side in (own, other)]
+    least = least_braking(*each)
+    since = least[:, : BEFORE + 1].min(axis=1)
+    window = min(LASTS + 1, least.shape[1] - BEFORE)
+    lasting = sliding_window_view(least[:, BEFORE:], window, axis=1).min(axis=-1)
+    rows, begins = np.arange(len(least)), np.argmax(lasting, axis=1)
+    most = lasting[rows, begins]
+    begins = np.where(since > most, 0, begins)
+    first = each[0][rows, begins + BEFORE] == least[rows, begins + BEFORE]
+    return np.maximum(most, since), EVERY * begins, np.asarray(first)
+
+
+def least_braking(one: FloatArray, two: FloatArray) -> FloatArray:
+    """Return the needed braking of pairs by that of either vehicle, m/s².
+
+    Where both could brake, the lesser. `MOST_MPS2` of one alone means that it can do nothing, and the other
+    one's counts; 0 of the other one then means that it gets away.
+    """
+    able = [np.where((side > 0) & (side < MOST_MPS2), side, np.inf) for side in (one, two)]
+    least = np.minimum(*able)
+    hopeless = (one >= MOST_MPS2) & (two >= MOST_MPS2)
+    return np.asarray(np.where(np.isfinite(least), least, np.where(hopeless, MOST_MPS2, 0.0)))
+
+
+def _gaps(ways: Ways, one: IntArray, two: IntArray, now: int) -> tuple[FloatArray, IntArray]:
+    """Return (n,) distance of the outlines when the centres are nearest, m, and the steps until then."""
+    states = ways.states[:, now:]
+    apart = np.hypot(states.x[one] - states.x[two], states.y[one] - states.y[two])
+    step = np.argmin(apart, axis=1)
+    boxes = [Rectangles.of(states[side, step], ways.length[side], ways.width[side]) for side in (one, two)]
+    return rectangle_distance(*boxes), step

@@ -1,0 +1,120 @@
+"""Stretches of two ways on which both outlines touch, as functions of the place of either vehicle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.conflicts.ways import NODES, Ways
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.geometry.rectangles import separation
+
+_AT_ONCE = 1 << 12  # pairs of ways
+_BLOCK = 8  # nodes that are looked at together first
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shared:
+    """Stretches (n, N) of n vehicles' ways that others block, by the node at which the other one is.
+
+    Attributes:
+        own: (n,) row of the way; ``other`` (n,) of the other vehicle's.
+        enter: arc length of the first contact on the own way, m; NaN where the other one blocks nothing.
+        leave: that of the last contact, m.
+    """
+
+    own: IntArray
+    other: IntArray
+    enter: FloatArray
+    leave: FloatArray
+
+    def take(self, rows: IntArray | BoolArray | slice) -> Shared:
+        """Select rows."""
+        return Shared(**{name: values[rows] for name, values in vars(self).items()})
+
+    def least_angle(self, ways: Ways) -> FloatArray:
+        """Return the least angle (n,) of both headings where the ways touch, rad."""
+        node = np.nan_to_num(np.rint(self.enter / ways.spacing[self.own][:, None])).astype(np.int64)
+        own = ways.nodes.heading[self.own[:, None], np.clip(node, 0, NODES - 1)]
+        angle = np.abs(wrap(own - ways.nodes.heading[self.other]))
+        return np.asarray(np.where(np.isnan(self.enter), np.inf, angle).min(axis=1, initial=np.inf))
+
+
+def shared_stretches(ways: Ways, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
+    """Return the shared stretches of pairs of ways: of the first ones, and of the second ones.
+
+    Pairs that share nothing are left out.
+
+    Args:
+        one: (P,) row of the first way; ``two`` (P,) of the second.
+    """
+    low, high = ways.box[:2], ways.box[2:]
+    meet = ((low[:, one] <= high[:, two]) & (low[:, two] <= high[:, one])).all(axis=0)
+    one, two = one[meet], two[meet]
+    parts: tuple[list[Shared], list[Shared]] = ([], [])
+    for start in range(0, max(len(one), 1), _AT_ONCE):
+        part = slice(start, start + _AT_ONCE)
+        for found, some in zip(_of_some(ways, one[part], two[part]), parts, strict=True):
+            some.append(found)
+    return _joined(parts[0]), _joined(parts[1])
+
+
+def _of_some(ways: Ways, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
+    pair, at, other = _near_nodes(ways, one, two)
+    gaps = separation(ways.outlines(one[pair], at), ways.outlines(two[pair], other))
+    touch = np.unique(pair[gaps <= 0])
+    kept = np.isin(pair, touch)
+    gap = np.full((len(touch), NODES, NODES), np.inf)
+    gap[np.searchsorted(touch, pair[kept]), at[kept], other[kept]] = gaps[kept]
+    one, two = one[touch], two[touch]
+    return _stretches(ways, one, two, gap.swapaxes(1, 2)), _stretches(ways, two, one, gap)
+
+
+def _near_nodes(ways: Ways, one: IntArray, two: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Return pair and both nodes where outlines may touch, and the nodes next to these."""
+    half = np.hypot(ways.length, ways.width) / 2
+    reach = half[one] + half[two] + np.maximum(ways.spacing[one], ways.spacing[two])
+    coarse = _BLOCK // 2 + _BLOCK * np.arange(NODES // _BLOCK)
+    wide = reach + (ways.spacing[one] + ways.spacing[two]) * _BLOCK / 2
+    x, y = ways.nodes.x, ways.nodes.y
+    dx = x[one][:, coarse, None] - x[two][:, None, coarse]
+    dy = y[one][:, coarse, None] - y[two][:, None, coarse]
+    pair, i, j = np.nonzero(dx * dx + dy * dy < (wide * wide)[:, None, None])
+    inner = np.arange(_BLOCK)
+    first, second = (_BLOCK * i)[:, None] + inner, (_BLOCK * j)[:, None] + inner
+    dx = x[one[pair][:, None], first][:, :, None] - x[two[pair][:, None], second][:, None]
+    dy = y[one[pair][:, None], first][:, :, None] - y[two[pair][:, None], second][:, None]
+    row, a, b = np.nonzero(dx * dx + dy * dy < (reach * reach)[pair][:, None, None])
+    return pair[row], first[row, a], second[row, b]
+
+
+def _stretches(ways: Ways, own: IntArray, other: IntArray, gap: FloatArray) -> Shared:
+    """Return where ways are blocked, by gaps (n, other's node, own node)."""
+    hit = gap <= 0
+    there = hit.any(axis=2)
+    first, last = np.argmax(hit, axis=2), NODES - 1 - np.argmax(hit[:, :, ::-1], axis=2)
+    row, node = np.ogrid[: len(own), :NODES]
+
+    def edge(inside: IntArray, step: int) -> FloatArray:
+        """Return the node, with a fraction, at which the gap is 0 between a touching one and the next."""
+        outside = np.clip(inside + step, 0, NODES - 1)
+        within, without = gap[row, node, inside], gap[row, node, outside]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.where(there & (outside != inside), within / (within - without), 0.0)
+        return np.asarray(inside + step * np.clip(share, 0.0, 1.0))
+
+    spacing = ways.spacing[own][:, None]
+    return Shared(
+        own=own,
+        other=other,
+        enter=np.where(there, spacing * edge(first, -1), np.nan),
+        leave=np.where(there, spacing * edge(last, 1), np.nan),
+    )
+
+
+def _joined(parts: list[Shared]) -> Shared:
+    return Shared(
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
+    )

@@ -1,0 +1,94 @@
+"""Verdict on a moment: test a pair, nothing to test, the models disagree, or the data are doubtful."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
+
+from scex_sumo.decision.words import NARROW, once_in, one_in
+from scex_sumo.results.extras import DISAGREE, DOUBTFUL, NOTHING, TEST, Decision
+
+TEST_FROM: Final = 1e-4
+"""P of a contact from which a pair is tested."""
+RARE: Final = 0.01
+"""Share of the futures that collide above which P has to reach `TEST_FROM`; else the models disagree."""
+
+
+def disagrees(row: Mapping[str, Any]) -> bool:
+    """Whether more futures of a pair collide than its P says."""
+    return bool(row["probability"] < TEST_FROM and row["collide"] > RARE)
+
+
+def is_to_be_tested(row: Mapping[str, Any]) -> bool:
+    """Whether a pair is tested, whatever its doubt."""
+    return bool(row["probability"] >= TEST_FROM)
+
+
+def decide(rows: Iterable[Mapping[str, Any]], *, futures: int, keep_doubtful: bool = False) -> Decision:
+    """Return the verdict on a moment.
+
+    The most probable pair without doubt decides; where it is neither to be tested nor in dispute, one whose
+    data are doubtful may.
+
+    Args:
+        rows: of ``pairs.parquet``, the most probable first.
+        futures: number of human-like futures.
+        keep_doubtful: pairs with doubtful data count as others.
+    """
+    every = list(rows)
+    sure = [row for row in every if keep_doubtful or not row["doubt"]]
+    doubtful = [row for row in every if row["doubt"] and (is_to_be_tested(row) or disagrees(row))]
+    tested = [row for row in sure if is_to_be_tested(row)]
+    disputed = [row for row in sure if disagrees(row)]
+    for kind, some in (
+        (TEST, tested),
+        (DISAGREE, disputed),
+        (DOUBTFUL, [] if keep_doubtful else doubtful),
+        (NOTHING, sure),
+        (DOUBTFUL, every),
+    ):
+        if some:
+            return _decision(kind, some[0], futures)
+    return Decision(kind=NOTHING, sentence="Nothing to test: no two vehicles are near each other.")
+
+
+def arrow(row: Mapping[str, Any]) -> str:
+    """Return a pair in words: the vehicle that hits or follows, and the other one."""
+    return f"{row['track_id']} → {row['person'] or row['other_id']}"
+
+
+def span(row: Mapping[str, Any]) -> str:
+    """Return the range of P in words."""
+    if row["probability"] >= 0.5:
+        return f"{100 * row['least']:.0f} to {100 * row['most']:.0f}{NARROW}%"
+    return f"{one_in(row['most'])} to {one_in(row['least'])}"
+
+
+def _decision(kind: str, row: Mapping[str, Any], futures: int) -> Decision:
+    return Decision(
+        kind=kind,
+        sentence=_sentence(kind, row, futures),
+        pair=(row["track_id"], row["other_id"]),
+        what=row["what"],
+        how=row["how"],
+        place=row["place"],
+        time_s=row["time_s"],
+        future=row["future"],
+        probability=row["probability"],
+        least=row["least"],
+        most=row["most"],
+        doubt=row["doubt"],
+    )
+
+
+def _sentence(kind: str, row: Mapping[str, Any], futures: int) -> str:
+    often = f"people collide {once_in(row['probability'])} ({span(row)})"
+    told = f"{arrow(row)}: {row['how'] or row['what']}"
+    if kind == TEST:
+        return f"Test {told}; {often}."
+    if kind == DISAGREE:
+        hit = round(row["collide"] * futures)
+        return f"The models disagree, {told}; {hit} of {futures} human-like futures collide, {often}."
+    if kind == DOUBTFUL:
+        return f"Doubtful data, {arrow(row)}: {row['doubt']}; as recorded, {often}."
+    return f"Nothing to test. Most probable is {told}; {often}."

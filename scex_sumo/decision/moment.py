@@ -1,0 +1,56 @@
+"""Human-like futures of a moment in memory, and its pairs: for ranking, watching and whole recordings."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.converters.net.sumo_net import SumoNet
+from scex_sumo.decision.pairs import pair_table
+from scex_sumo.extrapolation.job import Job, run_in_memory
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.results.participants import with_everybody
+from scex_sumo.results.parts import Part
+from scex_sumo.results.tables.conflicts import conflicts_of
+from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
+
+FUTURES: Final = 16
+"""Human-like futures from which the pairs of a moment get their P."""
+
+
+@cache
+def _drivers(futures: int, seed: int, steps: int) -> tuple[RunSettings, ModelSet]:
+    settings = RunSettings(
+        models="likely", futures=futures, seed=seed, steps=steps, metrics="gap", world="plain"
+    )
+    return settings, ModelSet.of(settings)
+
+
+def human_part(
+    scene: SeedScene, net: SumoNet, *, futures: int = FUTURES, seed: int = 0, steps: int = 30
+) -> Part:
+    """Run human-like futures of a moment with their conflicts.
+
+    Args:
+        scene: with its road, ruled.
+    """
+    settings, models = _drivers(futures, seed, steps)
+    drawn = models.draw(scene, futures=futures, seed=seed, design=settings.design)
+    job = Job(scene, net, settings, models, drawn, Path(net.path).parent, on_paths=False, conflicts=True)
+    return run_in_memory(job, range(futures))
+
+
+def pairs_of_part(scene: SeedScene, part: Part) -> pa.Table:
+    """Return the pairs of a moment by its human-like futures, see `PAIRS`."""
+    assert part.conflicts is not None
+
+    def states_of(future: int) -> States:
+        row = int(np.searchsorted(part.futures, future))
+        return with_everybody(scene, part.states[row : row + 1])[0, HISTORY_STEPS:].swapaxes(0, 1)
+
+    return pair_table(scene, conflicts_of(part.conflicts), futures=len(part.futures), states_of=states_of)

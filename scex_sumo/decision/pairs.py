@@ -1,0 +1,179 @@
+"""Pairs of a moment: P(contact) of each two road users, from the human-like futures.
+
+One function gives the number that the headline, the list, the page, ``rank``, ``catalogue``, ``watch`` and
+``validate`` show.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.conflicts.pairs import Conflicts
+from scex_sumo.converters.tracks.road_users import road_user
+from scex_sumo.decision.law import Law, at_level, law, over_futures
+from scex_sumo.decision.words import TOLD, how, what
+from scex_sumo.results.participants import everybody
+from scex_sumo.roads.doubts import doubts_of
+from scex_sumo.roads.places import places_of
+from scex_sumo.scene import STEP_S, SeedScene, States
+
+PAIRS: Final = pa.schema(
+    [
+        ("track_id", pa.int64()),  # of the vehicle that has to brake, or enters later: it hits or follows
+        ("other_id", pa.int64()),
+        ("person", pa.string()),  # kind and name of a pedestrian or cyclist as the other one
+        ("probability", pa.float64()),  # of a contact within 3 s
+        ("least", pa.float64()),  # with contacts a tenth as frequent; so ``most``, ten times
+        ("most", pa.float64()),
+        ("what", pa.string()),  # one of `words.WHAT`
+        ("how", pa.string()),
+        ("place", pa.string()),  # one of `roads.places.PLACES`; null off the lanes
+        ("future", pa.int32()),  # with the largest share of P
+        ("futures", pa.int32()),  # with a tenth of its P or more
+        ("collide", pa.float64()),  # share of the futures with a contact
+        ("needed_braking", pa.float64()),  # in that future, m/s²; 0: none
+        ("time_margin", pa.float64()),  # in that future, s; null: they do not cross
+        ("gap_m", pa.float64()),  # least distance in that future, m
+        ("time_s", pa.float64()),  # after the moment
+        ("speed_mps", pa.float64()),  # between the two then
+        ("x", pa.float64()),  # of the first one then, m; so ``y``
+        ("y", pa.float64()),
+        ("doubt", pa.string()),
+    ]
+)
+"""Columns of ``pairs.parquet``."""
+
+_ALIKE = 0.1  # of the largest P of one future
+
+
+def pair_table(
+    scene: SeedScene, conflicts: Conflicts, *, futures: int, states_of: Callable[[int], States]
+) -> pa.Table:
+    """Return the pairs of a moment, see `PAIRS`, the most probable contact first.
+
+    Args:
+        scene: with its road.
+        conflicts: of all human-like futures.
+        states_of: returns the states (V, T) of a future of all that `everybody` has, from the moment on.
+    """
+    whole, rule = everybody(scene), law()
+    key = conflicts.one * whole.vehicles + conflicts.two
+    keys, pair = np.unique(key, return_inverse=True)
+    contact = rule.contact(conflicts, whole.types)
+    count = {"pairs": len(keys), "futures": futures}
+    probability = over_futures(pair, contact, **count)
+    least, most = (
+        over_futures(pair, at_level(contact, factor), **count)
+        for factor in (1 / rule.level_factor, rule.level_factor)
+    )
+    order = np.lexsort((np.arange(len(pair)), -contact, pair))
+    decides = order[np.searchsorted(pair[order], np.arange(len(keys)))]
+    alike = np.bincount(pair, contact >= _ALIKE * contact[decides][pair], minlength=len(keys))
+    collide = np.bincount(pair, conflicts.gap <= 0, minlength=len(keys)) / futures
+    ranked = np.argsort(-probability, kind="stable")
+    told = _Told(whole, conflicts, rule, states_of)
+    rows = [told.row(int(decides[k]), float(probability[k])) for k in ranked.tolist()]
+    own = np.array([[row.pop("_own"), row.pop("_other")] for row in rows], dtype=np.int64).reshape(-1, 2)
+    columns: dict[str, Any] = {name: [row.get(name) for row in rows] for name in PAIRS.names}
+    columns |= {
+        "probability": probability[ranked],
+        "least": np.minimum(least, probability)[ranked],
+        "most": np.maximum(most, probability)[ranked],
+        "futures": alike[ranked].astype(np.int32),
+        "collide": collide[ranked],
+        "doubt": doubts_of(whole, own[:, 0], own[:, 1], vehicles=scene.vehicles, names=_names(whole)),
+    }
+    return pa.table({name: pa.array(columns[name], PAIRS.field(name).type) for name in PAIRS.names})
+
+
+def _names(whole: SeedScene) -> list[str]:
+    """Return the names (V,) of road users: track ids of vehicles, kind and id of people."""
+    people = np.zeros(whole.vehicles, np.bool_) if whole.people is None else whole.people
+    ids = zip(whole.track_ids.tolist(), whole.types, people.tolist(), strict=True)
+    return [f"{road_user(kind)} {track}" if person else str(track) for track, kind, person in ids]
+
+
+class _Told:
+    """What is told of pairs, by the row of `Conflicts` that has the largest share of P."""
+
+    def __init__(
+        self, whole: SeedScene, conflicts: Conflicts, rule: Law, states_of: Callable[[int], States]
+    ) -> None:
+        self._whole, self._conflicts, self._rule, self._states_of = whole, conflicts, rule, states_of
+        self._names = _names(whole)
+        self._people = whole.people if whole.people is not None else np.zeros(whole.vehicles, np.bool_)
+        self._states: dict[int, States] = {}
+
+    def row(self, at: int, probability: float) -> dict[str, Any]:
+        """Return the columns of `PAIRS` that one future tells, and both indices."""
+        found = self._conflicts
+        one, two, future = int(found.one[at]), int(found.two[at]), int(found.future[at])
+        axis, first, step = self._axis(at)
+        own, other = (one, two) if first else (two, one)
+        if self._people[own] and not self._people[other]:  # vehicles respond to people
+            own, other = other, own
+        row: dict[str, Any] = {
+            "_own": own,
+            "_other": other,
+            "track_id": int(self._whole.track_ids[own]),
+            "other_id": int(self._whole.track_ids[other]),
+            "person": self._names[other] if self._people[other] else None,
+            "future": future,
+            "needed_braking": float(found.braking[at]),
+            "time_margin": float(found.margin[at]) if np.isfinite(found.margin[at]) else None,
+            "gap_m": float(found.gap[at]),
+            "time_s": STEP_S * step,
+        }
+        kind = what(self._whole, own, other, float(found.meets_rad[at]), person=bool(self._people[other]))
+        if probability < TOLD:
+            return {**row, "what": kind}
+        states = self._of(future)
+        both = states[[own, other], min(step, states.shape[1] - 1)]
+        place = np.array([[both.x[0], both.y[0]]])
+        assert self._whole.road is not None
+        vx, vy = (np.diff(both.speed * turn(both.heading))[0] for turn in (np.cos, np.sin))
+        return {
+            **row,
+            "what": kind,
+            "how": how(states[[own, other]], axis, row, kind, (self._names[own], self._names[other])),
+            "place": places_of(self._whole.road, place)[0],
+            "speed_mps": float(np.hypot(vx, vy)),
+            "x": float(both.x[0]),
+            "y": float(both.y[0]),
+        }
+
+    def _axis(self, at: int) -> tuple[str, bool, int]:
+        """Return what decides in a row, whether the first vehicle responds, and the step."""
+        found = self._conflicts
+        braking, margin, gap = (
+            float(part[0]) for part in self._rule.parts(found.take(np.array([at])), self._whole.types)
+        )
+        brakes, later = bool(found.brakes_one[at]), bool(found.later_one[at])
+        if found.gap[at] <= 0:
+            return "contact", brakes if found.braking[at] > 0 else later, int(found.gap_step[at])
+        if braking >= max(margin, gap):
+            return "braking", brakes, int(found.braking_step[at])
+        if margin >= gap:
+            return "margin", later, int(found.margin_step[at])
+        return "gap", True, int(found.gap_step[at])
+
+    def _of(self, future: int) -> States:
+        if future not in self._states:
+            self._states[future] = self._states_of(future)
+        return self._states[future]
+
+
+def any_of(probabilities: Sequence[float] | FloatArray) -> float:
+    """Return 1 - Π (1 - P): as if independent."""
+    return float(0.0 - np.expm1(np.log1p(-np.minimum(np.asarray(probabilities), 1 - 1e-12)).sum()))
+
+
+def indices_of(whole: SeedScene, track_ids: Sequence[int]) -> IntArray:
+    """Return the indices of road users by track id."""
+    place = {int(track): v for v, track in enumerate(whole.track_ids)}
+    return np.array([place[track] for track in track_ids], dtype=np.int64)
