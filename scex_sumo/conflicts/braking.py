@@ -44,6 +44,19 @@ def needed_braking(ways: Ways, shared: Shared, acceleration: FloatArray, steps: 
     return np.asarray(np.where(since & np.isfinite(enter), needed, 0.0).max(axis=-1))
 
 
+def both_braking(ways: Ways, shared: Shared, steps: IntArray) -> FloatArray:
+    """Return (n, S) deceleration of both vehicles with which two that face each other stop in time, m/s².
+
+    `MOST_MPS2` where they touch already.
+    """
+    own, other = (shared.own[:, None], steps), (shared.other[:, None], steps)
+    enter = _blocked(ways, shared, ways.arc[other][..., None])[0][..., 0] - ways.arc[own]
+    speed = ways.states.speed
+    with np.errstate(divide="ignore", invalid="ignore"):
+        needed = (speed[own] ** 2 + speed[other] ** 2) / (2 * enter)
+    return np.asarray(np.where(enter > 0, np.minimum(needed, MOST_MPS2), MOST_MPS2))
+
+
 def distance(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
     """Return the (..., K) way of vehicles that go on as they do, m."""
     speed, acceleration = speed[..., None], acceleration[..., None]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.conflicts.braking import MOST_MPS2, needed_braking
+from scex_sumo.conflicts.braking import MOST_MPS2, both_braking, needed_braking
 from scex_sumo.conflicts.margin import time_margins
 from scex_sumo.conflicts.shared import Shared, shared_stretches
 from scex_sumo.conflicts.ways import Ways
@@ -37,7 +37,7 @@ class Conflicts:
     Attributes:
         future: index into the futures.
         braking: least constant deceleration of either vehicle that avoids contact, lasting for 0.8 s, m/s²;
-            0 where none is needed, `MOST_MPS2` where none helps.
+            of both where that of one helps not; 0 where none is needed, `MOST_MPS2` where none helps.
         braking_step: steps from the moment until it is needed.
         brakes_one: whether it is the first vehicle's.
         margin: time margin of vehicles that cross, s; inf without a common place.
@@ -167,6 +167,7 @@ def needed_by_pairs(
     steps = np.arange(now - BEFORE * EVERY, speed.shape[1], EVERY)
     each = [needed_braking(ways, side, acceleration, steps) for side in (own, other)]
     least = least_braking(*each)
+    least = np.where(least >= MOST_MPS2, both_braking(ways, own, steps), least)
     since = least[:, : BEFORE + 1].min(axis=1)
     window = min(LASTS + 1, least.shape[1] - BEFORE)
     lasting = sliding_window_view(least[:, BEFORE:], window, axis=1).min(axis=-1)

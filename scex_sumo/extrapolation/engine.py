@@ -141,7 +141,8 @@ def _opened(
         net = dataclasses.replace(net, notes=(*net.notes, *added))
     scene, net = ruled(scene, net, settings)
     compared, gui = options.compared, options.gui
-    return folder, Job(scene, net, settings, models, assignment, folder.path, gui, compared=compared)
+    known = {"compared": compared, "conflicts": options.is_reference}
+    return folder, Job(scene, net, settings, models, assignment, folder.path, gui, **known)
 
 
 def checked_models(settings: RunSettings, options: RunOptions, extras: Sequence[Extra]) -> ModelSet:

@@ -26,6 +26,7 @@ from scex_sumo.results.design import DENSITIES, densities_table
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.results.parts import Part, joined_parts
 from scex_sumo.results.run import PAIR_OUTCOMES, UNDER_TEST
+from scex_sumo.results.tables.conflicts import CONFLICTS
 from scex_sumo.results.tables.encounters import ENCOUNTERS, encounters_table, outcomes_table
 from scex_sumo.results.tables.horizons import HORIZONS
 from scex_sumo.results.tables.outcomes import COLLISIONS, collided, encounters_of_rows
@@ -73,6 +74,8 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
     folder.write_table(PAIR_OUTCOMES, outcomes_table(met, job.scene.track_ids))
     if part.horizons is not None:
         folder.write_table(HORIZONS, part.horizons)
+    if part.conflicts is not None:
+        folder.write_table(CONFLICTS, part.conflicts)
     if part.tested is not None:
         values, defined = part.tested
         folder.write_table(UNDER_TEST, values_table(columns, values, defined > 0, part.futures))

@@ -217,7 +217,7 @@ _FILES = (
         f"{name}.parquet"
         for name in (
             *("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst", "fallbacks"),
-            *("collisions", "encounters", "pair_outcomes", "under_test", "horizons"),
+            *("collisions", "encounters", "pair_outcomes", "under_test", "horizons", "conflicts"),
         )
     ),
 )

@@ -15,13 +15,17 @@ from scex_sumo.base.arrays import BoolArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.geometry.rectangles import Rectangles, separation
 from scex_sumo.roads.matching import off_road
-from scex_sumo.scene import HISTORY_STEPS, SeedScene
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 
 NEAR_M: Final = 0.1
 """Boxes that are closer nearly touch."""
 TOWED_S: Final = 0.15
 """Headway at which nobody follows above `TOWED_MPS`: it is a trailer, or a box is too long."""
 TOWED_MPS: Final = 3.0
+MOVED: Final = 0.5
+"""Difference of the way and the speeds of the last second, as a share of the larger one, from which one of
+both is wrong; up to `MOVED_MPS` nothing is."""
+MOVED_MPS: Final = 2.0
 
 
 def doubts_of(
@@ -38,7 +42,7 @@ def doubts_of(
         vehicles: how many of the scene's vehicles are some; the rest are people, beside the lanes.
         names: (V,) in words; None for track ids.
     """
-    off, leaves = _off_lanes(scene), _leaves(scene)
+    off, leaves, moved = _off_lanes(scene), _leaves(scene), _moved_otherwise(scene)
     near, overlap = _near(scene, one, other)
     ids, doubts = scene.track_ids, []
     names = [str(track) for track in ids] if names is None else names
@@ -53,6 +57,7 @@ def doubts_of(
                 (off[v] and (vehicles is None or v < vehicles), f"{names[v]} is off the mapped lanes"),
                 (scene.recorded_steps[v] < HISTORY_STEPS, f"{names[v]} is recorded for less than a second"),
                 (leaves[v], f"{names[v]} leaves the recording within a second"),
+                (moved[v], f"{names[v]} moves otherwise than its speeds say"),
             ]
         doubts.append(next((words for is_so, words in reasons if is_so), None))
     return doubts
@@ -62,7 +67,7 @@ def doubts_of(
 def _off_lanes(scene: SeedScene) -> BoolArray:
     """Return (V,) whether vehicles are off the mapped lanes; people may be."""
     off = np.zeros(scene.vehicles, dtype=np.bool_)
-    off[[] if scene.road is None else off_road(scene.road, scene)] = True
+    off[[] if scene.road is None else off_road(scene.road, scene, any_direction=True)] = True
     return off if scene.people is None else off & ~scene.people
 
 
@@ -72,6 +77,16 @@ def _leaves(scene: SeedScene) -> BoolArray:
         return np.zeros(scene.vehicles, dtype=np.bool_)
     steps = scene.future_valid.sum(axis=1)
     return np.asarray(steps < min(HISTORY_STEPS, steps.max()))
+
+
+def _moved_otherwise(scene: SeedScene) -> BoolArray:
+    """Return (V,) whether positions and speeds of the last second disagree."""
+    past = scene.history
+    way = np.hypot(np.diff(past.x), np.diff(past.y)).sum(axis=1) / (HISTORY_STEPS * STEP_S)
+    told = np.abs(past.speed).mean(axis=1)
+    apart = np.abs(way - told)
+    wrong: BoolArray = (apart > MOVED * np.maximum(way, told)) & (apart > MOVED_MPS)
+    return wrong
 
 
 def _near(scene: SeedScene, one: IntArray, other: IntArray) -> tuple[BoolArray, BoolArray]:

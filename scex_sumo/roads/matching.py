@@ -16,7 +16,7 @@ from scex_sumo.scene import SeedScene
 OFFSET_SIGMA_M = 0.8  # half a lane off is two sigma
 HEADING_SIGMA_RAD = 0.15  # 8.6 degrees
 OFFSET_MARGIN_M = 1.0  # maps and tracks disagree that much
-HEADING_LIMIT_RAD = np.deg2rad(60.0)
+HEADING_LIMIT_RAD = float(np.deg2rad(60.0))
 SLACK_M = 1e-6  # of boxes, against rounding
 
 
@@ -94,18 +94,20 @@ def _reaches(road: Road) -> shapely.STRtree:
     return shapely.STRtree(shapely.box(*low.T, *high.T))
 
 
-def match(road: Road, x: FloatArray, y: FloatArray, heading: FloatArray) -> Matches:
+def match(
+    road: Road, x: FloatArray, y: FloatArray, heading: FloatArray, *, within_rad: float = HEADING_LIMIT_RAD
+) -> Matches:
     """Find the lanes that vehicles (n,) may be on; a vehicle off the mapped lanes has none.
 
     A lane is a candidate if the centre is at most `OFFSET_MARGIN_M` outside its bounds and the heading within
-    `HEADING_LIMIT_RAD` of the lane's. Its likelihood is that of its best centreline segment:
+    ``within_rad`` of the lane's. Its likelihood is that of its best centreline segment:
     exp(-(distance/0.8 m)^2/2 - (heading difference/0.15 rad)^2/2).
     """
     segments = lane_segments(road)
     near_by = _reaches(road).query(shapely.points(x, y))
     pose, segment = near_by[:, np.lexsort(near_by[::-1])]
     error = wrap(heading[pose] - segments.angle[segment])
-    aligned = np.abs(error) <= HEADING_LIMIT_RAD
+    aligned = np.abs(error) <= within_rad
     pose, segment, error = pose[aligned], segment[aligned], error[aligned]
     dx, dy = x[pose] - segments.start[segment, 0], y[pose] - segments.start[segment, 1]
     ux, uy = segments.direction[segment, 0], segments.direction[segment, 1]
@@ -143,8 +145,12 @@ def _first_of_the_cheapest(cost: FloatArray, starts: IntArray) -> IntArray:
     return smallest[np.searchsorted(smallest, starts)]
 
 
-def off_road(road: Road, scene: SeedScene) -> list[int]:
-    """Return the indices of the vehicles that match no lane; they drive straight on."""
-    now = scene.now
-    matched = set(match(road, now.x, now.y, now.heading).vehicle.tolist())
+def off_road(road: Road, scene: SeedScene, *, any_direction: bool = False) -> list[int]:
+    """Return the indices of the vehicles that match no lane; they drive straight on.
+
+    Args:
+        any_direction: a lane of another direction is a lane, too.
+    """
+    now, within = scene.now, np.pi if any_direction else HEADING_LIMIT_RAD
+    matched = set(match(road, now.x, now.y, now.heading, within_rad=within).vehicle.tolist())
     return [v for v in range(scene.vehicles) if v not in matched]

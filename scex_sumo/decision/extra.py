@@ -1,0 +1,114 @@
+"""Decision as an extra of a run: pairs of the human-like futures, ``pairs.parquet`` and ``decision.json``."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Final
+
+import numpy as np
+
+from scex_sumo.base.errors import ResultError
+from scex_sumo.base.files import replacing, write_atomic
+from scex_sumo.extrapolation.extras import Extra, Work
+from scex_sumo.results.extras import Decision
+from scex_sumo.results.participants import with_everybody
+from scex_sumo.results.tables.conflicts import CONFLICTS, conflicts_of
+from scex_sumo.scene import HISTORY_STEPS, LOGGED_HISTORY, States
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from scex_sumo.results.run import Run
+
+PAIRS_FILE: Final = "pairs.parquet"
+DECISION_FILE: Final = "decision.json"
+_WORST = 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class DecisionStep(Extra):
+    """Verdict on the moment of a run, from its human-like futures, see docs/decision.md."""
+
+    order: ClassVar[int] = 25  # after the reference
+    nested: ClassVar[bool] = False
+    files: ClassVar[tuple[str, ...]] = (PAIRS_FILE, DECISION_FILE)
+
+    def finish(self, run: Run, work: Work) -> Mapping[str, Path]:
+        """Write the pairs and the decision."""
+        human = run.reference
+        if human is None or work.is_reference:
+            return {}
+        import pyarrow.parquet as pq
+
+        from scex_sumo.decision.decide import decide
+        from scex_sumo.decision.pairs import pair_table
+
+        scene = work.job.scene
+
+        def states_of(future: int) -> States:
+            """Return the states of one human-like future, with people."""
+            driven = human.states(future)[:, LOGGED_HISTORY:].swapaxes(0, 1).repeat(1)
+            return with_everybody(scene, driven)[0, HISTORY_STEPS:].swapaxes(0, 1)
+
+        found = conflicts_of(human.table(CONFLICTS))
+        table = pair_table(scene, found, futures=human.futures, states_of=states_of)
+        verdict = decide(table.to_pylist(), futures=human.futures, keep_doubtful=work.options.keep_doubtful)
+        with replacing(run.folder / PAIRS_FILE) as temporary:
+            pq.write_table(table, temporary)
+        write_atomic(run.folder / DECISION_FILE, json.dumps(dataclasses.asdict(verdict)).encode())
+        return {}
+
+    def decision(self, run: Run) -> Decision | None:
+        """Return the verdict of a finished run."""
+        file = run.folder / DECISION_FILE
+        if not file.is_file():
+            return None
+        try:
+            content = json.loads(file.read_bytes())
+            return Decision(**content | {"pair": content["pair"] and tuple(content["pair"])})
+        except (OSError, ValueError, KeyError, TypeError, AssertionError) as error:
+            raise ResultError(f"{file}: cannot be read ({str(error)[:80]}); run again") from None
+
+    def lines(self, run: Run) -> Sequence[str]:
+        """Return the most probable pairs in words."""
+        from scex_sumo.decision.decide import arrow, span
+        from scex_sumo.decision.words import TOLD, once_in
+
+        table = pairs_of_run(run)
+        rows = [] if table is None else table.to_pylist()
+        told = [row for row in rows if row["probability"] >= TOLD and (run.keeps_doubtful or not row["doubt"])]
+        lines = [
+            f"  {arrow(row)} ({row['what']}, {row['time_s']:.1f} s): {row['how']}; "
+            f"{once_in(row['probability'])} ({span(row)})"
+            for row in told[:_WORST]
+        ]
+        return ["human-like, a contact of two within 3 s:", *lines] if lines else []
+
+    def answer(self, run: Run) -> Mapping[str, Any]:
+        """Return ``human_like``: the pairs, and P of a contact of any two without doubt."""
+        table = pairs_of_run(run)
+        if table is None:
+            return {"human_like": None}
+        from scex_sumo.decision.pairs import any_of
+
+        sure = [row for row in table.to_pylist() if run.keeps_doubtful or not row["doubt"]]
+        return {
+            "human_like": {
+                "futures": run.reference.futures if run.reference is not None else None,
+                "any": any_of(np.array([row["probability"] for row in sure])),
+                "pairs": [row for row in table.to_pylist() if row["probability"] >= LISTED],
+            }
+        }
+
+
+LISTED: Final = 1e-9
+"""P from which JSON has a pair."""
+
+
+def pairs_of_run(run: Run) -> pa.Table | None:
+    """Return the pairs of a finished run, see `scex_sumo.decision.pairs.PAIRS`; None without human-like futures."""
+    return run.table(PAIRS_FILE) if (run.folder / PAIRS_FILE).is_file() else None
