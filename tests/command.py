@@ -18,8 +18,6 @@ PRELOADED = (
     "libsumo",
     "pandas",
     "scex_sumo.certainty.exact",
-    "scex_sumo.certainty.response.page",
-    "scex_sumo.certainty.response.sensitivity",
     "scex_sumo.certainty.response.words",
     "scex_sumo.certainty.results",
     "scex_sumo.cli",
@@ -47,7 +45,7 @@ PRELOADED = (
     "tests.workers",
 )
 # Options of a run that leave out what costs more than a few futures.
-ALONE = ("--reference", "none", "--response", "none")
+ALONE = ("--reference", "none")
 
 
 def forkserver() -> ForkServerContext:

@@ -11,4 +11,4 @@ from scex_sumo.scene import SeedScene
 
 def extrapolate(scene: SeedScene, **options: Any) -> Run:
     """Extrapolate as `scex_sumo.extrapolate`."""
-    return scex_sumo.extrapolate(scene, **{"reference": None, "response": None, "report": False, **options})
+    return scex_sumo.extrapolate(scene, **{"reference": None, "report": False, **options})

@@ -19,7 +19,7 @@ from tests.runs import extrapolate
 
 def test_a_reference_stands_beside_a_run_and_changes_nothing_of_it(tmp_path: Path) -> None:
     scene = read_seed(example_path("motorway_merge"))
-    options = {"out": tmp_path, "models": "rules", "response": "people", "futures": 4, "steps": 5}
+    options = {"out": tmp_path, "models": "rules", "futures": 4, "steps": 5}
     run = extrapolate(scene, **options)
     before = (tmp_path / "tracks.parquet").read_bytes()
     likely = extrapolate(scene, reference="likely", **options).reference
