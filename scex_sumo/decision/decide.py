@@ -72,7 +72,7 @@ def _decision(kind: str, row: Mapping[str, Any], futures: int) -> Decision:
         what=row["what"],
         how=row["how"],
         place=row["place"],
-        time_s=row["time_s"],
+        time_s=row["conflict_s"],
         future=row["future"],
         probability=row["probability"],
         least=row["least"],

@@ -80,9 +80,11 @@ class DecisionStep(Extra):
 
         table = pairs_of_run(run)
         rows = [] if table is None else table.to_pylist()
-        told = [row for row in rows if row["probability"] >= TOLD and (run.keeps_doubtful or not row["doubt"])]
+        told = [
+            row for row in rows if row["probability"] >= TOLD and (run.keeps_doubtful or not row["doubt"])
+        ]
         lines = [
-            f"  {arrow(row)} ({row['what']}, {row['time_s']:.1f} s): {row['how']}; "
+            f"  {arrow(row)} ({row['what']}, {row['conflict_s']:.1f} s): {row['how']}; "
             f"{once_in(row['probability'])} ({span(row)})"
             for row in told[:_WORST]
         ]
@@ -110,5 +112,5 @@ LISTED: Final = 1e-9
 
 
 def pairs_of_run(run: Run) -> pa.Table | None:
-    """Return the pairs of a finished run, see `scex_sumo.decision.pairs.PAIRS`; None without human-like futures."""
+    """Return the pairs of a finished run, see `scex_sumo.decision.pairs.PAIRS`; None without a reference."""
     return run.table(PAIRS_FILE) if (run.folder / PAIRS_FILE).is_file() else None

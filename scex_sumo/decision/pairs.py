@@ -39,7 +39,7 @@ PAIRS: Final = pa.schema(
         ("needed_braking", pa.float64()),  # in that future, m/s²; 0: none
         ("time_margin", pa.float64()),  # in that future, s; null: they do not cross
         ("gap_m", pa.float64()),  # least distance in that future, m
-        ("time_s", pa.float64()),  # after the moment
+        ("conflict_s", pa.float64()),  # after the moment
         ("speed_mps", pa.float64()),  # between the two then
         ("x", pa.float64()),  # of the first one then, m; so ``y``
         ("y", pa.float64()),
@@ -127,7 +127,7 @@ class _Told:
             "needed_braking": float(found.braking[at]),
             "time_margin": float(found.margin[at]) if np.isfinite(found.margin[at]) else None,
             "gap_m": float(found.gap[at]),
-            "time_s": STEP_S * step,
+            "conflict_s": STEP_S * step,
         }
         kind = what(self._whole, own, other, float(found.meets_rad[at]), person=bool(self._people[other]))
         if probability < TOLD:

@@ -13,7 +13,7 @@ from scex_sumo.scene import STEP_S, SeedScene, States
 
 REAR_END, MERGING, CROSSING, ONCOMING, BESIDE = "rear-end", "merging", "crossing", "oncoming", "beside"
 WHAT: Final = (REAR_END, MERGING, CROSSING, ONCOMING, BESIDE, "person")
-"""Kinds of conflicts: one follows the other; their ways join, cross, are opposed, or do not touch; a person."""
+"""Kinds of conflicts: one follows; ways join, cross, are opposed, or do not touch; with a person."""
 
 TOLD: Final = 1e-7
 """P below which nobody asks how it comes to it."""
@@ -67,7 +67,7 @@ def how(states: States, axis: str, row: Mapping[str, Any], kind: str, names: tup
 def _does(states: States, row: Mapping[str, Any], kind: str) -> str:
     """Return what the other vehicle does up to the conflict."""
     other = states[1]
-    until = max(round(row["time_s"] / STEP_S), _MEAN_STEPS) + 1
+    until = max(round(row["conflict_s"] / STEP_S), _MEAN_STEPS) + 1
     speed = other.speed[:until]
     least = (speed[_MEAN_STEPS:] - speed[:-_MEAN_STEPS]).min(initial=0.0) / (_MEAN_STEPS * STEP_S)
     if speed.max() < _STANDS_MPS:

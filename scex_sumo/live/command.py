@@ -53,9 +53,6 @@ def watch_command(
     last_s: Annotated[float | None, Option("--to", metavar="S", help="End, s.")] = None,
     futures: Annotated[int, Option(help="Futures of the stress test of each moment; 0: none.")] = 64,
     models: Annotated[str | None, Option(metavar="MIX", help="Models of the stress test.")] = None,
-    response: Annotated[
-        Path | None, Option(metavar="FILE", help="How people act and respond; default: the package's.")
-    ] = None,
     seed: Annotated[int, Option(help="Random seed of the stress test.")] = 0,
     workers: Annotated[int, Option(help="Processes.")] = 2,
     ssm: Annotated[bool, Option(help="Let SUMO's SSM device work, for the lead times.")] = True,
@@ -76,7 +73,6 @@ def watch_command(
     Focus(around=around, region=region, busiest=busiest)
     question: dict[str, Any] = {"futures": futures, "seed": seed}
     question |= {"models": models} if models else {}
-    question |= {"response": str(response.absolute())} if response else {}
     Question(**question).check()
     session = Session(
         config=scenario,
@@ -194,7 +190,7 @@ class _Teller:
                     "pair": list(pair.names),
                     "human_like": pair.human_like,
                     "stress": pair.stress,
-                    "takes": pair.takes,
+                    "how": pair.how,
                 }
                 for risk, pair in worst_moments(self.risks)
             ],
@@ -202,7 +198,7 @@ class _Teller:
 
 
 def _words(risk: Risk) -> str:
-    from scex_sumo.certainty.response.answer import once_in
+    from scex_sumo.decision.words import once_in
 
     pair = risk.worst
     if pair is None:

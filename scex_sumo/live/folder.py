@@ -14,8 +14,8 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.files import write_output
-from scex_sumo.certainty.response.answer import once_in
 from scex_sumo.commands.tables import write_table
+from scex_sumo.decision.words import once_in
 from scex_sumo.formats.sumo.scenario import RISK, options_of
 from scex_sumo.live.device import SEEN, Lead
 from scex_sumo.live.focus import BUSIEST
@@ -41,7 +41,7 @@ RISK_SCHEMA: Final = pa.schema(
         ("kind", pa.string()),
         ("human_like", pa.float64()),
         ("stress", pa.float64()),
-        ("takes", pa.string()),
+        ("how", pa.string()),
         ("needed_braking", pa.float64()),
         ("contact_s", pa.float64()),
         ("x", pa.float64()),
@@ -169,7 +169,7 @@ def _worst(folder: Path, config: Path, risks: Sequence[Risk]) -> list[Html]:
     for risk, pair in worst_moments(risks):
         link = element("a", f"{risk.time_s:g} s", href=f"{MOMENTS}/{risk.time_s:g}/report.html")
         words = " ".join(map(shlex.quote, ["scex-sumo", *command_of(config, _near(folder), risk, pair)]))
-        says = f": {pair.hits} → {pair.other}, {once_in(pair.human_like)}: {pair.takes}"
+        says = f": {pair.hits} → {pair.other}, {once_in(pair.human_like)}: {pair.how}"
         items.append(element("li", link, says, element("br"), element("code", words)))
     if not items:
         return [element("p.soft", "No pair of people collides as often as once in a billion such moments.")]

@@ -6,7 +6,7 @@ from contextlib import suppress
 from typing import Any, Final
 
 from scex_sumo.base.colors import Rgb
-from scex_sumo.certainty.response.answer import once_in
+from scex_sumo.decision.words import once_in
 from scex_sumo.live.risk import PairRisk, Risk
 from scex_sumo.views.drawings import shown_text
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -15,11 +15,9 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.certainty.response.answer import any_of, critical_responses
-from scex_sumo.certainty.response.decision import PairResponse, pair_responses
-from scex_sumo.certainty.response.people import people_of
-from scex_sumo.certainty.response.words import takes
 from scex_sumo.converters.net.convert import converted
+from scex_sumo.decision.moment import human_part, pairs_of_part
+from scex_sumo.decision.pairs import any_of
 from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
@@ -30,6 +28,8 @@ from scex_sumo.results.tables.outcomes import first_contacts
 from scex_sumo.scene import SeedScene
 
 FUTURES: Final = 64
+LEAST: Final = 1e-9
+"""P from which a pair counts."""
 _GHOST_STEPS: Final = 5  # between two outlines
 _MIN_VEHICLES: Final = 2  # vehicles that can collide
 
@@ -41,21 +41,17 @@ class Question:
     Attributes:
         futures: of the stress test; 0 leaves it out.
         models: of the stress test.
-        response: distributions of one's own for the human-like P, see docs/response.md.
     """
 
     futures: int = FUTURES
     models: str = DEFAULT_MODELS
     seed: int = 0
-    response: str | None = None
 
     def check(self) -> None:
-        """Raise a `UsageError` for models that are unknown, and a file that cannot be used."""
+        """Raise a `UsageError` for models that are unknown."""
         if self.futures < 0:
             raise UsageError(f"--futures: got {self.futures}, needs 0 or more")
         _models(self)
-        if self.response is not None:
-            people_of(Path(self.response))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,12 +59,13 @@ class PairRisk:
     """Risk of two vehicles, by SUMO's names.
 
     Attributes:
-        hits: the vehicle that hits or follows; what the other one does comes first.
-        human_like: P of a collision of people; 0 if below 1e-9.
+        hits: the vehicle that hits or follows.
+        kind: of the conflict, see `scex_sumo.decision.words.WHAT`, or of the collision of the stress test.
+        human_like: P of a contact between people; 0 below `LEAST`.
         stress: share of the futures of the stress test in which the two collide first; None without one.
-        takes: what it takes until they collide, in words.
-        needed_braking: least constant deceleration that avoids contact, m/s²; None if there is none.
-        contact_s: time of the contact from the moment on, s.
+        how: it comes to it, in words.
+        needed_braking: in the human-like future that decides, m/s²; None if there is none.
+        contact_s: time of the conflict from the moment on, s.
         doubt: why the data are doubtful; None if they are not.
         x: of the vehicle that hits, m, at the moment; so ``y``.
     """
@@ -78,7 +75,7 @@ class PairRisk:
     kind: str
     human_like: float
     stress: float | None
-    takes: str = ""
+    how: str = ""
     needed_braking: float | None = None
     contact_s: float | None = None
     doubt: str | None = None
@@ -145,7 +142,7 @@ def assess(moment: Moment, question: Question) -> Risk:
     assert scene.road is not None
     with TemporaryFolder() as folder:
         scene, net = ruled(scene, converted(scene.road, Path(folder) / "net.net.xml"), settings)
-        people = pair_responses(critical_responses(scene, file=question.response).to_pylist())
+        people = pairs_of_part(scene, human_part(scene, net, seed=question.seed)).to_pylist()
         part = None
         if question.futures and scene.vehicles >= _MIN_VEHICLES:
             drawn = models.draw(scene, futures=question.futures, seed=question.seed, design=settings.design)
@@ -162,7 +159,7 @@ def assess(moment: Moment, question: Question) -> Risk:
 def _pairs(
     scene: SeedScene,
     names: Mapping[int, str],
-    people: Sequence[PairResponse],
+    people: Sequence[Mapping[str, Any]],
     part: Part | None,
     futures: int,
 ) -> list[PairRisk]:
@@ -171,21 +168,24 @@ def _pairs(
         int(track): (float(scene.now.x[v]), float(scene.now.y[v])) for v, track in enumerate(scene.track_ids)
     }
     pairs = []
-    for one in people:
-        row, key = one.row, frozenset(one.pair)
-        hits, other = (names.get(track, row.get("person") or str(track)) for track in one.pair)
-        x, y = place[one.pair[0]]
+    for row in people:
+        key = frozenset((row["track_id"], row["other_id"]))
+        if row["probability"] < LEAST and key not in shares:
+            continue
+        hits = names.get(row["track_id"], str(row["track_id"]))
+        other = row["person"] or names.get(row["other_id"], str(row["other_id"]))
+        x, y = place[row["track_id"]]
         pairs.append(
             PairRisk(
                 hits=hits,
                 other=other,
-                kind=str(row["kind"] or ""),
-                human_like=one.probability,
+                kind=row["what"],
+                human_like=row["probability"] if row["probability"] >= LEAST else 0.0,
                 stress=None if part is None else shares.pop(key, 0.0),
-                takes=takes([{**row, "person": row.get("person") or other, "other_id": hits}]),
-                needed_braking=row["needed_braking"],
-                contact_s=row["time_s"],
-                doubt=one.doubt,
+                how=_named(row, names),
+                needed_braking=row["needed_braking"] or None,
+                contact_s=row["conflict_s"],
+                doubt=row["doubt"],
                 x=x,
                 y=y,
             )
@@ -199,6 +199,12 @@ def _pairs(
             )
         )
     return pairs
+
+
+def _named(row: Mapping[str, Any], names: Mapping[int, str]) -> str:
+    """Return how it comes to a conflict, with SUMO's names."""
+    own = {str(row[side]): names.get(row[side], str(row[side])) for side in ("track_id", "other_id")}
+    return " ".join(own.get(word, word) for word in (row["how"] or "").split(" "))
 
 
 def _shares(

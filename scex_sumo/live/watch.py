@@ -167,7 +167,7 @@ class Watch:
             busiest: number of vehicles in the place of it, in the busiest place; 25 by default.
             wait: no moment is skipped: the simulation waits; with one worker for each moment's risk.
             workers: processes.
-            question: fields of `Question`: ``futures``, ``models``, ``seed``, ``response``.
+            question: fields of `Question`: ``futures``, ``models``, ``seed``.
 
         Raises:
             UsageError: an option makes no sense.

@@ -1,4 +1,4 @@
-"""Encounters of recordings: two vehicles in consecutive moments, by the most critical one; what is usual."""
+"""Encounters of recordings: two road users in consecutive moments, shown at the most critical one."""
 
 from __future__ import annotations
 
@@ -10,16 +10,14 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scex_sumo.base.arrays import BoolArray, IntArray
-from scex_sumo.certainty.response.usual import USUAL, Population, counts, usual_columns
 from scex_sumo.studies.moments.folder import MomentRef, as_row
 from scex_sumo.studies.moments.pairs import PAIRS
 
-SEVERITY: Final = "severity"
 _PLACE: Final = ("location", "recording", "case", "seed", "time_s")
 _CONSECUTIVE = 1.5  # times between two moments of one encounter, over the time between two moments
 
 _FIRST = (
-    *((name, PAIRS.field(name).type) for name in ("track_id", "other_id", "kind")),
+    *((name, PAIRS.field(name).type) for name in ("track_id", "other_id", "what")),
     *((name, pa.float64() if name == "time_s" else pa.string()) for name in _PLACE),
     *(("first_s", pa.float64()), ("last_s", pa.float64()), ("moments", pa.int64())),
 )
@@ -27,8 +25,6 @@ ENCOUNTERS: Final = pa.schema(
     [
         *_FIRST,
         *(field for field in PAIRS if field.name not in [*dict(_FIRST), "doubt"]),
-        *USUAL.items(),
-        ("times_usual", pa.float64()),  # P over the median
         ("doubt", pa.string()),
     ]
 )
@@ -37,8 +33,8 @@ ENCOUNTERS: Final = pa.schema(
 def encounters_of(pairs: Sequence[tuple[MomentRef, pa.Table]], every_s: float) -> pa.Table:
     """Return the encounters of a data set, see `ENCOUNTERS`.
 
-    The same two vehicles in consecutive moments are one encounter: its row is that of the moment with the
-    largest severity whose data are not doubtful.
+    The same two in consecutive moments are one encounter: its row is that of the moment with the largest P
+    whose data are not doubtful.
 
     Args:
         pairs: moments, and their pairs as of `pairs_of_moment`.
@@ -58,18 +54,17 @@ def encounters_of(pairs: Sequence[tuple[MomentRef, pa.Table]], every_s: float) -
         "first_s": pa.array(np.minimum.reduceat(time, starts)),
         "last_s": pa.array(np.maximum.reduceat(time, starts)),
         "moments": pa.array(np.diff(starts, append=len(order))),
-        "gap_m": pa.array(np.minimum.reduceat(np.asarray(rows["gap_m"])[order], starts)),
     }
     missing = pa.nulls(len(starts))
     columns = [columns_of.get(field.name, missing).cast(field.type) for field in ENCOUNTERS]
-    return _with_usual(pa.table(columns, schema=ENCOUNTERS))
+    return pa.table(columns, schema=ENCOUNTERS)
 
 
 def _grouped(rows: pa.Table, refs: pa.Table, apart_s: float) -> tuple[IntArray, BoolArray]:
     """Return an order (n,) that joins the rows of each encounter, and which one of the order begins one."""
     people = rows["person"].combine_chunks().dictionary_encode().indices
-    who = pc.if_else(pc.is_valid(people), pc.subtract(-1, people), rows["track_id"])
-    both = np.sort([np.asarray(ids).astype(np.int64) for ids in (who, rows["other_id"])], axis=0)
+    other = pc.if_else(pc.is_valid(people), pc.subtract(-1, people), rows["other_id"])
+    both = np.sort([np.asarray(ids).astype(np.int64) for ids in (rows["track_id"], other)], axis=0)
     record = pc.binary_join_element_wise(refs["recording"], refs["case"], "\n").combine_chunks()
     keys = np.stack([np.asarray(record.dictionary_encode().indices), *both])
     time = np.asarray(refs["time_s"])
@@ -79,11 +74,9 @@ def _grouped(rows: pa.Table, refs: pa.Table, apart_s: float) -> tuple[IntArray, 
 
 
 def _worst_first(rows: pa.Table) -> IntArray:
-    """Return the place (n,) of each row: without doubt first, then by severity, then by P."""
-    doubtful = np.asarray(pc.is_valid(rows["doubt"]))
-    severity, probability = (-np.asarray(rows[name]) for name in (SEVERITY, "probability"))
-    place = np.empty(len(rows), dtype=np.int64)
-    place[np.lexsort((probability, severity, doubtful))] = np.arange(len(rows))
+    """Return the place (n,) of each row: without doubt first, then by P."""
+    place, doubtful = np.empty(len(rows), dtype=np.int64), np.asarray(pc.is_valid(rows["doubt"]))
+    place[np.lexsort((-np.asarray(rows["probability"]), doubtful))] = np.arange(len(rows))
     return place
 
 
@@ -92,20 +85,6 @@ def _first_of_each(place: IntArray, begins: BoolArray) -> IntArray:
     group = np.cumsum(begins)
     order = np.lexsort((place, group))
     return np.asarray(order[np.flatnonzero(np.diff(group[order], prepend=0))])
-
-
-def _with_usual(encounters: pa.Table) -> pa.Table:
-    population = Population(encounters)
-    rows = encounters.select(["location", "kind", "probability", "gap_m", "doubt"]).to_pylist()
-    usual = [
-        population.usual(row["location"], row["kind"], row["probability"], counted=counts(row))
-        for row in rows
-    ]
-    times = [
-        row["probability"] / one.median if one and one.median else None
-        for row, one in zip(rows, usual, strict=True)
-    ]
-    return with_columns(encounters, usual_columns(usual) | {"times_usual": times})
 
 
 def with_columns(table: pa.Table, columns: Mapping[str, Sequence[Any]]) -> pa.Table:

@@ -29,7 +29,6 @@ def validate_command(
     part: Annotated[
         str, Option(metavar="all|train|validation|test", help="Part of each recording's time.")
     ] = "all",
-    usual: Annotated[bool, Option("--usual", help="What is usual there: critical responses, too.")] = False,
     steps: Annotated[int, Option(help="Steps of 0.1 s of a future: 30, or 50, 80.")] = 30,
     seed: Seed = 0,
     workers: Processes = "auto",
@@ -120,7 +119,3 @@ def _print_scores(done: Validation) -> None:
     for name, (columns, title, caption) in pieces.items():
         rows = done.tables[name].to_pylist()
         print_columns(columns, rows, console, title, caption, breaks=(" base rate", " moment", " vel."))
-    if "encounters" in done.tables:
-        from scex_sumo.studies.validate.usual import COLUMNS, hourly, usual_rows
-
-        print_columns(COLUMNS, usual_rows(done.tables["encounters"]), console, "usual", hourly(info))

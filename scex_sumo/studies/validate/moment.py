@@ -32,7 +32,6 @@ from scex_sumo.metrics.collisions import OVERLAP_M2
 from scex_sumo.results.tables.outcomes import collided
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.moments.folder import Failure, MomentRef, StudyFolder
-from scex_sumo.studies.moments.pairs import PAIRS, pairs_of_moment
 from scex_sumo.studies.moments.run import MomentTask, StudySettings, attempt, built, compared, net_of
 from scex_sumo.studies.validate.noise import BoxNoise, as_recorded
 from scex_sumo.studies.validate.realism import realism, realism_score
@@ -48,11 +47,9 @@ class ValidationSettings(StudySettings):
     Attributes:
         part: ``train``, ``validation`` or ``test`` of each recording's time, as for learned drivers, or
             ``all``.
-        usual: critical responses, too.
     """
 
     part: str = ALL
-    usual: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -63,8 +60,7 @@ class ValidationSettings(StudySettings):
         """Return the values that identify the validation of some recordings."""
         # first, top and keep as of a ranking that gives every moment all futures
         shared = self.identity(recordings, first=self.futures, top=10, keep="none")
-        usual = {"usual": True} if self.usual else {}
-        return {**shared, "part": self.part, "population": parameters_digest(), **usual}
+        return {**shared, "part": self.part, "population": parameters_digest()}
 
     def moments(self, loaded: LoadedRecording) -> Sequence[Moment]:
         """Return the moments of the part of a recording, at least ``every`` seconds apart."""
@@ -100,7 +96,6 @@ class Forecast:
         realism: one row with the score and the likelihood of each feature.
         seen: metric columns and ``collision`` of each future with errors of boxes, see `as_recorded`.
         futures: the same of each future as driven, and of `COMPARED`.
-        pairs: its critical responses, see `PAIRS`, if asked for.
     """
 
     vehicles: pa.Table
@@ -108,7 +103,6 @@ class Forecast:
     realism: pa.Table
     seen: pa.Table
     futures: pa.Table
-    pairs: pa.Table = dataclasses.field(default_factory=PAIRS.empty_table)
 
 
 def asked_of(settings: StudySettings) -> RunSettings:
@@ -168,7 +162,6 @@ def _forecast(task: ForecastTask, scene: SeedScene, packed: bytes) -> Forecast:
         seen=_futures_table(asked.columns, [(numbers, seen.values, seen.collided)]),
         vehicles=position_forecasts(scene, futures.states, seen.states, straight.states, judged, rng),
         encounters=gap_forecasts(scene, futures.states, seen.states, straight.states, after, judged, rng),
-        **({"pairs": pairs_of_moment(ruled(scene, net, asked)[0])} if task.settings.usual else {}),
         realism=pa.table({"realism": [realism_score(likelihood)], **{k: [v] for k, v in likelihood.items()}}),
     )
 

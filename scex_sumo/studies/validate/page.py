@@ -14,8 +14,6 @@ from scex_sumo.page.figures.charts import Plane, metric_title
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.study import Column, card, page_table, plots, table_place, write_study
 from scex_sumo.reports.run_table import counted
-from scex_sumo.studies.validate.usual import COLUMNS as USUAL_COLUMNS
-from scex_sumo.studies.validate.usual import hourly
 
 HTML = "validation.html"
 _BRIER = "95 % interval of the Brier score, recordings drawn with replacement"
@@ -75,16 +73,11 @@ _PAIR_COLUMNS = (
     Column("pairs", "pairs"),
     *(one for one in _EVENT_COLUMNS[1:] if one.cell not in _NO_PAIR),
 )
-_USUAL = (
-    "An encounter is two vehicles in consecutive moments. All are in encounters.parquet; "
-    "'scex-sumo run MAP --usual FOLDER' compares a moment with them."
-)
 _TABLES = {
     "events": _EVENT_COLUMNS,
     "pairs": _PAIR_COLUMNS,
     "values": _VALUE_COLUMNS,
     "positions": _POSITION_COLUMNS,
-    "usual": USUAL_COLUMNS,
 }
 
 
@@ -95,8 +88,7 @@ def write_validation_page(
 
     Args:
         info: content of ``validate.json``.
-        rows: events, pairs, values and positions, see `scex_sumo.studies.validate.scoring`; maybe usual, see
-            `usual_rows`.
+        rows: events, pairs, values and positions, see `scex_sumo.studies.validate.scoring`.
     """
     events, values = rows["events"], rows["values"]
     usual = [row for row in events if 0.0 < row["happened"] < 1.0]
@@ -133,7 +125,6 @@ def write_validation_page(
             "Distance of the futures from the recorded places.",
             table_place("positions"),
         ),
-        *_usual_card(info),
         *_failures(info["failed"]),
     ]
     tables = {name: page_table(columns, rows[name]) for name, columns in _TABLES.items() if name in rows}
@@ -199,12 +190,6 @@ def _ranks(name: str, counts: Sequence[int]) -> Html:
     level = sum(counts) / len(counts)
     line = plane.line(np.array(plane.x), np.full(2, level), "critical")
     return plane.figure(name, *bars, line, marks=[(0.5, "low"), (len(counts) - 0.5, "high")])
-
-
-def _usual_card(info: Mapping[str, Any]) -> list[Html]:
-    if "collisions_an_hour" not in info:
-        return []
-    return [card("What is usual", f"{hourly(info).capitalize()}. {_USUAL}", table_place("usual"))]
 
 
 def _failures(failed: Mapping[str, str]) -> list[Html]:

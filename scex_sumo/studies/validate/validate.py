@@ -26,7 +26,6 @@ from scex_sumo.evaluation.split import Split
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
-from scex_sumo.studies.moments.encounters import encounters_of
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef
 from scex_sumo.studies.moments.run import MomentTask
 from scex_sumo.studies.moments.workers import MomentWorkers, moment_workers
@@ -49,7 +48,6 @@ from scex_sumo.studies.validate.scoring import (
     value_scores,
     verdicts,
 )
-from scex_sumo.studies.validate.usual import collisions_an_hour, usual_rows
 
 _AHEAD = 4  # seed scenes built before a worker asks for them
 
@@ -60,7 +58,7 @@ class Validation:
 
     Attributes:
         info: content of ``validate.json``.
-        tables: events, pairs, values and positions, as in the folder; with ``usual`` encounters, too.
+        tables: events, pairs, values and positions, as in the folder.
 
     Example:
         >>> out = scex.validate(scex.example_path("roundabout"), out="validated", every=9, futures=4)
@@ -83,7 +81,6 @@ def validate(
     every: float = 1.0,
     min_vehicles: int = 2,
     part: str = ALL,
-    usual: bool = False,
     steps: int = 30,
     seed: int = 0,
     workers: int = 1,
@@ -98,7 +95,6 @@ def validate(
         roots: folders of recordings, or single files.
         out: folder of the validation; an interrupted one goes on.
         every: as of `scex_sumo.studies.validate.moment.ValidationSettings`, like the next two.
-        usual: calculate what is usual at each site: critical responses of all moments.
         steps: of 0.1 s of each future.
         workers: processes of this machine.
         cluster: address of a Dask scheduler, whose workers are used instead.
@@ -122,7 +118,6 @@ def validate(
         every=every,
         min_vehicles=min_vehicles,
         part=part,
-        usual=usual,
     )
     places = [roots] if isinstance(roots, str | Path) else roots
     recordings = find_recordings(places)
@@ -149,10 +144,6 @@ def validate(
             "positions": position_scores(forecasts),
         }
         tables = {name: pa.Table.from_pylist(part_rows) for name, part_rows in rows.items()}
-        if usual:
-            pairs = [(ref, forecast.pairs) for ref, forecast in scored]
-            tables["encounters"] = encounters_of(pairs, every)
-            rows["usual"] = usual_rows(tables["encounters"])
         for name, table in tables.items():
             with replacing(folder.path / f"{name}.parquet") as file:
                 pq.write_table(table, file)
@@ -162,7 +153,6 @@ def validate(
             "command": list(command) if command else None,
             **identity,
             **figures,
-            **({"collisions_an_hour": collisions_an_hour(pairs)} if usual else {}),
             "failed": {name: failure.reason for name, failure in failures.items()},
             "notes": [*left_out(places), *pool.notes(), *verdicts(figures)],
             "versions": versions(),
