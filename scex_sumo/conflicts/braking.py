@@ -41,20 +41,24 @@ def needed_braking(ways: Ways, shared: Shared, acceleration: FloatArray, steps: 
         stopped = speed**2 / (2 * enter)
     needed = np.where(enter >= unbraked / 2, moving, stopped)
     needed = np.where(enter <= 0, MOST_MPS2, np.clip(needed, 0.0, MOST_MPS2))
-    return np.asarray(np.where(since & np.isfinite(enter), needed, 0.0).max(axis=-1))
+    needed = np.where(since & np.isfinite(enter), needed, 0.0).max(axis=-1)
+    # One that the other comes up to from behind cannot let it pass.
+    led = ((unbraked > leave) & ~since).any(axis=-1)
+    return np.asarray(np.where(led & since[..., -1], MOST_MPS2, needed))
 
 
 def both_braking(ways: Ways, shared: Shared, steps: IntArray) -> FloatArray:
     """Return (n, S) deceleration of both vehicles with which two that face each other stop in time, m/s².
 
-    `MOST_MPS2` where they touch already.
+    0 where the other one is not on the way ahead, `MOST_MPS2` where they touch already.
     """
     own, other = (shared.own[:, None], steps), (shared.other[:, None], steps)
     enter = _blocked(ways, shared, ways.arc[other][..., None])[0][..., 0] - ways.arc[own]
     speed = ways.states.speed
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = (speed[own] ** 2 + speed[other] ** 2) / (2 * enter)
-    return np.asarray(np.where(enter > 0, np.minimum(needed, MOST_MPS2), MOST_MPS2))
+    needed = np.where(enter > 0, np.minimum(needed, MOST_MPS2), MOST_MPS2)
+    return np.asarray(np.where(np.isnan(enter), 0.0, needed))
 
 
 def distance(speed: FloatArray, acceleration: FloatArray) -> FloatArray:

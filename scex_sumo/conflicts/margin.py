@@ -8,12 +8,14 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.conflicts.shared import Shared
-from scex_sumo.conflicts.ways import APART_M, NODES, Ways
+from scex_sumo.conflicts.ways import Ways
+from scex_sumo.geometry.rectangles import Rectangles, axis_separations
 from scex_sumo.scene import STEP_S
 
 CROSSES_RAD: Final = float(np.deg2rad(30.0))
 """Angle of both headings from which vehicles cross; below it one follows or merges."""
+
+_AT_ONCE = 1 << 9  # pairs
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -23,7 +25,7 @@ class Margins:
     Attributes:
         margin: (n,) s; inf where not both reach a common place, or where they do not cross there.
         step: (n,) at which the later one enters; 0 where there is no margin.
-        own_is_later: (n,) whether that is the vehicle whose way the stretch is of.
+        own_is_later: (n,) whether that is the first vehicle.
     """
 
     margin: FloatArray
@@ -31,43 +33,65 @@ class Margins:
     own_is_later: BoolArray
 
 
-def time_margins(ways: Ways, shared: Shared, *, now: int) -> Margins:
-    """Return the least time margins on driven ways.
+def time_margins(ways: Ways, own: IntArray, other: IntArray, *, now: int) -> Margins:
+    """Return the least time margins of pairs of vehicles on driven ways.
 
     Args:
+        own: (n,) row of the first vehicle; ``other`` (n,) of the second.
         now: step from which on the later vehicle has to enter; the earlier one may have left before.
     """
-    steps, each = np.arange(ways.states.shape[1]), np.arange(len(shared.own))
-    node = np.rint(np.clip(ways.arc / ways.spacing[:, None], 0, NODES - 1)).astype(np.int64)[shared.other]
-    enter, leave = shared.enter[each[:, None], node], shared.leave[each[:, None], node]
-    begins, ends = _time_at(ways, shared.own, enter), _time_at(ways, shared.own, leave)
-    place = np.nan_to_num(np.rint(enter / ways.spacing[shared.own][:, None])).astype(np.int64)
-    turn = (
-        ways.states.heading[shared.other]
-        - ways.nodes.heading[shared.own[:, None], np.minimum(place, NODES - 1)]
+    parts = [
+        _of_some(ways, own[start : start + _AT_ONCE], other[start : start + _AT_ONCE], now)
+        for start in range(0, max(len(own), 1), _AT_ONCE)
+    ]
+    return Margins(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])})
+
+
+def _of_some(ways: Ways, own: IntArray, other: IntArray, now: int) -> Margins:
+    states, steps = ways.states, ways.states.shape[1]
+    one, two = states[own][:, :, None], states[other][:, None]
+    reach = (np.hypot(ways.length, ways.width) / 2)[own] + (np.hypot(ways.length, ways.width) / 2)[other]
+    dx, dy = one.x - two.x, one.y - two.y
+    near = dx * dx + dy * dy < (reach * reach)[:, None, None]
+    step = np.arange(steps)
+    near &= np.maximum(step[:, None], step) >= now
+    row, first, second = np.nonzero(near)
+    crosses = np.cos(states.heading[own[row], first] - states.heading[other[row], second]) <= np.cos(
+        CROSSES_RAD
     )
-    with np.errstate(invalid="ignore"):
-        margin = np.maximum(np.maximum(begins - steps, steps - ends), 0.0)
-        later = np.maximum(begins, steps)
-    counts = np.isfinite(begins) & (later >= now) & (np.cos(turn) <= np.cos(CROSSES_RAD))
-    margin = np.where(counts, margin, np.inf)
-    best = np.argmin(margin, axis=1)
-    least = STEP_S * margin[each, best]
-    step = np.where(np.isfinite(least), later[each, best], 0)
-    return Margins(margin=least, step=step.astype(np.int64), own_is_later=begins[each, best] > steps[best])
+    row, first, second = row[crosses], first[crosses], second[crosses]
+    touch = (_gaps(ways, own[row], other[row], first, second) <= 0).all(axis=0)
+    row, first, second = row[touch], first[touch], second[touch]
+    margin = np.full(len(own), np.inf)
+    order = np.lexsort((np.maximum(first, second), np.abs(first - second), row))
+    rows, begins = np.unique(row[order], return_index=True)
+    a, b = first[order][begins], second[order][begins]
+    margin[rows] = STEP_S * np.maximum(np.abs(a - b) - _between(ways, own[rows], other[rows], a, b), 0.0)
+    later, is_own = np.zeros(len(own), dtype=np.int64), np.zeros(len(own), dtype=np.bool_)
+    later[rows], is_own[rows] = np.maximum(a, b), a > b
+    return Margins(margin=margin, step=later, own_is_later=is_own)
 
 
-def _time_at(ways: Ways, own: IntArray, arc: FloatArray) -> FloatArray:
-    """Return the step (n, T), with a fraction, at which vehicles are first at arc lengths; inf: never."""
-    steps = ways.states.shape[1]
-    first = steps * np.arange(len(own))[:, None]
-    rows = APART_M * np.arange(len(own))[:, None]
-    line = ways.arc[own]
-    asked = np.maximum(np.nan_to_num(arc), 0.0)
-    after = np.searchsorted((line + rows).ravel(), asked + rows) - first
-    inside = np.clip(after, 1, steps - 1)
-    each = np.arange(len(own))[:, None]
-    before, behind = line[each, inside - 1], line[each, inside]
-    share = np.clip((asked - before) / np.maximum(behind - before, 1e-9), 0.0, 1.0)
-    time = np.where(after == 0, 0.0, inside - 1 + share)
-    return np.asarray(np.where(np.isnan(arc) | (after >= steps), np.inf, time))
+def _between(ways: Ways, own: IntArray, other: IntArray, first: IntArray, second: IntArray) -> FloatArray:
+    """Return the steps (n,), with a fraction, by which margins of whole steps are too large.
+
+    The earlier vehicle leaves after its step, the later one has entered before its step.
+    """
+    towards, last = np.sign(second - first), ways.states.shape[1] - 1
+    touching = _gaps(ways, own, other, first, second)
+    too_large = np.zeros(len(own))
+    for steps in ((np.clip(first + towards, 0, last), second), (first, np.clip(second - towards, 0, last))):
+        apart = _gaps(ways, own, other, *steps)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(apart > 0, touching / (touching - apart), np.inf).min(axis=0)
+        too_large += np.where(np.isfinite(share), share, 0.0)
+    return np.where(towards == 0, 0.0, too_large)
+
+
+def _gaps(ways: Ways, own: IntArray, other: IntArray, first: IntArray, second: IntArray) -> FloatArray:
+    """Return the gaps (4, n) of outlines at different steps along their axes, m; all 0 or less: they touch."""
+    boxes = [
+        Rectangles.of(ways.states[row, step], ways.length[row], ways.width[row])
+        for row, step in ((own, first), (other, second))
+    ]
+    return axis_separations(*boxes)

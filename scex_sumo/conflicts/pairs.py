@@ -24,6 +24,8 @@ LASTS: Final = 4
 noise of a driver's acceleration: with 0.4 s futures need 2 m/s² twice as often as recordings."""
 BEFORE: Final = 2
 """The same for what is needed at the moment itself: it has been needed for 0.4 s."""
+FACES_RAD: Final = float(np.deg2rad(150.0))
+"""Angle of both headings from which two vehicles face each other: one that brakes alone avoids nothing."""
 EVERY: Final = 2
 """Steps between two looks at the needed braking."""
 
@@ -37,7 +39,7 @@ class Conflicts:
     Attributes:
         future: index into the futures.
         braking: least constant deceleration of either vehicle that avoids contact, lasting for 0.8 s, m/s²;
-            of both where that of one helps not; 0 where none is needed, `MOST_MPS2` where none helps.
+            of both where they face each other; 0 where none is needed, `MOST_MPS2` where none helps.
         braking_step: steps from the moment until it is needed.
         brakes_one: whether it is the first vehicle's.
         margin: time margin of vehicles that cross, s; inf without a common place.
@@ -128,7 +130,7 @@ def _filled(
     future = np.tile(np.arange(futures), len(pairs[0]))
     one, two = (np.repeat(side, futures) for side in pairs)
     braking, braking_step, brakes_one = needed_by_pairs(ways, *shared, now=now)
-    margins = time_margins(ways, shared[0], now=now)
+    margins = time_margins(ways, shared[0].own, shared[0].other, now=now)
     gap, gap_step = _gaps(ways, future * vehicles + one, future * vehicles + two, now)
 
     def spread(values: FloatArray | IntArray | BoolArray, empty: float) -> np.ndarray[tuple[int], np.dtype]:
@@ -167,7 +169,8 @@ def needed_by_pairs(
     steps = np.arange(now - BEFORE * EVERY, speed.shape[1], EVERY)
     each = [needed_braking(ways, side, acceleration, steps) for side in (own, other)]
     least = least_braking(*each)
-    least = np.where(least >= MOST_MPS2, both_braking(ways, own, steps), least)
+    facing = (own.least_angle(ways) >= FACES_RAD)[:, None]
+    least = np.where(facing & (least > 0), both_braking(ways, own, steps), least)
     since = least[:, : BEFORE + 1].min(axis=1)
     window = min(LASTS + 1, least.shape[1] - BEFORE)
     lasting = sliding_window_view(least[:, BEFORE:], window, axis=1).min(axis=-1)

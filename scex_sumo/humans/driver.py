@@ -25,6 +25,7 @@ from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chose
 from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
 from scex_sumo.behaviors.models.idm import HABIT_STEPS, desired_speeds
 from scex_sumo.humans.attention import attention_of, kept_clear, yielding
+from scex_sumo.humans.late import still_unaware, unchanged
 from scex_sumo.humans.lines.driven_line import redrawn
 from scex_sumo.humans.lines.lanes import change_offsets, change_shares, lanes_beside
 from scex_sumo.humans.lines.later import later_changes
@@ -116,8 +117,12 @@ class LikelyDriver:
         hold = np.inf if obeyed is None else obeyed.hold
         accelerate = accelerations(view, drivers, expects, attention.aware, hold)
         aside = kept_clear(offsets, view, road)
+        unaware = still_unaware(history, paths, who, self.profile.spread)
+        accelerate = unchanged(accelerate, unaware)
         plan = drive(history, who, paths, row, accelerate, aside=aside, parallel=True, doubt=doubt)
-        return yielding(plan, view, road, attention, expects.trailers.pairs)
+        yielded = yielding(plan, view, road, attention, expects.trailers.pairs)
+        yielded.assign(unaware, plan[unaware])
+        return yielded
 
     def _paths(self, history: SceneHistory, road: Road, who: VehicleIndex) -> tuple[SeedPaths, IntArray]:
         if self.profile.path != "fitted":
