@@ -8,8 +8,9 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.conflicts.shared import shares_of_contact
 from scex_sumo.conflicts.ways import Ways
-from scex_sumo.geometry.rectangles import Rectangles, axis_separations
+from scex_sumo.geometry.rectangles import Rectangles, separation
 from scex_sumo.scene import STEP_S
 
 CROSSES_RAD: Final = float(np.deg2rad(30.0))
@@ -60,7 +61,7 @@ def _of_some(ways: Ways, own: IntArray, other: IntArray, now: int) -> Margins:
         CROSSES_RAD
     )
     row, first, second = row[crosses], first[crosses], second[crosses]
-    touch = (_gaps(ways, own[row], other[row], first, second) <= 0).all(axis=0)
+    touch = separation(_box(ways, own[row], first), _box(ways, other[row], second)) <= 0
     row, first, second = row[touch], first[touch], second[touch]
     margin = np.full(len(own), np.inf)
     order = np.lexsort((np.maximum(first, second), np.abs(first - second), row))
@@ -78,20 +79,11 @@ def _between(ways: Ways, own: IntArray, other: IntArray, first: IntArray, second
     The earlier vehicle leaves after its step, the later one has entered before its step.
     """
     towards, last = np.sign(second - first), ways.states.shape[1] - 1
-    touching = _gaps(ways, own, other, first, second)
-    too_large = np.zeros(len(own))
-    for steps in ((np.clip(first + towards, 0, last), second), (first, np.clip(second - towards, 0, last))):
-        apart = _gaps(ways, own, other, *steps)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = np.where(apart > 0, touching / (touching - apart), np.inf).min(axis=0)
-        too_large += np.where(np.isfinite(share), share, 0.0)
-    return np.where(towards == 0, 0.0, too_large)
+    one, two = _box(ways, own, first), _box(ways, other, second)
+    leaves = shares_of_contact(one, _box(ways, own, np.clip(first + towards, 0, last)), two)
+    enters = shares_of_contact(two, _box(ways, other, np.clip(second - towards, 0, last)), one)
+    return np.where(towards == 0, 0.0, leaves + enters)
 
 
-def _gaps(ways: Ways, own: IntArray, other: IntArray, first: IntArray, second: IntArray) -> FloatArray:
-    """Return the gaps (4, n) of outlines at different steps along their axes, m; all 0 or less: they touch."""
-    boxes = [
-        Rectangles.of(ways.states[row, step], ways.length[row], ways.width[row])
-        for row, step in ((own, first), (other, second))
-    ]
-    return axis_separations(*boxes)
+def _box(ways: Ways, row: IntArray, step: IntArray) -> Rectangles:
+    return Rectangles.of(ways.states[row, step], ways.length[row], ways.width[row])

@@ -9,7 +9,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.conflicts.ways import NODES, Ways
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.geometry.rectangles import separation
+from scex_sumo.geometry.rectangles import Rectangles, axis_separations, separation
 
 _AT_ONCE = 1 << 12  # pairs of ways
 _BLOCK = 8  # nodes that are looked at together first
@@ -66,10 +66,10 @@ def _of_some(ways: Ways, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
     gaps = separation(ways.outlines(one[pair], at), ways.outlines(two[pair], other))
     touch = np.unique(pair[gaps <= 0])
     kept = np.isin(pair, touch)
-    gap = np.full((len(touch), NODES, NODES), np.inf)
-    gap[np.searchsorted(touch, pair[kept]), at[kept], other[kept]] = gaps[kept]
+    hit = np.zeros((len(touch), NODES, NODES), dtype=np.bool_)
+    hit[np.searchsorted(touch, pair[kept]), at[kept], other[kept]] = gaps[kept] <= 0
     one, two = one[touch], two[touch]
-    return _stretches(ways, one, two, gap.swapaxes(1, 2)), _stretches(ways, two, one, gap)
+    return _stretches(ways, one, two, hit.swapaxes(1, 2)), _stretches(ways, two, one, hit)
 
 
 def _near_nodes(ways: Ways, one: IntArray, two: IntArray) -> tuple[IntArray, IntArray, IntArray]:
@@ -90,28 +90,39 @@ def _near_nodes(ways: Ways, one: IntArray, two: IntArray) -> tuple[IntArray, Int
     return pair[row], first[row, a], second[row, b]
 
 
-def _stretches(ways: Ways, own: IntArray, other: IntArray, gap: FloatArray) -> Shared:
-    """Return where ways are blocked, by gaps (n, other's node, own node)."""
-    hit = gap <= 0
-    there = hit.any(axis=2)
-    first, last = np.argmax(hit, axis=2), NODES - 1 - np.argmax(hit[:, :, ::-1], axis=2)
-    row, node = np.ogrid[: len(own), :NODES]
+def _stretches(ways: Ways, own: IntArray, other: IntArray, hit: BoolArray) -> Shared:
+    """Return where ways are blocked, by whether outlines touch (n, other's node, own node)."""
+    pair, node = np.nonzero(hit.any(axis=2))
+    inside = hit[pair, node]
+    first, last = np.argmax(inside, axis=1), NODES - 1 - np.argmax(inside[:, ::-1], axis=1)
 
-    def edge(inside: IntArray, step: int) -> FloatArray:
-        """Return the node, with a fraction, at which the gap is 0 between a touching one and the next."""
-        outside = np.clip(inside + step, 0, NODES - 1)
-        within, without = gap[row, node, inside], gap[row, node, outside]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            share = np.where(there & (outside != inside), within / (within - without), 0.0)
-        return np.asarray(inside + step * np.clip(share, 0.0, 1.0))
+    def edge(touching: IntArray, step: int) -> FloatArray:
+        """Return arc lengths (n, N) between a node with contact and the next one, where contact ends."""
+        beyond = np.clip(touching + step, 0, NODES - 1)
+        share = shares_of_contact(
+            ways.outlines(own[pair], touching),
+            ways.outlines(own[pair], beyond),
+            ways.outlines(other[pair], node),
+        )
+        arc = np.full((len(own), NODES), np.nan)
+        arc[pair, node] = ways.spacing[own[pair]] * (
+            touching + step * np.where(beyond == touching, 0.0, share)
+        )
+        return arc
 
-    spacing = ways.spacing[own][:, None]
-    return Shared(
-        own=own,
-        other=other,
-        enter=np.where(there, spacing * edge(first, -1), np.nan),
-        leave=np.where(there, spacing * edge(last, 1), np.nan),
-    )
+    return Shared(own=own, other=other, enter=edge(first, -1), leave=edge(last, 1))
+
+
+def shares_of_contact(one: Rectangles, then: Rectangles, two: Rectangles) -> FloatArray:
+    """Return the share (n,) of a move at which contact ends; 0 if it does not.
+
+    Args:
+        one: outlines (n,) that touch the second ones ``two``; ``then``: the same ones moved.
+    """
+    touching, apart = axis_separations(one, two), axis_separations(then, two)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(apart > 0, touching / (touching - apart), np.inf).min(axis=0)
+    return np.where(np.isfinite(share), share, 0.0)
 
 
 def _joined(parts: list[Shared]) -> Shared:
