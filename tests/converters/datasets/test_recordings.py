@@ -13,10 +13,8 @@ from numpy.testing import assert_array_equal
 from scex_sumo.base.errors import MapError, ScexError, TrackError
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
-from scex_sumo.road import Road
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
-from scex_sumo.studies.dataset_report import dataset_report, track_quality
 from tests.converters.maps import straight as lanelet
 from tests.converters.maps import write_map
 from tests.converters.track_files import CASE_COLUMNS, in_case, straight, write_rows
@@ -281,24 +279,3 @@ def test_results_and_other_tables_in_the_folders_are_no_recordings(tmp_path: Pat
     write_rows(tmp_path / ".hidden" / "recorded_trackfiles" / "x" / "vehicle_tracks_000.csv", straight(1))
     write_rows(tmp_path / "recorded_trackfiles" / "town" / "pedestrian_tracks_000.csv", straight("P1"))
     assert len(find_recordings([tmp_path])) == 4
-
-
-def test_the_report_has_a_row_for_what_can_be_read_and_a_reason_for_what_cannot(tmp_path: Path) -> None:
-    town(tmp_path)
-    folder = tmp_path / "recorded_trackfiles" / "town"
-    slow = [row | {"vx": 5.0} for k in (1, 2, 3) for row in straight(k, range(121), start=40.0 * k)]
-    write_rows(folder / "vehicle_tracks_000.csv", slow)  # 10 m/s of motion, 5 m/s as recorded
-    (folder / "vehicle_tracks_001.csv").write_text("")
-    report = dataset_report([tmp_path])
-    assert "| town_000 | 3 | 0.2 | 2.00 → 1.00 |" in report
-    assert "- town_000: velocities of 3 of 3 moving tracks contradict the motion (2.00 x too small)" in report
-    assert "- town_001: not read: " in report
-
-
-def test_nothing_is_said_of_tracks_that_stand(tmp_path: Path) -> None:
-    town(tmp_path)
-    path = tmp_path / "recorded_trackfiles" / "town" / "vehicle_tracks_000.csv"
-    write_rows(path, straight(1, range(41), speed=0.0))
-    rows = load_recording(find_recordings([tmp_path])[0]).table.vehicles
-    quality = track_quality(rows, Road(name="empty", lanes={}))
-    assert np.isnan([quality.factor, quality.braking, quality.turned, quality.off_lane]).all()

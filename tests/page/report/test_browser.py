@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -346,11 +347,14 @@ def test_an_address_that_means_nothing_changes_nothing(page: Any, run: Run) -> N
     assert page.locator("#encounters tbody tr").count() == run.encounters.num_rows
 
 
-def test_on_paper_thresholds_and_legend_stay(page: Any) -> None:
+def test_on_paper_it_is_a_sheet_of_two_pages_without_controls(page: Any) -> None:
     page.emulate_media(media="print")
-    assert page.is_visible(LIMIT)
-    assert page.is_visible("#legend") and page.is_visible("#strips")
-    assert page.locator("#player").is_hidden()
+    assert page.is_visible(LIMIT) and page.is_visible("#legend") and page.is_visible("#strips")
+    controls = (
+        "select, input[type=range], input[type=search], #player *, .tools *, #mapbuttons *, header button"
+    )
+    assert not [control for control in page.locator(controls).all() if control.is_visible()]
+    assert len(re.findall(rb"/Type\s*/Page\b", page.pdf(prefer_css_page_size=True))) <= 2
 
 
 def test_there_is_one_legend_and_every_value_has_its_unit(page: Any, run: Run) -> None:
