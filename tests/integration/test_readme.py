@@ -59,11 +59,6 @@ def test_the_readme_is_short() -> None:
     assert len(README.splitlines()) <= 160
 
 
-def test_every_link_of_the_readme_leads_to_a_file() -> None:
-    links = re.findall(r"\]\(([^)#]+)", README)
-    assert links and not [link for link in links if "://" not in link and not (ROOT / link).exists()]
-
-
 def test_the_make_targets_exist() -> None:
     targets = re.findall(r"^make (\w+)", "\n".join(blocks("sh")), re.MULTILINE)
     makefile = (ROOT / "Makefile").read_text()
