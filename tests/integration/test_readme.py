@@ -59,6 +59,12 @@ def test_the_readme_is_short() -> None:
     assert len(README.splitlines()) <= 160
 
 
+def test_every_benchmark_has_a_line_in_their_readme() -> None:
+    text = (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`(\w+\.py)`", text))
+    assert named == {path.name for path in (ROOT / "benchmarks").glob("*.py")}
+
+
 def test_the_make_targets_exist() -> None:
     targets = re.findall(r"^make (\w+)", "\n".join(blocks("sh")), re.MULTILINE)
     makefile = (ROOT / "Makefile").read_text()

@@ -8,6 +8,7 @@ import pyarrow.dataset as pds
 import pyarrow.parquet as pq
 import pytest
 
+from scex_sumo.base.errors import ResultError
 from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.studies.moments.folder import Failure, Listing
 from scex_sumo.studies.rank.futures import RankFolder
