@@ -54,7 +54,7 @@ def spent(command: list[str], tree: Path = HERE.parent) -> tuple[float, float, s
 
 def plain_loop(map_path: Path, vehicles: int) -> float:
     """Seconds of the plain loop alone, without the start of its interpreter."""
-    options = [str(map_path), "--way", "plain", "--vehicles", str(vehicles)]
+    options = [str(map_path), "--vehicles", str(vehicles)]
     printed = spent([sys.executable, str(HERE / "bare_loop.py"), *options])[2]
     return next(float(line.split()[1]) for line in printed.splitlines() if line.startswith("all"))
 

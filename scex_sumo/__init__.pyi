@@ -58,7 +58,6 @@ from .scene import SceneHistory as SceneHistory
 from .scene import SeedScene as SeedScene
 from .scene import States as States
 from .scene import VehicleIndex as VehicleIndex
-from .studies.dataset_report import dataset_report as dataset_report
 from .studies.rank.rank import Ranking as Ranking
 from .studies.rank.rank import rank as rank
 from .studies.under_test.results import UnderTest as UnderTest

@@ -22,11 +22,6 @@ def test_rows_are_told_apart_by_their_bits_in_the_order_of_their_first(
     assert kind.tolist() == [0, 1, 0, 2, 1]
 
 
-def test_of_no_rows_none_is_first() -> None:
-    first, kind = distinct(np.zeros((0, 3)))
-    assert (len(first), len(kind)) == (0, 0)
-
-
 def test_the_least_of_a_group_goes_by_its_keys_in_turn_and_of_equals_it_is_the_first() -> None:
     group = np.array([4, 1, 4, 1, 1, 4])
     first = np.array([2.0, 7.0, 2.0, np.inf, 7.0, 3.0])

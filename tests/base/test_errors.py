@@ -9,8 +9,3 @@ def test_the_three_nearest_names_are_named_the_nearest_first() -> None:
     names = ["standard_driver", "risky_driver", "constant_velocity", "sumo:EIDM", "sumo:IDM"]
     assert nearest("risk_driver", names) == "risky_driver, standard_driver, constant_velocity"
     assert nearest("SUMO:eidm", names).startswith("sumo:EIDM, sumo:IDM, ")
-
-
-def test_fewer_names_than_three_are_all_named() -> None:
-    assert nearest("xyz", ["one", "two"]) == "two, one"
-    assert nearest("xyz", []) == ""

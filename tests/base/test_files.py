@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 import subprocess
 import sys
@@ -13,9 +12,8 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.base.errors import ResultError
-from scex_sumo.base.files import TemporaryFolder, lock, replacing, unlock, write_atomic, writing
+from scex_sumo.base.files import TemporaryFolder, replacing, write_atomic, writing
 from scex_sumo.results.folder import ResultFolder
-from scex_sumo.studies.rank.futures import RankFolder
 
 HOLDING = """
 import sys
@@ -56,38 +54,6 @@ def test_a_folder_that_another_process_writes_is_refused_until_that_dies(tmp_pat
     folder.finish({})
 
 
-def test_two_rankings_never_write_one_folder(tmp_path: Path) -> None:
-    with _another(tmp_path) as other:
-        with pytest.raises(ResultError, match="another process is writing"):
-            RankFolder(tmp_path, {"seed": 1})
-        assert not any(tmp_path.iterdir())
-        other.kill()
-    with RankFolder(tmp_path, {"seed": 1}):
-        pass
-    assert _lets_in(tmp_path)
-
-
-def test_a_run_that_failed_can_be_repeated_in_the_same_process(tmp_path: Path) -> None:
-    failed = ResultFolder(tmp_path, {"seed": 1})
-    again = ResultFolder(tmp_path, {"seed": 1})
-    again.finish({})
-    assert again.identity == failed.identity
-    assert (tmp_path / "run.json").is_file()
-
-
-def test_a_finished_run_lets_others_in(tmp_path: Path) -> None:
-    ResultFolder(tmp_path, {"seed": 1}).finish({})
-    assert _lets_in(tmp_path)
-
-
-def test_letting_go_of_what_is_not_locked_does_nothing(tmp_path: Path) -> None:
-    unlock(tmp_path)
-    lock(tmp_path)
-    unlock(tmp_path)
-    unlock(tmp_path)
-    assert _lets_in(tmp_path)
-
-
 def test_what_fails_on_the_way_leaves_the_file_as_it_was(tmp_path: Path) -> None:
     path = tmp_path / "run.json"
     write_atomic(path, b"before")
@@ -96,11 +62,6 @@ def test_what_fails_on_the_way_leaves_the_file_as_it_was(tmp_path: Path) -> None
         raise ValueError("on the way")
     assert path.read_bytes() == b"before"
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_an_error_while_writing_names_the_file(tmp_path: Path) -> None:
-    with pytest.raises(ResultError, match=r"missing/run\.json: cannot write: No such file"):
-        write_atomic(tmp_path / "missing" / "run.json", b"{}")
 
 
 def marked(folder: Path, process: int) -> Path:
@@ -154,21 +115,6 @@ def test_a_folder_of_another_user_survives(
     monkeypatch.setattr(os, "getuid", lambda: os.geteuid() + 1)
     TemporaryFolder().cleanup()
     assert theirs.is_dir()
-
-
-def test_a_temporary_folder_that_is_locked_survives(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ended: int
-) -> None:
-    """As in a container whose processes have other numbers."""
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    theirs = marked(tmp_path / "scex-sumo-abc", ended)
-    descriptor = os.open(theirs, os.O_RDONLY)
-    fcntl.flock(descriptor, fcntl.LOCK_EX)
-    TemporaryFolder().cleanup()
-    assert theirs.is_dir()
-    os.close(descriptor)
-    TemporaryFolder().cleanup()
-    assert not theirs.exists()
 
 
 def test_what_cannot_be_written_is_named_though_the_system_names_nothing(tmp_path: Path) -> None:

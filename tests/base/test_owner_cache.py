@@ -6,7 +6,6 @@ import gc
 import weakref
 
 import numpy as np
-import pytest
 
 from scex_sumo.base import cache as module
 from scex_sumo.base.cache import MAX_OWNERS, owner_cache
@@ -30,12 +29,6 @@ def number(owner: Owner, start: int = 0) -> np.ndarray:
     return np.array([start])
 
 
-def test_a_result_is_made_once_for_an_owner_and_its_arguments() -> None:
-    one, other = Owner(), Owner()
-    assert number(one) is number(one) and number(one, 1) is number(one, 1)
-    assert number(one) is not number(other) and number(one) is not number(one, 1)
-
-
 def test_the_owner_used_longest_ago_is_forgotten_first() -> None:
     owners = [Owner() for _ in range(MAX_OWNERS)]
     first = [number(owner) for owner in owners]
@@ -44,17 +37,6 @@ def test_the_owner_used_longest_ago_is_forgotten_first() -> None:
     assert number(latest) is number(latest)
     assert number(owners[0]) is first[0]
     assert number(owners[1]) is not first[1]
-
-
-def test_an_error_is_not_kept() -> None:
-    @owner_cache
-    def fails(owner: Owner) -> None:
-        raise ValueError(str(owner))
-
-    owner = Owner()
-    for _ in range(2):
-        with pytest.raises(ValueError):
-            fails(owner)
 
 
 def test_all_that_is_derived_from_a_road_a_scene_and_a_history_goes_with_them() -> None:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import io
 import sys
-from pathlib import Path
 
 import pytest
 
-import scex_sumo as scex
 from scex_sumo.base.progress import progress_of
 
 
@@ -34,11 +32,3 @@ def test_a_bar_is_drawn_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -> N
 def test_a_function_of_the_user_is_called_itself() -> None:
     with progress_of(print, "run") as tick, progress_of(False, "run") as nothing:
         assert tick is print and nothing is None
-
-
-def test_notes_are_warnings_of_one_class(tmp_path: Path) -> None:
-    with pytest.warns(scex.ScexWarning, match="previous steps recorded"):
-        scene = scex.read_seed(scex.example_path("roundabout"), time=0.5)
-    with pytest.warns(scex.ScexWarning, match="leave within the time of a future") as caught:
-        scex.extrapolate(scene, futures=2, steps=20, reference=None, report=False, out=tmp_path / "out")
-    assert {warning.filename for warning in caught} == {__file__}  # the user's line

@@ -101,8 +101,3 @@ def test_a_future_gets_the_very_plans_in_any_batch(model: Behavior) -> None:
             whole, states=whole.states[keep], futures=whole.futures[keep], route_draw=whole.route_draw[keep]
         )
         assert np.array_equal(rows(roads.plan(model, ROAD, part)).reshape(4, -1, 9, 30), everyone[:, keep])
-
-
-def test_nobody_to_plan_for_gives_an_empty_plan(model: Behavior) -> None:
-    nobody = VehicleIndex(future=np.zeros(0, dtype=np.int64), vehicle=np.zeros(0, dtype=np.int64))
-    assert rows(roads.plan(model, ROAD, history(), nobody)).shape == (4, 0, 30)

@@ -13,13 +13,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from scex_sumo.base.errors import ScexError, UsageError
-from scex_sumo.behaviors.base import Behavior, is_driven_by_sumo
+from scex_sumo.base.errors import UsageError
+from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.listing import known_models
 from scex_sumo.behaviors.models.idm import IdmDriver
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.registry import (
-    DEFAULT_MODELS,
     ModelSpec,
     build,
     entry_of,
@@ -48,10 +47,6 @@ def test_names_parameters_and_weights_are_read() -> None:
     ]  # fmt: skip
 
 
-def test_the_default_models_can_be_built() -> None:
-    assert len([build(spec) for spec in parse_models(DEFAULT_MODELS)]) == 4
-
-
 def test_a_set_stands_for_its_models() -> None:
     assert [spec.name for spec in parse_models("paper")] == [
         "standard_driver",
@@ -62,11 +57,6 @@ def test_a_set_stands_for_its_models() -> None:
         "graph_image_predictor",
     ]
     assert [str(spec) for spec in parse_models("rules,replay")][-2:] == ["emergency_brake", "replay"]
-
-
-def test_a_model_of_a_set_and_itself_is_given_twice() -> None:
-    with pytest.raises(UsageError, match="risky_driver is given twice"):
-        parse_models("rules,risky_driver")
 
 
 @pytest.mark.parametrize(
@@ -111,13 +101,6 @@ def test_what_makes_no_sense_is_refused_in_one_line(text: str, message: str) -> 
     with pytest.raises(UsageError, match=message) as caught:
         parse_models(text)
     assert "\n" not in str(caught.value)
-
-
-def test_one_model_may_come_with_several_parameters_and_one_weight_may_be_zero() -> None:
-    near, far, never = parse_models(
-        "standard_driver:time_headway=1,standard_driver:time_headway=2,risky_driver@0"
-    )
-    assert str(near) != str(far) and never.weight == 0
 
 
 def test_parameters_reach_the_model_and_the_others_keep_their_defaults() -> None:
@@ -199,14 +182,6 @@ def test_another_package_adds_a_model_by_an_entry_point(monkeypatch: pytest.Monk
         build(spec)
 
 
-def test_an_entry_point_that_cannot_be_imported_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    entry_points(monkeypatch, "no_such_package:Model")
-    with pytest.raises(UsageError, match="installed: no_such_package:Model: no module no_such_package"):
-        parse_models("installed")
-    (info,) = (info for info in known_models() if info.name == "installed")
-    assert info.summary.startswith("no_such_package:Model: no module no_such_package")
-
-
 @pytest.mark.usefixtures("registered_models")
 def test_names_that_are_taken_or_cannot_be_written_are_refused() -> None:
     for name in ("standard_driver", "graph_predictor", "sumo"):
@@ -215,19 +190,6 @@ def test_names_that_are_taken_or_cannot_be_written_are_refused() -> None:
     for name in ("", "my driver", "a:b", "a@2", "a,b"):
         with pytest.raises(UsageError, match="a name must not contain"):
             behavior(name)(Parked)
-
-
-@pytest.mark.usefixtures("registered_models")
-def test_a_class_without_plan_is_refused_when_it_is_built() -> None:
-    behavior("nothing")(object)
-    with pytest.raises(UsageError, match="nothing: object has neither plan nor plan_one"):
-        build(parse_models("nothing")[0])
-
-
-@pytest.mark.parametrize("text", ["paper@2", "paper:guard=true", "rules:path=0@1"])
-def test_a_name_for_several_models_takes_neither_weight_nor_parameters(text: str) -> None:
-    with pytest.raises(UsageError, match="stands for several models and takes neither"):
-        parse_models(text)
 
 
 class Drift:
@@ -260,16 +222,6 @@ def test_a_model_for_one_vehicle_plans_for_each_in_turn_and_sees_its_own_surroun
     made = roads.plan(built, roads.fork(), roads.present(scene, 2))
     assert made.y == pytest.approx(np.repeat(np.arange(1.0, 31.0)[None], 4, axis=0))
     assert built.model.seen == [(0, 0, 1), (0, 1, 4), (0, 0, 1), (0, 1, 4)]  # type: ignore[attr-defined]
-
-
-def test_a_plan_for_one_vehicle_that_is_too_short_is_refused() -> None:
-    class Short(Drift):
-        def plan_one(self, *args: object) -> States:  # type: ignore[override]
-            return States.empty((29,))
-
-    scene = roads.scene_of((10.0, 0.0, 0.0, 5.0))
-    with pytest.raises(ScexError, match=r"Short: plan_one returned shapes .*needs four of at least"):
-        roads.plan(SingleVehicle(Short()), roads.fork(), roads.present(scene))
 
 
 class FromFile:
@@ -323,19 +275,6 @@ def test_classes_functions_and_objects_are_models_with_a_readable_name() -> None
     assert model_specs(named) == (named,) and str(named) == "slow:guard=true"
 
 
-def test_a_name_of_ours_is_free_for_an_object() -> None:
-    def replay(history: np.ndarray) -> np.ndarray:
-        return straight_on(history)
-
-    (spec,) = model_specs(replay)
-    assert isinstance(build(spec), Predictor) and is_own(spec)
-
-
-def test_sumos_driver_as_an_object_is_still_sumos() -> None:
-    (spec,) = model_specs(SumoDriver("EIDM"))
-    assert is_driven_by_sumo(build(spec, fallback=True)) and not is_own(spec)
-
-
 def test_specs_of_equal_objects_are_equal_wherever_they_are_made() -> None:
     assert model_specs(Parked()) == model_specs(Parked()) == pickle.loads(pickle.dumps(model_specs(Parked())))
     one, other = Parked(), Parked()
@@ -351,11 +290,3 @@ def test_specs_of_equal_objects_are_equal_wherever_they_are_made() -> None:
 def test_what_is_no_model_is_refused_in_one_line(given: object) -> None:
     with pytest.raises(UsageError, match=r"^got .* as a model; give its name, .* or a function of history$"):
         model_specs(given)
-
-
-def test_a_class_that_needs_an_argument_is_given_as_an_object() -> None:
-    class Needs(Parked):
-        def __init__(self, speed: float) -> None: ...
-
-    with pytest.raises(UsageError, match="Needs: parameter speed has no default; give it as an argument of"):
-        model_specs(Needs)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo.commands.options import complete_models, complete_results
+from scex_sumo.commands.options import complete_results
 
 CODE = "import sys; sys.argv = ['scex-sumo']; from scex_sumo.cli import main; main()"
 
@@ -48,10 +48,6 @@ def test_result_folders_are_those_that_hold_a_result(tmp_path: Path, monkeypatch
     monkeypatch.chdir(tmp_path)
     assert complete_results("o") == complete_results("out/k7") == ["out/k729", "out/k733"]
     assert complete_results(f"{tmp_path}/out/k73") == [f"{tmp_path}/out/k733"]
-
-
-def test_models_and_sets_of_them_are_completed() -> None:
-    assert {"paper", "standard_driver"} <= set(complete_models(""))
 
 
 def test_starting_loads_nothing_that_only_completion_needs() -> None:

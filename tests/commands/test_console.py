@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import scex_sumo
-from scex_sumo.commands.console import PrintableStream, output_console, printable
+from scex_sumo.commands.console import PrintableStream, printable
 from tests.runs import extrapolate
 
 TITLE = "\x1b]0;evil\x1b\\"  # changes the title of a terminal's window
@@ -50,15 +50,6 @@ def test_control_characters_are_escaped(text: str, printed: str) -> None:
     stream = io.StringIO()
     print(text, end="", file=PrintableStream(stream))
     assert stream.getvalue() == printed
-
-
-def test_tables_keep_their_own_colours_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    stream = io.StringIO()
-    stream.isatty = lambda: True  # type: ignore[method-assign]
-    monkeypatch.setenv("TERM", "xterm-256color")
-    monkeypatch.setattr(sys, "stdout", PrintableStream(stream))
-    output_console().print(TITLE, style="bold", markup=False, highlight=False)
-    assert stream.getvalue() == f"\x1b[1m{ESCAPED}\x1b[0m\n"
 
 
 def test_names_in_results_and_of_files_do_not_reach_a_terminal_unescaped(tmp_path: Path) -> None:

@@ -63,10 +63,6 @@ def test_the_answer_of_a_run_is_its_result(result: Path) -> None:
         assert found[row["track_id"], row["other_id"]].items() >= row.items()
 
 
-def test_json_has_no_numbers_that_it_does_not_know() -> None:
-    assert plain({"a": (float("nan"), float("inf")), 3: Path("x")}) == {"a": [None, "inf"], "3": "x"}
-
-
 def test_a_file_gives_options_and_the_command_line_wins(tmp_path: Path) -> None:
     config = tmp_path / "run.toml"
     config.write_text(
@@ -113,11 +109,6 @@ def test_a_wrong_file_is_one_line(text: str, said: str, tmp_path: Path) -> None:
     (tmp_path / "x.toml").write_text(text)
     done = scex("run", MAP, "--config", tmp_path / "x.toml")
     assert done.returncode == 2 and said in done.stderr and done.stderr.count("\n") == 1
-
-
-def test_a_run_is_no_configuration_of_another_command(result: Path) -> None:
-    done = scex("encounters", "--config", result / "run.json")
-    assert (done.returncode, done.stdout) == (2, "") and "is of scex-sumo run" in done.stderr
 
 
 def test_quiet_leaves_warnings_and_verbose_says_where_an_error_comes_from(tmp_path: Path) -> None:

@@ -59,21 +59,6 @@ def test_options_become_those_of_the_command() -> None:
     assert words_of("rank", ["--roots", "a", "b", "--from", "5"]) == ["rank", "--from=5.0", "--", "a", "b"]
 
 
-def test_paths_in_a_configuration_are_relative_to_it(tmp_path: Path) -> None:
-    config = tmp_path / "in" / "run.cfg"
-    config.parent.mkdir()
-    with pytest.raises(SystemExit):
-        words_of("run", ["--map-path", "../m.osm", "--futures", "4", "-o", "../out", "-C", str(config)])
-    words = words_of("run", ["-c", str(config), "--futures", "5"])
-    assert words == [
-        "run",
-        "--futures=5",
-        f"--out={config.parent}/../out",
-        "--",
-        f"{config.parent}/../m.osm",
-    ]
-
-
 @pytest.mark.parametrize(
     ("arguments", "status"),
     [

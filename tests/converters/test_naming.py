@@ -11,7 +11,6 @@ import pytest
 import scex_sumo as scex
 from scex_sumo.base.errors import InputError, MapError, TrackError
 from scex_sumo.converters.datasets.reader import read_recorded
-from scex_sumo.converters.naming import open_binary, open_text
 from tests.converters.track_files import straight, write_rows
 
 MAP = Path(scex.__file__).parent / "scenarios/data/roundabout.osm"
@@ -36,26 +35,6 @@ def test_a_packed_map_is_read_up_to_a_limit(name: str, tmp_path: Path) -> None:
     ) as error:
         scex.read_map(path)
     assert "\n" not in str(error.value)
-
-
-@pytest.mark.usefixtures("one_megabyte")
-@pytest.mark.parametrize("name", ["t.csv.gz", "t.fcd.xml.gz", "t.xml.gz"])
-def test_packed_tracks_are_read_up_to_a_limit(name: str, tmp_path: Path) -> None:
-    table = write_rows(tmp_path / "t.csv", straight(1)).read_bytes()
-    content = table + b"\n" * 3_000_000 if "csv" in name else b"<fcd-export>" + b" " * 3_000_000
-    with pytest.raises(InputError, match="more than 1 MB when unpacked"):
-        read_recorded([packed(tmp_path / name, content)])
-
-
-def test_what_is_within_the_limit_is_read_whole(tmp_path: Path) -> None:
-    content = bytes(range(256)) * 9000
-    path = packed(tmp_path / "a.gz", content)
-    with open_binary(path) as file:
-        assert file.read() == content
-    with open_binary(path) as file:
-        assert file.readline() + file.read(7) == content[:18]
-    with open_text(packed(tmp_path / "b.gz", b"\xef\xbb\xbfa\r\nb")) as text:
-        assert [*text] == ["a\r\n", "b"]
 
 
 @pytest.mark.parametrize(

@@ -39,15 +39,6 @@ def test_gymnasium_accepts_it(scene: scex.SeedScene, options: dict[str, Any]) ->
         check_env(gymnasium.make(SEED_ENV, seed_scene=scene, **options).unwrapped)
 
 
-def test_a_flat_observation_is_the_flattened_one(scene: scex.SeedScene) -> None:
-    flat = gymnasium.make_vec(SEED_ENV, num_envs=2, seed_scene=scene)
-    named = gymnasium.make_vec(SEED_ENV, num_envs=2, seed_scene=scene, observation="dict")
-    one, other = flat.reset(seed=5)[0], named.reset(seed=5)[0]
-    second = {name: values[1] for name, values in other.items()}
-    assert np.array_equal(one[1], gymnasium.spaces.flatten(named.single_observation_space, second))
-    assert one in flat.observation_space and other in named.observation_space
-
-
 def test_the_others_drive_as_in_a_run(scene: scex.SeedScene, tmp_path: Path) -> None:
     """An agent that repeats a run's driver: the others end where they end in that run's futures."""
     count, agent = 24, 6
@@ -184,16 +175,6 @@ def test_bad_actions(scene: scex.SeedScene, actions: Any, said: str) -> None:
     one.reset(seed=0)
     with pytest.raises(UsageError, match="actions: got"):
         one.step("x")
-
-
-@pytest.mark.parametrize(
-    "value", [None, 0.0, np.zeros(3), np.zeros((2, 1)), np.full(2, np.nan), "x"], ids=str
-)
-def test_a_reward_that_is_no_finite_number_for_each_agent(scene: scex.SeedScene, value: Any) -> None:
-    envs = gymnasium.make_vec(SEED_ENV, num_envs=2, seed_scene=scene, reward=lambda _: value)
-    envs.reset(seed=0)
-    with pytest.raises(UsageError, match="reward: got"):
-        envs.step(np.zeros((2, 2)))
 
 
 def test_the_example_learns(scene: scex.SeedScene) -> None:

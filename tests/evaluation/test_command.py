@@ -37,17 +37,6 @@ def call(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
     return 0
 
 
-def test_without_a_file_the_table_goes_to_standard_output(
-    tracks: Path, monkeypatch: pytest.MonkeyPatch, capfdbinary: pytest.CaptureFixture[bytes]
-) -> None:
-    assert call(monkeypatch, tracks, "--level", "scene", "--metrics", "distance,drac") == 0
-    out = capfdbinary.readouterr().out
-    table = csv.read_csv(pa.BufferReader(out))
-    assert table.column_names == ["case_id", "timestamp_ms", "metric", "value"]
-    assert table.num_rows == 24
-    assert table["value"][0].as_py() == pytest.approx(30.0)
-
-
 def test_a_result_folder_is_evaluated_after_its_history(
     tracks: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -58,21 +47,6 @@ def test_a_result_folder_is_evaluated_after_its_history(
     assert call(monkeypatch, folder, "-o", tmp_path / "out.parquet") == 0
     table = pq.read_table(tmp_path / "out.parquet")
     assert table["distance_mean"].to_pylist() == [pytest.approx(19.5)]
-
-
-def test_the_preset_is_written_into_the_file(
-    tracks: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    values = {}
-    for preset in ("paper", "path"):
-        out = tmp_path / f"{preset}.parquet"
-        assert call(monkeypatch, tracks, "--preset", preset, "--level", "worst", "-o", out) == 0
-        table = pq.read_table(out)
-        assert table.schema.metadata[b"preset"] == preset.encode()
-        values[preset] = {row["metric"]: row["value"] for row in table.to_pylist()}
-    # 19 m between the centres at 10 m/s, or 14.5 m between the bumpers.
-    assert values["paper"]["ttc"] == pytest.approx(10 / 19)
-    assert values["path"]["ttc"] == pytest.approx(10 / 14.5)
 
 
 def test_limits_by_type_reach_wttc(tracks: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -72,26 +72,6 @@ def test_plans_are_found_by_future_and_vehicle(folder: Path) -> None:
     assert paths.column.tolist() == [1, 2, 3, 4, 0, 1, 2]
 
 
-def test_who_is_not_there_has_no_plan(folder: Path) -> None:
-    plans = read_plans(folder)
-    assert plans is not None
-    paths = plans.paths(np.array(["0"]), np.array([[3, 0]]), np.array([[True, False]]), 5)
-    assert paths.x[0, 0, 0].tolist() == [10, 11, 12, 13]
-    assert np.isnan(paths.x[0, :, 1]).all()
-
-
-@pytest.mark.parametrize(("case", "track"), [("2", 3), ("0", 4), ("eleven", 3)])
-def test_a_vehicle_without_plan_is_named(folder: Path, case: str, track: int) -> None:
-    plans = read_plans(folder)
-    assert plans is not None
-    with pytest.raises(ResultError, match=f"no plan of vehicle {track} in future {case}, .*run again"):
-        plans.paths(np.array([case]), np.array([[track, track]]), THERE, 5)
-
-
-def test_a_folder_without_plans_has_none(tmp_path: Path) -> None:
-    assert read_plans(tmp_path) is None
-
-
 def test_a_damaged_file_is_said(folder: Path) -> None:
     file = folder / "plans.parquet"
     table = pq.read_table(file)

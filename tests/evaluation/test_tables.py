@@ -68,15 +68,6 @@ def test_scenes_list_the_most_critical_value(two_cars: TrackTable) -> None:
     assert [r["metric"] for r in rows[:5]] == ["distance", "tq", "pttc", "wttc", "ttc"]
 
 
-def test_scenarios_have_the_twelve_columns(two_cars: TrackTable) -> None:
-    table = recording_table(two_cars, level="scenario")
-    assert table.column_names == ["case_id", *COLUMNS]
-    (values,) = table.to_pylist()
-    assert values["distance"] == 19.0 and values["distance_mean"] == 19.5
-    assert values["ttc_mean"] == pytest.approx((0.5 + 1 / 1.9) / 2)
-    assert values["gap_time"] is None and values["gap_time_mean"] is None
-
-
 def test_the_worst_level_names_the_moment_and_the_pair(two_cars: TrackTable) -> None:
     rows = {r["metric"]: r for r in recording_table(two_cars, level="worst").to_pylist()}
     assert rows["ttc"] == {
@@ -84,25 +75,6 @@ def test_the_worst_level_names_the_moment_and_the_pair(two_cars: TrackTable) -> 
         "value": pytest.approx(1 / 1.9),
     }  # fmt: skip
     assert rows["tq"]["other_id"] is None
-
-
-def test_history_of_a_case_is_left_out(two_cars: TrackTable) -> None:
-    (values,) = recording_table(two_cars, history=1, metrics=("distance",)).to_pylist()
-    assert values == {"case_id": 1, "distance": 19.0, "distance_mean": 19.0}
-
-
-def test_one_vehicle_is_no_error(tmp_path: Path) -> None:
-    table = write_csv(tmp_path / "one.csv", [row(1, 1, 0, 0, 5.0), row(1, 2, 0.5, 0, 5.0)])
-    assert recording_table(table, level="pair").num_rows == 0
-    assert recording_table(table, level="scene").num_rows == 0
-    (values,) = recording_table(table).to_pylist()
-    assert set(values) == {"case_id", *COLUMNS} and all(values[name] is None for name in COLUMNS)
-
-
-def test_only_pedestrians_are_no_error(tmp_path: Path) -> None:
-    table = write_csv(tmp_path / "walk.csv", [row(1, 1, 0, 0, 1.0, kind="pedestrian")])
-    for level in LEVELS:
-        assert recording_table(table, level=level).num_rows == (1 if level == "scenario" else 0)
 
 
 def wandering(tmp_path: Path, *, case_id: bool) -> TrackTable:
@@ -175,26 +147,6 @@ def test_stamps_that_jitter_stay_on_the_grid(tmp_path: Path) -> None:
     assert block.tracks.step_s == pytest.approx(1 / 30, abs=1e-3)
 
 
-def test_a_while_without_anybody_costs_no_memory(tmp_path: Path) -> None:
-    rows = [row(k, frame, 10.0 * k + frame, 0.0, 10.0) for k in (1, 2) for frame in range(1, 40)]
-    rows += [row(1, 160_000, 500.0, 0.0, 10.0)]  # four and a half hours later
-    found = list(blocks(write_csv(tmp_path / "a.csv", rows)))
-    assert max(block.tracks.states.x.shape[1] for block in found) < 1000
-    assert max(int(block.timestamp_ms.max()) for block in found) == 16_000_000
-
-
-def test_ids_of_cases_keep_their_kind(tmp_path: Path) -> None:
-    for names, expected in (
-        (("2.0", "10.0"), [2, 10]),
-        (("0.5", "2"), [0.5, 2.0]),
-        (("a", "b"), ["a", "b"]),
-        (("1", "1e200"), [1.0, 1e200]),
-    ):
-        rows = [f"{name},{row(1, 1, 0, 0, 1.0)}" for name in names]
-        table = write_csv(tmp_path / "ids.csv", rows, f"case_id,{HEADER}")
-        assert recording_table(table)["case_id"].to_pylist() == expected
-
-
 def test_planned_paths_of_a_recording_are_the_driven_tracks(tmp_path: Path) -> None:
     """Both arrive at the crossing point: 12 m at 6 m/s and 5 m at 5 m/s."""
     rows = [row(1, k, -12.6 + 0.6 * k, 0, 6.0) for k in range(1, 40)]
@@ -252,11 +204,6 @@ def test_real_cases_have_values(data: Path) -> None:
     assert result["distance"].null_count == 0
     assert evaluate(next(blocks(table)).tracks, None).defined.any()
     assert isinstance(next(blocks(table)).planned, PlannedPaths)
-
-
-def test_an_unknown_level_is_refused(two_cars: TrackTable) -> None:
-    with pytest.raises(UsageError, match="known: pair, scene, scenario, worst"):
-        recording_table(two_cars, level="pairs")
 
 
 def test_parquet_with_rows_given_twice_is_refused(tmp_path: Path) -> None:

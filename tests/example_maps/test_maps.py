@@ -63,49 +63,11 @@ def test_maps_are_read_without_repairs(name: str):
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_maps_lie_around_1000_1000_as_interaction_maps_do(name: str):
-    points = np.vstack([lane.centreline for lane in road(name).lanes.values()])
-    assert np.all(np.abs(points.mean(0) - 1000) < 150)
-
-
-@pytest.mark.parametrize("name", EXAMPLES)
 def test_from_every_way_in_every_kind_of_lane_leads_out(name: str):
     lanes = road(name).vehicle_lanes
     exits = {i for i, lane in lanes.items() if not lane.successors}
     for start in lanes:
         assert reachable(lanes, start) & exits
-
-
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_bounds_are_smooth(name: str):
-    # Drawn within 2 cm of the smallest radius of about 8 m: no step may turn by more than 2 asin(1.3 / 16).
-    for lane in road(name).vehicle_lanes.values():
-        for bound in (lane.left_bound, lane.right_bound):
-            step = np.diff(bound, axis=0)
-            heading = np.unwrap(np.arctan2(step[:, 1], step[:, 0]))
-            assert np.degrees(np.abs(np.diff(heading)).max(initial=0)) < 13
-
-
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_successors_go_on_in_the_same_direction(name: str):
-    lanes = road(name).vehicle_lanes
-    for lane in lanes.values():
-        for onward in lane.successors:
-            before = np.diff(lane.right_bound[-2:], axis=0)[0]
-            after = np.diff(lanes[onward].right_bound[:2], axis=0)[0]
-            turn = np.angle(complex(*after) / complex(*before))
-            assert abs(np.degrees(turn)) < 7  # half a step on either side
-
-
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_lanes_are_as_wide_as_at_their_ends(name: str):
-    # Most have one width; those into the roundabout widen. 8 cm: a shared bound cannot fit both its lanes.
-    for lane in road(name).vehicle_lanes.values():
-        left, right = LineString(lane.left_bound), LineString(lane.right_bound)
-        widths = [left.distance(Point(p)) + right.distance(Point(p)) for p in lane.centreline[1:-1]]
-        ends = np.linalg.norm(lane.left_bound[[0, -1]] - lane.right_bound[[0, -1]], axis=1)
-        assert ends.min() - 0.08 < min(widths) <= max(widths) < ends.max() + 0.08
-        assert 3.2 < ends.min() <= ends.max() < 4.6
 
 
 def changes(road: Road) -> set[tuple[int, int]]:
@@ -119,31 +81,11 @@ def ends(lanes: dict[int, Lane], where: str) -> list[Lane]:
     return [lane for lane in lanes.values() if not getattr(lane, where)]
 
 
-def test_roundabout_has_five_ways_in_and_five_out():
-    # One each way on four arms; the southern enters and the northern leaves on two lanes.
-    lanes = road("roundabout").vehicle_lanes
-    assert len(ends(lanes, "predecessors")) == 5
-    assert len(ends(lanes, "successors")) == 5
-
-
 def test_roundabout_can_be_left_on_every_arm_from_every_arm():
     lanes = road("roundabout").vehicle_lanes
     exits = {lane.lane_id for lane in ends(lanes, "successors")}
     for start in ends(lanes, "predecessors"):
         assert len(reachable(lanes, start.lane_id) & exits) == 5
-
-
-def test_roundabout_ring_is_closed_and_partly_two_lanes_wide():
-    lanes = road("roundabout").vehicle_lanes
-
-    def radius(lane: Lane) -> float:
-        return float(np.hypot(*(lane.centreline[[0, -1]] - 1000).T).max())
-
-    inner = [lane for lane in lanes.values() if radius(lane) < 18.5]
-    angles = [np.angle(complex(*(p - 1000))) for lane in inner for p in lane.centreline]
-    assert np.diff(np.sort(angles)).max() < 0.1  # all the way around
-    assert sum(lane.adjacent_right is not None for lane in inner) == 3
-    assert sum(lane.right is not None for lane in inner) == 2  # the third line is solid
 
 
 def test_roundabout_entries_give_way_to_the_ring_and_wait_at_their_lines():
@@ -172,25 +114,6 @@ def test_motorway_lane_changes_follow_the_lines():
     assert back == [False, False, True]
 
 
-def test_motorway_has_three_through_lanes_and_a_ramp_that_ends():
-    lanes = road("motorway_merge").vehicle_lanes
-    assert len(ends(lanes, "predecessors")) == 4
-    last = ends(lanes, "successors")
-    assert len(last) == 4
-    (ending,) = [lane for lane in last if lane.left is not None and lane.centreline[-1, 0] < 1250]
-    assert lanes[ending.left or 0].successors
-    limits = {round(lane.speed_limit_mps * 3.6) for lane in lanes.values()}
-    assert limits == {60, 120}
-
-
-def test_intersection_has_twelve_movements_from_seven_lanes():
-    lanes = road("urban_intersection").vehicle_lanes
-    movements = [lane for lane in lanes.values() if len(lane.conflicts) >= 3]
-    assert len(movements) == 12
-    assert len({lane.predecessors for lane in movements}) == 7
-    assert len({lane.successors for lane in movements}) == 4
-
-
 def test_intersection_minor_road_and_left_turns_give_way():
     crossing = road("urban_intersection")
     ways = [rule for rule in crossing.regulations if rule.kind == "right_of_way"]
@@ -201,17 +124,6 @@ def test_intersection_minor_road_and_left_turns_give_way():
     for rule in ways:
         for lane in rule.yielding:
             assert set(rule.priority) <= set(crossing.lanes[lane].conflicts)
-
-
-def test_intersection_arms_are_not_at_right_angles():
-    lanes = road("urban_intersection").vehicle_lanes
-    into = {lane.predecessors for lane in lanes.values() if len(lane.conflicts) >= 3}
-    directions = set()
-    for (approach,) in into:
-        step = np.diff(lanes[approach].centreline[-2:], axis=0)[0]
-        directions.add(round(float(np.degrees(np.arctan2(step[1], step[0])))) % 360)
-    between = np.diff(sorted(directions))
-    assert all(abs(turn - 90) > 4 for turn in between if turn > 20)
 
 
 def test_intersection_has_a_zebra_crossing_for_pedestrians():

@@ -11,13 +11,12 @@ import pytest
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.converters.maps import read_map
-from scex_sumo.exporters.commonroad import lanelet_numbers, point_by_point, road_elements
+from scex_sumo.exporters.commonroad import road_elements
 from scex_sumo.exporters.light_cycles import with_lights
 from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.formats.commonroad.tracks import read_commonroad_tracks
 from scex_sumo.geometry.polylines import distances
 from scex_sumo.results.run import Run
-from scex_sumo.road import Regulation
 from scex_sumo.scenarios import example_path
 
 reader = pytest.importorskip("commonroad.common.file_reader")
@@ -41,18 +40,6 @@ def test_the_road_read_back_is_the_same(run: Run, file: Path) -> None:
         assert other.speed_limit_mps == pytest.approx(lane.speed_limit_mps, abs=1e-6)
         for name in ("left_bound", "right_bound", "centreline"):
             assert distances(getattr(other, name), getattr(lane, name)).max() < 1e-6
-
-
-def test_a_stop_line_refers_to_its_sign(file: Path) -> None:
-    scenario, _ = reader.CommonRoadFileReader(str(file)).open()
-    lanelets = [x for x in scenario.lanelet_network.lanelets if x.stop_line is not None]
-    assert lanelets
-    for lanelet in lanelets:
-        signs = lanelet.stop_line.traffic_sign_ref or set()
-        lights = lanelet.stop_line.traffic_light_ref or set()
-        assert (
-            len(signs | lights) == 1 and signs <= lanelet.traffic_signs and lights <= lanelet.traffic_lights
-        )
 
 
 def test_the_states_read_back_are_the_same(run: Run, file: Path) -> None:
@@ -138,16 +125,6 @@ def test_commonroad_io_reads_lights_that_show_what_sumo_shows(
     assert len({c for link in links for c in shown[link.get("tl", "")]}) > 5
 
 
-def test_an_export_with_lights_and_ego_meets_the_schema_of_commonroad_io(
-    lit_run: Run, tmp_path: Path
-) -> None:
-    etree = pytest.importorskip("lxml.etree")
-    ego = int(lit_run.scene.track_ids[0])
-    (file,) = EXPORTERS.load("commonroad")(Request(run=lit_run, futures=(0,), out=tmp_path, ego=ego))
-    (schema,) = Path(reader.__file__).parents[1].rglob("XML_commonRoad_XSD.xsd")
-    etree.XMLSchema(etree.parse(schema)).assertValid(etree.parse(file))
-
-
 def test_commonroad_crime_computes_its_wttc_on_an_export_with_lights(lit_run: Run, tmp_path: Path) -> None:
     configuration = pytest.importorskip("commonroad_crime.data_structure.configuration")
     measure = pytest.importorskip("commonroad_crime.measure")
@@ -167,35 +144,8 @@ def test_lights_that_the_map_does_not_name_are_those_of_the_net(lit_run: Run, tm
     assert with_lights(road, lit_run.net) is road
 
 
-def test_a_light_that_the_net_does_not_have_is_off() -> None:
-    road = read_map(example_path("urban_intersection"))
-    light = Regulation(element_id=1, kind="traffic_light", lanes=(min(road.vehicle_lanes),), lights=(1,))
-    elements, _ = road_elements(replace(road, regulations=(light,)))
-    (written,) = [element for element in elements if element.tag == "trafficLight"]
-    assert (written.findtext("active"), written.findtext("cycle/cycleElement/color")) == ("false", "inactive")
-    assert [part.tag for part in written] == [
-        "cycle",
-        "position",
-        "direction",
-        "active",
-    ]  # as the XSD has them
-
-
 def test_each_arm_of_a_roundabout_has_an_intersection_and_no_id_is_used_twice() -> None:
     elements, used = road_elements(read_map(example_path("roundabout")), taken=range(40_000))
     crossings = [element for element in elements if element.tag == "intersection"]
     assert [len(element) for element in crossings] == [2, 2, 2, 2]  # ring and arm; lanes side by side are one
     assert len(used) == sum(1 for e in elements for _ in (e, *e.iter("incoming")))
-
-
-def test_borders_get_as_many_points_each_and_keep_their_own() -> None:
-    left = np.array([[0.0, 1.0], [10.0, 1.0]])
-    right = np.array([[0.0, 0.0], [4.0, 0.0], [10.0, 0.0]])
-    a, b = point_by_point(left, right)
-    np.testing.assert_allclose(a, [[0, 1], [4, 1], [10, 1]])
-    np.testing.assert_allclose(b, right)
-
-
-def test_lanelets_whose_ids_are_negative_are_numbered(data: Path) -> None:
-    road = read_map(data / "taf_bw/maps/k733_2020-09-15.osm")
-    assert sorted(lanelet_numbers(road).values()) == list(range(1, len(road.lanes) + 1))

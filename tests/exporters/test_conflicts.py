@@ -71,20 +71,6 @@ def kind_of(conflict: ET.Element) -> str | None:
     return None if found is None else found.get("type")
 
 
-def test_conflicts_of_several_futures_are_read_back_by_sumolib(run: Run, tmp_path: Path) -> None:
-    for file in exported(run, "ssm", tmp_path):
-        for conflict in sumolib.xml.parse(str(file), "conflict"):
-            assert float(conflict.begin) <= float(
-                conflict.minTTC[0].time if conflict.minTTC[0].time != "NA" else 99
-            )
-            critical = [
-                conflict.minTTC[0].value != "NA" and float(conflict.minTTC[0].value) <= 3,
-                conflict.maxDRAC[0].value != "NA" and float(conflict.maxDRAC[0].value) >= 3,
-                conflict.PET[0].value != "NA" and float(conflict.PET[0].value) <= 2,
-            ]
-            assert any(critical)
-
-
 def test_collisions_fit_sumo_s_schema_and_the_table(run: Run, tmp_path: Path) -> None:
     etree = pytest.importorskip("lxml.etree")
     schema = etree.XMLSchema(etree.parse(str(sumo_home() / "data" / "xsd" / "collision_file.xsd")))

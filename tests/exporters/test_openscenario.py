@@ -59,18 +59,6 @@ def test_trajectories_are_followed_in_position_mode_with_absolute_times(files: l
     assert {e.get("priority") for e in root.iter("Event")} == {"override"}
 
 
-def test_the_readme_says_how_to_play_slow_vehicles_and_names_the_road(files: list[Path]) -> None:
-    text = files[-1].read_text()
-    assert "--traj_filter 0" in text and "--pline_interpolation segment" in text and files[0].name in text
-    logic = ET.parse(files[1]).getroot().find("RoadNetwork/LogicFile")
-    assert logic is not None and logic.get("filepath") == files[0].name
-
-
-def test_who_walks_has_no_axles() -> None:
-    assert axle_offset("pedestrian", 0.6) == 0.0
-    assert 1.0 < axle_offset("car", 4.5) < 2.0
-
-
 def test_the_ego_has_start_and_goal_and_no_trajectory_and_time_begins_at_the_seed_scene(
     run: Run, tmp_path: Path
 ) -> None:

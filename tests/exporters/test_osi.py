@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.converters.datasets.reader import read_recorded
-from scex_sumo.converters.maps import read_map
-from scex_sumo.exporters.light_cycles import LightCycle
 from scex_sumo.exporters.request import EXPORTERS, Request
-from scex_sumo.formats.osi import OSI
 from scex_sumo.results.run import Run
 
 betterosi = pytest.importorskip("betterosi")
@@ -44,14 +41,6 @@ def test_the_states_read_back_are_the_same(run: Run, trace: Path) -> None:
         assert rows.types[k] == run.scene.types[v]
 
 
-def test_the_map_comes_with_the_trace(run: Run, trace: Path) -> None:
-    (recording,) = OSI.recordings([trace])
-    road, own = read_map(recording.map_path), Request(run=run, futures=(2,)).road
-    length = [sum(np.hypot(*np.diff(x.centreline, axis=0).T).sum() for x in r.vehicle_lanes.values())
-              for r in (road, own)]  # fmt: skip
-    assert length[0] == pytest.approx(length[1], rel=0.1)
-
-
 def test_osi_knows_the_frames_their_lanes_and_the_host(run: Run, trace: Path) -> None:
     found = truths(trace)
     assert len(found) == run.states(2).shape[1]
@@ -76,8 +65,3 @@ def test_the_same_future_gives_the_same_bytes(run: Run, tmp_path: Path) -> None:
     write = EXPORTERS.load("omega-prime")
     one, two = (write(Request(run=run, futures=(2,), out=tmp_path / f"{k}.mcap"))[0] for k in "ab")
     assert one.read_bytes() == two.read_bytes()
-
-
-@pytest.mark.parametrize(("step", "letter"), [(-1, "r"), (0, "G"), (29, "G"), (30, "y"), (33, "r")])
-def test_a_cycle_shows_its_letters_again_and_again(step: int, letter: str) -> None:
-    assert LightCycle(phases=((30, "G"), (3, "y"), (27, "r")), offset=0).at(step) == letter

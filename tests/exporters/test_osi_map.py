@@ -37,15 +37,6 @@ def numbers(items: Any) -> Iterator[int]:
         yield one.id.value
 
 
-def test_all_items_share_one_range_of_numbers_and_only_the_first_frame_has_lanes(trace: Path) -> None:
-    first, second = frames(trace)[:2]
-    kinds = ("moving_object", "lane", "lane_boundary", "reference_line", "logical_lane_boundary",
-             "logical_lane", "traffic_light")  # fmt: skip
-    found = [number for kind in kinds for number in numbers(getattr(first, kind))]
-    assert len(found) == len(set(found)) and min(found) > 0
-    assert first.lane and not second.lane and not second.logical_lane
-
-
 def test_lanes_of_a_trace_without_opendrive_are_those_of_the_map(run: Run, trace: Path) -> None:
     own = Request(run=run, futures=(1,)).road
     (alone := trace.with_name("alone")).mkdir()

@@ -15,7 +15,6 @@ from scex_sumo.exporters.openscenario import write_openscenario
 from scex_sumo.exporters.osi import write_osi
 from scex_sumo.exporters.request import Request
 from scex_sumo.exporters.scenarionet import write_scenarionet
-from scex_sumo.exporters.sumo_folder import write_sumo
 from scex_sumo.exporters.tracks import write_fcd_files
 from scex_sumo.formats.sumo.fcd import read_fcd
 from scex_sumo.results.run import Run
@@ -77,10 +76,3 @@ def test_betterosi_reads_people(run: Run, tmp_path: Path) -> None:
         kind = one.type.name.removeprefix("TYPE_").lower()
         found[one.vehicle_classification.type.name.lower() if kind == "vehicle" else kind] += 1
     assert sorted(found.values()) == [1, 3, 3] and found["pedestrian"] == 3
-
-
-def test_nobody_on_foot_becomes_a_car_when_sumo_goes_on(run: Run, tmp_path: Path) -> None:
-    file = write_sumo(Request(run=run, futures=(1,), out=tmp_path))[0]
-    state = ET.parse(file.with_name("state.xml")).getroot()
-    kinds = Counter(str(one.get("type")).partition("_")[0] for one in state.iter("vehicle"))
-    assert kinds["car"] and set(kinds) <= {"car", "bicycle"}

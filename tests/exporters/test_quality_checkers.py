@@ -36,14 +36,3 @@ def nothing_against(map_path: Path, folder: Path) -> None:
 def test_futures_as_openscenario_are_valid_by_asam_s_checker(run: Run, tmp_path: Path) -> None:
     files = EXPORTERS.load("openscenario")(Request(run=run, futures=(0, 1, 2, 3), out=tmp_path))
     assert [line for file in files if file.suffix in (".xosc", ".xodr") for line in findings(file)] == []
-
-
-def test_a_file_that_is_not_there_is_a_finding_though_the_checker_exits_with_0(tmp_path: Path) -> None:
-    assert findings(tmp_path / "missing.xodr")
-
-
-def test_what_breaks_the_schema_is_a_finding(tmp_path: Path) -> None:
-    file = tmp_path / "map.xodr"
-    text = opendrive_text(read_map(example_path("motorway_merge")))
-    file.write_text(text.replace('rule="RHT"', 'rule="neither"'))
-    assert findings(file)

@@ -32,17 +32,6 @@ def test_the_states_read_back_are_the_recorded_ones(run: Run, tmp_path: Path, to
         np.testing.assert_allclose(rows.x[mine], x, atol=1e-4)
 
 
-def test_a_vehicle_that_leaves_the_recording_is_there_until_then(run: Run) -> None:
-    scene, request = run.scene, Request(run=run, futures=(RECORDED,))
-    assert scene.future_valid is not None
-    valid = scene.future_valid.copy()
-    valid[0, 7:] = False
-    request.__dict__["scene"] = replace(scene, future_valid=valid)
-    first = next(request.participants(RECORDED))
-    assert first.present.sum() == HISTORY_STEPS + 7
-    assert set(request.models_of(RECORDED)) == {"recorded"}
-
-
 def test_without_a_recorded_future_or_its_format_one_line_says_so(run: Run, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"--recorded: not with --to mp4; openscenario, commonroad"):
         export_command(run.folder, recorded=True, to="mp4", out=tmp_path)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pyarrow import csv
 
-from scex_sumo.base.errors import MapError, ResultError, UsageError
+from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.exporters.request import EXPORTERS, Request, closest_encounters, critical_futures
 from scex_sumo.results.run import Run
 
@@ -19,18 +19,6 @@ def test_the_most_critical_futures_come_worst_first(run: Run) -> None:
     assert list(values[list(futures)]) == sorted(values)[:3]
     with pytest.raises(UsageError, match="unknown metric 'nonsense'; nearest: "):
         critical_futures(run, "nonsense", 1)
-
-
-@pytest.mark.parametrize(
-    ("tool", "format_name"), [("esmini", "openscenario"), ("carla", "openscenario"), ("video", "mp4")]
-)
-def test_a_tool_gets_the_format_that_it_reads(tool: str, format_name: str) -> None:
-    assert EXPORTERS.load(tool) is EXPORTERS.load(format_name)
-
-
-def test_the_typical_future_of_an_encounter_is_that_of_view(run: Run) -> None:
-    for row in run.encounters.to_pylist():
-        assert closest_encounters(run, row["other_id"], row["track_id"], 1) == (row["future"],)
 
 
 def test_encounters_are_sorted_by_the_gap_of_the_two(run: Run) -> None:
@@ -47,23 +35,6 @@ def test_encounters_are_sorted_by_the_gap_of_the_two(run: Run) -> None:
     assert sorted(order) == [0, 1, 2, 3] and apart[0] <= apart[-1] + 1.0  # boxes, not centres
     with pytest.raises(UsageError, match="no vehicle 999; known: 1"):
         closest_encounters(run, first, 999, 1)
-
-
-def test_a_map_that_is_gone_is_asked_for(run: Run, tmp_path: Path) -> None:
-    request = Request(run=run, futures=(0,), map_path=tmp_path / "gone.osm")
-    with pytest.raises(MapError, match="give it with --map MAP"):
-        _ = request.road
-
-
-def test_an_exporter_of_ones_own_is_named_by_its_import_path(run: Run) -> None:
-    write = EXPORTERS.load("tests.exporters.test_request:write_nothing")
-    assert write(Request(run=run, futures=(1,))) == [Path("1")]
-    with pytest.raises(UsageError, match="known: interaction, interpret, fcd, openscenario, sumo"):
-        EXPORTERS.load("word")
-
-
-def write_nothing(request: Request) -> list[Path]:
-    return [Path(str(future)) for future in request.futures]
 
 
 def test_all_futures_are_cases_of_one_interaction_file(run: Run, tmp_path: Path) -> None:
@@ -126,14 +97,3 @@ def test_a_submission_has_the_marked_vehicles_of_all_cases(
         write(Request(run=of_case(run, "3.0", tracks), futures=(0, 1)))
     with pytest.raises(UsageError, match="which vehicles to predict"):
         write(Request(run=of_case(run, "3.0", tmp_path / "gone.csv"), futures=(0,)))
-
-
-@pytest.mark.parametrize(
-    ("out", "file"), [("mp4", "mp4/{}_future0007.mp4"), ("a.mp4", "a.mp4"), ("b.c", "b.c/{}_future0007.mp4")]
-)
-def test_an_out_without_an_ending_is_a_folder(run: Run, tmp_path: Path, out: str, file: str) -> None:
-    (tmp_path / "b.c").mkdir()
-    request = Request(run=run, futures=(7,), out=tmp_path / out)
-    path = tmp_path / file.format(request.name)
-    assert request.files(".mp4") == [path]
-    assert path.parent.is_dir()

@@ -14,8 +14,8 @@ from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.formats.scenarionet import unpickle
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.results.run import Run
+from tests.lanelet2sumo.judge.loading import check_net
 
 
 @pytest.fixture(scope="module")
@@ -29,14 +29,6 @@ def files(run: Run, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def load(path: Path) -> Any:
     with path.open("rb") as file:
         return unpickle(file)
-
-
-def test_a_folder_has_a_pickle_for_each_future_and_its_summary(run: Run, files: list[Path]) -> None:
-    *scenarios, summary, mapping = files
-    assert [path.name[:3] for path in scenarios] == ["sd_", "sd_"]
-    assert [path.name for path in (summary, mapping)] == ["dataset_summary.pkl", "dataset_mapping.pkl"]
-    assert load(mapping) == {path.name: "" for path in scenarios}
-    assert load(summary)[scenarios[0].name]["sdc_id"] == str(run.scene.track_ids[1])
 
 
 def test_the_states_read_back_are_the_same(run: Run, files: list[Path]) -> None:

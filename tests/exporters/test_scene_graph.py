@@ -30,11 +30,6 @@ def test_each_relation_is_one_line_and_arrows_point_ahead() -> None:
     assert labels == ["longitudinal (1)", "lateral (2)", "intersecting (0)"]
 
 
-def test_the_title_counts_who_is_off_the_map(tmp_path: Path) -> None:
-    path = scex.plot_scene_graph(SCENE, tmp_path / "graph.svg", road=PARALLEL)
-    assert "drawn: 4 vehicles, 1 off the mapped lanes" in path.read_text()
-
-
 def test_a_scene_without_a_road_cannot_be_drawn(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no road"):
         scex.plot_scene_graph(SCENE, tmp_path / "graph.png")

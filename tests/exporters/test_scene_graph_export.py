@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import scex_sumo as scex
-from scex_sumo.base.errors import MissingExtraError, UsageError
+from scex_sumo.base.errors import MissingExtraError
 from scex_sumo.learned.scene_graph.graph import KINDS
 from tests.behaviors.roads import lane, present, road, scene_of
 
@@ -40,16 +40,6 @@ def test_networkx_gets_one_future_with_named_attributes() -> None:
     assert made.nodes[3]["lane_id"] is None and made.nodes[3]["arc"] is None
 
 
-def test_networkx_gets_the_future_that_was_asked_for() -> None:
-    pytest.importorskip("networkx")
-    graph = two_futures()
-    assert {*scex.to_networkx(graph, future=0)} == {*scex.to_networkx(graph, future=1)} == {0, 1, 2, 3}
-    assert scex.to_networkx(graph, future=0).number_of_edges() == 6
-    assert {*scex.to_networkx(graph, future=1).edges} == {(0, 1), (1, 0)}
-    with pytest.raises(UsageError, match="future 2 of a batch of 2; choose 0 to 1"):
-        scex.to_networkx(graph, future=2)
-
-
 def test_pyg_gets_all_futures_with_an_edge_type_per_kind() -> None:
     pytest.importorskip("torch_geometric")
     graph = two_futures()
@@ -69,9 +59,3 @@ def test_without_networkx_the_export_says_what_to_install(monkeypatch: pytest.Mo
     monkeypatch.setitem(sys.modules, "networkx", None)
     with pytest.raises(MissingExtraError, match=r"needs networkx; pip install 'scex-sumo\[learned\]'"):
         scex.to_networkx(two_futures())
-
-
-def test_without_pyg_the_export_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "torch_geometric.data", None)
-    with pytest.raises(MissingExtraError, match=r"PyTorch Geometric; pip install 'scex-sumo\[learned\]'"):
-        scex.to_hetero_data(two_futures())

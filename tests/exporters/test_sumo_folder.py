@@ -34,15 +34,6 @@ def test_sumo_goes_on_from_the_future_s_last_step(run: Run, tmp_path: Path) -> N
     assert "EIDM" in (tmp_path / "README.md").read_text()
 
 
-def test_vehicles_beside_the_middle_of_their_lane_go_on(tmp_path: Path) -> None:
-    """SUMO holds a vehicle beside the middle of its lane for good where lane changes take time."""
-    run = extrapolate(read_seed(example_path("roundabout")), futures=4, models="paper", out=tmp_path / "run")
-    collided = set(run.collisions["future"].to_pylist())
-    futures = tuple(future for future in range(run.futures) if future not in collided)
-    assert futures
-    assert staying(run, futures, tmp_path) == []
-
-
 def test_a_future_that_ends_in_a_deadlock_is_dissolved(tmp_path: Path) -> None:
     """Vehicles that braked within the intersection stand in each other's way: ten of twelve stood."""
     scene = read_seed(example_path("urban_intersection"))

@@ -54,12 +54,6 @@ def test_an_mp4_plays_in_real_time_and_rings_the_critical_pair(run: Run, tmp_pat
         assert pixels(last["plain"], colors_of(run)[model], 24) > 200
 
 
-def test_several_futures_are_files_in_a_folder(run: Run, tmp_path: Path) -> None:
-    first, second = run.info["seed_scene"]["track_ids"][:2]
-    export_command(run.folder, encounter=f"{first},{second}", top=2, to="gif", out=tmp_path / "films")
-    assert len(list((tmp_path / "films").glob("*_future000?.gif"))) == 2
-
-
 def test_several_futures_are_one_above_the_other_in_a_file(run: Run, tmp_path: Path) -> None:
     pair = "{},{}".format(*run.info["seed_scene"]["track_ids"][:2])
     export_command(run.folder, encounter=pair, top=2, to="gif", out=tmp_path / "both.gif")

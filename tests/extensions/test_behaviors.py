@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import pytest
-
 from tests.command import ALONE
 from tests.extensions.package import install, scex
 
@@ -51,9 +49,3 @@ def test_a_model_that_cannot_be_imported_leaves_the_others_listed(tmp_path: Path
     asked = scex(tmp_path, "run", MAP, "--synthetic", 3, "--models", "braker")
     assert asked.returncode == 2 and asked.stderr.startswith("error: braker: stranger:No")
     assert "Traceback" not in asked.stderr
-
-
-@pytest.mark.parametrize("name", ["replay", "likely_driver", "rules"])  # the core's, a wing's, a mix
-def test_a_model_of_another_package_takes_no_name_of_ours(name: str, tmp_path: Path) -> None:
-    install(tmp_path, group="scex_sumo.behaviors", name=name, target="stranger:Braker", code=CODE)
-    assert "Brakes gently" not in scex(tmp_path, "models").stdout

@@ -39,8 +39,3 @@ def test_a_command_that_cannot_be_imported_leaves_the_others_listed(tmp_path: Pa
         and asked.stderr.startswith("error: stranger:no")
         and "Traceback" not in asked.stderr
     )
-
-
-def test_a_command_of_another_package_takes_no_name_of_ours(tmp_path: Path) -> None:
-    install(tmp_path, group="scex_sumo.commands", name="models", target="stranger:count_command", code=CODE)
-    assert "standard_driver" in scex(tmp_path, "models").stdout

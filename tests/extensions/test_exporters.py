@@ -37,13 +37,6 @@ def test_an_exporter_of_another_package_is_used_by_its_name(result: Path, tmp_pa
     assert len(file.read_text().splitlines()) == 14
 
 
-def test_an_unknown_format_names_the_exporters_of_other_packages(result: Path, tmp_path: Path) -> None:
-    install(tmp_path, group="scex_sumo.exporters", name="places", target="stranger:write_places", code=CODE)
-    done = scex(tmp_path, "export", result, "--future", 0, "--to", "word")
-    assert done.returncode == 2
-    assert "unknown export format 'word'; known: interaction" in done.stderr and "places" in done.stderr
-
-
 def test_an_exporter_that_cannot_be_imported_is_one_line(result: Path, tmp_path: Path) -> None:
     install(tmp_path, group="scex_sumo.exporters", name="places", target="stranger:no", code="import nowhere")
     done = scex(tmp_path, "export", result, "--future", 0, "--to", "places")

@@ -49,14 +49,6 @@ def test_a_map_of_another_packages_format_is_populated_and_run(tmp_path: Path) -
     assert json.loads((tmp_path / "out/run.json").read_text())["seed_scene"]["location"] == "mymap"
 
 
-def test_a_map_of_another_packages_format_is_inspected_with_tracks_on_it(tmp_path: Path) -> None:
-    install(tmp_path, group="scex_sumo.maps", name="xyz", target="stranger", code=CODE)
-    tracks = write_rows(tmp_path / "tracks.csv", straight(1, range(61), start=10.0))
-    done = scex(tmp_path, "inspect", a_map(tmp_path), "--tracks", tracks)
-    assert done.returncode == 0, done.stderr
-    assert "mymap_tracks: 1 vehicles in 6.0 s" in done.stdout
-
-
 def test_a_map_format_that_cannot_be_used_is_left_out_with_a_warning(tmp_path: Path) -> None:
     install(tmp_path, group="scex_sumo.maps", name="xyz", target="stranger", code="def is_mine(path): ...")
     done = scex(tmp_path, "inspect", a_map(tmp_path))

@@ -106,13 +106,6 @@ def test_objects_drive_where_a_name_does() -> None:
     assert set(described["objects"]) == set(described["sources"]) == {"Parked", "Parked:not_for=3"}
 
 
-def test_one_name_for_two_objects_is_refused() -> None:
-    mine, other = Parked(), Parked()
-    other.noise = 1.0  # type: ignore[attr-defined]
-    with pytest.raises(UsageError, match="two different models are named Parked"):
-        ModelSet.of(RunSettings(models=[mine, "replay"], assign={23: other}))
-
-
 SCENE = replace(
     roads.scene_of((10.0, 0.0, 0.0, 5.0), (60.0, 0.0, 0.0, 5.0), (90.0, 0.0, 0.0, 5.0)),
     track_ids=TRACKS,
@@ -147,20 +140,3 @@ def test_a_driver_that_leaves_the_process_is_an_error_in_one_line(monkeypatch: p
     with pytest.raises(UsageError, match=f"parked: making it {left}"):
         tried("parked", {})
     assert os._exit is real
-
-
-def test_a_model_is_tried_on_the_vehicles_that_it_may_get_only() -> None:
-    tried("standard_driver", {17: "parked:not_for=2"})
-    tried("standard_driver,parked:not_for=2", {})  # fails for one of three
-    with pytest.raises(ScexError, match="no usable plan for any of 1 vehicles"):
-        tried("standard_driver", {42: "parked:not_for=2"})
-
-
-def test_a_guarded_model_is_tried_too() -> None:
-    with pytest.raises(ScexError, match="no usable plan for any of 3"):
-        tried("parked:not_for=99:guard=true", {})
-
-
-def test_the_file_of_ones_own_model_is_fingerprinted() -> None:
-    found = models_of("standard_driver,parked").sources
-    assert list(found) == ["parked"] and len(found["parked"]) == 64

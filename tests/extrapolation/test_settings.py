@@ -75,20 +75,6 @@ def test_errors_name_the_arguments_of_python(options: dict[str, Any], said: str)
         extrapolate(straight_seed(), **options)
 
 
-def test_what_is_no_seed_scene_is_refused_in_one_line() -> None:
-    with pytest.raises(UsageError, match="got str, needs a seed scene; make one with"):
-        extrapolate("roundabout")  # type: ignore[arg-type]
-
-
-def test_a_number_of_futures_may_be_given_as_text() -> None:
-    assert RunSettings(futures="12").to_json() == RunSettings(futures=12).to_json()
-    assert RunSettings(futures="all").count is None
-
-
-def test_thresholds_are_no_part_of_what_decides_on_a_futures_values() -> None:
-    assert RunSettings(thresholds={"ttc": 0.5}).to_json() == RunSettings().to_json()
-
-
 def test_settings_go_to_other_processes_and_into_other_settings() -> None:
     settings = RunSettings(assign={17: "replay"}, under_test={23: "emergency_brake"}, futures=3)
     for same in (pickle.loads(pickle.dumps(settings)), dataclasses.replace(settings)):
@@ -125,8 +111,3 @@ def test_as_many_processes_as_help(
 ) -> None:
     monkeypatch.setattr("os.sched_getaffinity", lambda process: set(range(8)), raising=False)
     assert RunOptions(**options).processes(RunSettings(**settings)) == processes
-
-
-def test_a_number_of_processes_that_is_none_is_one_line() -> None:
-    with pytest.raises(UsageError, match="--workers many: needs a number or auto"):
-        RunOptions(workers="many")

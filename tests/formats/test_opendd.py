@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo import find_recordings, load_recording, read_map, read_seed
-from scex_sumo.base.errors import MapError, TrackError
+from scex_sumo import find_recordings, load_recording, read_seed
+from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.datasets.reader import read_recorded
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from tests.formats import streets
+from tests.lanelet2sumo.judge.loading import check_net
 from tests.runs import extrapolate
 
 EAST_M, NORTH_M = 619_300.0, 5_809_100.0
@@ -96,14 +96,6 @@ def test_a_recording_runs_to_its_futures(place: Path, tmp_path: Path) -> None:
     assert extrapolate(scene, futures=2, out=tmp_path / "out", steps=10).futures == 2
 
 
-@pytest.mark.parametrize("name", [*COLUMNS])
-def test_a_table_without_a_column_is_one_line(place: Path, name: str) -> None:
-    path = place / "trajectories_rdb1_v3.sqlite"
-    write(path, "rdb1_3", {other: kind for other, kind in COLUMNS.items() if other != name}, [])
-    with pytest.raises(TrackError, match=f"column {name} in table rdb1_3"):
-        read_recorded([path / "rdb1_3"])
-
-
 @pytest.mark.parametrize("column", ["TIMESTAMP", "UTM_X", "UTM_Y", "UTM_ANGLE"])
 @pytest.mark.parametrize("value", [None, "x", 1e300])
 def test_a_bad_value_is_one_line(place: Path, column: str, value: object) -> None:
@@ -112,17 +104,3 @@ def test_a_bad_value_is_one_line(place: Path, column: str, value: object) -> Non
         file.execute(f"UPDATE rdb1_2 SET {column} = ? WHERE OBJID = 0 AND TIMESTAMP > 3", (value,))
     with pytest.raises(TrackError, match=str(path)):
         read_recorded([path / "rdb1_2"])
-
-
-def test_a_missing_table_and_files_that_are_no_database_are_one_line(place: Path) -> None:
-    path = place / "trajectories_rdb1_v3.sqlite"
-    with pytest.raises(TrackError, match="table rdb1_9"):
-        read_recorded([path / "rdb1_9"])
-    path.write_bytes(b"no database at all, but long enough to be read" * 30)
-    with pytest.raises(TrackError, match="no recording of openDD can be read"):
-        read_recorded([path / "rdb1_2"])
-    map_path = place / "rdb1/map_rdb1/map_rdb1.sqlite"
-    map_path.unlink()
-    write_map(map_path, {"id": "REAL", "type": "TEXT", "geometry": "TEXT"})
-    with pytest.raises(MapError, match="no column successors in table rdb1"):
-        read_map(map_path)

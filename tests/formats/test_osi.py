@@ -182,14 +182,6 @@ def test_bulbs_make_one_state_of_a_lane(bulbs: list[tuple[int, int]], letter: st
     assert light_states([before, frame], lanes_of) == {9: [(0.0, letter)]}  # time begins with the tracks
 
 
-def test_a_trace_far_from_its_origin_moves_with_its_lanes(tmp_path: Path) -> None:
-    file = written(tmp_path / "t.osi", crossing(east=690_000.0))
-    road, (table, _) = read_map(file), read_recorded([file])
-    starts = min(float(one.centreline[:, 0].min()) for one in road.lanes.values())
-    assert table.vehicles.x.min() == pytest.approx(starts + 10.0)
-    assert starts < 1e3
-
-
 def test_a_trace_names_its_map_among_several(tmp_path: Path) -> None:
     frames = crossing()
     frames[0].map_reference = "b.xodr"
@@ -198,11 +190,6 @@ def test_a_trace_names_its_map_among_several(tmp_path: Path) -> None:
         (tmp_path / f"{name}.xodr").write_text("<OpenDRIVE/>")
     (recording,) = OSI.recordings([file])
     assert recording.map_path.name == "b.xodr"
-
-
-def test_a_box_that_does_not_lie_on_a_road_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(TrackError, match=r"tilted by 1\.0 rad"):
-        read_recorded([trace(tmp_path / "t.osi", [[moving(1, 0.0, 2, roll=1.0)]])])
 
 
 def test_a_trace_without_a_map_says_where_it_must_be(tmp_path: Path) -> None:
@@ -221,31 +208,6 @@ def test_a_damaged_omega_prime_file_is_one_line(tmp_path: Path, content: bytes) 
         with pytest.raises(error, match="trace of OSI") as caught:
             read()
         assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("keep", [2, 30])
-def test_a_cut_trace_is_one_line(tmp_path: Path, keep: int) -> None:
-    file = trace(tmp_path / "t.osi", [[moving(1, 0.0, 2)]])
-    file.write_bytes(file.read_bytes()[:keep])
-    with pytest.raises(TrackError, match="ends within a record"):
-        read_recorded([file])
-
-
-def test_a_cut_omega_prime_file_is_said_to_be_cut(tmp_path: Path) -> None:
-    file = tmp_path / "t.mcap"
-    with osi.Writer(str(file), metadata={}) as writer:
-        for frame in crossing():
-            writer.add(frame)
-    file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
-    with pytest.raises(TrackError, match="ends within a record"):
-        read_recorded([file])
-
-
-def test_a_trace_of_another_major_version_is_one_line(tmp_path: Path) -> None:
-    frames = crossing()
-    frames[0].version = osi.InterfaceVersion(version_major=4, version_minor=1, version_patch=0)
-    with pytest.raises(TrackError, match=r"it is OSI 4\.1, not 3"):
-        read_recorded([written(tmp_path / "t.osi", frames)])
 
 
 def test_a_message_of_a_million_objects_is_not_even_parsed(tmp_path: Path) -> None:

@@ -16,7 +16,6 @@ import shapely
 from scex_sumo import find_recordings, load_recording, read_map, read_seed
 from scex_sumo.base.errors import MapError, ScexError, TrackError
 from scex_sumo.converters.datasets.reader import read_recorded
-from scex_sumo.converters.net.convert import convert
 from tests.formats import streets
 from tests.runs import extrapolate
 
@@ -184,11 +183,6 @@ def test_a_city_s_map_is_cut_around_the_log_and_far_coordinates_become_local(tmp
     assert scene.vehicles == 3 and abs(scene.now.y - 701.0).max() < 3.0
 
 
-def test_its_lights_are_replayed_in_the_net(log: Path, tmp_path: Path) -> None:
-    text = convert(read_map(log), tmp_path / "x.net.xml", signals=log).path.read_text()
-    assert 'programID="recorded"' in text and 'state="r' in text and 'state="G' in text
-
-
 @pytest.mark.parametrize("key", [*lane_features(0.0, 0.0)[1]])
 @pytest.mark.parametrize("value", ["gone", None, "x", -1, [[1.0]], np.zeros(3), np.full((3, 2), np.nan)])
 def test_a_lane_with_a_bad_field_ends_in_a_road_or_one_line(log: Path, key: str, value: Any) -> None:
@@ -235,16 +229,6 @@ def test_unknown_labels_object_arrays_and_files_that_are_no_arrow_are_one_line(l
         log.with_name(name).write_bytes(b"ARROW1 and no more")
         with pytest.raises(ScexError, match="can be read"):
             read_map(log) if name == "map.arrow" else read_recorded([log])
-
-
-def test_a_log_without_a_map_says_where_it_looked(tmp_path: Path) -> None:
-    with pytest.raises(MapError, match=r"its map maps/made/made_here\.arrow is in no folder above it"):
-        read_map(write_log(tmp_path / "logs/made_val/one"))
-
-
-def test_another_file_of_a_log_names_the_one_to_give(log: Path) -> None:
-    with pytest.raises(MapError, match=r"one file of a log; give sync\.arrow beside it"):
-        read_map(log.with_name("ego_state_se3.arrow"))
 
 
 def test_the_package_s_own_files_are_read(tmp_path: Path) -> None:

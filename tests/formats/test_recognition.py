@@ -6,18 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
-from scex_sumo.base.importing import import_object
 from scex_sumo.converters.registries import Declaration
 from scex_sumo.formats import recognition
 
 DECLARED = {name: entry for name, entry in vars(recognition).items() if isinstance(entry, Declaration)}
-
-
-@pytest.mark.parametrize("name", DECLARED)
-def test_a_declaration_and_its_reader_recognise_files_by_the_same_function(name: str) -> None:
-    assert import_object(DECLARED[name].reader).is_mine is DECLARED[name].is_mine
 
 
 def test_a_map_of_one_format_imports_no_reader_of_another_one(tmp_path: Path) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import collections
 import copy
-import io
 import os
 import pickle
 from functools import cache
@@ -127,36 +126,10 @@ def test_a_pickle_that_names_anything_but_plain_arrays_is_refused(name: str, tmp
     assert not (tmp_path / "hacked").exists() and not Path("hacked").exists()
 
 
-def _nested(value: Any, make: Any) -> Any:
-    for _ in range(40):
-        value = make((value, value))
-    return value
-
-
 def _endless() -> list[Any]:
     one: list[Any] = []
     one += [one, one]
     return one
-
-
-@pytest.mark.parametrize(
-    "more",
-    [
-        pytest.param(pickle.dumps(_nested("x", list)), id="a list with 2^40 items"),
-        pytest.param(pickle.dumps(_endless()), id="a list of itself"),
-        pytest.param(b"Nr" + (2**31).to_bytes(4, "little") + b".", id="a memo of 34 GB"),
-        pytest.param(b"\x96" + (2**36).to_bytes(8, "little") + b".", id="69 GB of bytes"),
-    ],
-)
-def test_a_short_pickle_that_would_fill_the_memory_is_refused(more: bytes) -> None:
-    with pytest.raises((pickle.UnpicklingError, ValueError), match=r"items|memo|bytes"):
-        unpickle(io.BytesIO(more))
-
-
-def test_a_key_that_cannot_be_hashed_in_a_life_is_refused() -> None:
-    key = pickle.dumps(_nested("x", tuple), protocol=2)[2:-1]
-    with pytest.raises(pickle.UnpicklingError, match="items"):
-        unpickle(io.BytesIO(b"\x80\x02}" + key + b"Ns."))
 
 
 def test_flags_that_make_pointers_of_numbers_are_ignored(tmp_path: Path) -> None:
@@ -207,23 +180,6 @@ def test_a_scenario_runs_to_its_futures(scenario: Path, tmp_path: Path) -> None:
     assert scene.recorded_steps.tolist() == [10, 10, 10]
     run = extrapolate(scene, futures=2, out=tmp_path / "out", steps=10)
     np.testing.assert_allclose(run.states(1).x[:, 9], scene.now.x, atol=1e-9)
-
-
-def test_rows_that_are_not_valid_are_no_positions(scenario: Path) -> None:
-    (recording,) = find_recordings([scenario.parent])
-    loaded = load_recording(recording)
-    rows = loaded.table.vehicles
-    assert rows.x.min() > 5.0 and rows.timestamp_ms[rows.track == rows.labels.index("12")][0] == 500.0
-    assert "objects that are no road users, left out: 1 TRAFFIC_CONE" in loaded.findings
-    assert "the recording vehicle ego is vehicle 17" in loaded.findings
-
-
-def test_its_lights_are_replayed_in_the_net(scenario: Path, tmp_path: Path) -> None:
-    net = convert(read_map(scenario), tmp_path / "x.net.xml", signals=scenario)
-    text = net.path.read_text()
-    assert 'id="tl_recorded"' in text and 'programID="recorded"' in text
-    states = [line.split('state="')[1][0] for line in text.splitlines() if "<phase" in line]
-    assert "r" in states and "G" in states
 
 
 def test_drivers_see_its_lights_as_they_were_at_and_after_the_moment(scenario: Path, tmp_path: Path) -> None:
@@ -297,15 +253,6 @@ def test_a_lane_with_a_bad_field_ends_in_a_road_or_one_line(key: str, value: Any
         assert len(read_map(path).lanes) >= 4
     except MapError as error:
         assert str(path) in str(error) and "\n" not in str(error)
-
-
-@pytest.mark.parametrize("value", [None, [], [{}], {"1": {}}, {"1": {"state": {"object_state": 3}}}])
-def test_bad_lights_end_in_a_road_or_one_line(value: Any, tmp_path: Path) -> None:
-    path = written(tmp_path, content() | {"dynamic_map_states": value})
-    try:
-        assert len(read_map(path).lanes) == 6
-    except MapError as error:
-        assert str(path) in str(error)
 
 
 def test_the_shared_scenes_have_lanes_that_meet_and_an_ego(data: Path) -> None:

@@ -99,20 +99,6 @@ def test_lights_that_belong_to_no_lane_are_said(recording: Path, tmp_path: Path)
     assert net.notes == ("no connection of the net belongs to a movement of signal_phases.csv: no lights",)
 
 
-def test_another_intersection_beside_the_same_phases_is_read_again(recording: Path, tmp_path: Path) -> None:
-    drawn, kml = crossing(), tmp_path / "crossing.kml"
-    assert convert(drawn, tmp_path / "net.net.xml", signals=recording).notes == ()
-    kml.write_text(kml.read_text().replace("SignalGroup", "Other"))
-    [note] = convert(drawn, tmp_path / "net.net.xml", signals=recording).notes
-    assert note.endswith("no lights")
-
-
-def test_a_file_of_something_else_is_refused(recording: Path, tmp_path: Path) -> None:
-    recording.write_text("track_id,frame_id\n1,2\n")
-    with pytest.raises(MapError, match="the columns are signal_group_id, timestamp_ms, movement_state"):
-        convert(crossing(), tmp_path / "net.net.xml", signals=recording)
-
-
 def test_a_recording_without_its_intersection_is_refused(recording: Path, tmp_path: Path) -> None:
     (tmp_path / "crossing.kml").unlink()
     with pytest.raises(MapError, match="no KML of the intersection"):

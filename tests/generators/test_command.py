@@ -21,7 +21,6 @@ from scex_sumo.generators.sampling import sample_by_score
 from scex_sumo.generators.scene_model import load_scenes
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.options import SeedOptions
-from scex_sumo.scenarios.populated import synthetic_seed
 from scex_sumo.scenarios.seeds import read_seed
 from tests.command import ALONE, scex
 
@@ -107,29 +106,6 @@ def test_weighted_shares_are_those_of_all_scenes(name: str) -> None:
         assert weighted.mean() == pytest.approx(value.mean(), abs=error)
     assert plain.mean() > score.mean() + 2 * error  # so weights matter
     assert all(w.max() < 5 / 12 and len(set(k)) == 12 for k, w in draws)
-
-
-def test_a_copy_knows_the_origin_of_its_map(tmp_path: Path) -> None:
-    shutil.copyfile(MAP, tmp_path / "m.osm")
-    generate_command(tmp_path / "m.osm", vehicles=2, count=1, origin="0.01,0.01", out=tmp_path / "out")
-    assert (tmp_path / "out" / "meta_data.csv").read_text() == "originLat,originLon\n0.01,0.01\n"
-
-
-@pytest.mark.parametrize(
-    ("like", "synthetic", "said"),
-    [
-        ("videos", 4, "unknown population 'videos'; known: recorded, sumo"),
-        ("recorded", None, "needs --synthetic N"),
-    ],
-)
-def test_as_needs_a_known_word_and_a_number(like: str, synthetic: int | None, said: str) -> None:
-    with pytest.raises(UsageError, match=said):
-        seed_scene(MAP, SeedOptions(synthetic=synthetic, like=like), seed=0)
-    if synthetic is not None:
-        with pytest.raises(UsageError, match=said):
-            synthetic_seed(MAP, vehicles=synthetic, like=like)
-    scene = seed_scene(MAP, SeedOptions(synthetic=3, like="recorded"), seed=0)
-    assert scene.vehicles == 3 and scene.future is None
 
 
 def test_the_speed_of_a_scene_as_recorded_is_given_to_run(tmp_path: Path) -> None:

@@ -14,7 +14,6 @@ from scex_sumo.generators.demand import (
     Network,
     random_trips,
     write_curve_limits,
-    write_trips,
 )
 
 # in (two lanes, 100 m) forks: its right lane leads to "right", its left one to "left"; "bike" is no road.
@@ -58,15 +57,6 @@ def test_where_they_may_not_only_the_lanes_own_branch_is(tmp_path: Path):
     assert routes(net, ("in", 1)) == {("in", "left")}
 
 
-def test_denser_traffic_at_the_end_than_at_the_beginning(tmp_path: Path):
-    trips = random_trips(network(tmp_path), until_s=400.0, every_s=(40.0, 2.0), rng=np.random.default_rng(1))
-    departures = np.array([trip.depart_s for trip in trips])
-    assert np.all(np.diff(departures) >= 0)
-    # A mean gap that falls from 40 s over 9 s to 2 s: about a sixth of them come in the first half.
-    assert (departures < 200).mean() < 0.3
-    assert departures.max() <= 400
-
-
 def test_a_net_without_a_way_through_is_refused(tmp_path: Path):
     path = tmp_path / "net.net.xml"
     path.write_text(
@@ -88,15 +78,6 @@ def test_a_single_road_is_driven_from_end_to_end(lanes: int, tmp_path: Path):
     assert {trip.lane for trip in trips} == set(range(lanes))
 
 
-def test_every_vehicle_has_its_own_driver_and_a_plain_route(tmp_path: Path):
-    trips = random_trips(network(tmp_path), until_s=60.0, every_s=(5.0, 5.0), rng=np.random.default_rng(2))
-    write_trips(tmp_path / "traffic.rou.xml", trips)
-    root = ElementTree.parse(tmp_path / "traffic.rou.xml").getroot()
-    assert len(root.findall("vType")) == len(root.findall("vehicle")) == len(trips)
-    assert len({kind.get("tau") for kind in root.findall("vType")}) > 0.5 * len(trips)
-    assert {vehicle[0].get("edges") for vehicle in root.findall("vehicle")} == {"in right", "in left"}
-
-
 @pytest.mark.parametrize("radius", [12.0, 40.0])
 def test_curves_limit_speed_to_comfortable_lateral_acceleration(radius: float, tmp_path: Path):
     angle = np.linspace(0, 1.5, 40)
@@ -106,13 +87,6 @@ def test_curves_limit_speed_to_comfortable_lateral_acceleration(radius: float, t
     write_curve_limits(net, tmp_path / "limited.net.xml")
     lane = next(ElementTree.parse(tmp_path / "limited.net.xml").getroot().iter("lane"))
     assert float(lane.get("speed", 0)) == pytest.approx(np.sqrt(LATERAL_MPS2 * radius), rel=0.01)
-
-
-def test_a_straight_lane_keeps_its_limit(tmp_path: Path):
-    network(tmp_path)
-    write_curve_limits(tmp_path / "net.net.xml", tmp_path / "limited.net.xml")
-    lanes = ElementTree.parse(tmp_path / "limited.net.xml").getroot().iter("lane")
-    assert {lane.get("id"): float(lane.get("speed", 0)) for lane in lanes}["in_0"] == pytest.approx(13.9)
 
 
 def test_a_net_with_many_entries_gets_traffic_on_some_of_them(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import safetensors.numpy
 
-from scex_sumo.base.errors import InputError, SimulationError, UsageError
+from scex_sumo.base.errors import InputError, UsageError
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.generators.generate import generated_scene
 from scex_sumo.generators.scene_context import (
@@ -21,7 +21,7 @@ from scex_sumo.generators.scene_context import (
     placed_on_lanes,
     states_of,
 )
-from scex_sumo.generators.scene_model import FORMAT, KINDS, SHIPPED, SceneModel, load_scenes, save_scenes
+from scex_sumo.generators.scene_model import FORMAT, KINDS, SceneModel, load_scenes, save_scenes
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
@@ -121,12 +121,6 @@ def test_an_unknown_mean_speed_is_that_of_a_similar_scene_scaled_by_the_road() -
     assert drawn_pace([known(7.0, 20.0)], 7.0, free=3.0) == pytest.approx(30.0)
 
 
-def test_junctions_unlike_the_recorded_ones_are_slower_by_a_drawn_factor() -> None:
-    paces = drawn_paces([known(7.0, 5.0)], 7.0, count=400, conflicts=3.0)
-    logs = np.log(np.array(paces) / 5.0)
-    assert logs.mean() == pytest.approx(-0.75, abs=0.06) and logs.std() == pytest.approx(0.3, abs=0.05)
-
-
 def test_long_roads_have_the_mean_speed_of_several_scenes() -> None:
     scenes = [known(7.0, 2.0), known(7.0, 6.0)]
     short, long = (drawn_paces(scenes, 7.0, total, count=200) for total in (LANES_M, 25 * LANES_M))
@@ -169,14 +163,6 @@ def test_impossible_requests_are_refused(road: Road, options: dict[str, int], sa
         generated_scene(road, MODEL, **options)
 
 
-def test_a_map_without_lanes_or_room_says_so(tmp_path: Path, road: Road) -> None:
-    with pytest.raises(UsageError, match="the map has no lane for vehicles"):
-        generated_scene(dataclasses.replace(road, lanes={}), MODEL, vehicles=2)
-    short = read_road(write_map(tmp_path / "short.osm", [straight(1, 0, 30)]))
-    with pytest.raises(SimulationError, match=r"no room for vehicle \d+ of 30 on 0.03 km of lanes"):
-        generated_scene(short, MODEL, vehicles=30)
-
-
 def test_files_of_another_version_or_kind_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no such file; train again with: scex-sumo train scenes"):
         load_scenes(tmp_path / "none.safetensors")
@@ -193,10 +179,6 @@ def test_files_of_another_version_or_kind_are_refused(tmp_path: Path) -> None:
     load_scenes.cache_clear()
     with pytest.raises(InputError, match=r"bins.turn is missing"):
         load_scenes(old)
-
-
-def test_the_shipped_model_is_small() -> None:
-    assert SHIPPED.stat().st_size < 300_000
 
 
 def test_recorded_vehicles_keep_their_poses_on_lanes() -> None:
@@ -239,12 +221,6 @@ def test_demands_of_a_vehicle_on_its_lane(tmp_path: Path) -> None:
     assert found["lateral"] == pytest.approx(np.zeros(4), abs=1e-6)
 
 
-def test_lateral_acceleration_is_that_of_the_curve(tmp_path: Path) -> None:
-    table = lane_cells(read_road(write_map(tmp_path / "turn.osm", [left_turn()])))
-    found = demands(table, placed(2, s=[30.0, 68.0], speed=5.0, length=5.0, width=2.0))
-    assert found["lateral"] == pytest.approx([0.0, 2.5], abs=0.3)  # 5² / 10 m
-
-
 @pytest.mark.parametrize("name", ["urban_intersection", "roundabout", "motorway_merge"])
 def test_no_vehicle_demands_more_than_nearly_all_recorded_ones(name: str) -> None:
     road = read_road(example_path(name))
@@ -255,15 +231,6 @@ def test_no_vehicle_demands_more_than_nearly_all_recorded_ones(name: str) -> Non
         found = demands(lane_cells(road), on_lanes)
         assert np.quantile(found["lateral"], 0.9) <= MODEL.meta["bounds"]["lateral"]  # lanes may be others
         assert scene.now.speed.mean() < 1.5 * lane_cells(road).limit.max()
-
-
-def test_the_last_second_follows_from_speed_and_acceleration(tmp_path: Path) -> None:
-    table = lane_cells(read_road(write_map(tmp_path / "road.osm", [straight(1, 0, 300)])))
-    vehicles = placed(3, s=100.0, speed=[10.0, 1.0, 0.0], acceleration=[-2.0, 2.0, 0.0])
-    states = states_of(table, vehicles, np.array([-1.0, 0.0]))
-    assert states.speed[:, 0] == pytest.approx([12.0, 0.0, 0.0])
-    # 11 m at 11 m/s on average; from rest half a second ago 0.25 m; none.
-    assert np.hypot(np.diff(states.x), np.diff(states.y))[:, 0] == pytest.approx([11.0, 0.25, 0.0], abs=1e-6)
 
 
 def test_scores_and_draws_are_those_of_the_networks(road: Road) -> None:

@@ -51,9 +51,3 @@ def test_one_step_too_long_is_evened_out():
     speed = body_states([front], [0.0], [LENGTH])[0].speed
     assert np.abs(np.diff(speed)).max() < 0.15  # 1 m/s of speed for one step otherwise
     assert speed.sum() == pytest.approx(10 * (steps.sum() + 1.0), rel=1e-6)  # the first speed is there twice
-
-
-def test_a_standing_car_stays():
-    states = body_states([np.tile([3.0, 4.0], (20, 1))], [1.0], [LENGTH])[0]
-    assert states.heading == pytest.approx(np.full(20, 1.0))
-    assert states.speed == pytest.approx(np.zeros(20))

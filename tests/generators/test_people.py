@@ -54,17 +54,6 @@ def test_people_touch_no_vehicle_in_the_next_three_seconds() -> None:
         assert (rectangle_distance(bodies, cars) > 0).all()
 
 
-def test_the_same_seed_gives_the_same_people() -> None:
-    one, same, other = (scene_of("roundabout", 4, seed).obstacles for seed in (1, 1, 2))
-    assert one is not None and same is not None and other is not None
-    assert np.array_equal(one.states.x, same.states.x) and not np.array_equal(one.states.x, other.states.x)
-
-
-def test_nobody_walks_on_a_motorway() -> None:
-    with pytest.warns(scex.ScexWarning, match="the map has a place for 0 of 5 people; nobody walks beside"):
-        assert scene_of("motorway_merge", 5).obstacles is None
-
-
 def test_wrong_numbers_of_people_are_one_line(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="--people: got -1, needs 0 to 500"):
         scene_of("roundabout", -1)

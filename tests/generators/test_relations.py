@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.generators.relations import LaneRelations, lane_relations, road_index
+from scex_sumo.generators.relations import LaneRelations, lane_relations
 from scex_sumo.road import Lane
-from tests.behaviors.roads import lane, road
+from tests.behaviors.roads import lane
 
 
 def relate(*lanes: Lane) -> LaneRelations:
@@ -32,24 +32,11 @@ def test_the_way_to_a_lane_is_the_length_of_the_lanes_before_it() -> None:
     assert relate(*CHAIN).ahead.tolist() == [[0, 50, 80], [np.inf, 0, 30], [np.inf, np.inf, 0]]
 
 
-def test_of_two_ways_the_shorter_counts() -> None:
-    detour = lane(4, [(50.0, 0.0), (65.0, 20.0), (80.0, 0.0)], successors=(3,))
-    relations = relate(replace(CHAIN[0], successors=(4, 2)), *CHAIN[1:], detour)
-    assert relations.ahead[0, 2] == 80.0
-
-
 def test_a_lane_that_leads_back_to_itself_knows_how_long_the_round_is() -> None:
     square = [(0.0, 0.0), (30.0, 0.0), (30.0, 30.0), (0.0, 30.0), (0.0, 0.0)]
     ring = [lane(i, square[i : i + 2], successors=((i + 1) % 4,)) for i in range(4)]
     assert relate(*ring).loop.tolist() == [120.0] * 4
     assert relate(*CHAIN).loop.tolist() == [np.inf] * 3
-
-
-def test_lanes_of_other_kinds_are_no_way() -> None:
-    walk = lane(2, [(50.0, 0.0), (80.0, 0.0)], kind="pedestrian", successors=(3,))
-    index = road_index(road(CHAIN[0], walk, CHAIN[2]))
-    assert index.lane_id.tolist() == [1, 3]
-    assert index.relations.ahead[0, 1] == np.inf
 
 
 def test_neighbours_are_counted_to_the_left_up_to_two_lanes_away() -> None:
@@ -58,19 +45,6 @@ def test_neighbours_are_counted_to_the_left_up_to_two_lanes_away() -> None:
         for i in range(4)
     ]
     assert relate(*lanes).side.tolist() == [[0, 1, 2, 0], [-1, 0, 1, 2], [-2, -1, 0, 1], [0, -2, -1, 0]]
-
-
-def test_a_neighbour_named_from_one_side_only_is_one_from_both() -> None:
-    lanes = [lane(1, [(0.0, 0.0), (100.0, 0.0)], left=2), lane(2, [(0.0, 3.5), (100.0, 3.5)])]
-    assert relate(*lanes).side.tolist() == [[0, 1], [-1, 0]]
-
-
-def test_neighbours_where_no_change_is_allowed_are_neighbours_too() -> None:
-    lanes = [
-        replace(lane(1, [(0.0, 0.0), (100.0, 0.0)]), adjacent_left=2),
-        replace(lane(2, [(0.0, 3.5), (100.0, 3.5)]), adjacent_right=1),
-    ]
-    assert relate(*lanes).side[0, 1] == 1
 
 
 PARALLEL = (
@@ -87,13 +61,6 @@ def test_the_lead_over_a_vehicle_on_the_next_lane_runs_on_across_the_ends_of_lan
     assert lead(relations, 0, 45.0, 3, 10.0) == 15.0  # at x = 60, seen from x = 45
     assert lead(relations, 3, 10.0, 0, 45.0) == -15.0
     assert lead(relations, 0, 20.0, 2, 12.0) == -8.0
-
-
-def test_beside_a_longer_neighbour_arc_lengths_are_stretched() -> None:
-    outer = replace(PARALLEL[2], centreline=np.array([(0.0, 0.0), (0.0, 5.0), (50.0, 5.0), (50.0, 0.0)]))
-    relations = relate(PARALLEL[0], outer)  # 50 m beside 60 m
-    assert lead(relations, 0, 25.0, 1, 30.0) == pytest.approx(0.0)
-    assert lead(relations, 0, 0.0, 1, 60.0) == pytest.approx(50.0)
 
 
 def test_a_lane_beside_one_far_down_the_way_is_no_neighbour() -> None:
@@ -125,13 +92,6 @@ def test_ways_that_lead_to_crossing_lanes_meet_up_to_80_m_ahead() -> None:
     assert np.isinf(relate(*CROSSING, further, far).meeting[3, 1]).all()
 
 
-def test_of_several_places_the_nearest_comes_first() -> None:
-    second = replace(lane(3, [(20.0, -40.0), (20.0, 40.0)]), conflicts=(1,))
-    feeder = lane(4, [(10.0, -60.0), (10.0, -40.0)], successors=(2, 3))
-    meeting = relate(replace(CROSSING[0], conflicts=(2, 3)), CROSSING[1], second, feeder).meeting
-    assert meeting[0, 3, :2].tolist() == [pytest.approx([50.0, 60.0]), pytest.approx([70.0, 60.0])]
-
-
 def test_merging_lanes_meet_where_two_vehicles_no_longer_fit_beside_each_other() -> None:
     # At 30 degrees the centrelines are 2.4 m apart 2.4 / sin(30) = 4.8 m before their end; they are sampled
     # every 0.25 m.
@@ -142,44 +102,3 @@ def test_merging_lanes_meet_where_two_vehicles_no_longer_fit_beside_each_other()
         lane(3, [(100.0, 0.0), (150.0, 0.0)]),
     ]
     assert relate(*into).meeting[0, 1, 0].tolist() == pytest.approx([95.2, 45.2], abs=0.25)
-
-
-def test_the_branches_of_a_fork_do_not_meet() -> None:
-    branches = [
-        lane(1, [(0.0, 0.0), (50.0, 0.0)], successors=(2, 3)),
-        replace(lane(2, [(50.0, 0.0), (90.0, 20.0)], predecessors=(1,)), conflicts=(3,)),
-        replace(lane(3, [(50.0, 0.0), (90.0, -20.0)], predecessors=(1,)), conflicts=(2,)),
-    ]
-    assert np.isinf(relate(*branches).meeting).all()
-
-
-def test_branches_that_part_over_two_short_lanes_do_not_meet_either() -> None:
-    # Lane 2 is 2 m long: its successor 4 still overlaps lane 3.
-    branches = [
-        lane(1, [(0.0, 0.0), (50.0, 0.0)], successors=(2, 3)),
-        replace(lane(2, [(50.0, 0.0), (52.0, 0.5)], predecessors=(1,), successors=(4,)), conflicts=(3,)),
-        replace(lane(3, [(50.0, 0.0), (90.0, -10.0)], predecessors=(1,)), conflicts=(2, 4)),
-        replace(lane(4, [(52.0, 0.5), (90.0, 10.0)], predecessors=(2,)), conflicts=(3,)),
-    ]
-    assert np.isinf(relate(*branches).meeting).all()
-
-
-def test_lanes_that_overlap_without_crossing_meet_where_they_come_closest() -> None:
-    bent = [(-40.0, 22.0), (0.0, 2.0), (40.0, 22.0)]
-    pair = (replace(lane(1, EAST), conflicts=(2,)), replace(lane(2, bent), conflicts=(1,)))
-    place = relate(*pair).meeting[0, 1, 0]
-    assert place.tolist() == pytest.approx([50.0, np.hypot(40.0, 20.0)], abs=0.5)  # sampled every 0.5 m
-
-
-def test_oncoming_traffic_on_one_strip_of_road_meets_in_the_middle() -> None:
-    pair = (replace(lane(1, EAST), conflicts=(2,)), replace(lane(2, EAST[::-1]), conflicts=(1,)))
-    assert relate(*pair).meeting[0, 1, 0].tolist() == pytest.approx([50.0, 50.0])
-
-
-def test_a_road_without_vehicle_lanes_has_an_empty_index() -> None:
-    assert len(road_index(road(lane(1, [(0.0, 0.0), (9.0, 0.0)], kind="pedestrian"))).lane_id) == 0
-
-
-def test_the_index_of_a_road_is_made_once() -> None:
-    where = road(*CHAIN)
-    assert road_index(where) is road_index(where)

@@ -14,7 +14,7 @@ import pytest
 from shapely import STRtree
 from shapely.geometry import LineString, Point, Polygon
 
-from scex_sumo.base.errors import SimulationError, UsageError
+from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
@@ -23,7 +23,7 @@ from scex_sumo.generators import synthetic
 from scex_sumo.generators.drive import Drive
 from scex_sumo.generators.synthetic import synthetic_scene
 from scex_sumo.road import Road
-from scex_sumo.scenarios import EXAMPLES, example_path
+from scex_sumo.scenarios import example_path
 from scex_sumo.scene import SeedScene, States
 from tests.behaviors import roads as roads_of_tests
 from tests.converters.maps import DASHED, Lanelet, straight, write_map
@@ -88,13 +88,6 @@ def assert_like_a_recording(scene: SeedScene, road: Road) -> None:
         assert len(lanes.query(Point(x, y), predicate="within"))
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_seeds_look_like_recordings(name: str, folder: Path):
-    scene = populate(name, folder)
-    assert scene.vehicles == 10
-    assert_like_a_recording(scene, converted(example_path(name), folder)[0])
-
-
 @pytest.mark.parametrize("name", REAL)
 def test_seeds_on_real_maps_look_like_recordings(name: str, data: Path, folder: Path):
     road, net = converted(data / "interaction" / "maps" / f"{name}.osm", folder)
@@ -123,11 +116,6 @@ def test_a_map_of_one_road_is_populated(name: str, tmp_path: Path):
     scene = synthetic_scene(road, net.path, vehicles=4, seed=0, name="test")
     assert scene.vehicles == 4
     assert_like_a_recording(scene, road)
-
-
-@pytest.mark.parametrize("vehicles", [1, 2, 20])
-def test_there_are_as_many_vehicles_as_asked_for(vehicles: int, folder: Path):
-    assert populate("roundabout", folder, vehicles).vehicles == vehicles
 
 
 def test_vehicles_do_not_overlap(folder: Path):
@@ -208,12 +196,6 @@ def test_where_vehicles_always_overlap_that_is_the_reason(tmp_path: Path):
     ) as error:
         synthetic_scene(replace(roads_of_tests.straight(), name="one"), net, vehicles=24, name="test")
     assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize("vehicles", [0, -3])
-def test_less_than_one_vehicle_is_refused(vehicles: int, folder: Path):
-    with pytest.raises(UsageError, match=f"got {vehicles}, needs at least 1 vehicle"):
-        populate("roundabout", folder, vehicles)
 
 
 def test_too_many_simulated_steps_are_a_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

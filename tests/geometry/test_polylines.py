@@ -8,12 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.geometry.polylines import along, bounds_cross, nearest, project, project_near, wrap
-
-
-def test_angles_wrap_to_half_a_turn() -> None:
-    turned = wrap(np.array([0.1, 2 * np.pi + 0.1, -3 * np.pi + 0.1]))
-    assert turned == pytest.approx([0.1, 0.1, -np.pi + 0.1])
+from scex_sumo.geometry.polylines import along, bounds_cross, nearest, project, project_near
 
 
 def test_a_place_beside_a_corner_projects_onto_the_nearer_leg() -> None:

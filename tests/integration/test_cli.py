@@ -65,25 +65,6 @@ def test_a_run_leaves_the_result_that_the_readme_promises(result: Path) -> None:
     assert said.startswith(f"Run({str(result)!r}: 12 futures of roundabout_t4.5, a collision in ")
 
 
-def test_a_run_with_a_page_writes_the_net_and_no_views(tmp_path: Path) -> None:
-    done = scex(
-        "run", ROUNDABOUT, "--futures", 2, "--steps", 3, "--reference", "none", "-o", tmp_path / "out"
-    )
-    assert done.returncode == 0, done.stderr
-    files = sorted(file.name for file in (tmp_path / "out" / "sumo").iterdir())
-    assert files == [f"roundabout.{ending}" for ending in ("add.xml", "lanes.csv", "net.xml")]
-
-
-def test_the_summary_names_every_metric(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    main = ("collision", "severe injuries", "body gap", "1/TTC on path", "DRAC", "THW", "WTTC of outlines")
-    folded = ("PTTC on path", "PET [s]", "distance", "traffic quality", "gap time", "PTTC [s]", "/3")
-    for preset, words in (([], main), (["--preset", "both"], main + folded)):
-        done = scex("run", ROUNDABOUT, "--futures", 3, *QUICK, *preset, "-o", out)
-        assert done.returncode == 0, done.stderr
-        assert [word for word in main + folded if word in done.stdout] == list(words)
-
-
 def test_one_vehicle_is_run_and_its_metrics_of_pairs_are_shown_as_undefined(tmp_path: Path) -> None:
     out = tmp_path / "a single one"
     done = scex("run", ROUNDABOUT, "--synthetic", 1, "--futures", 2, "--preset", "both", "-o", out)
@@ -120,13 +101,6 @@ def same_values(result: Path, evaluated: Path) -> pa.Table:
     return mine
 
 
-def test_evaluated_again_a_result_has_the_runs_values(result: Path, tmp_path: Path) -> None:
-    done = scex("metrics", result, "-o", tmp_path / "again.parquet")
-    assert (done.returncode, done.stderr) == (0, "")
-    mine = same_values(result, tmp_path / "again.parquet")
-    assert mine["gap_time"].null_count < mine.num_rows
-
-
 def test_long_futures_with_few_plans_are_evaluated_again_whole(tmp_path: Path) -> None:
     """Recordings of 200 steps and more are cut into windows; futures are not, history included."""
     options = ("--futures", 2, "--steps", 195, "--replan", 17, *QUICK, "--keep-plans")
@@ -150,13 +124,6 @@ def test_without_plans_gap_times_are_of_the_tracks_driven_and_that_is_said(tmp_p
     mine, again = (pq.read_table(file) for file in (out / "metrics.parquet", tmp_path / "again.parquet"))
     assert again["wttc"].to_pylist() == pytest.approx(mine["wttc"].to_pylist())
     assert again["gap_time"].to_pylist() != mine["gap_time"].to_pylist()
-
-
-def test_fewer_futures_are_the_first_of_more(result: Path, tmp_path: Path) -> None:
-    done = scex("run", ROUNDABOUT, "--futures", 5, *QUICK, "-o", tmp_path / "out")
-    assert done.returncode == 0, done.stderr
-    few = pq.read_table(tmp_path / "out" / "metrics.parquet")
-    assert few.equals(pq.read_table(result / "metrics.parquet").slice(0, 5))
 
 
 def test_an_interrupted_run_is_resumed_to_the_same_bytes(result: Path, tmp_path: Path) -> None:
@@ -233,11 +200,6 @@ def test_export_writes_an_interaction_case_and_fcd(result: Path, tmp_path: Path)
     assert (tmp_path / "future.fcd.xml").read_text().count("<timestep ") == 40
 
 
-def test_missing_files_are_named(tmp_path: Path) -> None:
-    assert "nowhere.osm" in refused("run", tmp_path / "nowhere.osm")
-    assert "nowhere.csv" in refused("run", ROUNDABOUT, "--tracks", tmp_path / "nowhere.csv")
-
-
 @pytest.mark.parametrize(
     ("content", "words"),
     [
@@ -281,15 +243,6 @@ def test_options_that_make_no_sense_are_usage_errors(tmp_path: Path, options: li
     line = refused("run", ROUNDABOUT, "-o", tmp_path / "out", *options, status=2)
     assert words in line
     assert not (tmp_path / "out").exists()
-
-
-def test_a_moment_outside_the_recording_is_refused_with_its_span() -> None:
-    assert "9999" in refused("run", ROUNDABOUT, "--time", 9999)
-
-
-def test_an_unwritable_result_folder_is_said(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    assert "cannot write" in refused("run", ROUNDABOUT, "--futures", 1, "-o", tmp_path / "file" / "out")
 
 
 def test_tracks_far_from_the_map_name_the_origin_as_likely_cause(tmp_path: Path) -> None:
@@ -341,22 +294,6 @@ def test_a_disk_that_is_full_is_said_in_one_line(tmp_path: Path, workers: int) -
     assert not (tmp_path / "out" / "run.json").exists()
 
 
-def test_an_output_on_a_full_disk_is_said_in_one_line() -> None:
-    command = [sys.executable, "-m", "scex_sumo", "models"]
-    with Path("/dev/full").open("w") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    assert done.returncode == 1
-    assert done.stderr.startswith("error: standard output or a file: No space left on device")
-
-
-def test_a_terminal_without_unicode_gets_a_summary_too(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "scex_sumo", "run", str(ROUNDABOUT), "--futures", "2", "--no-plots"]
-    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
-    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "WTTC of outlines" in done.stdout
-
-
 def test_another_runs_result_is_kept(result: Path) -> None:
     line = refused("run", ROUNDABOUT, "--futures", 2, "-o", result)
     assert "another run" in line
@@ -369,13 +306,6 @@ def test_help_answers_for_every_command() -> None:
         assert done.returncode == 0
         assert "Usage" in done.stdout
         assert not command or "Example: scex-sumo" in done.stdout
-
-
-def test_models_lists_every_rule_based_model() -> None:
-    done = scex("models")
-    assert done.returncode == 0
-    for name in ("standard_driver", "risky_driver", "constant_velocity", "emergency_brake", "sumo:"):
-        assert name in done.stdout
 
 
 def test_the_package_imports_nothing_heavy() -> None:

@@ -13,7 +13,6 @@ from rich.console import Console
 
 import scex_sumo
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.certainty.evidence import write_evidence
 from scex_sumo.certainty.results import exact_of, weighted_probability
 from scex_sumo.certainty.weights import weighted
 from scex_sumo.reports.run_table import print_summary
@@ -126,7 +125,6 @@ def test_every_place_has_one_p_with_the_digits_that_the_remainder_leaves(roundab
     assert "24%" in table and f"a collision in {any_one} of futures" in table
     assert f"a collision in {any_one}" in repr(roundabout)
     assert f"collides in {pair}" in scex("encounters", roundabout.folder, "--pair", "7,11").stdout
-    assert f">{pair}<" in write_evidence(roundabout).read_text()
 
 
 def test_a_pair_tells_its_own_remainder_and_a_table_that_failed_its_check_says_so(tmp_path: Path) -> None:

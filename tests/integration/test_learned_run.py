@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 import scex_sumo as scex
-from scex_sumo.base.errors import InputError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
@@ -61,10 +60,3 @@ def test_the_result_says_which_weights_drove_and_who_fell_back(
     files = {name: Path(name.rpartition("weights=")[2]) for name in models[:3]}
     assert run.info["weights"] == {name: sha256_of(file) for name, file in files.items()}
     assert run.info["fallbacks"] == []  # everybody is on the map
-
-
-def test_missing_weights_end_a_run_before_it_begins(tmp_path: Path, scene: SeedScene) -> None:
-    absent = tmp_path / "absent.safetensors"
-    with pytest.raises(InputError, match=f"{absent}: no such file; give a file that 'scex-sumo train' wrote"):
-        ran(scene, [f"graph_predictor:weights={absent}"], tmp_path / "out", batch=64, workers=1)
-    assert not (tmp_path / "out").exists()

@@ -37,12 +37,6 @@ def test_collisions_encounters_and_shares_say_the_same(run: Run) -> None:
     assert first["collision"] == len(together) / 40
 
 
-def test_a_future_without_a_value_is_not_critical(run: Run) -> None:
-    values = run.values("gap_time")
-    assert np.isnan(values).any()
-    assert run.p_critical("gap_time", threshold=np.inf).value == np.mean(~np.isnan(values))
-
-
 def test_encounters_are_listed_and_a_pair_is_told_in_full(run: Run) -> None:
     first = run.encounters.to_pylist()[0]
     listed = scex("encounters", run.folder)
@@ -75,12 +69,3 @@ def test_presets_choose_the_columns_and_the_kernel_may_be_plain(tmp_path: Path) 
     paper = extrapolate(scene, preset="paper", futures=3, out=tmp_path / "paper")
     assert len(paper.columns) == 12
     assert "unknown 'lane'" in refused("run", ROUNDABOUT, "--preset", "lane", status=2)
-
-
-def test_metrics_are_asked_for_as_they_are_printed(run: Run) -> None:
-    for printed in ("1/TTC", "TTC", "ttc"):
-        assert np.array_equal(run.samples(printed), run.samples("ttc"))
-        assert run.p_critical(printed) == run.p_critical("ttc")
-        assert np.array_equal(run.density(printed).pdf, run.density("ttc").pdf)
-        assert run.most_critical(printed) == run.most_critical("ttc")
-        assert run.recorded_value(printed) == run.recorded_value("ttc")

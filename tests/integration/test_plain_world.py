@@ -10,7 +10,6 @@ import pytest
 import scex_sumo
 from scex_sumo.base.errors import SimulationError, UsageError
 from scex_sumo.results.run import Run
-from scex_sumo.scenarios import EXAMPLES
 from scex_sumo.scene import SeedScene
 from tests.runs import extrapolate
 
@@ -29,13 +28,6 @@ def assert_equal(runs: list[Run]) -> None:
         for column in sumo.column_names:
             one, other = (table[column].to_numpy(zero_copy_only=False) for table in (sumo, plain))
             np.testing.assert_array_equal(other, one, err_msg=f"{name} {column}")
-
-
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_both_worlds_hold_the_same_on_the_example_maps(name: str, tmp_path: Path) -> None:
-    scene = scex_sumo.read_seed(scex_sumo.example_path(name))
-    models = MODELS if scene.future is not None else MODELS.replace("replay,", "")
-    assert_equal(in_both(scene, tmp_path, models=models, futures=24))
 
 
 @pytest.mark.parametrize("models", ["paper", "graph_image_predictor:head=free,graph_predictor:mode=draw"])

@@ -99,15 +99,6 @@ def test_values_under_test_are_those_of_the_vehicles_own_pairs(folder: Path) -> 
     assert tested["wttc"].to_pylist() == smallest["value_min"].to_pylist()
 
 
-def test_workers_and_batches_leave_the_same_bytes(folder: Path) -> None:
-    options = ("--futures", 6, "--models", MODELS, "--assign", "3=drivers:Straight", *ALONE)
-    done = scex(folder, "run", ROUNDABOUT, *options, "--workers", 2, "--batch", 1, "-o", "again")
-    assert done.returncode == 0, done.stderr
-    for name in ("tracks", "metrics", "fallbacks", "under_test", "baseline/under_test", "baseline/tracks"):
-        one, two = (folder / out / f"{name}.parquet" for out in ("out", "again"))
-        assert one.read_bytes() == two.read_bytes(), name
-
-
 def test_a_driver_that_fails_from_the_start_is_one_line_and_no_folder(folder: Path) -> None:
     options = ("--futures", 4, "--under-test", "3=drivers:Straight:gives_up=true", "-o", "none")
     done = scex(folder, "run", ROUNDABOUT, *options)

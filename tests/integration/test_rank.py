@@ -254,21 +254,10 @@ def test_tracks_are_kept_of_the_futures_that_say_so(dataset: Path, result: Path,
     assert (out / "ranking.csv").read_bytes() == (result / "ranking.csv").read_bytes()
 
 
-def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:
-    assert "no recording found" in refused(tmp_path, "-o", tmp_path / "out")
-    assert "nowhere" in refused(tmp_path / "nowhere", "-o", tmp_path / "out")
-
-
 def test_recordings_without_a_seed_are_refused_with_the_reason(dataset: Path, tmp_path: Path) -> None:
     line = refused(dataset, "--min-vehicles", 99, "-o", tmp_path / "out")
     assert "99 moving vehicles" in line
     assert "broken" not in line or "XML" in line
-
-
-def test_another_ranking_is_kept(dataset: Path, result: Path) -> None:
-    before = result_of(result)
-    assert "another ranking" in refused(dataset, "--every", 5, "-o", result)
-    assert result_of(result) == before
 
 
 @pytest.mark.parametrize(
@@ -298,10 +287,6 @@ def test_options_that_make_no_sense_are_usage_errors(
     with pytest.raises(UsageError, match=words):
         rank_dataset(dataset, out=tmp_path / "out", **options)
     assert not (tmp_path / "out").exists()
-
-
-def test_usage_errors_have_their_status(dataset: Path, tmp_path: Path) -> None:
-    assert "METRIC=VALUE" in refused(dataset, "--threshold", "ttc", "-o", tmp_path / "out", status=2)
 
 
 def test_a_metric_of_ones_own_is_ranked_beside_the_others(dataset: Path, tmp_path: Path) -> None:

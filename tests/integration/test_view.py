@@ -103,18 +103,6 @@ def agree(seen: dict[int, tuple[float, ...]], states: States, length: float) -> 
     np.testing.assert_allclose(actual[1:], expected[1:], rtol=0, atol=1e-6)
 
 
-def test_a_future_is_replayed_as_logged(crossing: SimpleNamespace, tmp_path: Path) -> None:
-    configuration = write_view(tmp_path / "sumo", crossing, scene(), [future(7)], COLORS)
-    assert configuration.name == "future_0007.sumocfg"
-    seen = replay(configuration)
-    assert set(seen) == {"3", "12", "7", "1", "PP1"}
-    for v, key in enumerate(("3", "12", "7", "1")):
-        agree(seen[key], tracks(0.0)[v], float(scene().length[v]))
-    assert sorted(seen["PP1"]) == list(range(3, 21))
-    assert seen["PP1"][10][:2] == pytest.approx((1010 + 10 * 0.13 + 0.3, 1012.0))  # its front
-    assert '<person id="PP1"' in configuration.with_suffix(".out.xml").read_text()
-
-
 def test_futures_are_replayed_side_by_side(crossing: SimpleNamespace, tmp_path: Path) -> None:
     futures = [future(n, shift) for n, shift in ((4, 0.0), (8, 1.0), (15, 2.0))]
     configuration = write_view(tmp_path, crossing, scene(), futures, COLORS)
@@ -161,16 +149,6 @@ def test_vehicles_have_the_colour_of_their_model(crossing: SimpleNamespace, tmp_
     first = ElementTree.parse(tmp_path / "future_0002.fcd.xml").getroot()[0]
     colors = {v.get("id"): types[v.get("type")] for v in first}
     assert colors == {"3": "54,124,196", "12": "150,110,70", "7": "54,124,196", "1": "150,110,70"}
-
-
-def test_the_files_may_move_with_their_net(crossing: SimpleNamespace, tmp_path: Path) -> None:
-    net = tmp_path / "before" / "sumo" / "map.net.xml"
-    net.parent.mkdir(parents=True)
-    net.write_bytes(crossing.path.read_bytes())
-    write_view(net.parent, SimpleNamespace(path=net, extras=None), scene(), [future(0)], COLORS)
-    (tmp_path / "before").rename(tmp_path / "after")
-    seen = replay(tmp_path / "after" / "sumo" / "future_0000.sumocfg")
-    assert len(seen) == 5
 
 
 @pytest.mark.parametrize("kind", ["td", "ds", "xy"])

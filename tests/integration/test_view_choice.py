@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 from scex_sumo import example_path, read_seed
-from scex_sumo.base.errors import MapError, ResultError, UsageError
+from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.results.run import Run
-from scex_sumo.views.fcd import LaneFinder
 from scex_sumo.views.futures import most_critical, most_different, write_encounter, write_grid, write_worst
-from scex_sumo.views.replay import crop_extras
 from tests.runs import extrapolate
 
 
@@ -46,28 +44,6 @@ def test_the_most_critical_future_stops_at_its_worst_step_with_the_pair_ringed(r
     assert stops_at(file) == pytest.approx(row["timestamp_ms"] / 1000)
     assert rings(file) == {f"ring.{ids.index(row[name])}" for name in ("track_id", "other_id")}
     assert f"WTTC {row['value']:.3g} s" in texts(file)
-
-
-def ids_on_vehicles(file: Path) -> set[str]:
-    return {line.removeprefix("vehicle:") for line in file.with_suffix(".ids.txt").read_text().split()}
-
-
-def test_no_two_ids_overprint_and_a_pair_has_both_of_its_own(run: Run) -> None:
-    file = write_worst(run, "ttc")  # two that have run into each other
-    number = run.most_critical("ttc")
-    row = next(r for r in run.worst.to_pylist() if (r["future"], r["metric"]) == (number, "ttc"))
-    pair = {str(row["track_id"]), str(row["other_id"])}
-    shown = ids_on_vehicles(file)
-    assert pair <= shown or (not pair & shown and pair <= set(texts(file).split()))
-    assert len(shown) >= 10
-
-
-def test_vehicles_that_overlap_collide_in_the_title_and_have_no_value(run: Run) -> None:
-    number = run.most_critical("ttc")
-    assert number in run.collisions["future"].to_pylist()
-    for file in (write_worst(run, "ttc"), write_grid(run, 2, "ttc")):
-        assert f"future {number} · collision" in texts(file)
-        assert f"future {number} · 1/TTC" not in texts(file)
 
 
 def test_an_encounter_stops_where_the_two_meet(run: Run) -> None:
@@ -105,20 +81,3 @@ def test_a_grid_is_cropped_to_its_vehicles_and_fills_the_window(run: Run) -> Non
     assert more > 0
     assert low[0] - more / 2 - 0.01 <= points[:, 0].min() < low[0]
     assert points[:, 0].max() <= high[0] + more / 2 + 0.01
-
-
-def test_a_drawing_without_a_place_is_left_out(tmp_path: Path) -> None:
-    extras = tmp_path / "x.add.xml"
-    line = '<poly id="{}" shape="1,1 {},2" color="white" fill="0"/>'
-    extras.write_text(f"<additional>{line.format('lost', 'inf')}{line.format('kept', '9')}</additional>")
-    cropped = crop_extras(extras, (0.0, 0.0, 20.0, 20.0), tmp_path / "cropped.add.xml")
-    assert [poly.get("id") for poly in ElementTree.parse(cropped).getroot()] == ["kept"]
-
-
-def test_a_net_that_leaves_the_earth_is_refused(tmp_path: Path) -> None:
-    net = tmp_path / "edited.net.xml"
-    net.write_text(
-        '<net><edge id="a"><lane id="a_0" index="0" speed="9" length="9" shape="0,0 1e300,5"/></edge></net>'
-    )
-    with pytest.raises(MapError, match=r"<lane id='a_0'> cannot be read \(its shape has no points"):
-        LaneFinder(net)

@@ -129,17 +129,6 @@ def test_a_worker_that_dies_twice_over_a_batch_ends_the_run_resumably(tmp_path: 
     assert (tmp_path / "2" / "incomplete.json").exists()
 
 
-def test_an_error_in_a_worker_arrives_with_its_traceback(tmp_path: Path) -> None:
-    """A limit on the size of files stands for a full disk."""
-    limit = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))"
-    done = ran(tmp_path, f"FLAG.touch(); {limit}")
-    assert done.returncode == 1
-    assert "File too large" in done.stderr.strip().splitlines()[-1]
-    assert "scex_sumo.extrapolation.processes.process.WorkerTraceback" in done.stderr
-    assert "in save_part" in done.stderr
-    assert (tmp_path / "2" / "incomplete.json").exists()
-
-
 @pytest.mark.parametrize("workers", [1, 2])
 def test_too_little_address_space_is_one_line(tmp_path: Path, workers: int) -> None:
     """Libsumo and Arrow crash while they are loaded, which no exception tells."""

@@ -91,15 +91,6 @@ def test_what_is_read_is_what_was_planned_for_1e5_vehicle_steps_and_nobody_is_lo
     assert worst < 1e-9
 
 
-def test_headings_are_read_in_the_half_open_circle(crossing: SimpleNamespace, scene: SeedScene) -> None:
-    start = trips(0.0, np.zeros(1))
-    start.heading[:] = np.linspace(-9.0, 9.0, 11)
-    with SumoWorld(crossing, scene, slots=[0]) as world:
-        world.begin(start, np.array([0]))
-        read = world.read().heading
-    assert np.all(read > -np.pi) and np.all(read <= np.pi)
-
-
 def roll(world: SumoWorld, slots: list[int], phase: FloatArray) -> States:
     """Ten steps of some futures."""
     world.begin(trips(0.0, phase), np.array(slots))
@@ -133,15 +124,6 @@ def test_futures_without_drivers_of_sumo_share_a_tile_and_take_no_notice_of_each
     for key in ("x", "y", "heading", "speed"):
         for future in range(3):
             assert getattr(together, key)[:, future].tobytes() == getattr(alone[future], key)[:, 0].tobytes()
-
-
-def test_a_tile_with_a_driver_of_sumo_is_not_shared(crossing: SimpleNamespace, scene: SeedScene) -> None:
-    driver = SumoDriven(future=2, vehicle=5, model="Krauss", parameters={}, edges=("w_in", "e_out"))
-    with (
-        SumoWorld(crossing, scene, slots=[0, 4]) as world,
-        pytest.raises(SimulationError, match=r"slots \[4\]"),
-    ):
-        world.begin(trips(0.0, np.zeros(3)), np.array([0, 4, 4]), [driver])
 
 
 def test_a_driver_of_sumo_in_its_tile_changes_nothing_about_vehicles_that_are_moved(
@@ -188,14 +170,6 @@ def test_a_vehicle_that_vanishes_is_named(crossing: SimpleNamespace, scene: Seed
             world.step()
 
 
-def test_a_slot_without_a_tile_is_an_error(crossing: SimpleNamespace, scene: SeedScene) -> None:
-    with (
-        SumoWorld(crossing, scene, slots=[0, 3]) as world,
-        pytest.raises(SimulationError, match=r"slots \[2\]"),
-    ):
-        world.begin(trips(0.0, np.zeros(2)), np.array([2, 3]))
-
-
 def test_a_second_world_in_the_process_is_refused_until_the_first_is_closed(
     crossing: SimpleNamespace, scene: SeedScene
 ) -> None:
@@ -211,11 +185,3 @@ def test_a_second_world_in_the_process_is_refused_until_the_first_is_closed(
     with SumoWorld(crossing, scene, slots=[0]) as third:
         third.begin(start, np.array([0]))
         assert difference(third.read(), start) < 1e-9
-
-
-def test_nothing_can_be_read_before_a_batch_begins(crossing: SimpleNamespace, scene: SeedScene) -> None:
-    with (
-        SumoWorld(crossing, scene, slots=[0]) as world,
-        pytest.raises(SimulationError, match="begin one first"),
-    ):
-        world.read()

@@ -117,13 +117,6 @@ def test_a_driver_of_sumo_stops_behind_a_standing_vehicle_that_is_moved(
     assert gap.min() > 0.0 and gap[-1] < 15.0  # W99 does not keep SUMO's minimum gap of 2.5 m
 
 
-def test_a_driver_of_sumo_keeps_its_speed_where_the_road_is_free(crossing: SimpleNamespace) -> None:
-    seed = scene((900.0, 1100.0, 0.0, 0.0), in_north(60.0, 8.0))
-    with SumoWorld(crossing, seed, slots=[0]) as world:
-        read = drive(world, seed, [0], [driven(1, "EIDM", ("n_in", "s_out"))], 20)
-    np.testing.assert_allclose(read.speed[0, 1], 8.0, atol=0.4)  # the limit is 8.3 m/s
-
-
 def test_a_driver_of_sumo_follows_its_route_through_the_junction(crossing: SimpleNamespace) -> None:
     seed = scene((975.0, 995.2, 0.0, 10.0), (975.0, 998.4, 0.0, 10.0), (964.0, 998.4, 0.0, 10.0))
     drivers = [
@@ -179,36 +172,6 @@ def test_a_driver_of_sumo_stops_for_somebody_on_the_lane(crossing: SimpleNamespa
     assert read.speed[0, 0, -1] < 0.2 and 0.3 < gap[-1] < 6.0
 
 
-def test_a_driver_of_sumo_passes_where_somebody_was_who_has_left(crossing: SimpleNamespace) -> None:
-    x, y, _, _ = in_north(20.0, 0.0)
-    stands = obstacle(x, y)
-    stands.present[:] = False
-    seed = scene(in_north(60.0, 8.0), obstacles=stands)
-    with SumoWorld(crossing, seed, slots=[3]) as world:
-        read = drive(world, seed, [3], [driven(0, "EIDM", ("n_in", "s_out"))], 60)
-    assert read.y[0, 0, -1] < y - 5.0
-
-
-def test_beyond_the_end_of_its_route_a_vehicle_goes_straight_on(crossing: SimpleNamespace) -> None:
-    # e_out ends at x = 1120; its inner lane is straight, along y = 1018.4, from x = 1080.3 on.
-    seed = scene((1100.0, 1018.4, 0.0, 13.0), (1110.0, 1015.2, 0.0, 13.9))
-    with SumoWorld(crossing, seed, slots=[0]) as world:
-        read = drive(world, seed, [0], [driven(0, "IDM", ("e_out",)), driven(1, "ACC", ("e_out",))], 60)
-    assert np.all(read.x[0, :, -1] > 1170.0)
-    np.testing.assert_allclose(read.y[0, 0], 1018.4, atol=0.01)
-    steps = np.diff(read.x[0], axis=1)
-    np.testing.assert_allclose(steps, 0.1 * read.speed[0, :, 1:], atol=0.03)  # no jumps
-    np.testing.assert_allclose(np.diff(read.speed[0, :, -20:], axis=1), 0.0, atol=1e-9)
-
-
-def test_a_vehicle_beside_the_road_goes_straight_on(crossing: SimpleNamespace) -> None:
-    seed = scene((900.0, 940.0, 0.3, 10.0))
-    with SumoWorld(crossing, seed, slots=[0]) as world:
-        read = drive(world, seed, [0], [driven(0, "Krauss")], 10)
-    assert read.x[0, 0, -1] == pytest.approx(900.0 + 10.0 * np.cos(0.3), abs=1e-9)
-    assert read.y[0, 0, -1] == pytest.approx(940.0 + 10.0 * np.sin(0.3), abs=1e-9)
-
-
 def mixed() -> SeedScene:
     """Leaders, followers, a blocked lane to change from, crossing traffic."""
     return scene(
@@ -223,17 +186,6 @@ def mixed() -> SeedScene:
 def mixed_drivers(model: str, future: int) -> list[SumoDriven]:
     routes = {1: STRAIGHT, 2: ("w_in", "n_out"), 3: ("w_in", "s_out"), 4: ("n_in", "s_out")}
     return [driven(v, model, edges, future) for v, edges in routes.items()]
-
-
-@pytest.mark.parametrize("model", [m for m in SUMO_MODELS if m != "W99"])
-def test_a_driver_of_sumo_does_the_same_in_every_tile(crossing: SimpleNamespace, model: str) -> None:
-    slots, seed = [0, 1, 17, 63], mixed()
-    with SumoWorld(crossing, seed, slots=slots) as world:
-        drivers = [d for future in range(4) for d in mixed_drivers(model, future)]
-        read = drive(world, seed, slots, drivers, 60)
-    for values in (read.x, read.y, read.heading, read.speed):
-        assert np.abs(values - values[:1]).max() < 1e-9
-    assert np.ptp(read.speed[0], axis=1).max() > 3.0  # or nothing would have been compared
 
 
 @pytest.mark.parametrize("model", SUMO_MODELS)
@@ -267,14 +219,6 @@ def test_traffic_lights_begin_anew_with_every_batch(signals: SimpleNamespace) ->
     assert first.x.tobytes() == again.x.tobytes() and first.y.tobytes() == again.y.tobytes()
 
 
-def test_parameters_reach_sumo(crossing: SimpleNamespace) -> None:
-    seed = scene((997.0, 1100.0, 0.0, 0.0), (905.0, 975.2 + 1.4, 0.32, 5.0))
-    with SumoWorld(crossing, seed, slots=[0, 1]) as world:
-        drivers = [driven(1, "Krauss", accel="1.0"), driven(1, "Krauss", future=1, accel="3.0")]
-        read = drive(world, seed, [0, 1], drivers, 10)
-    np.testing.assert_allclose(read.speed[:, 1, -1] - 5.0, [1.0, 3.0], atol=0.01)
-
-
 @pytest.mark.parametrize(
     ("model", "parameters", "words"),
     [
@@ -302,22 +246,6 @@ def test_a_parameter_that_sumo_refuses_is_an_error_in_its_words_and_in_one_line(
     ):
         drive(world, seed, [0], [driven(1, "EIDM", tau="-1")], 1)
     assert capfd.readouterr() == ("", "")
-
-
-def test_a_driver_that_starts_at_the_end_of_its_route_goes_straight_on(crossing: SimpleNamespace) -> None:
-    """SUMO removed it in the first step."""
-    (lane,) = (lane for lane in ElementTree.parse(crossing.path).iter("lane") if lane.get("id") == "e_out_0")
-    x, y = (float(value) for value in lane.attrib["shape"].split()[-1].split(",")[:2])
-    seed = scene((x - 0.3 - 2.25, y, 0.0, 9.0), (900.0, 1100.0, 0.0, 0.0))
-    with SumoWorld(crossing, seed, slots=[0]) as world:
-        read = drive(world, seed, [0], [driven(0, "EIDM", ("e_out",))], 10)
-    assert read.x[0, 0, -1] == pytest.approx(seed.now.x[0] + 9.0)
-
-
-def test_a_route_that_the_net_does_not_hold_is_an_error(crossing: SimpleNamespace) -> None:
-    seed = mixed()
-    with SumoWorld(crossing, seed, slots=[0]) as world, pytest.raises(SimulationError, match="nowhere"):
-        drive(world, seed, [0], [driven(1, "IDM", ("w_in", "nowhere"))], 1)
 
 
 @pytest.mark.parametrize("vru", ["replay", "model"])

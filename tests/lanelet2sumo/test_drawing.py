@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.converters.net.convert import convert
 from scex_sumo.lanelet2sumo.drawing import extras_text
-from scex_sumo.road import Area, Marking, Regulation
-from tests.converters.sumo_roads import lane, load, road
+from scex_sumo.road import Marking, Regulation
+from tests.converters.sumo_roads import lane, road
 
 LINE = np.array([(0.0, 2.0), (60.0, 2.0)])
 STOP = np.array([(58.0, -2.0), (58.0, 2.0)])
@@ -24,25 +22,12 @@ def polygons(*, markings: tuple[Marking, ...] = (), **more: object) -> list[ET.E
     return list(ET.fromstring(extras_text(drawn).encode()).iter("poly"))
 
 
-def test_a_solid_line_is_one_line() -> None:
-    [line] = polygons(markings=(Marking(line_id=5, kind="line_thin", subtype="solid", points=LINE),))
-    assert line.get("fill") == "0"
-    assert line.get("shape") == "0.000,2.000 60.000,2.000"
-
-
 def test_a_dashed_line_begins_and_ends_with_a_dash() -> None:
     dashes = polygons(markings=(Marking(line_id=5, kind="line_thin", subtype="dashed", points=LINE),))
     # 21 equal strokes and gaps on 60 m, so 11 dashes.
     assert len(dashes) == 11
     assert dashes[0].get("shape", "").startswith("0.000,2.000")
     assert dashes[-1].get("shape", "").endswith("60.000,2.000")
-
-
-def test_areas_are_filled() -> None:
-    outline = np.array([(0.0, 5.0), (9.0, 5.0), (9.0, 8.0)])
-    [area] = polygons(areas=(Area(area_id=3, kind="crosswalk", outline=outline),))
-    assert area.get("fill") == "1"
-    assert area.get("type") == "crosswalk"
 
 
 def test_a_stop_line_of_a_rule_is_drawn_once() -> None:
@@ -53,9 +38,3 @@ def test_a_stop_line_of_a_rule_is_drawn_once() -> None:
     assert [p.get("type") for p in polygons(regulations=rules)] == ["stop_line"]
     marked = (Marking(line_id=4, kind="stop_line", subtype="", points=STOP),)
     assert len(polygons(markings=marked, regulations=rules)) == 1
-
-
-def test_odd_names_do_no_harm(tmp_path: Path) -> None:
-    marking = Marking(line_id=5, kind='a<b>"&c', subtype="", points=LINE)
-    net = convert(replace(BASE, markings=(marking,)), tmp_path / "odd.net.xml")
-    assert load(net.path, "-a", str(net.extras)) == ""

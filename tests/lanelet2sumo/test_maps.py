@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +13,11 @@ from shapely import LineString, Point
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.sumo_net import SumoNet
-from scex_sumo.lanelet2sumo.judge.report import check_net, drive_net
+from scex_sumo.lanelet2sumo.judge import report as judge
 from scex_sumo.road import Road
 from tests.converters.sumo_roads import NetFile, load
+from tests.lanelet2sumo.judge.driving import drive_net
+from tests.lanelet2sumo.judge.loading import check_net
 
 MAPS = (
     "interaction/maps/DR_DEU_Merging_MT.osm",
@@ -35,9 +36,15 @@ def converted(
     return drawn, convert(drawn, tmp_path_factory.mktemp("nets") / f"{drawn.name}.net.xml")
 
 
-def test_the_checker_finds_nothing(converted: tuple[Road, SumoNet]) -> None:
+def test_the_judge_finds_nothing_with_the_table_or_by_geometry(converted: tuple[Road, SumoNet]) -> None:
     drawn, net = converted
-    assert check_net(net.path, drawn, net.lanes).problems() == []
+    report = check_net(net.path, drawn, net.lanes)
+    assert report.problems() == judge.check_net(net.path, drawn).problems() == []
+    assert report["lanes_present"] == report["lanelets"] > 0
+    assert report["deviation_max_m"] <= 0.10
+    assert report["deviation_p95_m"] <= 0.01
+    assert report["width_error_mean_m"] <= 0.40
+    assert sum(lost for _, lost in report["lost_probes"]) <= 0.01 * report["probes"]
 
 
 def test_everyone_arrives_and_nobody_overlaps(converted: tuple[Road, SumoNet]) -> None:
@@ -69,29 +76,6 @@ def test_every_lane_lies_on_its_lanelet(converted: tuple[Road, SumoNet]) -> None
             gaps.append(min(point.distance(shape) for shape in own))
     assert np.percentile(gaps, 95) <= 0.01
     assert max(gaps) <= 0.10
-
-
-def test_successors_are_connections_and_none_is_invented(converted: tuple[Road, SumoNet]) -> None:
-    drawn, net = converted
-    driven = set()
-    for via, c in NetFile(net.path).connections.items():
-        ends = [f"{c.get(e)}_{c.get(f'{e}Lane')}" for e in ("from", "to")]
-        chain = [i for name in (ends[0], via, ends[1]) for i in net.lanes.lanelets(name)]
-        driven |= {pair for pair in pairwise(chain) if pair[0] != pair[1]}
-    wanted = {(i, j) for i, one in drawn.vehicle_lanes.items() for j in one.successors}
-    assert driven == wanted
-
-
-def test_speed_limits_are_the_lanelets_own(converted: tuple[Road, SumoNet]) -> None:
-    drawn, net = converted
-    file = NetFile(net.path)
-    for i, one in drawn.vehicle_lanes.items():
-        for name in net.lanes.sumo_lanes(i):
-            if len(net.lanes.lanelets(name)) == 1:
-                # Four decimals are written.
-                assert float(file.lanes[name].get("speed", "")) == pytest.approx(
-                    one.speed_limit_mps, abs=1e-4
-                )
 
 
 def test_the_bytes_are_the_same_every_time(converted: tuple[Road, SumoNet], tmp_path: Path) -> None:

@@ -10,9 +10,10 @@ import pytest
 
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.lanelet2sumo.judge.report import check_net, drive_net
 from scex_sumo.road import Lane, Regulation, Road
 from tests.converters.sumo_roads import NetFile, arc, lane, load, road
+from tests.lanelet2sumo.judge.driving import drive_net
+from tests.lanelet2sumo.judge.loading import check_net
 
 
 def net_of(drawn: Road, folder: Path) -> NetFile:
@@ -34,12 +35,6 @@ def merging() -> list[Lane]:
 def crossing() -> list[Lane]:
     """Lane 1 runs east, lane 2 north; they cross at the origin. Lane 1 has lane 2 on its right."""
     return [lane(1, [(-50, 0), (50, 0)]), lane(2, [(0, -50), (0, 50)])]
-
-
-def test_equal_merges_are_zippers_and_foes(tmp_path: Path) -> None:
-    net = net_of(road(merging()), tmp_path)
-    assert net.state("l1", "l3") == net.state("l2", "l3") == "Z"
-    assert (net.via("l1", "l3"), net.via("l2", "l3")) in net.foes
 
 
 def test_who_comes_from_the_right_goes_first(tmp_path: Path) -> None:
@@ -76,26 +71,6 @@ def test_a_right_of_way_element_decides_whichever_lanes_it_names(tmp_path: Path,
     assert (east, north) not in net.yields
     assert net.connections[north].get("state") == "m"
     assert net.connections[east].get("state") == "M"
-
-
-def test_a_rule_of_two_ways_goes_before_a_rule_of_an_approach(tmp_path: Path) -> None:
-    """Lane 4 turns left and yields to lane 5, which yields to approach 1: that means straight on, lane 3."""
-    lanes = [
-        lane(1, [(-80, 0), (-20, 0)], to=(3, 4)),
-        lane(3, [(-20, 0), (40, 0)]),
-        lane(4, np.vstack([[(-20, 0)], arc((-15, 20), 20, -90, 0), [(5, 60)]])),
-        lane(5, [(-18, 60), (-18, -60)]),
-    ]
-    named = [((4,), (5,)), ((5,), (1,))]
-    rules = [
-        Regulation(element_id=9 + k, kind="right_of_way", lanes=y + p, yielding=y, priority=p)
-        for k, (y, p) in enumerate(named)
-    ]
-    drawn = road(lanes, rules)
-    net = net_of(drawn, tmp_path)
-    straight, left, south = net.via("l1", "l3"), net.via("l1", "l4"), net.via("l5#0", "l5#1")
-    assert net.yields == {(left, south), (south, straight)}
-    assert check_net(tmp_path / "drawn.net.xml", drawn, None).problems() == []
 
 
 def test_a_rule_of_a_lane_before_a_fork_holds_for_the_branch_that_meets_the_other_lane(
@@ -175,19 +150,6 @@ def test_each_element_of_an_intersection_decides(
         assert (other, one) not in yields
 
 
-def test_right_of_way_counts_at_an_all_way_stop_of_other_lanes(tmp_path: Path) -> None:
-    """Arms 0 and 2 stop; arm 1 has right of way over them."""
-    stop = Regulation(element_id=9, kind="all_way_stop", lanes=(10, 12), yielding=(10, 12))
-    rule = Regulation(
-        element_id=10, kind="right_of_way", lanes=(10, 11), yielding=(10, 12), priority=(11, 13)
-    )
-    net = convert(road(intersection(), [stop, rule]), tmp_path / "drawn.net.xml")
-    yields = NetFile(net.path).yields
-    [east], [west], [left], [north] = (net.lanes.sumo_lanes(i) for i in (20, 22, 32, 21))
-    assert {(east, north), (west, north), (east, left), (left, east)} <= yields
-    assert not {(north, east), (north, west)} & yields
-
-
 def test_at_an_all_way_stop_everyone_answers_everyone(tmp_path: Path) -> None:
     rule = Regulation(element_id=9, kind="all_way_stop", lanes=(1, 2), yielding=(1, 2))
     net = net_of(road(crossing(), [rule]), tmp_path)
@@ -231,13 +193,6 @@ def test_a_fork_has_no_foes(tmp_path: Path) -> None:
     assert {c.get("to") for c in net.connections.values() if c.get("from") == "l1"} == {"l2", "l3"}
 
 
-def test_lanes_that_fork_at_the_border_share_an_entry(tmp_path: Path) -> None:
-    lanes = [lane(2, [(0, 0), (50, 0)]), lane(3, [(0, 0), (25, 4), (50, 15)])]
-    net = net_of(road(lanes), tmp_path)
-    starts = {c.get("from") for c in net.connections.values() if c.get("to") in ("l2", "l3")}
-    assert len(starts) == 1  # SUMO keeps vehicles from one edge apart
-
-
 def test_a_one_way_ban_forbids_one_direction_only(tmp_path: Path) -> None:
     lanes = [lane(1, [(0, 0), (90, 0)], left=2), lane(2, [(0, 3.5), (90, 3.5)])]
     net = net_of(road(lanes), tmp_path)
@@ -246,11 +201,6 @@ def test_a_one_way_ban_forbids_one_direction_only(tmp_path: Path) -> None:
     assert right.get("changeRight") is not None
     assert left.get("changeRight") not in (None, "", "all")
     assert left.get("index") == "1"
-
-
-def test_neighbours_that_may_not_be_changed_to_are_other_edges(tmp_path: Path) -> None:
-    net = net_of(road([lane(1, [(0, 0), (90, 0)]), lane(2, [(0, 3.5), (90, 3.5)])]), tmp_path)
-    assert {"l1_0", "l2_0"} <= set(net.lanes)
 
 
 def test_a_light_stops_whoever_refers_to_it(tmp_path: Path) -> None:
@@ -332,46 +282,6 @@ def test_a_roundabout_without_rules_goes_before_its_entry(tmp_path: Path) -> Non
     [ring] = [other for one, other in net.foes if one == entry]
     assert (entry, ring) in net.yields
     assert (ring, entry) not in net.yields
-
-
-@pytest.mark.parametrize("radius", [16.0, 24.0])
-def test_a_round_block_with_oncoming_lanes_is_no_roundabout(tmp_path: Path, radius: float) -> None:
-    """CARLA's towns have such blocks; who enters comes from the right and goes first."""
-    lanes = [
-        lane(1, arc((0, 0), 20, 0, 180), to=(2,)),
-        lane(2, arc((0, 0), 20, 180, 360), to=(1,)),
-        lane(3, [(60, 0), (19, 0), (5, 0)]),
-        lane(4, arc((0, 0), radius, 330, 40)),
-    ]
-    net = net_of(road(lanes), tmp_path)
-    [entry] = [v for v, c in net.connections.items() if c.get("from", "").startswith("l3")]
-    rings = [other for one, other in net.foes if one == entry and (other, entry) in net.yields]
-    assert rings and all((entry, ring) not in net.yields for ring in rings)
-
-
-def test_the_judge_knows_that_a_roundabout_goes_before_an_entry_that_crosses_it(tmp_path: Path) -> None:
-    lanes = [
-        lane(1, arc((0, 0), 20, 30, 210), to=(2,)),
-        lane(2, arc((0, 0), 20, 210, 390), to=(1,)),
-        lane(3, [(60, 0), (10, 0)]),
-    ]
-    drawn = road(lanes)
-    net = convert(drawn, tmp_path / "ring.net.xml")
-    report = check_net(net.path, drawn, net.lanes)
-    assert (report["crossing"], report["wrong_from_the_right"]) == (1, ())
-
-
-def test_lanes_for_bicycles_are_closed_to_cars(tmp_path: Path) -> None:
-    lanes = [lane(1, [(0, 0), (50, 0)]), lane(2, [(0, 9), (50, 9)], kind="bicycle")]
-    net = net_of(road([*lanes, lane(3, [(0, 15), (50, 15)], kind="pedestrian")]), tmp_path)
-    assert net.lanes["l2_0"].get("allow") == "bicycle"
-    assert net.lanes["l1_0"].get("allow") is None
-    assert "l3_0" not in net.lanes
-
-
-def test_a_road_without_lanes_for_cars_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(MapError, match="no lanelet that cars may drive on"):
-        convert(road([lane(2, [(0, 9), (50, 9)], kind="bicycle")]), tmp_path / "none.net.xml")
 
 
 def test_a_lane_without_length_is_named(tmp_path: Path) -> None:

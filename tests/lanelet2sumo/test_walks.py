@@ -14,10 +14,10 @@ import pytest
 
 from scex_sumo import example_path, read_map
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.lanelet2sumo.judge.report import check_net, drive_net
 from scex_sumo.lanelet2sumo.reader import read_net
 from scex_sumo.road import Lane, Regulation, Road
 from tests.converters.sumo_roads import SUMO, NetFile, lane, load, road
+from tests.lanelet2sumo.judge.driving import judged
 from tests.lanelet2sumo.walkers import ROUNDABOUT_ARMS, contacts, crosswalk, with_lanes
 
 EAST, WEST = lane(1, [(-100, -1.75), (100, -1.75)]), lane(2, [(100, 1.75), (-100, 1.75)])
@@ -97,13 +97,6 @@ def test_on_a_walkway_across_the_road_people_wait_for_cars(tmp_path: Path) -> No
     assert (":j1#1_0_0", ":j1#1_c0_0") not in requests.yields
 
 
-def test_a_crosswalk_without_walkways_gets_a_stub_at_each_end(tmp_path: Path) -> None:
-    net = convert(street(ZEBRA), tmp_path / "net.net.xml")
-    on, _ = walked(net.path, "w7#0 w7#1", cars=0)
-    assert on[":j1#1_c0"]
-    assert net.lanes.sumo_lanes(7) == (":j1#1_c0_0",)
-
-
 @pytest.mark.parametrize(("middle", "crossings"), [(1.75, 1), (4.0, 2)])
 def test_crosswalks_that_meet_are_two_crossings_only_with_an_island(
     tmp_path: Path, middle: float, crossings: int
@@ -152,15 +145,7 @@ def test_lane_changes_survive_a_crosswalk_over_the_whole_lanelet(tmp_path: Path)
     ]
     over = replace(lane(7, [(0, -5), (0, 9)], width=5.0, kind="pedestrian"), subtype="crosswalk")
     a_road = road([*rows, over])
-    net = convert(a_road, tmp_path / "net.net.xml")
-    report = replace(check_net(net.path, a_road, net.lanes), driving=drive_net(net.path))
-    assert report.problems() == []
-
-
-def test_a_road_without_footways_has_no_word_about_people(tmp_path: Path) -> None:
-    text = convert(street(), tmp_path / "net.net.xml").path.read_text()
-    assert "walking" not in text
-    assert "pedestrian" not in text
+    assert judged(a_road, tmp_path / "net.net.xml").problems() == []
 
 
 @pytest.mark.parametrize("y", [-21.0, -19.5, -19.2])
@@ -178,34 +163,6 @@ def test_a_crosswalk_beside_a_ring_is_moved_off_the_way_of_the_ring_s_cars(tmp_p
     assert room >= 1.2  # half a car and some room; as drawn, the ring's middle lies on the crosswalk
     assert crossing.width_m >= 2 * 0.64  # two of SUMO's stripes: people pass one another
     assert load(net.path) == ""
-
-
-def test_a_crosswalk_that_ends_before_the_middle_of_a_lane_is_seen_by_its_cars(tmp_path: Path) -> None:
-    """Only its corner lies on the middle of a lane 5 m wide; the crossing reaches over the whole lane."""
-    wide = lane(1, [(-100, -2.5), (100, -2.5)], width=5.0), lane(2, [(100, 2.5), (-100, 2.5)], width=5.0)
-    net = convert(road([*wide, footway((7, [(0, -2.2), (3, 6)]), "crosswalk")]), tmp_path / "net.net.xml")
-    lanes = read_net(net.path).lanes
-    (crossing,) = [x for x in lanes.values() if x.function == "crossing"]
-    assert crossing.shape[0, 1] < -4.9
-    assert all(crossing.line.intersects(lanes[net.lanes.sumo_lanes(i)[1]].line) for i in (1, 2))
-
-
-def test_a_crosswalk_keeps_its_width_where_a_lane_ends_on_it(tmp_path: Path) -> None:
-    """The lanelets meet on the crosswalk, beside its middle, as at a give-way line."""
-    lanes = lane(1, [(-100, 0), (1.0, 0)], to=(2,)), lane(2, [(1.0, 0), (100, 0)])
-    net = convert(road([*lanes, footway(CROSSWALK, "crosswalk")]), tmp_path / "net.net.xml")
-    (crossing,) = [x for x in read_net(net.path).lanes.values() if x.function == "crossing"]
-    assert crossing.width_m == 3.0  # of which 1.3 m remained
-
-
-def test_a_crosswalk_slanted_to_a_lane_is_narrow(tmp_path: Path) -> None:
-    """SUMO's cars look for people where the middle of the crossing is; at its sides they are metres ahead."""
-    widths = []
-    for shift in (0.0, 8.0):
-        slanted = footway((7, [(-shift, -5), (shift, 5)]), "crosswalk")
-        net = convert(street(slanted), tmp_path / f"{shift}.net.xml")
-        widths += [x.width_m for x in read_net(net.path).lanes.values() if x.function == "crossing"]
-    assert widths == [3.0, 1.3]
 
 
 def test_moving_cars_touch_nobody_on_crossings_of_arms(tmp_path: Path) -> None:

@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from scex_sumo.lanelet2sumo.judge.driving import border_routes
 from scex_sumo.lanelet2sumo.reader import NetContent, read_net
 from scex_sumo.road import Lane, Road
 from tests.converters.sumo_roads import SUMO, lane
+from tests.lanelet2sumo.judge.driving import border_routes
 
 CAR_M, CAR_WIDTH_M = 4.7, 1.8
 PERSON_M = 0.2  # radius of a person's body
@@ -25,7 +25,6 @@ STEP_S = 0.1
 
 
 ROUNDABOUT_ARMS = (-93.0, -14.0, 84.0, 178.0)  # headings of the arms of the example maps, degrees
-INTERSECTION_ARMS = (7.0, 76.0, 181.0, 262.0)
 CENTRE = (1000.0, 1000.0)
 
 

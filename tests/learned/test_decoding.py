@@ -62,14 +62,6 @@ def test_a_smooth_change_of_the_offset_is_followed(speed: float, aim: float) -> 
     assert np.abs(lateral).max() < 1.6  # the wanted one has 1.1 m/s²
 
 
-def test_an_even_drift_goes_on_evenly() -> None:
-    angle = 0.05
-    scene = roads.scene_of((50.0, 0.0, angle, 10.0))
-    made = along(WIDE, scene, np.zeros(30), 10 * np.tan(angle) * np.cos(angle) * TIMES)
-    assert made.y[0] == pytest.approx(10 * np.sin(angle) * TIMES, abs=0.02)
-    assert made.heading[0] == pytest.approx(np.full(30, angle), abs=0.01)
-
-
 def test_without_a_wanted_offset_the_vehicle_comes_back_to_its_path_slowly() -> None:
     made = along(WIDE, roads.scene_of((50.0, 1.0, 0.0, 10.0)), np.zeros(30), None)
     # It starts straight ahead, so that it is a little late.
@@ -95,12 +87,6 @@ def test_a_driver_makes_way_before_the_road_narrows() -> None:
     assert np.abs(made.y[0, inside]).max() + 0.9 < 1.75 + CELL_M
 
 
-def test_where_the_road_is_narrower_than_the_box_its_middle_is_aimed_at() -> None:
-    alley = roads.road(roads.lane(1, [(0.0, 0.0), (300.0, 0.0)], width=1.5))
-    made = along(alley, roads.scene_of((50.0, 0.3, 0.0, 10.0)), np.zeros(30), np.full(30, 0.3))
-    assert made.y[0, 29] == pytest.approx(0.0, abs=0.1)
-
-
 def least_distance(scene: SeedScene, made: Plan) -> float:
     sizes = scene.length[0], scene.width[0]
     return float(rectangle_distance(*(Rectangles.of(made[k], *sizes) for k in (0, 1))).min())
@@ -120,12 +106,6 @@ def test_two_who_head_for_each_other_side_by_side_do_not_touch(behind: float, ap
     made = along(WIDE, scene, np.zeros(30), wanted, clear=True)
     assert least_distance(scene, made) > 0.15
     assert np.abs(np.diff(made.y, 2, axis=1)).max() < 0.04  # 4 m/s²
-
-
-def test_one_who_is_too_near_is_made_room_for() -> None:
-    scene = roads.scene_of((50.0, 1.0, 0.0, 10.0), (50.0, -1.0, 0.0, 10.0))
-    made = along(WIDE, scene, np.zeros(30), np.array([[1.0], [-1.0]]) * np.ones(30), clear=True)
-    assert 2.15 < made.y[0, 29] - made.y[1, 29] < 2.3  # 1.8 m and 0.4 m
 
 
 @pytest.mark.parametrize(
@@ -175,17 +155,6 @@ def test_a_free_trajectory_is_taken_as_it_is_in_the_vehicles_own_frame() -> None
     middle = TIMES - 0.05
     assert made.heading[0] == pytest.approx(np.pi / 2 + np.arctan(2 * middle / 4))
     assert made.speed[0] == pytest.approx(np.hypot(4, 2 * middle))
-
-
-def test_a_free_trajectory_that_stands_keeps_its_heading() -> None:
-    history = roads.present(roads.scene_of((0.0, 0.0, 0.5, 1.0), (0.0, 9.0, -0.5, 0.0)))
-    free = np.zeros((2, 30, 2))
-    free[0, :, 0] = free[0, :, 1] = np.minimum(TIMES, 0.5)  # left ahead for half a second, then nothing
-    free[1] = np.random.default_rng(0).normal(0, 1e-4, (30, 2))
-    made = plan_freely(history, roads.every(history), free)
-    assert made.heading[0] == pytest.approx(np.full(30, 0.5 + np.pi / 4))
-    assert made.speed[0, 5:] == pytest.approx(np.zeros(25))
-    assert made.heading[1] == pytest.approx(np.full(30, -0.5))
 
 
 def test_a_replan_continues_the_plan() -> None:

@@ -137,16 +137,6 @@ def test_matrices_are_multiplied_on_one_thread_and_the_number_is_as_before_after
     assert all(number == 1 for found in threads for number in found)
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_who_else_is_asked_for_does_not_matter(tmp_path: Path, name: str) -> None:
-    model = driver(tmp_path, name)
-    history = apart(5)
-    whole, everyone = roads.plan(model, ROAD, history), roads.every(history)
-    some = np.arange(2, len(everyone), 3)
-    who = VehicleIndex(future=everyone.future[some], vehicle=everyone.vehicle[some])
-    assert same(whole, roads.plan(model, ROAD, history, who), some)
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_vehicles_off_the_map_are_left_to_the_path_following_driver_and_counted(
     tmp_path: Path, name: str
@@ -160,21 +150,6 @@ def test_vehicles_off_the_map_are_left_to_the_path_following_driver_and_counted(
     assert made.reasons[0] == ""
     alone = follow_path(history, ROAD, VehicleIndex(future=np.arange(2), vehicle=np.ones(2, dtype=int)))
     assert same(made, alone, np.array([1, 4]))
-
-
-@pytest.mark.parametrize("name", ALL)
-def test_a_scene_off_the_map_altogether_still_drives(tmp_path: Path, name: str) -> None:
-    scene = roads.scene_of((20.0, 60.0, 1.0, 5.0))
-    made = roads.plan(driver(tmp_path, name), ROAD, roads.present(scene))
-    assert made.fallback is not None
-    assert made.fallback.all() == (name != "joint_predictor")
-    assert np.isfinite(made.x).all()
-
-
-def test_nobody_to_plan_for_is_an_empty_plan(tmp_path: Path) -> None:
-    nobody = VehicleIndex(future=np.zeros(0, dtype=int), vehicle=np.zeros(0, dtype=int))
-    made = roads.plan(driver(tmp_path, "graph_predictor"), ROAD, roads.present(SCENE), nobody)
-    assert made.x.shape == (0, 30)
 
 
 def modes_driven(model: Behavior, history: SceneHistory) -> np.ndarray:
@@ -201,10 +176,6 @@ def test_a_drawn_mode_is_as_frequent_as_it_is_probable_and_stays(tmp_path: Path,
     assert np.abs(counted - shares).max() < 4 * np.sqrt(0.25 / futures)
     later = replace(apart(64), route_draw=draw[:64])
     assert np.array_equal(modes_driven(model, later), driven[:64].ravel())
-
-
-def test_the_best_mode_is_the_expected_one(tmp_path: Path) -> None:
-    assert not modes_driven(driver(tmp_path, "graph_predictor"), apart(3)).any()
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -20,7 +20,7 @@ from scex_sumo.learned.driver import choice_of
 from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS, path_inputs
 from scex_sumo.learned.joint import _ahead, _conflicts, _crossing, _near, _yielding
 from scex_sumo.road import Road
-from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
+from scex_sumo.scene import Plan, SceneHistory, SeedScene, States
 from tests.behaviors import roads
 from tests.learned import nets
 
@@ -47,30 +47,12 @@ def ends(plan: Plan, futures: int) -> np.ndarray:
     return plan.x[:, -1].reshape(futures, -1)
 
 
-@pytest.mark.parametrize("numbers", [{}, {"accelerations": 5, "sideways": 3}])
-def test_a_plan_has_thirty_steps_and_follows_from_the_draws(tmp_path: Path, numbers: dict[str, int]) -> None:
-    made = roads.plan(model(tmp_path, **numbers), ROAD, drawn())
-    assert made.x.shape == made.speed.shape == (6 * SCENE.vehicles, 30)
-    again = roads.plan(model(tmp_path, **numbers), ROAD, drawn())
-    assert all(np.array_equal(getattr(made, key), getattr(again, key)) for key in STATES)
-    assert ends(made, 6).std(axis=0).min() > 0.1  # futures differ
-
-
 def test_the_plan_is_what_closed_loop_then_drives(tmp_path: Path) -> None:
     driver = model(tmp_path)
     planned = roads.plan(driver, ROAD, roads.present(SCENE))
     driven = roads.closed_loop(driver, ROAD, SCENE, steps=30, replan=5)
     for key in STATES:
         assert np.array_equal(getattr(driven, key)[0], getattr(planned, key))
-
-
-def test_the_order_of_the_vehicles_does_not_matter(tmp_path: Path) -> None:
-    driver, order = model(tmp_path), [2, 0, 3, 1]
-    made = roads.plan(driver, ROAD, drawn())
-    other = roads.plan(driver, ROAD, drawn(SCENE.reordered(order, name="other"), DRAWS[:, order]))
-    for key in STATES:
-        values = getattr(made, key).reshape(6, SCENE.vehicles, 30)[:, order]
-        assert np.abs(values - getattr(other, key).reshape(values.shape)).max() < CLOSE
 
 
 @pytest.mark.parametrize(("turn", "shift"), [(0.0, (1000.0, -500.0)), (2.0, (30.0, 7.0))])
@@ -102,16 +84,6 @@ def test_the_place_of_the_map_does_not_matter(
     # Rounded numbers of the network may fall to the other side, and the surface is a grid.
     assert np.hypot(here.x - there.x, here.y - there.y).max() < 0.15
     assert np.abs(here.speed - there.speed).max() < 0.1
-
-
-def test_other_models_vehicles_are_seen_where_they_are(tmp_path: Path) -> None:
-    driver, history = model(tmp_path, "joint_predictor:mode=best"), drawn()
-    mine = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
-    states = history.states.map(np.copy)
-    states.x[:, 1] -= 5.0
-    near = roads.plan(driver, ROAD, replace(history, states=states), mine)
-    far = roads.plan(driver, ROAD, history, mine)
-    assert np.abs(near.x - far.x).max() > 1e-3
 
 
 def test_the_shipped_follower_goes_with_its_leader_and_drawn_modes_do_not() -> None:

@@ -27,12 +27,6 @@ def test_around_a_vehicle_are_those_within_30_m() -> None:
     assert names(Focus(around="gone")) == ("", "")
 
 
-def test_the_busiest_place_has_most_vehicles_within_30_m() -> None:
-    kept, counted = names(Focus(busiest=5))
-    assert kept == counted == "bcdef"  # the first of those with three neighbours on either side
-    assert names(Focus()) == ("".join(NAMES), "".join(NAMES))  # up to 25 all count
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -93,16 +93,6 @@ def test_the_page_links_each_moment_to_the_report_that_its_command_makes(tmp_pat
     assert "No moment was assessed" in write_page(tmp_path, Path("m.sumocfg"), [], [], "").read_text()
 
 
-def test_risks_are_rows_by_moment_and_pair(tmp_path: Path) -> None:
-    table = pq.read_table(write_risks(tmp_path, [risk(1.0), risk(2.0, ("a", "b", 0.1), ("c", "d", 0.0))]))
-    assert table["time_s"].to_pylist() == [2.0, 2.0] and table["human_like"].to_pylist() == [0.1, 0.0]
-
-
-@pytest.mark.parametrize("level", [1e-4, 1.0])
-def test_a_pair_that_nobody_saw_is_in_no_table(level: float) -> None:
-    assert leads_of([], [risk(1.0, ("a", "b", 9e-5))], level=level) == []
-
-
 def test_rank_takes_the_moments_that_a_watch_found_critical_the_worst_first(tmp_path: Path) -> None:
     found = [risk(1.0, ("a", "b", 1e-6)), risk(2.0), risk(3.0, ("a", "b", 1e-3), ("a", "c", 1e-9))]
     write_risks(tmp_path, found)

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pytest
 
 from scex_sumo.live.painter import SCALE, Painter, color_of
 from scex_sumo.live.risk import PairRisk, Risk
@@ -106,14 +105,6 @@ def test_the_view_follows_the_pair_that_leads() -> None:
     assert window.tracked == ""
 
 
-def test_the_legend_names_each_colour_and_no_text_has_blanks() -> None:
-    window = Window("a", "b")
-    Painter(window)(risk("a", "b"))
-    assert len(window.texts) == len(SCALE) + 2 and not any(
-        " " in text or "," in text for text in window.texts
-    )
-
-
 def test_a_window_that_is_closed_stops_nothing() -> None:
     window = Window("a", "b")
     painter = Painter(window)
@@ -124,8 +115,3 @@ def test_a_window_that_is_closed_stops_nothing() -> None:
 
     window.vehicle.getIDList = closed
     painter.close()
-
-
-@pytest.mark.parametrize(("p", "place"), [(0.5, 0), (1e-3, 0), (9e-4, 1), (1e-5, 2), (1e-6, 3), (0.0, 4)])
-def test_the_scale_has_a_colour_for_each_power_of_ten(p: float, place: int) -> None:
-    assert color_of(p) == SCALE[place][1]

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.base.errors import UsageError
 from scex_sumo.live.risk import PairRisk, Question, Risk, assess
 from tests.formats.sumo.simulations import start_words, write_grid
 
@@ -32,24 +31,6 @@ def test_p_of_a_vehicle_joins_its_pairs_as_if_independent() -> None:
     found = risk(PAIR, replace(PAIR, hits="c", other="a", human_like=0.2))
     assert found.of("a") == pytest.approx(1 - 0.9 * 0.8) and found.of("b") == pytest.approx(0.1)
     assert found.of("nobody") == 0.0
-
-
-def test_either_joins_people_and_the_stress_test() -> None:
-    assert PAIR.combined == pytest.approx(1 - 0.9 * 0.5)
-    assert replace(PAIR, stress=None).combined == pytest.approx(0.1)
-
-
-@pytest.mark.parametrize(
-    ("question", "words"),
-    [
-        (Question(futures=-1), "--futures: got -1"),
-        (Question(models="nonsense"), "unknown behavior 'nonsense'"),
-        (Question(response="nowhere.json"), "nowhere.json"),
-    ],
-)
-def test_a_question_that_cannot_be_answered_is_refused(question: Question, words: str) -> None:
-    with pytest.raises(UsageError, match=words):
-        question.check()
 
 
 MOMENT = """

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from scex_sumo.base.errors import MapError, ScexWarning, TrackError, UsageError
+from scex_sumo.base.errors import MapError, ScexWarning, TrackError
 from scex_sumo.live import ticker as ticker_module
 from scex_sumo.live.focus import Focus
 from scex_sumo.live.moment import road_of
@@ -65,13 +65,6 @@ def steps(ticker: Ticker, *times: float) -> None:
         ticker.step(time_s, lambda focus: object())  # type: ignore[arg-type, return-value]
 
 
-def test_moments_are_due_once_a_second_whatever_the_steps(pools: list[Pool], monkeypatch: Any) -> None:
-    monkeypatch.setattr(Pool, "at_once", True)
-    ticker = made()
-    steps(ticker, 0.1, 0.2, 1.1, 1.2, 2.3, 4.5, 4.6)
-    assert len(pools[0].futures) == 4 and ticker.skipped == 0  # at 0.1, 1.1, 2.3, 4.5
-
-
 def test_a_moment_is_skipped_while_all_processes_work_and_no_queue_grows(pools: list[Pool]) -> None:
     ticker = made(workers=2)
     steps(ticker, 0.0, 1.0, 2.0, 3.0)
@@ -119,13 +112,6 @@ def test_a_moment_that_cannot_be_taken_costs_no_process(pools: list[Pool]) -> No
     assert len(pools[0].futures) == 1
 
 
-def test_a_state_that_is_loaded_turns_back_the_clock(pools: list[Pool], monkeypatch: Any) -> None:
-    monkeypatch.setattr(Pool, "at_once", True)
-    ticker = made()
-    steps(ticker, 50.0, 10.0, 10.5, 11.0)
-    assert len(pools[0].futures) == 3
-
-
 def test_a_closed_ticker_ends_its_processes_and_keeps_the_last_risk(pools: list[Pool]) -> None:
     ticker = made()
     steps(ticker, 0.0)
@@ -134,10 +120,3 @@ def test_a_closed_ticker_ends_its_processes_and_keeps_the_last_risk(pools: list[
     ticker.close()
     steps(ticker, 1.0, 2.0)
     assert pools[0].closed and len(pools[0].futures) == 1 and ticker.risk is not None
-
-
-def test_options_that_make_no_sense_are_refused() -> None:
-    with pytest.raises(UsageError, match="--workers: got 0"):
-        made(workers=0)
-    with pytest.raises(UsageError, match="--every: got -1"):
-        Ticker(-1.0, None, question=Question(), focus=Focus(), net=Path("g"), wait=False, workers=1)

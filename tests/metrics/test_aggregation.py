@@ -53,15 +53,6 @@ def test_history_is_not_evaluated() -> None:
     assert evaluate(tracks, None, metrics=("distance",)).values.tolist() == [[4.0, 5.5]]
 
 
-def test_an_opening_pair_is_defined_and_zero() -> None:
-    tracks = on_a_line([0, 0], [10, 10], speeds=(5.0, 9.0))
-    result = evaluate(tracks, None, metrics=("ttc", "pttc"))
-    assert result.column("ttc")[0].tolist() == [0.0]
-    assert result.column("ttc_mean")[0].tolist() == [0.0]
-    # PTTC is infinite there, and infinity is left out of its aggregates.
-    assert not result.column("pttc")[1].any()
-
-
 def test_scenes_without_a_following_pair_are_left_out_of_the_mean() -> None:
     """Step 0: 10 m at 4 m/s closing and an opening pair; step 1: nobody else there."""
     nan = np.nan
@@ -80,19 +71,6 @@ def test_fewer_than_two_vehicles_leave_everything_undefined(count: int) -> None:
     assert not result.defined.any()
     assert np.isnan(result.values).all()
     assert all(rows.value.size == 0 for rows in evaluate_pairs(tracks, planned).values())
-
-
-def test_no_futures_and_no_steps_are_no_error() -> None:
-    tracks, planned = random_run(np.random.default_rng(0))
-    nobody = evaluate(tracks.futures(slice(0, 0)), planned.futures(slice(0, 0)))
-    assert nobody.values.shape == (0, 12)
-    assert not evaluate(replace(tracks, first=tracks.states.shape[1]), None).defined.any()
-
-
-def test_two_vehicles_never_on_the_scene_together_are_undefined() -> None:
-    nan = np.nan
-    result = evaluate(on_a_line([0, nan], [nan, 3]), None)
-    assert not result.defined.any()
 
 
 def test_without_planned_paths_only_gap_time_is_undefined() -> None:
@@ -166,11 +144,6 @@ def test_the_worst_value_is_traced_to_its_step_and_pair() -> None:
             with np.errstate(divide="ignore"):
                 value = 1 / rows.value[here] if name == "ttc" else rows.value[here]
             assert value[0] == worst.value[future]
-
-
-def test_the_worst_of_equal_values_is_the_earliest() -> None:
-    worst = evaluate(on_a_line([0, 0, 0], [5, 2, 2]), None, metrics=("distance",)).worst["distance"]
-    assert worst.step.tolist() == [1]
 
 
 def test_backward_differences_bridge_missing_samples() -> None:

@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 
-from scex_sumo.metrics.events import EVENTS, MEASURED
+from scex_sumo.metrics.events import EVENTS
 
 ONE_MORE = """
 import dataclasses
@@ -51,13 +51,6 @@ def test_an_event_is_beyond_its_threshold_and_an_undefined_value_is_not() -> Non
     assert EVENTS["drac"].happens(values + 2).tolist() == [False, True, True, False, True]
     np.testing.assert_array_equal(EVENTS["ttc"].defined(values), [1.4, 1.5, 1.6, np.nan, np.nan])
     np.testing.assert_array_equal(EVENTS["drac"].defined(np.array([0.0, np.inf])), [np.nan, np.inf])
-
-
-def test_events_have_their_thresholds_in_words() -> None:
-    words = ["collides", "TTC < 1.5 s", "PET < 1 s", "DRAC > 3.4 m/s²"]
-    assert [event.words for event in EVENTS.values()] == words
-    assert EVENTS["ttc"].question == "TTC on path < 1.5 s" and EVENTS["collision"].question == "collision"
-    assert [event.name for event in MEASURED] == ["ttc", "pet", "drac"]
 
 
 def test_one_entry_more_is_a_column_of_every_table() -> None:

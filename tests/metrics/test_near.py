@@ -29,10 +29,6 @@ def test_pairs_are_near_up_to_20_m_between_their_circles(monkeypatch: pytest.Mon
     assert found is not None and found[0].tolist() == [0]
 
 
-def test_all_pairs_of_a_jam_are_near() -> None:
-    assert near_pairs(standing([0.1 * vehicle for vehicle in range(40)])) is None
-
-
 @pytest.mark.parametrize("preset", ["paper", "path"])
 @pytest.mark.parametrize("longer", [1, 5])
 @pytest.mark.parametrize(("seed", "absent", "same"), [(0, 0.0, 1), (1, 0.2, 1), (2, 0.0, 4), (3, 0.2, 4)])

@@ -10,10 +10,10 @@ import pytest
 import shapely
 
 from scex_sumo.evaluation.pair_values import evaluate_pairs
-from scex_sumo.metrics.base import MetricParameters, PlannedPaths
+from scex_sumo.metrics.base import PlannedPaths
 from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.metrics.registry import columns_of, metrics_named
-from tests.metrics.scenes import one_scene, random_run
+from tests.metrics.scenes import random_run
 from tests.metrics.straight import closed_forms, straight
 from tests.metrics.test_collisions import outline
 
@@ -43,36 +43,6 @@ def test_closed_forms() -> None:
             assert defined.all() and values == pytest.approx([case["gap"]], rel=1e-9)
         if "wttc_path" in case:
             assert first["wttc_path"] == pytest.approx([case["wttc_path"]], rel=1e-12)
-
-
-def test_two_cars_abreast_in_their_lanes_are_not_at_zero_seconds() -> None:
-    """1.7 m apart, 13.8 m/s² together: sqrt(2 * 1.7 / 13.8); the circles around them overlap."""
-    tracks = one_scene([{"v": 20}, {"y": 3.5, "v": 20}])
-    outlines = evaluate_pairs(tracks, None, metrics=("wttc", "wttc_path"))
-    assert outlines["wttc_path"].value == pytest.approx([math.sqrt(3.4 / 13.8)] * 2, rel=1e-12)
-    assert outlines["wttc"].value.max() == 0
-
-
-def test_a_corner_that_is_hit_by_a_side_is_found_in_one_step() -> None:
-    """A square ahead turned by 45°: its corner is 10 - sqrt(2) m from the front at 1 m, closing at 10 m/s."""
-    tracks = one_scene(
-        [{"v": 10, "length": 2, "width": 2}, {"x": 10, "psi": math.pi / 4, "length": 2, "width": 2}]
-    )
-    gap = 10 - 1 - math.sqrt(2)
-    expected = (-10 + math.sqrt(100 + 2 * 13.8 * gap)) / 13.8
-    rows = evaluate_pairs(tracks, None, metrics=("wttc_path",))["wttc_path"]
-    assert rows.value == pytest.approx([expected] * 2, rel=1e-12)
-
-
-def test_without_acceleration_outlines_that_miss_never_meet() -> None:
-    none = MetricParameters(max_acceleration=0.0)
-    missing = one_scene([{"v": 10}, {"x": 50, "y": 3, "v": 0}])
-    meeting = one_scene([{"v": 10}, {"x": 50, "y": 1, "v": 0}])
-    found = [
-        evaluate_pairs(tracks, None, metrics=("wttc_path",), parameters=none)["wttc_path"].value[0]
-        for tracks in (missing, meeting)
-    ]
-    assert found == [math.inf, pytest.approx(4.55, rel=1e-9)]
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -135,10 +105,3 @@ def test_the_mean_of_pttc_is_harmonic_over_the_scenes_in_which_a_pair_follows() 
     times = [(60 + 100 / 200) / 20] + [6.0] * 4
     assert found.column("pttc")[0] == pytest.approx([min(times)])
     assert found.column("pttc_mean")[0] == pytest.approx([10 / sum(1 / t for t in times)])
-
-
-def test_the_mean_of_pttc_is_undefined_where_nobody_closes_in() -> None:
-    tracks = straight({"speed": 10}, {"x": 30, "speed": 10 - 1e-10}, steps=5)
-    found = evaluate(tracks, None, metrics=("pttc", "ttc"))
-    assert not found.column("pttc_mean")[1].any() and np.isnan(found.column("pttc_mean")[0]).all()
-    assert found.column("ttc")[0] == [0.0]  # 1e-10 m/s is rounding, not closing

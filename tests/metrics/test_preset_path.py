@@ -12,7 +12,7 @@ import pytest
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.evaluation.pair_values import evaluate_pairs
-from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
+from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.scene import STEP_S, States
 from tests.metrics.scenes import one_scene, random_run
@@ -64,13 +64,6 @@ def test_the_gap_is_measured_along_the_path() -> None:
     assert value("ttc", tracks, paths, preset="paper") == {}
 
 
-def test_the_next_vehicle_leads_not_the_one_after_it() -> None:
-    tracks = one_scene([{"x": 0, "v": 20}, {"x": 60, "v": 1}, {"x": 30, "v": 10}])
-    paths = planned(tracks, [(50, 0), (100, 0)], [(70, 0)], [(90, 0)])
-    assert value("ttc", tracks, paths) == pytest.approx({2: 2.55}, rel=EXACT)
-    assert value("ttc", tracks, paths, row=2) == pytest.approx({1: 25.5 / 9}, rel=EXACT)
-
-
 @pytest.mark.parametrize(
     ("leader", "leads"),
     [
@@ -96,24 +89,6 @@ def test_a_driver_who_stops_behind_a_leader_still_follows_it() -> None:
     tracks = one_scene([{"x": 0, "v": 8}, {"x": 20, "v": 0}])
     paths = planned(tracks, [(6, 0), (10, 0), (13, 0), (13, 0)], [])
     assert value("ttc", tracks, paths) == pytest.approx({1: 15.5 / 8}, rel=EXACT)
-
-
-def test_a_standing_vehicle_looks_along_its_heading() -> None:
-    tracks = one_scene(
-        [{"x": 0, "psi": 0.2, "v": 0}, {"x": 10 * math.cos(0.2), "y": 10 * math.sin(0.2), "psi": 0.2}]
-    )
-    rows = value("ttc", tracks, planned(tracks, [], []))
-    assert rows == {1: math.inf}
-
-
-def test_overlapping_bumpers_leave_no_gap() -> None:
-    tracks = one_scene([{"x": 0, "v": 8}, {"x": 4, "v": 2}])
-    paths = planned(tracks, [(20, 0)], [(10, 0)])
-    assert value("ttc", tracks, paths) == {1: 0.0}
-    assert value("drac", tracks, paths) == {1: math.inf}
-    result = evaluate(tracks, paths, preset="path", metrics=("ttc", "drac"))
-    assert result.preset == "path"
-    assert np.isinf(result.values).all() and result.defined.all()
 
 
 def slow_leader(
@@ -206,11 +181,6 @@ def test_gap_time_between_leaving_and_entering_the_area() -> None:
     assert value("gap_time", tracks, paths, preset="paper") == pytest.approx({1: 5.0}, rel=EXACT)
 
 
-def test_gap_time_is_zero_where_both_would_be_in_the_area() -> None:
-    tracks = one_scene([{"x": -30, "v": 10}, {"y": -32, "psi": math.pi / 2, "v": 10}])
-    assert value("gap_time", tracks, planned(tracks, [(30, 0)], [(0, 20)])) == {1: 0.0}
-
-
 def test_the_area_grows_with_the_slant_of_the_paths() -> None:
     """At 45° it reaches (w₂ + w₁ cos 45°) / (2 sin 45°) along either path."""
     diagonal = math.sqrt(0.5)
@@ -288,18 +258,3 @@ def test_pet_of_parts_of_a_track_looks_at_the_driven_track_only() -> None:
     later = replace(tracks, first=1)
     result = evaluate(later, apart, metrics=("pet",))
     assert result.values[0, 0] == pytest.approx(25.05 / 5 - 20.3 / 10, rel=1e-7)
-
-
-def test_drac_of_opening_pairs_is_zero() -> None:
-    tracks = one_scene([{"x": 0, "v": 5}, {"x": 20, "v": 9}])
-    assert value("drac", tracks, planned(tracks, [(30, 0)], [(60, 0)])) == {1: 0.0}
-
-
-def test_standing_followers_have_no_headway() -> None:
-    tracks = one_scene([{"x": 0, "v": 1e-4}, {"x": 20, "v": 9}])
-    assert value("thw", tracks, planned(tracks, [(30, 0)], [(60, 0)])) == {}
-
-
-def test_an_extension_must_have_a_length() -> None:
-    with pytest.raises(Exception, match="path extension 0"):
-        MetricParameters(path_extension=0.0)

@@ -63,8 +63,3 @@ def test_of_many_futures_each_pair_of_tracks_is_there_once() -> None:
     for side, vehicle in zip(shared.scenes.pairs, (first, second), strict=True):
         there = shared.scenes.tracks.states.x[0].T[side[shared.row]]  # (P, C, T)
         assert np.array_equal(there, tracks.states.x.transpose(2, 0, 1)[vehicle])
-
-
-def test_futures_that_all_differ_share_nothing() -> None:
-    tracks, planned = random_run(np.random.default_rng(0), futures=6)
-    assert track_pairs(tracks, planned, preset=preset_named("paper"), parameters=PAPER) is None

@@ -29,11 +29,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_a_run_leaves_its_report_and_no_pictures(folder: Path) -> None:
-    assert (folder / "report.html").is_file()
-    assert not [*folder.glob("*.png"), *folder.glob("*.svg")]
-
-
 def test_the_report_is_written_again(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = (folder / "report.html").read_bytes()
     (folder / "report.html").unlink()
@@ -49,12 +44,6 @@ def test_figures_come_in_the_format_of_their_file(
     file = tmp_path / f"figure{ending}"
     plot_command([folder], metric="distance", curve="cumulative", out=file)
     assert file.read_bytes().startswith(start)
-
-
-def test_the_same_figure_has_the_same_bytes(folder: Path, tmp_path: Path) -> None:
-    for name in ("one.pdf", "two.pdf"):
-        plot_command([folder], metric="ttc", curve="density", out=tmp_path / name)
-    assert (tmp_path / "one.pdf").read_bytes() == (tmp_path / "two.pdf").read_bytes()
 
 
 def test_what_cannot_be_drawn_is_said(folder: Path, tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from scex_sumo import example_path
-from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.evaluation.recordings import load_recording, seed_at
 from scex_sumo.page.packing import UNITS
@@ -61,8 +60,3 @@ def test_the_page_opens_at_the_fullest_moment_and_writes_the_command(browser: An
     page.wait_for_selector(f"#clock:has-text('{moments[first - 1][0]} s')")
     assert wrong == []
     page.close()
-
-
-def test_another_ending_is_refused() -> None:
-    with pytest.raises(UsageError, match=r"-o page.pdf: unknown ending; known: .html"):
-        inspect_command(MAP, out=Path("page.pdf"))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 from html import unescape
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -39,12 +38,6 @@ def test_a_seed_scene_is_one_line_and_a_table_of_its_vehicles() -> None:
     assert scene._repr_html_().count("<tr>") == 1 + scene.vehicles
 
 
-def test_a_run_plots_itself(run: Run, tmp_path: Path) -> None:
-    (panel,) = run.plot(tmp_path / "ttc.svg", metric="ttc")
-    assert panel.get_title(loc="left") == "1/TTC"
-    assert (tmp_path / "ttc.svg").read_bytes().startswith(b"<?xml")
-
-
 def test_without_pandas_the_remedy_is_said(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(UsageError, match=r"pip install 'scex-sumo\[notebook\]'"):
@@ -61,9 +54,3 @@ def test_tracks_as_an_xarray_by_future_vehicle_and_step(run: Run) -> None:
     mine = tracks.sel(future=1, vehicle=vehicle)
     assert np.array_equal(mine.x, run.states(1).x[3]) and str(mine.model.item()) == run.models_of(1)[3]
     assert mine.speed.sel(step=0).item() == pytest.approx(float(run.scene.now.speed[3]))
-
-
-def test_without_xarray_the_remedy_is_said(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(UsageError, match="to_xarray needs xarray: pip install xarray"):
-        run.to_xarray()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from scex_sumo.page.packing import (
     UNITS,
@@ -11,7 +10,6 @@ from scex_sumo.page.packing import (
     decoded_motion,
     pack,
     quantized,
-    smallest,
 )
 from tests.page.packed import unpack
 
@@ -30,19 +28,6 @@ def test_arrays_and_words_come_out_as_they_went_in() -> None:
         np.testing.assert_array_equal(found[name], values)
 
 
-def test_what_json_does_not_know_becomes_null_or_words() -> None:
-    known = {"whole": np.int64(3), "real": np.float64(0.5), "pair": (1, 2.5)}
-    assert unpack(pack(known, {}))[0] == {"whole": "3", "real": 0.5, "pair": [1, 2.5]}
-    endless = {**known, "most": np.inf, "deep": [{"least": -np.inf}, np.nan]}
-    plain = {"whole": "3", "real": 0.5, "pair": [1, 2.5], "most": None, "deep": [{"least": None}, None]}
-    assert unpack(pack(endless, {}))[0] == plain
-
-
-@pytest.mark.parametrize(("value", "size"), [(127, 1), (-128, 1), (128, 2), (-32_769, 4)])
-def test_integers_take_as_few_bytes_as_they_need(value: int, size: int) -> None:
-    assert smallest(np.array([value])).itemsize == size
-
-
 def test_steady_motion_takes_nothing_and_any_motion_comes_back_to_the_unit() -> None:
     units, time_s = np.array(UNITS), 0.1 * np.arange(31)
     heading, speed = 0.3 + 0.2 * time_s, 8.0 + 2.0 * time_s
@@ -55,7 +40,3 @@ def test_steady_motion_takes_nothing_and_any_motion_comes_back_to_the_unit() -> 
     assert not motion[:, 0].any() and motion[:, 1].any()
     off = np.abs(decoded_motion(start, motion) - poses[:, 1:])
     assert (off <= 0.501 * units).all()
-
-
-def test_values_are_rounded_to_the_nearest_unit() -> None:
-    assert quantized(np.array([0.014, -0.016]), 0.01).tolist() == [1, -2]

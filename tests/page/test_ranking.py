@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 from typing import Any
 
@@ -77,19 +76,6 @@ def test_verdicts_are_saved_and_read_by_page_and_command(page: Any, tmp_path: Pa
     page.set_input_files("#read", file)
     page.locator("#counts", has_text="1 test").wait_for()
     assert verdicts(page) == ["test", "data error"]
-
-
-def test_another_file_says_what_it_lacks(page: Any, tmp_path: Path) -> None:
-    with (tmp_path / "other.csv").open("w", newline="") as file:
-        csv.writer(file).writerows([["a", "b"], [1, 2]])
-    page.set_input_files("#read", tmp_path / "other.csv")
-    page.locator("#said", has_text="no column recording").wait_for()
-
-
-def test_the_table_says_how_often_people_collide_as_the_card_does(page: Any) -> None:
-    cell = page.locator("#all-encounters tbody tr:first-child td:nth-child(7)").inner_text()
-    assert cell.startswith("once in ")
-    assert page.locator("p.takes").first.inner_text().endswith(f": {cell}.")
 
 
 def test_the_two_vehicles_play_until_they_touch(page: Any) -> None:

@@ -5,40 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pytest
-
-from scex_sumo.page.figures.charts import Plane, ticks, value_range
+from scex_sumo.page.figures.charts import Plane
 from scex_sumo.page.html import element
 from scex_sumo.page.report.scene import lane_lines, outline_svg, scene_svg
 from scex_sumo.page.study import card, plots, table, table_place, write_study
 from tests.converters.plain_net import lane
 from tests.converters.sumo_roads import road
 from tests.page.conftest import is_foreign
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "words"),
-    [(0, 3, ["0", "1", "2", "3"]), (-0.3, 0.9, ["0.0", "0.5"]), (0.1, 199, ["50", "100", "150"])],
-)
-def test_ticks_are_round_and_within_the_axis(low: float, high: float, words: list[str]) -> None:
-    assert [text for _, text in ticks(low, high)] == words
-
-
-def test_a_plane_has_more_upwards_and_keeps_what_is_outside_at_its_edge() -> None:
-    plane = Plane(x=(0, 10), y=(0, 2), width=100, height=50)
-    assert plane.at(0, 0) == (0, 50)
-    assert plane.at(5, 1) == (50, 25)
-    assert plane.at(20, 3) == (100, 0)
-
-
-def test_a_range_leaves_far_values_out_and_takes_near_marks_in() -> None:
-    values = np.array([*np.linspace(1, 3, 20), 1000.0, np.inf])
-    low, high = value_range(values, 4.0, 5000.0)
-    assert low < 1 and 4 < high < 15
-    assert value_range(np.array([np.inf])) == (0.0, 1.0)
-    assert value_range(np.array([0.0, 0.2, 0.3]), 0.05)[0] == 0.0  # no density below 0
-    assert value_range(np.array([8.0, 9.0]), 7.5)[0] == 7.4
 
 
 def test_a_picture_has_the_lanes_that_touch_its_box_and_its_outlines() -> None:
@@ -48,12 +21,6 @@ def test_a_picture_has_the_lanes_that_touch_its_box_and_its_outlines() -> None:
     assert 'viewBox="0.0 -10.0 50.0 20.0"' in picture
     assert picture.count('class="vehicle"') == 1
     assert picture.count('class="junction"') == 1 < len(lane_lines(roads)) / 3
-
-
-def test_columns_of_names_stand_left_and_those_of_numbers_right() -> None:
-    heads = [("pair", "text", ""), ("count", "text", ""), ("who", "text", ""), ("why", "words", "")]
-    columns = table(heads, [["1 – 2", 3, None, "it"], ["2 – 3", 4, "near", "is"]])["columns"]
-    assert [column.get("kind") for column in columns] == [None, None, "names", "words"]
 
 
 def test_a_page_shows_its_tables_sorted_by_a_click_and_asks_for_nothing(browser: Any, tmp_path: Path) -> None:

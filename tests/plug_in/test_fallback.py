@@ -66,15 +66,6 @@ def test_only_the_vehicle_without_a_finite_plan_falls_back() -> None:
     assert np.array_equal(made.x[1], path.x[1]) and np.isfinite(made.speed).all()
 
 
-def test_what_is_not_finite_after_three_seconds_does_not_matter() -> None:
-    def spoil(made: Plan, who: VehicleIndex) -> Plan:
-        made.x[:, 30:] = np.nan
-        return made
-
-    made, _ = asked(Forward(spoil))
-    assert made.fallback is not None and not made.fallback.any()
-
-
 @pytest.mark.parametrize(
     ("step", "words"),
     [(0, "plan starts 6.0 m from where the vehicle's motion leads"), (10, "plan jumps at step 11 to 6.0 m")],
@@ -135,17 +126,6 @@ def test_the_hardest_stop_that_a_vehicle_can_make_is_no_jump() -> None:
     assert made.reasons == ("", "")
 
 
-def test_a_plan_that_is_too_short_falls_back() -> None:
-    made, path = asked(Forward(lambda made, who: replace(made, y=made.y[:, :29])))
-    assert made.reasons == ("plan.y has shape (1, 29), needs (1, 30) or more steps",) * 2
-    assert np.array_equal(made.x, path.x)
-
-
-def test_what_is_no_plan_is_said() -> None:
-    made, _ = asked(Forward(lambda made, who: None))  # type: ignore[arg-type,return-value]
-    assert made.reasons[0] == "returned NoneType, which has no x; needs a scex_sumo.Plan"
-
-
 def fails_for(future: int, vehicle: int) -> Forward:
     def spoil(made: Plan, who: VehicleIndex) -> Plan:
         if ((who.future == future) & (who.vehicle == vehicle)).any():
@@ -163,19 +143,6 @@ def test_one_vehicle_that_makes_a_model_raise_falls_back_alone() -> None:
     assert made.x[3] == pytest.approx(60.0 + 0.5 * np.arange(1, 31))
 
 
-class Drawing:
-    """Draws one number per vehicle, then fails for future 1's second vehicle."""
-
-    def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
-    ) -> Plan:
-        draws = np.array([rng[c].random() for c in who.future])
-        if ((who.future == 1) & (who.vehicle == 1)).any():
-            raise ValueError("no")
-        made = Forward().plan(history, road, who, rng)
-        return replace(made, y=made.y + draws[:, None])
-
-
 def test_a_model_that_ends_the_program_does_not() -> None:
     def leave(made: Plan, who: VehicleIndex) -> Plan:
         raise SystemExit(3)
@@ -183,14 +150,6 @@ def test_a_model_that_ends_the_program_does_not() -> None:
     made, path = asked(Forward(leave))
     assert made.reasons[0].startswith("raised SystemExit: 3 (test_fallback.py")
     assert np.array_equal(made.x, path.x)
-
-
-def test_another_futures_failure_does_not_change_what_a_future_draws() -> None:
-    history = roads.present(TWO, 2)
-    together = roads.plan(Fallible(Drawing(), "mine"), ROAD, history)
-    alone = roads.plan(Drawing(), ROAD, roads.present(TWO, 1))  # type: ignore[arg-type]
-    assert np.array_equal(together.y[:2], alone.y[:, :30])
-    assert together.fallback is not None and together.fallback.tolist() == [False, False, False, True]
 
 
 class OneAtATime:
@@ -211,17 +170,6 @@ def test_a_driving_function_that_fails_for_one_vehicle_is_asked_once_for_each() 
     assert made.reasons[1].startswith("raised RuntimeError: no message (test_fallback.py")
 
 
-def test_a_models_own_fallback_is_counted_and_kept() -> None:
-    def own(made: Plan, who: VehicleIndex) -> Plan:
-        return replace(made, fallback=np.array([True, False]), reasons=("no lane", ""))
-
-    made, _ = asked(Forward(own))
-    assert made.reasons == ("no lane", "")
-    assert made.x[0] == pytest.approx(10.0 + 0.5 * np.arange(1, 31))
-    silent, _ = asked(Forward(lambda made, who: replace(made, fallback=np.array([True, False]))))
-    assert silent.reasons == ("had no plan of its own", "")
-
-
 def test_a_model_that_fails_for_everybody_is_an_error_before_anything_runs() -> None:
     history = roads.present(TWO)
     model = Forward(lambda made, who: replace(made, y=made.y[:, :7]))
@@ -232,14 +180,6 @@ def test_a_model_that_fails_for_everybody_is_an_error_before_anything_runs() -> 
     ) as caught:
         Fallible(model, "mine").try_on(history, ROAD, roads.every(history), roads.generators(history))
     assert "\n" not in str(caught.value)
-
-
-def test_a_model_that_fails_for_some_may_run() -> None:
-    history = roads.present(TWO)
-    model = Fallible(fails_for(0, 1), "mine")
-    model.try_on(history, ROAD, roads.every(history), roads.generators(history))
-    made = roads.plan(model, ROAD, history)
-    assert made.fallback is not None and made.fallback.tolist() == [False, True]
 
 
 def test_the_path_following_driver_is_the_calibrated_driver_on_the_straight_path() -> None:
@@ -263,12 +203,3 @@ def test_a_vehicle_that_a_model_has_turned_left_goes_on_to_the_left() -> None:
     made = follow_path(history, roads.fork(), roads.every(history))
     assert made.x[0] == pytest.approx(65.0, abs=0.1)
     assert made.y[0, -1] > 35.0
-
-
-def test_a_vehicle_that_a_model_has_driven_off_the_road_goes_straight_on() -> None:
-    history = moved(roads.present(roads.scene_of((45.0, 0.0, 0.0, 8.0))), 80.0, -30.0, 0.5)
-    made = follow_path(history, ROAD, roads.every(history))
-    way = 0.8 * np.arange(1, 31)
-    assert made.x[0] == pytest.approx(80.0 + way * np.cos(0.5))
-    assert made.y[0] == pytest.approx(-30.0 + way * np.sin(0.5))
-    assert made.speed[0] == pytest.approx(8.0)

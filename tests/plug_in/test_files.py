@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.base.errors import InputError, MissingExtraError, ScexError, UsageError
+from scex_sumo.base.errors import InputError, MissingExtraError, ScexError
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.scene import Plan
 from tests.behaviors import roads
@@ -67,14 +67,6 @@ def test_an_onnx_file_says_how_much_it_sees_unless_told_otherwise(tmp_path: Path
     told = build(parse_models(f"onnx:file={file}:points=7")[0])
     assert told.surroundings.points == 7  # type: ignore[attr-defined]
     assert driven(f"onnx:file={file}").x.shape == (4, 30)
-
-
-def test_an_onnx_model_goes_to_another_process_by_its_file(tmp_path: Path) -> None:
-    pytest.importorskip("onnxruntime")
-    built = build(parse_models(f"onnx:file={write_onnx(tmp_path / 'm.onnx')}")[0])
-    history = roads.present(SCENE)
-    there = roads.plan(pickle.loads(pickle.dumps(built)), roads.straight(), history)
-    assert np.array_equal(there.x, roads.plan(built, roads.straight(), history).x)
 
 
 def test_onnx_files_that_cannot_be_used_say_why(tmp_path: Path) -> None:
@@ -155,11 +147,3 @@ def test_what_is_not_installed_is_named_with_the_command_that_installs_it(
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == package else found(name))
     with pytest.raises(MissingExtraError, match=rf"{model}: needs {package}; .*'scex-sumo\[{extra}\]'"):
         build(parse_models(f"{model}:file=m")[0])
-
-
-def test_a_file_must_be_given_and_be_there(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="onnx: parameter file has no default; give it as file=value"):
-        parse_models("onnx:neighbours=3")
-    pytest.importorskip("onnxruntime")
-    with pytest.raises(InputError, match=r"onnx: file=.*none.onnx: no such file"):
-        build(parse_models(f"onnx:file={tmp_path / 'none.onnx'}")[0])

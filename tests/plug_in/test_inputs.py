@@ -7,13 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.base.errors import UsageError
 from scex_sumo.plug_in.inputs import (
     ARRAYS,
     Surroundings,
-    lane_pieces,
     predictor_inputs,
-    vehicle_kind,
 )
 from scex_sumo.scene import Obstacles, States
 from tests.behaviors import roads
@@ -92,31 +89,3 @@ def test_lanes_are_pieces_of_centrelines_in_the_own_frame() -> None:
     assert mask.sum() == 3
     assert arrays["lane_limit"][0, mask] == pytest.approx(15.0)
     assert not arrays["lanes"][0, ~mask].any()
-
-
-def test_a_piece_ends_where_the_next_of_its_lane_begins() -> None:
-    pieces, limit = lane_pieces(roads.straight(50.0), 10, 2.0)
-    # 50 m in pieces of at most 18 m: three of 16.7 m.
-    assert pieces.shape == (3, 10, 2) and len(limit) == 3
-    assert pieces[:, 0, 0] == pytest.approx([0.0, 50 / 3, 100 / 3])
-    assert pieces[:-1, -1] == pytest.approx(pieces[1:, 0])
-
-
-def test_a_map_without_lanes_gives_none() -> None:
-    history = roads.present(SCENE)
-    arrays = predictor_inputs(history, roads.road(), roads.every(history), Surroundings())
-    assert not arrays["lane_mask"].any() and arrays["lanes"].shape == (3, 32, 10, 2)
-
-
-@pytest.mark.parametrize(
-    ("word", "kind"),
-    [("car", 0), ("truck_bus", 1), ("Motorcycle", 2), ("bicycle", 3), ("pedestrian/bicycle", 4), ("tram", 5)],
-)
-def test_recorded_types_are_numbered(word: str, kind: int) -> None:
-    assert vehicle_kind(word) == kind
-
-
-@pytest.mark.parametrize("how", [{"neighbours": 0}, {"radius": -1.0}, {"points": 1}, {"spacing": 0.0}])
-def test_surroundings_that_make_no_sense_are_refused(how: dict[str, float]) -> None:
-    with pytest.raises(UsageError, match=next(iter(how))):
-        Surroundings(**how)  # type: ignore[arg-type]

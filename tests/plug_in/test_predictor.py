@@ -18,7 +18,7 @@ from scex_sumo.plug_in.predictor import (
     graph_of_future,
     trajectories,
 )
-from scex_sumo.plug_in.user_model import is_predictor, predictor, predictor_model
+from scex_sumo.plug_in.user_model import is_predictor, predictor
 from tests.behaviors import roads
 
 # One along +y, one along -x.
@@ -50,31 +50,6 @@ def test_headings_and_speeds_follow_the_motion() -> None:
     made = completed(of(5 * np.sin(angle), 5 * (1 - np.cos(angle))))[0]
     assert made[:, 2] == pytest.approx(angle - 0.05)
     assert made[:, 3] == pytest.approx(5 * 2 * np.sin(0.05) / 0.1)
-
-
-def test_headings_go_on_past_half_a_turn_without_a_jump() -> None:
-    angle = 2 * STEPS
-    made = completed(of(5 * np.sin(angle), 5 * (1 - np.cos(angle))))[0]
-    assert made[-1, 2] == pytest.approx(6.0 - 0.1)
-    assert np.diff(made[:, 2]) == pytest.approx(0.2)
-
-
-def test_one_who_stands_keeps_the_heading_however_the_prediction_trembles() -> None:
-    tremble = 0.01 * (-1.0) ** np.arange(30)
-    made = completed(of(tremble, -tremble))[0]
-    assert not made[:, 2].any()
-
-
-def test_one_who_moves_back_is_reversing() -> None:
-    made = completed(of(-2.0 * STEPS, 0.0))[0]
-    assert made[:, 2] == pytest.approx(0.0)
-    assert made[:, 3] == pytest.approx(-2.0)
-
-
-def test_headings_and_speeds_that_are_given_stand() -> None:
-    with_heading = completed(of(STEPS, 0.0, 0.3))[0]
-    assert with_heading[:, 2] == pytest.approx(0.3) and with_heading[:, 3] == pytest.approx(1.0)
-    assert completed(of(STEPS, 0.0, 0.3, 7.0))[0, :, 3] == pytest.approx(7.0)
 
 
 @pytest.mark.parametrize(
@@ -175,7 +150,3 @@ def test_a_wrong_function_is_refused_where_it_is_written() -> None:
         predictor("wrong")(lambda history, camera: None)
     with pytest.raises(UsageError, match="neighbours: got 0"):
         predictor("wrong", neighbours=0)(straight)
-
-
-def test_a_function_says_what_it_does() -> None:
-    assert predictor_model(straight).summary == "On and on."

@@ -110,15 +110,6 @@ def test_a_program_that_never_gets_ready_is_waited_for_once_and_named(
     assert capsys.readouterr().err == "waiting up to 0.5 s for the program sleep 60\n"
 
 
-def test_a_program_that_keeps_crashing_is_given_up(tmp_path: Path) -> None:
-    driver = ProcessDriver(program(tmp_path, "os._exit(1)"))
-    for _ in range(5):
-        with pytest.raises(ScexError, match="has ended"):
-            ask(driver)
-    with pytest.raises(ScexError, match="5 times; it is not started again"):
-        ask(driver)
-
-
 def test_the_command_keeps_its_colons_commas_and_blanks() -> None:
     assert split_command("deadline_s=0.5:./a b:c,d") == ["deadline_s=0.5", "command=./a b:c,d"]
     (spec,) = parse_models("process:./a b:c,d")

@@ -130,18 +130,6 @@ def test_a_module_that_fails_or_lacks_something_says_what_and_where(folder: Path
         parse_models("needy:M")
 
 
-@pytest.mark.usefixtures("drivers")
-def test_a_constructor_that_raises_is_the_models_error() -> None:
-    (spec,) = parse_models("drivers.own:Refuses")
-    with pytest.raises(UsageError, match=r"Refuses: making it raised FileNotFoundError: no weights.bin"):
-        build(spec)
-
-
-def test_a_parameter_without_a_value_is_no_import_path() -> None:
-    with pytest.raises(UsageError, match="'time_headway' is not parameter=value"):
-        parse_models("standard_driver:time_headway")
-
-
 def test_an_installed_package_adds_its_models_by_entry_points(
     drivers: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -21,7 +21,6 @@ from scex_sumo.reports.run_table import (
     MAIN,
     always_critical,
     answer_lines,
-    participants,
     print_line,
     print_table,
     shown_columns,
@@ -49,12 +48,6 @@ def printed(made: Table, width: int) -> list[str]:
     return [line.rstrip() for line in console.file.getvalue().splitlines()]
 
 
-def test_a_wide_terminal_gets_a_frame() -> None:
-    lines = printed(table(), 80)
-    assert lines[0].startswith("┏")
-    assert "worse : better" in lines[1]
-
-
 @pytest.mark.parametrize("width", [31, 10])
 def test_a_narrow_terminal_gets_every_cell_whole_and_broken_headers(width: int) -> None:
     # 15, 5 and 9 characters with a space between: 31; a terminal of 10 breaks the lines by itself.
@@ -63,14 +56,6 @@ def test_a_narrow_terminal_gets_every_cell_whole_and_broken_headers(width: int) 
         "metric              p    better",
         "traffic_quality 0.001 232 : 81x",
     ]
-
-
-def test_a_long_name_takes_two_lines_where_it_may() -> None:
-    lines = printed(table(fold=True), 29)
-    assert max(map(len, lines)) <= 29
-    first, second = lines[-2:]
-    assert first.split() == ["traffic_quali", "0.001", "232", ":", "81x"]
-    assert second.split() == ["ty"]
 
 
 def result(folder: Path, values: dict[str, list[float | None]], **about: object) -> Path:
@@ -235,12 +220,6 @@ def test_both_lines_of_a_pair_have_one_name(tmp_path: Path) -> None:
     assert (row["models"][0]["model"], row["models"][0]["other_model"]) == ("o", "m")
 
 
-def test_medians_say_that_most_futures_collide(tmp_path: Path) -> None:
-    values = {"drac": [np.inf, np.inf, 1.0], "gap": [0.0, 0.0, 3.0], "thw": [1.0, 2.0, 3.0]}
-    run = open_run(result(tmp_path, values | {"collision": [1.0, 1.0, 0.0]}))
-    assert [cells(run, name)[1] for name in ("DRAC", "body gap", "THW")] == ["collides", "collides", "2.00"]
-
-
 @pytest.mark.parametrize(
     ("models", "words"),
     [
@@ -287,9 +266,3 @@ def test_longer_runs_tell_the_probability_of_a_collision_by_horizon(tmp_path: Pa
     assert shares[-1] == run.collision.sampled.value > 0
     rows = list(summary_table(run).columns[0].cells)
     assert [str(row) for row in rows if "by" in str(row)] == [f"collision by {s} s" for s in (1, 2, 3)]
-
-
-def test_people_that_take_part_are_no_vehicles() -> None:
-    assert participants({"vehicles": 5, "people": [7, 9]}) == "3 vehicles and 2 people"
-    assert participants({"vehicles": 2, "people": [7]}) == "1 vehicle and 1 person"
-    assert participants({"vehicles": 2}) == "2 vehicles"

@@ -14,10 +14,9 @@ import pytest
 
 from scex_sumo.base.errors import ResultError
 from scex_sumo.base.files import unlock
-from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
+from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table
 from scex_sumo.results.parts import PARTS, Part, Parts, joined_parts, save_part
 from scex_sumo.results.run import open_run
-from scex_sumo.results.tables.reading import read_assignments
 from scex_sumo.results.tables.states import StateBlocks, read_states
 from scex_sumo.scene import States
 from tests.seeds import straight_seed
@@ -33,16 +32,6 @@ def part_of(futures: list[int], steps: int = 3, vehicles: int = 2) -> Part:
     defined[:, 3] = False
     worst = pa.table({"future": numbers[::-1], "metric": ["distance"] * len(numbers)})
     return Part(futures=numbers, states=states, values=values, defined=defined, worst=worst)
-
-
-def test_parts_are_collected_in_order_of_the_futures(tmp_path: Path) -> None:
-    folder = ResultFolder(tmp_path / "out", {"seed": 1})
-    save_part(folder.path, part_of([3, 4]))
-    save_part(folder.path, part_of([0, 1, 2]))
-    whole = next(folder.in_order(5, size=5))
-    assert whole.futures.tolist() == [0, 1, 2, 3, 4]
-    assert whole.states.x[:, 0, 0].tolist() == [0, 100, 200, 300, 400]
-    assert whole.worst["future"].to_pylist() == [0, 1, 2, 3, 4]
 
 
 def test_plans_are_collected_like_the_futures_that_made_them(tmp_path: Path) -> None:
@@ -86,19 +75,6 @@ def test_a_table_written_in_pieces_is_there_whole_or_not_at_all(tmp_path: Path) 
         write(pa.table({"future": [0]}))
         raise ValueError
     assert sorted(file.name for file in folder.path.glob("*.parquet")) == ["metrics.parquet"]
-
-
-def test_parts_without_plans_are_collected_without(tmp_path: Path) -> None:
-    folder = ResultFolder(tmp_path / "out", {"seed": 1})
-    save_part(folder.path, part_of([0, 1]))
-    assert next(folder.in_order(2, size=2)).plan_x is None
-
-
-def test_missing_futures_are_counted(tmp_path: Path) -> None:
-    folder = ResultFolder(tmp_path / "out", {"seed": 1})
-    save_part(folder.path, part_of([0, 1]))
-    with pytest.raises(ResultError, match="2 of 5 futures are finished"):
-        next(folder.in_order(5, size=5))
 
 
 def test_the_same_run_goes_on_after_an_interruption(tmp_path: Path) -> None:
@@ -191,12 +167,6 @@ def test_a_link_in_a_result_folder_is_never_followed(tmp_path: Path) -> None:
     assert [file.name for file in elsewhere.iterdir()] == ["mine.net.xml"]
 
 
-def test_a_file_in_place_of_the_folder_is_an_error(tmp_path: Path) -> None:
-    (tmp_path / "out").write_text("")
-    with pytest.raises(ResultError, match="cannot write the result"):
-        ResultFolder(tmp_path / "out", {})
-
-
 @pytest.mark.parametrize(("content", "message"), [(None, "no such folder"), ("", "no run.json in it")])
 def test_opening_what_is_no_result_says_so(tmp_path: Path, content: str | None, message: str) -> None:
     folder = tmp_path / "out"
@@ -217,24 +187,6 @@ def test_tracks_are_interaction_cases_with_the_seed_scene_at_frame_ten() -> None
     assert x[10:] == [100.0] * 3
 
 
-def test_velocity_lies_along_the_heading() -> None:
-    scene = straight_seed(1, speed=4.0)
-    turned = States(
-        x=scene.history.x, y=scene.history.y, heading=np.full((1, 11), np.pi / 2), speed=scene.history.speed
-    )
-    table = tracks_table(dataclasses.replace(scene, history=turned), part_of([0], vehicles=1)).to_pydict()
-    assert table["vx"][0] == pytest.approx(0, abs=1e-12)
-    assert table["vy"][0] == pytest.approx(4.0)
-
-
-def test_an_undefined_metric_is_null(tmp_path: Path) -> None:
-    part = part_of([0, 1])
-    columns = [f"m{i}" for i in range(12)]
-    table = values_table(columns, part.values, part.defined, part.futures)
-    assert table["m3"].null_count == 2
-    assert table["m4"].to_pylist() == [0.0, 1.0]
-
-
 def test_assignments_name_the_model_of_each_vehicle() -> None:
     table = assignments_table(straight_seed(), np.array([[0, 1], [1, 1]]), ["a", "b:x=1"])
     assert table.to_pydict() == {
@@ -242,13 +194,6 @@ def test_assignments_name_the_model_of_each_vehicle() -> None:
         "track_id": [0, 1, 0, 1],
         "model": ["a", "b:x=1", "b:x=1", "b:x=1"],
     }
-
-
-def test_tables_survive_the_disk(tmp_path: Path) -> None:
-    folder = ResultFolder(tmp_path / "out", {})
-    table = tracks_table(straight_seed(), part_of([0]))
-    folder.write_table("tracks.parquet", table)
-    assert pq.read_table(tmp_path / "out" / "tracks.parquet").equals(table)
 
 
 def test_a_folder_whose_path_is_not_utf8_is_one_line(tmp_path: Path) -> None:
@@ -264,13 +209,6 @@ def test_states_that_no_run_writes_are_refused(tmp_path: Path, value: float) -> 
     pq.write_table(pa.table(columns | {"y": [0.0, value]}), tmp_path / "tracks.parquet")
     with pytest.raises(ResultError, match="column y has impossible values"):
         read_states(tmp_path / "tracks.parquet", rows=2)
-
-
-def test_assignments_without_names_of_models_are_refused(tmp_path: Path) -> None:
-    columns = {"future": [0, 0], "track_id": [1, 2], "model": [3, 4]}
-    pq.write_table(pa.table(columns), tmp_path / "assignments.parquet")
-    with pytest.raises(ResultError, match="column model holds no names"):
-        read_assignments(tmp_path / "assignments.parquet", rows=2)
 
 
 @pytest.mark.parametrize("row_group", [9, 18, 4, 100])

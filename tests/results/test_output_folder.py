@@ -40,11 +40,3 @@ def test_a_result_whose_run_json_is_damaged_is_run_again(tmp_path: Path, content
     (tmp_path / "run.json").write_bytes(content)
     ResultFolder(tmp_path, MINE)
     assert not any(file.exists() for file in tables)
-
-
-def test_a_run_json_of_another_program_is_left_alone(tmp_path: Path) -> None:
-    for name in ("run.json", "metrics.parquet"):
-        (tmp_path / name).write_text("{}")
-    with pytest.raises(ResultError, match=r"run\.json: cannot be read; give another folder with -o, or --ov"):
-        ResultFolder(tmp_path, MINE)
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["metrics.parquet", "run.json"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.participants import MAX_PEOPLE, people_apart, with_people
+from scex_sumo.results.participants import people_apart, with_people
 from scex_sumo.road import Area, Marking, Road
 from scex_sumo.scene import Obstacles, SeedScene, States
 from tests.behaviors import roads
@@ -57,22 +57,6 @@ def test_only_pairs_with_a_vehicle_count() -> None:
 def test_the_speed_says_who_walks_and_who_rides(speed: float, kind: str) -> None:
     taking = with_people(scene_with("pedestrian/bicycle", speed=speed), "model")
     assert taking.types[-1] == kind and taking.length[-1] == {"pedestrian": 0.6, "bicycle": 1.8}[kind]
-
-
-def test_people_of_no_size_have_the_usual_one_and_crowds_are_cut() -> None:
-    taking = with_people(scene_with("pedestrian", length=0.0), "model")
-    assert taking.length[-1] == 0.6 and "people without a usable size have the usual one: P0" in taking.notes
-    crowd = with_people(scene_with(*["pedestrian"] * 500), "model")
-    assert crowd.vehicles == 2 + MAX_PEOPLE and crowd.obstacles is not None
-    assert crowd.notes[-1] == "400 of 500 people, those farthest from vehicles, are replayed"
-    assert with_people(crowd, "model") is crowd  # the reference takes part with the same people
-
-
-def test_people_without_a_place_are_no_participants() -> None:
-    scene = scene_with("pedestrian", "pedestrian")
-    assert scene.obstacles is not None
-    scene.obstacles.states.x[0, 4] = np.nan
-    assert with_people(scene, "model").vehicles == 3
 
 
 def test_people_in_buildings_behind_walls_and_on_motorways_are_named() -> None:

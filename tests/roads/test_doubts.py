@@ -23,10 +23,6 @@ def moved(scene: SeedScene, **shift: Any) -> SeedScene:
     return dataclasses.replace(scene, history=dataclasses.replace(scene.history, **history))
 
 
-def test_vehicles_that_follow_at_a_distance_are_not_doubtful() -> None:
-    assert doubt(queues(2, gap_m=5.0)) is None
-
-
 @pytest.mark.parametrize(
     ("gap_m", "speed", "words"),
     [(-0.5, 0.0, "overlap"), (0.05, 0.0, "nearly touch"), (1.0, 12.0, "nearly touch"), (1.0, 2.0, "")],
@@ -42,11 +38,6 @@ def test_a_vehicle_off_the_lanes_is() -> None:
     assert doubt(dataclasses.replace(scene, people=np.array([False, True]))) is None
     named = doubts_of(scene, np.array([0]), np.array([1]), names=["1", "bicycle P2"])
     assert named == ["bicycle P2 is off the mapped lanes"]
-
-
-def test_a_short_track_is() -> None:
-    scene = dataclasses.replace(queues(2, gap_m=5.0), recorded_steps=np.array([9, 10]))
-    assert doubt(scene) == "1 is recorded for less than a second"
 
 
 def test_a_vehicle_that_leaves_within_a_second_and_before_the_others_is() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 import scex_sumo as scex
 from scex_sumo.road import Road
-from scex_sumo.roads.matching import Matches, match, off_road
+from scex_sumo.roads.matching import Matches, match
 from tests.behaviors import roads
 from tests.roads.plain_matching import plain_match
 
@@ -65,12 +65,6 @@ def test_between_two_parallel_lanes_both_are_equally_probable() -> None:
     ]
 
 
-def test_a_sideways_step_in_a_centreline_does_not_lose_the_vehicle() -> None:
-    stepped = roads.road(roads.lane(1, [(0.0, 0.0), (50.0, 0.0), (50.0, 0.6), (100.0, 0.6)]))
-    ((lane_id, _, _, _),) = one(stepped, 50.0, 0.3, 0.0)
-    assert lane_id == 1
-
-
 def test_vehicles_beside_the_road_or_on_a_footpath_match_nothing() -> None:
     # Half a width of 1.75 m and a margin of 1 m.
     assert one(roads.straight(), 40.0, 2.8, 0.0) == []
@@ -121,20 +115,3 @@ def test_matches_on_real_maps_are_those_of_the_plain_matching(data: Path, name: 
     where = scex.read_map(data / f"{name}.osm")
     x, y, heading = poses(where, 600, 1)
     assert same(match(where, x, y, heading), plain_match(where, x, y, heading))
-
-
-def test_a_pose_that_is_no_number_or_far_away_matches_nothing() -> None:
-    x, y = np.array([np.nan, 10.0, 1e9, -1e9]), np.array([0.0, 0.0, 0.0, np.inf])
-    found = match(roads.straight(), x, y, np.zeros(4))
-    assert found.vehicle.tolist() == [1]
-
-
-def test_a_road_without_vehicle_lanes_matches_nothing() -> None:
-    footpath = roads.road(roads.lane(1, [(0.0, 0.0), (9.0, 0.0)], kind="pedestrian"))
-    assert len(match(footpath, np.zeros(3), np.zeros(3), np.zeros(3)).vehicle) == 0
-    assert len(match(roads.straight(), np.zeros(0), np.zeros(0), np.zeros(0)).vehicle) == 0
-
-
-def test_off_road_names_the_vehicles_without_a_lane() -> None:
-    scene = roads.scene_of((10.0, 0.0, 0.0, 5.0), (10.0, 30.0, 0.0, 5.0), (60.0, 0.0, 2.0, 5.0))
-    assert off_road(roads.straight(), scene) == [1, 2]

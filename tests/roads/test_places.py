@@ -48,17 +48,6 @@ def test_an_intersection_has_crossings_and_a_motorway_a_merge() -> None:
         assert place in found and "ring" not in found
 
 
-def test_blocks_and_u_turns_are_no_rings(tmp_path: Path) -> None:
-    """A grid of SUMO's: the way round a block and that over two U-turns are shorter than 400 m."""
-    net = tmp_path / "g.net.xml"
-    options = ("--grid", "--grid.number", "3", "--grid.length", "70", "--output-file", str(net))
-    subprocess.run([program("netgenerate"), *options], check=True, capture_output=True)
-    road = scex_sumo.read_map(net)
-    points = np.array([middle(lane.centreline) for lane in road.vehicle_lanes.values()])
-    found = places_of(road, points)
-    assert {"crossing", "lane"} <= {*found} and "ring" not in found
-
-
 def test_a_corner_of_a_large_net_has_the_places_of_the_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,17 +10,13 @@ import pytest
 from scex_sumo.behaviors.driving.paths import seed_paths
 from scex_sumo.geometry.polylines import length_of
 from scex_sumo.road import Road
-from scex_sumo.roads.routes import candidate_paths, centreline, extended, routes
+from scex_sumo.roads.routes import candidate_paths, centreline, routes
 from tests.behaviors import roads
 
 
 def test_a_three_way_fork_gives_three_routes_and_only_one_when_it_is_beyond_the_horizon() -> None:
     assert routes(roads.fork(), 1, 10.0, 80.0) == ((1, 11), (1, 12), (1, 13))
     assert routes(roads.fork(), 1, 10.0, 40.0) == ((1,),)
-
-
-def test_routes_end_with_the_mapped_road() -> None:
-    assert routes(roads.fork(), 12, 10.0, 500.0) == ((12,),)
 
 
 def test_a_roundabout_leads_round_and_out_at_every_exit() -> None:
@@ -73,17 +69,6 @@ def test_the_order_does_not_depend_on_where_the_map_points() -> None:
     )
     (paths,) = candidate_paths(turned, roads.scene_of((-20.0, 0.0, np.pi, 10.0)))
     assert [path.lanes for path in paths] == [(1, 11), (1, 12), (1, 13)]
-
-
-def test_equal_angles_are_ordered_by_lane_ids() -> None:
-    same = [(50.0, 0.0), (150.0, 0.0)]
-    doubled = roads.road(
-        roads.lane(1, [(0.0, 0.0), (50.0, 0.0)], successors=(9, 4)),
-        roads.lane(9, same, predecessors=(1,)),
-        roads.lane(4, same, predecessors=(1,)),
-    )
-    (paths,) = candidate_paths(doubled, roads.scene_of((20.0, 0.0, 0.0, 10.0)))
-    assert [path.lanes for path in paths] == [(1, 4), (1, 9)]
 
 
 def test_probability_is_shared_at_each_fork_not_among_all_ends() -> None:
@@ -143,34 +128,12 @@ def test_at_most_a_dozen_paths_lead_on_from_a_lane_and_the_nearest_forks_count()
     assert sum(path.probability for path in paths) == pytest.approx(1.0)
 
 
-def test_a_vehicle_at_the_start_of_overlapping_lanes_can_take_any_of_them() -> None:
-    (paths,) = candidate_paths(roads.fork(), roads.scene_of((52.0, 0.0, 0.0, 10.0)))
-    assert [path.lanes for path in paths] == [(11,), (12,), (13,)]
-
-
-def test_a_vehicle_off_the_road_has_no_path_and_the_others_keep_theirs() -> None:
-    scene = roads.scene_of((20.0, 40.0, 0.0, 10.0), (20.0, 0.0, 0.0, 10.0))
-    nothing, three = candidate_paths(roads.fork(), scene)
-    assert nothing == () and len(three) == 3
-
-
-def test_a_route_is_continued_by_the_smallest_turn() -> None:
-    assert extended(roads.fork(), (1,), 100.0) == (1, 12)
-    assert extended(roads.fork(), (1,), 50.0) == (1,)
-
-
 def test_a_centreline_reaches_as_far_as_asked_straight_beyond_both_ends_of_the_road() -> None:
     points, lanes = centreline(roads.fork(), (1, 12), 10.0, 25.0, 200.0)
     assert points[0] == pytest.approx([-15.0, 0.0])
     assert points[-1] == pytest.approx([210.0, 0.0])
     assert length_of(points) == pytest.approx(225.0)
     assert set(lanes.tolist()) == {1, 12}
-
-
-def test_a_centreline_follows_the_predecessor_backwards() -> None:
-    points, lanes = centreline(roads.fork(), (11,), 5.0, 20.0, 10.0)
-    assert points[0] == pytest.approx([35.0, 0.0], abs=1e-9)
-    assert lanes[0] == 1 and lanes[-1] == 11
 
 
 def test_where_two_lanes_fit_the_one_counts_that_the_vehicle_came_along() -> None:

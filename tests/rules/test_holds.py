@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.behaviors.registry import build, parse_models
-from scex_sumo.road import Passage, Road, Rules, Signal
+from scex_sumo.road import Passage, Rules, Signal
 from scex_sumo.rules.precedence import precedence
 from scex_sumo.scene import Obstacles, SeedScene, States
 from tests.behaviors.roads import Vehicle, closed_loop, lane, road, scene_of
@@ -65,11 +65,6 @@ def test_at_yellow_who_can_brake_comfortably_stops(models: str, stops: bool) -> 
     assert (front(models, rules, FAR)[-1] < 50.0) == stops
 
 
-def test_at_yellow_who_would_brake_hard_drives_on() -> None:
-    rules = Rules(passages=passages(east=0), signals=(shows("y"),))  # 12²/(2·7.75) = 9.3 m/s²
-    assert front("standard_driver", rules, NEAR, steps=20)[-1] > 55.0
-
-
 def test_risky_driver_drives_into_early_red_only() -> None:
     early, late = (
         Rules(passages=passages(east=0), signals=(shows("r", since_s=since),)) for since in (0.1, 5.0)
@@ -98,20 +93,6 @@ def test_goes_before_one_that_is_far_away_or_has_red() -> None:
     assert front("standard_driver", red, own, near, steps=10)[-1] == pytest.approx(
         front("standard_driver", alone, own, near, steps=10)[-1]
     )
-
-
-def test_risky_driver_accepts_shorter_gaps() -> None:
-    rules = Rules(passages=passages(yields=True))
-    own, other = (44.0, 0.0, 0.0, 4.0), (60.0, -55.0, np.pi / 2, 10.0)  # 5.2 s away
-    standard, risky = (front(m, rules, own, other, steps=20)[-1] for m in ("standard_driver", "risky_driver"))
-    assert standard < 50.0 < risky
-
-
-def test_one_that_stands_just_beyond_its_line_waits_at_red() -> None:
-    lit = {letter: Rules(passages=passages(east=0), signals=(shows(letter),)) for letter in "rG"}
-    red, green = (front("standard_driver", lit[letter], (49.0, 0.0, 0.0, 0.0))[-1] for letter in "rG")
-    assert red == pytest.approx(51.25, abs=0.1)
-    assert green > 55.0
 
 
 def test_stop_sign_holds_everyone_once() -> None:
@@ -151,22 +132,6 @@ def test_lets_people_on_a_crosswalk_pass(regulated: bool) -> None:
     )
     assert front("standard_driver", rules, FAR, obstacles=someone, steps=80)[-1] < 40.0
     assert front("ignores_priority", rules, FAR, obstacles=someone, steps=80)[-1] > 45.0
-
-
-TWO_LANES: Road = road(lane(1, [(-100, 0), (400, 0)], left=2), lane(2, [(-100, 3.5), (400, 3.5)], right=1))
-
-
-@pytest.mark.parametrize(("models", "low", "high"), [("cuts_in", 3.2, 3.8), ("drifts", 2.0, 2.8)])
-def test_motion_across_the_lane(models: str, low: float, high: float) -> None:
-    model = build(parse_models(models)[0])
-    driven = closed_loop(model, TWO_LANES, scene_of((0.0, 0.0, 0.0, 10.0)), steps=32, replan=5)
-    assert low < driven.y[0, 0, -1] < high
-
-
-def test_cuts_in_stays_where_there_is_no_other_lane() -> None:
-    model = build(parse_models("cuts_in")[0])
-    driven = closed_loop(model, CROSSROADS, scene_of(FAR), steps=30, replan=5)
-    assert abs(driven.y[0, 0, -1]) < 0.1
 
 
 def test_signal_repeats_and_knows_how_long_it_has_been_shown() -> None:

@@ -11,7 +11,6 @@ from scex_sumo.road import Rules, Signal
 from scex_sumo.rules.inferred import drawn_lights, expected_lights
 from scex_sumo.scene import SceneHistory
 from tests.behaviors.roads import Vehicle, present, scene_of
-from tests.humans.test_obedience import driven
 from tests.rules.test_holds import CROSSROADS, passages
 
 RULES = Rules(passages=passages(east=0, north=1, yields=True), signals=(Signal(), Signal()))
@@ -53,10 +52,3 @@ def test_the_other_groups_become_green_after_yellow_and_red() -> None:
     assert yellow.yellow[:, 1].mean() > 0.9
     assert (cleared.red[:, 0] & cleared.red[:, 1]).mean() > 0.9
     assert changed.green[:, 0].mean() > 0.9 and changed.red[:, 1].mean() > 0.9
-
-
-def test_a_queue_starts_together_or_not_at_all() -> None:
-    x = driven(RULES, STANDS, (40.0, 0.0, 0.0, 0.0), steps=50, futures=40).x[:, :, -1]
-    first, second = x[:, 0] > 48.0, x[:, 1] > 41.5
-    assert 0 < first.mean() < 0.5
-    assert not (second & ~first).any()

@@ -25,18 +25,3 @@ def test_a_bar_lies_across_the_end_of_its_lane(tmp_path: Path) -> None:
     (bar,) = light_bars(net_of(tmp_path), 3, known=False)
     assert np.sort(bar.ends[:, 1]) == pytest.approx([-1.6, 1.6])
     assert bar.ends[:, 0] == pytest.approx([0, 0])
-
-
-def test_letters_are_those_of_the_steps(tmp_path: Path) -> None:
-    # The seed moment is 19.8 s after green began, which lasts 20 s.
-    (bar,) = light_bars(net_of(tmp_path, offset="-19.7"), 4, known=False)
-    assert bar.letters == "GGyyy"
-
-
-@pytest.mark.parametrize(("known", "count"), [(True, 1), (False, 0)])
-def test_invented_phases_are_not_shown(tmp_path: Path, known: bool, count: int) -> None:
-    assert len(light_bars(net_of(tmp_path, programme="0"), 3, known=known)) == count
-
-
-def test_a_missing_net_has_no_lights(tmp_path: Path) -> None:
-    assert light_bars(tmp_path / "none.net.xml", 3, known=True) == []

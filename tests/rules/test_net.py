@@ -52,13 +52,6 @@ def test_passages_with_their_lanes_and_priority() -> None:
     assert notes == ()
 
 
-def test_lights_begin_at_the_seed_moment() -> None:
-    rules, _ = rules_of(LIGHT='tl="t" linkIndex="0"')
-    (signal,) = rules.signals
-    assert rules.passages[0].signal == 0
-    assert [signal.at(t)[0] for t in (0.0, 19.9, 20.1, 23.5, 53.1, -1.0)] == ["G", "G", "y", "r", "G", "r"]
-
-
 @pytest.mark.parametrize(("programme", "known"), [("0", False), ("recorded", True)])
 def test_invented_phases_of_a_map_without_a_net_are_unknown(programme: str, known: bool) -> None:
     rules, notes = rules_of(net=False, LIGHT='tl="t" linkIndex="0"', PROGRAMME=programme)
@@ -76,18 +69,6 @@ def test_phases_that_do_not_fit_are_not_obeyed() -> None:
     rules, notes = rules_of(LIGHT='tl="t" linkIndex="4"')
     assert rules.passages == ()
     assert notes == ("traffic light t: its phases do not fit its 1 links; not obeyed",)
-
-
-def test_a_light_without_lanes_is_not_obeyed() -> None:
-    rules, notes = rules_of(LIGHT="")
-    assert len(rules.passages) == 2
-    assert notes == ("traffic light t: controls no lane; not obeyed",)
-
-
-def test_two_that_give_way_to_each_other_have_no_rules() -> None:
-    rules, notes = rules_of(FIRST="10")
-    assert rules.passages == ()
-    assert notes == ("junction j: a_0 to b_0 and c_0 to d_0 give way to each other; no rules there",)
 
 
 def test_crosswalks_of_a_map_without_regulations_count_if_there_are_people(tmp_path: Path) -> None:

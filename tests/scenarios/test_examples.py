@@ -9,7 +9,7 @@ import pytest
 from shapely import STRtree
 from shapely.geometry import Point, Polygon
 
-from example_maps.make_examples import draw, make
+from example_maps.make_examples import make
 from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.datasets.recordings import recorded_scene
 from scex_sumo.converters.lanelet.reader import read_road
@@ -77,11 +77,6 @@ def test_the_script_makes_the_shipped_roundabout(tmp_path: Path):
     shipped, made = recorded_scene(example_path("roundabout")), recorded_scene(tmp_path / "roundabout.osm")
     # Another version of SUMO may drive differently; the number and the kind of scene stay.
     assert abs(shipped.vehicles - made.vehicles) <= 4
-
-
-def test_an_unknown_example_cannot_be_drawn():
-    with pytest.raises(UsageError, match="unknown example seed 'ring'"):
-        draw("ring")
 
 
 def test_the_moment_has_one_value_by_either_word() -> None:

@@ -13,12 +13,9 @@ from scex_sumo.views.drawings import (
     FutureView,
     TiledFuture,
     draw_futures,
-    draw_ids,
     draw_legend,
     draw_seams,
     frame_of,
-    letter_height,
-    readable,
     write_view_settings,
 )
 
@@ -45,34 +42,6 @@ def test_the_net_alone_fills_the_window_and_a_legend_takes_room_below_it() -> No
     assert full.viewport[0] <= bare.viewport[0] <= 100.0
     assert full.viewport[1] == 150.0
     assert full.viewport[2] < bare.viewport[2]  # looks farther down
-
-
-def test_beside_tall_tiles_a_legend_takes_no_height() -> None:
-    bare, full = (
-        frame_of((0.0, 0.0, 200.0, 300.0), [(0, 0)], entries) for entries in ([], [("a", RED), ("b", BLUE)])
-    )
-    assert full.viewport[0] == bare.viewport[0] and full.viewport[2] == bare.viewport[2]
-    assert full.viewport[1] > bare.viewport[1] == 100.0
-    drawn = elements(draw_legend(full))
-    assert all(float(drawn[name].get("x", "nan")) > 200.0 for name in ("a", "b"))
-    assert 0.0 < float(drawn["b"].get("y", "nan")) < float(drawn["a"].get("y", "nan")) < 300.0
-
-
-def test_tiles_are_all_in_view() -> None:
-    frame = frame_of(MAP, [(0, 0), (320, 0), (0, -120)], [])
-    assert frame.net == frame.view == (0.0, -120.0, 620.0, 100.0)
-
-
-def test_a_future_is_shown_where_its_vehicles_are() -> None:
-    frame = frame_of(MAP, [(0, 0)], []).closer(track(100.0, 40.0))
-    assert frame.view == (75.0, 15.0, 128.0, 65.0)  # 25 m around 100 to 103, 40
-    assert frame.viewport[0] > 200.0
-    assert frame_of(MAP, [(0, 0)], []).closer(track(280.0, 90.0)).view == (255.0, 65.0, 300.0, 100.0)
-
-
-def test_vehicles_off_the_map_are_shown_all_the_same() -> None:
-    frame = frame_of(MAP, [(0, 0)], []).closer(track(900.0, 40.0))
-    assert frame.view == (875.0, 15.0, 928.0, 65.0)
 
 
 def test_vehicles_are_enlarged_only_where_they_would_be_too_small_to_see() -> None:
@@ -122,24 +91,6 @@ def test_view_settings_are_well_formed_and_say_what_was_asked(tmp_path: Path) ->
     assert found["breakpoint"] == {"time": "4.00"}
     vehicles = settings.find("scheme/vehicles")
     assert vehicles is not None and vehicles.get("vehicleName_show") == "0"
-
-
-def test_ids_fit_into_a_lane() -> None:
-    assert letter_height(["7", "12"]) == 2.0
-    assert letter_height(["2819", "12"]) == pytest.approx(1.25)
-
-
-def test_an_id_that_would_overprint_one_before_it_is_left_out() -> None:
-    # Two digits 2 m high are 2.08 m wide: the second is half over the first, the third beside both.
-    names, y = ["15", "16", "17"], np.zeros(3)
-    assert readable(names, np.array([0.0, 1.0, 2.1]), y, 2.0) == [0, 2]
-    assert readable(names, np.array([0.0, 1.0, 2.1]), np.array([0.0, 3.0, 0.0]), 2.0) == [0, 1, 2]
-
-
-def test_ids_of_an_event_stand_beside_its_ring() -> None:
-    drawn = elements(draw_ids(["15", "16"], np.array([100.2, 100.0]), np.array([40.0, 40.0]), 1.0))
-    assert float(drawn["16"].get("x", "nan")) == pytest.approx(95.0)  # the more western one: 4 m and a letter
-    assert float(drawn["15"].get("x", "nan")) == pytest.approx(105.2)
 
 
 def test_junctions_have_an_outline_in_the_colour_of_lanes_that_hides_their_seams(tmp_path: Path) -> None:

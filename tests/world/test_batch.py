@@ -21,7 +21,3 @@ def test_vehicles_that_part_are_held_apart_for_good_even_where_they_meet_again()
     assert known.split([np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0])]).tolist() == [4]
     assert known.split([np.zeros(6)]).tolist() == []
     assert known.held[known.place].tolist() == [0, 1, 0, 1, 4, 1]
-
-
-def test_two_vehicles_at_one_place_are_two() -> None:
-    assert SharedVehicles(np.array([0, 1])).split([np.zeros(2)]).tolist() == [0, 1]

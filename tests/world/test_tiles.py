@@ -120,18 +120,6 @@ def test_maps_keep_their_distance_in_every_direction(template: TileTemplate) -> 
             assert abs(ax - bx) - (right - left) >= 500.0 or abs(ay - by) - (top - bottom) >= 500.0
 
 
-def test_drawings_are_copied_too(tmp_path: Path) -> None:
-    path = tmp_path / "map.add.xml"
-    path.write_text(
-        '<additional><poly id="line.1" color="240,240,240" shape="1.5,2 3,4"/>'
-        '<poi id="p" x="1" y="2.5"/></additional>'
-    )
-    TileTemplate(path).write(tmp_path / "tiles.add.xml", [1], TileLayout(pitch_x=100, pitch_y=100))
-    poly, poi = ElementTree.parse(tmp_path / "tiles.add.xml").getroot()
-    assert poly.attrib == {"id": "t1_line.1", "color": "240,240,240", "shape": "101.5,2 103,4"}
-    assert poi.attrib == {"id": "t1_p", "x": "101", "y": "2.5"}
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -145,11 +133,6 @@ def test_what_cannot_be_copied_is_an_error(tmp_path: Path, text: str, words: str
     path.write_text(text)
     with pytest.raises(SimulationError, match=words):
         TileTemplate(path).layout()
-
-
-def test_a_net_that_is_not_there_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(SimulationError, match="cannot be read"):
-        TileTemplate(tmp_path / "absent.net.xml")
 
 
 LOGIC = """    <prohibition prohibitor="first-&gt;second" prohibited="second-&gt;first"/>

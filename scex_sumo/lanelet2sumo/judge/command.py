@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -40,9 +39,6 @@ def convert_command(
     check_map: Annotated[
         Path | None, Option("--map", metavar="MAP.osm", help="Map that --check compares with.")
     ] = None,
-    drive: Annotated[
-        bool, Option("--drive", help="With --check: let 120 of SUMO's cars drive all routes, too.")
-    ] = False,
     json_report: Annotated[bool, Option("--json-report", help="Print the fidelity figures as JSON.")] = False,
     strict: Annotated[bool, Option("--strict", help="Fail if anything of the map is lost.")] = False,
     country: Annotated[
@@ -54,8 +50,6 @@ def convert_command(
     source = check_map or map_path
     if check is not None and source is None:
         raise UsageError("--check: needs the map too, with --map MAP.osm")
-    if drive and check is None:
-        raise UsageError("--drive: needs a net to drive on, with --check NET --map MAP")
     if source is None:
         raise UsageError("convert: needs MAP.osm, or --check NET --map MAP.osm")
     from scex_sumo.converters.lanelet.origin import parse_origin
@@ -68,7 +62,7 @@ def convert_command(
     limits = parse_country(country) if country is not None else None
     road = read_map(source, origin=place, country=limits)
     if check is not None:
-        report, losses, lines = _check(check, road, drive=drive), road.losses, []
+        report, losses, lines = _check(check, road), road.losses, []
     else:
         net = _convert(road, out, signals)
         seconds = time.perf_counter() - started
@@ -81,7 +75,7 @@ def convert_command(
     problems = report.problems()
     if json_report:
         timing = {} if check is not None else {"seconds": round(seconds, 3)}
-        print(json.dumps({**report.to_dict(), **timing}, indent=2))
+        print(json.dumps({**report.figures, **timing}, indent=2))
     else:
         if check is not None:
             _print_figures(report)
@@ -106,19 +100,15 @@ def _convert(road: Road, out: Path | None, signals: Path | None) -> SumoNet:
     return net
 
 
-def _check(net_path: Path, road: Road, *, drive: bool) -> FidelityReport:
-    from scex_sumo.converters.net.reading import allowed_copy, read_lane_table
+def _check(net_path: Path, road: Road) -> FidelityReport:
+    from scex_sumo.converters.net.reading import read_lane_table
     from scex_sumo.converters.net.sumo_net import net_file
-    from scex_sumo.lanelet2sumo.judge.report import check_net, drive_net
+    from scex_sumo.lanelet2sumo.judge.report import check_net
 
     if not net_path.is_file():
         raise MapError(f"{net_path}: no such file; give the SUMO net to judge")
-    table_path = net_file(net_path, ".lanes.csv")
-    table = read_lane_table(table_path) if table_path.is_file() else None
-    with allowed_copy(net_path) as allowed:
-        report = check_net(allowed, road, table)
-        report.figures["net"] = net_path.name
-        return replace(report, driving=drive_net(allowed)) if drive else report
+    table = net_file(net_path, ".lanes.csv")
+    return check_net(net_path, road, read_lane_table(table) if table.is_file() else None)
 
 
 def _print_figures(report: FidelityReport) -> None:

@@ -13,9 +13,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from scex_sumo.converters.net.sumo_net import LaneTable
-from scex_sumo.lanelet2sumo.judge.driving import EMERGENCY, STANDOFF, Driving
 from scex_sumo.lanelet2sumo.judge.geometry import Shapes
-from scex_sumo.lanelet2sumo.judge.loading import Loading
 from scex_sumo.lanelet2sumo.judge.matching import match_lanelets
 from scex_sumo.lanelet2sumo.judge.priority import RightOfWay
 from scex_sumo.lanelet2sumo.judge.topology import Moves
@@ -27,7 +25,6 @@ DEVIATION_P95_M = 0.01
 DEVIATION_MAX_M = 0.10
 WIDTH_ERROR_M = 0.40  # mean; SUMO lanes have one width, lanelets any
 WIDTH_SLACK_M = 0.2  # above the floor of lanes of one width
-PROBE_HIT_SHARE = 0.99
 
 Figures: TypeAlias = dict[str, Any]
 Rows: TypeAlias = tuple[tuple[Any, ...], ...]  # arguments of `Figure`
@@ -81,11 +78,6 @@ def _percent(part: str, whole: str) -> Callable[[Figures], float]:
 def _deviates(f: Figures) -> str:
     worst = f"; {_list('above 0.1 m (lanelet, m)', far)}" if (far := f["worst_deviations"]) else ""
     return f"deviation p95 {f['deviation_p95_m']:.3f} m, max {f['deviation_max_m']:.3f} m{worst}"
-
-
-def _overlap(f: Figures) -> str:
-    pairs = (f"{a} on {x} and {b} on {y} at {t:.1f} s" for a, x, b, y, t in f["overlaps"][:NAMED])
-    return f"{f['overlapping_pairs']} pairs of vehicles overlap: {'; '.join(pairs)}"
 
 
 SHAPES: Rows = (
@@ -161,84 +153,34 @@ RIGHTS: Rows = (
     ("free_foes", lambda r: r.free_foes(), "foes of which neither yields"),
     ("inconsistent_rows", lambda r: r.inconsistent_rows(), "junctions whose rows contradict themselves"),
 )
-LOADING: Rows = (
-    ("sumo_warnings", lambda x: x.sumo, "sumo says"),
-    ("sumolib_warnings", lambda x: x.sumolib, "sumolib says"),
-    ("netconvert_errors", lambda x: x.netconvert, "netconvert refuses the net"),
-    ("probes", lambda x: x.probes),
-    (
-        "probe_hits",
-        lambda x: x.probes - sum(count for _, count in x.lost),
-        lambda f: (
-            f"moveToXY finds {f['probe_hits']} of {f['probes']} centreline points; "
-            + _list("lost (lanelet, points)", f["lost_probes"])
-        ),
-        lambda f: f["probes"] - f["probe_hits"] <= max(1, (1 - PROBE_HIT_SHARE) * f["probes"]),
-    ),
-    ("lost_probes", lambda x: x.lost),
-)
 SHARES: Rows = (
     ("lanes_percent", _percent("lanes_present", "drawn_lanelets")),
     ("speeds_percent", _percent("speeds_right", "lanes_present")),
-    ("probe_hit_percent", _percent("probe_hits", "probes")),
-)
-DRIVING: Rows = (
-    ("vehicles", lambda d: d.vehicles),
-    ("routes", lambda d: d.routes),
-    ("inserted", lambda d: d.count("vehicles", "inserted")),
-    (
-        "arrived",
-        lambda d: d.arrived,
-        lambda f: f"{f['vehicles'] - f['arrived']} of {f['vehicles']} vehicles did not arrive",
-        lambda f: f["arrived"] >= f["vehicles"],
-    ),
-    ("teleports", lambda d: d.count("teleports", "total"), "teleports"),
-    ("collisions", lambda d: d.count("safety", "collisions"), "collisions reported by SUMO"),
-    ("overlapping_pairs", lambda d: len(d.overlaps), _overlap),
-    ("overlaps", lambda d: d.overlaps),
-    ("emergency_brakings", lambda d: d.said(EMERGENCY)),
-    ("standoffs", lambda d: d.said(STANDOFF)),
-    ("warnings", lambda d: d.warnings(), "warnings while driving"),
-    ("duration_s", lambda d: d.end_s),
 )
 TABLE: Final[Mapping[type, tuple[Figure, ...]]] = {
     part: tuple(Figure(*row) for row in rows)
-    for part, rows in (
-        (Shapes, SHAPES),
-        (Moves, MOVES),
-        (RightOfWay, RIGHTS),
-        (Loading, LOADING),
-        (dict, SHARES),
-        (Driving, DRIVING),
-    )
+    for part, rows in ((Shapes, SHAPES), (Moves, MOVES), (RightOfWay, RIGHTS), (dict, SHARES))
 }
 
 
 @dataclass(frozen=True, kw_only=True)
 class FidelityReport:
-    """All figures of one net against one map, by name; ``driving`` if SUMO's vehicles were asked to drive."""
+    """Figures of one net, by name, and the rows that measured them."""
 
     figures: Figures
-    driving: FidelityReport | None = None
+    table: tuple[Figure, ...]
 
     def __getitem__(self, name: str) -> Any:
         return self.figures[name]
 
-    def to_dict(self) -> Figures:
-        """Return every figure by its name, in one flat mapping for JSON."""
-        return {**self.figures, **({"driving": self.driving.figures} if self.driving else {})}
-
     def rows(self) -> list[tuple[str, str]]:
         """Return the name and the text of each figure that is one number or word."""
         single = [(n, v) for n, v in self.figures.items() if isinstance(v, (int, float, str))]
-        rows = [(n, f"{round(v, 4):.4g}" if isinstance(v, float) else str(v)) for n, v in single]
-        return rows + [(f"driving_{n}", text) for n, text in (self.driving.rows() if self.driving else ())]
+        return [(n, f"{round(v, 4):.4g}" if isinstance(v, float) else str(v)) for n, v in single]
 
     def problems(self) -> list[str]:
         """Return what the net misses, one line each, with ids; empty for a faithful net."""
-        figures = (figure for part in TABLE.values() for figure in part if figure.name in self.figures)
-        complaints = [words for figure in figures if (words := figure.complaint(self.figures))]
-        return complaints + (self.driving.problems() if self.driving is not None else [])
+        return [words for figure in self.table if (words := figure.complaint(self.figures))]
 
 
 def check_net(net_path: Path, road: Road, lanes: LaneTable | None = None) -> FidelityReport:
@@ -249,24 +191,17 @@ def check_net(net_path: Path, road: Road, lanes: LaneTable | None = None) -> Fid
     """
     matching = match_lanelets(read_net(net_path).in_map(road), road, lanes)
     figures: Figures = {"net": net_path.name, "map": road.name, "lane_table": lanes is not None}
-    for part in (Shapes, Moves, RightOfWay, Loading):
-        figures |= _measured(part(matching))
+    for part in (Shapes, Moves, RightOfWay):
+        figures |= measured(TABLE[part], part(matching))
     for kind in ("lanelets", "lights"):
         figures[f"lost_{kind}"] = tuple(i for loss in road.losses if loss.kind == kind for i in loss.elements)
     figures["drawn_lanelets"] = figures["lanelets"] + len(figures["lost_lanelets"])
-    return FidelityReport(figures=figures | _measured(figures))
+    table = tuple(figure for part in TABLE.values() for figure in part)
+    return FidelityReport(figures=figures | measured(TABLE[dict], figures), table=table)
 
 
-def drive_net(net_path: Path, *, vehicles: int = 120, headway_s: float = 2.0) -> FidelityReport:
-    """Let SUMO's own models drive all routes from the net's borders to its borders.
-
-    Args:
-        vehicles: how many; they take all routes in turn, in a random order.
-    """
-    return FidelityReport(figures=_measured(Driving(net_path, vehicles=vehicles, headway_s=headway_s)))
-
-
-def _measured(evidence: object) -> Figures:
-    measured = {figure.name: figure.measure(evidence) for figure in TABLE[type(evidence)]}
-    measured |= {name: sorted(value) for name, value in measured.items() if isinstance(value, set)}
-    return {n: tuple(value) if isinstance(value, list) else value for n, value in measured.items()}
+def measured(table: tuple[Figure, ...], evidence: object) -> Figures:
+    """Return the figures of a table by name, measured from its evidence."""
+    values = {figure.name: figure.measure(evidence) for figure in table}
+    values |= {name: sorted(value) for name, value in values.items() if isinstance(value, set)}
+    return {n: tuple(value) if isinstance(value, list) else value for n, value in values.items()}

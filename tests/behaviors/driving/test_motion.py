@@ -59,15 +59,6 @@ def test_every_plan_obeys_a_kinematic_bicycle(speed: float, offset: float, degre
     assert_bicycle(driven(roads.straight(), scene, 3.0, replan=30))
 
 
-@pytest.mark.parametrize("speed", [3.0, 8.0, 14.0])
-@pytest.mark.parametrize("path", [0, 1, 2])
-def test_so_do_plans_through_a_junction(speed: float, path: int) -> None:
-    model = ConstantVelocity(ConstantVelocityProfile(path=path))
-    scene = roads.scene_of((30.0, 0.6, 0.05, speed))
-    track = roads.closed_loop(model, roads.fork(), scene, steps=60, replan=5)
-    assert_bicycle(States.concatenate([scene.now[0:1], track[0, 0]], axis=0))
-
-
 @pytest.mark.parametrize("offset", [0.5, -1.0, 2.0])
 @pytest.mark.parametrize("degrees", [-10, -3, 0, 3, 10])
 def test_joining_a_straight_lane_at_20_mps_costs_at_most_4_mps2(offset: float, degrees: float) -> None:
@@ -94,20 +85,6 @@ def test_a_vehicle_beside_the_centreline_joins_it_and_stays_without_swinging(
     assert y[-1] == pytest.approx(0.0, abs=0.01)
 
 
-@pytest.mark.parametrize(
-    ("offset", "degrees", "speed"), [(1.0, 5.0, 12.0), (-2.0, -8.0, 20.0), (0.5, 20.0, 4.0)]
-)
-def test_replanning_more_often_changes_nothing_for_a_lone_vehicle(
-    offset: float, degrees: float, speed: float
-) -> None:
-    scene = roads.scene_of((30.0, offset, np.deg2rad(degrees), speed))
-    for where in (roads.straight(), roads.fork()):
-        often, seldom = driven(where, scene, 6.0, replan=5), driven(where, scene, 6.0, replan=10)
-        # On a curve the curvature of the last step is known to the sample only.
-        assert np.hypot(often.x - seldom.x, often.y - seldom.y).max() < 0.02
-        assert np.abs(wrap(often.heading - seldom.heading)).max() < 0.01
-
-
 def test_the_path_is_kept_to_in_a_curve() -> None:
     where = roads.road(roads.lane(1, roads.arc(15.0, 3.0, (50.0, 0.0), step=0.5), predecessors=(2,)),
                        roads.lane(2, [(0.0, 0.0), (50.0, 0.0)], successors=(1,)))  # fmt: skip
@@ -129,22 +106,6 @@ def test_a_long_future_still_finds_its_road() -> None:
     track = driven(where, roads.scene_of((0.0, 0.0, 0.0, 10.0)), 25.0)
     x, y = rear_axle(track)
     assert np.hypot(x, y - 40.0)[30:] == pytest.approx(40.0, abs=0.1)
-
-
-def test_steering_has_no_jumps_between_steps_or_plans() -> None:
-    scene = roads.scene_of((20.0, 1.0, 0.1, 8.0))
-    track = driven(roads.fork(), scene, 8.0)
-    x, y = rear_axle(track)
-    curvature = wrap(np.diff(track.heading)) / np.hypot(np.diff(x), np.diff(y))
-    # 0.3 1/m per second of correction, and what the fork's 15 m curve asks for on its way in:
-    # 1/15 1/m over some 3·1.5 m at 8 m/s is 0.12 1/m per second.
-    assert np.abs(np.diff(curvature)).max() <= 0.1 * (0.3 + 0.12)
-
-
-def test_a_standing_vehicle_stays_where_it_is_and_how_it_stands() -> None:
-    track = driven(roads.straight(), roads.scene_of((30.0, 1.0, 0.3, 0.0)), 3.0)
-    for key, value in (("x", 30.0), ("y", 1.0), ("heading", 0.3), ("speed", 0.0)):
-        assert getattr(track, key) == pytest.approx(value)
 
 
 def test_a_vehicle_facing_half_backwards_turns_round_and_comes_back() -> None:
@@ -188,14 +149,6 @@ def test_on_a_sumo_net_every_model_slows_down_for_a_tight_curve_and_comes_back_t
     assert np.abs(turned * driven.speed[0, 0, 1:]).max() < 5.5
     change = np.diff(driven.speed[0, 0]) / 0.1
     assert -6.1 < change.min() < -1.0 and 0.5 < change.max() < 4.1
-
-
-@pytest.mark.parametrize("name", ["constant_velocity", "standard_driver", "risky_driver"])
-def test_on_other_maps_the_papers_models_do_not_slow_down_for_curves(name: str) -> None:
-    road = roads.road(roads.lane(1, roads.arc(12.0, np.pi, step=0.5)))
-    scene = roads.scene_of((0.0, 0.0, 0.0, 10.0))
-    driven = roads.closed_loop(build(parse_models(name)[0]), road, scene, steps=20, replan=5)
-    assert driven.speed.min() >= 10.0 - 1e-9
 
 
 @pytest.mark.parametrize("aside", [-2.0, 2.0])

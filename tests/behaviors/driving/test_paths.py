@@ -62,15 +62,6 @@ def test_a_right_angle_is_cut_as_far_as_the_lane_allows() -> None:
         assert furthest_from(near[:, :2], bent) <= width / 2
 
 
-def test_a_sideways_step_of_the_centreline_is_smoothed_away() -> None:
-    stepped = np.array([[0.0, 0.0], [60.0, 0.0], [60.01, 0.8], [160.0, 0.8]])  # a kink of 89 degrees, twice
-    where = roads.road(roads.lane(1, stepped))
-    near = line(seed_paths(roads.scene_of((30.0, 0.0, 0.0, 8.0)), where))[: int((BEHIND_M + 90) / DS_M)]
-    assert np.abs(near[:, 5]).max() <= 0.2
-    assert furthest_from(near[:, :2], stepped) <= 1.75
-    assert near[:, 1] == pytest.approx(np.clip(near[:, 1], -0.01, 0.81))
-
-
 def test_a_curve_of_ten_metres_keeps_its_place_and_curvature() -> None:
     where = roads.road(roads.lane(1, roads.arc(10.0, 5.0, step=0.5)))
     paths = seed_paths(roads.scene_of((0.0, 0.0, 0.0, 5.0)), where)
@@ -78,21 +69,6 @@ def test_a_curve_of_ten_metres_keeps_its_place_and_curvature() -> None:
     # A Gaussian of sigma moves an arc inwards by sigma²/(2R) = 0.11 m.
     assert np.hypot(inner[:, 0], inner[:, 1] - 10.0) == pytest.approx(9.89, abs=0.03)
     assert inner[:, 5] == pytest.approx(0.101, abs=0.01)
-
-
-def test_headings_and_curvature_belong_to_the_positions() -> None:
-    near = line(seed_paths(roads.scene_of((20.0, 0.0, 0.0, 10.0)), roads.fork()))
-    step = np.diff(near[:, :2], axis=0)
-    assert np.hypot(*step.T) == pytest.approx(DS_M, abs=0.01)
-    middle = (near[1:, 4] + near[:-1, 4]) / 2
-    assert np.arctan2(step[:, 1], step[:, 0]) == pytest.approx(middle, abs=0.02)
-    assert near[:, 2] == pytest.approx(np.cos(near[:, 4]))
-
-
-def test_paths_go_straight_on_past_the_end_of_the_road() -> None:
-    paths = seed_paths(roads.scene_of((30.0, 0.0, 0.0, 8.0)), roads.straight(50.0))
-    far = sample_paths(paths, np.array([0]), np.array([BEHIND_M + 1000.0]))[:, 0]
-    assert far == pytest.approx([1030.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
 def test_a_projection_gives_arc_length_offset_and_heading() -> None:
@@ -105,34 +81,10 @@ def test_a_projection_gives_arc_length_offset_and_heading() -> None:
     assert heading == pytest.approx([0.0, 0.0])
 
 
-def test_projection_onto_a_curve_is_radial() -> None:
-    paths = seed_paths(
-        roads.scene_of((0.0, 0.0, 0.0, 8.0)), roads.road(roads.lane(1, roads.arc(50.0, 3.0, step=0.5)))
-    )
-    angle = np.array([0.5, 1.0])
-    x, y = 47.0 * np.sin(angle), 50 - 47.0 * np.cos(angle)
-    s, offset, heading = foot_points(paths, np.array([0, 0]), x, y, np.full(2, BEHIND_M))
-    # The arc is drawn inwards by sigma²/(2R) = 2 cm and is a polyline of 0.5 m.
-    assert s - BEHIND_M == pytest.approx(50 * angle, abs=0.05)
-    assert offset == pytest.approx([3.0, 3.0], abs=0.03)
-    assert heading == pytest.approx(angle, abs=0.002)
-
-
 def chosen(path: object, draw: float) -> tuple[int, ...]:
     scene = roads.scene_of((20.0, 0.0, 0.0, 10.0))
     (lanes,) = planned_lanes(scene, roads.fork(), path, np.array([0]), np.array([draw]))  # type: ignore[arg-type]
     return lanes[:2]
-
-
-def test_an_index_counts_from_the_left_and_is_clamped() -> None:
-    assert [chosen(i, 0.9) for i in (0, 1, 2, 7)] == [(1, 11), (1, 12), (1, 13), (1, 13)]
-    assert [chosen(i, 0.0) for i in (-1, -3, -9)] == [(1, 13), (1, 11), (1, 11)]
-
-
-def test_random_divides_the_draw_among_the_paths() -> None:
-    assert [chosen("random", d) for d in (0.0, 0.33, 0.34, 0.66, 0.67, 0.999)] == [
-        (1, 11), (1, 11), (1, 12), (1, 12), (1, 13), (1, 13)
-    ]  # fmt: skip
 
 
 def test_random_picks_each_path_as_often_as_it_is_probable() -> None:
@@ -156,12 +108,6 @@ def test_lane_ids_or_points_can_be_given() -> None:
         seed_paths(scene, roads.fork(), (1, 99))
 
 
-def test_paths_are_made_once_per_seed() -> None:
-    scene, where = roads.scene_of((20.0, 0.0, 0.0, 10.0)), roads.fork()
-    assert seed_paths(scene, where) is seed_paths(scene, where)
-    assert seed_paths(scene, where) is not seed_paths(roads.scene_of((20.0, 0.0, 0.0, 10.0)), where)
-
-
 def test_the_speed_limit_follows_the_lanes() -> None:
     zones = roads.road(
         roads.lane(1, [(0.0, 0.0), (50.0, 0.0)], limit=20.0, successors=(2,)),
@@ -170,14 +116,6 @@ def test_the_speed_limit_follows_the_lanes() -> None:
     limit = seed_paths(roads.scene_of((20.0, 0.0, 0.0, 10.0)), zones).speed_limit[0]
     x = DS_M * np.arange(len(limit))  # from 20 m behind x = 20
     assert np.all(limit[x < 50.0] == 20.0) and np.all(limit[x > 50.0] == 10.0)
-
-
-def test_a_vehicle_off_the_road_gets_a_straight_line_at_its_own_speed() -> None:
-    scene = roads.scene_of((20.0, 30.0, 0.5, 7.0))
-    paths = seed_paths(scene, roads.fork())
-    assert not paths.on_road[0] and paths.lanes == ((),)
-    assert line(paths)[:, 4] == pytest.approx(0.5)
-    assert np.all(paths.speed_limit == 7.0)
 
 
 def test_a_place_that_a_path_passes_twice_belongs_to_the_expected_lap() -> None:

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE
 from scex_sumo.behaviors.models.simple import (
     ConstantVelocity,
@@ -44,12 +43,6 @@ def test_constant_velocity_covers_the_same_arc_length_in_a_curve() -> None:
     assert made.heading[0, -1] - made.heading[0, 0] == pytest.approx(29 * 1.0 / 30, abs=0.02)
 
 
-def test_constant_velocity_ignores_what_stands_in_the_way() -> None:
-    scene = roads.scene_of((30.0, 0.0, 0.0, 13.0), (45.0, 0.0, 0.0, 0.0))
-    made = roads.plan(CONSTANT, roads.straight(), roads.present(scene))
-    assert made.speed[0] == pytest.approx(13.0)
-
-
 @pytest.mark.parametrize("speed", [4.3, 10.0, 14.99])
 def test_the_emergency_brake_stops_after_v_squared_over_twice_the_deceleration(speed: float) -> None:
     made = roads.plan(
@@ -60,13 +53,6 @@ def test_the_emergency_brake_stops_after_v_squared_over_twice_the_deceleration(s
     assert made.x[0, -1] - 30.0 == pytest.approx(speed**2 / (2 * 5.0), abs=1e-9)
     assert made.speed[0] == pytest.approx(np.maximum(0.0, speed - 0.5 * np.arange(1, 31)))
     assert np.all(np.diff(made.x[0]) >= 0)
-
-
-def test_the_emergency_brake_keeps_its_deceleration_from_plan_to_plan() -> None:
-    scene = roads.scene_of((30.0, 0.0, 0.0, 20.0))
-    model = EmergencyBrake(EmergencyBrakeProfile(path=0, deceleration=8.0))
-    track = roads.closed_loop(model, roads.straight(), scene, steps=40, replan=5)[0, 0]
-    assert track.x[-1] - 30.0 == pytest.approx(20.0**2 / (2 * 8.0))
 
 
 def with_future(scene: SeedScene, steps: int, speed: float) -> SeedScene:
@@ -92,13 +78,6 @@ def test_replay_repeats_the_recording_and_goes_on_with_its_last_speed() -> None:
     assert made.speed[0] == pytest.approx(4.0)
 
 
-def test_replay_later_in_a_future_goes_on_in_the_recording() -> None:
-    scene = with_future(roads.scene_of((30.0, 50.0, np.pi / 2, 4.0)), 40, 4.0)
-    track = roads.closed_loop(Replay(ReplayProfile()), roads.straight(), scene, steps=40, replan=5)
-    assert scene.future is not None
-    assert track.y[0, 0] == pytest.approx(scene.future.y[0])
-
-
 def test_replay_of_a_vehicle_that_left_the_recording_follows_its_path() -> None:
     scene = with_future(roads.scene_of((30.0, 0.0, 0.0, 6.0)), 20, 4.0)
     assert scene.future_valid is not None
@@ -106,10 +85,3 @@ def test_replay_of_a_vehicle_that_left_the_recording_follows_its_path() -> None:
     made = roads.plan(Replay(ReplayProfile()), roads.straight(), roads.present(gone))
     assert made.x[0] == pytest.approx(30.0 + 0.6 * np.arange(1, 31))
     assert made.y[0] == pytest.approx(0.0)
-
-
-def test_replay_needs_a_recording() -> None:
-    with pytest.raises(UsageError, match="replay: seed scene drawn has no recorded future"):
-        roads.plan(
-            Replay(ReplayProfile()), roads.straight(), roads.present(roads.scene_of((30.0, 0.0, 0.0, 6.0)))
-        )

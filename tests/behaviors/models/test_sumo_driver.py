@@ -16,14 +16,6 @@ def test_without_a_choice_the_route_goes_straight_on_whatever_the_draw() -> None
     assert routes == [(1, 12), (1, 12)]
 
 
-def test_each_vehicle_gets_the_route_of_its_draw() -> None:
-    scene = roads.scene_of((20.0, 0.0, 0.0, 10.0), (20.0, 60.0, 0.0, 10.0))
-    vehicle, draw = np.array([0, 0, 0, 1]), np.array([0.1, 0.5, 0.9, 0.5])
-    routes = SumoDriver("EIDM", path="random").routes(scene, roads.fork(), vehicle, draw)
-    assert routes == [(1, 11), (1, 12), (1, 13), ()]
-    assert SumoDriver("EIDM", path=2).routes(scene, roads.fork(), vehicle, draw)[:3] == [(1, 13)] * 3
-
-
 def test_a_route_goes_on_beyond_the_fork_for_half_a_kilometre() -> None:
     last = 8
     chain = roads.road(
@@ -40,16 +32,6 @@ def test_a_route_goes_on_beyond_the_fork_for_half_a_kilometre() -> None:
     scene = roads.scene_of((20.0, 0.0, 0.0, 10.0))
     (route,) = SumoDriver("EIDM").routes(scene, chain, np.array([0]), np.array([0.5]))
     assert route == (0, 1, 2, 3, 4)
-
-
-def test_the_planned_path_follows_that_route_at_the_present_speed() -> None:
-    scene = roads.scene_of((40.0, 0.0, 0.0, 10.0))
-    left, right = (
-        roads.plan(SumoDriver("Krauss", path=i), roads.fork(), roads.present(scene)) for i in (0, 2)
-    )
-    assert left.y[0, -1] > 10.0
-    assert right.y[0] == pytest.approx(-left.y[0], abs=1e-6)
-    assert left.speed == pytest.approx(10.0)
 
 
 def test_unknown_models_and_parameters_are_refused() -> None:

@@ -31,18 +31,6 @@ def test_the_nearest_layout_wins(tmp_path: Path) -> None:
         assert beside_tracks(the_map) == (name == "recorded_trackfiles/A/vehicle_tracks_001.csv")
 
 
-def test_a_map_beside_the_folders_of_tracks_finds_them_too(tmp_path: Path) -> None:
-    place = _touch(tmp_path / "recorded_trackfiles/A/vehicle_tracks_000.csv")
-    assert find_tracks(_touch(tmp_path / "A.osm")) == place
-
-
-def test_a_bare_file_name_finds_its_tracks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    _touch(tmp_path / "maps/A.osm")
-    place = _touch(tmp_path / "train/A_train.csv")
-    monkeypatch.chdir(tmp_path / "maps")
-    assert find_tracks("A.osm").resolve() == place
-
-
 def test_without_tracks_the_error_says_where_it_looked_and_what_to_do(tmp_path: Path) -> None:
     the_map = _touch(tmp_path / "maps/A.osm")
     with pytest.raises(TrackError) as error:
@@ -76,11 +64,6 @@ def test_a_folder_is_no_map_and_one_in_it_is_named(tmp_path: Path) -> None:
             MapError, match=r"scenarios: a folder; give a map in it, e\.g\. C-DEU_Site-2_1_T-79.xml"
         ):
             read(tmp_path / "scenarios")
-
-
-def test_a_missing_map_is_said_to_be_missing(tmp_path: Path) -> None:
-    with pytest.raises(MapError, match=r"B\.osm: no such file"):
-        find_tracks(tmp_path / "B.osm")
 
 
 def test_the_real_maps_find_theirs(data: Path) -> None:

@@ -40,11 +40,6 @@ def add_result(folder: Path, info: str) -> Path:
     return out
 
 
-def test_a_map_stays_as_it_is_given(tmp_path: Path) -> None:
-    assert map_and_tracks(tmp_path / "a.osm") == (tmp_path / "a.osm", None)
-    assert map_and_tracks(tmp_path / "a.osm", tmp_path / "b.csv") == (tmp_path / "a.osm", tmp_path / "b.csv")
-
-
 def test_map_and_tracks_that_are_swapped_are_called_so(folder: Path) -> None:
     with pytest.raises(MapError, match=r"a\.csv: not a map, but \S+a\.osm is one: they are swapped"):
         scex_sumo.read_seed(folder / "a.csv", tracks=folder / "a.osm")
@@ -65,23 +60,6 @@ def test_tracks_choose_the_map_of_a_folder(folder: Path) -> None:
     assert map_and_tracks(folder, folder / "b.csv") == (folder / "b.osm", folder / "b.csv")
 
 
-def test_several_recordings_are_listed(folder: Path) -> None:
-    add_recording(folder, "b")
-    with pytest.raises(MapError, match=r"2 recordings on 2 maps; give one of the maps: a\.osm, b\.osm$"):
-        map_and_tracks(folder)
-
-
-def test_maps_outside_of_the_folder_are_listed_too(tmp_path: Path) -> None:
-    """SinD keeps its maps beside the folders of its recordings."""
-    for site in ("a", "b"):
-        (tmp_path / "SinD" / site / "8_2_1").mkdir(parents=True)
-        (tmp_path / "SinD" / site / "8_2_1" / "Veh_smoothed_tracks.csv").touch()
-        (tmp_path / "SinD" / site / f"{site}.osm").touch()
-    with pytest.raises(MapError, match=r"give one of the maps: a/a\.osm, b/b\.osm"):
-        map_and_tracks(tmp_path / "SinD")
-    assert map_and_tracks(tmp_path / "SinD" / "a" / "8_2_1")[0] == tmp_path / "SinD" / "a" / "a.osm"
-
-
 def test_several_recordings_of_one_map_are_listed(folder: Path) -> None:
     tracks = folder / "recorded_trackfiles" / "a"
     tracks.mkdir(parents=True)
@@ -93,11 +71,6 @@ def test_several_recordings_of_one_map_are_listed(folder: Path) -> None:
     words = r"2 recordings; give one of them with --tracks: recorded_trackfiles/a/vehicle_tracks_000\.csv, "
     with pytest.raises(MapError, match=words):
         map_and_tracks(folder)
-
-
-def test_a_folder_with_a_map_alone_can_be_populated(folder: Path) -> None:
-    (folder / "a.csv").unlink()
-    assert map_and_tracks(folder) == (folder / "a.osm", None)
 
 
 @pytest.mark.parametrize(
@@ -127,12 +100,6 @@ def test_results_of_this_program_are_left_out_with_a_note(folder: Path, info: st
     assert map_and_tracks(folder) == (folder / "a.osm", folder / "a.csv")
     with pytest.raises(TrackError, match="is a result of this program; give recordings"):
         find_recordings([out])
-
-
-def test_a_file_of_the_same_name_by_another_program_hides_nothing(folder: Path) -> None:
-    (folder / "run.json").write_text('{"identity": "me"}')
-    assert [one.name for one in find_recordings([folder])] == ["a"]
-    assert left_out([folder]) == []
 
 
 def test_commands_take_folders_and_print_what_they_leave_out(folder: Path, tmp_path: Path) -> None:

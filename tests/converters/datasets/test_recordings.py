@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +12,8 @@ from numpy.testing import assert_array_equal
 from scex_sumo.base.errors import MapError, ScexError, TrackError
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
-from scex_sumo.road import Road
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
-from scex_sumo.studies.dataset_report import dataset_report, track_quality
 from tests.converters.maps import straight as lanelet
 from tests.converters.maps import write_map
 from tests.converters.track_files import CASE_COLUMNS, in_case, straight, write_rows
@@ -88,13 +85,6 @@ def test_the_folders_of_interaction_are_found_as_published(tmp_path: Path) -> No
     assert {r.map_path for r in found} == {tmp_path / "maps" / "town.osm"}
 
 
-def test_meta_data_with_an_origin_make_it_taf_bw(tmp_path: Path) -> None:
-    interaction(tmp_path)
-    tracks = tmp_path / "recorded_trackfiles" / "town"
-    (tracks / "meta_data.csv").write_text("id,originLat,originLon\n000,0.0,0.0\n")
-    assert {r.name: r.dataset for r in find_recordings([tmp_path])}["town_000"] == "taf_bw"
-
-
 def test_a_map_stands_for_its_recordings_and_a_file_for_itself(tmp_path: Path) -> None:
     interaction(tmp_path)
     assert len(find_recordings([tmp_path / "maps" / "town.osm"])) == 4
@@ -111,22 +101,6 @@ def test_tracks_in_a_folder_with_one_map_belong_to_it(tmp_path: Path) -> None:
     assert [r.map_path.name for r in find_recordings([tmp_path / "mine"])] == ["mine.osm"]  # which one?
 
 
-def test_what_is_found_twice_counts_once_and_equal_names_are_told_apart(tmp_path: Path) -> None:
-    interaction(tmp_path / "a")
-    interaction(tmp_path / "b")
-    found = find_recordings([tmp_path, tmp_path / "a", tmp_path / "a" / "train"])
-    assert len(found) == 8
-    names = [r.name for r in found]
-    assert len(set(names)) == 8
-    assert names[:2] == ["town_000", "town_000-2"]
-
-
-def test_the_order_of_the_roots_leaves_no_trace(tmp_path: Path) -> None:
-    roots = [interaction(tmp_path / "a"), interaction(tmp_path / "b", "city")]
-    one, other = find_recordings(roots), find_recordings(roots[::-1])
-    assert [(r.name, r.track_paths) for r in one] == [(r.name, r.track_paths) for r in other]
-
-
 def test_consecutive_chunks_are_one_recording(tmp_path: Path) -> None:
     for first, last in ((1, 79), (80, 159), (160, 239), (320, 399)):
         chunk(tmp_path, first, last, [driving(5, 0.0, 1.0, range(400))], zero=first if first > 1 else 0)
@@ -137,20 +111,6 @@ def test_consecutive_chunks_are_one_recording(tmp_path: Path) -> None:
     ]
     assert {r.site for r in found} == {"C-DEU_Site-2"}
     assert {r.dataset for r in found} == {"commonroad"}
-
-
-def test_scenarios_of_other_predictions_are_no_chunks(tmp_path: Path) -> None:
-    for name in ("USA_US101-3_1_T-1", "USA_US101-3_2_T-1", "mine"):
-        write_scenario(
-            tmp_path / f"{name}.xml", [road_of(1, -50, 0, 400)], vehicles=[driving(1, 0, 9, range(9))]
-        )
-    (tmp_path / "net.xml").write_text("<net/>")
-    found = find_recordings([tmp_path])
-    assert [(r.name, r.site) for r in found] == [
-        ("USA_US101-3_1_T-1", "USA_US101-3"),
-        ("USA_US101-3_2_T-1", "USA_US101-3"),
-        ("mine", "mine"),
-    ]
 
 
 def test_a_vehicle_drives_on_across_the_seam_of_two_chunks(tmp_path: Path) -> None:
@@ -177,15 +137,6 @@ def test_a_vehicle_drives_on_across_the_seam_of_two_chunks(tmp_path: Path) -> No
     assert scene.name == "C-DEU_Site-2_1_T-159_t16.0"
 
 
-def test_a_folder_of_chunks_can_be_named_as_the_tracks(tmp_path: Path) -> None:
-    vehicles = [driving(5, 0.0, 10.0, range(160))]
-    first = chunk(tmp_path, 1, 79, vehicles, zero=0)
-    chunk(tmp_path, 80, 159, vehicles, zero=80)
-    scene = seed_at(load_recording(find_recordings([tmp_path])[0]), 16.0)
-    same(scene, read_seed(first, tracks=tmp_path, time=16.0))
-    assert list(scene.recorded_steps) == [10]  # goes on from the first chunk
-
-
 def test_chunks_of_different_rates_are_refused(tmp_path: Path) -> None:
     chunk(tmp_path, 1, 79, [driving(5, 0.0, 10.0, range(80))], zero=0)
     second = chunk(tmp_path, 80, 159, [driving(5, 0.0, 10.0, range(80, 160))], zero=80)
@@ -203,22 +154,6 @@ def test_a_seed_scene_is_the_one_that_run_would_read(tmp_path: Path, index: int)
         assert scene.road is loaded.road
         files = {"tracks": recording.track_paths[0], "case": moment.case or None}
         same(scene, read_seed(recording.map_path, time=moment.time_s, **files))  # type: ignore[arg-type]
-
-
-def test_recordings_of_one_site_share_their_road(tmp_path: Path) -> None:
-    first, second, *_ = find_recordings([interaction(tmp_path)])
-    assert load_recording(first).road is load_recording(second).road
-
-
-def test_moments_come_in_order_of_time_and_as_often_as_asked(tmp_path: Path) -> None:
-    recordings = find_recordings([interaction(tmp_path)])
-    loaded = load_recording(recordings[0])  # 0 to 6 s
-    assert [m.time_s for m in recording_moments(loaded, every_s=2.0)] == [0.0, 2.0, 4.0, 6.0]
-    assert [m.complete for m in recording_moments(loaded, every_s=2.0)] == [0, 2, 0, 0]
-    cases = recording_moments(load_recording(recordings[2]), every_s=2.0)
-    assert [(m.case, m.time_s) for m in cases] == [("1.0", 1.0), ("2.0", 1.0)]
-    worst_first = replace(loaded, recording=replace(recordings[0], times=(3.0, 4.0, 0.5, 1.0)))
-    assert [m.time_s for m in recording_moments(worst_first, every_s=2.0)] == [0.5, 3.0]
 
 
 def test_a_broken_recording_stops_no_walk_and_is_refused_in_one_line(tmp_path: Path) -> None:
@@ -249,14 +184,6 @@ def test_tracks_that_are_not_on_their_map_are_refused(tmp_path: Path) -> None:
         load_recording(find_recordings([tmp_path])[0])
 
 
-def test_a_recording_without_vehicles_is_refused(tmp_path: Path) -> None:
-    town(tmp_path)
-    tracks = tmp_path / "recorded_trackfiles" / "town" / "vehicle_tracks_000.csv"
-    write_rows(tracks, straight("P1", range(41), speed=1.0, kind="pedestrian/bicycle"))
-    with pytest.raises(TrackError, match="no motor vehicle among the tracks"):
-        load_recording(find_recordings([tmp_path])[0])
-
-
 def test_a_map_whose_origin_is_not_known_is_refused(tmp_path: Path) -> None:
     from tests.converters.lanelet.test_origin import map_at
 
@@ -266,39 +193,9 @@ def test_a_map_whose_origin_is_not_known_is_refused(tmp_path: Path) -> None:
         load_recording(find_recordings([tmp_path])[0])
 
 
-def test_an_empty_folder_and_a_missing_one_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(TrackError, match="no recording found; looked for recorded_trackfiles/NAME"):
-        find_recordings([tmp_path])
-    with pytest.raises(TrackError, match="no recording found"):
-        find_recordings([])
-    with pytest.raises(TrackError, match=r"nowhere: no such file or folder"):
-        find_recordings([tmp_path / "nowhere"])
-
-
 def test_results_and_other_tables_in_the_folders_are_no_recordings(tmp_path: Path) -> None:
     interaction(tmp_path)
     write_rows(tmp_path / "out" / "seed.csv", straight(1, range(41)))
     write_rows(tmp_path / ".hidden" / "recorded_trackfiles" / "x" / "vehicle_tracks_000.csv", straight(1))
     write_rows(tmp_path / "recorded_trackfiles" / "town" / "pedestrian_tracks_000.csv", straight("P1"))
     assert len(find_recordings([tmp_path])) == 4
-
-
-def test_the_report_has_a_row_for_what_can_be_read_and_a_reason_for_what_cannot(tmp_path: Path) -> None:
-    town(tmp_path)
-    folder = tmp_path / "recorded_trackfiles" / "town"
-    slow = [row | {"vx": 5.0} for k in (1, 2, 3) for row in straight(k, range(121), start=40.0 * k)]
-    write_rows(folder / "vehicle_tracks_000.csv", slow)  # 10 m/s of motion, 5 m/s as recorded
-    (folder / "vehicle_tracks_001.csv").write_text("")
-    report = dataset_report([tmp_path])
-    assert "| town_000 | 3 | 0.2 | 2.00 → 1.00 |" in report
-    assert "- town_000: velocities of 3 of 3 moving tracks contradict the motion (2.00 x too small)" in report
-    assert "- town_001: not read: " in report
-
-
-def test_nothing_is_said_of_tracks_that_stand(tmp_path: Path) -> None:
-    town(tmp_path)
-    path = tmp_path / "recorded_trackfiles" / "town" / "vehicle_tracks_000.csv"
-    write_rows(path, straight(1, range(41), speed=0.0))
-    rows = load_recording(find_recordings([tmp_path])[0]).table.vehicles
-    quality = track_quality(rows, Road(name="empty", lanes={}))
-    assert np.isnan([quality.factor, quality.braking, quality.turned, quality.off_lane]).all()

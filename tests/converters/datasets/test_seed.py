@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.datasets.moment import find_moments
 from scex_sumo.converters.datasets.recordings import recorded_scene
-from scex_sumo.converters.tracks.reader import read_tracks
 from scex_sumo.scene import SeedScene
 from tests.converters.track_files import CASE_COLUMNS, Row, in_case, moving, straight, write_rows
 
@@ -49,36 +47,11 @@ def test_a_vehicle_without_a_past_gets_one_at_constant_velocity_and_it_is_said(t
     assert scene.notes == ("1 of 2 vehicles came within the last second: constant velocity before",)
 
 
-def test_vehicles_with_too_short_a_past_can_be_left_out(tmp_path: Path) -> None:
-    rows = straight(1, range(60)) + straight(2, range(17, 60), y=4.0)
-    scene = _seed(tmp_path, rows, time_s=2.0, min_history=5)
-    assert scene.track_ids.tolist() == [1]
-    assert "1 vehicles with less than 5 previous steps left out" in scene.notes
-    with pytest.raises(TrackError, match="none of 2 vehicles at 0 s has 5 recorded previous steps"):
-        _seed(tmp_path, straight(1) + straight(2, y=4.0), time_s=0.0, min_history=5)
-
-
-def test_the_time_is_rounded_to_the_nearest_frame(tmp_path: Path) -> None:
-    assert _seed(tmp_path, straight(1), time_s=1.96).time_s == 2.0
-    assert _seed(tmp_path, straight(1), time_s=2.04).time_s == 2.0
-    assert _seed(tmp_path, straight(1), time_s=4.04).time_s == 4.0
-
-
 def test_of_a_recording_the_busiest_complete_moment_is_taken(tmp_path: Path) -> None:
     # Two vehicles are whole (1 s before, 3 s after) from 3.0 to 4.0 s; the standing ones do not count.
     rows = straight(1, range(0, 80)) + straight(2, range(20, 71), y=4.0)
     rows += straight(3, range(0, 80), y=8.0, speed=0.0) + straight(4, range(0, 30), y=12.0)
     assert _seed(tmp_path, rows).time_s == 3.0
-
-
-def test_moments_count_the_vehicles_that_are_complete(tmp_path: Path) -> None:
-    rows = straight(1, range(0, 51)) + straight(2, range(0, 51), y=4.0, speed=0.0)
-    found = find_moments(read_tracks(write_rows(tmp_path / "t.csv", rows)))
-    assert len(found) == 51
-    assert all(moment.vehicles == 2 for moment in found)
-    assert [moment.time_s for moment in found if moment.complete] == pytest.approx(np.arange(10, 21) / 10)
-    sparse = find_moments(read_tracks(tmp_path / "t.csv"), every_s=1.0)
-    assert [moment.time_s for moment in sparse] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
 
 
 def _cases() -> list[Row]:
@@ -97,14 +70,6 @@ def test_the_moment_of_a_case_is_frame_10(tmp_path: Path) -> None:
     assert scene.future_valid is not None
     assert scene.future_valid.sum() == 30
     assert scene.notes == ("9 of 10 previous steps recorded, constant velocity before",)
-
-
-def test_a_case_is_known_by_its_number(tmp_path: Path) -> None:
-    rows = _cases()
-    for case in ("2.0", "2", 2, 2.0):
-        assert _seed(tmp_path, rows, case=case).track_ids.tolist() == [1, 2]
-    assert _seed(tmp_path, rows).track_ids.tolist() == [1, 2]  # the busiest
-    assert _seed(tmp_path, rows, case="11", time_s=3.0).track_ids.tolist() == [3]
 
 
 @pytest.mark.parametrize(
@@ -178,13 +143,6 @@ def test_short_gaps_are_interpolated_and_counted(tmp_path: Path) -> None:
     assert scene.notes == ("4 missing samples interpolated",)
 
 
-def test_a_vehicle_that_is_just_being_missed_is_there(tmp_path: Path) -> None:
-    frames = [frame for frame in range(60) if frame not in (19, 20, 21)]
-    scene = _seed(tmp_path, straight(1, frames) + straight(2, range(60), y=4.0), time_s=2.0)
-    assert scene.track_ids.tolist() == [1, 2]
-    assert scene.now.x[0] == pytest.approx(20.0)
-
-
 def test_a_long_gap_ends_history_and_future(tmp_path: Path) -> None:
     frames = [*range(0, 10), *range(17, 24), *range(35, 60)]
     rows = straight(1, frames) + straight(2, range(60), y=4.0)
@@ -192,21 +150,6 @@ def test_a_long_gap_ends_history_and_future(tmp_path: Path) -> None:
     assert scene.recorded_steps.tolist() == [3, 10]
     assert scene.future_valid is not None
     assert scene.future_valid.sum(axis=1).tolist() == [3, 39]
-
-
-def test_the_last_frame_has_no_future(tmp_path: Path) -> None:
-    scene = _seed(tmp_path, straight(1), time_s=4.0)
-    assert scene.future is None
-    assert scene.future_valid is None
-
-
-@pytest.mark.parametrize("samples", [1, 2, 3, 4, 5])
-def test_a_recording_of_a_few_samples_is_a_recording(tmp_path: Path, samples: int) -> None:
-    for kind in ("pedestrian", "car"):
-        rows = straight(1, range(samples)) + straight(2, range(1), y=5.0, kind=kind)
-        scene = _seed(tmp_path, rows, time_s=0.0)
-        np.testing.assert_allclose(scene.history.x[0], np.arange(-10, 1))
-        assert (scene.future is None) == (samples == 1)
 
 
 def test_pedestrians_present_at_the_moment_are_obstacles(tmp_path: Path) -> None:
@@ -232,18 +175,6 @@ def test_repairs_are_said_in_one_line_and_can_be_switched_off(tmp_path: Path) ->
     raw = _seed(tmp_path, rows, time_s=2.0, repair=False)
     assert raw.notes == ()
     np.testing.assert_array_equal(raw.history.speed, 5.0)
-
-
-def test_names_are_short_and_fit_for_files(tmp_path: Path) -> None:
-    assert _seed(tmp_path, straight(1), time_s=2.0).name == "town_007_t2.0"
-    assert _seed(tmp_path, _cases(), case=2).name == "town_007_case2.0"
-    assert _seed(tmp_path, _cases(), case=2, time_s=2.0).name == "town_007_case2.0_t2.0"
-    own = write_rows(tmp_path / "town_train.csv", in_case("a/b c", straight(1)), CASE_COLUMNS)
-    scene = recorded_scene(tmp_path / "town.osm", tracks=own)
-    assert scene.name == "town_train_casea-b-c"
-    assert scene.location == "town"
-    assert scene.source["case"] == "a/b c"
-    assert scene.source["tracks"] == str(own)
 
 
 def test_k733_at_one_minute(data: Path) -> None:

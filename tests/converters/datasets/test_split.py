@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
@@ -42,25 +41,6 @@ def test_parts_have_the_shares_asked_for_less_the_gaps() -> None:
     assert last["train"] == pytest.approx(65.0)  # 5 s of future end at 70
     assert (first["validation"], last["validation"]) == (pytest.approx(71.0), pytest.approx(75.0))
     assert (first["test"], last["test"]) == (pytest.approx(81.0), pytest.approx(100.0))
-
-
-def test_no_moment_is_in_two_parts_and_order_stays() -> None:
-    times = np.round(np.arange(0.0, 60.0, 0.1), 3).tolist()
-    parts = split_moments(_moments(times), Split(validation=0.2, test=0.3))
-    every = [m.time_s for part in PARTS for m in parts[part]]
-    assert every == sorted(set(every))
-
-
-def test_a_recording_too_short_for_a_part_gives_it_nothing() -> None:
-    parts = split_moments(_moments([0.1 * k for k in range(101)]), Split())  # 10 s: validation has 1 s
-    assert parts["train"]
-    assert not parts["validation"]
-
-
-def test_cases_are_split_by_order_with_one_left_out_between() -> None:
-    parts = split_moments(_moments([1.0] * 20, case="case"), Split())
-    cases = {part: [int(m.case) for m in parts[part]] for part in PARTS}
-    assert cases == {"train": list(range(13)), "validation": [14], "test": [16, 17, 18, 19]}
 
 
 def test_shares_that_leave_nothing_to_train_on_are_rejected() -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.base.errors import ResultError
 from scex_sumo.converters.datasets.recordings import recorded_scene
 from scex_sumo.converters.datasets.writer import write_tracks
 from scex_sumo.scene import SeedScene, States
@@ -66,30 +65,8 @@ def test_a_seed_without_future_or_obstacles_comes_back_too(tmp_path: Path) -> No
     same(scene, recorded_scene(tmp_path / "town.osm", tracks=write_tracks(tmp_path / "s.csv", scene)))
 
 
-def test_the_file_is_an_interaction_case(tmp_path: Path) -> None:
-    lines = write_tracks(tmp_path / "s.csv", straight_seed(1)).read_text().splitlines()
-    assert lines[0].replace('"', "") == (
-        "case_id,track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width"
-    )
-    assert lines[-1].startswith("1.0,0,10,1000,car,0")
-    assert len(lines) == 12
-
-
-def test_an_unwritable_place_is_an_error_and_leaves_nothing(tmp_path: Path) -> None:
-    with pytest.raises(ResultError, match=r"nowhere/s\.csv: cannot write: .*No such file"):
-        write_tracks(tmp_path / "nowhere/s.csv", straight_seed(1))
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.parametrize("time_s", [12.0, 60.0, 101.0, 140.0])
 def test_scenes_of_k733_come_back(data: Path, tmp_path: Path, time_s: float) -> None:
     the_map = data / "taf_bw/maps/k733_2020-09-15.osm"
     scene = recorded_scene(the_map, time_s=time_s)
     same(scene, recorded_scene(the_map, tracks=write_tracks(tmp_path / "s.csv", scene)))
-
-
-def test_scenes_of_k729_come_back(data: Path, tmp_path: Path) -> None:
-    the_map = data / "taf_bw/maps/k729_2022-03-16.osm"
-    for path in sorted((data / "taf_bw/recorded_trackfiles/k729_2022-03-16").glob("vehicle_tracks_*.csv")):
-        scene = recorded_scene(the_map, tracks=path)
-        same(scene, recorded_scene(the_map, tracks=write_tracks(tmp_path / "s.csv", scene)))

@@ -14,7 +14,7 @@ from scex_sumo.converters.lanelet.file import read_map_file
 from scex_sumo.converters.lanelet.origin import map_origin, parse_origin, recorded_origin
 from scex_sumo.converters.lanelet.projection import to_local
 from scex_sumo.converters.lanelet.reader import read_road
-from tests.converters.maps import draw_map, straight, write_map
+from tests.converters.maps import draw_map, straight
 
 KARLSRUHE = (49.01, 8.43)
 
@@ -51,22 +51,10 @@ def meta_data(folder: Path, lat: str = "49.5", lon: str = "8.5") -> Path:
     return path
 
 
-def test_a_given_origin_wins(tmp_path: Path) -> None:
-    meta_data(tmp_path)
-    assert find_origin(map_at(tmp_path / "a.osm", KARLSRUHE), origin=(1.0, 2.0)) == (1.0, 2.0)
-    assert find_origin(map_at(tmp_path / "a.osm", KARLSRUHE), origin=(0.0, 0.0)) == (0.0, 0.0)
-
-
 def test_the_recordings_meta_data_give_the_origin(tmp_path: Path) -> None:
     meta_data(tmp_path / "tracks")
     tracks = tmp_path / "tracks" / "vehicle_tracks_000.csv"
     assert find_origin(map_at(tmp_path / "a.osm", KARLSRUHE), tracks_path=tracks) == (49.5, 8.5)
-
-
-@pytest.mark.parametrize("folder", ["maps", "maps/site", "recorded_trackfiles/site"])
-def test_meta_data_near_the_map_give_the_origin(tmp_path: Path, folder: str) -> None:
-    meta_data(tmp_path / folder)
-    assert find_origin(map_at(tmp_path / "maps" / "site.osm", KARLSRUHE)) == (49.5, 8.5)
 
 
 def test_the_tracks_meta_data_come_before_the_maps(tmp_path: Path) -> None:
@@ -92,25 +80,6 @@ def test_a_map_by_itself_begins_at_its_own_corner_and_says_so(tmp_path: Path) ->
     assert road.origin == KARLSRUHE
     assert road.notes == ("origin unknown: coordinates begin at the map's corner 49.0100000,8.4300000",)
     np.testing.assert_allclose(road.lanes[7].right_bound[0], (0.0, 0.0), atol=1e-6)
-
-
-def test_a_known_origin_is_no_note(tmp_path: Path) -> None:
-    assert read_road(map_at(tmp_path / "a.osm", KARLSRUHE), origin=(49.0, 8.4)).notes == ()
-    assert read_road(write_map(tmp_path / "b.osm", [straight(1, 0, 50)])).notes == ()
-
-
-@pytest.mark.parametrize(("lat", "lon"), [("91", "8"), ("nan", "8"), ("north", "8")])
-def test_meta_data_that_are_no_place_are_an_error(tmp_path: Path, lat: str, lon: str) -> None:
-    meta_data(tmp_path, lat, lon)
-    with pytest.raises(
-        MapError, match=rf"meta_data\.csv: originLat, originLon is no place on Earth: {lat},{lon}"
-    ):
-        find_origin(map_at(tmp_path / "a.osm", KARLSRUHE))
-
-
-def test_meta_data_without_an_origin_are_passed_over(tmp_path: Path) -> None:
-    (tmp_path / "meta_data.csv").write_text("id,duration\n000,60\n")
-    assert find_origin(map_at(tmp_path / "a.osm", (0.0, 0.0))) == (0.0, 0.0)
 
 
 def test_an_origin_is_read_from_the_command_line() -> None:
@@ -162,11 +131,3 @@ def test_local_coordinates_count_where_the_nodes_have_them(
         unused = ("origin 49,8.4 not used: the map's coordinates are local",) if origin else ()
         assert road.notes == ("coordinates are those of the tags local_x and local_y", *unused)
     assert find_origin(path) == (0.0, 0.0)
-
-
-def test_few_nodes_with_local_coordinates_do_not_make_a_map_local(tmp_path: Path) -> None:
-    path = tmp_path / "mixed.osm"
-    path.write_text(with_local(draw_map([straight(1, 0, 50), straight(2, 50, 90)]), 7.0, 7.0, every=3))
-    road = read_road(path)
-    np.testing.assert_allclose(road.lanes[1].centreline[0], (0, 1.75), atol=1e-6)
-    assert road.notes == ()

@@ -47,12 +47,6 @@ def test_bounds_drawn_against_the_driving_direction_are_turned(tmp_path: Path) -
     np.testing.assert_allclose(lane.centreline[[0, -1]], [(0, 1.5), (50, 1.5)], **CLOSE)
 
 
-def test_a_widening_lane_has_its_mean_width(tmp_path: Path) -> None:
-    lane = road_of(tmp_path, [Lanelet(1, left=[(0, 2), (100, 4)], right=[(0, 0), (100, 0)])]).lanes[1]
-    # Area 300 m² over 100 m; the slanted bound is 2 cm longer than the straight one.
-    assert lane.width_m == pytest.approx(3.0, abs=1e-3)
-
-
 def test_a_drawn_centreline_is_taken(tmp_path: Path) -> None:
     text = write_map(
         tmp_path / "drawn.osm", [straight(1, 0, 50)], lines=[Line(7, [(0, 1), (50, 1)], VIRTUAL)]
@@ -62,14 +56,6 @@ def test_a_drawn_centreline_is_taken(tmp_path: Path) -> None:
         text.read_text().replace('<tag k="type" v="lanelet"', f"{member}<tag k='type' v='lanelet'")
     )
     np.testing.assert_allclose(read_road(text).lanes[1].centreline, [(0, 1), (50, 1)], **CLOSE)
-
-
-def test_lanes_that_share_their_ends_follow_each_other(tmp_path: Path) -> None:
-    lanes = road_of(tmp_path, [straight(1, 0, 50), straight(2, 50, 90), straight(3, 95, 120)]).lanes
-    assert lanes[1].successors == (2,)
-    assert lanes[2].predecessors == (1,)
-    assert lanes[2].successors == ()
-    assert lanes[3].predecessors == ()
 
 
 def test_a_fork_and_a_merge_are_followed_both_ways(tmp_path: Path) -> None:
@@ -90,14 +76,6 @@ def test_lane_changes_obey_the_line_between(tmp_path: Path) -> None:
     assert (lanes[1].adjacent_left, lanes[2].adjacent_right) == (2, 1)
 
 
-def test_a_solid_line_forbids_the_change_but_not_the_neighbour(tmp_path: Path) -> None:
-    lanes = road_of(tmp_path, [straight(1, 0, 50), straight(2, 0, 50, y=3.5)]).lanes
-    assert lanes[1].left is None
-    assert lanes[1].adjacent_left == 2
-    assert lanes[2].right is None
-    assert lanes[2].adjacent_right == 1
-
-
 def test_a_line_dashed_on_one_side_allows_the_change_from_there(tmp_path: Path) -> None:
     line = {"type": "line_thin", "subtype": "dashed_solid"}  # left part dashed, right part solid
     right, left = straight(1, 0, 50, left_tags=line), straight(2, 0, 50, y=3.5, right_tags=line)
@@ -112,14 +90,6 @@ def test_crossing_lanes_conflict_and_are_named_once(tmp_path: Path) -> None:
     lanes = road_of(tmp_path, [straight(1, 0, 50), crossing]).lanes
     assert lanes[1].conflicts == (2,)
     assert lanes[2].conflicts == (1,)
-
-
-def test_a_bridge_does_not_conflict_with_the_lane_below(tmp_path: Path) -> None:
-    bridge = Lanelet(2, left=[(20, -20, 6), (20, 20, 6)], right=[(24, -20, 6), (24, 20, 6)])
-    low = Lanelet(3, left=[(30, -20, 1), (30, 20, 1)], right=[(34, -20, 1), (34, 20, 1)])
-    lanes = road_of(tmp_path, [straight(1, 0, 50), bridge, low]).lanes
-    assert lanes[1].conflicts == (3,)
-    assert lanes[2].conflicts == ()
 
 
 def test_a_crosswalk_is_no_vehicle_lane_and_conflicts_with_none(tmp_path: Path) -> None:
@@ -250,22 +220,6 @@ def test_a_stop_or_yield_sign_regulates_the_lanes_that_name_it(tmp_path: Path, s
     assert (found.kind, found.yielding, found.signs) == (kind, (1,), (sign,))
 
 
-def test_other_signs_regulate_no_right_of_way(tmp_path: Path) -> None:
-    post = Line(8, [(25, 4), (25, 5)], {"type": "traffic_sign", "subtype": "de267"})
-    element = rule(90, "traffic_sign", [("refers", 8)])
-    assert (
-        road_of(tmp_path, [straight(1, 0, 20, rules=[90])], lines=[post], relations=[element]).regulations
-        == ()
-    )
-
-
-def test_lines_are_markings_but_virtual_ones(tmp_path: Path) -> None:
-    lanelets = [straight(1, 0, 50, left_tags=CURB, right_tags=VIRTUAL)]
-    road = road_of(tmp_path, lanelets, lines=[Line(7, [(19, 0), (19, 3.5)])])
-    assert [(m.kind, m.subtype) for m in road.markings] == [("stop_line", ""), ("curbstone", "low")]
-    np.testing.assert_allclose(road.markings[1].points, [(0, 3.5), (50, 3.5)], **CLOSE)
-
-
 def test_an_area_is_closed_over_several_lines(tmp_path: Path) -> None:
     lines = [
         Line(7, [(0, 10), (9, 10)], CURB),
@@ -276,14 +230,6 @@ def test_an_area_is_closed_over_several_lines(tmp_path: Path) -> None:
     (found,) = road.areas
     assert (found.area_id, found.kind, len(found.outline)) == (60, "keepout", 4)
     assert {(round(x), round(y)) for x, y in found.outline} == {(0, 10), (9, 10), (9, 19), (0, 19)}
-
-
-def test_the_same_file_gives_the_same_road(tmp_path: Path) -> None:
-    crossing = Lanelet(-2, left=[(20, -20), (20, 20)], right=[(24, -20), (24, 20)])
-    drawn = write_map(tmp_path / "drawn.osm", [straight(9, 0, 50), crossing, straight(4, 50, 60)])
-    first, second = read_road(drawn), read_road(drawn)
-    assert list(first.lanes) == list(second.lanes) == [-2, 4, 9]
-    assert [m.line_id for m in first.markings] == sorted(m.line_id for m in second.markings)
 
 
 def test_a_map_far_from_its_origin_is_refused(tmp_path: Path) -> None:

@@ -45,14 +45,6 @@ def test_a_limit_is_read_in_every_spelling(text: str, kmh: float) -> None:
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["", "fast", "50 furlongs", "0", "-30", "de205", "signals", "nan", "inf", "1e3", "274", "XX:urban"],
-)
-def test_what_is_no_speed_is_none(text: str) -> None:
-    assert speed_mps(text) is None
-
-
-@pytest.mark.parametrize(
     ("tags", "kmh"),
     [
         ({}, 50),
@@ -75,14 +67,6 @@ def test_a_lane_has_its_tagged_limit_or_the_default(tmp_path: Path, tags: dict[s
     assert road.lanes[1].speed_limit_mps == pytest.approx(kmh * KMH, rel=1e-9)
     unclear = tags.get("maxspeed") == "signals"
     assert bool(road.notes) == unclear
-
-
-def test_an_elements_limit_comes_before_the_tag(tmp_path: Path) -> None:
-    lanelet = straight(1, 0, 50, tags={"maxspeed": "60"}, rules=[90])
-    drawn = write_map(
-        tmp_path / "drawn.osm", [lanelet], relations=[rule(90, "speed_limit", sign_type="15mph")]
-    )
-    assert read_road(drawn).lanes[1].speed_limit_mps == pytest.approx(15 * 0.44704, rel=1e-9)
 
 
 def test_a_limit_is_read_from_the_sign(tmp_path: Path) -> None:

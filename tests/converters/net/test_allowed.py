@@ -12,7 +12,7 @@ from scex_sumo.base.errors import MapError, SimulationError
 from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.converters.net.reading import allowed_content, allowed_copy, open_net, refuse_outputs
+from scex_sumo.converters.net.reading import allowed_content, open_net, refuse_outputs
 from scex_sumo.world.tiles import TileTemplate
 from tests.command import ALONE, scex
 
@@ -118,13 +118,6 @@ def test_no_command_lets_a_foreign_net_write(grid: str, tmp_path: Path) -> None:
         assert not out.exists(), words
 
 
-def test_a_net_that_is_allowed_stays_the_same_bytes(grid: str, tmp_path: Path) -> None:
-    net = tmp_path / "g.net.xml"
-    net.write_text(grid)
-    assert allowed_content(net) == (net.read_bytes(), ())
-    assert read_map(net).notes == ()
-
-
 def test_other_encodings_declarations_and_schemas_are_written_anew(grid: str, tmp_path: Path) -> None:
     net = tmp_path / "g.net.xml"
     plain = grid[grid.index("<net version") :]
@@ -138,22 +131,6 @@ def test_other_encodings_declarations_and_schemas_are_written_anew(grid: str, tm
         content, left_out = allowed_content(net)
         assert not left_out
         assert b"DOCTYPE" not in content and b"somewhere" not in content and content.startswith(b"<?xml")
-
-
-def test_elements_count_only_where_they_belong(grid: str, tmp_path: Path) -> None:
-    net = tmp_path / "g.net.xml"
-    inner = '<junction id="x"><lane id="y"><param key="file" value="/x"/></lane></junction>'
-    net.write_text(grid.replace("</tlLogic>", f"{inner}</tlLogic>", 1))
-    with allowed_copy(net) as copy:
-        assert "/x" not in copy.read_text()
-
-
-def test_errors_about_the_copy_name_the_net(grid: str, tmp_path: Path) -> None:
-    net = tmp_path / "g.net.xml"
-    net.write_text(grid)
-    with pytest.raises(MapError) as error, allowed_copy(net) as copy:
-        raise MapError(f"{copy}: no good")
-    assert str(error.value) == f"{net}: no good"
 
 
 def test_a_net_of_ours_that_somebody_changed_is_refused(grid: str, tmp_path: Path) -> None:

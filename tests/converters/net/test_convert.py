@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import pytest
@@ -54,15 +53,6 @@ def test_a_kept_net_is_the_converted_one(name: str, tmp_path: Path, conversions:
     assert contents[0] == contents[1] == contents[2]
 
 
-def test_another_road_is_converted_anew(tmp_path: Path, conversions: list[str]) -> None:
-    road = road_of()
-    first = next(iter(road.lanes))
-    faster = dataclasses.replace(road.lanes[first], speed_limit_mps=road.lanes[first].speed_limit_mps + 1)
-    converted(road, tmp_path / "a.net.xml")
-    converted(dataclasses.replace(road, lanes={**road.lanes, first: faster}), tmp_path / "b.net.xml")
-    assert len(conversions) == 2
-
-
 @pytest.mark.parametrize("damage", [b"<net", None], ids=["cut short", "edited at the same size"])
 def test_a_damaged_net_is_converted_anew(
     damage: bytes | None, tmp_path: Path, conversions: list[str]
@@ -75,14 +65,6 @@ def test_a_damaged_net_is_converted_anew(
     assert len(conversions) == 2
 
 
-def test_a_cache_that_cannot_be_written_stops_nobody(
-    tmp_path: Path, conversions: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    assert converted(road_of(), tmp_path / "a.net.xml").path.is_file()
-
-
 @pytest.mark.parametrize("keep", [True, False])
 def test_recorded_lights_that_cannot_be_used_are_left_out_with_a_note(tmp_path: Path, keep: bool) -> None:
     signals = tmp_path / "signal_phases_000.csv"
@@ -92,8 +74,3 @@ def test_recorded_lights_that_cannot_be_used_are_left_out_with_a_note(tmp_path: 
     assert note.startswith("recorded lights are left out: ") and "signal_phases_000.csv" in note
     plain = converted(road_of(), tmp_path / "net.net.xml", keep=keep)
     assert net.path.read_bytes() == plain.path.read_bytes() and net.lanes.rows == plain.lanes.rows
-
-
-def test_a_path_that_names_no_file_is_one_line() -> None:
-    with pytest.raises(scex_sumo.ScexError, match="net_path: '' names no file"):
-        scex_sumo.convert(road_of(), "")

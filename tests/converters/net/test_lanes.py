@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo.base.errors import InputError
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.reading import read_lane_table
 from scex_sumo.converters.net.sumo_net import LaneTable
@@ -36,20 +35,6 @@ def test_a_crossed_lanelet_is_road_junction_road(table: LaneTable) -> None:
     assert table.lanelets(joint) == (1, 2)  # it takes 5 cm of both
 
 
-def test_a_route_is_the_edges_in_driving_order(table: LaneTable) -> None:
-    assert table.edges([1, 2]) == ["l1#0", "l1#1", "l2"]
-
-
-def test_a_lane_change_adds_no_edge(table: LaneTable) -> None:
-    assert table.edges([1, 2, 3]) == ["l1#0", "l1#1", "l2"]
-
-
-def test_unknown_names_have_nothing(table: LaneTable) -> None:
-    assert table.sumo_lanes(77) == ()
-    assert table.lanelets("l77_0") == ()
-    assert table.edges([]) == []
-
-
 def test_a_written_table_reads_the_same(table: LaneTable, tmp_path: Path) -> None:
     again = read_lane_table(tmp_path / "net.lanes.csv")
     assert (tmp_path / "net.lanes.csv").read_text().splitlines()[0] == "lanelet_id,lane_id"
@@ -73,10 +58,3 @@ def test_a_route_that_begins_inside_a_junction_begins_on_the_road_before_it(tmp_
     for table in (net.lanes, read_lane_table(tmp_path / "net.lanes.csv")):
         assert table.edges([2]) == table.edges([1, 2, 3])
         assert table.edges([2, 3]) == table.edges([1, 2, 3])
-
-
-def test_another_csv_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "tracks.csv"
-    path.write_text("track_id,frame_id\n1,2\n")
-    with pytest.raises(InputError, match="lanelet_id,lane_id"):
-        read_lane_table(path)

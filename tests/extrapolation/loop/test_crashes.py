@@ -80,9 +80,3 @@ def test_a_table_does_not_count_consequences(tmp_path: Path) -> None:
     table = exact.table(3, 2)
     every = extrapolate(queues(3, gap_m=2.0), out=tmp_path / "all", steps=60, **QUEUE)
     assert table is not None and table.probability() == every.encounter(3, 2).collision.sampled.value
-
-
-def test_boxes_that_overlap_in_the_seed_scene_drive_on(tmp_path: Path) -> None:
-    run = extrapolate(queues(2, gap_m=-1.0), out=tmp_path / "run", steps=20, **QUEUE)
-    assert run.collisions.num_rows == 0
-    assert (run.states(0).speed[:, -1] > 0).any()

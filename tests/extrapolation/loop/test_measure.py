@@ -65,10 +65,6 @@ def test_recorded_paths_reach_as_far_as_a_plan() -> None:
     assert values.scene["gap_time"].value.shape == (1, 30)
 
 
-def test_no_recorded_future_has_no_values() -> None:
-    assert measure_recorded(straight_seed(), 30) is None
-
-
 def test_vehicles_count_as_long_as_they_were_recorded() -> None:
     scene = crossing_seed()
     valid = np.ones(scene.future.shape, dtype=bool) if scene.future is not None else None
@@ -145,25 +141,6 @@ def test_boxes_that_overlap_at_first_and_vehicles_that_leave_are_said() -> None:
     notes = outcome_notes(gone, measure_recorded(gone, 30))
     assert notes[0] == "boxes that overlap at the seed moment do not count as collisions: 0 and 1"
     assert "1 of 2 vehicles leave within the time of a future" in notes[-1] and notes[-1].endswith(": 1")
-
-
-def test_vehicles_do_not_leave_where_the_recording_merely_ends() -> None:
-    scene = crossing_seed()
-    assert scene.future_valid is not None
-    valid = scene.future_valid.copy()
-    valid[:, 12:] = False
-    ended = dataclasses.replace(scene, future_valid=valid)
-    [note] = outcome_notes(ended, measure_recorded(ended, 30))
-    assert note == "recorded: the recording, and so the recorded column, ends 1.2 s after the moment"
-
-
-def test_one_vehicle_many_times_over_is_said_once_and_no_list_of_collisions() -> None:
-    one = many(crossing_seed(), 9)
-    notes = outcome_notes(one, measure_recorded(one, 30))
-    assert notes == [
-        "warning: 8 of 9 vehicles lie on another one and look like its copies: 1, 2, 3, 4, 5, 6, 7, 8; leave "
-        "them out of the tracks"
-    ]
 
 
 def many(scene: SeedScene, count: int) -> SeedScene:

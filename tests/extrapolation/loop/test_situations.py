@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors.base import Behavior, sight_of
+from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.listing import known_entries
 from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile
 from scex_sumo.behaviors.registry import build, entry_of, parse_models
@@ -104,20 +104,8 @@ class Counting(ConstantVelocity):
         return super().plan(history, road, who, rng)
 
 
-def test_the_first_plan_is_one_for_each_vehicle(monkeypatch: pytest.MonkeyPatch) -> None:
-    model, whole = Counting(), roads.present(SCENE, 7)
-    monkeypatch.setattr(Counting, "__module__", ConstantVelocity.__module__)
-    asked(model, whole, everybody(whole))
-    assert model.asked == [7 * SCENE.vehicles, SCENE.vehicles]
-
-
 def test_a_users_model_is_asked_for_everybody_even_where_it_takes_after_one_of_ours() -> None:
     model, whole = Counting(), roads.present(SCENE, 7)
     asked(model, whole, everybody(whole))
     list(plans_of([model], [everybody(whole)], whole, ROAD, []))
     assert model.asked == [7 * SCENE.vehicles] * 3
-
-
-@pytest.mark.parametrize("name", RANDOM)
-def test_a_model_that_draws_is_asked_for_everybody(name: str) -> None:
-    assert sight_of(build(parse_models(name)[0])) is None

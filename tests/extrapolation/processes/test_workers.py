@@ -39,13 +39,6 @@ def refuse() -> None:
     raise ResultError("disk: full")
 
 
-def test_a_worker_calls_it_and_takes_its_next_task() -> None:
-    with Pool(1) as workers:
-        first, second = workers.submit(os.getpid, where="once"), workers.submit(os.getpid, where="twice")
-        assert first.result() == second.result() != os.getpid()
-        assert succeeded(first) and workers.deaths == []
-
-
 def names_of(scene: SeedScene) -> tuple[int, int]:
     """Return which objects a process has as scene and road."""
     return id(scene), id(scene.road)
@@ -59,18 +52,6 @@ def test_a_worker_keeps_its_copy_of_a_scene_and_its_road() -> None:
         first, again, third = (one.result() for one in asked)
     assert first == again
     assert third[0] != first[0] and third[1] == first[1]
-
-
-def test_without_workers_nothing_is_submitted() -> None:
-    with Workers(1) as workers:
-        assert workers.submit(os.getpid, where="nowhere") is None
-
-
-def test_its_error_is_raised_where_it_is_waited_for() -> None:
-    with Pool(1) as workers:
-        done = workers.submit(refuse, where="over a disk")
-        with pytest.raises(ResultError, match="disk: full"):
-            succeeded(done)
 
 
 def test_a_worker_that_dies_twice_leaves_it_to_others() -> None:

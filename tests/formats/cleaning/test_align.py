@@ -15,10 +15,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.datasets.find import find_recordings
-from scex_sumo.converters.tracks.evidence import Evidence, evidence, on_lanes
+from scex_sumo.converters.tracks.evidence import evidence, on_lanes
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 from scex_sumo.evaluation.recordings import load_recording
-from scex_sumo.formats.cleaning.align import OWN_TRACKS, align_tracks
+from scex_sumo.formats.cleaning.align import align_tracks
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Lane, Road
 
@@ -139,23 +139,12 @@ def test_the_finding_says_by_how_much_and_what_it_brought() -> None:
     assert before > 0.4 > 0.2 > after  # half of the lanes run across the shift; drivers keep within 0.3 m
 
 
-def test_aligned_tracks_are_left_as_they_are() -> None:
-    aligned, _ = align_tracks(displaced(tracks(ALL), 0.7, 0.5, 1.1), CROSSING)
-    again, finding = align_tracks(aligned, CROSSING)
-    assert not finding and again is aligned
-
-
 def test_a_habit_of_driving_right_of_the_middle_is_no_offset() -> None:
     keeping_right = tracks(ALL, habit_m=-0.6)
     assert align_tracks(keeping_right, CROSSING) == (keeping_right, ())
     aligned, finding = align_tracks(displaced(keeping_right, 0.8, -0.6, 0.0), CROSSING)
     assert finding
     assert apart(aligned, keeping_right).max() < 0.25  # 0.6 m are more than the weights take for usual
-
-
-def test_on_a_road_of_one_direction_nothing_can_be_said() -> None:
-    shifted = displaced(tracks((EAST,), each=40), 0.0, 0.8, 0.0)
-    assert align_tracks(shifted, CROSSING) == (shifted, ())
 
 
 @pytest.mark.parametrize(("each", "seconds"), [(4, 10.0), (10, 1.0)])
@@ -184,32 +173,11 @@ def test_every_recording_of_a_site_is_moved_alike_to_the_last_bit() -> None:
     assert_array_equal(twice[0].vehicles.x, twice[1].vehicles.x)
 
 
-def test_a_recording_with_evidence_of_its_own_asks_nobody() -> None:
-    def nobody() -> Evidence:
-        raise AssertionError("asked")
-
-    enough = displaced(tracks(ALL, each=OWN_TRACKS // 4), 0.7, 0.5, 1.1)
-    assert align_tracks(enough, CROSSING, siblings=(("x", nobody()) for _ in range(1)))[1]
-
-
 def test_an_offset_of_many_metres_is_a_wrong_origin_and_left_to_be_noticed() -> None:
     far = displaced(tracks(ALL), 300.0, 0.0, 0.0)
     assert align_tracks(far, CROSSING) == (far, ())
     assert on_lanes(evidence(far.vehicles), CROSSING) == 0.0
     assert on_lanes(evidence(tracks(ALL).vehicles), CROSSING) == 1.0
-
-
-def test_standing_vehicles_are_no_evidence() -> None:
-    rows = tracks(ALL).vehicles
-    standing = rows.with_columns(vx=np.zeros(len(rows)), vy=np.zeros(len(rows)))
-    assert len(evidence(standing).x) == 0
-    # One sample for each of 100 m, of 40 vehicles; the first one of a track belongs to no metre before it.
-    assert len(evidence(rows).x) == pytest.approx(40 * 100, rel=0.02)
-
-
-def test_a_map_without_lanes_aligns_nothing() -> None:
-    table = tracks(ALL)
-    assert align_tracks(table, Road(name="empty", lanes={})) == (table, ())
 
 
 @pytest.mark.parametrize(

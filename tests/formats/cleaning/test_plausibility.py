@@ -80,15 +80,6 @@ def test_what_a_run_would_not_survive_is_an_error_with_its_cause(
         raise TrackError(found.problem)
 
 
-@pytest.mark.parametrize("kind", ["motorcycle", "bus", "van", "truck"])
-def test_sizes_are_judged_by_type(kind: str) -> None:
-    sizes = {"motorcycle": (2.1, 0.8), "bus": (12.0, 2.55), "van": (5.5, 2.0), "truck": (9.0, 2.5)}
-    rows = ring(kind)
-    length, width = (np.full(len(rows), size) for size in sizes[kind])
-    assert not any(c.verdict for c in plausibility(rows.with_columns(length=length, width=width)))
-    assert wrong(rows.with_columns(length=2.1 * length, width=2.1 * width)).verdict == "error"
-
-
 @pytest.mark.parametrize("factor", [0.4, 2.0])
 def test_stamps_that_run_too_fast_or_slow_are_named_and_not_the_velocities(factor: float) -> None:
     rows = ring()
@@ -101,22 +92,6 @@ def test_velocities_that_do_not_fit_are_repaired() -> None:
     found = wrong(rows.with_columns(vx=rows.vx / 1.75, vy=rows.vy / 1.75))
     assert (found.verdict, found.value) == ("repaired", "1.75")
     assert doubts([found]) == ()
-
-
-def test_noise_is_named() -> None:
-    rows, random = ring(), np.random.default_rng(0)
-    found = wrong(
-        rows.with_columns(
-            x=rows.x + random.normal(0, 0.5, len(rows)), y=rows.y + random.normal(0, 0.5, len(rows))
-        )
-    )
-    assert found.verdict == "warning" and "scatter by 0.5 m" in found.problem
-
-
-def test_accelerations_beyond_those_of_tyres_are_named() -> None:
-    rows = ring()
-    far = {name: 5.0 * getattr(rows, name) for name in ("x", "y", "vx", "vy")}  # 40 m/s on 150 m: 10.7 m/s²
-    assert "more than tyres can do" in wrong(rows.with_columns(**far)).problem
 
 
 def test_a_copy_of_a_car_beside_it_is_named_where_it_is_present() -> None:
@@ -168,13 +143,6 @@ def test_a_scene_that_would_drive_backwards_is_refused_without_force(tmp_path: P
         scex.read_seed(MAP, tracks=path)
     with pytest.warns(ScexWarning, match="drive backwards"):
         assert scex.read_seed(MAP, tracks=path, force=True).vehicles > 5
-
-
-def test_stamps_at_another_speed_warn_and_blame_no_velocities(tmp_path: Path) -> None:
-    path = changed(tmp_path, lambda row: row.update(timestamp_ms=str(2 * int(row["timestamp_ms"]))))
-    with pytest.warns(ScexWarning, match="time stamps are probably wrong"):
-        scene = scex.read_seed(MAP, tracks=path)
-    assert not any("velocities of" in note for note in scene.notes)
 
 
 def test_inspect_shows_the_table_of_a_recording_that_run_refuses(

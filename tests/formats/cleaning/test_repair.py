@@ -12,10 +12,8 @@ from scex_sumo.converters.tracks.reader import read_tracks
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.cleaning.repair import repair_tracks
 from tests.converters.track_files import (
-    CASE_COLUMNS,
     COLUMNS,
     Row,
-    in_case,
     moving,
     straight,
     write_rows,
@@ -65,22 +63,6 @@ def test_only_the_tracks_that_contradict_are_changed(tmp_path: Path, vx: float, 
     assert (vehicles.vy[vehicles.track_id == 2] == 0.3).all()
 
 
-def test_a_mixture_of_wrong_velocities_is_told_apart(tmp_path: Path) -> None:
-    rows = straight(1, vx=5.0) + straight(2, y=4.0, vx=5.0) + straight(3, y=8.0, vx=-10.0)
-    table, said = _repaired(tmp_path, rows)
-    assert (
-        "velocities of 3 of 3 moving tracks contradict the motion (2.00 x too small, 1 in the wrong" in said
-    )
-    np.testing.assert_allclose(table.vehicles.vx, 10.0, atol=1e-6)
-
-
-def test_where_most_contradict_the_slow_ones_are_recomputed_too(tmp_path: Path) -> None:
-    slow = straight(2, range(10), y=4.0, speed=2.0, vx=1.0)  # 1.8 m: too short to judge
-    table, said = _repaired(tmp_path, straight(1, vx=5.0) + slow)
-    assert "1 of 1 moving tracks" in said
-    np.testing.assert_allclose(table.vehicles.vx[table.vehicles.track_id == 2], 2.0, atol=1e-6)
-
-
 def test_jittering_positions_are_smoothed(tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     rows = moving(_turn, 1, range(200))
@@ -124,20 +106,6 @@ def test_a_track_that_goes_on_elsewhere_is_cut(tmp_path: Path) -> None:
     np.testing.assert_array_equal(table.vehicles.segment, [0] * 20 + [1] * 21)
 
 
-def test_first_guesses_before_a_jump_are_dropped(tmp_path: Path) -> None:
-    rows = straight(1, range(3), y=6.0) + straight(1, range(3, 41))
-    table, said = _repaired(tmp_path, rows)
-    assert said == "3 samples at jumps over 3 m dropped"
-    assert table.vehicles.timestamp_ms[0] == 300.0
-
-
-def test_copies_of_a_sample_are_dropped(tmp_path: Path) -> None:
-    rows = straight(1)
-    table, said = _repaired(tmp_path, [*rows, rows[7], rows[7]])
-    assert said == "2 duplicate samples dropped (same track, same time stamp)"
-    assert len(table.vehicles) == 41
-
-
 def test_of_two_frames_with_one_stamp_the_one_that_fits_is_kept(tmp_path: Path) -> None:
     rows = straight(1)
     stray = rows[20] | {"frame_id": 19.0, "x": rows[20]["x"] - 1.0}
@@ -146,38 +114,11 @@ def test_of_two_frames_with_one_stamp_the_one_that_fits_is_kept(tmp_path: Path) 
     assert table.vehicles.x[20] == rows[20]["x"]
 
 
-def test_a_ghost_far_from_its_track_is_dropped(tmp_path: Path) -> None:
-    rows = straight(1) + straight(1, [12], y=30.0)
-    table, said = _repaired(tmp_path, rows)
-    assert said == "1 duplicate samples dropped (same track, same time stamp)"
-    assert (table.vehicles.y == 0.0).all()
-
-
-def test_of_two_frames_for_every_stamp_the_first_is_kept(tmp_path: Path) -> None:
-    rows = straight(1)
-    late = [row | {"frame_id": row["frame_id"] + 0.5, "x": row["x"] + 0.5} for row in rows]
-    table, said = _repaired(tmp_path, rows + late)
-    assert said == "41 duplicate samples dropped (same track, same time stamp)"
-    np.testing.assert_array_equal(table.vehicles.x, [row["x"] for row in rows])
-
-
 def test_while_two_road_users_share_an_id_it_is_left_out(tmp_path: Path) -> None:
     table, said = _repaired(tmp_path, straight(1) + straight(1, [12, 13], y=3.5) + straight(2, y=8.0))
     assert said == "2 time stamps left out where two road users share one track id: 1"
     assert len(table.vehicles) == 41 + 39
     assert set(table.vehicles.y.tolist()) == {0.0, 8.0}
-
-
-def test_a_longer_while_leaves_two_pieces(tmp_path: Path) -> None:
-    table, said = _repaired(tmp_path, straight(1) + straight(1, range(12, 20), y=3.5))
-    assert said == "8 time stamps left out where two road users share one track id: 1"
-    np.testing.assert_array_equal(table.vehicles.segment, [0] * 12 + [1] * 21)
-
-
-def test_an_id_always_shared_is_left_out(tmp_path: Path) -> None:
-    table, said = _repaired(tmp_path, straight(1) + straight(1, y=3.5) + straight(2, y=8.0))
-    assert said == "41 time stamps left out where two road users share one track id: 1"
-    assert table.vehicles.labels == ("2",)
 
 
 @pytest.mark.parametrize(
@@ -214,26 +155,10 @@ def test_a_vehicle_that_stands_keeps_the_heading_it_had(tmp_path: Path, standing
     np.testing.assert_allclose(table.vehicles.psi_rad, 0.0, atol=1e-6)
 
 
-def test_a_vehicle_that_never_moves_keeps_its_usual_heading(tmp_path: Path) -> None:
-    rows = straight(1, speed=0.0, psi_rad=3.1)
-    for k in (3, 4, 30):
-        rows[k]["psi_rad"] = -0.04
-    table, _ = _repaired(tmp_path, rows)
-    np.testing.assert_allclose(table.vehicles.psi_rad, 3.1)
-
-
 def test_driving_backwards_slowly_is_no_defect(tmp_path: Path) -> None:
     table, said = _repaired(tmp_path, straight(1, speed=2.0, psi_rad=3.14))
     assert said == ""
     assert (table.vehicles.psi_rad == 3.14).all()
-
-
-def test_a_fast_vehicle_faces_where_it_goes(tmp_path: Path) -> None:
-    rows = straight(1)
-    rows[0]["psi_rad"] = 1.0
-    table, said = _repaired(tmp_path, rows)
-    assert said == "headings of 1 tracks contradict the motion: replaced by its direction"
-    assert table.vehicles.psi_rad[0] == 0.0
 
 
 def _warm_up() -> list[Row]:
@@ -252,11 +177,6 @@ def test_the_warm_up_of_a_tracker_is_dropped(tmp_path: Path) -> None:
     vehicles = table.vehicles
     assert vehicles.timestamp_ms[vehicles.track_id == 1].min() == 2000.0
     assert vehicles.timestamp_ms[vehicles.track_id == 2].min() == 0.0
-
-
-def test_in_a_case_the_start_of_a_track_says_nothing_about_its_tracker(tmp_path: Path) -> None:
-    table = _table(tmp_path, in_case("1.0", _warm_up()), CASE_COLUMNS)
-    assert not any("warm-up" in finding for finding in repair_tracks(table)[1])
 
 
 def test_a_vehicle_that_sets_off_is_no_warm_up(tmp_path: Path) -> None:
@@ -300,11 +220,6 @@ def test_k729_starts_warm_after_two_seconds_are_dropped(data: Path, number: int)
     assert "velocities" not in said
     assert "positions" not in said
     assert np.percentile(_accelerations(table), 99) < 3.5  # before: up to 10.5 m/s²
-
-
-def test_the_sample_of_version_1_2_has_no_defects(data: Path) -> None:
-    table = read_tracks(data / "interaction/cases/v12_case_format_sample.csv")
-    assert repair_tracks(table)[1] == ()
 
 
 @pytest.mark.parametrize(

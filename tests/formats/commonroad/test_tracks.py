@@ -66,14 +66,6 @@ def test_headings_turned_against_the_motion_are_turned_back(tmp_path: Path) -> N
     assert_allclose(raw.now.heading, turned)
 
 
-def test_one_vehicle_that_slides_turns_nobody(tmp_path: Path) -> None:
-    vehicles = [eastbound(1, 0.0, 10.0, range(30), 0.1), eastbound(2, 20.0, 10.0, range(30))]
-    vehicles.append(eastbound(3, 60.0, 10.0, range(30)))
-    table, findings = repair_commonroad(read_commonroad_tracks(recorded(tmp_path, vehicles))[0])
-    assert findings == ()
-    assert_allclose(table.vehicles.psi_rad[table.vehicles.track == 0], 0.1)
-
-
 def test_headings_and_speeds_that_the_file_leaves_out_are_those_of_the_motion(tmp_path: Path) -> None:
     path = recorded(tmp_path, [eastbound(1, 0.0, 10.0, range(10))])
     text = path.read_text(encoding="utf-8")
@@ -125,22 +117,6 @@ def test_unusable_recordings_are_refused(old: str, new: str, said: str, tmp_path
     with pytest.raises(TrackError, match=said) as refused:
         recorded_scene(path)
     assert "\n" not in str(refused.value)
-
-
-def test_an_unusable_vehicle_is_left_out_and_named(tmp_path: Path) -> None:
-    vehicles = [eastbound(11, 0.0, 10.0, range(30)), eastbound(12, float("nan"), 10.0, range(30))]
-    scene = recorded_scene(recorded(tmp_path, vehicles), time_s=3.0)
-    assert list(scene.track_ids) == [11]
-    assert any("states, or twice: 12: left out" in note for note in scene.notes)
-
-
-def test_a_moment_outside_the_recording_and_a_file_of_another_kind_are_refused(tmp_path: Path) -> None:
-    path = recorded(tmp_path, [eastbound(11, 0.0, 10.0, range(9))])
-    with pytest.raises(TrackError, match=r"no moment at 60 s, the recording spans 0\.0 to 1\.6 s"):
-        recorded_scene(path, time_s=60.0)
-    (tmp_path / "net.xml").write_text("<net/>", encoding="utf-8")
-    with pytest.raises(MapError, match="it is a SUMO net already"):
-        recorded_scene(tmp_path / "net.xml")
 
 
 def test_a_broken_opendrive_map_is_refused_before_its_tracks_are_looked_for(tmp_path: Path) -> None:

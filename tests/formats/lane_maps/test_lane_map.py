@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.base.errors import MapError
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Road
 from tests.formats import streets
+from tests.lanelet2sumo.judge.loading import check_net
 
 
 def lanes(*, bounds: bool = True, relations: bool = True, x: float = 0.0, y: float = 0.0) -> list[DrawnLane]:
@@ -48,19 +47,6 @@ def test_neighbours_lead_the_same_way_and_forks_conflict() -> None:
     assert relations(road)[2] == ((4,), (), None, 1, ())
     assert relations(road)[5] == ((), (1,), None, None, (3,))
     assert road.lanes[6].adjacent_left is None  # it leads the other way
-
-
-def test_relations_that_the_map_lacks_are_found_by_geometry() -> None:
-    assert relations(road_of(lanes(relations=False))) == relations(road_of(lanes()))
-
-
-def test_bounds_that_the_map_lacks_lie_half_a_width_beside_the_centreline() -> None:
-    drawn = [replace(one, width_m=3.5 if one.name == 1 else None) for one in lanes(bounds=False)]
-    road = road_of(drawn)
-    assert {round(lane.width_m, 6) for lane in road.lanes.values()} == {3.5}
-    for i in (1, 4, 6):
-        np.testing.assert_allclose(road.lanes[i].left_bound, streets.bound(i, 1), atol=1e-9)
-    assert any("without bounds" in note for note in road.notes)
 
 
 def test_a_marking_or_an_intersection_forbids_a_lane_change_and_leaves_the_neighbour() -> None:
@@ -112,20 +98,6 @@ def test_stop_signs_lights_and_crosswalks_become_rules_and_areas() -> None:
     assert [(rule.kind, rule.lanes) for rule in road.regulations] == [("stop", (1,)), ("traffic_light", (2,))]
     assert [area.kind for area in road.areas] == ["crosswalk"]
     assert len({*road.lanes, *(rule.element_id for rule in road.regulations), road.areas[0].area_id}) == 9
-
-
-@pytest.mark.parametrize(
-    "line", [[], [[0.0, 0.0]], [[0.0, 0.0], [np.nan, 1.0]], [[0, 0], [1e9, 0]], "line", [[0.0, 0.0]] * 3]
-)
-def test_a_lane_without_a_usable_line_is_left_out_with_its_name(line: object) -> None:
-    road = road_of([*lanes(), DrawnLane(name=7, centre=line)])
-    assert 7 not in road.lanes
-    assert "lanes left out, no usable line: 7" in road.notes
-
-
-def test_a_map_without_a_lane_for_cars_is_refused() -> None:
-    with pytest.raises(MapError, match="map: no usable lane for cars"):
-        road_of([replace(one, kind="bicycle") for one in lanes()])
 
 
 @pytest.mark.parametrize(

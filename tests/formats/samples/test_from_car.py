@@ -73,9 +73,3 @@ def test_a_track_is_cut_where_it_is_off_the_map_and_comes_back_as_another_piece(
     assert back.labels == ("1", "2") and back.x.min() >= -5.0 and back.x.max() <= 105.0
     assert len(back.pieces[0]) == 3
     assert notes == ["3 of 3 vehicles are over 5 m from all mapped lanes, left out there: 1, 2, 3"]
-
-
-def test_nothing_is_said_of_a_recording_on_its_lanes() -> None:
-    rows = rows_of(("1", np.linspace(0.0, 80.0, 40), np.zeros(40)))
-    table, notes = within_map(table_of(rows), ROAD)
-    assert notes == [] and table.vehicles is rows

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import gzip
 from pathlib import Path
 
 import numpy as np
@@ -37,15 +36,6 @@ def test_centres_lie_half_a_length_behind_the_front_and_angles_count_from_the_ea
     )
 
 
-def test_north_is_a_quarter_turn_to_the_left(tmp_path: Path) -> None:
-    file = tmp_path / "a.fcd.xml.gz"
-    file.write_bytes(gzip.compress(fcd([0.0, 0.1], angle=0.0, kind="truck_big").encode()))
-    rows = read_fcd(file)[0].vehicles
-    np.testing.assert_allclose(rows.psi_rad, np.pi / 2)
-    np.testing.assert_allclose(rows.y, 5.0 - 7.1 / 2)
-    assert rows.types == ("truck",)
-
-
 def test_whole_seconds_are_filled_in_along_the_motion(tmp_path: Path) -> None:
     file = tmp_path / "a.fcd.xml"
     file.write_text(fcd([0.0, 1.0, 2.0]))
@@ -77,13 +67,6 @@ def test_a_lane_change_in_one_step_is_drawn_over_the_steps_around(changes: list[
     np.testing.assert_allclose(np.tan(along[1:-1]), (aside[2:] - aside[:-2]) / 2, atol=0.02)
     table, findings = repair_tracks(table)
     assert table.vehicles.segment.max() == 0 and not any("jump" in phrase for phrase in findings)
-
-
-def test_names_that_are_no_numbers_are_numbered(tmp_path: Path) -> None:
-    file = tmp_path / "a.fcd.xml"
-    file.write_text(fcd([0.0, 0.1], name="flow.0"))
-    table, findings = read_fcd(file)
-    assert table.vehicles.labels == ("1",) and "numbered in the order" in findings[-1]
 
 
 def test_parquet_is_read_alike(tmp_path: Path) -> None:
@@ -145,11 +128,3 @@ def test_positions_in_degrees_are_named(tmp_path: Path) -> None:
         TrackError, match=r"positions are in degrees; simulate again without --fcd-output\.geo"
     ):
         read_fcd(file)
-
-
-def test_a_broken_archive_is_refused(tmp_path: Path) -> None:
-    packed = bytearray(gzip.compress(fcd([k / 10 for k in range(100)]).encode()))
-    packed[30:60] = bytes(30)
-    (tmp_path / "a.fcd.xml").write_bytes(packed)
-    with pytest.raises(TrackError, match="cannot be read as SUMO's fcd-output"):
-        read_fcd(tmp_path / "a.fcd.xml")

@@ -44,13 +44,6 @@ def test_open_street_map_is_told_from_lanelet2_and_becomes_a_net(tmp_path: Path)
     assert road.name == "town" and len(road.vehicle_lanes) >= 2
 
 
-def test_what_netconvert_refuses_is_said(tmp_path: Path) -> None:
-    file = tmp_path / "bad.xodr"
-    file.write_text("<OpenDRIVE>")
-    with pytest.raises(MapError, match=r"bad.xodr: not XML"):
-        read_map(file)
-
-
 def nets_kept() -> list[Path]:
     return sorted((cache_folder() / "imported").rglob("*.net.xml"))
 
@@ -58,23 +51,6 @@ def nets_kept() -> list[Path]:
 @pytest.fixture
 def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-
-
-@pytest.mark.usefixtures("own_cache")
-def test_a_damaged_net_in_the_cache_is_made_again(tmp_path: Path) -> None:
-    file = tmp_path / "town.osm"
-    file.write_text(STREETS)
-    first = read_map(file)
-    [kept] = nets_kept()
-    assert stat.S_IMODE(kept.parent.parent.stat().st_mode) == 0o700
-    whole = kept.read_bytes()
-    for damaged in (whole[:-40], whole.replace(b'speed="13.89"', b'speed="99.99"'), b""):
-        kept.write_bytes(damaged)
-        again = read_map(file)
-        assert kept.read_bytes() != damaged and kept.read_bytes().endswith(b"</net>\n")
-        assert [x.speed_limit_mps for x in again.lanes.values()] == [
-            x.speed_limit_mps for x in first.lanes.values()
-        ]
 
 
 @pytest.mark.usefixtures("own_cache")

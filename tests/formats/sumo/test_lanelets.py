@@ -67,11 +67,6 @@ def test_lanelets_come_back_from_a_net_with_their_ids_lines_widths_and_limits(
         assert other.speed_limit_mps == pytest.approx(lane.speed_limit_mps, abs=1e-8)
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
-def test_drivers_on_the_net_drive_as_on_its_map(name: str, tmp_path: Path) -> None:
-    same_metrics(read_seed(example_path(name)), tmp_path)
-
-
 @pytest.mark.parametrize("name", SHARED)
 def test_drivers_on_nets_of_real_maps_drive_as_on_the_maps(name: str, data: Path, tmp_path: Path) -> None:
     tracks, time_s = SHARED[name]

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import gzip
 import re
 import subprocess
 from itertools import pairwise
@@ -14,7 +13,6 @@ from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.reading import open_net
-from scex_sumo.formats.sumo.net import beside
 from scex_sumo.geometry.polylines import distances, samples
 from scex_sumo.road import Regulation, Road
 from scex_sumo.scenarios import example_path
@@ -81,30 +79,6 @@ def test_the_ramp_gives_way_to_the_lane_that_it_enters(merge: Path) -> None:
     assert rules and all(rule.kind == "right_of_way" for rule in rules)
     assert {names["in_0"]} <= {i for rule in rules for j in rule.priority for i in road.lanes[j].predecessors}
     assert road.lanes[ramp].conflicts  # the ways come together
-
-
-def test_a_packed_net_is_the_same_road(merge: Path, tmp_path: Path) -> None:
-    packed = tmp_path / "merge.net.xml.gz"
-    packed.write_bytes(gzip.compress(merge.read_bytes()))
-    road = read_map(packed)
-    assert road.name == "merge" and list(road.lanes) == list(read_map(merge).lanes)
-
-
-def test_borders_lie_half_a_width_beside_and_corners_do_not_reach_out() -> None:
-    corner = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]])
-    np.testing.assert_allclose(beside(corner, 1.0), [[0, 1], [9, 1], [9, 10]], atol=1e-12)
-    back = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 0.01]])
-    assert np.hypot(*(beside(back, 1.0)[1] - back[1])) < 3.0
-
-
-def test_a_file_that_is_no_net_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "x.net.xml"
-    file.write_text("<routes/>")
-    with pytest.raises(MapError, match="no SUMO net, its root element is <routes>"):
-        read_map(file)
-    file.write_text("<net")
-    with pytest.raises(MapError, match="build the net again"):
-        read_map(file)
 
 
 @pytest.mark.parametrize("name", ["motorway_merge", "roundabout", "urban_intersection"])
@@ -200,13 +174,6 @@ def test_a_net_that_sumo_itself_dies_of_is_refused_before_libsumo_does(tmp_path:
         read_map(net)
 
 
-def test_encodings_that_nobody_knows_are_told(tmp_path: Path) -> None:
-    net = tmp_path / "g.net.xml"
-    net.write_text('<?xml version="1.0" encoding="UTF-1"?><net/>')
-    with pytest.raises(MapError, match="unknown encoding"):
-        read_map(net)
-
-
 def test_conditions_of_lights_are_named_in_a_note(tmp_path: Path) -> None:
     net = convert(read_map(example_path("roundabout")), tmp_path / "a.net.xml").path
     text = net.read_text()
@@ -227,13 +194,3 @@ def test_a_converted_map_that_begins_in_a_junction_is_read_back(kind: str, tmp_p
     back = read_map(convert(drawn, tmp_path / "drawn.net.xml").path)
     assert list(back.lanes) == [1, 2] and not back.notes
     assert kind in {rule.kind for rule in back.regulations if rule.lanes == (2,)}
-
-
-def test_lanes_of_a_converted_map_that_do_not_meet_keep_their_ids(tmp_path: Path) -> None:
-    drawn = sumo_roads.road(
-        [sumo_roads.lane(1, [(0, 0), (50, 0)], to=(2,)), sumo_roads.lane(2, [(50.5, 0), (90, 0)])]
-    )
-    back = read_map(convert(drawn, tmp_path / "drawn.net.xml").path)
-    assert not back.notes and back.lanes[1].successors == (2,) and list(back.lanes) == [1, 2]
-    for i in (1, 2):
-        np.testing.assert_allclose(back.lanes[i].centreline, drawn.lanes[i].centreline, atol=1e-8)

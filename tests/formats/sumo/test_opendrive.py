@@ -9,7 +9,6 @@ import pytest
 
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.maps import read_map
-from scex_sumo.formats.sumo.opendrive import repaired_opendrive
 from scex_sumo.road import Road
 
 
@@ -68,28 +67,6 @@ def test_curves_that_do_not_bend_more_are_plain_ones(
     assert any("spirals that are arcs or lines: roads 1" in note for note in read.notes)
 
 
-def test_a_polynomial_without_length_is_left_out(tmp_path: Path) -> None:
-    empty = stretch(0, 0, 0, 0, '<paramPoly3 pRange="normalized" bU="50"/>')
-    read = read_map(written(tmp_path, road(1, empty + stretch(0, 0, 0, 50))))
-    assert end(read) == pytest.approx(STRAIGHT)
-
-
-@pytest.mark.parametrize("kind", ['type=""', ""])
-def test_signals_without_a_type_are_left_out(kind: str, tmp_path: Path) -> None:
-    signal = f'<signals><signal s="1" t="0" id="5" {kind} dynamic="no" orientation="+"/></signals>'
-    read = read_map(written(tmp_path, road(1, stretch(0, 0, 0, 50), more=signal)))
-    assert "signals without a type left out: 5" in read.notes
-
-
-def test_roads_without_lanes_are_left_out_with_their_connections(tmp_path: Path) -> None:
-    link = '<laneLink from="-1" to="-1"/>'
-    connection = f'<connection id="0" incomingRoad="2" connectingRoad="1">{link}</connection>'
-    junction = f'<junction id="9">{connection}</junction>'
-    parts = road(1, stretch(0, 0, 0, 50)), road(2, stretch(0, 9, 0, 50), lanes=()), junction
-    read = read_map(written(tmp_path, *parts))
-    assert "roads without geometry or lanes left out: 2" in read.notes
-
-
 @pytest.mark.parametrize(
     ("geometry", "said"),
     [
@@ -102,11 +79,6 @@ def test_roads_without_lanes_are_left_out_with_their_connections(tmp_path: Path)
 def test_what_cannot_be_repaired_is_named(geometry: str, said: str, tmp_path: Path) -> None:
     with pytest.raises(MapError, match=said):
         read_map(written(tmp_path, road(1, geometry)))
-
-
-def test_a_sound_file_stays_as_it_is(tmp_path: Path) -> None:
-    path = written(tmp_path, road(1, stretch(0, 0, 0, 50)))
-    assert repaired_opendrive(path, path.read_bytes()) == (path.read_bytes(), ())
 
 
 def to_junction(tag: str) -> str:

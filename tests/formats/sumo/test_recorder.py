@@ -46,8 +46,3 @@ def test_vehicles_that_have_left_are_let_go_and_those_in_kept_frames_are_not() -
     assert there <= recorded.users.keys() and len(recorded.users) < 130
     table, _ = recorded.tracks(Path("g.net.xml"))
     assert len(table.vehicles) == sum(len(names) for _, names, _ in recorded.frames)
-
-
-def test_a_whole_recording_keeps_all_vehicles() -> None:
-    recorded, there = users(keep_s=None)
-    assert recorded.users.keys() == there and len(there) == 501

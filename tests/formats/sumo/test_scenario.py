@@ -54,24 +54,11 @@ def test_vehicles_are_where_sumo_has_them(grid: Simulation, scene: SeedScene) ->
     assert scene.future is not None and scene.future.shape[1] == 80
 
 
-def test_progress_of_the_simulation_is_told(grid: Simulation) -> None:
-    told = list[tuple[int, int]]()
-    read_seed(grid.config, time=TIME_S, progress=lambda *step: told.append(step))
-    assert len(told) > 50 and told == sorted(told) and told[-1] == (1000, 1000)
-
-
 def test_pedestrians_and_bicycles_are_obstacles(grid: Simulation, scene: SeedScene) -> None:
     truth = in_sumo(grid.config, TIME_S)
     assert scene.obstacles is not None and set(scene.obstacles.types) == {"pedestrian", "bicycle"}
     now = scene.obstacles.present[:, 10].sum()
     assert now == len(truth.persons) + len(truth.bicycles) > 2
-
-
-def test_fixed_lights_go_on_as_in_the_simulation(grid: Simulation, scene: SeedScene) -> None:
-    assert scene.road is not None and scene.road.net is not None
-    then = in_sumo(grid.config, TIME_S, steps=40).lights
-    assert max(len(set(states)) for states in then.values()) > 1
-    assert in_sumo(scene.road.net, 0.1, steps=40).lights == then  # futures begin at 0.1 s of their simulation
 
 
 def write_switching(folder: Path) -> Simulation:
@@ -207,14 +194,6 @@ def test_more_traffic_than_can_be_run_is_refused_before_or_when_it_comes(
         simulate(grid.config, (TIME_S, TIME_S))
 
 
-def test_a_time_before_the_first_vehicle_names_its_departure(tmp_path: Path) -> None:
-    grid = write_grid(tmp_path, routes='<routes><trip id="a" depart="30" from="A0A1" to="C1C2"/></routes>')
-    with pytest.raises(TrackError, match=r"no vehicle .* departs at 30.1 s; choose a later --time"):
-        read_seed(grid.config, time=5.0)
-    with pytest.raises(TrackError, match="ends at 90 s; choose an earlier --time"):
-        read_seed(grid.config, time=500.0)
-
-
 def test_vehicles_on_lanes_without_cars_are_no_matter_of_the_origin(tmp_path: Path) -> None:
     bus = '<routes><vType id="bus" vClass="bus"/><trip id="a" type="bus" depart="0" from="A0A1" to="A1A2"/>'
     grid = write_grid(tmp_path, routes=f"{bus}</routes>")
@@ -230,23 +209,6 @@ def test_vehicles_on_lanes_without_cars_are_no_matter_of_the_origin(tmp_path: Pa
     ) as said:
         read_seed(grid.config, time=2.0)
     assert "origin" not in str(said.value)
-
-
-def test_a_mesoscopic_simulation_is_refused(tmp_path: Path) -> None:
-    grid = write_grid(tmp_path, processing='<mesosim value="true"/>', step_s=1)
-    with pytest.raises(TrackError, match="mesoscopic"):
-        read_seed(grid.config, time=TIME_S)
-
-
-def test_the_sublane_model_is_a_note(tmp_path: Path) -> None:
-    grid = write_grid(tmp_path, processing='<lateral-resolution value="0.8"/>')
-    assert any("sublane" in note for note in read_seed(grid.config, time=TIME_S).notes)
-
-
-def test_another_step_length_is_resampled_with_a_note(tmp_path: Path) -> None:
-    for step_s, words in ((0.05, "20 Hz"), (0.5, "2 Hz"), (1, "steps of 1 s")):
-        notes = read_seed(write_grid(tmp_path, step_s=step_s).config, time=TIME_S).notes
-        assert any(words in note for note in notes), notes
 
 
 def test_teleporting_parked_and_waiting_vehicles_are_left_out_with_a_note(tmp_path: Path) -> None:

@@ -1,14 +1,11 @@
-"""SUMO's cars drive on nets that are awkward to drive on, and errors of the file system are one line."""
+"""SUMO's cars drive on a closed circuit, without touching where foes yield, and touch where none is."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
-from scex_sumo.base.errors import SimulationError
-from scex_sumo.lanelet2sumo.judge.report import check_net, drive_net
-from tests.converters.plain_net import crossing, write_net
+from tests.converters.plain_net import write_net
+from tests.lanelet2sumo.judge.driving import drive_net
 
 HALVES = {"a": "-20,0 0,20 20,0", "b": "20,0 0,-20 -20,0"}
 
@@ -37,33 +34,23 @@ def closed_circuit(folder: Path) -> Path:
 
 def test_cars_drive_on_a_closed_circuit(tmp_path: Path) -> None:
     report = drive_net(closed_circuit(tmp_path), vehicles=6)
-    assert (report["arrived"], report["routes"]) == (6, 2)
+    assert (report["arrived"], report["driven_routes"]) == (6, 2)
 
 
-def test_a_full_temporary_folder_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def cut_short(_: Path, folder: Path, __: float) -> list[str]:
-        """SUMO itself ends well when the disk is full."""
-        (folder / "fcd.xml").write_text("<fcd-export><timestep", encoding="utf-8")
-        return []
-
-    net = write_net(tmp_path)
-    with monkeypatch.context() as patch:
-        patch.setattr("scex_sumo.lanelet2sumo.judge.driving._simulate", cut_short)
-        with pytest.raises(SimulationError, match=r"^[^\n]*free some space[^\n]*$"):
-            drive_net(net, vehicles=2)
-    monkeypatch.setattr("tempfile.tempdir", "/dev/full")
-    with pytest.raises(SimulationError, match=r"^[^\n]*free some space[^\n]*$"):
-        drive_net(net, vehicles=2)
+def test_vehicles_drive_a_faithful_net_without_touching(tmp_path: Path) -> None:
+    report = drive_net(write_net(tmp_path), vehicles=40, headway_s=1.0)
+    assert report.problems() == []
+    assert (report["vehicles"], report["arrived"]) == (40, 40)
+    assert report["driven_routes"] == 3  # west to east and north, south to north
 
 
-def test_commas_in_paths_reach_sumo_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = tmp_path / "one,two"
-    folder.mkdir()
-    monkeypatch.setattr("tempfile.tempdir", str(folder))
-    assert drive_net(write_net(folder), vehicles=2)["arrived"] == 2
-
-
-def test_a_net_with_a_comma_in_its_name_is_refused_in_one_line(tmp_path: Path) -> None:
-    net = write_net(tmp_path).rename(tmp_path / "a,b.net.xml")
-    with pytest.raises(SimulationError, match=r"^a,b\.net\.xml: SUMO splits paths at commas"):
-        check_net(net, crossing())
+def test_vehicles_on_a_net_without_foes_overlap(tmp_path: Path) -> None:
+    blind = write_net(
+        tmp_path,
+        ('<request index="0" response="000" foes="100"', '<request index="0" response="000" foes="000"'),
+        ('<request index="1" response="000" foes="100"', '<request index="1" response="000" foes="000"'),
+        ('<request index="2" response="011" foes="011"', '<request index="2" response="000" foes="000"'),
+    )
+    report = drive_net(blind, vehicles=60, headway_s=0.7)
+    assert report["overlapping_pairs"] > 0
+    assert any("overlap" in line for line in report.problems())

@@ -10,9 +10,10 @@ import pytest
 
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.generators.demand import Network
-from scex_sumo.lanelet2sumo.judge.report import FidelityReport, check_net, drive_net
-from scex_sumo.road import Lane, Road
+from scex_sumo.road import Lane
 from tests.converters.sumo_roads import NetFile, lane, road
+from tests.lanelet2sumo.judge.driving import judged
+from tests.lanelet2sumo.judge.loading import check_net
 from tests.lanelet2sumo.mutated.cut_roads import cut_road
 from tests.lanelet2sumo.mutated.mutations import example, lit, read, renamed, torn, without
 
@@ -21,17 +22,11 @@ APPROACHES = ((30000, 30001), (30008,), (30012, 30013), (30020, 30021))
 INSIDE = range(30028, 30040)  # the lanelets across the intersection
 
 
-def judged(a_road: Road, folder: Path) -> FidelityReport:
-    """The report on the road's net after 120 cars have driven on it."""
-    net = convert(a_road, folder / "mutated.net.xml")
-    return replace(check_net(net.path, a_road, net.lanes), driving=drive_net(net.path))
-
-
 def test_lights_that_no_lanelet_names_make_the_net_of_lights_that_are_named(tmp_path: Path) -> None:
     nets = []
     for named in (True, False):
         a_road = read(lit(example(CROSSING), APPROACHES, named=named), tmp_path)
-        report = judged(a_road, tmp_path)
+        report = judged(a_road, tmp_path / "mutated.net.xml")
         assert report.problems() == []
         assert report["signalled"] == 7
         nets.append(NetFile(tmp_path / "mutated.net.xml"))
@@ -49,15 +44,7 @@ def test_lights_without_an_element_belong_to_the_stop_line_they_stand_at(tmp_pat
         i for approach in APPROACHES for i in approach
     }
     assert a_road.losses == ()
-    assert judged(a_road, tmp_path).problems() == []
-
-
-def test_lights_far_from_any_lane_are_a_loss(tmp_path: Path) -> None:
-    mutated = lit(example(CROSSING), [(30007,)], named=False)  # where a lane leaves the map
-    a_road = read(mutated, tmp_path)
-    assert [str(loss) for loss in a_road.losses] == ["1 lights without a lane: 900002"]
-    report = check_net(convert(a_road, tmp_path / "lost.net.xml").path, a_road)
-    assert report["lost_lights"] == (900002,)
+    assert judged(a_road, tmp_path / "mutated.net.xml").problems() == []
 
 
 def test_connected_lanelets_of_unknown_subtype_are_roads_with_a_note(tmp_path: Path) -> None:
@@ -66,16 +53,6 @@ def test_connected_lanelets_of_unknown_subtype_are_roads_with_a_note(tmp_path: P
     assert a_road.vehicle_lanes.keys() == whole.vehicle_lanes.keys()
     assert a_road.notes[0].startswith("lanelets of unknown subtype main_road taken for roads: 30000, ")
     assert a_road.losses == ()
-
-
-def test_a_map_of_nothing_but_unknown_subtypes_is_a_map_of_roads(tmp_path: Path) -> None:
-    a_road = read(renamed(example(CROSSING), range(30000, 30040), subtype="main_road"), tmp_path)
-    assert len(a_road.vehicle_lanes) == 40
-
-
-def test_lanelets_of_unknown_location_are_roads(tmp_path: Path) -> None:
-    a_road = read(renamed(example(CROSSING), [30007], location="suburb"), tmp_path)
-    assert 30007 in a_road.vehicle_lanes
 
 
 def test_unknown_lanelets_beside_the_road_are_a_loss_that_the_judge_counts(tmp_path: Path) -> None:
@@ -99,13 +76,8 @@ def test_nobody_starts_on_lanelets_that_begin_within_an_intersection(tmp_path: P
     gone = {3 * i for i in (30031, 30035)}  # the first third of two ways across
     kept = {i: lane for i, lane in whole.lanes.items() if i not in gone}
     a_road = replace(whole, lanes={i: _without(lane, gone) for i, lane in kept.items()})
-    report = judged(a_road, tmp_path)
-    assert report.driving is not None
-    assert (report.driving["arrived"], report.driving["overlapping_pairs"], report.driving["teleports"]) == (
-        120,
-        0,
-        0,
-    )
+    report = judged(a_road, tmp_path / "mutated.net.xml")
+    assert (report["arrived"], report["overlapping_pairs"], report["teleports"]) == (120, 0, 0)
     assert {edge for edge, _ in Network(tmp_path / "mutated.net.xml").origins} == {
         f"l{3 * i}" for i in (30006, 30010, 30018, 30026)
     }
@@ -125,7 +97,7 @@ def test_a_map_that_lost_some_of_its_lanelets_is_converted_faithfully(seed: int,
     whole = example(CROSSING)
     ids = sorted(whole.of_type("lanelet"))
     gone = np.random.default_rng(seed).choice(ids, 9, replace=False).tolist()
-    assert judged(read(without(whole, gone), tmp_path), tmp_path).problems() == []
+    assert judged(read(without(whole, gone), tmp_path), tmp_path / "mutated.net.xml").problems() == []
 
 
 @pytest.mark.parametrize(
@@ -144,7 +116,9 @@ def test_lanelets_that_end_within_others_are_judged_by_the_links_that_meet(
 @pytest.mark.parametrize("parts", [2, 3])
 @pytest.mark.parametrize("name", [CROSSING, "roundabout", "motorway_merge"])
 def test_roads_cut_into_the_junction_keep_every_conflict(name: str, parts: int, tmp_path: Path) -> None:
-    assert judged(cut_road(read(example(name), tmp_path), parts), tmp_path).problems() == []
+    assert (
+        judged(cut_road(read(example(name), tmp_path), parts), tmp_path / "mutated.net.xml").problems() == []
+    )
 
 
 def test_lanes_that_are_crossed_along_their_whole_length_are_not_changed_between(tmp_path: Path) -> None:
@@ -160,19 +134,6 @@ def test_lanes_that_are_crossed_along_their_whole_length_are_not_changed_between
         for side, beside in ((0, {"left": 2 * k + 1}), (1, {"right": 2 * k}))
     ]
     a_road = road([*rows, *across])
-    report = judged(a_road, tmp_path)
+    report = judged(a_road, tmp_path / "mutated.net.xml")
     assert report.problems() == []
     assert report["lane_changes_inside"] == ((2, 3), (3, 2))
-
-
-def test_a_junction_of_lanes_without_area_has_an_outline(tmp_path: Path) -> None:
-    a_road = road([lane(1, [(-40, 0), (40, 0)]), lane(2, [(0, -40), (0, 40)])])
-    flat = {
-        i: replace(one, left_bound=one.centreline, right_bound=one.centreline)
-        for i, one in a_road.lanes.items()
-    }
-    convert(replace(a_road, lanes=flat), tmp_path / "flat.net.xml")
-    shapes = [
-        junction.get("shape", "") for junction in NetFile(tmp_path / "flat.net.xml").root.iter("junction")
-    ]
-    assert all(shapes)

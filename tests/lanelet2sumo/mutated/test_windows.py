@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +9,10 @@ import pytest
 
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
-from scex_sumo.lanelet2sumo.judge.driving import border_routes
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.lanelet2sumo.reader import read_net
 from tests.converters.sumo_roads import NetFile, lane, road
+from tests.lanelet2sumo.judge.driving import border_routes
+from tests.lanelet2sumo.judge.loading import check_net
 from tests.lanelet2sumo.mutated.mutations import EXAMPLES
 from tests.lanelet2sumo.mutated.windows import WAYS, judge
 
@@ -57,12 +56,6 @@ def test_a_lane_that_begins_in_others_way_is_entered_before_its_beginning(tmp_pa
     assert [route[0] for route in border_routes(read_net(net.path))] == ["l1#0"]  # a car on the entry is hit
 
 
-def test_of_two_roads_that_begin_beside_each_other_cars_start_on_the_longer(tmp_path: Path) -> None:
-    a_road = road([lane(1, [(0, 0), (60, 0)]), lane(2, [(1, 1.2), (60, 30)])])
-    net = convert(a_road, tmp_path / "beside.net.xml")
-    assert len({route[0] for route in border_routes(read_net(net.path))}) == 1
-
-
 def test_lanes_of_an_edge_too_short_to_pass_one_another_on_are_not_changed_between(tmp_path: Path) -> None:
     for length, changed in ((8.0, 0), (30.0, 2)):
         rows = [
@@ -73,12 +66,3 @@ def test_lanes_of_an_edge_too_short_to_pass_one_another_on_are_not_changed_betwe
         ]
         net = convert(road(rows), tmp_path / "row.net.xml")
         assert len(border_routes(read_net(net.path))) == 2 + changed
-
-
-def test_widths_are_judged_by_the_lane_that_lies_there(tmp_path: Path) -> None:
-    wide, across = lane(1, [(-40, 0), (40, 0)]), lane(2, [(0, -40), (0, 40)])
-    taper = np.array([(-40, 1.2), (40, 3.2)])
-    a_road = road([replace(wide, left_bound=taper, right_bound=taper * (1, -1), width_m=4.4), across])
-    net = convert(a_road, tmp_path / "taper.net.xml")
-    report = check_net(net.path, a_road, net.lanes)
-    assert report["width_error_mean_m"] < report["width_error_floor_m"]

@@ -16,10 +16,9 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.converters.maps import read_map
-from scex_sumo.converters.net.convert import convert
 from scex_sumo.geometry.polylines import cut, length_of, nearest, samples
-from scex_sumo.lanelet2sumo.judge.report import check_net, drive_net
 from scex_sumo.road import Lane, Road
+from tests.lanelet2sumo.judge.driving import judged
 from tests.lanelet2sumo.mutated.cut_roads import cut_road, overlap
 
 SHORTEST_M = 1.0  # of what a window leaves of a lane
@@ -149,15 +148,9 @@ def _meet(a: FloatArray, b: FloatArray) -> bool:
 def judge(road: Road, folder: Path) -> list[str]:
     """What the net of a road misses after 120 cars have driven on it; a refusal in one line is none."""
     try:
-        net = convert(road, folder / "cut.net.xml")
-        report = check_net(net.path, road, net.lanes)
+        return judged(road, folder / "cut.net.xml").problems()
     except ScexError as error:
         return [f"refused: {error}"]
-    try:
-        report = replace(report, driving=drive_net(net.path))
-    except ScexError as error:
-        return [*report.problems(), f"not driven: {error}"]
-    return report.problems()
 
 
 def main() -> None:

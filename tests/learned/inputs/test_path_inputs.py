@@ -8,7 +8,6 @@ import pytest
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.learned.inputs.path_inputs import (
     AHEAD_M,
-    LEADER_COLUMNS,
     PATH_COLUMNS,
     PathInputs,
     path_inputs,
@@ -27,12 +26,6 @@ def seen(road: Road, scene: SeedScene | SceneHistory) -> PathInputs:
 
 def column(inputs: PathInputs, name: str, vehicle: int = 0) -> float:
     return float(inputs.features[vehicle, PATH_COLUMNS.index(name)])
-
-
-def test_there_is_a_column_for_every_name_and_those_of_others_come_last() -> None:
-    inputs = seen(roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 10.0)))
-    assert inputs.features.shape == (1, len(PATH_COLUMNS))
-    assert PATH_COLUMNS[-len(LEADER_COLUMNS) :] == LEADER_COLUMNS
 
 
 def test_a_vehicle_beside_a_straight_path_and_askew_sees_it_so() -> None:
@@ -92,12 +85,6 @@ def test_the_queue_ahead_is_counted_from_the_first_to_the_last_who_stands() -> N
     assert {name: column(inputs, name, 3) for name in nobody} == nobody
 
 
-def test_who_crosses_the_path_is_not_in_the_queue() -> None:
-    inputs = seen(roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 12.0), (80.0, 0.0, np.pi / 2, 0.0)))
-    assert column(inputs, "leader") == 1
-    assert column(inputs, "ahead") == 0
-
-
 def test_one_wrong_speed_shows_against_those_before_it() -> None:
     history = roads.present(roads.scene_of((50.0, 0.0, 0.0, 10.0)))
     history.states.speed[0, 0] = 10.0
@@ -115,11 +102,6 @@ def test_room_is_what_the_box_has_beside_it() -> None:
     inputs = seen(roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 10.0), width=1.8))
     for side in ("room_left", "room_right"):
         assert column(inputs, side) == pytest.approx(1.75 - 0.9, abs=1.5 * CELL_M)
-
-
-def test_the_end_of_the_mapped_road_comes_nearer() -> None:
-    inputs = seen(roads.straight(100.0), roads.scene_of((60.0, 0.0, 0.0, 10.0)))
-    assert column(inputs, "end") == pytest.approx(40.0, abs=2.0)
 
 
 def test_acceleration_and_yaw_rate_are_those_of_the_last_third_of_a_second() -> None:

@@ -10,7 +10,6 @@ import pytest
 from scex_sumo.learned.inputs.raster import (
     CHANNELS,
     LIMIT_SCALE_MPS,
-    MARGIN_M,
     PIXEL_M,
     raster_of,
 )
@@ -58,9 +57,3 @@ def test_bounds_markings_and_crosswalks_have_channels_of_their_own() -> None:
     assert crosswalk.sum() == pytest.approx(40.0, abs=14.0)  # 4 m by 10 m, and half its outline's pixels
     assert marking.sum() == pytest.approx(5.0, abs=1.0)
     assert boundary.sum() == pytest.approx(101.0, abs=1.0)
-
-
-def test_a_map_without_lanes_is_an_empty_picture() -> None:
-    raster = raster_of(roads.road(roads.lane(1, [(0.0, 0.0), (9.0, 0.0)], kind="pedestrian")))
-    assert raster.values.shape[1:] == (2 * MARGIN_M + 1, 2 * MARGIN_M + 1)
-    assert not raster.values.any()

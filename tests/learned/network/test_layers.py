@@ -9,7 +9,6 @@ from scex_sumo.learned.network.layers import (
     INPUT_LIMIT,
     WEIGHT_GRID,
     Linear,
-    Norm,
     Scaler,
     exact,
     snapped,
@@ -60,10 +59,3 @@ def test_making_exact_rounds_weights_and_says_how_near_the_limit_they_are() -> N
 def test_scaling_has_mean_zero_spread_one_and_bounds() -> None:
     scale = Scaler({"s.mean": np.array([3.0, 5.0]), "s.spread": np.array([2.0, 1.0])}, "s")
     assert scale(np.array([[1.0, 5.0], [5.0, 6.0], [1e9, -1e9]])).tolist() == [[-1, 0], [1, 1], [10, -10]]
-
-
-def test_a_normalised_row_has_mean_zero_and_variance_one_before_weights_and_bias() -> None:
-    norm = Norm({"n.weight": np.full(4, 2.0), "n.bias": np.full(4, 3.0)}, "n")
-    made = (norm(RNG.normal(5.0, 7.0, (3, 4))) - 3.0) / 2.0
-    assert np.allclose(made.mean(axis=1), 0.0)
-    assert np.allclose(made.var(axis=1), 1.0, atol=1e-5)

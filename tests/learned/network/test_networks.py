@@ -12,11 +12,10 @@ from scex_sumo.learned.driver import image_of
 from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS, path_inputs
 from scex_sumo.learned.inputs.raster import CHANNELS, Raster, raster_of
 from scex_sumo.learned.network.architecture import (
-    KNOTS,
     STRONGEST_ACCELERATION,
     STRONGEST_BRAKING,
 )
-from scex_sumo.learned.network.networks import GraphImageNet, GraphNet, Modes, Net, interpolation
+from scex_sumo.learned.network.networks import GraphImageNet, GraphNet, Modes, Net
 from scex_sumo.learned.scene_graph.graph import EDGE_COLUMNS, scene_graph
 from scex_sumo.road import Road
 from scex_sumo.scene import SceneHistory, SeedScene
@@ -63,10 +62,6 @@ def test_predictions_have_a_row_per_pair_six_modes_and_thirty_steps(kind: str, f
     assert (None if modes.free is None else tuple(modes.free.shape)) == ((6, 6, 30, 2) if free else None)
 
 
-def test_the_head_for_free_trajectories_can_be_left_out() -> None:
-    assert ask(network("hybrid", free=False), roads.present(SCENE), ROAD).free is None
-
-
 @pytest.mark.parametrize("kind", ["graph", "hybrid"])
 def test_accelerations_keep_within_physical_limits_whatever_the_weights(kind: str) -> None:
     net = network(kind, loud=1e4)
@@ -75,23 +70,6 @@ def test_accelerations_keep_within_physical_limits_whatever_the_weights(kind: st
     assert float(acceleration.max()) <= STRONGEST_ACCELERATION
     assert float(acceleration.max()) > 4.9  # the weights are wild enough to get there
     assert float(acceleration.min()) < -8.9
-
-
-def test_offsets_start_from_the_present_one() -> None:
-    offset = ask(network("hybrid"), roads.present(SCENE), ROAD).offset
-    # The first value is that of the middle of the first step, a tenth of the way to the first knot.
-    first, fifth = offset[:, :, 0], offset[:, :, 4]
-    present = SCENE.now.y[:, None]
-    assert np.allclose(fifth - present, 9 * (first - present), atol=1e-6)
-    assert np.abs(first - present).max() > 1e-3
-
-
-def test_knots_are_joined_by_straight_lines() -> None:
-    line = interpolation()
-    assert line.shape == (KNOTS, 30)
-    times = np.arange(KNOTS) * 0.5
-    assert np.allclose(times @ line, np.arange(30) * 0.1 + 0.05)
-    assert np.allclose(line.sum(0), 1.0)
 
 
 def moved(turn: float, shift: tuple[float, float]) -> tuple[SeedScene, Road]:

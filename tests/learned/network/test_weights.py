@@ -56,14 +56,6 @@ def test_weights_come_back_as_they_were_with_what_was_said_of_them(tmp_path: Pat
     assert back.meta["sha256"] == sha256_of(tmp_path / "w")
 
 
-def test_the_same_weights_are_the_same_bytes(tmp_path: Path) -> None:
-    for name in ("a", "b"):
-        (tmp_path / name).mkdir()
-        nets.untrained(tmp_path / name, "graph_predictor", SCENE, ROAD)
-    one, other = ((tmp_path / name / "graph_predictor.safetensors").read_bytes() for name in ("a", "b"))
-    assert one == other
-
-
 def refused(name: str, file: Path) -> str:
     with pytest.raises(InputError) as caught:
         build(parse_models(f"{name}:weights={file}")[0])
@@ -71,12 +63,6 @@ def refused(name: str, file: Path) -> str:
     assert "\n" not in words
     assert words.startswith(f"{file}: ")
     return words
-
-
-def test_a_missing_file_says_so(tmp_path: Path) -> None:
-    wanted = "no such file; give a file that 'scex-sumo train' wrote"
-    assert wanted in refused("graph_predictor", tmp_path / "absent.safetensors")
-    assert "is a folder" in refused("graph_predictor", tmp_path)
 
 
 def test_something_else_than_weights_says_so(tmp_path: Path, file: Path) -> None:
@@ -97,12 +83,6 @@ def test_a_file_of_earlier_versions_says_that_it_must_be_trained_again(tmp_path:
     assert "a PyTorch file, as earlier versions wrote it; train again with: scex-sumo train graph" in words
 
 
-def test_weights_of_the_other_model_are_refused(file: Path) -> None:
-    words = refused("graph_image_predictor", file)
-    assert "weights of graph_predictor, needs those of graph_image_predictor" in words
-    assert "scex-sumo train hybrid" in words
-
-
 def test_weights_of_another_architecture_are_refused(file: Path) -> None:
     numbers = about(file)["architecture"]
     for change in ({"hidden": 32}, {"layers": 3}, {"depth": 3}, {"hidden": "wide"}):
@@ -111,18 +91,6 @@ def test_weights_of_another_architecture_are_refused(file: Path) -> None:
     for wrong in (7, None, [1], "hidden", [["hidden"]], "", []):
         altered(file, architecture=wrong)
         assert "weights of another architecture" in refused("graph_predictor", file)
-
-
-def test_a_width_of_zero_is_refused_before_a_network_is_built(file: Path) -> None:
-    altered(file, architecture={**about(file)["architecture"], "hidden": 0})
-    assert "hidden is 0, 1 to 1024 expected" in refused("graph_predictor", file)
-
-
-def test_a_spread_of_zero_is_refused_before_anything_is_divided_by_it(file: Path) -> None:
-    state = safetensors.numpy.load_file(file)
-    state["path_scale.spread"][0] = 0.0
-    altered(file, state=state)
-    assert "has inputs whose spread is not positive" in refused("graph_predictor", file)
 
 
 def test_weights_for_other_inputs_are_refused(file: Path) -> None:
@@ -139,13 +107,6 @@ def test_weights_that_are_not_finite_or_huge_are_refused(file: Path, value: floa
     state["head.knots.weight"][0, 0] = value
     altered(file, state=state)
     assert words in refused("graph_predictor", file)
-
-
-def test_the_free_head_needs_weights_that_have_it(tmp_path: Path) -> None:
-    file = nets.untrained(tmp_path, "graph_image_predictor", SCENE, ROAD, free=False)
-    assert build(parse_models(f"graph_image_predictor:weights={file}")[0])
-    with pytest.raises(InputError, match="trained without the head for free trajectories; use head=bounded"):
-        build(parse_models(f"graph_image_predictor:head=free:weights={file}")[0])
 
 
 def test_the_shipped_weights_are_small_exact_and_say_what_they_are_made_from() -> None:

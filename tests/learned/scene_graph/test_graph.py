@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import gc
-import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +15,6 @@ from scex_sumo.learned.scene_graph.graph import (
     NODE_COLUMNS,
     SceneGraph,
     scene_graph,
-    slope,
 )
 from scex_sumo.road import Road
 from scex_sumo.scene import Obstacles, SceneHistory, SeedScene, States
@@ -74,12 +71,6 @@ def test_the_way_and_not_the_straight_distance_counts() -> None:
     assert feature(scene_graph(nearer, road(lane(1, bend))), 1, 0, "path_distance") == pytest.approx(80.0)
 
 
-def test_edges_reach_as_far_as_the_radius() -> None:
-    scene = scene_of((40.0, 0.0, 0.0, 9.0), (90.0, 0.0, 0.0, 9.0))
-    assert len(edges(scene_graph(scene, CHAIN, radius=50.0))) == 2
-    assert edges(scene_graph(scene, CHAIN, radius=49.9)) == {}
-
-
 def test_on_a_ring_the_shorter_way_round_decides_who_is_ahead() -> None:
     corners = [(0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0), (0.0, 0.0)]
     ring = road(*(lane(i, corners[i : i + 2], successors=((i + 1) % 4,)) for i in range(4)))
@@ -120,11 +111,6 @@ def test_lateral_reaches_two_lanes_and_30_m_from_bumper_to_bumper() -> None:
     assert kinds(50.0, 7.0) == ["lateral", "lateral"]
     assert kinds(79.9 + LENGTH, 3.5) == ["lateral", "lateral"]
     assert kinds(80.1 + LENGTH, 3.5) == []
-
-
-def test_lanes_side_by_side_that_are_no_neighbours_do_not_relate() -> None:
-    strangers = road(lane(1, [(0.0, 0.0), (200.0, 0.0)]), lane(2, [(0.0, 3.5), (200.0, 3.5)]))
-    assert edges(scene_graph(scene_of((50.0, 0.0, 0.0, 9.0), (50.0, 3.5, 0.0, 9.0)), strangers)) == {}
 
 
 def crossing() -> Road:
@@ -178,18 +164,6 @@ def test_the_relation_of_the_more_probable_lanes_wins() -> None:
     assert feature(nearer, 1, 0, "target_probability") == pytest.approx(share)
 
 
-def test_a_second_lane_counts_from_a_probability_of_a_fifth_on() -> None:
-    strangers = road(lane(1, [(0.0, 0.0), (200.0, 0.0)]), lane(2, [(0.0, 3.5), (200.0, 3.5)]))
-    # exp((d1² - d2²) / (2·0.8²)) with d1 + d2 = 3.5 m: the share of lane 2 is 0.26 at 1.56 m, 0.14 at 1.42 m.
-    likely = scene_graph(scene_of((50.0, 1.56, 0.0, 9.0), (62.0, 3.5, 0.0, 9.0)), strangers)
-    assert edges(likely)[1, 0] == "ahead"
-    share = 1 / (1 + np.exp(-(1.56**2 - 1.94**2) / (2 * 0.8**2)))
-    assert 0.2 < share < 0.3
-    assert feature(likely, 1, 0, "target_probability") == pytest.approx(share)
-    assert feature(likely, 1, 0, "target_offset") == pytest.approx(-1.94)
-    assert edges(scene_graph(scene_of((50.0, 1.42, 0.0, 9.0), (62.0, 3.5, 0.0, 9.0)), strangers)) == {}
-
-
 def test_a_vehicle_off_the_map_is_a_node_without_edges() -> None:
     graph = scene_graph(scene_of((50.0, 0.0, 0.0, 9.0), (60.0, 20.0, 0.0, 9.0)), straight())
     assert edges(graph) == {}
@@ -197,11 +171,6 @@ def test_a_vehicle_off_the_map_is_a_node_without_edges() -> None:
     for name in ("match_probability", "lane_offset", "lane_heading_error", "speed_limit"):
         assert node(graph, name)[1] == 0.0
     assert node(graph, "match_probability")[0] == 1.0
-
-
-def test_a_scene_without_lanes_has_nodes_only() -> None:
-    graph = scene_graph(scene_of((50.0, 0.0, 0.0, 9.0), (60.0, 0.0, 0.0, 9.0)), road())
-    assert edges(graph) == {} and not graph.on_road.any()
 
 
 def test_nodes_tell_size_type_and_place_on_the_lane() -> None:
@@ -241,13 +210,6 @@ def test_yaw_rate_and_acceleration_are_those_of_the_last_half_second() -> None:
     assert node(scene_graph(turning(-0.3, 2.0), straight()), "yaw_rate") == pytest.approx([-0.3])
 
 
-def test_one_state_that_is_far_out_does_not_bend_the_slope() -> None:
-    values = 9.0 + 0.2 * np.arange(6)
-    values[3] += 5.0
-    # Ten of the fifteen slopes do not touch it and are 2; the median lies among them.
-    assert slope(values) == pytest.approx(2.0)
-
-
 def test_the_history_is_seen_from_the_present_pose() -> None:
     graph = scene_graph(scene_of((50.0, 20.0, 1.0, 10.0)), straight())
     ago = 0.1 * np.arange(10, -1, -1)
@@ -274,14 +236,6 @@ def test_the_nearest_walker_in_the_corridor_ahead_is_a_feature_of_the_driver() -
     assert node(graph, "obstacle_ahead") == [1.0, 1.0]
     assert node(graph, "obstacle_distance") == pytest.approx([20.0 - LENGTH / 2, 5.0 - LENGTH / 2])
     assert node(graph, "obstacle_offset") == pytest.approx([-1.0, 2.0])
-
-
-@pytest.mark.parametrize(
-    "others", [walkers((40.0, 0.0)), walkers((90.0, 0.0)), walkers((60.0, 0.0), here=False)]
-)
-def test_walkers_behind_far_ahead_or_gone_are_none(others: Obstacles) -> None:
-    graph = scene_graph(scene_of((50.0, 0.0, 0.0, 9.0), obstacles=others), straight())
-    assert node(graph, "obstacle_ahead") == node(graph, "obstacle_distance") == [0.0]
 
 
 def batch(scene: SeedScene, futures: int) -> SceneHistory:
@@ -324,12 +278,6 @@ def test_a_future_has_the_same_graph_alone_and_in_a_batch(example: SeedScene) ->
         assert np.array_equal(together.history[together.future == future], alone.history)
 
 
-def test_no_edge_joins_two_futures(example: SeedScene) -> None:
-    graph = scene_graph(batch(example, 5), example.road)
-    assert len(graph.edge_kind) > 100
-    assert np.array_equal(graph.future[graph.edge_index[0]], graph.future[graph.edge_index[1]])
-
-
 def test_the_order_of_the_vehicles_does_not_matter(example: SeedScene) -> None:
     order = np.random.default_rng(0).permutation(example.vehicles)
     plain, shuffled = scene_graph(example), scene_graph(example.reordered(order.tolist(), name="shuffled"))
@@ -357,15 +305,6 @@ def test_models_that_share_a_history_share_its_graph() -> None:
     assert scene_graph(history, where) is graph
     assert scene_graph(history, where, radius=20.0) is not graph
     assert scene_graph(history, straight()) is not graph
-
-
-def test_a_graph_is_forgotten_with_its_history() -> None:
-    history = present(scene_of((50.0, 0.0, 0.0, 9.0)))
-    graph = weakref.ref(scene_graph(history, straight()))
-    assert graph() is not None
-    del history
-    gc.collect()
-    assert graph() is None
 
 
 def test_a_seed_scene_needs_a_road() -> None:

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.learned.training.attention import _most_different, plot_attention
-from scex_sumo.scene import Plan, SeedScene
+from scex_sumo.learned.training.attention import plot_attention
+from scex_sumo.scene import SeedScene
 from tests.behaviors import roads
 from tests.learned import nets
 
@@ -28,13 +27,6 @@ def test_a_scene_is_drawn_with_the_plans_of_all_weights(tmp_path: Path, scene: S
     drawn = plot_attention(scene, tmp_path / "attention.svg", weights=weights, values=(0, 0.4, 1), head=head)
     text = drawn.read_text()
     assert all(f"w = {w}" in text for w in ("0", "0.4", "1"))
-
-
-def test_vehicles_whose_plans_differ_most_come_first() -> None:
-    ends = np.array([[0.0, 0.0, 0.0], [1.0, 5.0, 0.1], [2.0, -5.0, 0.0]])  # by weight, by vehicle
-    still = np.zeros((3, 30))
-    plans = [Plan(x=still + end[:, None], y=still, heading=still, speed=still) for end in ends]
-    assert _most_different(plans) == [1, 0, 2]
 
 
 def test_without_a_road_or_without_weights_to_try_there_is_nothing_to_draw(

@@ -9,7 +9,7 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from scex_sumo.learned.training.data.batches import Batch  # noqa: E402
-from scex_sumo.learned.training.loss import LossWeights, displacement, loss, trajectory_errors  # noqa: E402
+from scex_sumo.learned.training.loss import LossWeights, loss  # noqa: E402
 from scex_sumo.learned.training.networks.graph import ModeTensors, PathBatch, SceneBatch  # noqa: E402
 
 H = 30
@@ -40,18 +40,6 @@ def _modes(acceleration: list[float], n: int = 1, logits: list[float] | None = N
     return ModeTensors(given, a, torch.zeros_like(a), torch.zeros(n), None)
 
 
-def test_who_brakes_stops_and_stays() -> None:
-    way = displacement(torch.tensor([1.0]), torch.full((1, 1, H), -2.0))[0, 0]
-    assert float(way[4]) == pytest.approx(0.25)  # v²/2a after 0.5 s
-    assert float(way[-1]) == pytest.approx(0.25)
-
-
-def test_who_stopped_starts_again_from_standing() -> None:
-    a = torch.cat([torch.full((10,), -2.0), torch.full((20,), 1.0)])[None, None]
-    way = displacement(torch.tensor([1.0]), a)[0, 0]
-    assert float(way[-1]) == pytest.approx(0.25 + 2.0)  # and at² / 2 over 2 s
-
-
 def test_nothing_is_lost_on_the_recorded_track() -> None:
     modes, batch = _modes([0.0] * 6), _batch([0], [True])
     _, parts = loss(modes, batch, LossWeights())
@@ -59,13 +47,6 @@ def test_nothing_is_lost_on_the_recorded_track() -> None:
     assert parts["winner"] == pytest.approx(0.0, abs=1e-5)
     assert parts["path"] == pytest.approx(0.0, abs=1e-5)
     assert parts["smooth"] == pytest.approx(0.0, abs=1e-6)
-
-
-def test_far_errors_count_by_their_distance() -> None:
-    off = trajectory_errors(
-        torch.full((1, 1, H), 3.0), torch.full((1, 1, H), 4.0), LossWeights(final=0.5, round_m=1e-6)
-    )
-    assert float(off) == pytest.approx(5.0 * 1.5, abs=1e-4)
 
 
 def test_the_nearest_mode_is_pulled_hardest_and_mode_0_always() -> None:
@@ -77,23 +58,10 @@ def test_the_nearest_mode_is_pulled_hardest_and_mode_0_always() -> None:
     assert float(pull[0]) > float(pull[1])  # expected: its whole weight, and further off
 
 
-def test_a_mode_that_comes_near_should_be_the_likely_one() -> None:
-    batch = _batch([0], [True])
-    knows = loss(_modes([2.0, 0.0, -2.0], logits=[0.0, 5.0, 0.0]), batch, LossWeights())[1]["mode"]
-    errs = loss(_modes([2.0, 0.0, -2.0], logits=[5.0, 0.0, 0.0]), batch, LossWeights())[1]["mode"]
-    assert knows < errs
-
-
 def test_two_right_paths_of_three_share_their_probability() -> None:
     batch = _batch([0, 0, 0], [True, True, False])
     _, parts = loss(_modes([0.0], n=3), batch, LossWeights(path=1.0))
     assert parts["path"] == pytest.approx(math.log(3 / 2), abs=1e-5)
-
-
-def test_paths_of_one_vehicle_do_not_compete_with_those_of_another() -> None:
-    batch = _batch([0, 1], [True, True])
-    modes = _modes([0.0], n=2)._replace(path_logit=torch.tensor([5.0, -5.0]))
-    assert loss(modes, batch, LossWeights(path=1.0))[1]["path"] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_hard_braking_costs_and_soft_braking_does_not() -> None:
@@ -101,13 +69,6 @@ def test_hard_braking_costs_and_soft_braking_does_not() -> None:
     weights = LossWeights(acceleration=1.0, jerk=0.0, hard=3.0)
     assert loss(_modes([-5.0]), batch, weights)[1]["smooth"] == pytest.approx(4.0)  # (5 - 3)²
     assert loss(_modes([-2.9]), batch, weights)[1]["smooth"] == pytest.approx(0.0)
-
-
-def test_paths_that_are_wrong_teach_no_way() -> None:
-    right, both = _batch([0], [True]), _batch([0, 0], [True, False])
-    alone = loss(_modes([1.0, -1.0]), right, LossWeights())[1]["winner"]
-    beside = loss(_modes([1.0, -1.0], n=2), both, LossWeights())[1]["winner"]
-    assert beside == pytest.approx(alone, abs=1e-6)
 
 
 def test_the_free_head_learns_places() -> None:

@@ -9,15 +9,14 @@ import pytest
 
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.generators.generate import generated_scene
-from scex_sumo.generators.scene_context import ROAD_COLUMNS, demands, lane_cells, placed_on_lanes
-from scex_sumo.generators.scene_model import KINDS, SceneModel, usual_pace
+from scex_sumo.generators.scene_context import demands, lane_cells, placed_on_lanes
+from scex_sumo.generators.scene_model import KINDS, SceneModel
 from scex_sumo.learned.training.scenes import (
     bin_numbers,
     bins_of,
     bounds_of,
     fit,
     known_scenes,
-    pace_slopes,
     scene_samples,
     seen_cells,
 )
@@ -40,20 +39,6 @@ def test_a_frequent_value_has_a_bin_of_its_own_and_the_rest_equal_shares() -> No
     assert ((bins[rest, 0] <= values[500:-1]) & (values[500:-1] <= bins[rest, 1])).mean() > 0.99
     share = np.bincount(rest, minlength=len(bins))[5:-5] / 1500
     assert share == pytest.approx(0.05, abs=0.01)
-
-
-def test_slopes_of_the_mean_speed_are_those_of_the_recorded_sites() -> None:
-    rng, sites = np.random.default_rng(0), []
-    for conflicts, free, scenes in ((0.0, 14.0, 50), (1.0, 14.0, 5), (3.0, 10.0, 20), (6.0, 20.0, 9)):
-        road = np.zeros(len(ROAD_COLUMNS))
-        road[ROAD_COLUMNS.index("free")], road[ROAD_COLUMNS.index("conflicts")] = free / 10, conflicts
-        density = rng.uniform(2.0, 40.0, scenes)
-        speed = free * np.exp(-2.0 * conflicts / (1 + conflicts) - 30.0 * density / 1000.0)
-        sites.append(np.column_stack([np.log(density), np.log(speed), np.tile(road, (scenes, 1))]))
-    slopes = pace_slopes(sites)
-    assert slopes == pytest.approx([-2.0, -30.0], rel=0.15)  # ridge: nearer to 0
-    left = np.concatenate(sites)[:, 1] - usual_pace(np.concatenate(sites), slopes)
-    assert left.std() < 0.1
 
 
 def platoon(road: Road, rng: np.random.Generator) -> SeedScene:

@@ -13,12 +13,11 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from scex_sumo.base.errors import MapError, MissingExtraError, ResultError, TrackError, UsageError  # noqa: E402
+from scex_sumo.base.errors import MapError, ResultError, TrackError, UsageError  # noqa: E402
 from scex_sumo.converters.datasets.find import find_recordings  # noqa: E402
 from scex_sumo.converters.registries import Recording  # noqa: E402
 from scex_sumo.evaluation.recordings import load_recording  # noqa: E402
 from scex_sumo.evaluation.split import Split  # noqa: E402
-from scex_sumo.generators.scene_model import load_scenes  # noqa: E402
 from scex_sumo.learned.network.weights import load_weights  # noqa: E402
 from scex_sumo.learned.training.command import train_command  # noqa: E402
 from scex_sumo.learned.training.data import dataset as dataset_module  # noqa: E402
@@ -148,25 +147,6 @@ def test_a_broken_checkpoint_is_named(small: Dataset, tmp_path: Path, at: float)
             trained(small, options(epochs=2), tmp_path)
 
 
-def test_a_round_that_is_not_that_of_the_checkpoint_is_named(small: Dataset, tmp_path: Path) -> None:
-    given = options(epochs=4, rounds=1)
-    trained(small, given, tmp_path, stop=3)
-    (file,) = tmp_path.glob("round*.npz")
-    dataset_module.save_samples(file, small.validation)
-    for _ in range(2):
-        with pytest.raises(ResultError, match=r"round0\.npz: is not that of the checkpoint; train without"):
-            trained(small, given, tmp_path)
-        file.unlink(missing_ok=True)
-
-
-def test_a_training_from_the_start_leaves_no_round_of_an_earlier_one(small: Dataset, tmp_path: Path) -> None:
-    given = options(epochs=4, rounds=1)
-    dataset_module.save_samples(tmp_path / "parts" / "round0.npz", small.validation)
-    whole, _ = trained(small, given, tmp_path / "whole")
-    trained(small, given, tmp_path / "parts", stop=3)
-    assert_same(weights(trained(small, given, tmp_path / "parts")[0]), weights(whole))
-
-
 def test_training_stops_when_validation_gets_no_better(small: Dataset) -> None:
     run, log = trained(small, options(epochs=30, patience=1, rate=0.0))
     assert len(log) == 2  # the first is the best, the second is no better
@@ -270,11 +250,6 @@ def test_tracks_that_are_not_finite_are_named() -> None:
         part_scenes(broken, "train", split=SAMPLING.split, every_s=0.5)
 
 
-def test_a_recording_too_short_says_so() -> None:
-    with pytest.raises(TrackError, match="no vehicle for validation"):
-        make_dataset(merge(), SampleOptions(copies=0, stops=0))
-
-
 def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:
     def train(**given: Any) -> None:
         train_command(**{"kind": "graph", "data": [tmp_path], "out": tmp_path / "w.safetensors", **given})
@@ -338,22 +313,6 @@ def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monke
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cache", "data", "mine.safetensors"]
 
 
-def test_a_scene_model_says_by_which_command_it_was_made(tmp_path: Path) -> None:
-    folder, out = example_path("motorway_merge").parent, tmp_path / "mine.safetensors"
-    train_command("scenes", [folder], out, seed=3, epochs=1, moments=60, validation=["roundabout"])
-    data = f"--data {folder.name} --seed 3 --epochs 1 --validation roundabout"
-    command = f"scex-sumo train scenes {data} --moments 60"
-    assert load_scenes(out).meta["command"] == command
-
-
-def test_training_says_that_it_needs_torch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("scex_sumo.learned.training.command.find_spec", lambda name: None)
-    with pytest.raises(
-        MissingExtraError, match=r"^train: needs torch; install with: pip install 'scex-sumo\[learned\]'$"
-    ):
-        train_command("graph", [tmp_path], tmp_path / "w.safetensors")
-
-
 def test_maps_of_one_site_may_lie_elsewhere_and_must_be_the_same() -> None:
     def shifted(by: float, bend: float = 0.0) -> Road:
         points = np.array([[0.0, 0.0], [50.0, bend]]) + by
@@ -362,14 +321,6 @@ def test_maps_of_one_site_may_lie_elsewhere_and_must_be_the_same() -> None:
     np.testing.assert_allclose(map_shift(shifted(0.0), shifted(7.0)), [7.0, 7.0])
     with pytest.raises(MapError, match="another map than that of its site"):
         map_shift(shifted(0.0), shifted(7.0, bend=9.0))
-
-
-def test_samples_of_a_map_that_lies_elsewhere_lie_on_that_of_the_site(small: Dataset) -> None:
-    moved = small.train.at(2, np.array([10.0, -4.0]))
-    np.testing.assert_allclose(
-        moved.pose - small.train.pose, np.tile([-10.0, 4.0, 0.0], (len(moved.pose), 1))
-    )
-    assert (moved.site == 2).all()
 
 
 def test_names_that_are_not_there_are_refused(tmp_path: Path) -> None:

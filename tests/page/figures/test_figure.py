@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.base.errors import UsageError
 from scex_sumo.metrics.registry import COLUMNS, THRESHOLDS
 from scex_sumo.page.figures.figure import COLORS, draw_figure
 from scex_sumo.reports.run_table import print_summary, summary_table
@@ -44,25 +44,6 @@ def test_the_share_of_critical_futures_counts_those_up_to_the_threshold(run: Run
     # 0.25 m times 0 to 20 is at most 5 m.
     assert run.p_critical("distance").value == pytest.approx(21 / FUTURES)
     assert run.p_critical("distance", threshold=0.1).value == pytest.approx(1 / FUTURES)
-
-
-def test_undefined_futures_are_no_samples(run: Run) -> None:
-    assert len(run.samples("ttc")) == FUTURES / 2
-    assert len(run.samples("gap_time")) == 0
-
-
-def test_the_most_critical_future_is_on_the_critical_side(run: Run) -> None:
-    assert run.most_critical("distance") == 0
-    assert run.most_critical("tq") == FUTURES - 1
-    with pytest.raises(ResultError, match="gap_time is defined in none of 40 futures"):
-        run.most_critical("gap_time")
-
-
-def test_unknown_metrics_and_missing_thresholds_name_the_known(run: Run) -> None:
-    with pytest.raises(UsageError, match="unknown metric 'speed'; nearest: "):
-        run.samples("speed")
-    with pytest.raises(UsageError, match="pttc: has no threshold; those that have: distance"):
-        run.p_critical("pttc")
 
 
 def test_plots_say_what_is_defined_and_mark_the_recorded_value(run: Run, tmp_path: Path) -> None:
@@ -115,14 +96,6 @@ def test_a_figure_names_its_runs_also_if_their_names_are_long(run: Run, tmp_path
 def test_more_runs_than_colours_are_refused(run: Run) -> None:
     with pytest.raises(UsageError, match="9 results, but a figure has 8 colours"):
         draw_figure([run] * 9, "density", None)
-
-
-def test_labels_of_a_figure_do_not_overlap(run: Run, tmp_path: Path) -> None:
-    panels = draw_figure([run], "density", tmp_path / "densities.png")
-    for panel in panels:
-        shown = [text for text in panel.texts if text.get_text()]
-        boxes = [text.get_window_extent() for text in [*shown, panel.title, panel.xaxis.label]]
-        assert not any(a.overlaps(b) for n, a in enumerate(boxes) for b in boxes[:n] if a.width and b.width)
 
 
 def test_the_same_run_is_drawn_in_the_same_bytes(run: Run, tmp_path: Path) -> None:

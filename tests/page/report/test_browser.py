@@ -54,13 +54,6 @@ def test_the_verdict_comes_first_and_says_what_the_tables_say(page: Any, run: Ru
     assert page.locator("#worst-encounters li").count() == 3
 
 
-def test_it_plays_to_the_end(page: Any) -> None:
-    page.select_option("#speed", "2")
-    page.keyboard.press("Space")
-    page.wait_for_selector("#clock:has-text('3.0 s')", timeout=15_000)
-    page.wait_for_selector("#play:has-text('▶')")
-
-
 def test_it_opens_on_the_worst_encounter_with_the_play_bar_in_sight(page: Any, run: Run) -> None:
     worst = run.encounters.to_pylist()[0]
     page.wait_for_selector("#encounters tr.chosen")
@@ -146,21 +139,6 @@ def test_curves_have_the_values_of_the_run_at_the_shown_step(page: Any, run: Run
     assert float(cursor.removesuffix("%")) == pytest.approx(100 * step / run.info["steps"])
     page.locator(".strip canvas").last.click(position={"x": 1, "y": 20})
     page.wait_for_selector("#clock:has-text('0.0 s')")
-
-
-@pytest.mark.parametrize(
-    "focused", ["#all", "#future", "#speed", "#show-ids", "#find", "#encounters th button"]
-)
-def test_space_always_plays_but_in_the_search(page: Any, focused: str) -> None:
-    page.locator(".strip canvas").last.click(position={"x": 1, "y": 20})  # a slow machine sees it play, too
-    page.wait_for_selector("#clock:has-text('0.0 s')")
-    page.locator(focused).first.focus()
-    was = page.is_checked("#show-ids")
-    page.keyboard.press("Space")
-    page.wait_for_timeout(60)
-    assert (text(page, "#play") == "▶") == (focused == "#find")
-    assert page.is_checked("#show-ids") == was
-    assert page.input_value("#find") == (" " if focused == "#find" else "")
 
 
 def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any, run: Run) -> None:
@@ -314,45 +292,6 @@ def test_encounters_are_filtered_by_vehicle_and_words_and_sorted(page: Any, run:
     assert times == sorted(times)
 
 
-def test_the_address_keeps_the_state(page: Any, browser: Any, run: Run) -> None:
-    page.locator("#encounters tr.go").nth(1).click()
-    page.fill("#find", str(run.encounters["track_id"][1]))
-    page.locator("#encounters th button").first.click()
-    page.fill(LIMIT, "7")
-    page.locator(LIMIT).blur()
-    page.select_option("#curve", "cumulative")
-    page.locator("#models td.go").first.click()
-    page.click("#only-future")
-    page.wait_for_function("() => location.hash.includes('only.future')")
-    read = """() => [
-        ...["future", "time", "curve"].map((id) => window[id].value),
-        ...["chips", "pair-title", "encounters", "verdict"].map((id) => window[id].innerText),
-    ]"""
-    before = page.evaluate(read)
-    other = browser.new_page(viewport={"width": 1400, "height": 900})
-    other.goto(page.url)
-    other.wait_for_selector(".chip >> nth=1")
-    assert other.evaluate(read) == before
-    assert other.input_value(LIMIT) == "7"
-    other.close()
-
-
-def test_an_address_that_means_nothing_changes_nothing(page: Any, run: Run) -> None:
-    page.evaluate(
-        "location.hash = 'pair=1,x&future=zz&t=no&only.m99=1,2&only.v0=77&limit.wttc=x&vehicle=-3&sort=z'"
-    )
-    page.wait_for_selector("#pairbox", state="hidden")
-    assert text(page, "#chips") == ""
-    assert page.locator("#encounters tbody tr").count() == run.encounters.num_rows
-
-
-def test_on_paper_thresholds_and_legend_stay(page: Any) -> None:
-    page.emulate_media(media="print")
-    assert page.is_visible(LIMIT)
-    assert page.is_visible("#legend") and page.is_visible("#strips")
-    assert page.locator("#player").is_hidden()
-
-
 def test_there_is_one_legend_and_every_value_has_its_unit(page: Any, run: Run) -> None:
     assert page.locator("#legend").count() == page.locator("#legend, .legend").count() == 1
     assert {*run.models_of(0)} <= {*page.locator("#legend div").all_inner_texts()}
@@ -395,14 +334,6 @@ def test_a_brushed_metric_selects_the_futures_everywhere(page: Any, run: Run) ->
     page.keyboard.press("Escape")
     page.wait_for_timeout(100)
     assert text(page, "#chips") == ""
-
-
-def test_a_dragged_threshold_moves_the_share(page: Any) -> None:
-    before = text(page, "#verdict .share:nth-of-type(1)")
-    limit = float(page.input_value(LIMIT))
-    drag(page, "#charts .chart:first-child canvas", _grip(page), 0.95)
-    assert float(page.input_value(LIMIT)) > limit
-    assert text(page, "#verdict .share:nth-of-type(1)") != before
 
 
 def test_a_threshold_that_is_dragged_back_has_the_share_of_the_table_again(page: Any, run: Run) -> None:
@@ -451,14 +382,6 @@ def test_a_driver_of_a_vehicle_selects_the_futures_that_have_it(page: Any, run: 
     assert text(page, "#chips b").startswith(f"{expected} of ")
 
 
-def test_commands_are_copied(page: Any) -> None:
-    page.fill("#future", "7")
-    page.locator("#future").blur()
-    page.click("[data-copy*=view]")
-    page.wait_for_selector("#said:has-text('copied')")
-    assert text(page, "#said").endswith("--future 7")
-
-
 @pytest.mark.parametrize(
     ("button", "ending", "start"),
     [("#save-png", ".png", b"\x89PNG"), ("#save-webm", ".webm", b"\x1aE\xdf\xa3")],
@@ -474,34 +397,6 @@ def test_pictures_and_films_are_saved(
     assert waiting.value.suggested_filename.endswith(ending)
     assert saved.read_bytes().startswith(start)
     assert saved.stat().st_size > 5_000
-
-
-@pytest.mark.parametrize("width", [390, 820, 1600])
-def test_nothing_is_wider_than_the_screen(page: Any, width: int) -> None:
-    page.set_viewport_size({"width": width, "height": 800})
-    page.wait_for_timeout(200)
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
-
-
-def test_the_map_is_drawn_in_light_and_dark(page: Any) -> None:
-    pixel = """() => {
-        const copy = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
-        copy.drawImage(document.getElementById("map"), 0, 0);
-        return copy.getImageData(3, 3, 1, 1).data[0];
-    }"""
-    light = page.evaluate(pixel)
-    page.emulate_media(color_scheme="dark")
-    page.wait_for_timeout(200)
-    assert light > 150 > 60 > page.evaluate(pixel)
-
-
-def test_the_worst_futures_are_those_with_the_event(page: Any, run: Run) -> None:
-    page.select_option("#focus", label="distance")
-    page.wait_for_timeout(100)
-    page.locator("#worst tr.go").first.click()
-    page.wait_for_timeout(100)
-    future = int(page.input_value("#future"))
-    assert run.metrics["distance"][future].as_py() == min(run.samples("distance"))
 
 
 def test_the_driver_under_test_has_its_table_and_curves(browser: Any, tmp_path: Path) -> None:

@@ -10,14 +10,13 @@ from base64 import b64encode
 from pathlib import Path
 
 import numpy as np
-import pyarrow.compute as pc
 import pytest
 
-from scex_sumo.lanelet2sumo.road_lines import SURFACE, road_lines
+from scex_sumo.lanelet2sumo.road_lines import SURFACE
 from scex_sumo.page.packing import decoded_motion
 from scex_sumo.page.report.contents import report_contents
-from scex_sumo.page.report.report import report_html, write_report
-from scex_sumo.page.report.scene import packed_tracks, road_paths
+from scex_sumo.page.report.report import report_html
+from scex_sumo.page.report.scene import packed_tracks
 from scex_sumo.reports.encounter_rows import meetings
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.statistics.density import wilson_of
@@ -97,15 +96,6 @@ def test_the_road_around_the_vehicles_is_there(run: Run) -> None:
     assert [group["kind"] for group in road] == sorted(group["kind"] for group in road)
 
 
-def test_a_line_of_the_road_begins_at_a_point_and_goes_on_in_steps(tmp_path: Path) -> None:
-    net = tmp_path / "map.net.xml"
-    lane = '<lane id="a_0" index="0" speed="9" length="3" shape="10.00,-5.00 12.00,-5.00,1.5 12.00,-4.00"/>'
-    net.write_text(f'<net><edge id="a">{lane}</edge></net>')
-    (group,) = road_paths(road_lines(net, (0, 20, -10, 0)))
-    assert group == {"kind": SURFACE, "width": 3.2, "path": "M200 -100l40 0 0 20"}
-    assert road_lines(net, (13, 20, -10, 0)) == []
-
-
 def test_a_result_without_its_net_is_shown_without_a_road(run: Run, tmp_path: Path) -> None:
     copy = tmp_path / "out"
     shutil.copytree(run.folder, copy)
@@ -137,19 +127,6 @@ def test_metrics_of_the_likely_futures_are_taken_where_they_are(run: Run, tmp_pa
     assert np.isfinite(drawn[0]).all()
 
 
-def test_shared_values_and_bands_are_those_of_the_table(run: Run) -> None:
-    info, _ = report_contents(run)
-    table = run.table("densities.parquet")
-    for metric in info["metrics"]:
-        rows = table.filter(pc.equal(table["metric"], metric["column"]))
-        assert bool(rows.num_rows) == bool(metric["ticks"])
-        low, high = (np.clip(rows["cdf"].to_numpy() + sign * metric["band"], 0, 1) for sign in (-1, 1))
-        np.testing.assert_allclose(low, rows["low"], atol=1e-12)
-        np.testing.assert_allclose(high, rows["high"], atol=1e-12)
-        assert metric["atoms"] == [row["x"] for row in rows.to_pylist() if row["atom"] > 0]
-    assert any(metric["atoms"] for metric in info["metrics"])
-
-
 def test_intervals_elsewhere_are_those_of_the_design(run: Run) -> None:
     metric = next(m for m in report_contents(run)[0]["metrics"] if m["column"] == "distance")
     for share, number in metric["numbers"][:-1]:
@@ -170,20 +147,8 @@ def test_the_page_refers_to_nothing_outside_and_runs_only_its_own_script(run: Ru
     assert b64encode(hashlib.sha256(script.encode()).digest()).decode() in policy
 
 
-def test_the_same_result_gives_the_same_bytes(run: Run) -> None:
-    before = (run.folder / "report.html").read_bytes()
-    assert write_report(open_run(run.folder)).read_bytes() == before
-
-
 def test_the_file_is_small(run: Run) -> None:
     assert (run.folder / "report.html").stat().st_size < 200_000
-
-
-def test_likely_futures_that_collide_are_counted(run: Run, tmp_path: Path) -> None:
-    copy = tmp_path / "out"
-    shutil.copytree(run.folder, copy)
-    shutil.copytree(run.folder, copy / "reference")
-    assert report_contents(open_run(copy))[0]["likely_collisions"]["percent"] == run.collision.percent
 
 
 def test_notes_that_warn_stand_above_the_answer_and_the_others_below(run: Run, tmp_path: Path) -> None:

@@ -26,18 +26,6 @@ def test_the_overview_moves_the_map_and_goes_where_the_map_shows_all(page: Any) 
     page.wait_for_selector("#overview", state="hidden")
 
 
-def test_m_makes_the_map_larger_with_the_time_bar_in_sight(page: Any) -> None:
-    small = page.locator("#map").bounding_box()
-    page.keyboard.press("m")
-    page.wait_for_timeout(100)
-    large, bar = page.locator("#map").bounding_box(), page.locator("#time").bounding_box()
-    assert large["width"] > 1.5 * small["width"] and large["height"] > 1.2 * small["height"]
-    assert bar["y"] + bar["height"] <= 900
-    page.keyboard.press("m")
-    page.wait_for_timeout(100)
-    assert page.locator("#map").bounding_box() == small
-
-
 def test_two_futures_play_side_by_side(page: Any, run: Run) -> None:
     first = int(page.input_value("#future"))
     page.keyboard.press("b")

@@ -61,17 +61,6 @@ def test_a_threshold_beyond_the_axis_is_within_reach_and_says_its_value(page: An
     assert text(page, "#chips") == ""  # nothing was brushed
 
 
-def test_a_selection_is_said_aloud(page: Any, run: Run) -> None:
-    page.click("#only-future")
-    page.wait_for_selector(f"#changes:has-text('1 of {run.futures} futures; P(collision)')", state="attached")
-
-
-def test_the_map_of_responses_has_its_values_as_text(page: Any) -> None:
-    heads, *lines = cells(page, "#response .sr")
-    assert len(lines) == 10 and heads[2].endswith("at 4 m/s²")
-    assert page.get_attribute("#response-map", "aria-valuetext") == text(page, "#response-said")
-
-
 def test_the_point_of_the_map_plays_beside_it(page: Any) -> None:
     """Keys, sliders and a drag choose action and response time."""
     page.wait_for_selector("#acting-said:has-text('Plays: ')")

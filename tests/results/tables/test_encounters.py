@@ -12,11 +12,9 @@ from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.collisions import find_collisions
 from scex_sumo.results.extras import ExactProbability
 from scex_sumo.results.tables.encounters import (
-    OUTCOMES_SCHEMA,
     SCHEMA,
     encounters_table,
     in_words,
-    outcomes_table,
     precedence_words,
 )
 from scex_sumo.scene import States
@@ -68,17 +66,6 @@ def test_a_pair_is_a_row_and_those_that_never_meet_are_none() -> None:
     )
     assert row["met"] == 1.0 and row["kind"] == "rear-end"
     assert row["critical"] >= row["ttc"] >= row["collision"] == 0.25
-
-
-def test_outcomes_of_a_pair_have_rows_where_a_gap_closes() -> None:
-    tracks = futures(LEVELS)
-    outcomes = outcomes_table(find_encounters(tracks, PlannedPaths.from_tracks(tracks)), TRACKS[[1, 0, 2]])
-    assert outcomes.schema == OUTCOMES_SCHEMA
-    rows = outcomes.to_pylist()[:1]
-    # Only where the follower keeps 15 m/s behind the braking leader.
-    assert [row["future"] for row in outcomes.to_pylist()] == list(range(1, 40, 4))
-    assert (rows[0]["track_a"], rows[0]["track_b"]) == (17, 23) and np.isnan(rows[0]["min_pet"])
-    assert rows[0]["min_ttc_path"] == 0.0 and rows[0]["max_drac"] == np.inf
 
 
 def test_models_say_who_makes_it_so() -> None:
@@ -137,13 +124,6 @@ def test_gap_time_and_drivers_are_those_of_one_future() -> None:
     assert in_words(row).endswith("typically 5.0 m apart, 17 emergency_brake, 23 constant_velocity")
 
 
-def test_gap_quantiles_are_over_all_futures() -> None:
-    row = table().to_pylist()[0]
-    assert row["gap_p05"] == 0.0  # a quarter collides
-    # Follower and leader at one speed stay 11 m apart, which is above 10 m; so are braking followers.
-    assert row["gap_p50"] is None and row["gap_p95"] is None
-
-
 def test_encounters_do_not_depend_on_batches() -> None:
     tracks = futures(LEVELS)
     whole = find_encounters(tracks, PlannedPaths.from_tracks(tracks))
@@ -164,31 +144,6 @@ def test_the_place_is_where_the_outlines_touch() -> None:
     assert np.array_equal(found.time_s[struck], hits.time_s)
     assert np.array_equal(found.x[struck], hits.x)
     assert np.all(found.gap[struck] == 0)
-
-
-def test_the_follower_comes_first_whatever_its_number() -> None:
-    tracks = futures(LEVELS)
-    order = [1, 0, 2]
-    states = tracks.states.map(lambda values: values[..., order])
-    swapped = replace(tracks, states=states)
-    found = find_encounters(swapped, PlannedPaths.from_tracks(swapped))
-    rows = encounters_table(
-        found,
-        track_ids=TRACKS[order],
-        models=MODELS[LEVELS[:, order]],
-        intervals=DesignIntervals(LEVELS, design="random"),
-    ).to_pylist()
-    assert (rows[0]["track_id"], rows[0]["other_id"]) == (17, 23)
-
-
-def test_no_encounters_are_an_empty_table() -> None:
-    tracks = futures(LEVELS)
-    apart = replace(tracks, states=replace(tracks.states, y=tracks.states.y + np.array([0.0, 500.0, 900.0])))
-    found = find_encounters(apart, PlannedPaths.from_tracks(apart))
-    empty = encounters_table(
-        found, track_ids=TRACKS, models=MODELS[LEVELS], intervals=DesignIntervals(LEVELS, design="random")
-    )
-    assert empty.num_rows == 0 and empty.schema == SCHEMA
 
 
 def test_a_pair_says_who_of_the_two_must_yield() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.parts import save_part
-from scex_sumo.results.tables.fallbacks import count_fallbacks, fallback_lines, fallbacks_table
+from scex_sumo.results.tables.fallbacks import fallbacks_table
 from tests.results.test_folder import part_of
 
 NAMES = ["standard_driver", "mine"]
@@ -38,19 +38,6 @@ def test_rows_are_ordered_and_name_vehicle_and_model() -> None:
         "model": ["mine"] * 3,
         "reason": ["lost", "lost", "late"],
     }
-
-
-def test_counts_are_out_of_all_plans_of_the_model() -> None:
-    table = table_of([1, 2], (1, 1, 15, "lost"), (2, 0, 5, "late"), (1, 1, 20, "lost"))
-    (count,) = count_fallbacks(table, ASSIGNMENT, NAMES, 6)
-    # The model drives 4 vehicles in all futures, each with 6 plans.
-    assert (count["model"], count["replaced"], count["plans"], count["futures"]) == ("mine", 3, 24, 2)
-    assert count["first"] == {"future": 1, "track_id": 23, "step": 15, "reason": "lost"}
-    assert fallback_lines([count]) == [
-        "mine: 3 of 24 plans replaced by the path-following driver's, in 2 futures; "
-        "first (future 1, vehicle 23, 1.5 s): lost"
-    ]
-    assert ", in 1 future; first (" in fallback_lines([{**count, "futures": 1}])[0]
 
 
 def test_batches_of_any_size_leave_the_same_table(tmp_path: Path) -> None:

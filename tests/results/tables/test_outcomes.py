@@ -10,29 +10,13 @@ from scex_sumo.metrics.base import PlannedPaths
 from scex_sumo.metrics.collisions import find_collisions
 from scex_sumo.results.tables.outcomes import (
     after_collision,
-    collided,
-    collisions_table,
     encounter_rows,
     encounters_of_rows,
-    severity_of,
 )
 from tests.metrics.scenes import find_encounters
-from tests.results.tables.test_encounters import LEVELS, TRACKS, futures
+from tests.results.tables.test_encounters import LEVELS, futures
 
 NUMBERS = np.arange(100, 140)
-
-
-def test_collisions_are_named_by_future_and_track() -> None:
-    tracks = futures(LEVELS)
-    hits = find_collisions(tracks)
-    severity = severity_of(tracks, hits, ["car", "car", "truck"])
-    table = collisions_table(hits, severity, futures=NUMBERS, track_ids=TRACKS, first=1)
-    row = table.to_pylist()[0]
-    assert (row["track_id"], row["other_id"], row["kind"]) == (17, 23, "rear-end")
-    assert (row["side"], row["other_side"]) == ("front", "rear")
-    assert row["step"] == np.ceil(row["time_s"] / 0.1)
-    # Model 1 of the leader alone brakes, model 0 of the follower goes on: every fourth future.
-    assert collided(table, NUMBERS).tolist() == [levels[:2].tolist() == [0, 1] for levels in LEVELS]
 
 
 def test_encounters_come_out_of_parts_as_they_went_in() -> None:

@@ -35,18 +35,6 @@ def test_moments_come_with_their_vehicles_and_the_fullest_are_marked(
     assert "time [s]" in said
 
 
-def test_ten_moments_are_shown_and_most_vehicles_means_most_vehicles(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    inspect_command(MAP, every=0.1)
-    said = capsys.readouterr().out
-    rows = table_of(said)
-    assert len(rows) == 10 and "10 of " in said
-    (line,) = (line for line in said.splitlines() if line.startswith("most vehicles: "))
-    most = max(int(row[1]) for row in rows)
-    assert line.rpartition(" ")[2] in [row[0].strip() for row in rows if int(row[1]) == most]
-
-
 def test_a_moment_lists_its_vehicles_by_id(capsys: pytest.CaptureFixture[str]) -> None:
     inspect_command(MAP, time=4.5)
     said = capsys.readouterr().out

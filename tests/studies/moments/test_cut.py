@@ -10,14 +10,6 @@ import pytest
 from scex_sumo.studies.moments.cut import read_ahead
 
 
-def test_items_come_in_their_order() -> None:
-    assert list(read_ahead(iter(range(100)), 3)) == list(range(100))
-
-
-def test_none_is_an_item() -> None:
-    assert list(read_ahead(iter([None, None]), 1)) == [None, None]
-
-
 def test_an_error_comes_where_it_would_have_come() -> None:
     def broken() -> Iterator[int]:
         yield 1

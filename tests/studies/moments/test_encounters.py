@@ -7,7 +7,7 @@ from typing import Any
 import pyarrow as pa
 import pytest
 
-from scex_sumo.studies.moments.encounters import ENCOUNTERS, encounters_of
+from scex_sumo.studies.moments.encounters import encounters_of
 from scex_sumo.studies.moments.folder import MomentRef
 from tests.studies.moments.pairs import moment, pairs_table
 
@@ -36,11 +36,6 @@ def test_people_are_the_same_by_name_though_their_numbers_change() -> None:
     assert len(found(moment(1.0, first), moment(2.0, pairs_table((-1, 2), person="pedestrian P8")))) == 2
 
 
-def test_a_moment_without_the_pair_ends_its_encounter() -> None:
-    pair = pairs_table((1, 2))
-    assert len(found(moment(1.0, pair), moment(3.0, pair))) == 2
-
-
 def test_recordings_and_cases_are_apart_and_so_are_pairs() -> None:
     pair = pairs_table((1, 2))
     others = moment(2.0, pair, recording="s"), moment(1.0, pair, case="1"), moment(2.0, pair, case="2")
@@ -63,8 +58,3 @@ def test_what_is_usual_is_the_median_of_the_class() -> None:
     assert (merge["usual_what"], merge["usual_rank"], merge["usual_of"]) == ("at this site", 1, 21)
     assert merge["times_usual"] == pytest.approx(21 / 11)
     assert (ring["usual_what"], ring["usual_rank"], ring["usual_of"]) == ("in the whole data set", 1, 22)
-
-
-def test_a_dataset_without_pairs_has_no_encounter() -> None:
-    assert encounters_of([], 1.0).equals(ENCOUNTERS.empty_table())
-    assert found(moment(1.0, pairs_table().slice(0, 0))) == []

@@ -64,26 +64,7 @@ def test_a_part_that_changes_while_a_ranking_runs_is_named(filled: Path) -> None
             folder.read(REF, range(0, 4))
 
 
-@pytest.mark.parametrize(
-    ("old", "new"), [('"time_s": 1.0', '"time_s": "1"'), ('"vehicles": 3', '"vehicles": 4')]
-)
-def test_an_edited_failure_is_tried_again(filled: Path, old: str, new: str) -> None:
-    (file,) = filled.glob("failed/*.json")
-    assert old in file.read_text()
-    file.write_text(file.read_text().replace(old, new))
-    with RankFolder(filled, PLAN) as folder:
-        assert folder.failures() == {}
-
-
-OTHER = '{"identity": "' + 64 * "0" + '"}'
 DAMAGED = ["", "{", '{"identity": 7}', "[]", "\x00"]
-
-
-@pytest.mark.parametrize("content", [*DAMAGED, OTHER])
-def test_a_damaged_mark_of_an_interruption_does_not_stop_it_from_going_on(filled: Path, content: str) -> None:
-    (filled / "incomplete.json").write_text(content)
-    with RankFolder(filled, PLAN) as folder:
-        assert folder.has(REF, range(0, 4))
 
 
 @pytest.mark.parametrize("content", DAMAGED)

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo.base.errors import TrackError, reason_of
 from scex_sumo.converters.datasets.moment import Moment
 from scex_sumo.converters.registries import Recording
 from scex_sumo.studies.moments.cut import list_moments, unreadable
-from scex_sumo.studies.moments.folder import Failure, moment_name
+from scex_sumo.studies.moments.folder import moment_name
 from scex_sumo.studies.rank.futures import RankFolder
 
 RECORDING = Recording(
@@ -55,22 +54,3 @@ def test_listings_and_failures_survive_their_files(tmp_path: Path) -> None:
         folder.fail(failure)
         assert folder.listing(RECORDING.name) == listing
         assert folder.failures() == {RECORDING.name: failure}
-
-
-def test_reasons_are_one_line_and_name_the_kind_of_a_foreign_error() -> None:
-    assert reason_of(TrackError("t.csv: bad\n  rows")) == "t.csv: bad rows"
-    assert reason_of(IndexError("out of bounds")) == "IndexError: out of bounds"
-    assert reason_of(ValueError()) == "ValueError: no message"
-
-
-def test_a_failure_keeps_the_seeds_name() -> None:
-    (ref,) = list_moments(
-        RECORDING, [Moment(case="", time_s=1.0, vehicles=3, complete=3)], min_vehicles=1
-    ).moments
-    failure = Failure.of(ref, "off the map")
-    assert (failure.moment, failure.time_s, failure.reason, failure.died) == (
-        ref.moment,
-        1.0,
-        "off the map",
-        False,
-    )

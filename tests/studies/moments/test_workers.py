@@ -150,31 +150,6 @@ def test_tasks_are_not_taken_before_there_is_a_worker_for_them(
     assert len(list(found)) == 2
 
 
-LAZY = """
-import numpy as np
-
-
-def lazy(history):
-    \"\"\"Stays where it is; has no plan for the first vehicle.\"\"\"
-    plan = np.zeros((len(history), 30, 2))
-    plan[0] = np.nan
-    return plan
-"""
-
-
-def test_plans_that_are_not_the_models_own_are_counted(
-    scene: SeedScene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """One vehicle without a plan, at each of the 6 replans of each of the 2 futures."""
-    (tmp_path / "lazy_drivers.py").write_text(LAZY)
-    monkeypatch.syspath_prepend(tmp_path)
-    with closing(LocalWorkers(1, run_moment)) as workers:
-        part = part_of(
-            workers, task(scene, "s", futures=2, run=RunSettings(models="lazy_drivers:lazy", futures=96))
-        )
-    assert part.futures["fallbacks"].to_pylist() == [6, 6]
-
-
 def test_an_object_of_ones_own_script_drives_in_the_workers(scene: SeedScene) -> None:
     """Its class is in no module, so that it travels by value."""
 

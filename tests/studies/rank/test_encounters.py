@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pyarrow as pa
-import pytest
 
-from scex_sumo.base.errors import UsageError
 from scex_sumo.studies.moments.encounters import encounters_of
 from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.rank.encounters import (
@@ -84,14 +82,6 @@ def test_a_verdict_is_of_the_encounter_at_its_time_and_a_data_error_is_doubtful(
         (9.0, 1, None),
         (1.0, None, SAID),
     ]
-
-
-def test_an_order_by_something_else_is_refused() -> None:
-    with pytest.raises(UsageError, match="--by: got 'mixed'; known: rank, track_id"):
-        Order(by="mixed")
-    with pytest.raises(UsageError, match="--first 32"):
-        Order(by="stress_p_collision").check(0)
-    Order(by="stress_p_collision").check(32)
 
 
 def test_futures_of_the_moment_say_how_often_the_pair_collides() -> None:

@@ -29,14 +29,6 @@ def filled(tmp_path: Path) -> Path:
     return tmp_path / "out"
 
 
-def test_parts_are_found_again(filled: Path) -> None:
-    with RankFolder(filled, PLAN) as folder:
-        assert folder.has(ONE, range(0, 4))
-        assert folder.has(ONE, range(4, 8))
-        assert not folder.has(TWO, range(4, 8))
-        assert folder.read(ONE, range(4, 8))["future"].to_pylist() == [4, 5, 6, 7]
-
-
 def test_a_part_tells_values_models_and_what_is_undefined(filled: Path) -> None:
     with RankFolder(filled, PLAN) as folder:
         table = folder.read(ONE, range(0, 4))
@@ -99,27 +91,6 @@ def test_a_listing_of_which_one_letter_was_changed_is_looked_at_again(filled: Pa
         assert folder.listing("r") is None
 
 
-def test_another_ranking_is_kept_unless_told_otherwise(filled: Path) -> None:
-    with pytest.raises(ResultError, match="holds another ranking"):
-        RankFolder(filled, {**PLAN, "seed": 1})
-    with RankFolder(filled, {**PLAN, "seed": 1}, overwrite=True) as folder:
-        assert not folder.has(ONE, range(0, 4))
-    assert not list(filled.glob("futures/*"))
-
-
-def test_a_folder_with_other_things_in_it_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "thesis.tex").write_text("")
-    with pytest.raises(ResultError, match="not empty"):
-        RankFolder(tmp_path, PLAN, overwrite=True)
-    assert (tmp_path / "thesis.tex").exists()
-
-
-def test_an_unwritable_place_is_said(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(ResultError, match="cannot write the ranking"):
-        RankFolder(tmp_path / "file" / "out", PLAN)
-
-
 def test_failures_and_listings_are_kept(tmp_path: Path) -> None:
     failure = Failure.of(ONE, "off the map")
     listing = Listing(recording="recording", moments=(ONE, TWO))
@@ -132,15 +103,6 @@ def test_failures_and_listings_are_kept(tmp_path: Path) -> None:
         assert folder.listing("another") is None
         folder.clear_failure(ONE.moment)
         assert folder.failures() == {}
-
-
-def test_finished_it_says_so(filled: Path) -> None:
-    with RankFolder(filled, PLAN) as folder:
-        assert (filled / "incomplete.json").exists()
-        folder.finish({"seeds": 2})
-    assert not (filled / "incomplete.json").exists()
-    assert '"seeds": 2' in (filled / "rank.json").read_text()
-    RankFolder(filled, PLAN).close()  # and the same ranking may go on there
 
 
 def test_the_record_of_a_part_comes_after_its_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -169,20 +131,6 @@ def test_pyarrow_reads_all_futures_in_one_line(filled: Path) -> None:
     table = pds.dataset(filled / "futures", partitioning="hive").to_table()
     assert table.num_rows == 12
     assert set(table["seed"].to_pylist()) == {"one_t1.0", "two_t1.0"}
-
-
-def test_pandas_reads_all_futures_in_one_line(filled: Path) -> None:
-    pandas = pytest.importorskip("pandas")
-    frame = pandas.read_parquet(filled / "futures")
-    assert len(frame) == 12
-    assert frame.groupby("seed", observed=True).size().to_dict() == {"one_t1.0": 8, "two_t1.0": 4}
-
-
-def test_polars_reads_all_futures_in_one_line(filled: Path) -> None:
-    polars = pytest.importorskip("polars")
-    frame = polars.read_parquet(filled / "futures" / "**" / "*.parquet", hive_partitioning=True)
-    assert frame.height == 12
-    assert frame.filter(polars.col("location") == "there")["future"].to_list() == [0, 1, 2, 3]
 
 
 def test_duckdb_reads_all_futures_in_one_line(filled: Path) -> None:

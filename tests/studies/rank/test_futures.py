@@ -6,18 +6,12 @@ import numpy as np
 import pytest
 
 from scex_sumo.studies.rank.futures import choose_kept
-from scex_sumo.studies.rank.scores import score_of
 
 PAIRS = [
     np.array([[1, 2, 1, 500, 20_000]]),
     np.array([[1, 2, 0, 0, 0], [1, 3, 0, 0, 0]]),
     np.zeros((0, 5), np.int64),
 ]
-
-
-def test_collisions_count_by_how_hard_they_are_and_critical_encounters_a_tenth() -> None:
-    """At 5 m/s 1 + 0.5 + 0.1; two critical encounters 0.2; none 0."""
-    assert score_of(PAIRS) == pytest.approx([1.6, 0.2, 0.0])
 
 
 SCORE = np.array([0.1, 0.0, 1.6, 0.1, 1.2])

@@ -15,29 +15,9 @@ from scex_sumo.studies.rank.places import (
     nearby,
     place,
     rounds,
-    severity_share,
     undecided,
 )
 from scex_sumo.studies.rank.scores import RankSettings
-
-
-def test_severity_counts_the_seeds_that_are_beaten() -> None:
-    """By the first column 3 > 2 > 1, by the second 1 > 2 = 3."""
-    values = np.array([[1.0, 9.0], [2.0, 5.0], [300.0, 5.0]])
-    # First: 0, 1/2, 1 of the two others; second: 1, and half of one equal = 1/4 each.
-    assert severity_share(values).tolist() == [0.5, 0.375, 0.625]
-
-
-def test_a_single_seed_has_rank_one_for_certain() -> None:
-    found = place(np.array([0.3]), np.array([0.2]), seed=0)
-    assert (found.rank.tolist(), found.low.tolist(), found.high.tolist()) == ([1], [1], [1])
-
-
-def test_clear_cases_have_certain_ranks() -> None:
-    """0.02, 0.98 and 0.5 with errors of 0.05: neighbours are almost ten errors apart."""
-    found = place(np.array([0.02, 0.98, 0.5]), np.full(3, 0.05), seed=0)
-    assert found.rank.tolist() == [3, 1, 2]
-    assert found.low.tolist() == found.high.tolist() == found.rank.tolist()
 
 
 def test_close_cases_have_ranks_that_could_be_each_others() -> None:
@@ -77,29 +57,12 @@ def test_futures_that_are_all_alike_leave_some_doubt() -> None:
     assert mean_score(np.zeros(32), intervals) == (0.0, pytest.approx(0.5 / 33))
 
 
-def test_equal_scores_are_ranked_by_severity() -> None:
-    severity = np.array([[1.0], [7.0], [-np.inf]])
-    found = place(np.ones(3), np.full(3, 0.01), severity=severity, seed=0)
-    assert found.rank.tolist() == [2, 1, 3]
-    assert place(np.ones(3), np.full(3, 0.01), seed=0).rank.tolist() == [1, 1, 1]
-
-
-def test_severity_never_outweighs_a_score() -> None:
-    found = place(np.array([0.1, 0.2]), np.full(2, 0.1), severity=np.array([[9.0], [1.0]]), seed=0)
-    assert found.rank.tolist() == [2, 1]
-
-
 def test_the_same_seed_draws_the_same_intervals() -> None:
     score = np.random.default_rng(2).normal(0.5, 0.05, size=40)
     one, same, other = (place(score, np.full(40, 0.05), seed=seed) for seed in (0, 0, 1))
     assert np.array_equal(one.low, same.low)
     assert np.array_equal(one.high, same.high)
     assert not (np.array_equal(one.low, other.low) and np.array_equal(one.high, other.high))
-
-
-def test_the_order_keeps_equals_as_they_came() -> None:
-    found = place(np.array([0.5, 0.9, 0.5]), np.full(3, 0.01), seed=0)
-    assert found.order() == [1, 0, 2]
 
 
 def ref(time_s: float, *, recording: str = "r", case: str = "") -> MomentRef:
@@ -155,21 +118,10 @@ def test_seeds_that_may_trade_places_at_the_top_go_on() -> None:
     assert found == [REFS[1], REFS[2]]
 
 
-def test_what_is_certain_gets_no_more_futures() -> None:
-    assert undecided(REFS, tallies(REFS, [960, 600, 300, 10], 960), 1, top=2, seed=0) == []
-
-
 def test_what_cannot_reach_the_page_gets_no_more_futures() -> None:
     """The last two trade places, but not with the first two, and only those are shown."""
     found = undecided(REFS, tallies(REFS, [950, 600, 16, 15], 960), 1, top=2, seed=0)
     assert found == []
-
-
-def test_only_seeds_of_the_round_before_go_on() -> None:
-    known = tallies(REFS, [31, 16, 15, 0])
-    known[REFS[1].moment].append(tally(16))
-    found = undecided(REFS, known, 2, top=2, seed=0)
-    assert REFS[2] not in found
 
 
 def test_a_round_is_decided_from_the_rounds_before_it_alone() -> None:
@@ -178,13 +130,6 @@ def test_a_round_is_decided_from_the_rounds_before_it_alone() -> None:
     before = undecided(REFS, known, 1, top=2, seed=0)
     known[REFS[3].moment].append(tally(32))
     assert undecided(REFS, known, 1, top=2, seed=0) == before
-
-
-def test_seeds_without_results_are_left_out() -> None:
-    known = tallies(REFS, [31, 16, 15, 0])
-    del known[REFS[0].moment]
-    assert REFS[0] not in undecided(REFS, known, 1, top=4, seed=0)
-    assert undecided(REFS, {}, 1, top=4, seed=0) == []
 
 
 def test_moments_of_the_same_seconds_are_one_situation() -> None:

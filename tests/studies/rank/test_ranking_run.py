@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import dataclasses
 import hashlib
 import itertools
 import shutil
@@ -343,24 +342,6 @@ def test_at_most_five_futures_of_a_seed_are_kept(recordings: tuple[Recording, ..
     found = ranked(recordings, tmp_path / "out", Instant(), keep="critical")
     kept = [sum(tally.kept for tally in found.tallies[ref.moment]) for ref in found.refs]
     assert max(kept) == 5
-
-
-def test_a_recording_that_cannot_be_read_stops_no_other(
-    recordings: tuple[Recording, ...], tmp_path: Path
-) -> None:
-    broken = dataclasses.replace(recordings[0], name="broken", track_paths=(tmp_path / "nowhere.csv",))
-    found = ranked((broken, *recordings), tmp_path / "out", Instant())
-    assert "nowhere.csv" in found.unreadable["broken"].reason
-    assert len(found.refs) > 0
-
-
-def test_progress_ends_where_everything_is_done(recordings: tuple[Recording, ...], tmp_path: Path) -> None:
-    seen: list[tuple[int, int]] = []
-    workers, settings = Instant(), RankSettings(run=ONE_MODEL, every=2.0, top=1, first=32)
-    with RankFolder(tmp_path / "out", {"plan": 1}) as folder:
-        RankingRun(recordings, settings, folder, workers, lambda *tick: seen.append(tick)).run()
-    assert all(done <= total for done, total in seen)
-    assert seen[-1] == (32 * len(workers.asked), 32 * len(workers.asked))
 
 
 def test_every_case_of_a_file_of_cases_is_a_seed(tmp_path: Path) -> None:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.metrics.registry import COLUMNS
 from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.rank.futures import MomentPart
 from scex_sumo.studies.rank.places import Tally
@@ -54,14 +52,6 @@ def test_a_row_says_who_collides_and_how_often() -> None:
     assert (found["worst_p_collision"], found["worst_p_critical"]) == (0.5, 1.0)
 
 
-def test_the_seed_of_the_greatest_score_is_first() -> None:
-    rows = [row(name, moment_part(0, 4), score=score) for name, score in (("b", 0.2), ("a", 0.9), ("c", 0.1))]
-    table = table_of(rows)
-    assert table["seed"].to_pylist() == ["a", "b", "c"]
-    assert table["rank"].to_pylist() == [1, 2, 3]
-    assert table["score"].to_pylist() == [0.9, 0.2, 0.1]
-
-
 def test_of_equal_seeds_the_one_with_the_worse_median_is_first() -> None:
     """Medians of the distance are 650 and 550 m, and nearer is worse; all other metrics agree less."""
     table = table_of([row("further", moment_part(5, 9)), row("nearer", moment_part(4, 8))])
@@ -78,14 +68,3 @@ def test_what_failed_is_in_the_table_with_its_reason(tmp_path: Path) -> None:
     text = pyarrow.csv.read_csv(tmp_path / "moments.csv")
     assert text.column_names == table.column_names
     assert text["seed"].to_pylist() == ["s", "bad"]
-
-
-def test_a_metric_defined_in_no_future_has_no_median_and_is_never_critical() -> None:
-    found = row("s", moment_part(0, 1))  # its only future has no ttc_mean
-    assert (found["median_ttc_mean"], found["p_ttc_mean"], found["defined_ttc_mean"]) == (None, 0.0, 0)
-    assert np.isfinite(found["median_distance"])
-
-
-def test_there_are_twelve_medians() -> None:
-    names = tabulate([], SETTINGS).column_names
-    assert [name for name in names if name.startswith("median_")] == [f"median_{c}" for c in COLUMNS]

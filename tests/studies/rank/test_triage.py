@@ -31,8 +31,3 @@ def test_another_file_is_refused(tmp_path: Path, text: str, words: str) -> None:
     (tmp_path / "t.csv").write_text(text)
     with pytest.raises(UsageError, match=words):
         read_triage(tmp_path / "t.csv")
-
-
-def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="cannot be read"):
-        read_triage(tmp_path / "t.csv")

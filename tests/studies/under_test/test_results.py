@@ -53,13 +53,6 @@ def test_metrics_of_one_vehicle_are_the_extrema_of_its_own_pairs() -> None:
     assert alone[0] == rows.value[(rows.vehicle == 2) & (rows.future == 0)].max()
 
 
-def test_all_vehicles_together_give_the_scenes_own_values() -> None:
-    tracks, planned = random_run(np.random.default_rng(6), vehicles=4)
-    assert np.array_equal(
-        evaluate(tracks, planned, vehicles=range(4)).values, evaluate(tracks, planned).values, equal_nan=True
-    )
-
-
 Columns = dict[str, list[float | None]]
 
 
@@ -107,25 +100,9 @@ def test_futures_are_compared_one_by_one(run: Run) -> None:
     assert (found.p_critical.value, found.baseline_p_critical.value) == (0.4, 0.4)  # of all five
 
 
-def test_collisions_of_the_vehicle_itself_are_compared(run: Run) -> None:
-    """It hits 9 in future 0, and never without its model; others collide in both."""
-    found = UnderTest.of(run).difference("collision")
-    assert (found.futures, found.worse, found.better, found.newly_critical) == (5, 1, 0, 1)
-    assert found.p_critical is not None and found.baseline_p_critical is not None
-    assert (found.p_critical.value, found.baseline_p_critical.value) == (0.2, 0.0)
-
-
 def test_for_metrics_that_are_critical_on_the_right_larger_is_worse(run: Run) -> None:
     found = UnderTest.of(run).difference("ttc")
     assert (found.worse, found.better, found.newly_critical, found.no_longer_critical) == (2, 0, 2, 0)
-
-
-def test_a_metric_without_values_or_threshold_is_left_open(run: Run) -> None:
-    empty = UnderTest.of(run).difference("gap_time")
-    assert empty.futures == 0 and np.isnan(empty.under_test) and np.isnan(empty.p_value)
-    assert empty.p_critical is None and np.isnan(empty.critical_p_value)
-    with pytest.raises(UsageError, match="unknown metric 'speed'"):
-        UnderTest.of(run).samples("speed")
 
 
 def test_table_and_report_show_every_metric(run: Run) -> None:

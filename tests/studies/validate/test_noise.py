@@ -48,23 +48,6 @@ def test_the_errors_of_boxes_are_what_a_track_differs_by_from_its_smooth_course(
     assert np.abs(noise[:, :, 2:]).max() < 1e-6
 
 
-def test_a_smooth_recording_has_no_errors_and_a_short_one_tells_none() -> None:
-    clean = box_noise(tracks(12, 100, noise=0.0), np.inf)
-    assert np.abs(clean.moving).max() < 1e-6
-    assert not len(box_noise(tracks(12, STEPS), np.inf).moving)
-
-
-def test_the_boxes_of_those_who_stand_have_errors_of_their_own() -> None:
-    noise = box_noise(tracks(12, 100, noise=0.1, speed=0.0), np.inf)
-    assert (len(noise.moving), len(noise.standing)) == (0, 24)
-    assert noise.standing[:, 10:50, 0].std() == pytest.approx(0.1 * SIGMA[0], rel=0.15)
-
-
-def test_rows_after_the_training_part_are_used_where_it_has_too_few() -> None:
-    rows = tracks(12, 200)
-    assert len(box_noise(rows, 8.0).moving) < len(box_noise(rows, 1.0).moving)
-
-
 def futures(speeds: tuple[float, ...], count: int = 400) -> Rollout:
     """Vehicles that go on as they do; a plan of each second step, of where they will be."""
     x = np.cumsum(np.full((count, 30, len(speeds)), 0.1) * speeds, axis=1)

@@ -6,25 +6,18 @@ import pytest
 from scex_sumo.studies.validate.scores import (
     brier,
     brier_parts,
-    calibration_error,
     covered,
     crps,
     group_bootstrap,
     histogram_log_likelihood,
     precision_area,
-    rank_among,
     reliability,
     roc_area,
-    skill,
 )
 
 RNG = np.random.default_rng(3)
 FORECAST = np.round(RNG.random(200), 1)  # with ties
 HAPPENED = RNG.random(200) < FORECAST
-
-
-def test_brier_score_is_the_mean_square_error_of_probabilities() -> None:
-    assert brier(np.array([0.0, 1.0, 0.5]), np.array([False, True, True])) == pytest.approx(0.25 / 3)
 
 
 def test_brier_score_is_that_of_scikit_learn() -> None:
@@ -48,25 +41,11 @@ def test_bins_hide_nothing_where_all_their_forecasts_are_the_same() -> None:
     assert parts.uncertainty == pytest.approx(0.75 * 0.25)
 
 
-def test_who_always_says_the_base_rate_has_no_skill() -> None:
-    happened = np.array([True, False, False, False])
-    parts = brier_parts(np.full(4, 0.25), happened)
-    assert skill(parts.score, parts.uncertainty) == pytest.approx(0.0)
-
-
-def test_nobody_has_skill_against_the_perfect() -> None:
-    assert np.isnan(skill(0.1, 0.0))
-
-
 def test_reliability_counts_forecasts_by_bins() -> None:
     diagram = reliability(np.array([0.05, 0.15, 0.12, 1.0]), np.array([False, True, False, True]))
     assert diagram.count.tolist() == [1, 2, 1]
     assert diagram.observed.tolist() == [0.0, 0.5, 1.0]
     assert diagram.forecast == pytest.approx([0.05, 0.135, 1.0])
-
-
-def test_calibration_error_is_how_far_forecasts_are_from_frequencies() -> None:
-    assert calibration_error(np.array([0.8, 0.8]), np.array([True, False])) == pytest.approx(0.3)
 
 
 def test_roc_area_is_that_of_scikit_learn_with_ties() -> None:
@@ -80,34 +59,12 @@ def test_precision_area_is_the_average_precision_of_scikit_learn() -> None:
     assert precision_area(FORECAST, HAPPENED) == pytest.approx(expected)
 
 
-def test_areas_are_unknown_without_events() -> None:
-    never = np.zeros(3, dtype=bool)
-    assert np.isnan(roc_area(np.array([0.1, 0.2, 0.3]), never))
-    assert np.isnan(precision_area(np.array([0.1, 0.2, 0.3]), never))
-
-
-def test_crps_of_one_sample_is_its_error() -> None:
-    assert crps(np.array([3.0]), 1.0) == pytest.approx(2.0)
-
-
 def test_crps_is_that_of_scoringrules() -> None:
     library = pytest.importorskip("scoringrules")
     for outcome in (-1.0, 0.2, 5.0):
         samples = RNG.normal(size=31)
         expected = library.crps_ensemble(np.array(outcome), samples, estimator="nrg")
         assert crps(samples, outcome) == pytest.approx(float(expected))
-
-
-def test_ranks_are_even_where_the_outcome_is_like_the_samples() -> None:
-    ranks = [
-        rank_among(RNG.integers(0, 3, 9).astype(float), float(RNG.integers(0, 3)), RNG) for _ in range(4000)
-    ]
-    counts, _ = np.histogram(ranks, bins=5, range=(0, 1))
-    assert np.abs(counts / 4000 - 0.2).max() < 0.03  # 4.7 standard deviations
-
-
-def test_rank_of_the_largest_is_the_last() -> None:
-    assert rank_among(np.arange(9.0), 100.0, RNG) > 0.9
 
 
 def test_central_share_covers_its_ends() -> None:
@@ -131,7 +88,3 @@ def test_bootstrap_draws_whole_groups() -> None:
     values, groups = np.array([0.0, 0.0, 1.0, 1.0]), np.array([0, 0, 1, 1])
     low, high = group_bootstrap(lambda index: float(values[index].mean()), groups)
     assert (low, high) == (0.0, 1.0)
-
-
-def test_one_group_tells_no_interval() -> None:
-    assert np.isnan(group_bootstrap(lambda index: 1.0, np.zeros(3, dtype=np.int64))).all()

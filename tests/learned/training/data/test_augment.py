@@ -60,10 +60,3 @@ def test_a_curve_to_the_left_becomes_one_to_the_right() -> None:
         # The grid of the drivable surface has cells of 0.25 m, which do not lie in the mirror.
         loose = 0.5 if name == "features" else 2e-3
         np.testing.assert_allclose(left[name], values, atol=loose, err_msg=name)
-
-
-def test_twice_in_the_mirror_is_as_before() -> None:
-    once = curve(1)
-    again = tensors(mirrored(mirrored(once)))
-    for name, values in tensors(once).items():
-        np.testing.assert_array_equal(again[name], values, err_msg=name)

@@ -7,12 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.learned.training.closed_loop import drive_all
 from scex_sumo.learned.training.data.perturb import moved
 from scex_sumo.learned.training.data.samples import TrainingSamples, learnable, scene_samples
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene, States
-from scex_sumo.world.plain import PlainWorld
 from tests.behaviors import roads
 
 TIMES = 0.1 * np.arange(1, 51)
@@ -68,11 +66,6 @@ def test_who_turned_left_was_on_the_left_path() -> None:
     assert samples_of(scene, where).right.tolist() == [True, False, False]  # left to right
 
 
-def test_before_the_fork_all_paths_are_right() -> None:
-    scene = with_future(roads.scene_of((5.0, 0.0, 0.0, 2.0)), 5.0 + 2.0 * TIMES, 0.0 * TIMES, 0.0 * TIMES)
-    assert samples_of(scene, roads.fork()).right.tolist() == [True, True, True]
-
-
 def test_who_is_put_off_comes_back_to_where_it_drove() -> None:
     scene = going_straight(y=0.0)
     off = moved(scene.history, np.array([0.6]), np.array([0.0]))
@@ -95,12 +88,6 @@ def test_who_drove_too_far_is_caught_up_with() -> None:
     assert (np.diff(found.s[0]) > 0).all()
 
 
-def test_who_is_nowhere_near_teaches_nothing() -> None:
-    scene = going_straight(y=0.0)
-    far = replace(scene.history, y=scene.history.y + 3.0)
-    assert samples_of(scene, roads.straight(), far[None]).pairs.tolist() == [0]
-
-
 def test_who_leaves_the_recording_is_seen_but_not_learned_from() -> None:
     scene = roads.scene_of((50.0, 0.0, 0.0, 10.0), (80.0, 0.0, 0.0, 10.0))
     there = np.ones((2, 50), dtype=np.bool_)
@@ -118,28 +105,3 @@ def test_a_padded_past_is_not_learned_from() -> None:
     scene = replace(going_straight(), recorded_steps=np.array([9]))
     assert len(learnable(scene)) == 0
     assert scene_samples(scene, roads.straight(), scene.history.repeat(1)) is None
-
-
-def test_graphs_can_be_laid_one_behind_the_other() -> None:
-    one = samples_of(going_straight(), roads.straight())
-    both = TrainingSamples.concatenate([one, one])
-    assert len(both) == 2
-    assert both.edge_index.shape == (2, 0)
-    np.testing.assert_array_equal(both.s[0], both.s[1])
-
-
-def test_the_plain_world_holds_what_it_was_told() -> None:
-    told = States(x=np.ones((1, 2)), y=np.zeros((1, 2)), heading=np.zeros((1, 2)), speed=np.ones((1, 2)))
-    world = PlainWorld(1, 2)
-    world.move(told, np.array([[True, True]]))
-    world.step()
-    np.testing.assert_array_equal(world.read().x, told.x)
-
-
-def test_all_vehicles_are_driven() -> None:
-    from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile
-
-    scene = roads.scene_of((50.0, 0.0, 0.0, 10.0), (80.0, 0.0, 0.0, 5.0))
-    driven = drive_all(scene, roads.straight(), ConstantVelocity(ConstantVelocityProfile()), steps=20)
-    assert driven.shape == (1, 20, 2)
-    np.testing.assert_allclose(driven.x[0, -1], [70.0, 90.0], atol=1e-6)

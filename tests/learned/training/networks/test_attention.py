@@ -11,23 +11,6 @@ from scex_sumo.learned.training.networks.graph import EdgeAttentionModule  # noq
 EDGES = torch.tensor([[0, 1, 2, 3, 1, 1], [1, 2, 1, 1, 0, 3]])
 
 
-def test_a_node_without_edges_gets_the_bias() -> None:
-    layer = EdgeAttentionModule(3, 2, heads=2, edge_columns=1)
-    with torch.no_grad():
-        layer.bias.copy_(torch.arange(4.0))
-        node = torch.randn(5, 3)
-        made = layer(node, EDGES, torch.randn(6, 1), node)
-    assert made[4].tolist() == [0.0, 1.0, 2.0, 3.0]
-
-
-def test_a_node_with_one_edge_gets_all_of_its_source() -> None:
-    layer = EdgeAttentionModule(3, 2, heads=2, edge_columns=1)
-    node = torch.randn(5, 3)
-    with torch.no_grad():
-        made = layer(node, EDGES, torch.randn(6, 1), node)
-        torch.testing.assert_close(made[2], layer.lin_l(node[1]))
-
-
 @pytest.mark.parametrize("kind", [torch.float32, torch.float64])
 def test_numbers_are_those_of_pytorch_geometric(kind: torch.dtype) -> None:
     geometric = pytest.importorskip("torch_geometric.nn")

@@ -6,7 +6,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
-from tempfile import gettempdir
+from tempfile import TemporaryDirectory
 from typing import TypeAlias
 from xml.etree import ElementTree
 
@@ -14,11 +14,13 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.errors import SimulationError, reason_of
-from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.sumo.programs import run_program
+from scex_sumo.converters.net.convert import convert
 from scex_sumo.geometry.polylines import cut, heading, length_of, turn
+from scex_sumo.lanelet2sumo.judge.report import FidelityReport, Figure, Figures, measured
 from scex_sumo.lanelet2sumo.reader import NetContent, SumoLane, read_net
+from scex_sumo.road import Road
+from tests.lanelet2sumo.judge.loading import check_net
 
 RUN_UP_M = 20.0  # braking distance at 50 km/h
 STEP_S = 0.1
@@ -27,9 +29,7 @@ WAIT_S = 300.0  # SUMO's own: a vehicle that stands longer is teleported
 SHRINK_M = 0.02  # positions are written in centimetres
 DRAIN_S = 900.0  # for the last vehicles to arrive, a deadlock included
 LIMIT_S = 300.0  # wall clock
-EMERGENCY = "emergency braking"
-STANDOFF = "Suspicious right_before_left junction"
-COUNTED = ("collision", "eleport", EMERGENCY, STANDOFF)  # warnings about what has a figure of its own
+COUNTED = ("collision", "eleport", "emergency braking", "Suspicious right_before_left junction")
 NET = "driven.net.xml"
 SEED = 0  # of the order of departures and of SUMO's own randomness
 LENGTH_M = 4.7  # of a car
@@ -45,49 +45,33 @@ class Driving:
 
     Attributes:
         routes: number of routes driven, in turn and in a random order.
-        messages: lines of SUMO's error stream.
+        warnings: what SUMO says on its error stream, without what the other figures count.
         overlaps: (vehicle, lane, vehicle, lane, time in s) of each pair's first overlap.
-        arrivals: simulated time of each arrival, s.
+        arrived: number of vehicles at the ends of their routes.
     """
 
     def __init__(self, net_path: Path, *, vehicles: int, headway_s: float) -> None:
         net = read_net(net_path)
         routes = border_routes(net)
-        if not routes:
-            raise SimulationError(f"{net_path}: no route from border to border for cars; nothing to drive")
+        assert routes, f"{net_path}: no route from border to border for cars"
         order = np.random.default_rng(SEED).permutation(np.arange(vehicles) % len(routes))
         self.vehicles, self.routes = vehicles, len(set(order.tolist()))
-        try:
-            with TemporaryFolder() as name:
-                folder = Path(name)
-                demand = _demand(net, [routes[k] for k in order], headway_s)
-                (folder / "demand.rou.xml").write_text(demand, encoding="utf-8")
-                (folder / NET).symlink_to(net_path.resolve())
-                self.messages = _simulate(net_path, folder, vehicles * headway_s + DRAIN_S)
-                self.overlaps = _overlaps(folder / "fcd.xml")
-                self._counts = ElementTree.parse(folder / "statistics.xml").getroot()
-                trips = ElementTree.parse(folder / "trips.xml").getroot().findall("tripinfo")
-        except (OSError, ElementTree.ParseError) as error:  # SUMO ends well when the disk is full
-            raise SimulationError(
-                f"{gettempdir()}: the temporary folder cannot hold the simulation ({reason_of(error)}); "
-                "free some space, or set TMPDIR to another folder"
-            ) from None
-        self.end_s = max((float(trip.get("arrival", 0.0)) for trip in trips), default=0.0)
+        with TemporaryDirectory() as name:
+            folder = Path(name)
+            demand = _demand(net, [routes[k] for k in order], headway_s)
+            (folder / "demand.rou.xml").write_text(demand, encoding="utf-8")
+            (folder / NET).symlink_to(net_path.resolve())
+            said = _simulate(net_path, folder, vehicles * headway_s + DRAIN_S)
+            self.overlaps = _overlaps(folder / "fcd.xml")
+            counts = ElementTree.parse(folder / "statistics.xml").getroot()
+            trips = ElementTree.parse(folder / "trips.xml").getroot().findall("tripinfo")
+        self.warnings = [line for line in said if not any(word in line for word in COUNTED)]
+        self.teleports, self.collisions = (
+            int(counts.find(tag).get(key, "0"))  # type: ignore[union-attr]
+            for tag, key in (("teleports", "total"), ("safety", "collisions"))
+        )
         there = [trip for trip in trips if float(trip.get("arrival", -1.0)) >= 0.0]
         self.arrived = sum(not trip.get("vaporized") for trip in there)
-
-    def count(self, tag: str, name: str) -> int:
-        """Return a number of SUMO's statistics."""
-        element = self._counts.find(tag)
-        return int(element.get(name, "0")) if element is not None else 0
-
-    def said(self, word: str) -> int:
-        """Return how often SUMO complained about something."""
-        return sum(word in line for line in self.messages)
-
-    def warnings(self) -> list[str]:
-        """Return the messages about what has no figure of its own."""
-        return [line for line in self.messages if not any(word in line for word in COUNTED)]
 
 
 def _demand(net: NetContent, routes: list[tuple[str, ...]], headway_s: float) -> str:
@@ -119,8 +103,8 @@ def _simulate(net_path: Path, folder: Path, end_s: float) -> tuple[str, ...]:
     )
     size = net_path.stat().st_size
     lines = run_program("sumo", *options.split(), folder=folder, file_bytes=size, limit_s=LIMIT_S)
-    if errors := [line for line in lines if line.startswith("Error")]:
-        raise SimulationError(f"{net_path}: cars cannot drive on it: {'; '.join(errors[:3])}; mend the net")
+    errors = [line for line in lines if line.startswith("Error")]
+    assert not errors, f"{net_path}: cars cannot drive on it: {errors[:3]}"
     return lines
 
 
@@ -247,3 +231,42 @@ def _paths(net: NetContent, moves: dict[str, list[str]], start: str) -> dict[str
                 paths.setdefault(edge, passed[ahead])
                 queue.append(ahead)
     return paths
+
+
+def _overlap(f: Figures) -> str:
+    pairs = (f"{a} on {x} and {b} on {y} at {t:.1f} s" for a, x, b, y, t in f["overlaps"][:6])
+    return f"{f['overlapping_pairs']} pairs of vehicles overlap: {'; '.join(pairs)}"
+
+
+DRIVING = (
+    Figure("vehicles", lambda d: d.vehicles),
+    Figure("driven_routes", lambda d: d.routes),
+    Figure(
+        "arrived",
+        lambda d: d.arrived,
+        lambda f: f"{f['vehicles'] - f['arrived']} of {f['vehicles']} vehicles did not arrive",
+        lambda f: f["arrived"] >= f["vehicles"],
+    ),
+    Figure("teleports", lambda d: d.teleports, "teleports"),
+    Figure("collisions", lambda d: d.collisions, "collisions reported by SUMO"),
+    Figure("overlapping_pairs", lambda d: len(d.overlaps), _overlap),
+    Figure("overlaps", lambda d: d.overlaps),
+    Figure("warnings", lambda d: d.warnings, "warnings while driving"),
+)
+
+
+def drive_net(net_path: Path, *, vehicles: int = 120, headway_s: float = 2.0) -> FidelityReport:
+    """Let SUMO's own models drive all routes from the net's borders to its borders.
+
+    Args:
+        vehicles: how many; they take all routes in turn, in a random order.
+    """
+    driving = Driving(net_path, vehicles=vehicles, headway_s=headway_s)
+    return FidelityReport(figures=measured(DRIVING, driving), table=DRIVING)
+
+
+def judged(road: Road, net_path: Path) -> FidelityReport:
+    """Convert a road, judge its net, and let 120 cars drive on it."""
+    net = convert(road, net_path)
+    report, driving = check_net(net.path, road, net.lanes), drive_net(net.path)
+    return FidelityReport(figures=report.figures | driving.figures, table=report.table + driving.table)

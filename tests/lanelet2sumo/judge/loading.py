@@ -9,7 +9,6 @@ import contextlib
 import io
 import os
 import subprocess
-import threading
 import warnings
 from collections import Counter
 from functools import partial
@@ -21,19 +20,26 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.errors import SimulationError
-from scex_sumo.base.sumo.programs import checked_path, limit_memory, program, run_program
+from scex_sumo.base.sumo.programs import program, run_program
+from scex_sumo.converters.net.sumo_net import LaneTable
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.lanelet2sumo.judge.matching import AHEAD_RAD, Matching, sample_headings, sample_line
-from scex_sumo.lanelet2sumo.reader import NetContent
+from scex_sumo.lanelet2sumo.judge import report as judge
+from scex_sumo.lanelet2sumo.judge.matching import (
+    AHEAD_RAD,
+    Matching,
+    match_lanelets,
+    sample_headings,
+    sample_line,
+)
+from scex_sumo.lanelet2sumo.judge.report import FidelityReport, Figure, measured
+from scex_sumo.lanelet2sumo.reader import NetContent, read_net
 from scex_sumo.road import Road
 
 PROBE_STEP_M = 2.0
-MAX_PROBES = 20_000  # on longer maps points are left out evenly
+PROBE_HIT_SHARE = 0.99
 PROBE_END_M = 0.3  # at its very ends a lanelet and its neighbours in line share their points
 MATCH_THRESHOLD_M = 100.0  # SUMO's own; below 20 m it finds worse lanes at times
 SAME_PLACE_M = 0.05  # branches of a fork lie on each other at first; either is the mapped lane there
-PROBES_LIMIT_S = 300.0  # SUMO may never end on a damaged net
 RETRY_S = 0.05
 RETRIES = 1200
 
@@ -46,7 +52,7 @@ class Loading:
     """
 
     def __init__(self, matching: Matching) -> None:
-        net, path = matching.net, checked_path(matching.net.path.name)
+        net, path = matching.net, matching.net.path.name
         run = partial(run_program, folder=net.path.parent, file_bytes=net.path.stat().st_size)
         self.sumo = run("sumo", "-n", path, "--no-step-log", "--end", "1", "--xml-validation", "never")
         refused = run("netconvert", "-s", path, "-o", os.devnull, "--offset.disable-normalization")
@@ -62,6 +68,28 @@ class Loading:
         )
         self.probes = len(owners)
         self.lost = sorted(misses.items(), key=lambda entry: (-entry[1], entry[0]))
+
+
+LOADING = (
+    Figure("sumo_warnings", lambda x: x.sumo, "sumo says"),
+    Figure("sumolib_warnings", lambda x: x.sumolib, "sumolib says"),
+    Figure("netconvert_errors", lambda x: x.netconvert, "netconvert refuses the net"),
+    Figure("probes", lambda x: x.probes),
+    Figure(
+        "lost_probes",
+        lambda x: x.lost,
+        lambda f: f"moveToXY loses points of {f['probes']} (lanelet, points): {f['lost_probes']}",
+        lambda f: sum(lost for _, lost in f["lost_probes"]) <= max(1, (1 - PROBE_HIT_SHARE) * f["probes"]),
+    ),
+)
+
+
+def check_net(net_path: Path, road: Road, lanes: LaneTable | None = None) -> FidelityReport:
+    """Judge a net as `convert` does, and by what SUMO's programs say of it."""
+    report = judge.check_net(net_path, road, lanes)
+    loading = Loading(match_lanelets(read_net(net_path).in_map(road), road, lanes))
+    figures = {**report.figures, **measured(LOADING, loading)}
+    return FidelityReport(figures=figures, table=(*report.table, *LOADING))
 
 
 def _sumolib_warnings(path: Path) -> tuple[str, ...]:
@@ -89,8 +117,7 @@ def _probe_points(road: Road) -> tuple[FloatArray, list[int], FloatArray]:
         )
         parts.append((points, np.full(len(at), lane_id), np.arctan2(*(points - before).T[::-1])))
     points, owners, directions = map(np.concatenate, zip(*parts, strict=True))
-    some = slice(None, None, len(owners) // MAX_PROBES + 1)  # a damaged map may have endless lanes
-    return points[some], owners[some].tolist(), directions[some]
+    return points, owners.tolist(), directions
 
 
 def _ask_sumo(net: NetContent, points: FloatArray, directions: FloatArray) -> list[str]:
@@ -100,23 +127,17 @@ def _ask_sumo(net: NetContent, points: FloatArray, directions: FloatArray) -> li
     edge = next((lane.edge_id for lane in net.car_lanes.values() if not lane.internal), None)
     if edge is None:
         return [""] * len(points)
-    command = [program("sumo"), "-n", net.path.name, "--no-step-log", "--no-warnings", "--step-length", "0.1"]
     port = sumolib.miscutils.getFreeSocketPort()
+    command = [program("sumo"), "-n", net.path.name, "--no-step-log", "--no-warnings", "--step-length", "0.1"]
     command += ["--collision.action", "none", "--remote-port", str(port)]
     nowhere, folder = subprocess.DEVNULL, net.path.parent
     with subprocess.Popen(command, stdout=nowhere, stderr=nowhere, cwd=folder) as server:
-        limit_memory(server, net.path.stat().st_size)
-        stop = threading.Timer(PROBES_LIMIT_S, server.kill)
-        stop.start()
         try:
             with contextlib.redirect_stdout(io.StringIO()):  # traci prints each attempt to reach its server
                 connection = traci.connect(port, RETRIES, proc=server, waitBetweenRetries=RETRY_S)
             lanes = _drop_cars(connection, edge, points + net.offset, directions)
             connection.close()
-        except traci.exceptions.TraCIException as error:
-            raise SimulationError(f"{net.path}: sumo broke off with cars placed on it: {error}") from None
         finally:
-            stop.cancel()
             server.kill()  # no-op where it has ended
     return lanes
 
