@@ -54,7 +54,9 @@ def how(states: States, axis: str, row: Mapping[str, Any], kind: str, names: tup
         names: of both.
     """
     own, other = names
-    does = f"{other} {_does(states, row, kind)}"
+    before = axis == "contact"  # what it does afterwards is the crash
+    until = max(round(row["conflict_s"] / STEP_S) - before, 1)
+    does = f"{other} {_does(states[:, : until + 1], kind)}"
     if axis == "contact":
         return f"{does}; {own} hits it"
     if axis == "braking":
@@ -64,11 +66,10 @@ def how(states: States, axis: str, row: Mapping[str, Any], kind: str, names: tup
     return f"{own} and {other} pass {row['gap_m']:.1f}{NARROW}m apart"
 
 
-def _does(states: States, row: Mapping[str, Any], kind: str) -> str:
-    """Return what the other vehicle does up to the conflict."""
+def _does(states: States, kind: str) -> str:
+    """Return what the other vehicle does up to the conflict, by states (2, T) until then."""
     other = states[1]
-    until = max(round(row["conflict_s"] / STEP_S), _MEAN_STEPS) + 1
-    speed = other.speed[:until]
+    speed = other.speed
     least = (speed[_MEAN_STEPS:] - speed[:-_MEAN_STEPS]).min(initial=0.0) / (_MEAN_STEPS * STEP_S)
     if speed.max() < _STANDS_MPS:
         return "stands"
@@ -76,7 +77,7 @@ def _does(states: States, row: Mapping[str, Any], kind: str) -> str:
         return "brakes hard" if least < _HARD_MPS2 else "brakes"
     if speed[0] < _STARTS_MPS < speed[-1]:
         return "pulls out" if kind in (CROSSING, MERGING, ONCOMING) else "starts"
-    turn = wrap(float(other.heading[min(until, len(other.heading)) - 1] - other.heading[0]))
+    turn = wrap(float(other.heading[-1] - other.heading[0]))
     if abs(turn) > _TURNS_RAD and kind in (CROSSING, ONCOMING):
         return "turns left" if turn > 0 else "turns right"
     if kind == REAR_END and states.speed[0, 0] - states.speed[1, 0] > _STANDS_MPS:
