@@ -167,8 +167,6 @@ def test_a_link_in_a_result_folder_is_never_followed(tmp_path: Path) -> None:
     assert [file.name for file in elsewhere.iterdir()] == ["mine.net.xml"]
 
 
-<<<<<<< HEAD
-=======
 def test_a_pipe_in_a_result_folder_is_named_and_not_waited_for(tmp_path: Path) -> None:
     ResultFolder(tmp_path / "out", {"seed": 1}).finish({})
     os.mkfifo(tmp_path / "out" / "sumo" / "road.net.xml")
@@ -182,13 +180,6 @@ def test_a_pipe_in_a_result_folder_is_named_and_not_waited_for(tmp_path: Path) -
     open_run(tmp_path / "out")
 
 
-def test_a_file_in_place_of_the_folder_is_an_error(tmp_path: Path) -> None:
-    (tmp_path / "out").write_text("")
-    with pytest.raises(ResultError, match="cannot write the result"):
-        ResultFolder(tmp_path / "out", {})
-
-
->>>>>>> b21b453c (A pipe or device in a result folder or among recordings is named or left out; nothing waits for it)
 @pytest.mark.parametrize(("content", "message"), [(None, "no such folder"), ("", "no run.json in it")])
 def test_opening_what_is_no_result_says_so(tmp_path: Path, content: str | None, message: str) -> None:
     folder = tmp_path / "out"
