@@ -144,7 +144,9 @@ def _run(scene: SeedScene, file: Path) -> None:
             print(f"{file.stem}: left out: {error}", flush=True)
             return
         values = np.stack([run.values(column) for column in run.columns], axis=1)
-        critical = {c: is_critical(run.values(c), c, limit) for c, limit in run.thresholds.items()}
+        critical = {
+            c: is_critical(run.values(c), run.metric(c), limit) for c, limit in run.thresholds.items()
+        }
         scenes_ = {"collision": np.asarray(run.metrics["collision"]) > 0, **critical}
         pairs = _by_pair(_encounters(run, scene), len(values))
         questions = (*scenes_, *(name for name, _ in pairs))

@@ -78,7 +78,11 @@ def thresholds_table(runs: list[Run]) -> list[str]:
         cells = []
         for column, limit in limits.items():
             real = run.recorded_value(column)
-            mark = "*" if real is not None and is_critical(np.array([real]), column, limit)[0] else ""
+            mark = (
+                "*"
+                if real is not None and is_critical(np.array([real]), run.metric(column), limit)[0]
+                else ""
+            )
             share = run.p_critical(column)
             cells.append(f"{share.value:.0%} [{share.low:.0%}–{share.high:.0%}]{mark}")
         rows.append(row_of([run.folder.name, str(run.info["seed_scene"]["vehicles"]), *cells]))

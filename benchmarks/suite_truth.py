@@ -29,7 +29,6 @@ from scex_sumo.behaviors.registry import model_specs
 from scex_sumo.suites.choice import choose
 from scex_sumo.suites.cut import cutter_of, recordings_of
 from scex_sumo.suites.estimate import rate
-from scex_sumo.suites.pilot import touches
 from scex_sumo.suites.population import Population, read_population
 from scex_sumo.suites.simulate import simulate
 from scex_sumo.suites.testing.tasks import record_of
@@ -82,7 +81,6 @@ def of_candidate(cutter: Any, row: Mapping[str, Any], specs: Mapping[str, Any]) 
     try:
         _, situation = cutter.situation(row)
         found: dict[str, Any] = {"people": situation.human_like, "most": situation.most}
-        found["pilot"] = touches(situation, seed=0)
         for name, spec in specs.items():
             began = time.process_time()
             record = record_of(situation, simulate(situation, spec, 64, seed=0))
@@ -101,8 +99,7 @@ def judge(population: Population, lines: Sequence[Mapping[str, Any]], count: int
     """Print a line for each function."""
     lines = [one for one in lines if "error" not in one]
     kept = [population.rows[one["k"]] for one in lines]
-    pilot = np.array([one["pilot"] for one in lines])
-    population = dataclasses.replace(population, rows=kept, pilot=pilot)
+    population = dataclasses.replace(population, rows=kept)
     people, most = (np.array([one[name] for one in lines]) for name in ("people", "most"))
     chosen = [choose(population, count, seed=seed) for seed in range(suites)]
     rng, size = np.random.default_rng(0), len(kept)
@@ -125,14 +122,16 @@ def judge(population: Population, lines: Sequence[Mapping[str, Any]], count: int
         estimates[name] = own[:, 0]
         holds = np.mean((own[:, 1] <= truth) & (truth <= own[:, 2]))
         plainly = np.mean((other[:, 1] <= truth) & (truth <= other[:, 2]))
-        width = np.median(own[:, 2] - own[:, 1]) / np.median(other[:, 2] - other[:, 1])
+        wide = np.median(own[:, 2] - own[:, 1])
+        width = wide / np.median(other[:, 2] - other[:, 1])
         error = np.sqrt(np.mean((own[:, 0] - truth) ** 2) / np.mean((other[:, 0] - truth) ** 2))
         equal_to_people = np.mean((own[:, 1] <= level) & (level <= own[:, 2]))
         largest = y.max() / max(y.sum(), 1e-300)
         print(
             f"{name}: {truth:.3g} an hour, largest candidate {largest:.0%}; mean/truth "
             f"{own[:, 0].mean() / truth:.2f}; holds {holds:.1%} (plain {plainly:.1%}), people's rate in "
-            f"{equal_to_people:.1%}; width {width:.2f}, error {error:.2f} of plain"
+            f"{equal_to_people:.1%}; width {wide / truth:.2f} of the rate, {width:.2f} of plain; "
+            f"error {error:.2f} of plain"
         )
     right = np.mean((estimates["cv"] > estimates["acc"]) & (estimates["acc"] > estimates["likely"]))
     print(f"order as in full: {right:.0%}")

@@ -144,6 +144,16 @@ def refuse_link(path: Path) -> None:
         raise ResultError(f"{path}: is a link; remove it, or give another folder with -o")
 
 
+def refuse_special_files(folder: Path) -> None:
+    """Raise a `ResultError` for a pipe, device or socket in a folder: reading it may never end."""
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                refuse_special_files(Path(entry.path))
+            elif not (entry.is_file() or entry.is_dir()) and Path(entry.path).exists():
+                raise ResultError(f"{entry.path}: is no regular file, but a pipe or a device; remove it")
+
+
 def remove(path: Path) -> None:
     """Remove a file, a folder or a link, but not what it leads to; nothing may be there."""
     if path.is_dir() and not path.is_symlink():
@@ -158,7 +168,7 @@ _DIGITS = 64  # of an identity, a SHA-256
 def identity_in(file: Path) -> str | None:
     """Return the identity of a result in a JSON file; None if it is missing, damaged or not ours."""
     try:
-        identity = json.loads(file.read_bytes())["identity"]
+        identity = json.loads(file.read_bytes())["identity"] if file.is_file() else None
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
     return identity if isinstance(identity, str) and len(identity) == _DIGITS else None

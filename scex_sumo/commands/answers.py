@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scex_sumo.metrics.registry import critical_columns, metric_of, side_of
+from scex_sumo.metrics.registry import critical_columns
 from scex_sumo.reports.encounter_rows import Meeting, grouped, meetings, sentence, worst_stress
 from scex_sumo.reports.run_table import extra_rows
 from scex_sumo.results.extras import extras_results
@@ -62,11 +62,11 @@ def _in_words(run: Run | None) -> str | None:
 
 
 def _metric(run: Run, column: str) -> dict[str, Any]:
-    metric, samples, limit = metric_of(column), run.samples(column), run.thresholds.get(column)
+    metric, samples, limit = run.metric(column), run.samples(column), run.thresholds.get(column)
     return {
         "name": column,
         "unit": metric.unit,
-        "critical": "at most" if side_of(column) == "left" else "at least",
+        "critical": "at most" if metric.side == "left" else "at least",
         "threshold": limit,
         "recorded": run.recorded_value(column),
         "median": float(np.median(samples)) if len(samples) else None,

@@ -93,6 +93,6 @@ def _origin(options: SeedOptions) -> tuple[float, float] | None:
 
 
 def _brief(note: str) -> str:
-    """Return the first finding of a long note; ``run.json`` has the rest."""
-    first, *others = note.split("; ") if console.level <= 0 else [note]
-    return f"{first}; {len(others)} more in run.json" if others and len(note) > _LONG else note
+    """Return the first two findings of a long note; ``run.json`` has the rest."""
+    first, second, *others = [*note.split("; "), ""] if console.level <= 0 else [note, ""]
+    return f"{first}; {second}; {len(others) - 1} more in run.json" if others and len(note) > _LONG else note

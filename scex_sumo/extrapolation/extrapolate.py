@@ -21,6 +21,7 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.metrics.registry import METRICS
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
+from scex_sumo.world.session import one_at_a_time
 
 
 def extrapolate(
@@ -32,7 +33,7 @@ def extrapolate(
 ) -> Run:
     """Simulate many futures of a seed scene with different drivers, and measure each.
 
-    Notes on net and run are `ScexWarning`.
+    Notes on net and run are `ScexWarning`. Threads of one process wait for each other.
 
     Args:
         scene: the seed scene, with its road.
@@ -81,7 +82,7 @@ def _run(
     # The user's own code may change within a session; kept workers have what they loaded first.
     own_metrics = any(metric.name not in METRICS for metric in settings.measured)
     made = Workers if how.extra or own_metrics or has_own_drivers(settings) else kept_workers
-    with made(how.processes(settings)) as pool:
+    with one_at_a_time, made(how.processes(settings)) as pool:
         return run_scene(scene, settings, workers=pool, options=how, extras=extras)
 
 

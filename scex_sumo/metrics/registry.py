@@ -11,6 +11,7 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final, Literal
 
 from scex_sumo.base.errors import UsageError, nearest
@@ -212,9 +213,7 @@ COLLISION: Final = "collision"
 _TAKEN: Final = (*SETS, "both", "future", "case_id", COLLISION, "all")
 
 _registered: dict[str, Metric] = {}
-_described: dict[str, Metric] = {  # columns of results without a function here
-    COLLISION: Metric.described({"name": COLLISION, "critical": "max", "threshold": 1.0})
-}
+_COLLISIONS = {COLLISION: Metric.described({"name": COLLISION, "critical": "max", "threshold": 1.0})}
 
 
 def known_metrics() -> tuple[str, ...]:
@@ -257,14 +256,19 @@ def _plain(text: str) -> str:
     return text.partition("[")[0].strip().lower().replace("-", " ").replace("_", " ")
 
 
-def column_named(text: str, columns: Iterable[str] = COLUMNS) -> str:
-    """Find a column by its name as printed, in any case: ``TTC``, ``1/TTC``, ``mean TTC``."""
+def column_named(
+    text: str, columns: Iterable[str] = COLUMNS, own: Mapping[str, Metric] = MappingProxyType({})
+) -> str:
+    """Find a column by its name as printed, in any case: ``TTC``, ``1/TTC``, ``mean TTC``.
+
+    ``own`` metrics as of `metric_of`.
+    """
     columns = tuple(columns)
     if text in columns:
         return text
     spelled: dict[str, str] = {}
     for column in columns:
-        words = _plain(metric_of(column).words)
+        words = _plain(metric_of(column, own).words)
         inverted = words.removeprefix("1/")  # the table says 1/TTC
         if column.endswith("_mean"):
             for said in (inverted, words):
@@ -288,10 +292,10 @@ def thresholds_of(metrics: Iterable[Metric]) -> dict[str, float]:
     return {each.name: each.threshold for each in metrics if each.threshold is not None}
 
 
-def metric_of(column: str) -> Metric:
-    """Return the metric of a result column, e.g. of ``ttc_mean``."""
+def metric_of(column: str, own: Mapping[str, Metric] = MappingProxyType({})) -> Metric:
+    """Return the metric of a result column, e.g. of ``ttc_mean``; a result describes its ``own``."""
     name = column.removesuffix("_mean")
-    for metrics in (METRICS, _registered, _described):
+    for metrics in (METRICS, own, _registered, _COLLISIONS):
         if name in metrics:
             return metrics[name]
     # Column names are data of others and never imported.
@@ -303,11 +307,6 @@ def critical_columns(columns: Iterable[str]) -> list[str]:
     return [column for column in columns if not column.endswith("_mean")]
 
 
-def side_of(column: str) -> Literal["left", "right"]:
-    """Return the critical side of a column's threshold."""
-    return metric_of(column).side
-
-
 def describe_metrics(metrics: Sequence[Metric]) -> list[dict[str, Any]]:
     """Describe metrics for ``run.json``; nothing for the presets' sets."""
     if tuple(metrics) in (SETS["paper"], SETS["path"], (*SETS["paper"], *SETS["path"])):
@@ -315,6 +314,6 @@ def describe_metrics(metrics: Sequence[Metric]) -> list[dict[str, Any]]:
     return [each.description() for each in metrics]
 
 
-def learn_metrics(descriptions: Iterable[Mapping[str, Any]]) -> None:
-    """Learn metrics from ``run.json``, whose functions this process may not have."""
-    _described.update((e["name"], Metric.described(e)) for e in descriptions if e["name"] != COLLISION)
+def described_metrics(descriptions: Iterable[Mapping[str, Any]]) -> dict[str, Metric]:
+    """Return by name the metrics of ``run.json``, whose functions this process may not have."""
+    return {each["name"]: Metric.described(each) for each in descriptions if each["name"] not in _TAKEN}

@@ -77,7 +77,7 @@ def check_comparable(runs: Sequence[Run], labels: Sequence[str]) -> None:
     for label, run in zip(labels[1:], runs[1:], strict=True):
         for what, one, first in (
             ("steps in a future", run.info["steps"], runs[0].info["steps"]),
-            ("metrics", ", ".join(sorted(run.columns)), ", ".join(sorted(runs[0].columns))),
+            ("metrics", _metrics(run), _metrics(runs[0])),
             ("thresholds", run.thresholds, runs[0].thresholds),
         ):
             if one != first:
@@ -86,10 +86,13 @@ def check_comparable(runs: Sequence[Run], labels: Sequence[str]) -> None:
                 )
 
 
+def _metrics(run: Run) -> str:
+    return ", ".join(f"{column} {run.metric(column).sign}" for column in sorted(run.columns))
+
+
 def _print_probabilities(runs: Sequence[Run], labels: Sequence[str]) -> None:
     """Print P of a collision and of each threshold, one column for each run."""
     from scex_sumo.commands.console import output_console
-    from scex_sumo.metrics.registry import metric_of
     from scex_sumo.reports.run_table import console_table, print_table
 
     rows: list[Sequence[str]] = [["futures", *(str(run.futures) for run in runs)]]
@@ -100,7 +103,7 @@ def _print_probabilities(runs: Sequence[Run], labels: Sequence[str]) -> None:
         shares = (human.collision.percent if human and human.outcomes else "–" for human in humans)
         rows.append(["collision, human-like", *shares])
     for column, limit in runs[0].thresholds.items():
-        metric = metric_of(column)
+        metric = runs[0].metric(column)
         words = f"{metric.words} {metric.sign} {limit:.3g} {metric.column_unit}".rstrip()
         rows.append([words, *(_critical(run, column) for run in runs)])
     heads = [("", "names", ""), *((label, "text", "") for label in labels)]
@@ -115,6 +118,6 @@ def _critical(run: Run, column: str) -> str:
 
     from scex_sumo.results.design import is_critical
 
-    recorded = run.recorded_value(column)
-    star = recorded is not None and is_critical(np.array([recorded]), column, run.thresholds[column])[0]
+    recorded, limit = run.recorded_value(column), run.thresholds[column]
+    star = recorded is not None and is_critical(np.array([recorded]), run.metric(column), limit)[0]
     return f"{run.p_critical(column).percent}{'*' if star else ''}"

@@ -118,10 +118,15 @@ class _Program:
         self._command = command
         try:
             self._process = subprocess.Popen(
-                shlex.split(command), stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
+                shlex.split(command),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                bufsize=0,
+                start_new_session=True,
             )
         except OSError as error:
             raise ScexError(f"the program cannot be started: {error.strerror or error}") from None
+        self._end = _end_with_us(self._process.pid)
         assert self._process.stdin is not None and self._process.stdout is not None
         self._in, self._out = self._process.stdin, self._process.stdout
         os.set_blocking(self._in.fileno(), False)  # a program that does not read must not stop the run
@@ -156,8 +161,8 @@ class _Program:
                 left = left[os.write(self._in.fileno(), left) :]
         except OSError:
             raise ScexError(f"the program has ended{self._status()}") from None
-        read = b""
-        while b"\n" not in read[-_PIPE:]:
+        read, part = bytearray(), b""
+        while b"\n" not in part:
             if not _wait(self._selector, until):
                 raise late
             part = os.read(self._out.fileno(), _PIPE)
@@ -166,7 +171,7 @@ class _Program:
             read += part
             if len(read) > _MAX_ANSWER:
                 raise ScexError(f"the program answered {_MAX_ANSWER} bytes without the end of a line")
-        answer, _, more = read.partition(b"\n")
+        answer, _, more = bytes(read).partition(b"\n")
         if more:
             raise ScexError(f"the program answered with more than one line: {more[:60]!r}")
         try:
@@ -183,7 +188,7 @@ class _Program:
     def end(self) -> None:
         self._ready.close()
         self._selector.close()
-        self._process.kill()
+        self._end.communicate()
         self._process.wait()
         self._in.close()
         self._out.close()
@@ -191,6 +196,13 @@ class _Program:
     def __del__(self) -> None:
         if hasattr(self, "_selector") and not self._out.closed:
             self.end()
+
+
+def _end_with_us(group: int) -> subprocess.Popen[bytes]:
+    """Return a process that kills a process group when its input ends, as it does when this process dies."""
+    null, command = subprocess.DEVNULL, f"read x; kill -s KILL -- -{group}"
+    words = ["sh", "-c", command]
+    return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=null, stderr=null, start_new_session=True)
 
 
 def _brief(command: str) -> str:

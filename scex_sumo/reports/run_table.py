@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from scex_sumo.base.errors import listed
-from scex_sumo.metrics.registry import COLLISION, PAPER_METRICS, critical_columns, metric_of
+from scex_sumo.metrics.registry import COLLISION, PAPER_METRICS, critical_columns
 from scex_sumo.reports.encounter_rows import (
     HUMAN_LIKE,
     STRESS_TEST,
@@ -122,7 +122,7 @@ def print_line(text: str, console: Console) -> None:
 
 def always_critical(run: Run) -> list[str]:
     """Return names of metrics that are critical in nearly all futures of both sets and in the recording."""
-    return [metric_of(column).words for column in _always(run)]
+    return [run.metric(column).words for column in _always(run)]
 
 
 def _always(run: Run) -> list[str]:
@@ -130,7 +130,7 @@ def _always(run: Run) -> list[str]:
     columns = []
     for column, limit in run.thresholds.items():
         recorded = run.recorded_value(column) if column in run.columns else None
-        is_so = recorded is None or bool(is_critical(np.array([recorded]), column, limit)[0])
+        is_so = recorded is None or bool(is_critical(np.array([recorded]), run.metric(column), limit)[0])
         if column in run.columns and is_so and all(one.p_critical(column).value >= _ALWAYS for one in both):
             columns.append(column)
     return columns
@@ -212,7 +212,7 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
             recorded = run.recorded_value(column)
             rows.append(
                 (
-                    metric_of(column).titled(),
+                    run.metric(column).titled(),
                     _number(recorded if recorded is None or np.isfinite(recorded) else None),
                     _median(run, column),
                     *_critical(run, column, likely),
@@ -270,7 +270,7 @@ def _critical(run: Run, column: str, likely: Run | None) -> tuple[str, ...]:
     known = likely is not None and len(likely.samples(column)) > 0
     human = _tight(likely.p_critical(column).share) if likely is not None and known else "–"
     shares = _shares(run.p_critical(column)) if len(run.samples(column)) else ("–", "–")
-    return f"{metric_of(column).sign} {threshold:.3g}", *(() if likely is None else (human,)), *shares
+    return f"{run.metric(column).sign} {threshold:.3g}", *(() if likely is None else (human,)), *shares
 
 
 def _median(run: Run, column: str) -> str:

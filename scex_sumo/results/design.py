@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, numbers_in
 from scex_sumo.base.errors import ResultError
-from scex_sumo.metrics.registry import side_of
+from scex_sumo.metrics.registry import Metric
 from scex_sumo.statistics.density import BANDWIDTH, Density, density, mixed_density
 from scex_sumo.statistics.intervals import DesignIntervals
 
@@ -55,10 +55,10 @@ def intervals_of(info: Mapping[str, Any], assignments: pa.Table | None, futures:
     return design_intervals(drawn, [entry["weight"] for entry in info["models"]], fixed, info["design"])
 
 
-def is_critical(values: FloatArray, column: str, limit: float) -> BoolArray:
-    """Return whether the values (C,) of a metric column are critical; undefined ones (NaN) are not."""
+def is_critical(values: FloatArray, metric: Metric, limit: float) -> BoolArray:
+    """Return whether the values (C,) of a metric are critical; undefined ones (NaN) are not."""
     with np.errstate(invalid="ignore"):
-        critical: BoolArray = values <= limit if side_of(column) == "left" else values >= limit
+        critical: BoolArray = values <= limit if metric.critical == "min" else values >= limit
     return critical
 
 

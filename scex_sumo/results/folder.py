@@ -23,6 +23,7 @@ from scex_sumo.base.files import (
     identity_in,
     lock,
     own_folder,
+    refuse_special_files,
     remove,
     remove_unfinished,
     replacing,
@@ -64,6 +65,7 @@ class OutputFolder:
             str(path).encode()  # SUMO and Arrow need UTF-8
             path.mkdir(parents=True, exist_ok=True)
             lock(path)
+            refuse_special_files(path)
             remove_unfinished(path)
             self._make_free(overwrite)
             for name in (_COPY, PENDING):  # before anything else: what is cut off after it goes on

@@ -15,6 +15,7 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.errors import ResultError, reason_of
+from scex_sumo.base.files import refuse_special_files
 from scex_sumo.base.version import version_of
 from scex_sumo.scene import SeedScene
 
@@ -54,6 +55,7 @@ def read_info(folder: Path) -> Info:
         missing = "no such folder" if not folder.exists() else "no run.json in it"
         raise ResultError(f"{folder}: {missing}; give the folder that 'scex-sumo run -o' wrote")
     try:
+        refuse_special_files(folder)
         content = json.loads(file.read_bytes())
     except (ValueError, RecursionError) as error:
         raise ResultError(f"{file}: not JSON: {str(error)[:120]}; run again") from None

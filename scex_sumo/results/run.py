@@ -14,7 +14,7 @@ from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.importing import DRAWINGS
-from scex_sumo.metrics.registry import COLLISION, column_named, learn_metrics, side_of
+from scex_sumo.metrics.registry import COLLISION, Metric, column_named, described_metrics, metric_of
 from scex_sumo.results.design import column_of, half_widths, intervals_of, is_critical, metric_density
 from scex_sumo.results.extras import BASELINE, REFERENCE, Decision, extras_results
 from scex_sumo.results.info import read_info
@@ -42,6 +42,7 @@ class Run:
 
     Attributes:
         info: contents of ``run.json``.
+        own_metrics: metrics by name that ``run.json`` describes; they may be registered nowhere.
         written: files that the extras of this run wrote for the user, by what they are, e.g. ``report``.
 
     Example:
@@ -57,7 +58,7 @@ class Run:
         self.written: dict[str, Path] = {}
         self._widths: dict[float | None, dict[str, float]] = {}
         self.info = read_info(folder)
-        learn_metrics(self.info.get("metrics", ()))
+        self.own_metrics = described_metrics(self.info.get("metrics", ()))
 
     def __repr__(self) -> str:
         name = self.info["seed_scene"]["name"]
@@ -112,7 +113,9 @@ class Run:
     @cached_property
     def metrics(self) -> ArrowTable:
         """One row per future: ``future``, the metric columns, null where undefined, and ``collision``."""
-        return read_metrics(self.folder / "metrics.parquet", rows=self.info.get("futures"))
+        return read_metrics(
+            self.folder / "metrics.parquet", rows=self.info.get("futures"), own=self.own_metrics
+        )
 
     @cached_property
     def recorded(self) -> ArrowTable | None:
@@ -269,7 +272,13 @@ class Run:
 
     def column(self, text: str) -> str:
         """Return the metric column of a printed name; raise a `UsageError` if there is none."""
-        return COLLISION if text.strip().lower() in self.outcomes else column_named(text, self.columns)
+        if text.strip().lower() in self.outcomes:
+            return COLLISION
+        return column_named(text, self.columns, self.own_metrics)
+
+    def metric(self, column: str) -> Metric:
+        """Return the metric of a column."""
+        return metric_of(column, self.own_metrics)
 
     def values(self, column: str, *, until_s: float | None = None) -> FloatArray:
         """Return the values (C,) of a metric, NaN where undefined; 0 and 1 of ``collision``.
@@ -350,7 +359,9 @@ class Run:
                 f"{column}: has no threshold; those that have: {', '.join(self.thresholds)}; "
                 "give one as threshold="
             )
-        return self.intervals.share(is_critical(self.values(column, until_s=until_s), column, limit))
+        return self.intervals.share(
+            is_critical(self.values(column, until_s=until_s), self.metric(column), limit)
+        )
 
     def recorded_value(self, column: str) -> float | None:
         """Return the value of a metric in the recorded future, or None."""
@@ -366,7 +377,7 @@ class Run:
         values = self.values(column)
         if np.isnan(values).all():
             raise ResultError(f"{self.folder}: {column} is defined in none of {self.futures} futures")
-        index = np.nanargmin(values) if side_of(column) == "left" else np.nanargmax(values)
+        index = np.nanargmin(values) if self.metric(column).critical == "min" else np.nanargmax(values)
         return int(self.metrics["future"][int(index)].as_py())
 
     def table(self, name: str, *, columns: Sequence[str] = (), rows: int | None = None) -> ArrowTable:

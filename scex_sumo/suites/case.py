@@ -74,7 +74,7 @@ def write_case(
     tags = openlabel_tags(content)
     for name, value in ((CASE, content), (TAGS, tags)):
         write_atomic(folder / name, json.dumps(value, indent=1, allow_nan=False).encode())
-    about = {name: content[name] for name in ("name", "kind", "risk", "site", "weight", "stratum", "novelty")}
+    about = {name: content[name] for name in ("name", "kind", "risk", "site", "weight", "stratum")}
     digests = {name: sha256_of(folder / name) for name in (CASE, SEED)}
     people = content["people"]
     about |= {"probability": people["probability"], "severity": people["severity"]}
@@ -104,7 +104,7 @@ def case_content(
     ids = situation.scene.track_ids
     described = describe(scene)
     return {
-        **{name: row[name] for name in ("name", "kind", "weight", "stratum", "novelty")},
+        **{name: row[name] for name in ("name", "kind", "weight", "stratum")},
         "risk": RISK_WORDS[row["risk"]],
         "site": row["location"],
         "recording": row["recording"],

@@ -20,16 +20,13 @@ from scex_sumo.converters.registries import Recording
 from scex_sumo.exporters.request import EXPORTERS
 from scex_sumo.results.folder import OutputFolder
 from scex_sumo.results.info import versions
-from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import plain
 from scex_sumo.studies.rank.rank import rank
 from scex_sumo.suites.case import FORMATS, write_case
 from scex_sumo.suites.choice import Chosen, check_count, choose
-from scex_sumo.suites.cut import Cutter, cutter_of, recordings_of
+from scex_sumo.suites.cut import cutter_of, recordings_of
 from scex_sumo.suites.page import CaseCard, write_catalogue_page
-from scex_sumo.suites.pilot import piloted
 from scex_sumo.suites.population import RISK_WORDS, Population, is_ranking, read_population
-from scex_sumo.suites.situation import Situation
 from scex_sumo.suites.suite import CASES, FORMAT, MAPS, SUITE, Suite, open_suite
 
 RANKING = "ranking"
@@ -95,7 +92,7 @@ def catalogue(
         every: s between two moments; ``min_vehicles`` of a moment as of `rank`.
         formats: export formats of the cases.
         licence: a sentence about the recordings.
-        workers: processes that rank, and drive the pilot.
+        workers: processes that rank.
         overwrite: replace another suite in ``out``.
 
     Raises:
@@ -119,11 +116,8 @@ def catalogue(
             own |= {"overwrite": overwrite, "progress": progress, "command": command}
             rank(others, out=out / RANKING, **own, **_PAIRS_ALONE)
             rankings.append(out / RANKING)
-        whole = read_population(rankings)
-        recordings = recordings_of(whole)
-        with progress_of(progress, "pilot") as tick:
-            population = piloted(whole, count, recordings, seed=seed, workers=workers, tick=tick)
-        chosen = choose(population, count, seed=seed)
+        population = read_population(rankings)
+        recordings, chosen = recordings_of(population), choose(population, count, seed=seed)
         draws = {"seed": seed, "futures": FUTURES}
         cases, notes = [], list[str]()
         with progress_of(progress, "cases") as tick:
@@ -131,8 +125,10 @@ def catalogue(
                 cases.append(one)
                 if tick is not None:
                     tick(len(cases), len(chosen))
+        if not cases:
+            raise UsageError(f"{out}: no case can be cut from the recordings; {notes[0]}")
         cases.sort(key=lambda one: str(one.about["name"]))
-        info = _info(whole, chosen, cases, draws) | {"notes": notes, "versions": versions()}
+        info = _info(population, chosen, cases, draws) | {"notes": notes, "versions": versions()}
         info |= {"command": list(command) if command else None, "scex_sumo": __version__}
         info |= {"seconds": round(time.perf_counter() - started, 1)}
         names = ", ".join(sorted({str(one.about["site"]) for one in cases}))
@@ -176,61 +172,47 @@ def _cases(
     draws: Mapping[str, Any],
     notes: list[str],
 ) -> Iterator[_WrittenCase]:
-    """Write the cases, one recording after the other."""
+    """Write the cases, one recording after the other, without those that cannot be cut."""
     wanted: dict[str, list[int]] = {}
     for number, index in enumerate(chosen.index.tolist()):
         wanted.setdefault(population.rows[index]["recording"], []).append(number)
     for name in sorted(wanted):
         cut = cutter_of(recordings, name)
         for number in wanted[name]:
-            yield _case(population, chosen, number, cut, out, formats, draws, notes)
+            row = _row(population, chosen, number)
+            try:
+                scene, situation = cut.situation(row)
+            except ScexError as error:
+                stands_for = f"which stands for {row['weight']:.0f} candidates"
+                notes.append(f"{row['seed']}: {row['name']}, {stands_for}, is left out: {reason_of(error)}")
+                continue
+            about, stage, missing = write_case(
+                out / CASES / row["name"],
+                scene,
+                situation,
+                row,
+                maps=out / MAPS,
+                formats=formats,
+                draws=draws,
+            )
+            notes += missing
+            card = CaseCard(row=row, stage=stage, words=situation.words(situation.worst()))
+            yield _WrittenCase(about=about, card=card)
 
 
-def _case(
-    population: Population,
-    chosen: Chosen,
-    number: int,
-    cut: Cutter,
-    out: Path,
-    formats: Sequence[str],
-    draws: Mapping[str, Any],
-    notes: list[str],
-) -> _WrittenCase:
-    row, scene, situation = _usable(population, chosen, number, cut, notes)
-    row = {
+def _row(population: Population, chosen: Chosen, number: int) -> dict[str, Any]:
+    """Return the candidate of a case with the name of the case, its kind, place, weight and stratum."""
+    index = int(chosen.index[number])
+    row = population.rows[index]
+    return {
         **row,
         "kind": row["conflict"],
         "place": row["kind"],
         "name": f"{number + 1:03d}-{plain(row['conflict'].replace(',', ''))}",
         "weight": float(chosen.weight[number]),
         "stratum": int(chosen.stratum[number]),
-        "novelty": round(float(chosen.novelty[number]), 4),
-        "risk": int(population.risk[chosen.index[number]]),
+        "risk": int(population.risk[index]),
     }
-    folder = out / CASES / row["name"]
-    about, stage, missing = write_case(
-        folder, scene, situation, row, maps=out / MAPS, formats=formats, draws=draws
-    )
-    notes += missing
-    card = CaseCard(row=row, stage=stage, words=situation.words(situation.worst()))
-    return _WrittenCase(about=about, card=card)
-
-
-def _usable(
-    population: Population, chosen: Chosen, number: int, cut: Cutter, notes: list[str]
-) -> tuple[Mapping[str, Any], SeedScene, Situation]:
-    """Return the candidate of a case, or the next of its cluster and recording if it cannot be cut again."""
-    for index in (int(chosen.index[number]), *chosen.spare[number]):
-        row = population.rows[index]
-        if row["recording"] != cut.name:
-            continue
-        try:
-            return row, *cut.situation(row)
-        except ScexError as error:
-            notes.append(f"{row['seed']}, {row['other_id']}: left out: {reason_of(error)}")
-    raise UsageError(
-        f"{population.rows[int(chosen.index[number])]['seed']}: no case of its cluster can be cut"
-    )
 
 
 def _info(

@@ -36,15 +36,11 @@ class Cutter:
         self.name, self.loaded = recording.name, load_recording(recording)
         self._bare: dict[Road, Road] = {}
 
-    def scenes(self, row: Mapping[str, Any]) -> tuple[SeedScene, SeedScene]:
-        """Return the seed scene of a candidate, with rules, and the same without the road's own net."""
+    def situation(self, row: Mapping[str, Any]) -> tuple[SeedScene, Situation]:
+        """Return the seed scene of a candidate, with rules, and what happens in it."""
         scene = with_rules(seed_at(self.loaded, row["time_s"], case=row["case"] or None))
         assert scene.road is not None
         if scene.road not in self._bare:
             self._bare = {scene.road: replace(scene.road, net=None)}
-        return scene, replace(scene, road=self._bare[scene.road])
-
-    def situation(self, row: Mapping[str, Any]) -> tuple[SeedScene, Situation]:
-        """Return the seed scene of a candidate, with rules, and what happens in it."""
-        scene, bare = self.scenes(row)
+        bare = replace(scene, road=self._bare[scene.road])
         return scene, situation_of(bare, row["track_id"], row["other_id"])

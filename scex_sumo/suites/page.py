@@ -27,7 +27,7 @@ class CaseCard:
     """What the page shows of a case.
 
     Attributes:
-        row: the candidate, with name, kind, risk, weight and novelty.
+        row: the candidate, with name, kind, risk and weight.
         words: the action.
     """
 
@@ -80,7 +80,6 @@ _COLUMNS: Final = (
     Column("time_s", "time", "seconds"),
     Column("probability", "P(contact)", "often", "Of people"),
     Column("weight", "stands for", "tenths", "Candidates of the data set"),
-    Column("novelty", "novelty", "tenths", "Distance to the nearest case before it"),
 )
 
 
@@ -146,7 +145,7 @@ def _card(case: CaseCard) -> Html:
     facts = [
         f"{who} {case.words}; the function drives {row['other_id']}",
         f"people touch: {once_in(row['probability'])}",
-        f"stands for {counted(round(row['weight']), 'candidate')}; adds {row['novelty']:.1f}",
+        f"stands for {counted(round(row['weight']), 'candidate')}",
     ]
     mark = element("label", element("input", type="checkbox", data_mark=True), " mark")
     return element(

@@ -24,8 +24,6 @@ from scex_sumo.studies.moments.pairs import BACK, OWN, PARAMETERS
 
 LEAST: Final = 1e-9
 """P of a contact from which a vehicle of an encounter is a candidate."""
-PILOT: Final = (0.2, 0.2)
-"""Parts of the choice that go by the contacts of a blind driver: where nobody acts, and by its P."""
 RISKS: Final = (1e-7, 1e-6, 1e-5)
 """P between classes of risk."""
 RISK_WORDS: Final = ("below 1e-7", "1e-7 to 1e-6", "1e-6 to 1e-5", "1e-5 or more")
@@ -34,7 +32,6 @@ _NEEDED: Final = (
     *("track_id", "other_id", "person", "action", "value", "probability", "severity", "needed_braking"),
     *("first_s", "last_s", "doubt", *_SAME, *PARAMETERS, *OWN, *BACK),
 )
-_LATEST_S = 8.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,8 +44,6 @@ class Population:
         doubtful: encounters left out.
         roots: of the recordings.
         seeds: number of moments.
-        share: (N,) candidates for which each one stands, if the rows are drawn from more; None: one each.
-        pilot: (N, 2) share of typical futures in which a blind driver touches, and its P; None: not known.
     """
 
     rows: Sequence[Mapping[str, Any]]
@@ -57,8 +52,6 @@ class Population:
     doubtful: int
     roots: Sequence[str]
     seeds: int
-    share: FloatArray | None = None
-    pilot: FloatArray | None = None
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -77,45 +70,15 @@ class Population:
         """Class of risk (N,), an index into `RISK_WORDS`."""
         return np.searchsorted(RISKS, self.column("probability"), side="right").astype(np.int64)
 
-    def parameters(self) -> FloatArray:
-        """Return (N, 8) standardised parameters: gap, speeds, angle, braking, times to the conflict, risk."""
-        arrival = np.minimum(self.column("other_arrival_s"), _LATEST_S)
-        after = np.clip(np.minimum(self.column("arrival_s"), 2 * _LATEST_S) - arrival, -_LATEST_S, _LATEST_S)
-        columns = [
-            np.log1p(self.column("apart_m")),
-            self.column("speed_mps"),
-            self.column("other_speed_mps"),
-            self.column("angle_deg"),
-            np.clip(self.column("acceleration_mps2"), -5.0, 3.0),
-            arrival,
-            after,
-            np.log10(np.maximum(self.column("probability"), LEAST)),
-        ]
-        values = np.stack(columns, axis=1)
-        spread = values.std(axis=0) if len(values) else np.ones(values.shape[1])
-        return np.asarray((values - values.mean(axis=0)) / np.where(spread > 0, spread, 1.0))
-
-    @property
-    def stands_for(self) -> FloatArray:
-        """Candidates (N,) for which each one stands."""
-        return np.ones(len(self)) if self.share is None else self.share
-
     def size(self) -> FloatArray:
         """Return the (N,) share of each candidate in what any function may bring about; it sums to 1.
 
         Equal parts go by P of people, by P of a contact of who never responds, by how often the other one
-        acts at all, and equally; `PILOT` goes by what the pilot touched, if there was one.
+        acts at all, and equally.
         """
-        columns = map(self.column, ("probability", "unanswered", "acts"))
-        size = np.mean([self._shares(values) for values in (np.ones(len(self)), *columns)], axis=0)
-        if self.pilot is not None:
-            size *= 1 - sum(PILOT)
-            size += sum(part * self._shares(of) for part, of in zip(PILOT, self.pilot.T, strict=True))
-        return np.asarray(size)
-
-    def _shares(self, values: FloatArray) -> FloatArray:
-        whole = self.stands_for * (values if values.any() else 1.0)
-        return np.asarray(whole / whole.sum())
+        columns = [np.ones(len(self)), *map(self.column, ("probability", "unanswered", "acts"))]
+        parts = [values if values.any() else columns[0] for values in columns]
+        return np.asarray(np.mean([values / values.sum() for values in parts], axis=0))
 
     def exposure(self) -> list[dict[str, Any]]:
         """Return by kind how many candidates and contacts of people there are, and how many an hour."""

@@ -24,7 +24,7 @@ from scex_sumo.suites.situation import Situation, situation_of
 
 SUITE: Final = "suite.json"
 CASE: Final = "case.json"
-FORMAT: Final = "scex-sumo suite 2"
+FORMAT: Final = "scex-sumo suite 3"
 """Name and version of the format."""
 CASES: Final = "cases"
 MAPS: Final = "maps"
@@ -98,7 +98,7 @@ class Suite:
 
     @cached_property
     def cases(self) -> Sequence[Case]:
-        """The cases, in the order of what they add."""
+        """The cases, by name: kind by kind."""
         return [Case(folder=self.folder / CASES / one["name"], about=one) for one in self.info["cases"]]
 
     @property

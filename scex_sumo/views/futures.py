@@ -13,7 +13,7 @@ from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.colors import Rgb, model_colors
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import writing
-from scex_sumo.metrics.registry import COLLISION, metric_of, side_of
+from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import precedence_words
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
@@ -115,7 +115,7 @@ def most_different(run: Run, count: int) -> IntArray:
 def most_critical(run: Run, count: int, column: str) -> IntArray:
     """Return (count,) futures by a metric, the most critical first, undefined ones last."""
     column = run.column(column)
-    values = run.values(column) * (1 if side_of(column) == "left" else -1)
+    values = run.values(column) * (1 if run.metric(column).side == "left" else -1)
     return np.argsort(values, kind="stable")[:count].astype(np.int64)
 
 
@@ -126,7 +126,7 @@ def _value(run: Run, number: int, column: str | None) -> str:
     row = _worst_row(run, number, column)
     if row and _overlap(run, row):
         return COLLISION
-    metric, mean = metric_of(column), " mean" if column.endswith("_mean") else ""
+    metric, mean = run.metric(column), " mean" if column.endswith("_mean") else ""
     value = float(run.values(column)[number])
     return f"{metric.words}{mean} {value:.3g} {metric.column_unit or ''}".rstrip()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass, fields
@@ -39,6 +40,8 @@ _OPTIONS = (
 )
 
 _open = False
+one_at_a_time = threading.RLock()
+"""Held by a thread that uses what a process has once: libsumo, its current folder, standard error."""
 
 WINDOWS = Registry(group="scex_sumo.windows", kind="live window")
 """Functions ``write(folder, tiles, delay_ms=...)`` that return additional files and options of SUMO."""
@@ -86,16 +89,16 @@ def load_sumo(*, gui: bool = False) -> Any:
 @contextmanager
 def silence() -> Iterator[Callable[[], list[str]]]:
     """Silence SUMO and traci; yields a function that returns SUMO's messages."""
-    sys.stderr.flush()
-    stream = os.dup(2)
-    with tempfile.TemporaryFile() as file, redirect_stdout(StringIO()):
-        os.dup2(file.fileno(), 2)
+    with one_at_a_time, tempfile.TemporaryFile() as file, redirect_stdout(StringIO()):
 
         def messages() -> list[str]:
             file.seek(0)
             return file.read().decode("utf-8", errors="replace").splitlines()
 
+        sys.stderr.flush()
+        stream = os.dup(2)
         try:
+            os.dup2(file.fileno(), 2)
             yield messages
         finally:
             os.dup2(stream, 2)

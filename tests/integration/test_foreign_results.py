@@ -16,7 +16,6 @@ import pytest
 
 from scex_sumo import example_path, read_seed
 from scex_sumo.cli import main
-from scex_sumo.metrics import registry
 from scex_sumo.results.run import Run
 from tests.runs import extrapolate
 
@@ -45,7 +44,6 @@ def foreign(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "evil.py").write_text(EVIL)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
-    monkeypatch.setattr(registry, "_described", dict(registry._described))
     for name in ("metrics.parquet", "recorded.parquet"):
         table = pq.read_table(out / name)
         for column in ("evil:risk", "evil:risk_mean"):

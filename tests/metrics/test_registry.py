@@ -34,7 +34,6 @@ from scex_sumo.metrics.registry import (
     describe_metrics,
     metric_of,
     metrics_named,
-    side_of,
     thresholds_of,
 )
 from scex_sumo.page.figures.figure import draw_figure
@@ -50,7 +49,6 @@ DOCS = Path(__file__).resolve().parents[2] / "docs" / "metrics.md"
 def registered_metrics(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, Any]]:
     """The registered metrics; those of a test are forgotten after it."""
     monkeypatch.setattr(registry, "_registered", found := {})
-    monkeypatch.setattr(registry, "_described", {})
     yield found
     sys.modules.pop("closeness", None)
 
@@ -74,7 +72,7 @@ def test_the_paper_has_twelve_columns_four_thresholds_and_two_metrics_that_are_c
     assert len(COLUMNS) == 12 and metrics_named(None) == metrics_named(["paper"])
     expected = {"distance": 5.0, "wttc": 0.26, "tq": 1.2, "ttc": pytest.approx(0.6667, abs=1e-4)}
     assert dict(THRESHOLDS) == expected == thresholds_of(metrics_named(None))
-    assert [name for name in PAPER_METRICS if side_of(name) == "right"] == ["tq", "ttc"]
+    assert [name for name in PAPER_METRICS if metric_of(name).side == "right"] == ["tq", "ttc"]
     assert [METRICS[n].titled("–") for n in ("tq", "ttc")] == ["traffic quality [–]", "1/TTC [1/s]"]
 
 
@@ -85,7 +83,7 @@ def test_the_example_of_the_docs_is_named_by_its_import_path(example: Path) -> N
     assert values.values[0].tolist() == [26.0, 26.0, 15.0, 15.0]
     pairs = evaluate_pairs(vehicles(10.0, 4.0, 30.0), None, metrics=["speed_gap"])["speed_gap"]
     assert pairs.value.tolist() == [6.0, 6.0, 26.0, 26.0]
-    assert (side_of("speed_gap_mean"), metric_of("speed_gap").titled()) == (
+    assert (metric_of("speed_gap_mean").side, metric_of("speed_gap").titled()) == (
         "right",
         "difference of speeds [m/s]",
     )
@@ -149,7 +147,7 @@ def test_a_result_is_judged_and_drawn_where_the_metric_is_not_registered(
     assert described[0]["function"] == "closeness:speed_gap" and len(described[0]["sha256"]) == 64
     registered_metrics.clear()
     with pytest.raises(UsageError, match="unknown metric 'speed_gap'"):
-        side_of("speed_gap")
+        metric_of("speed_gap")
     limits = thresholds_of(metrics)
     run = result_with(tmp_path, "speed_gap", [4.0, 12.0, 26.0], metrics=described, thresholds=limits)
     assert run.p_critical("speed_gap").value == pytest.approx(2 / 3)
@@ -158,7 +156,22 @@ def test_a_result_is_judged_and_drawn_where_the_metric_is_not_registered(
     (panel,) = draw_figure([run], "density", tmp_path / "densities.svg")
     assert (panel.get_title(loc="left"), panel.get_xlabel()) == ("difference of speeds", "[m/s]")
     with pytest.raises(UsageError, match="known from a result only"):
-        evaluate(vehicles(1.0, 2.0), None, metrics=[metric_of("speed_gap")])
+        evaluate(vehicles(1.0, 2.0), None, metrics=[run.metric("speed_gap")])
+
+
+def test_a_metric_of_one_result_is_none_of_another(tmp_path: Path) -> None:
+    """Two results have a metric of one name; large values are critical in one, small ones in the other."""
+    runs = []
+    for side in ("max", "min"):
+        described = [{"name": "haste", "critical": side, "threshold": 12.0, "unit": "m/s"}]
+        folder = tmp_path / side
+        folder.mkdir()
+        limits = {"haste": 12.0}
+        runs.append(result_with(folder, "haste", [4.0, 12.0, 26.0], metrics=described, thresholds=limits))
+    assert [run.most_critical("haste") for run in runs] == [2, 0]
+    assert [run.metric("haste").side for run in runs] == ["right", "left"]
+    with pytest.raises(UsageError, match="unknown metric 'haste'"):
+        metric_of("haste")
 
 
 def test_single_vehicles_have_no_other_one() -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import shlex
 import shutil
 import subprocess
@@ -65,7 +66,7 @@ def test_the_c_plus_plus_example_brakes_and_answers_within_a_millisecond(tmp_pat
 @pytest.mark.parametrize(
     ("does", "message"),
     [
-        ("sys.stdin.readline(); time.sleep(60)", "no answer within 0.2 s"),
+        ("sys.stdin.readline(); time.sleep(60)", "no answer within 0.5 s"),
         ("sys.stdin.readline()\nwhile True: sys.stdout.write('x' * 65536)", "without the end of a line"),
         (
             "sys.stdin.readline()\nwhile print('x', end='', flush=True) is None: time.sleep(0.01)",
@@ -81,7 +82,7 @@ def test_a_program_that_is_late_crashes_or_talks_garbage_is_said_to(
     does: str, message: str, tmp_path: Path
 ) -> None:
     with pytest.raises(ScexError, match=message):
-        ask(ProcessDriver(program(tmp_path, does), deadline_s=0.2))
+        ask(ProcessDriver(program(tmp_path, does), deadline_s=0.5))
 
 
 def test_a_program_that_reads_nothing_does_not_stop_the_run(
@@ -133,3 +134,51 @@ def test_a_run_counts_what_the_program_did_not_answer(tmp_path: Path) -> None:
         )
     text = str(refused.value)
     assert "plug_in" not in text and "needs a Plan" not in text and len(text) < 300
+
+
+WRAPPER = """#!/bin/sh
+(while :; do :; done) &
+exec "$@"
+"""
+
+
+def wrapped(tmp_path: Path) -> str:
+    """The example behind a shell script that leaves a spinning process behind."""
+    script = tmp_path / "wrapper.sh"
+    script.write_text(WRAPPER)
+    script.chmod(0o755)
+    return shlex.join([str(script), sys.executable, str(EXAMPLES / "process_driver.py")])
+
+
+def is_there(group: int) -> bool:
+    until = time.monotonic() + 10.0
+    while time.monotonic() < until:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def test_what_a_program_has_started_ends_with_it(tmp_path: Path) -> None:
+    driver = ProcessDriver(wrapped(tmp_path))
+    ask(driver)
+    assert driver._program is not None
+    group = driver._program._process.pid
+    driver._program.end()
+    assert not is_there(group)
+
+
+def test_what_a_program_has_started_ends_with_a_worker_that_is_killed(tmp_path: Path) -> None:
+    script = (
+        "import sys, time\nfrom tests.plug_in.test_process import ask, ProcessDriver\n"
+        "driver = ProcessDriver(sys.argv[1])\nask(driver)\n"
+        "print(driver._program._process.pid, flush=True)\ntime.sleep(60)\n"
+    )
+    command = [sys.executable, "-c", script, wrapped(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as worker:
+        assert worker.stdout is not None
+        group = int(worker.stdout.readline())
+        worker.kill()
+    assert not is_there(group)

@@ -167,6 +167,19 @@ def test_a_link_in_a_result_folder_is_never_followed(tmp_path: Path) -> None:
     assert [file.name for file in elsewhere.iterdir()] == ["mine.net.xml"]
 
 
+def test_a_pipe_in_a_result_folder_is_named_and_not_waited_for(tmp_path: Path) -> None:
+    ResultFolder(tmp_path / "out", {"seed": 1}).finish({})
+    os.mkfifo(tmp_path / "out" / "sumo" / "road.net.xml")
+    says = r"out/sumo/road\.net\.xml: is no regular file, but a pipe or a device; remove it"
+    with pytest.raises(ResultError, match=says):
+        open_run(tmp_path / "out")
+    with pytest.raises(ResultError, match=says):
+        ResultFolder(tmp_path / "out", {"seed": 1})
+    (tmp_path / "out" / "sumo" / "road.net.xml").unlink()
+    (tmp_path / "out" / "gone").symlink_to(tmp_path / "nowhere")
+    open_run(tmp_path / "out")
+
+
 @pytest.mark.parametrize(("content", "message"), [(None, "no such folder"), ("", "no run.json in it")])
 def test_opening_what_is_no_result_says_so(tmp_path: Path, content: str | None, message: str) -> None:
     folder = tmp_path / "out"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.suites.choice import EACH, allocation, choose, clusters
+from scex_sumo.suites.choice import EACH, between, choose
 from scex_sumo.suites.population import Population
 from tests.suites.populations import KINDS, population
 
@@ -19,7 +19,7 @@ def test_weights_are_those_of_strata_and_sum_to_the_candidates_on_average() -> N
     assert len(chosen) == 30 == len(set(chosen.index.tolist()))
     assert chosen.sizes.sum() == 300
     assert (chosen.weight >= 1).all()
-    assert (chosen.weight[chosen.stratum == 0] == 1).all()  # taken for sure
+    assert chosen.weight[chosen.stratum == 0] == pytest.approx(1.0)  # taken for sure
     sums = [choose(people, 30, seed=k).weight.sum() for k in range(60)]
     assert abs(np.mean(sums) - 300) < 3 * np.std(sums) / np.sqrt(len(sums))
 
@@ -35,11 +35,15 @@ def test_the_weighted_sum_is_unbiased() -> None:
     assert abs(np.mean(sums) - values.sum()) < 3 * np.std(sums) / np.sqrt(len(sums))
 
 
-def test_kinds_and_risk_are_strata_and_each_has_cases() -> None:
+def test_each_kind_is_a_stratum_with_its_share_of_the_cases() -> None:
     people = population(300)
-    chosen = choose(people, 48)
-    assert set(np.array(people.kinds)[chosen.index]) == set(KINDS)
-    assert all((chosen.stratum == h).sum() >= EACH for h in range(1, len(chosen.sizes)))
+    chosen, kinds, size = choose(people, 48), np.array(people.kinds), people.size()
+    assert chosen.strata == ["taken for sure", *sorted(KINDS)][: len(chosen.sizes)]
+    for kind in KINDS:
+        expected = 48 * size[kinds == kind].sum()
+        assert abs((kinds[chosen.index] == kind).sum() - expected) <= 1
+        risk = people.column("probability")[chosen.index[kinds[chosen.index] == kind]]
+        assert (np.diff(risk) <= 0).all() and risk.max() > 10 * risk.min()  # from high to low
 
 
 def rare(count: int) -> Population:
@@ -72,25 +76,23 @@ def test_the_weighted_sum_over_a_rare_kind_is_unbiased() -> None:
         assert abs(np.mean(sums) - own.sum()) < 3 * np.std(sums) / np.sqrt(len(sums))
 
 
-def test_too_few_cases_go_to_the_heaviest_kinds() -> None:
+def test_kinds_with_one_case_share_a_stratum() -> None:
+    chosen = choose(rare(300), 20)
+    assert chosen.strata[-1] == "cyclist along, merge"
+    assert (chosen.stratum == len(chosen.strata) - 1).sum() == EACH
+
+
+def test_fewer_cases_than_kinds_leave_kinds_out_by_chance() -> None:
     people = rare(300)
-    assert len(choose(people, 2)) == 2
-    assert "lead vehicle slower" in set(np.array(people.kinds)[choose(people, 3).index])
+    assert {len(choose(people, 2, seed=seed)) for seed in range(5)} == {2}
+    seen = {people.kinds[k] for seed in range(40) for k in choose(people, 2, seed=seed).index.tolist()}
+    assert seen == set(people.kinds)
 
 
 def test_few_candidates_are_all_taken_with_weight_one() -> None:
     chosen = choose(population(5), 50)
     assert sorted(chosen.index.tolist()) == [0, 1, 2, 3, 4]
-    assert chosen.weight.tolist() == [1.0] * 5
-
-
-def test_a_moment_gives_one_case_where_its_cluster_has_another() -> None:
-    people = population(60)
-    rows = [row | {"seed": f"m{k // 2}"} for k, row in enumerate(people.rows)]
-    twice = population(60).__class__(**{**vars(people), "rows": rows})
-    chosen = choose(twice, 10)
-    seeds = [rows[k]["seed"] for k in chosen.index.tolist()]
-    assert len(set(seeds)) == len(seeds)
+    assert chosen.weight == pytest.approx(1.0)
 
 
 def test_the_same_seed_gives_the_same_cases_and_another_one_others() -> None:
@@ -99,21 +101,10 @@ def test_the_same_seed_gives_the_same_cases_and_another_one_others() -> None:
     assert choose(people, 10).index.tolist() != choose(people, 10, seed=1).index.tolist()
 
 
-def test_clusters_have_nearly_one_sum_of_sizes_and_lie_together() -> None:
-    rng = np.random.default_rng(0)
-    points = np.concatenate([rng.normal(c, 0.1, (10, 2)) for c in (0.0, 5.0, 10.0)])
-    cluster = clusters(points, np.ones(30), 3, rng)
-    assert np.bincount(cluster).tolist() == [10, 10, 10]
-    assert all(len(set(cluster[k : k + 10])) == 1 for k in (0, 10, 20))
-    size = np.repeat([1.0, 4.0], [20, 10])
-    sums = np.bincount(clusters(points, size, 3, rng), size)
-    assert sums.max() <= sums.sum() / 3 + 4.0
-
-
-def test_each_stratum_has_two_cases_or_all_and_the_larger_share_more() -> None:
-    found = allocation(np.array([100, 100, 1]), np.array([0.6, 0.3, 0.1]), 20, least=np.full(3, EACH))
-    assert found.sum() == 20
-    assert found[0] > found[1] > found[2] == 1
+def test_shares_keep_their_bounds_and_their_sum() -> None:
+    found = between([6.0, 3.0, 1.0], 1.0, [100.0, 100.0, 1.0], 20)
+    assert found == pytest.approx([38 / 3, 19 / 3, 1.0])
+    assert between([5.0, 1.0, 1.0], 0.0, 1.0, 2.0) == pytest.approx([1.0, 0.5, 0.5])
 
 
 def test_what_brings_about_most_is_taken_for_sure() -> None:
@@ -121,13 +112,7 @@ def test_what_brings_about_most_is_taken_for_sure() -> None:
     rows = [row | {"probability": 0.1 if k == 7 else 1e-6} for k, row in enumerate(people.rows)]
     for seed in range(5):
         chosen = choose(people.__class__(**{**vars(people), "rows": rows}), 20, seed=seed)
-        assert chosen.weight[chosen.index == 7].tolist() == [1.0]
-
-
-def test_novelty_is_the_distance_to_the_cases_before() -> None:
-    chosen = choose(population(50), 8)
-    assert chosen.novelty[0] == 1.0
-    assert (np.diff(chosen.novelty[1:]) <= 1e-9).all()
+        assert chosen.weight[chosen.index == 7] == pytest.approx([1.0])
 
 
 def test_two_cases_are_two_whatever_one_could_bring_about() -> None:

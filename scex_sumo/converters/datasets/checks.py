@@ -6,11 +6,13 @@ What is measured comes from the registry of repairs.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from scex_sumo.base.errors import TrackError, listed
+from scex_sumo.converters.tracks.rows import TrackTable
 
+SOME_LOST, MOST_LOST = 0.1, 0.5  # shares of the vehicles
 Verdict = Literal["", "repaired", "warning", "error"]
 
 
@@ -40,6 +42,18 @@ def refuse_implausible(name: object, checks: Sequence[Check], remedy: str) -> No
     """Raise a `TrackError` for the checks after which a run means nothing."""
     if wrong := [check.problem for check in checks if check.verdict == "error"]:
         raise TrackError(f"{name}: {'; '.join(wrong)}; {remedy}")
+
+
+def lost_vehicles(before: TrackTable, after: TrackTable) -> Check:
+    """Judge how many vehicles of a recording its repairs leave out."""
+    vehicles, lost = before.vehicles.tracks, before.vehicles.tracks - after.vehicles.tracks
+    share = lost / max(vehicles, 1)
+    name, usual = "vehicles left out by repairs", f"up to {SOME_LOST:.0%}"
+    check = Check(name=name, value=f"{share:.0%}", usual=usual)
+    if share <= SOME_LOST:
+        return check
+    problem = f"repairs leave out {lost} of {vehicles} vehicles: mend the tracks"
+    return replace(check, verdict="error" if share > MOST_LOST else "warning", problem=problem)
 
 
 def doubts(checks: Sequence[Check], present: Collection[str] = ()) -> tuple[str, ...]:

@@ -142,7 +142,7 @@ def _walk(root: Path, results: list[Path]) -> Iterator[Path]:
             below.clear()
             continue
         below[:] = sorted(name for name in below if not name.startswith("."))
-        yield from (Path(folder, name) for name in sorted(names))
+        yield from filter(Path.is_file, (Path(folder, name) for name in sorted(names)))
 
 
 def _tracks_named(path: Path) -> list[Path]:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from scex_sumo.base.errors import ScexError
 from scex_sumo.base.progress import Progress
-from scex_sumo.converters.datasets.checks import Check, without_explained
+from scex_sumo.converters.datasets.checks import Check, lost_vehicles, without_explained
 from scex_sumo.converters.datasets.repairs import align_tracks, check_recording, repair_tracks
 from scex_sumo.converters.datasets.scene import CleanRecording
 from scex_sumo.converters.naming import refuse_pointer
@@ -67,7 +67,9 @@ def read_clean(
     checks: tuple[Check, ...] = ()
     if repair:
         checks = () if dataset.simulated else check_recording(table.vehicles, road)
+        raw = table
         table, findings = repaired(table, findings, dataset)
+        checks = (lost_vehicles(raw, table), *checks)
         findings = without_explained(findings, checks)
     if road is not None and dataset.within is not None:
         table, left = dataset.within(table, road)

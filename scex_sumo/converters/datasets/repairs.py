@@ -62,12 +62,20 @@ def check_recording(rows: TrackRows, road: Road | None) -> tuple[Check, ...]:
 
 
 def repair_tracks(table: TrackTable, *, exact: bool = False) -> tuple[TrackTable, Phrases]:
-    """Repair a recording, or one case of a file of cases; a phrase for each kind of defect."""
+    """Repair a recording, or one case of a file of cases.
+
+    Returns a phrase for each kind of defect, too; the first one says what is left out.
+    """
     findings: Phrases = ()
+    before = table
     for repair in _repairs():
         table, more = repair.tracks(table, exact=exact)
         findings += tuple(more)
-    return table, findings
+    rows, kept = (len(one.vehicles) + len(one.others) for one in (before, table))
+    vehicles, left = before.vehicles.tracks, before.vehicles.tracks - table.vehicles.tracks
+    who = f"{left} of {vehicles} vehicles and " if left else ""
+    cost = (f"{who}{rows - kept} of {rows} rows left out",) if rows > kept else ()
+    return table, (*cost, *findings)
 
 
 def align_tracks(table: TrackTable, road: Road, *, siblings: Siblings = ()) -> tuple[TrackTable, Phrases]:

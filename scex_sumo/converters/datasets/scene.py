@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.datasets.checks import Check
+from scex_sumo.converters.datasets.checks import Check, doubts, lost_vehicles
 from scex_sumo.converters.datasets.moment import CASE_FRAME, STAMP_MS, busiest, find_moments
 from scex_sumo.converters.datasets.repairs import repair_tracks
 from scex_sumo.converters.datasets.sample import Sampled, sample_tracks
@@ -54,7 +54,7 @@ def take_scene(
         kinds = ", ".join(sorted(set(table.others.types)))
         why = f"only {kinds}" if kinds else "none left after repairs"
         raise TrackError(f"{table.path}: no motor vehicle among the tracks ({why}); give others")
-    case_id = ""
+    case_id, warnings = "", tuple[str, ...]()
     if table.has_cases:
         from scex_sumo.converters.datasets.cases import choose_case
 
@@ -62,14 +62,16 @@ def take_scene(
         case_id = table.cases[index]
         table = table.case(index)
         if clean.repair:
-            table, more = repair_tracks(table)
-            findings = (*findings, *more)
+            raw = table
+            table, more = repair_tracks(raw)
+            findings, warnings = (*findings, *more), doubts([lost_vehicles(raw, table)])
     elif case is not None:
         raise TrackError(
             f"{table.path}: no case_id column, so no case {case}; choose the moment with --time S"
         )
     moment_ms = _choose_moment(table, case_id, time_s)
-    return _build(table, name, location, case_id, moment_ms, min_history, findings)
+    scene = _build(table, name, location, case_id, moment_ms, min_history, findings)
+    return replace(scene, notes=(*scene.notes, *warnings))
 
 
 def _choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> float:

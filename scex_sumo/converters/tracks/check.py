@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from codecs import BOM_UTF8
 from collections.abc import Sequence
+from functools import partial
+from typing import BinaryIO
 
 import numpy as np
 
@@ -37,6 +40,12 @@ def check_values(table: TrackTable) -> None:
             ends = [rows.labels[rows.track[find(rows.timestamp_ms)]] for find in (np.argmin, np.argmax)]
             said = f"{np.ptp(rows.timestamp_ms) / 3.6e6:.3g} hours from track {ends[0]} to {ends[1]}"
             raise TrackError(f"{table.path}: {said}, at most {MAX_HOURS:g} are read; repair the stamps")
+
+
+def first_line(file: BinaryIO) -> tuple[int, bytes]:
+    """Return how many blank lines a file begins with, and the line after them; empty without any."""
+    lines = enumerate(iter(partial(file.readline, 65536), b""))
+    return next(((k, line) for k, line in lines if line.removeprefix(BOM_UTF8).strip()), (0, b""))
 
 
 def column_names(line: str) -> list[str]:

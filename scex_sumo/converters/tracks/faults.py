@@ -17,6 +17,7 @@ from scex_sumo.converters.tracks.check import (
     MISSING,
     SHAPE_COLUMNS,
     column_names,
+    first_line,
     repeated,
 )
 
@@ -29,7 +30,7 @@ def explain_header(path: Path, needed: Sequence[str]) -> TrackError:
         return TrackError(f"{path}: a folder; give one CSV file of it, e.g. vehicle_tracks_000.csv")
     try:
         with open_binary(path) as file:
-            first = file.readline(65536)
+            _, first = first_line(file)
     except FileNotFoundError:
         return TrackError(f"{path}: no such file; check the path of the tracks")
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
@@ -124,7 +125,7 @@ def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
     with open_text(path, errors="replace") as file:
         reader = csv.reader(file)
         try:
-            next(reader)
+            next(filter(None, reader))
             for row in reader:
                 if row:
                     yield reader.line_num, row

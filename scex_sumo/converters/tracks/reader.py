@@ -21,6 +21,7 @@ from scex_sumo.converters.tracks.check import (
     MISSING,
     SHAPE_COLUMNS,
     column_names,
+    first_line,
     repeated,
 )
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, OTHER_TYPES, obstacle_size
@@ -221,7 +222,7 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
     import pyarrow.compute as pc
     from pyarrow import csv
 
-    header = _header(path, shapes=shapes)
+    header, before = _header(path, shapes=shapes)
     numbers = [name for name in (*BASE_COLUMNS, *SHAPE_COLUMNS, "frame_id") if name in header]
     words = [name for name in ("case_id", "track_id", "agent_type") if name in header]
     numbers = [name for name in numbers if name not in words]
@@ -231,7 +232,7 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
         with open_binary(path) as file:
             arrow = csv.read_csv(
                 in_arrow(file),
-                read_options=csv.ReadOptions(column_names=distinct, skip_rows=1),
+                read_options=csv.ReadOptions(column_names=distinct, skip_rows=before + 1),
                 convert_options=csv.ConvertOptions(
                     include_columns=[*numbers, *words], column_types=types, null_values=list(MISSING)
                 ),
@@ -255,12 +256,13 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
     return columns, [*notes, *_in_milliseconds(path, columns), *_in_radians(columns), *_of_no_size(columns)]
 
 
-def _header(path: Path, *, shapes: bool = True) -> list[str]:
-    """Column names of a track file; ``shapes``: whether headings and sizes are needed."""
-    needed = (*BASE_COLUMNS, *(SHAPE_COLUMNS if shapes else ()))
+def _header(path: Path, *, shapes: bool = True) -> tuple[list[str], int]:
+    """Column names of a track file, and the blank lines before; ``shapes``: whether these are needed."""
+    needed, before = (*BASE_COLUMNS, *(SHAPE_COLUMNS if shapes else ())), 0
     try:
         with open_binary(path) as file:
-            line = file.readline(65536).decode("utf-8-sig").rstrip("\r\n")
+            before, first = first_line(file)
+            line = first.decode("utf-8-sig").rstrip("\r\n")
     except (OSError, EOFError, zlib.error, UnicodeDecodeError):
         line = ""
     header = column_names(line)
@@ -268,7 +270,7 @@ def _header(path: Path, *, shapes: bool = True) -> list[str]:
         from scex_sumo.converters.tracks.faults import explain_header
 
         raise explain_header(path, needed)
-    return header
+    return header, before
 
 
 def _checked(path: Path, header: list[str], columns: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:

@@ -289,6 +289,7 @@ def _doubles(rows: TrackRows) -> Check:
     pairs = _near_pairs(rows, at)
     one, two = (_boxes(rows, at[k]) for k in pairs.T)
     tracks = np.sort(rows.track[at[pairs[separation(one, two) < 0.0]]], axis=1)
+    tracks = tracks[tracks[:, 0] != tracks[:, 1]]  # samples recorded twice are repaired
     doubles, times = np.unique(tracks, axis=0, return_counts=True)
     doubled = []
     for (a, b), count in zip(doubles.tolist(), times.tolist(), strict=True):

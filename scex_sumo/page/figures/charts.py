@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.metrics.registry import metric_of
+from scex_sumo.metrics.registry import Metric
 from scex_sumo.page.html import Html, element, joined
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import BANDWIDTH
@@ -105,9 +105,9 @@ def line_sample(kind: str) -> Html:
     return element("svg", element(f"path.line.{kind}", d="M0,5 22,5"), width="22", height="10")
 
 
-def metric_title(column: str) -> str:
-    """Return the printed name of a metric column with its unit."""
-    return metric_of(column).titled() + (", mean" if column.endswith("_mean") else "")
+def metric_title(column: str, metric: Metric) -> str:
+    """Return the printed name of a column of a metric with its unit."""
+    return metric.titled() + (", mean" if column.endswith("_mean") else "")
 
 
 def value_range(

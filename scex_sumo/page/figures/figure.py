@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
-from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of, side_of
+from scex_sumo.metrics.registry import COLLISION, critical_columns
 from scex_sumo.page.figures.charts import samples_of_both, value_range
 from scex_sumo.page.figures.drawing import STYLE, save
 from scex_sumo.reports.run_table import counted
@@ -110,7 +110,7 @@ def _figure(size: tuple[float, float], *, on_screen: bool) -> Figure:
 
 
 def _draw_panel(runs: Sequence[Run], curve: str, column: str, axes: Axes) -> None:
-    metric, unit = metric_of(column), metric_of(column).column_unit
+    metric, unit = runs[0].metric(column), runs[0].metric(column).column_unit
     mean = ", mean of scenes" if column.endswith("_mean") else ""
     axes.set_title(metric.words + mean, loc="left")
     axes.set_xlabel(f"[{unit or '–'}]{_defined(runs, column)}")
@@ -270,7 +270,7 @@ def _mark(
     if threshold is not None:
         if left < threshold < right:
             axes.axvline(threshold, color=_CRITICAL, linewidth=1)
-        critical = (left, threshold) if side_of(column) == "left" else (threshold, right)
+        critical = (left, threshold) if runs[0].metric(column).side == "left" else (threshold, right)
         low, high = max(critical[0], left), min(critical[1], right)
         if low < high:
             axes.axvspan(low, high, color=_CRITICAL, alpha=0.07, linewidth=0)

@@ -15,7 +15,6 @@ from scex_sumo.base.colors import model_colors
 from scex_sumo.base.errors import ScexError
 from scex_sumo.lanelet2sumo.road_lines import road_lines
 from scex_sumo.metrics.events import MEASURED
-from scex_sumo.metrics.registry import metric_of
 from scex_sumo.page.figures.charts import samples_of_both, ticks, value_range
 from scex_sumo.page.packing import UNITS, quantized
 from scex_sumo.page.report.scene import Future, packed_tracks, recorded_tracks, road_paths
@@ -181,7 +180,7 @@ def metric_words(run: Run, column: str) -> dict[str, Any]:
 
     ``atoms`` are values that many futures share, of both sets; ``defined`` counts the futures with a value.
     """
-    metric = metric_of(column)
+    metric = run.metric(column)
     has_recorded = run.recorded is not None and column in run.recorded.column_names
     recorded = run.recorded_value(column) if has_recorded else None
     threshold = run.thresholds.get(column)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scex_sumo.base.errors import ResultError, UsageError, one_line
-from scex_sumo.metrics.registry import COLLISION, metric_of
+from scex_sumo.metrics.registry import COLLISION, Metric, metric_of
 
 if TYPE_CHECKING:
     from scex_sumo.base.arrow import ArrowTable
@@ -34,8 +34,8 @@ def read_table(file: Path, *, columns: Sequence[str] = (), rows: int | None = No
     return table
 
 
-def read_metrics(file: Path, *, rows: int | None) -> ArrowTable:
-    """Read ``metrics.parquet``: futures in order, and numbers of known metrics."""
+def read_metrics(file: Path, *, rows: int | None, own: Mapping[str, Metric]) -> ArrowTable:
+    """Read ``metrics.parquet``: futures in order, and numbers of known metrics or ``own`` ones."""
     table = read_table(file, columns=("future",), rows=rows)
     if table["future"].to_pylist() != list(range(table.num_rows)):
         raise ResultError(f"{file}: its futures are not 0 to {table.num_rows - 1}; run again")
@@ -46,7 +46,7 @@ def read_metrics(file: Path, *, rows: int | None) -> ArrowTable:
         if not (pa.types.is_floating(kind) or pa.types.is_null(kind)):
             raise ResultError(f"{file}: column {name[:40]} holds no numbers; run again")
         try:
-            metric_of(name)
+            metric_of(name, own)
         except UsageError:
             raise ResultError(
                 f"{file}: column {name[:40]!r} is no metric that run.json describes; run again"

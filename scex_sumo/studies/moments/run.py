@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import pickle
-import threading
 import weakref
 import zlib
 from collections.abc import Callable, Mapping, Sequence
@@ -27,6 +26,7 @@ from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import Failure, MomentRef
+from scex_sumo.world.session import one_at_a_time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,8 +177,6 @@ class MomentTask:
         return cls(**{field.name: getattr(task, field.name) for field in fields(MomentTask)}, **more)
 
 
-# libsumo runs one simulation per process: tasks that share one, as in a Dask worker of several threads, wait.
-one_at_a_time = threading.Lock()
 _compared_on = weakref.WeakSet[SumoNet]()
 
 
@@ -190,7 +188,7 @@ def attempt(
     try:
         assert packed is not None, "no road"
         check_versions(task)
-        with one_at_a_time:
+        with one_at_a_time:  # tasks that share a process, as in a Dask worker of several threads, wait
             whole = unpack_road(packed)
             scene = dataclasses.replace(task.scene, road=whole)
             if len(off_road(whole, scene)) == scene.vehicles:

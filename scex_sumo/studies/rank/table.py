@@ -20,7 +20,7 @@ from scex_sumo.base.files import replacing
 from scex_sumo.certainty.fitted import percent_of
 from scex_sumo.certainty.response.answer import any_of, once_in
 from scex_sumo.certainty.response.usual import AT_SITE, usual_of
-from scex_sumo.metrics.registry import side_of
+from scex_sumo.metrics.registry import metric_of
 from scex_sumo.page.study import Column, Row
 from scex_sumo.results.design import column_of, is_critical
 from scex_sumo.statistics.density import Interval
@@ -182,7 +182,7 @@ def moment_row(
         samples = values[~np.isnan(values)]
         row[f"median_{column}"] = float(np.median(samples)) if len(samples) else None
         if column in settings.thresholds:
-            critical = is_critical(values, column, settings.thresholds[column])
+            critical = is_critical(values, metric_of(column), settings.thresholds[column])
             row |= {f"critical_{column}": int(critical.sum()), f"defined_{column}": len(samples)}
             row |= _share(f"p_{column}", intervals.share(critical))
     return row
@@ -247,7 +247,7 @@ def placed(table: pa.Table, thresholds: Mapping[str, float], *, seed: int) -> pa
 
 def _larger_is_worse(table: pa.Table, column: str) -> FloatArray:
     medians = np.asarray(table[f"median_{column}"].to_numpy(zero_copy_only=False), dtype=np.float64)
-    oriented = -medians if side_of(column) == "left" else medians
+    oriented = -medians if metric_of(column).side == "left" else medians
     return np.where(np.isnan(oriented), -np.inf, oriented)
 
 

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of
+from scex_sumo.metrics.registry import COLLISION, critical_columns
 from scex_sumo.page.figures.charts import line_legend, metric_title, ticks, value_range
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.parts import PagePart
@@ -55,7 +55,7 @@ def under_test_curves(run: Run, tested: UnderTest) -> list[dict[str, Any]]:
                 curve = tested.density(column, driven)
                 band = float((curve.band[1] - curve.cdf).max())
                 sets.append({"kind": kind, "values": values[-1].tolist(), "band": band})
-        view = value_range(np.concatenate(values), limit)
-        about = {"title": metric_title(column), "side": metric_of(column).side, "threshold": limit}
+        view, metric = value_range(np.concatenate(values), limit), run.metric(column)
+        about = {"title": metric_title(column, metric), "side": metric.side, "threshold": limit}
         curves.append(about | {"view": view, "ticks": ticks(*view), "sets": sets})
     return curves

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -14,7 +15,7 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import ResultError
-from scex_sumo.metrics.registry import COLLISION, column_named, side_of
+from scex_sumo.metrics.registry import COLLISION, Metric, column_named, metric_of
 from scex_sumo.results.design import is_critical, metric_density
 from scex_sumo.results.run import UNDER_TEST, Run
 from scex_sumo.results.tables.outcomes import first_contacts
@@ -60,6 +61,7 @@ class UnderTest:
         vehicles: model by track id; None: as drawn.
         metrics: one row per future over the vehicles' own pairs, null where undefined.
         baseline: the same without the models under test.
+        own_metrics: as of `Run`.
         injuries: (C,) expected severe injuries (MAIS 3+) in the vehicles' own collisions; None in older
             results.
 
@@ -81,9 +83,10 @@ class UnderTest:
         without: DesignIntervals | None = None,
         reflect: bool = True,
         injuries: Mapping[Driven, FloatArray] | None = None,
+        own: Mapping[str, Metric] = MappingProxyType({}),
     ) -> None:
         self.vehicles, self.metrics, self.baseline = dict(vehicles), metrics, baseline
-        self.thresholds, self.reflect, self.injuries = thresholds, reflect, injuries
+        self.thresholds, self.reflect, self.injuries, self.own_metrics = thresholds, reflect, injuries, own
         self.intervals = {"under_test": intervals, "baseline": without or intervals}
         self.columns = [name for name in metrics.column_names if name != "future"]
 
@@ -120,6 +123,7 @@ class UnderTest:
             without=run.baseline.intervals,
             reflect=bool(run.info.get("reflect", True)),
             injuries=injuries,
+            own=run.own_metrics,
         )
 
     @property
@@ -129,10 +133,14 @@ class UnderTest:
 
     def values(self, column: str, driven: Driven = "under_test") -> tuple[FloatArray, BoolArray]:
         """Return the values (C,) of a metric in all futures, and where it is defined."""
-        column = column_named(column, self.columns)
+        column = column_named(column, self.columns, self.own_metrics)
         table = self.metrics if driven == "under_test" else self.baseline
         values = np.asarray(table[column].fill_null(0.0), dtype=np.float64)
         return values, ~np.asarray(table[column].is_null())
+
+    def metric(self, column: str) -> Metric:
+        """Return the metric of a column."""
+        return metric_of(column, self.own_metrics)
 
     def samples(self, column: str, driven: Driven = "under_test") -> FloatArray:
         """Return the values (n,) of a metric in the futures where it is defined."""
@@ -148,22 +156,22 @@ class UnderTest:
 
     def p_critical(self, column: str, driven: Driven = "under_test") -> Interval | None:
         """Return the share of critical futures with its 95 % interval; None without a threshold."""
-        column = column_named(column, self.columns)
+        column = column_named(column, self.columns, self.own_metrics)
         limit = self.thresholds.get(column)
         if limit is None:
             return None
         values, defined = self.values(column, driven)
-        return self.intervals[driven].share(defined & is_critical(values, column, limit))
+        return self.intervals[driven].share(defined & is_critical(values, self.metric(column), limit))
 
     def difference(self, column: str) -> Difference:
         """Compare each future with its baseline."""
         one, there = self.values(column)
         two, there_too = self.values(column, "baseline")
         both = there & there_too
-        sign = -1.0 if side_of(column) == "left" else 1.0
+        sign = -1.0 if self.metric(column).side == "left" else 1.0
         limit = self.thresholds.get(column, float("nan"))  # without a threshold no future is critical
         change = signs(sign * one[both], sign * two[both])
-        critical = [is_critical(values[both], column, limit) for values in (one, two)]
+        critical = [is_critical(values[both], self.metric(column), limit) for values in (one, two)]
         newly, no_longer = (int((a & ~b).sum()) for a, b in (critical, critical[::-1]))
         return Difference(
             column=column,

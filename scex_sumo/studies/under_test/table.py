@@ -9,7 +9,7 @@ from typing import Any, Final
 from rich.console import Console
 from rich.table import Table
 
-from scex_sumo.metrics.registry import COLLISION, critical_columns, metric_of
+from scex_sumo.metrics.registry import COLLISION, critical_columns
 from scex_sumo.reports.run_table import (
     MAIN,
     SEVERITY,
@@ -69,8 +69,9 @@ def verdict(tested: UnderTest) -> str:
     hits = next(((one, p) for one, _, p in changes if one.column == COLLISION), None)
     main = [each for each in changes if each[0].column in MAIN]
     changes = main or [each for each in changes if each[0].column != COLLISION]
-    better = [metric_of(one.column).words for one, p, _ in changes if p < _CHANCE and one.better > one.worse]
-    worse = [metric_of(one.column).words for one, p, _ in changes if p < _CHANCE and one.worse > one.better]
+    sure = [(tested.metric(one.column).words, one) for one, p, _ in changes if p < _CHANCE]
+    better = [words for words, one in sure if one.better > one.worse]
+    worse = [words for words, one in sure if one.worse > one.better]
     parts = [f"{word} in {', '.join(n)}" for word, n in (("better", better), ("worse", worse)) if n]
     found_words = {(True, True): "mixed", (True, False): "better", (False, True): "worse"}
     word = found_words.get((bool(better), bool(worse)), "no difference shown")
@@ -137,7 +138,7 @@ def under_test_rows(tested: UnderTest, columns: Sequence[str] | None = None) -> 
         is_share = one.column == COLLISION
         rows.append(
             [
-                metric_of(one.column).titled(),
+                tested.metric(one.column).titled(),
                 *(None if is_share or math.isnan(v) else v for v in (one.baseline, one.under_test)),
                 f"{one.worse} : {one.better}" if one.futures else None,
                 chance_text(p_value),

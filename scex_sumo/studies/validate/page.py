@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.metrics.registry import known_metrics
+from scex_sumo.metrics.registry import known_metrics, metric_of
 from scex_sumo.page.figures.charts import Plane, metric_title
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.study import Column, card, page_table, plots, table_place, write_study
@@ -161,7 +161,8 @@ def collisions_in(info: Mapping[str, Any]) -> str:
 
 def printed_name(column: str) -> str:
     """Return the printed name of a metric column; other values keep their names."""
-    return metric_title(column) if column.removesuffix("_mean") in known_metrics() else column
+    known = column.removesuffix("_mean") in known_metrics()
+    return metric_title(column, metric_of(column)) if known else column
 
 
 def _diagram(row: Mapping[str, Any]) -> Html:

@@ -49,7 +49,7 @@ class Event:
 
     def happened(self, value: FloatArray) -> BoolArray:
         """Return whether it happened, from values of its column; undefined (NaN) is no event."""
-        return is_critical(value, self.column, self.threshold)
+        return is_critical(value, metric_of(self.column), self.threshold)
 
 
 def _paper(column: str, threshold: float) -> Event:

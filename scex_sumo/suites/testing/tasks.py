@@ -55,27 +55,12 @@ _packed = lru_cache(maxsize=4)(pack_road)
 
 def task_of(case: Case, spec: ModelSpec, futures: int, *, seed: int, limit_s: float) -> CaseTask:
     """Return the task of a case; raise a `ResultError` if its files were changed."""
-    content = case.content
-    both = int(content["other"]["track_id"]), int(content["function"]["track_id"])
-    return task_of_scene(case.name, case.scene(), both, spec, futures, seed=seed, limit_s=limit_s)
-
-
-def task_of_scene(
-    name: str,
-    scene: SeedScene,
-    both: tuple[int, int],
-    spec: ModelSpec,
-    futures: int,
-    *,
-    seed: int,
-    limit_s: float,
-) -> CaseTask:
-    """Return the task of a seed scene with a road; ``both`` are the track ids of initiator and responder."""
+    content, scene = case.content, case.scene()
     assert scene.road is not None
     ref = MomentRef(
-        moment=name,
+        moment=case.name,
         location=scene.location,
-        recording=name,
+        recording=case.name,
         case="",
         time_s=0.0,
         vehicles=scene.vehicles,
@@ -86,8 +71,8 @@ def task_of_scene(
         road=_packed(scene.road),
         futures=range(futures),
         settings=StudySettings(),
-        initiator=both[0],
-        responder=both[1],
+        initiator=int(content["other"]["track_id"]),
+        responder=int(content["function"]["track_id"]),
         spec=spec,
         seed=seed,
         limit_s=limit_s,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -38,6 +39,12 @@ def add_result(folder: Path, info: str) -> Path:
         shutil.copy(folder / name, out / copy)
     (out / info).write_text(json.dumps({"identity": 64 * "0"}))
     return out
+
+
+def test_pipes_among_recordings_are_not_waited_for(folder: Path) -> None:
+    for name in ("run.json", "b.csv"):
+        os.mkfifo(folder / name)
+    assert [one.name for one in find_recordings([folder])] == ["a"]
 
 
 def test_map_and_tracks_that_are_swapped_are_called_so(folder: Path) -> None:
