@@ -1,6 +1,6 @@
-"""Ranking at scale: seeds per minute (pairs alone), costs per seed of futures, memory, sizes on disk.
+"""Pairs of a ranking at scale: seeds per minute, costs per seed, memory, sizes on disk.
 
-    python benchmarks/rank.py [DATASET] [--every S] [--futures 32] [--repeat 3] [--what PART,...]
+    python benchmarks/rank.py [DATASET] [--every S] [--repeat 3] [--what PART,...]
 
 Throughput is taken between the first and the last seed that comes back, without start, table and page; one
 and two workers take turns, medians. Costs, of the process that hands out the seeds, are processor time.
@@ -28,10 +28,9 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.studies.moments.cut import list_moments, moment_tasks
 from scex_sumo.studies.moments.run import MomentTask
 from scex_sumo.studies.moments.workers import DaskWorkers, LocalWorkers, MomentWorkers
-from scex_sumo.studies.rank.futures import RankFolder, RankTask, run_moment
-from scex_sumo.studies.rank.rank import rank
+from scex_sumo.studies.rank.folder import RankFolder, run_moment
 from scex_sumo.studies.rank.ranking_run import RankingRun
-from scex_sumo.studies.rank.scores import RankSettings
+from scex_sumo.studies.rank.settings import RankSettings
 
 DATASET = scex_sumo.example_path("roundabout").parent
 MODELS = ("standard_driver", "risky_driver", "constant_velocity", "emergency_brake")
@@ -39,8 +38,7 @@ TEN_THOUSAND, FORTY_THOUSAND = 10_000, 40_000
 
 
 def settings_of(args: argparse.Namespace) -> RankSettings:
-    run = RunSettings(models=MODELS, futures=args.futures)
-    return RankSettings(run=run, every=args.every, top=1)
+    return RankSettings(run=RunSettings(models=MODELS, futures=32), every=args.every, top=1)
 
 
 def run_all(args: argparse.Namespace, workers: MomentWorkers, progress: Callable[[int, int], None]) -> None:
@@ -149,10 +147,10 @@ def costs(args: argparse.Namespace) -> None:
         [one.recording for one in loaded],
         listings,
         settings_of(args),
-        range(args.futures),
+        range(0),
         wanted=lambda listing: listing.moments[:: max(len(listing.moments) // 5, 1)],
     )
-    tasks = [RankTask.of(task, spare=0) for task in items if isinstance(task, MomentTask)]
+    tasks = [task for task in items if isinstance(task, MomentTask)]
     sent = [pickle.dumps(task) for task in tasks]
     parts = [(task.ref, run_moment(task)) for task in tasks]
     begin = time.process_time()
@@ -168,10 +166,10 @@ def costs(args: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory() as out, RankFolder(Path(out) / "out", {}) as folder:
         begin = time.process_time()
         for ref, part in parts:
-            folder.append(ref, part)
+            folder.save(ref, part)
         appending = (time.process_time() - begin) / len(parts)
-    print(f"costs per seed of {args.futures} futures, {len(refs)} seeds in {len(loaded)} recordings:")
-    print(f"  worker: run and measure {1e3 * running:.0f} ms")
+    print(f"costs per seed, {len(refs)} seeds in {len(loaded)} recordings:")
+    print(f"  worker: {1e3 * running:.0f} ms")
     print(f"  main process: load {1e3 * loading / len(refs):.1f} ms, build {1e3 * building:.1f} ms, ", end="")
     print(f"pack and unpack {1e3 * packing:.1f} ms, append {1e3 * appending:.1f} ms")
     print(f"  bytes: {mean(sent):.0f} to the worker, {mean(back):.0f} back")
@@ -219,7 +217,7 @@ def resident(pid: int) -> float:
 def memory(args: argparse.Namespace) -> None:
     """Resident memory of main process and worker over the seeds."""
     workers = LocalWorkers(1, run_moment)
-    worker = workers._workers._workers[0]._process.pid
+    worker = workers._workers.pool._workers[0]._process.pid
     seen: list[tuple[float, float]] = []
     run_all(args, workers, lambda *_: seen.append((resident(os.getpid()), resident(worker))))
     print(f"memory over {len(seen) - 1} seeds, MB:")
@@ -263,30 +261,12 @@ def cluster(args: argparse.Namespace) -> None:
 
 
 def sizes(args: argparse.Namespace) -> None:
-    """Bytes on disk per seed, and for ten thousand."""
-    for keep in ("none", "critical", "all"):
-        with tempfile.TemporaryDirectory() as out:
-            rank(
-                args.dataset,
-                out=Path(out) / "out",
-                every=args.every,
-                futures=args.futures,
-                first=args.futures,
-                models=list(MODELS),
-                keep=keep,
-            )
-            seeds = len(list(Path(out).glob("out/futures/*/*")))
-            found = {
-                kind: sum(f.stat().st_size for f in Path(out, "out", kind).rglob("*.parquet"))
-                for kind in ("futures", "tracks")
-            }
-        each = {kind: size / seeds for kind, size in found.items()}
-        whole = sum(each.values()) * TEN_THOUSAND / 1e9
-        print(
-            f"sizes, --keep {keep:8}: futures {each['futures'] / 1e3:.1f} kB, "
-            f"tracks {each['tracks'] / 1e3:.1f} kB per seed of {args.futures} futures; "
-            f"{whole:.2f} GB for {TEN_THOUSAND} seeds"
-        )
+    """Bytes of pairs on disk per seed, and for ten thousand."""
+    with tempfile.TemporaryDirectory() as out:
+        run_into(Path(out) / "out", args, LocalWorkers(2, run_moment), lambda *_: None)
+        files = list(Path(out).glob("out/pairs/*/*/*.parquet"))
+        each = sum(file.stat().st_size for file in files) / len(files)
+    print(f"sizes: {each / 1e3:.1f} kB per seed; {each * TEN_THOUSAND / 1e9:.2f} GB for {TEN_THOUSAND} seeds")
 
 
 PARTS = {
@@ -305,7 +285,6 @@ def main() -> None:
     )
     parser.add_argument("dataset", nargs="?", type=Path, default=DATASET)
     parser.add_argument("--every", type=float, default=1.0)
-    parser.add_argument("--futures", type=int, default=32)
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--what", default=",".join(PARTS), help=f"some of {','.join(PARTS)}")
     args = parser.parse_args()

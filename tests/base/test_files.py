@@ -15,7 +15,7 @@ import pytest
 from scex_sumo.base.errors import ResultError
 from scex_sumo.base.files import TemporaryFolder, lock, replacing, unlock, write_atomic, writing
 from scex_sumo.results.folder import ResultFolder
-from scex_sumo.studies.rank.futures import RankFolder
+from scex_sumo.studies.rank.folder import RankFolder
 
 HOLDING = """
 import sys

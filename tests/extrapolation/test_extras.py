@@ -10,8 +10,8 @@ from typing import ClassVar
 import pytest
 
 import scex_sumo as scex
-from scex_sumo.certainty.extra import ExactExtra
-from scex_sumo.certainty.options import EXACT, CriticalResponse, ExactProbabilities
+from scex_sumo.certainty.options import MAPS, CriticalResponse
+from scex_sumo.certainty.response.extra import ResponseExtra
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.extras import extras_results
 from tests.runs import extrapolate
@@ -46,6 +46,6 @@ def test_an_extra_that_is_off_is_not_loaded_and_its_files_leave(tmp_path: Path) 
 
 def test_an_extra_without_files_in_a_folder_is_not_loaded_to_read_it(tmp_path: Path) -> None:
     kinds = {type(extra) for extra in extras_results(tmp_path)}
-    assert {ExactProbabilities, CriticalResponse} <= kinds
-    (tmp_path / EXACT).touch()
-    assert ExactExtra in {type(extra) for extra in extras_results(tmp_path)}
+    assert CriticalResponse in kinds
+    (tmp_path / MAPS).touch()
+    assert ResponseExtra in {type(extra) for extra in extras_results(tmp_path)}
