@@ -38,7 +38,6 @@ def test_only_pairs_of_the_region_count_and_nothing_else_changes(tmp_path: Path)
     asked: dict[str, Any] = {
         "models": "rules",
         "futures": 40,
-        "exact": False,
         "metrics": ["gap", "wttc_path", "ttc_path"],
     }
     whole = extrapolate(scene, out=tmp_path / "whole", **asked)
@@ -50,7 +49,7 @@ def test_only_pairs_of_the_region_count_and_nothing_else_changes(tmp_path: Path)
         assert 0 < len(rows) < getattr(whole, name).num_rows
         assert rows_of(part, name, set(ids.tolist())) == rows
     assert (part.values("gap") >= whole.values("gap")).all()
-    assert 0 < part.collision.sampled.value < whole.collision.sampled.value
+    assert 0 < part.collision.value < whole.collision.value
     assert all({row["track_id"], row["other_id"]} & inside for row in part.worst.to_pylist())
     title = str(summary_table(part).title)
     assert f"only pairs with one of {len(inside)} vehicles within 30 m of 16" in title
@@ -96,6 +95,20 @@ def test_vehicles_that_cannot_come_near_the_region_are_replayed(monkeypatch: pyt
     assert Region(circle=(0.0, 0.0, 10.0)).simulated(part, 30) is part
     assert Region(circle=(0.0, 0.0, 10.0)).simulated(scene, 30, [10]).track_ids.tolist() == [7, 8, 10]
     assert Region().simulated(scene, 30) is scene
+
+
+def test_a_recorded_future_is_what_replayed_vehicles_do(tmp_path: Path) -> None:
+    scene = read_seed(example_path("motorway_merge"))
+    assert scene.future is not None and scene.future_valid is not None
+    part = replaying(scene, [0, 2])
+    others = part.obstacles
+    assert others is not None and part.vehicles == 2 and len(others.ids) == scene.vehicles - 2
+    np.testing.assert_array_equal(others.states.x[:, 11:], np.delete(scene.future.x, [0, 2], axis=0))
+    np.testing.assert_array_equal(others.present[:, 11:], np.delete(scene.future_valid, [0, 2], axis=0))
+    run = extrapolate(part, models="constant_velocity,sumo:IDM", futures=2, out=tmp_path / "run")
+    assert run.scene.track_ids.tolist() == part.track_ids.tolist()
+    again = run.scene.obstacles
+    assert again is not None and again.types == others.types and again.ids == others.ids
 
 
 def test_sumo_drivers_meet_replayed_vehicles_within_reach_only() -> None:
