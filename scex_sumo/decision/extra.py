@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final
 
-import numpy as np
-
 from scex_sumo.base.errors import ResultError
 from scex_sumo.base.files import replacing, write_atomic
 from scex_sumo.extrapolation.extras import Extra, Work
@@ -42,9 +40,6 @@ class DecisionStep(Extra):
         human = run.reference
         if human is None or work.is_reference:
             return {}
-        import pyarrow.parquet as pq
-
-        from scex_sumo.decision.decide import decide
         from scex_sumo.decision.pairs import pair_table
 
         scene = work.job.scene
@@ -56,10 +51,7 @@ class DecisionStep(Extra):
 
         found = conflicts_of(human.table(CONFLICTS))
         table = pair_table(scene, found, futures=human.futures, states_of=states_of)
-        verdict = decide(table.to_pylist(), futures=human.futures, keep_doubtful=work.options.keep_doubtful)
-        with replacing(run.folder / PAIRS_FILE) as temporary:
-            pq.write_table(table, temporary)
-        write_atomic(run.folder / DECISION_FILE, json.dumps(dataclasses.asdict(verdict)).encode())
+        write_decision(run.folder, table, futures=human.futures, keep_doubtful=work.options.keep_doubtful)
         return {}
 
     def decision(self, run: Run) -> Decision | None:
@@ -101,10 +93,27 @@ class DecisionStep(Extra):
         return {
             "human_like": {
                 "futures": run.reference.futures if run.reference is not None else None,
-                "any": any_of(np.array([row["probability"] for row in sure])),
+                "any": any_of(row["probability"] for row in sure),
                 "pairs": [row for row in table.to_pylist() if row["probability"] >= LISTED],
             }
         }
+
+
+def write_decision(folder: Path, table: pa.Table, *, futures: int, keep_doubtful: bool = False) -> None:
+    """Write the pairs of a moment and the verdict into the folder of its run.
+
+    Args:
+        table: see `scex_sumo.decision.pairs.PAIRS`.
+        futures: number of human-like futures.
+    """
+    import pyarrow.parquet as pq
+
+    from scex_sumo.decision.decide import decide
+
+    verdict = decide(table.to_pylist(), futures=futures, keep_doubtful=keep_doubtful)
+    with replacing(folder / PAIRS_FILE) as temporary:
+        pq.write_table(table, temporary)
+    write_atomic(folder / DECISION_FILE, json.dumps(dataclasses.asdict(verdict)).encode())
 
 
 LISTED: Final = 1e-9

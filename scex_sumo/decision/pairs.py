@@ -6,13 +6,13 @@ One function gives the number that the headline, the list, the page, ``rank``, `
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import IntArray
 from scex_sumo.conflicts.pairs import Conflicts
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.decision.law import Law, at_level, law, over_futures
@@ -168,9 +168,11 @@ class _Told:
         return self._states[future]
 
 
-def any_of(probabilities: Sequence[float] | FloatArray) -> float:
+def any_of(probabilities: Iterable[float]) -> float:
     """Return 1 - Π (1 - P): as if independent."""
-    return float(0.0 - np.expm1(np.log1p(-np.minimum(np.asarray(probabilities), 1 - 1e-12)).sum()))
+    return float(
+        0.0 - np.expm1(np.log1p(-np.minimum(np.fromiter(probabilities, np.float64), 1 - 1e-12)).sum())
+    )
 
 
 def indices_of(whole: SeedScene, track_ids: Sequence[int]) -> IntArray:

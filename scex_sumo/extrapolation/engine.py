@@ -139,8 +139,8 @@ def _opened(
         net = dataclasses.replace(net, notes=(*net.notes, *added))
     scene, net = ruled(scene, net, settings)
     compared, gui = options.compared, options.gui
-    known = {"compared": compared, "conflicts": options.is_reference}
-    return folder, Job(scene, net, settings, models, assignment, folder.path, gui, **known)
+    job = Job(scene, net, settings, models, assignment, folder.path, gui, compared=compared)
+    return folder, dataclasses.replace(job, conflicts=options.is_reference)
 
 
 def checked_models(settings: RunSettings, options: RunOptions, extras: Sequence[Extra]) -> ModelSet:

@@ -73,6 +73,7 @@ class Job:
     counted: BoolArray | None = None
     compared: bool = True
     on_paths: bool = True
+    conflicts: bool = False
 
     @property
     def road(self) -> Road:

@@ -16,8 +16,8 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.draws import uniforms
 from scex_sumo.behaviors.driving.motion import Accelerate
-from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
-from scex_sumo.behaviors.driving.projection import BEHIND_M, foot_points
+from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
+from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.conflicts.braking import needed_braking
 from scex_sumo.conflicts.shared import shared_stretches
 from scex_sumo.conflicts.ways import HORIZON_S, Ways

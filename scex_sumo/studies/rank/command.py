@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from scex_sumo.studies.rank.rank import Ranking
 
 _SHOWN_FAILURES = 3
-_ALL = "of all encounters, because the site has fewer than 20 of its kind"
 _COUNTS = (
     "{encounters} encounters in {seeds} seed scenes: {to_test} to be tested, {doubtful} with doubtful data "
     "(end of ranking.csv); {futures_run} futures"
@@ -43,7 +42,9 @@ def rank_command(
     min_vehicles: MinVehicles = 2,
     models: Models = None,
     top: Annotated[int, Option(help="Encounters on the page.")] = 10,
-    by: Annotated[str, Option(metavar="COLUMN", help="Column by which encounters are ordered.")] = "severity",
+    by: Annotated[
+        str, Option(metavar="COLUMN", help="Column by which encounters are ordered.")
+    ] = "probability",
     keep_doubtful: Annotated[
         bool, Option("--keep-doubtful", help="Rank encounters whose data are doubtful, too.")
     ] = False,
@@ -94,14 +95,11 @@ def _print_top(ranking: Ranking, top: int) -> None:
     from scex_sumo.commands.console import output_console
     from scex_sumo.page.study import print_columns
     from scex_sumo.reports.run_table import print_line
-    from scex_sumo.studies.rank.encounters import leads
     from scex_sumo.studies.rank.table import printed_columns
 
-    console, rows = output_console(width=160), leads(ranking.table).slice(0, top).to_pylist()
+    console, rows = output_console(width=160), ranking.table.slice(0, top).to_pylist()
     rows = [row for row in rows if row["rank"] is not None]
     print_columns(printed_columns(), rows, console, "encounters worth testing")
-    about = "people collide, severe injury (MAIS 3+, expected): human-like; braking: needed, m/s²"
+    about = "people: one of so many such moments ends in a contact within 3 s, and the range of that number"
     stress = "stress: share of the futures of the stress test in which they collide"
     print_line(f"{about}; {stress}; ranked by {ranking.info['by']}", console)
-    usual = f"usual: P over the median of its kind at the site, and its place; (all): {_ALL}"
-    print_line(usual, console)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pyarrow as pa
 
+from scex_sumo.decision.moment import FUTURES as HUMAN_FUTURES
 from scex_sumo.extrapolation.job import ruled
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef, StudyFolder, as_row, from_row
@@ -21,8 +22,8 @@ def run_moment(task: MomentTask, road: bytes | None = None) -> pa.Table | Failur
 
 
 def _run(task: MomentTask, scene: SeedScene, road: bytes) -> pa.Table:
-    scene, _ = ruled(scene, net_of(road, task.settings.cache), task.settings.run)
-    return pairs_of_moment(scene)
+    scene, net = ruled(scene, net_of(road, task.settings.cache), task.settings.run)
+    return pairs_of_moment(scene, net, futures=HUMAN_FUTURES, seed=task.settings.run.seed)
 
 
 class RankFolder(StudyFolder):

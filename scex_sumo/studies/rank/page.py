@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -14,11 +13,13 @@ import pyarrow.compute as pc
 
 from scex_sumo.base.files import TemporaryFolder, write_atomic
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.certainty.options import CriticalResponse
-from scex_sumo.certainty.response.answer import once_in
-from scex_sumo.certainty.response.usual import usual_of
-from scex_sumo.certainty.response.words import needs
+from scex_sumo.decision.decide import arrow, disagrees, span
+from scex_sumo.decision.extra import write_decision
+from scex_sumo.decision.moment import FUTURES as HUMAN_FUTURES
+from scex_sumo.decision.moment import human_part
+from scex_sumo.decision.words import once_in
 from scex_sumo.extrapolation.engine import run_scene
+from scex_sumo.extrapolation.job import ruled
 from scex_sumo.extrapolation.options import RunOptions
 from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.page.html import Html, element
@@ -30,23 +31,22 @@ from scex_sumo.results.probability import Encounter
 from scex_sumo.results.tables.fallbacks import fallback_lines
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import Failure, MomentRef
-from scex_sumo.studies.moments.run import MomentTask, attempt, unpack_road, written
-from scex_sumo.studies.rank.encounters import TRIAGE, leads, with_stress
+from scex_sumo.studies.moments.run import MomentTask, attempt, net_of, written
+from scex_sumo.studies.rank.encounters import TRIAGE, with_stress
 from scex_sumo.studies.rank.folder import REPORTS
 from scex_sumo.studies.rank.ranking_run import RankingRun
-from scex_sumo.studies.rank.stage import stage_of
-from scex_sumo.studies.rank.table import page_columns, pair_words, stress_words
+from scex_sumo.studies.rank.stage import Stage, stage_of_future
+from scex_sumo.studies.rank.table import page_columns, stress_words
 from scex_sumo.studies.rank.triage import KEY, VERDICTS
 
 HTML = "ranking.html"
 SCRIPTS = ("loop.js", "stage.js", "triage.js")
 _ROWS = 1000
-_EXTRAS = (CriticalResponse(),)  # of the reports of moments
-_BY = {"severity": "the severe injuries (MAIS 3+) that are to be expected"}
+_BY = {"probability": "P of a contact between people"}
 _HOW = (
     "An encounter is two vehicles in consecutive moments of a recording, shown at its most critical moment. "
-    "Encounters are ranked by {by}, of people as they act and respond; the stress test stands beside it. "
-    "The filled outlines collide as the words say, dashed ones are what was recorded."
+    "Encounters are ranked by {by}. The filled outlines are the human-like future that decides, dashed ones "
+    "what was recorded."
 )
 _KEYS = (
     "Keys: 1 test, 2 discard, 3 data error, 0 none, J and K next and previous, N note. "
@@ -78,41 +78,44 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table) -> Repo
     Args:
         ranking: the encounters in their order.
     """
-    lines = leads(ranking)
-    top = lines.filter(pc.is_valid(lines["rank"])).slice(0, run.settings.top).to_pylist()
+    top = ranking.filter(pc.is_valid(ranking["rank"])).slice(0, run.settings.top).to_pylist()
     names = list(dict.fromkeys(row["seed"] for row in top))
     refs = [ref for ref in run.refs if ref.moment in names]
     tasks: dict[str, _ReportTask] = {}
     stress: dict[str, Mapping[tuple[int, int], tuple[float, float]]] = {}
     notes, failures = list[str](), run.unreadable | run.failures
-    asked = (_ReportTask.of(task, command=_command(run, task.ref)) for task in run.tasks(refs))
-    for task, made in run.run_again(asked, _report):
+    pairs, stages = dict(run.named_pairs()), dict[tuple[str, int, int], Stage]()
+
+    def asked() -> Iterator[_ReportTask]:
+        for task in run.tasks(refs):
+            name = task.ref.moment
+            own = [row for row in top if row["seed"] == name]
+            yield _ReportTask.of(task, command=_command(run, task.ref), pairs=pairs[name], rows=own)
+
+    for task, made in run.run_again(asked(), _report):
         assert isinstance(task, _ReportTask)
         tasks[task.ref.moment] = task
         if isinstance(made, Failure):
             failures[task.ref.moment] = made
             notes.append(f"{task.ref.moment}: no futures: {made.reason}")
             continue
-        html, stress[task.ref.moment], replaced = made
+        html, stress[task.ref.moment], replaced, drawn = made
+        stages |= {(task.ref.moment, *both): stage for both, stage in drawn.items()}
         notes += [f"{task.ref.moment}: {line}" for line in replaced]
         report = folder / REPORTS / f"{task.ref.moment}.html"
         report.parent.mkdir(parents=True, exist_ok=True)
         write_atomic(report, html)
     ranking = with_stress(ranking, stress)
-    lines = leads(ranking)
-    cards = {}
-    for row in lines.slice(0, len(top)).to_pylist():
-        if (ran := tasks.get(row["seed"])) is not None:
-            assert ran.road is not None
-            scene = dataclasses.replace(ran.scene, road=unpack_road(ran.road))
-            cards[row["rank"]] = _card(row, scene, ran.command, row["seed"] in stress)
-    lines = leads(ranking)
-    shown = list(cards.values())
-    rows = lines.slice(0, max(_ROWS, len(top))).to_pylist()
+    shown = [
+        _card(row, stages[key], tasks[row["seed"]].command)
+        for row in ranking.slice(0, len(top)).to_pylist()
+        if (key := (row["seed"], row["track_id"], row["other_id"])) in stages
+    ]
+    rows = ranking.slice(0, max(_ROWS, len(top))).to_pylist()
     parts = [
         _bar(),
         element("div.moments", *(html for html, _ in shown)),
-        card("All encounters", _more(len(lines)), table_place("all-encounters")),
+        card("All encounters", _more(len(ranking)), table_place("all-encounters")),
         *failure_card("Failed", {name: one.reason for name, one in failures.items()}),
     ]
     info = {
@@ -139,16 +142,19 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table) -> Repo
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _ReportTask(MomentTask):
-    """A moment to be reported, and the command that runs it."""
+    """A moment to be reported: the command that runs it, all its pairs, and encounters of it on the page."""
 
     command: Sequence[str]
+    pairs: pa.Table
+    rows: Sequence[Mapping[str, Any]]
 
 
-_Made: TypeAlias = tuple[bytes, dict[tuple[int, int], tuple[float, float]], list[str]]
+_Pair: TypeAlias = tuple[int, int]
+_Made: TypeAlias = tuple[bytes, dict[_Pair, tuple[float, float]], list[str], dict[_Pair, Stage]]
 
 
 def _report(task: _ReportTask, road: bytes | None = None) -> _Made | Failure:
-    """Return a moment's report, the stress test of its pairs, lines on failed drivers; or its failure."""
+    """Return a moment's report, stress test of its pairs, notes, stages of encounters; or its failure."""
     return attempt(_reported, task, road)
 
 
@@ -156,12 +162,17 @@ def _reported(task: _ReportTask, scene: SeedScene, road: bytes) -> _Made:
     with TemporaryFolder() as folder:
         options = RunOptions(compared=False, out=Path(folder) / "run")
         with Workers(1) as alone:
-            run = run_scene(scene, task.settings.run, workers=alone, options=options, extras=_EXTRAS)
+            run = run_scene(scene, task.settings.run, workers=alone, options=options)
+        write_decision(run.folder, task.pairs, futures=HUMAN_FUTURES)
         info, arrays = report_contents(run, scene)
         info |= {"folder": task.command[-1], "command": shlex.join(task.command)}
         met = [Encounter(row=row, run=run) for row in run.encounters.to_pylist()]
         stress = {one.pair: (one.row["collision"], one.row["critical"]) for one in met}
-        return filled_report(run, info, arrays).encode(), stress, fallback_lines(run.info["fallbacks"])
+        page, notes = filled_report(run, info, arrays).encode(), fallback_lines(run.info["fallbacks"])
+    scene, net = ruled(scene, net_of(road, task.settings.cache), task.settings.run)
+    human = human_part(scene, net, futures=HUMAN_FUTURES, seed=task.settings.run.seed)
+    stages = {(row["track_id"], row["other_id"]): stage_of_future(scene, row, human) for row in task.rows}
+    return page, stress, notes, stages
 
 
 def _command(run: RankingRun, ref: MomentRef) -> list[str]:
@@ -193,29 +204,24 @@ def _bar() -> Html:
     return element("section.card", row, element("p.soft", _KEYS), element("p.soft", id="said", role="status"))
 
 
-def _card(
-    row: Mapping[str, Any], scene: SeedScene, command: Sequence[str], ran: bool
-) -> tuple[Html, dict[str, Any]]:
+def _card(row: Mapping[str, Any], stage: Stage, command: Sequence[str]) -> tuple[Html, dict[str, Any]]:
     """Return the card of an encounter, and what its scripts need."""
-    stage, name = stage_of(scene, row), row["seed"]
-    title = element(
-        "h2", element("b", str(row["rank"])), f" {pair_words(row)}, {row['kind'] or 'off the lanes'}"
-    )
+    title = element("h2", element("b", str(row["rank"])), f" {arrow(row)}, {row['what']}")
     buttons = [
         element("button", f"{number} {verdict}", data_verdict=verdict)
         for number, verdict in enumerate(VERDICTS, 1)
     ]
     note = element("input.note", type="search", placeholder="note", aria_label="Note")
-    links = [element("a", "Report of the moment", href=f"{REPORTS}/{name}.html")] if ran else []
+    link = element("a", "Report of the moment", href=f"{REPORTS}/{row['seed']}.html")
     html = element(
         "article.card",
         title,
         element("p.soft", _where(row)),
         stage.picture,
-        element("p.takes", f"{row['takes']}: {once_in(row['probability'])}."),
+        element("p.takes", f"{row['how'] or row['what']}: {once_in(row['probability'])}."),
         element("ul", *(element("li", words) for words in _facts(row))),
         element("div.row", *buttons, note),
-        element("p", *links) if links else "",
+        element("p", link),
         element("details", element("summary", "Run it"), element("code", shlex.join(command))),
         id=f"encounter-{row['rank']}",
         tabindex="0",
@@ -230,22 +236,16 @@ def _where(row: Mapping[str, Any]) -> str:
 
 
 def _facts(row: Mapping[str, Any]) -> list[str]:
-    careful = "avoids it" if row["preventable"] else "does not always avoid it"
-    tested = "To be tested" if row["to_test"] else "Not to be tested"
+    verdict = (
+        "To be tested" if row["to_test"] else "The models disagree" if disagrees(row) else "Not to be tested"
+    )
     facts = [
-        f"{tested}; severe injuries {once_in(row['severity'])}",
-        f"a careful and competent driver (UN R157) {careful}",
-        needs(row),
-        _usual(row),
+        f"{verdict}; {span(row)} such moments",
+        f"as shown in {row['futures']} of {HUMAN_FUTURES} human-like futures, {row['conflict_s']:.1f} s on",
     ]
     if row["stress_p_collision"] is not None:
         facts.append(f"stress test: collide in {stress_words(row)} of the futures")
-    return [fact for fact in facts if fact]
-
-
-def _usual(row: Mapping[str, Any]) -> str:
-    usual = usual_of(row)
-    return "" if usual is None else usual.words(row["probability"])
+    return facts
 
 
 def _more(count: int) -> str:

@@ -20,9 +20,8 @@ from scex_sumo.converters.datasets.find import find_recordings, left_out
 from scex_sumo.converters.registries import Window
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
-from scex_sumo.studies.moments.encounters import SEVERITY
 from scex_sumo.studies.moments.workers import moment_workers
-from scex_sumo.studies.rank.encounters import Order, leads
+from scex_sumo.studies.rank.encounters import PROBABILITY, Order
 from scex_sumo.studies.rank.folder import RankFolder, run_moment
 from scex_sumo.studies.rank.page import write_ranking_page
 from scex_sumo.studies.rank.ranking_run import RankingRun
@@ -64,7 +63,7 @@ def rank(
     min_vehicles: int = 2,
     futures: int = 96,
     top: int = 10,
-    by: str = SEVERITY,
+    by: str = PROBABILITY,
     keep_doubtful: bool = False,
     triage: str | Path | None = None,
     cache: bool = True,
@@ -73,7 +72,7 @@ def rank(
     progress: Progress | bool | None = None,
     **run: Any,
 ) -> Ranking:
-    """Rank the encounters of a dataset by critical responses; run futures of the moments of the top ones.
+    """Rank the encounters of a dataset by P of a contact; run the stress test of the moments of the top ones.
 
     Args:
         roots: folders of recordings, or single files.
@@ -127,7 +126,7 @@ def rank(
         ranking.run()
         moments = moments_table(ranking)
         page = write_ranking_page(ranking, folder.path, ranking.encounters)
-        table, lines = page.table, leads(page.table)
+        table = page.table
         for name, content in (("moments", moments), ("ranking", table)):
             write_table(folder.path / name, content)
         info = {
@@ -139,7 +138,7 @@ def rank(
             "failed": len(moments) - len(ranking.refs),
             "encounters": len(table),
             "doubtful": len(table) - table["doubt"].null_count,
-            "to_test": pc.sum(lines.filter(pc.is_valid(lines["rank"]))["to_test"]).as_py() or 0,
+            "to_test": pc.sum(table.filter(pc.is_valid(table["rank"]))["to_test"]).as_py() or 0,
             "futures_run": page.futures,
             "top": top,
             "by": by,

@@ -15,7 +15,7 @@ from scex_sumo.studies.moments.encounters import encounters_of
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef
 from scex_sumo.studies.moments.run import MomentTask
 from scex_sumo.studies.moments.workers import Done, MomentWorkers, Work
-from scex_sumo.studies.rank.encounters import BY_SEVERITY, Order
+from scex_sumo.studies.rank.encounters import BY_PROBABILITY, Order
 from scex_sumo.studies.rank.folder import RankFolder
 from scex_sumo.studies.rank.settings import RankSettings
 
@@ -39,7 +39,7 @@ class RankingRun:
         workers: MomentWorkers,
         progress: Progress | None = None,
         *,
-        order: Order = BY_SEVERITY,
+        order: Order = BY_PROBABILITY,
     ) -> None:
         """Load the results of an earlier, interrupted run of the same ranking; ``order`` is of encounters."""
         self.recordings, self.settings, self.order = recordings, settings, order
@@ -77,6 +77,10 @@ class RankingRun:
     def pairs(self) -> Sequence[tuple[MomentRef, pa.Table]]:
         """Pairs of all moments, once these have run."""
         return [(ref, self._folder.pairs(ref)) for ref in self.refs]
+
+    def named_pairs(self) -> Iterator[tuple[str, pa.Table]]:
+        """Yield the pairs of all moments by their names."""
+        return ((ref.moment, table) for ref, table in self.pairs)
 
     @cached_property
     def encounters(self) -> pa.Table:

@@ -1,4 +1,4 @@
-"""Stage of an encounter: the two vehicles zoomed, as recorded, and as they would collide, for the page."""
+"""Stage of an encounter: two vehicles zoomed, as recorded, and in the future that decides, for the page."""
 
 from __future__ import annotations
 
@@ -9,18 +9,20 @@ from typing import Any, Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
-from scex_sumo.certainty.response.motion.expected import expected_motion
-from scex_sumo.certainty.response.played import played
+from scex_sumo.decision.pairs import indices_of
 from scex_sumo.page.html import Html
 from scex_sumo.page.report.scene import Box, lane_lines, outline_svg, scene_svg
-from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
+from scex_sumo.results.participants import everybody, with_everybody
+from scex_sumo.results.parts import Part
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 from scex_sumo.studies.moments.pairs import recorded
 
 _MARGIN_M = 10.0
 _MIN_WIDTH_M = 45.0  # width of a picture
 _ASPECT = 0.6  # height over width
 _STEPS: Final = 30  # of a recording after the moment
-_LAST: Final = 21  # steps up to the contact that a picture encloses; it begins when both are inside
+_BEYOND: Final = 10  # steps that a future is shown after its conflict
+_LAST: Final = 31  # steps up to the contact that a picture encloses; it begins when both are inside
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,15 +41,22 @@ class Stage:
     contact: int
 
 
-def stage_of(scene: SeedScene, row: Mapping[str, Any]) -> Stage:
-    """Return the stage of an encounter in its seed scene with a road, see `ENCOUNTERS`."""
-    whole = expected_motion(scene).scene
-    assert whole.road is not None
-    one, other = (int(np.flatnonzero(whole.track_ids == row[name])[0]) for name in ("track_id", "other_id"))
+def stage_of_future(scene: SeedScene, row: Mapping[str, Any], human: Part) -> Stage:
+    """Return the stage of an encounter in its seed scene with a road.
+
+    Args:
+        row: of `scex_sumo.decision.pairs.PAIRS`.
+        human: the human-like futures of the moment.
+    """
+    whole = everybody(scene)
+    other, one = indices_of(whole, (row["other_id"], row["track_id"])).tolist()
+    at = int(np.searchsorted(human.futures, row["future"]))
+    driven = with_everybody(scene, human.states[at : at + 1])[0, HISTORY_STEPS:].swapaxes(0, 1)
+    last = min(round(row["conflict_s"] / STEP_S) + _BEYOND, driven.shape[1] - 1)
     states, known = recorded(whole)
     stop = HISTORY_STEPS + 1 + _STEPS
-    states, known = states[:, :stop], known[:, :stop]
-    return stage_of_motion(whole, (one, other), played(scene, row), states, known)
+    motion = driven[[other, one], : last + 1]
+    return stage_of_motion(whole, (other, one), motion, states[:, :stop], known[:, :stop])
 
 
 def stage_of_motion(

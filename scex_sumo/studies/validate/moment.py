@@ -58,8 +58,7 @@ class ValidationSettings(StudySettings):
 
     def to_json(self, recordings: Sequence[Recording]) -> dict[str, Any]:
         """Return the values that identify the validation of some recordings."""
-        usual = {"usual": True} if self.usual else {}
-        return {**self.identity(recordings), "part": self.part, "population": parameters_digest(), **usual}
+        return {**self.identity(recordings), "part": self.part, "population": parameters_digest()}
 
     def moments(self, loaded: LoadedRecording) -> Sequence[Moment]:
         """Return the moments of the part of a recording, at least ``every`` seconds apart."""
