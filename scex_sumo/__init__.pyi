@@ -5,7 +5,6 @@ from .base.options import option as option
 from .behaviors.base import Behavior as Behavior
 from .behaviors.registry import parse_models as parse_models
 from .behaviors.spec import ModelSpec as ModelSpec
-from .certainty.response.answer import critical_responses as critical_responses
 from .converters.datasets.find import find_recordings as find_recordings
 from .converters.lanelet.reader import read_road as read_road
 from .converters.maps import read_map as read_map
@@ -13,6 +12,7 @@ from .converters.net.convert import convert as convert
 from .converters.net.sumo_net import SumoNet as SumoNet
 from .converters.registries import Recording as Recording
 from .converters.tracks.rows import TrackTable as TrackTable
+from .decision.moment import moment_pairs as moment_pairs
 from .evaluation.recordings import LoadedRecording as LoadedRecording
 from .evaluation.recordings import load_recording as load_recording
 from .evaluation.recordings import recording_moments as recording_moments

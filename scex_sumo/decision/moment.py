@@ -9,9 +9,12 @@ from typing import Final
 import numpy as np
 import pyarrow as pa
 
+from scex_sumo.base.arguments import checked
+from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.decision.pairs import pair_table
-from scex_sumo.extrapolation.job import Job, run_in_memory
+from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.participants import with_everybody
@@ -19,6 +22,7 @@ from scex_sumo.results.parts import Part
 from scex_sumo.results.tables.conflicts import conflicts_of
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 
+STEPS: Final = 30
 FUTURES: Final = 16
 """Human-like futures from which the pairs of a moment get their P."""
 
@@ -32,7 +36,7 @@ def _drivers(futures: int, seed: int, steps: int) -> tuple[RunSettings, ModelSet
 
 
 def human_part(
-    scene: SeedScene, net: SumoNet, *, futures: int = FUTURES, seed: int = 0, steps: int = 30
+    scene: SeedScene, net: SumoNet, *, futures: int = FUTURES, seed: int = 0, steps: int = STEPS
 ) -> Part:
     """Run human-like futures of a moment with their conflicts.
 
@@ -43,6 +47,29 @@ def human_part(
     drawn = models.draw(scene, futures=futures, seed=seed, design=settings.design)
     job = Job(scene, net, settings, models, drawn, Path(net.path).parent, on_paths=False, conflicts=True)
     return run_in_memory(job, range(futures))
+
+
+@checked
+def moment_pairs(scene: SeedScene, *, futures: int = FUTURES, seed: int = 0) -> pa.Table:
+    """Return the pairs of road users of a moment with P of a contact between people, the largest first.
+
+    Args:
+        scene: with its road.
+        futures: human-like ones.
+
+    Returns:
+        One row for each pair, see `scex_sumo.decision.pairs.PAIRS`.
+
+    Example:
+        >>> pairs = scex.moment_pairs(scex.read_seed(scex.example_path("roundabout")), futures=4)
+        >>> pairs["probability"][0].as_py() < 1e-3
+        True
+    """
+    assert scene.road is not None
+    with TemporaryFolder() as folder:
+        net = converted(scene.road, Path(folder) / "road.net.xml")
+        scene, net = ruled(scene, net, _drivers(futures, seed, STEPS)[0])
+        return pairs_of_part(scene, human_part(scene, net, futures=futures, seed=seed))
 
 
 def pairs_of_part(scene: SeedScene, part: Part) -> pa.Table:

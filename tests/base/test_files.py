@@ -14,7 +14,6 @@ import pytest
 from scex_sumo.base.errors import ResultError
 from scex_sumo.base.files import TemporaryFolder, replacing, write_atomic, writing
 from scex_sumo.results.folder import ResultFolder
-from scex_sumo.studies.rank.folder import RankFolder
 
 HOLDING = """
 import sys

@@ -67,7 +67,7 @@ def test_a_slower_leader_needs_the_closing_speed_squared_over_twice_the_gap(
 
 def test_behind_a_braking_leader_both_stop_in_time() -> None:
     found = conflict((0, 0, 0, 15, 0), (20 + LENGTH, 0, 0, 15, -5))
-    # At the moment: the leader needs 22.5 m to stop, so the follower has 42.5 m. 2.2 s later 20 + 22.5 - 33 m.
+    # The leader needs 22.5 m to stop, so the follower has 42.5 m. 2.2 s later it has driven 33 m of these.
     assert found.braking[0] == pytest.approx(15**2 / (2 * (42.5 - 33)), rel=0.02)
 
 
@@ -92,7 +92,7 @@ def test_those_that_pass_beside_each_other_need_no_braking() -> None:
 @pytest.mark.parametrize("behind_s", [0.2, 0.5, 1.0, 1.33])
 def test_the_margin_is_the_time_between_leaving_and_entering(behind_s: float) -> None:
     speed = 10.0
-    # The first one's rear leaves the common area at x = WIDTH / 2; the second one's front enters at y = -WIDTH / 2.
+    # The first one's rear leaves the common area at x = 0.9 m; the second one's front enters at y = -0.9 m.
     first = 5.0
     leaves_s = (first + WIDTH / 2 + LENGTH / 2) / speed
     way = (leaves_s + behind_s) * speed + WIDTH / 2 + LENGTH / 2

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from functools import cache
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.converters.net.convert import converted
-from scex_sumo.decision.moment import human_part, pairs_of_part
-from scex_sumo.extrapolation.job import ruled
-from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.decision.moment import moment_pairs
 from scex_sumo.road import Lane, Regulation, Road
 from scex_sumo.scene import Obstacles, SeedScene, States
 
@@ -109,11 +103,7 @@ def _walking(x: np.ndarray, y: np.ndarray, heading: np.ndarray, speed: np.ndarra
 
 def pairs(seed_scene: SeedScene, futures: int = FUTURES) -> pa.Table:
     """The pairs of a scene by its human-like futures."""
-    assert seed_scene.road is not None
-    with TemporaryDirectory() as folder:
-        net = converted(seed_scene.road, Path(folder) / "net.net.xml")
-        seed_scene, net = ruled(dataclasses.replace(seed_scene), net, RunSettings())
-        return pairs_of_part(seed_scene, human_part(seed_scene, net, futures=futures))
+    return moment_pairs(seed_scene, futures=futures)
 
 
 def probability(seed_scene: SeedScene, futures: int = FUTURES) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import pairwise
 
 import pytest
 
@@ -44,7 +45,7 @@ def test_p_does_not_fall_as_danger_grows(family: str) -> None:
     scene_of, values = FAMILIES[family]
     tables = [pairs(scene_of(value)).to_pylist() for value in values]
     chances = [max((row["probability"] for row in rows), default=0.0) for rows in tables]
-    for milder, worse in zip(chances, chances[1:], strict=False):
+    for milder, worse in pairwise(chances):
         assert worse >= milder * (NOISE if milder < TEST_FROM else 1.0), dict(
             zip(values, chances, strict=True)
         )

@@ -89,8 +89,6 @@ function runReport(run) {
     drawCard();
     if (any("selection", "future", "thresholds", "size")) drawCharts();
     if (any("size")) drawTested();
-    if (any("size")) responses.draw();
-    if (any("pair")) responses.follow();
     if (any("pair", "future", "beside", "step", "selection", "size", "view")) drawPair(any("pair", "future", "beside", "selection", "size"));
     if (any("selection", "find")) drawSelection();
     if (any("thresholds", "selection")) for (const chart of charts) chart.describe();
@@ -161,7 +159,6 @@ function runReport(run) {
 
   showTables(info.tables);
   const drawTested = info.tested_curves ? testedCurves(byId("tested-curves"), info.tested_curves) : () => {};
-  const responses = byId("response-map") ? responseCard(run, state, info.responses, jump, map.road) : { draw() {}, follow() {} };
   const listed = { restart() { // at rest: it takes longer than a frame
     clearTimeout(listed.timer);
     listed.timer = setTimeout(() => charts.forEach((chart) => chart.list()), REST_MS);

@@ -9,7 +9,7 @@ import pytest
 from scex_sumo.converters.datasets.moment import Moment
 from scex_sumo.converters.registries import Recording
 from scex_sumo.studies.moments.cut import list_moments, unreadable
-from scex_sumo.studies.moments.folder import Failure, moment_name
+from scex_sumo.studies.moments.folder import moment_name
 from scex_sumo.studies.rank.folder import RankFolder
 
 RECORDING = Recording(

@@ -1,1 +1,0 @@
-"""Certainty: exact probabilities of events that are functions of the vehicles' models."""

@@ -1,1 +1,0 @@
-"""Motion of an initiator and of those who respond: expected, played, and where it is blocked."""
