@@ -52,12 +52,6 @@ def test_outcomes_of_each_pair_and_future_give_the_shares_of_the_encounters(run:
         encounter.probability("hit")
 
 
-def test_a_future_without_a_value_is_not_critical(run: Run) -> None:
-    values = run.values("gap_time")
-    assert np.isnan(values).any()
-    assert run.p_critical("gap_time", threshold=np.inf).value == np.mean(~np.isnan(values))
-
-
 def test_encounters_are_listed_and_a_pair_is_told_in_full(run: Run) -> None:
     first = run.encounters.to_pylist()[0]
     listed = scex("encounters", run.folder)

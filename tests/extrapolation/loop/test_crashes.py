@@ -68,9 +68,3 @@ def test_a_pile_up_is_one_collision_and_its_consequences(tmp_path: Path) -> None
     # equal masses: both have the mean speed after the impact, and stand after v / 0.7 g
     assert second[after] == pytest.approx(first[after], abs=CRASH_MPS2 * 0.1)
     assert (states.speed[:, -1] == 0).all()
-
-
-def test_boxes_that_overlap_in_the_seed_scene_drive_on(tmp_path: Path) -> None:
-    run = extrapolate(queues(2, gap_m=-1.0), out=tmp_path / "run", steps=20, **QUEUE)
-    assert run.collisions.num_rows == 0
-    assert (run.states(0).speed[:, -1] > 0).any()

@@ -67,17 +67,6 @@ def test_a_pair_is_a_row_and_those_that_never_meet_are_none() -> None:
     assert row["critical"] >= row["ttc"] >= row["collision"] == 0.25
 
 
-def test_outcomes_of_a_pair_have_rows_where_a_gap_closes() -> None:
-    tracks = futures(LEVELS)
-    outcomes = outcomes_table(find_encounters(tracks, PlannedPaths.from_tracks(tracks)), TRACKS[[1, 0, 2]])
-    assert outcomes.schema == OUTCOMES_SCHEMA
-    rows = outcomes.to_pylist()[:1]
-    # Only where the follower keeps 15 m/s behind the braking leader.
-    assert [row["future"] for row in outcomes.to_pylist()] == list(range(1, 40, 4))
-    assert (rows[0]["track_a"], rows[0]["track_b"]) == (17, 23) and np.isnan(rows[0]["min_pet"])
-    assert rows[0]["min_ttc_path"] == 0.0 and rows[0]["max_drac"] == np.inf
-
-
 def test_sets_and_lifts_are_of_the_event_that_is_told() -> None:
     row = table().to_pylist()[0]
     models = ["constant_velocity", "emergency_brake"]

@@ -31,12 +31,6 @@ def file_of(filled: Path) -> Path:
     return file
 
 
-def test_pairs_are_found_again(filled: Path) -> None:
-    with RankFolder(filled, PLAN) as folder:
-        assert folder.has(ONE) and folder.has(TWO) and not folder.has(moment_ref("three_t1.0"))
-        assert folder.pairs(TWO).to_pylist() == PAIRS.to_pylist()
-
-
 def test_pairs_that_are_there_are_never_written_again(filled: Path) -> None:
     before = file_of(filled).stat().st_mtime_ns
     with RankFolder(filled, PLAN) as folder:
@@ -82,27 +76,6 @@ def test_a_listing_of_which_one_letter_was_changed_is_looked_at_again(filled: Pa
         assert folder.listing("r") is None
 
 
-def test_another_ranking_is_kept_unless_told_otherwise(filled: Path) -> None:
-    with pytest.raises(ResultError, match="holds another ranking"):
-        RankFolder(filled, {**PLAN, "seed": 1})
-    with RankFolder(filled, {**PLAN, "seed": 1}, overwrite=True) as folder:
-        assert not folder.has(ONE)
-    assert not list(filled.glob("pairs/*"))
-
-
-def test_a_folder_with_other_things_in_it_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "thesis.tex").write_text("")
-    with pytest.raises(ResultError, match="not empty"):
-        RankFolder(tmp_path, PLAN, overwrite=True)
-    assert (tmp_path / "thesis.tex").exists()
-
-
-def test_an_unwritable_place_is_said(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(ResultError, match="cannot write the ranking"):
-        RankFolder(tmp_path / "file" / "out", PLAN)
-
-
 def test_failures_and_listings_are_kept(tmp_path: Path) -> None:
     failure = Failure.of(ONE, "off the map")
     listing = Listing(recording="recording", moments=(ONE, TWO))
@@ -135,18 +108,6 @@ def test_pyarrow_reads_all_pairs_in_one_line(filled: Path) -> None:
     table = pds.dataset(filled / "pairs", partitioning="hive").to_table()
     assert table.num_rows == 3
     assert set(table["seed"].to_pylist()) == {"one_t1.0", "two_t1.0"}
-
-
-def test_pandas_reads_all_pairs_in_one_line(filled: Path) -> None:
-    pandas = pytest.importorskip("pandas")
-    frame = pandas.read_parquet(filled / "pairs")
-    assert frame.groupby("seed", observed=True).size().to_dict() == {"one_t1.0": 1, "two_t1.0": 2}
-
-
-def test_polars_reads_all_pairs_in_one_line(filled: Path) -> None:
-    polars = pytest.importorskip("polars")
-    frame = polars.read_parquet(filled / "pairs" / "**" / "*.parquet", hive_partitioning=True)
-    assert frame.filter(polars.col("location") == "there")["other_id"].to_list() == [2, 3]
 
 
 def test_duckdb_reads_all_pairs_in_one_line(filled: Path) -> None:

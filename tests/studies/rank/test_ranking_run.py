@@ -206,24 +206,6 @@ def test_a_seed_whose_workers_died_is_tried_again_to_the_bytes_of_a_ranking_with
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
 
 
-def test_a_recording_that_cannot_be_read_stops_no_other(
-    recordings: tuple[Recording, ...], tmp_path: Path
-) -> None:
-    broken = dataclasses.replace(recordings[0], name="broken", track_paths=(tmp_path / "nowhere.csv",))
-    found = ranked((broken, *recordings), tmp_path / "out", Instant())
-    assert "nowhere.csv" in found.unreadable["broken"].reason
-    assert len(found.refs) > 0
-
-
-def test_progress_ends_where_everything_is_done(recordings: tuple[Recording, ...], tmp_path: Path) -> None:
-    seen: list[tuple[int, int]] = []
-    workers = Instant(bad="roundabout_t6.1")
-    with RankFolder(tmp_path / "out", {"plan": 1}) as folder:
-        RankingRun(recordings, SETTINGS, folder, workers, lambda *tick: seen.append(tick)).run()
-    assert all(done <= total for done, total in seen)
-    assert seen[-1] == (len(workers.asked), len(workers.asked))
-
-
 def test_every_case_of_a_file_of_cases_is_a_seed(tmp_path: Path) -> None:
     """Four cases of 4 s each, cut from the recording of 18 s; each case is its own situation."""
     source = scex_sumo.example_path("roundabout")
