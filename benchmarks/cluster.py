@@ -1,6 +1,6 @@
 """What seed scenes cost on a Dask cluster of two workers, and what forty thousand would.
 
-    python benchmarks/cluster.py [DATASET] [--every S] [--futures 32]
+    python benchmarks/cluster.py [DATASET] [--every S]
 
 The scheduler's time has its idle time in it, so more workers than the printed ones may be fed.
 """
@@ -25,9 +25,9 @@ import scex_sumo
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.studies.moments.workers import DaskWorkers
-from scex_sumo.studies.rank.futures import RankFolder, run_moment
+from scex_sumo.studies.rank.folder import RankFolder, run_moment
 from scex_sumo.studies.rank.ranking_run import RankingRun
-from scex_sumo.studies.rank.scores import RankSettings
+from scex_sumo.studies.rank.settings import RankSettings
 
 DATASET = scex_sumo.example_path("roundabout").parent
 MODELS = ("standard_driver", "risky_driver", "constant_velocity", "emergency_brake")
@@ -93,9 +93,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("dataset", nargs="?", type=Path, default=DATASET)
     parser.add_argument("--every", type=float, default=1.0)
-    parser.add_argument("--futures", type=int, default=32)
     args = parser.parse_args()
-    settings = RankSettings(run=RunSettings(models=MODELS, futures=args.futures), every=args.every, top=1)
+    settings = RankSettings(run=RunSettings(models=MODELS, futures=32), every=args.every, top=1)
     with dask_cluster(2) as address, tempfile.TemporaryDirectory() as out:
         workers = cluster_workers(address, 2)
         scheduler, *both = psutil.Process().children()

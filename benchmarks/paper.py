@@ -61,7 +61,6 @@ def extrapolated(scene: SeedScene, out: Path, futures: int | str) -> Run:
         preset="paper",
         design="random",
         reference=None,
-        exact=False,
         response="none",
         out=out / scene.name,
         overwrite=True,

@@ -49,7 +49,7 @@ def compare(config: str, time_s: float, model: str) -> None:
         sumo.simulationStep()
     for name in sumo.vehicle.getIDList():
         sumo.vehicle.setImperfection(name, 0.0)
-    run = watch.extrapolate(futures=1, models=model, steps=STEPS, exact=False, reference="none")
+    run = watch.extrapolate(futures=1, models=model, steps=STEPS, reference="none")
     names = {int(track): name for track, name in watch.scene().source["vehicles"].items()}
     for _ in range(STEPS):
         sumo.simulationStep()

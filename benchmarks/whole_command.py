@@ -3,16 +3,14 @@
 What a person waits for: imports, map, conversion, simulation, metrics, densities, files, likely reference and
 report, in one process. The plain bare loop is libsumo as its documentation has it, over as many vehicle-steps
 (see `bare_loop`). Commands and loops are interleaved, after a first round that compiles and keeps the net;
-medians. `rank` is counted in vehicle-steps per second of processor time, start and page included.
+medians.
 
     python benchmarks/whole_command.py [MAP.osm --synthetic 11] [--repeat 3] [--workers 2]
-        [--dataset FOLDER --before CHECKOUT]
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import os
 import resource
 import statistics
@@ -32,8 +30,7 @@ COMMANDS = {
 }
 GOALS = dict(zip(COMMANDS, (0.9, 1.6, 0.6, 0.4), strict=True))
 HERE = Path(__file__).resolve().parent
-STEPS, RANKED = 30, 32
-RANK = ["--models", "rules", "--every", "5", "--futures", str(RANKED), "--first", str(RANKED)]
+STEPS = 30
 
 
 def spent(command: list[str], tree: Path = HERE.parent) -> tuple[float, float, str]:
@@ -59,15 +56,6 @@ def plain_loop(map_path: Path, vehicles: int) -> float:
     return next(float(line.split()[1]) for line in printed.splitlines() if line.startswith("all"))
 
 
-def ranked(dataset: Path, tree: Path, out: Path, extra: list[str]) -> float:
-    """Vehicle-steps that ``rank`` runs and measures per second of processor time; ``out`` is a new folder."""
-    command = [sys.executable, "-m", "scex_sumo", "rank", str(dataset), *RANK, *extra]
-    seconds = spent([*command, "-o", str(out)], tree)[0]
-    with (out / "moments.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    return sum(int(row["vehicles"]) * int(row["futures"] or 0) * STEPS for row in rows) / seconds
-
-
 def _absolute(path: str) -> Path:
     return Path(path).resolve()
 
@@ -78,13 +66,9 @@ def main() -> None:
     parser.add_argument("--synthetic", type=int, help="vehicles that SUMO places on the map")
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--workers", type=int, default=0, help="also the wall time with so many processes")
-    parser.add_argument("--dataset", type=_absolute, help="also ranks these recordings")
-    parser.add_argument("--before", type=_absolute, help="an older checkout, to rank with as well")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         commands(options, Path(folder))
-        if options.dataset:
-            ranking(options, Path(folder))
 
 
 def commands(options: argparse.Namespace, folder: Path) -> None:
@@ -126,26 +110,6 @@ def commands(options: argparse.Namespace, folder: Path) -> None:
         for name in list(COMMANDS)[:2]:
             one, more = (statistics.median(wall[name, count]) for count in (1, options.workers))
             print(f"| {name} | {one:.2f} s | {more:.2f} s | {one / more:.2f} x |")
-
-
-def ranking(options: argparse.Namespace, folder: Path) -> None:
-    """The table of rankings: now, and by an older checkout, which knew the paper's metrics alone."""
-    trees = {"now": (HERE.parent, ["--preset", "paper"])}
-    if options.before:
-        trees["before"] = (options.before, [])
-    rates: dict[str, list[float]] = {name: [] for name in trees}
-    for turn in range(options.repeat + 1):
-        for name, (tree, extra) in trees.items():
-            rate = ranked(options.dataset, tree, folder / f"{name}{turn}", extra)
-            if turn:
-                rates[name].append(rate)
-    print(f"\nrank {options.dataset.name} {' '.join(RANK)} --preset paper")
-    print("\n| | vehicle-steps per second and core |\n|---|---|")
-    for name, each in rates.items():
-        print(f"| {name} | {statistics.median(each):,.0f} |")
-    if options.before:
-        now, before = (statistics.median(rates[name]) for name in ("now", "before"))
-        print(f"| faster | {now / before:.2f} x |")
 
 
 if __name__ == "__main__":

@@ -295,7 +295,6 @@ def going_first() -> None:
             models="joint_predictor",
             futures=24,
             steps=70,
-            exact=False,
             reference=None,
             out=Path(folder, "out"),
         )

@@ -5,11 +5,7 @@ from .base.options import option as option
 from .behaviors.base import Behavior as Behavior
 from .behaviors.registry import parse_models as parse_models
 from .behaviors.spec import ModelSpec as ModelSpec
-from .certainty.fitted import fitted_weights as fitted_weights
 from .certainty.response.answer import critical_responses as critical_responses
-from .certainty.results import Exact as Exact
-from .certainty.results import exact_of as exact_of
-from .certainty.results import weighted_probability as weighted_probability
 from .converters.datasets.find import find_recordings as find_recordings
 from .converters.lanelet.reader import read_road as read_road
 from .converters.maps import read_map as read_map
@@ -42,9 +38,7 @@ from .plug_in.own import metric as metric
 from .plug_in.predictor import Predictor as Predictor
 from .plug_in.user_model import predictor as predictor
 from .results.extras import Decision as Decision
-from .results.extras import ExactProbability as ExactProbability
 from .results.extras import Row as Row
-from .results.probability import Probability as Probability
 from .results.region import Region as Region
 from .results.run import Run as Run
 from .results.run import open_run as open_run

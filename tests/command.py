@@ -17,11 +17,9 @@ from pathlib import Path
 PRELOADED = (
     "libsumo",
     "pandas",
-    "scex_sumo.certainty.exact",
     "scex_sumo.certainty.response.page",
     "scex_sumo.certainty.response.sensitivity",
     "scex_sumo.certainty.response.words",
-    "scex_sumo.certainty.results",
     "scex_sumo.cli",
     "scex_sumo.commands.seed",
     "scex_sumo.converters.datasets.recordings",

@@ -1,4 +1,4 @@
-"""Exact probabilities and critical responses as extras of a run: their options and files."""
+"""Critical responses as an extra of a run: their options and files."""
 
 from __future__ import annotations
 
@@ -10,32 +10,10 @@ from scex_sumo.base.options import option
 from scex_sumo.extrapolation.extras import Extra
 from scex_sumo.extrapolation.settings import RunSettings
 
-EXACT: Final = "exact.json"
-"""Tables of exact probabilities in a result folder."""
-
-FITTED: Final = "fitted_weights.json"
-"""Weights of the models that were fitted to the recording, in a result folder."""
-
 RESPONSE: Final = "response.parquet"
 DECISION: Final = "decision.json"
 MAPS: Final = "response_maps.json"
 PEOPLE: Final = "people"
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExactProbabilities(Extra):
-    """Futures with chosen assignments, from which P of an event follows exactly, see docs/exact.md."""
-
-    order: ClassVar[int] = 10
-    files: ClassVar[tuple[str, ...]] = (EXACT, "exact", FITTED)
-    methods: ClassVar[str] = "scex_sumo.certainty.extra:ExactExtra"
-
-    exact: bool = option("Run some more futures for exact probabilities.", True)
-    fit_weights: bool = option("Fit the models' weights to the recording.", False)
-
-    def is_on(self, settings: RunSettings) -> bool:
-        """See `Extra`."""
-        return self.exact or self.fit_weights
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,7 +30,7 @@ def run_answer(run: Run) -> dict[str, Any]:
         "notes": [*scene.get("notes", ()), *run.info["net_notes"], *run.info["run_notes"]],
         "collision": {
             "recorded": None if recorded is None else len(recorded["overlaps"]),
-            **_both(run, lambda one: one.collision.estimate if one.outcomes else None),
+            **_both(run, lambda one: one.collision if one.outcomes else None),
             "words": {"stress_test": _in_words(run), "human_like": _in_words(run.reference)},
         },
         "metrics": [_metric(run, column) for column in critical_columns(run.columns)],
@@ -46,10 +46,7 @@ def run_answer(run: Run) -> dict[str, Any]:
 
 def meeting_rows(encounters: Sequence[Meeting]) -> list[dict[str, Any]]:
     """Return encounters as rows."""
-    return [
-        {"futures": meeting.futures, **meeting.row, "exact_collision": meeting.encounter.collision.exact}
-        for meeting in encounters
-    ]
+    return [{"futures": meeting.futures, **meeting.row} for meeting in encounters]
 
 
 def _both(run: Run, share: Any) -> dict[str, Any]:
@@ -58,7 +55,7 @@ def _both(run: Run, share: Any) -> dict[str, Any]:
 
 
 def _in_words(run: Run | None) -> str | None:
-    return run.collision.words if run is not None and run.outcomes else None
+    return run.collision.percent if run is not None and run.outcomes else None
 
 
 def _metric(run: Run, column: str) -> dict[str, Any]:

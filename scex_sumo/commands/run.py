@@ -97,13 +97,7 @@ def _worst_option(run: Run) -> tuple[Path, dict[str, Any]]:
 
 def _print_band(band: dict[str, Any]) -> None:
     left_out = f"; defined too rarely to count: {', '.join(band['left_out'])}" if band["left_out"] else ""
-    exact = band.get("remainder") is not None
-    if exact:
-        print(
-            f"P(collision) is exact after {band['futures']} futures, remainder {band['remainder']:.3f}; "
-            "--no-exact goes on until the bands are narrow"
-        )
-    short = "" if exact or band["width"] <= band["asked"] else f", not the +-{band['asked']:g} asked for"
+    short = "" if band["width"] <= band["asked"] else f", not the +-{band['asked']:g} asked for"
     print(
         f"widest 95 % band: +-{band['width']:.3f} ({band['metric'] or 'no metric'}) "
         f"after {band['futures']} futures{short}{left_out}"

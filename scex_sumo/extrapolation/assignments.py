@@ -14,7 +14,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.statistics.designs import DESIGNS
 
 MAX_COMBINATIONS = 10_000
-_ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM, EXACT_STREAM, _PEOPLE_STREAM = range(6)
+_ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM, _, _PEOPLE_STREAM = range(6)
 
 
 def future_generator(seed: int, future: int, stream: int = _PLAN_STREAM) -> np.random.Generator:

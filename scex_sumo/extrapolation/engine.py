@@ -73,14 +73,13 @@ def run_scene(
     with threadpool_limits(1, user_api="blas"), options.bar(scene.name) as tick:
         parts = [_part_of(tick, k, 1 + sum(repeats)) for k in range(1 + sum(repeats))]
         run_all = partial(_run_all, workers=workers, batch=options.batch, progress=parts[0])
-        band, settled = None, dict[int, Any]()
+        band = None
         if settings.until_band is None:
             run_all(job)
         else:
             from scex_sumo.extrapolation.growing import run_until_narrow
 
-            work_of = partial(Work, workers=workers, options=options, extras=extras)
-            job, band, settled = run_until_narrow(job, run_all, work_of)
+            job, band = run_until_narrow(job, run_all)
         watch.lap("simulate_and_measure")
         recorded = _recorded(job)
         part = write_tables(folder, job, recorded, workers=workers)
@@ -89,8 +88,7 @@ def run_scene(
         rows: list[Row] = []
         for number, extra in enumerate(active):
             progress = parts[1 + sum(repeats[:number])] if repeats[number] else None
-            known, task = settled.get(number), begun[number]
-            rows += extra.after(dataclasses.replace(work, progress=progress, settled=known, begun=task))
+            rows += extra.after(dataclasses.replace(work, progress=progress, begun=begun[number]))
     watch.lap("extras")
     notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *workers.deaths]
     info = _info(job, options.command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}

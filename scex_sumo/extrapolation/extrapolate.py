@@ -40,7 +40,7 @@ def extrapolate(
         settings: None makes them of the options.
         progress: True for a bar on a terminal or in a notebook; or called with (steps done, steps in all).
         options: fields of `RunSettings`, `RunOptions` and the registered extras, as ``scex-sumo run --help``
-            lists them, e.g. ``futures``, ``models``, ``assign``, ``out``, ``reference``, ``exact``.
+            lists them, e.g. ``futures``, ``models``, ``assign``, ``out``, ``reference``.
 
     Raises:
         UsageError: an option makes no sense.
@@ -87,7 +87,7 @@ def _run(
 
 
 def _python_message(message: str) -> str:
-    """Return a message with arguments, e.g. ``exact=False``, in the place of options of the command line."""
+    """Return a message with arguments, e.g. ``report=False``, in the place of options of the command line."""
     words = {"-o": "out"}
     for kind in run_options():
         flags = {one.name for one in dataclasses.fields(kind) if isinstance(one.default, bool)}

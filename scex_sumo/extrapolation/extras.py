@@ -28,8 +28,7 @@ class Work:
     """A run whose drawn futures are finished, for its extras.
 
     Attributes:
-        part: all futures, with their first step only, without plans; with ``until_band`` those so far.
-        settled: what `Extra.settle` returned for these futures; None if it was not asked.
+        part: all futures, with their first step only, without plans.
         begun: what `Extra.begin` returned.
         progress: counts the steps of a further run of this size, see `Extra.repeats`.
 
@@ -47,7 +46,6 @@ class Work:
     workers: Workers
     options: RunOptions
     extras: Sequence[Extra] = ()
-    settled: Any = None
     begun: Future[Any] | None = None
     progress: Progress | None = None
 
@@ -101,13 +99,6 @@ class Extra(ExtraResults):
 
     def begin(self, job: Job, workers: Workers, options: RunOptions) -> Future[Any] | None:
         """Start in a worker what needs no futures of the run, see `Workers.submit`; None without a worker."""
-        return None
-
-    def settle(self, work: Work) -> Any:
-        """Return an object with the ``remainder`` of P(collision), with which ``until_band`` may end the run.
-
-        None if it cannot tell.
-        """
         return None
 
     def after(self, work: Work) -> Sequence[Row]:

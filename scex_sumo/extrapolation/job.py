@@ -54,7 +54,6 @@ class Job:
         counted: (T, V) steps in which a vehicle counts in metrics; None: all.
         on_paths: measure TTC, PET and DRAC of encounters, too.
         compared: compare a checked world with SUMO's.
-        route_draw: (C, V) as of `SceneHistory`, for all futures; None: by seed and future.
     """
 
     scene: SeedScene
@@ -67,7 +66,6 @@ class Job:
     counted: BoolArray | None = None
     compared: bool = True
     on_paths: bool = True
-    route_draw: FloatArray | None = None
 
     @property
     def road(self) -> Road:
@@ -271,9 +269,7 @@ def _batch(job: Job, futures: IntArray) -> Batch:
         models=built,
         names=job.models.names,
         overridden=np.array([not is_driven_by_sumo(model) for model in built]),
-        route_draw=route_draws(futures, job.scene.vehicles, seed=seed)
-        if job.route_draw is None
-        else job.route_draw[futures],
+        route_draw=route_draws(futures, job.scene.vehicles, seed=seed),
         generators=[future_generator(seed, int(c)) for c in futures],
     )
 

@@ -141,9 +141,7 @@ class RunSettings:
     design: str = option(
         "How assignments are drawn: balanced (default) or random.", DEFAULT_DESIGN, metavar="NAME", takes=str
     )
-    until_band: float | None = option(
-        "Go on until all 95 % bands, or an exact P, are within +-W.", None, metavar="W"
-    )
+    until_band: float | None = option("Go on until all 95 % bands are within +-W.", None, metavar="W")
     region: Region | str | None = option(
         "Only pairs with a vehicle in this circle, m.", None, metavar="X,Y,R", takes=str
     )

@@ -20,7 +20,7 @@ class ReportPage(Extra):
     """``report.html`` in the result folder, written last."""
 
     order: ClassVar[int] = 100
-    files: ClassVar[tuple[str, ...]] = ("report.html", "evidence.html")
+    files: ClassVar[tuple[str, ...]] = ("report.html",)
     nested: ClassVar[bool] = False
 
     report: bool = option("Write report.html.", True, names=("--report/--no-report", "--plots/--no-plots"))

@@ -12,7 +12,7 @@ import numpy as np
 
 from scex_sumo.behaviors.registry import mixes
 from scex_sumo.results.extras import NOTHING
-from scex_sumo.results.probability import Encounter, Probability, probability_of
+from scex_sumo.results.probability import Encounter
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import (
     ENCOUNTERS,
@@ -23,6 +23,7 @@ from scex_sumo.results.tables.encounters import (
     is_queue,
     precedence_words,
 )
+from scex_sumo.statistics.density import Interval
 
 if TYPE_CHECKING:
     from scex_sumo.results.region import Region
@@ -65,15 +66,14 @@ class Meeting:
         return None if doubt is None else str(doubt)
 
     def words(self) -> str:
-        """Return the encounter in words, with the cut sets of its event where the run has an exact table."""
+        """Return the encounter in words, with the futures in which its event always happened."""
         event = event_of(self.row)[0] or "critical"
-        text = in_words(self.row, self.encounter.probability(event).known)
-        text += precedence_words(self.run.info, self.pair)
+        text = in_words(self.row) + precedence_words(self.run.info, self.pair)
         text += f"; doubtful: {self.doubt}" if self.doubt else ""
         if self.futures == STRESS_TEST:
             return text
         stress = None if self.stress is None else self.stress.probability(event)
-        possible = stress.percent if stress and stress.estimate.value else "never"
+        possible = stress.percent if stress and stress.value else "never"
         return f"{text}; human-like, of {self.run.futures} futures; in the stress test {possible}"
 
 
@@ -113,18 +113,17 @@ def meetings(run: Run, region: Region | None = None) -> list[Meeting]:
 def named_as(lead: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
     """Return a row of a pair with the order of its vehicles and the place of another row of the pair."""
     if row["track_id"] != lead["track_id"]:
-        models = [{name: by[_SWAP.get(name, name)] for name in by} for by in row["models"]]
-        row = {name: row[_SWAP.get(name, name)] for name in row} | {"models": models}
+        row = {name: row[_SWAP.get(name, name)] for name in row}
     return {**row, "place": lead["place"]}
 
 
-def probability_in(run: Run, pair: tuple[int, int], event: str) -> Probability:
-    """Return the probability of an event of a pair in a set of futures, in which it need not meet."""
+def probability_in(run: Run, pair: tuple[int, int], event: str) -> Interval:
+    """Return the share of a set of futures with an event of a pair, which need not meet in any."""
     rows = run.encounters.to_pylist()
     meets = next((row for row in rows if {row["track_id"], row["other_id"]} == set(pair)), None)
     if meets is not None:
         return Encounter(row=meets, run=run).probability(event)
-    return probability_of(run, run.intervals.share(np.zeros(run.futures, dtype=np.bool_)), event, pair)
+    return run.intervals.share(np.zeros(run.futures, dtype=np.bool_))
 
 
 def driven_as(run: Run) -> str:

@@ -27,7 +27,6 @@ from scex_sumo.reports.encounter_rows import (
 )
 from scex_sumo.results.design import is_critical
 from scex_sumo.results.extras import extras_results
-from scex_sumo.results.probability import Probability
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import ENCOUNTERS
 from scex_sumo.results.tables.horizons import horizons_of
@@ -91,7 +90,7 @@ def answer_lines(run: Run) -> list[str]:
 
 
 def _collides(run: Run) -> str:
-    return f"a collision in {run.collision.percent} of futures, driven as {driven_as(run)}{_sure(run)}"
+    return f"a collision in {run.collision.percent} of futures, driven as {driven_as(run)}"
 
 
 def _left_out(run: Run, encounters: list[Meeting]) -> list[str]:
@@ -99,11 +98,6 @@ def _left_out(run: Run, encounters: list[Meeting]) -> list[str]:
     doubts = dict.fromkeys(meeting.doubt for meeting in worst_of(encounters, doubtful=True) if meeting.doubt)
     doubts = {} if run.keeps_doubtful else doubts
     return [f"left out as doubtful ({KEEP_DOUBTFUL} keeps them): {listed(doubts)}"] if doubts else []
-
-
-def _sure(run: Run) -> str:
-    known = run.collision.known
-    return "" if known is None else f"; {known.checked}"
 
 
 def expected_injuries(run: Run) -> float | None:
@@ -193,7 +187,7 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
     rows: list[Sequence[str] | None] = []
     if COLLISION in run.metrics.column_names:
         human = () if likely is None else (_tight(likely.collision.share),)
-        collided = _collision_shares(run.collision)
+        collided = _shares(run.collision)
         rows.append(("collision", _recorded_overlaps(run), "–", "any", *human, *collided, "all"))
     for seconds in horizons_of(int(run.info.get("steps", 0))) if run.outcomes else ():
         human = () if likely is None else (_tight(likely.p_collision_by(seconds).share),)
@@ -278,7 +272,7 @@ def _median(run: Run, column: str) -> str:
     samples = run.samples(column)
     median = float(np.median(samples)) if len(samples) else None
     extreme = median is not None and (median == 0 or np.isinf(median))
-    return "collides" if extreme and run.outcomes and run.collision.sampled.value >= 0.5 else _number(median)
+    return "collides" if extreme and run.outcomes and run.collision.value >= 0.5 else _number(median)
 
 
 def _defined(run: Run, column: str, likely: Run | None) -> str:
@@ -293,10 +287,6 @@ def _shares(share: Interval) -> tuple[str, str]:
 
 def _tight(percent: str) -> str:
     return percent.replace(" ", "")
-
-
-def _collision_shares(share: Probability) -> tuple[str, str]:
-    return _shares(share.sampled) if share.exact is None else (_tight(share.percent), "exact")
 
 
 def _recorded_overlaps(run: Run) -> str:

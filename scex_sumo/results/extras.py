@@ -1,12 +1,11 @@
 """Registry of extras of a run, and what an extra reads from a result folder.
 
-An extra is what a run does beside its drawn futures, such as exact probabilities, a human-like reference or
-a page. `scex_sumo.extrapolation.extras.Extra` adds what it does while the run is made.
+An extra is what a run does beside its drawn futures, such as a human-like reference or a page.
+`scex_sumo.extrapolation.extras.Extra` adds what it does while the run is made.
 """
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -27,51 +26,6 @@ EXTRAS: Final = Registry(group="scex_sumo.extras", kind="extra of a run")
 REFERENCE: Final = "reference"
 BASELINE: Final = "baseline"
 """Folders in that of a run, with results of their own."""
-
-
-def known_percent(value: float, remainder: float) -> str:
-    """Return a share in percent, rounded to what a remainder leaves, with one significant digit or more."""
-    if value <= 0 or value >= 1 or remainder <= 0:
-        return f"{100 * value:.4g} %"
-    digits = max(math.floor(-math.log10(100 * remainder)), 0)
-    edge, rare = min(value, 1 - value), 10.0 ** -(digits + 2)
-    if 100 * edge < rare:
-        return f"< {rare:g} %" if edge == value else f"> {100 - rare:g} %"
-    return f"{100 * value:.{max(digits, math.floor(-math.log10(100 * edge)) + 1)}f} %"
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExactProbability:
-    """Probability of an event that was not sampled.
-
-    Attributes:
-        checked: how it was checked, in words.
-        remainder: share that may be wrong, at most, with 95 %.
-        ways: when the event happens, in words; empty for several pairs.
-
-    Example:
-        >>> scex.ExactProbability(value=0.25, checked="exact", ways=("3 brakes", "4 brakes")).summary
-        'e.g. if 3 brakes (one of 2 ways, see encounters --pair)'
-    """
-
-    value: float
-    checked: str
-    remainder: float = 0.0
-    ways: tuple[str, ...] = ()
-
-    @property
-    def percent(self) -> str:
-        """The probability, rounded to what the remainder leaves, e.g. ``56 %`` with a remainder of 0.8 %."""
-        return known_percent(self.value, self.remainder)
-
-    @property
-    def summary(self) -> str:
-        """When the event happens, with two of its conditions at most; empty for several pairs."""
-        first, *more = self.ways[0].split(" and ") if self.ways else ("",)
-        if len(self.ways) == 1 and len(more) < 2:
-            return f"exactly if {self.ways[0]}"
-        ways = f" (one of {len(self.ways)} ways, see encounters --pair)" if len(self.ways) > 1 else ""
-        return f"e.g. if {' and '.join([first, *more[:1]])}{ways}" if first else ""
 
 
 TEST: Final = "test"
@@ -149,12 +103,6 @@ class ExtraResults:
         loaded: E = import_object(self.methods)(**vars(self)) if self.methods else self
         return loaded
 
-    def exact_probability(
-        self, run: Any, event: str, pair: tuple[int, int] | None
-    ) -> ExactProbability | None:
-        """Return the exact probability of an event of a pair, or of any pair; None where it is not known."""
-        return None
-
     def decision(self, run: Any) -> Decision | None:
         """Return what to test in the moment of the run; None if it does not tell."""
         return None
@@ -164,10 +112,6 @@ class ExtraResults:
 
     def lines(self, run: Any) -> Sequence[str]:
         """Return sentences of the summary."""
-        return ()
-
-    def pair_lines(self, run: Any, row: Mapping[str, Any]) -> Sequence[str]:
-        """Return sentences about a pair, a row of ``encounters.parquet``."""
         return ()
 
     def answer(self, run: Any) -> Mapping[str, Any]:

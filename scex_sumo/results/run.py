@@ -18,7 +18,7 @@ from scex_sumo.metrics.registry import COLLISION, Metric, column_named, describe
 from scex_sumo.results.design import column_of, half_widths, intervals_of, is_critical, metric_density
 from scex_sumo.results.extras import BASELINE, REFERENCE, Decision, extras_results
 from scex_sumo.results.info import read_info
-from scex_sumo.results.probability import Encounter, Probability, probability_of
+from scex_sumo.results.probability import Encounter
 from scex_sumo.results.tables.horizons import HORIZONS, horizons_of
 from scex_sumo.results.tables.reading import read_assignments, read_metrics, read_table
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
@@ -46,7 +46,7 @@ class Run:
         written: files that the extras of this run wrote for the user, by what they are, e.g. ``report``.
 
     Example:
-        >>> run.futures, run.collision.estimate.value
+        >>> run.futures, run.collision.value
         (4, 0.0)
         >>> run.most_critical("ttc")  # number of the future
         0
@@ -164,10 +164,9 @@ class Run:
         return intervals_of(self.info, self.assignments if there else None, self.futures)
 
     @cached_property
-    def collision(self) -> Probability:
-        """Probability that two vehicles collide in a future: sampled, exact where known, and the best."""
-        share = self.intervals.share(np.asarray(self.metrics[COLLISION]))
-        return probability_of(self, share, COLLISION)
+    def collision(self) -> Interval:
+        """Share of the futures in which two vehicles collide, with its 95 % interval."""
+        return self.intervals.share(np.asarray(self.metrics[COLLISION]))
 
     def p_collision_by(self, seconds: float) -> Interval:
         """Return the share of futures with a collision by a time after the seed moment, with its interval."""

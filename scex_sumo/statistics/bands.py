@@ -1,4 +1,4 @@
-"""Runs that go on until the bands around all cumulative distributions are narrow enough, or P is exact."""
+"""Runs that go on until the bands around all cumulative distributions are narrow enough."""
 
 from __future__ import annotations
 
@@ -23,14 +23,12 @@ class Look:
     Attributes:
         width: half-width of the widest band, that of ``metric``.
         left_out: columns that are defined too rarely to count.
-        remainder: of an exact P(collision); None without one.
     """
 
     futures: int
     width: float
     metric: str
     left_out: tuple[str, ...]
-    remainder: float | None = None
 
 
 def look(intervals: DesignIntervals, values: FloatArray, defined: BoolArray, columns: Sequence[str]) -> Look:
@@ -56,7 +54,7 @@ def look(intervals: DesignIntervals, values: FloatArray, defined: BoolArray, col
 
 
 def grow(measure: Callable[[int], Look], *, band: float, most: int) -> Look:
-    """Run more and more futures until the widest band, or the remainder, is narrow; return the last look.
+    """Run more and more futures until the widest band is narrow; return the last look.
 
     The next number depends on the values only, not on workers, batches or interruptions.
 
@@ -67,13 +65,7 @@ def grow(measure: Callable[[int], Look], *, band: float, most: int) -> Look:
     count = min(FIRST_LOOK, most)
     while True:
         latest = measure(count)
-        certain = latest.width if latest.remainder is None else min(latest.width, latest.remainder)
-        if certain <= band or count >= most:
+        if latest.width <= band or count >= most:
             return latest
         needed = int(np.ceil(1.02 * count * (latest.width / band) ** 2))
         count = min(max(count + 20, min(needed, 2 * count)), most)
-
-
-def remainder_of(checked: int) -> float:
-    """Return the largest share that is wrong, with 95 %, if none of ``checked`` draws is (rule of three)."""
-    return min(1.0, 3.0 / checked) if checked else 1.0

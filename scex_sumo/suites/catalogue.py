@@ -32,7 +32,7 @@ from scex_sumo.suites.suite import CASES, FORMAT, MAPS, SUITE, Suite, open_suite
 RANKING = "ranking"
 FUTURES = 64
 PAGE = "catalogue.html"
-_PAIRS_ALONE: Any = {"top": 1, "futures": 1, "exact": False}  # a suite needs no stress test
+_PAIRS_ALONE: Any = {"top": 1, "futures": 1}  # a suite needs no stress test
 LICENCE = "LICENCE.md"
 _LICENCE_TEXT = """# Where the cases come from
 

@@ -15,7 +15,7 @@ from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import writing
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.run import Run
-from scex_sumo.results.tables.encounters import precedence_words
+from scex_sumo.results.tables.encounters import precedence_words, share_of
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 from scex_sumo.views.drawings import FutureView
 from scex_sumo.views.replay import write_view
@@ -77,8 +77,8 @@ def write_encounter(run: Run, first: int, second: int) -> Path:
         raise ResultError(
             f"{run.folder}: {first} and {second} meet in no future; pairs that meet most often: {pairs}"
         )
-    what, share = ("collides", row["collision"]) if row["collision"] > 0 else ("critical", row["critical"])
-    step, title = round(row["time_s"] / STEP_S), f"{what} in {100 * share:.0f} %"
+    what, name = ("collides", COLLISION) if row["collision"] > 0 else ("critical", "critical")
+    step, title = round(row["time_s"] / STEP_S), f"{what} in {share_of(row, name).share}"
     return _write(run, [_event_view(run, row["future"], [first, second], step, title)])
 
 

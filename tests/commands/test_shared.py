@@ -38,7 +38,7 @@ def documented(command: str) -> list[str]:
 def test_json_is_all_on_standard_output_and_has_the_documented_keys(
     command: str, result: Path, tmp_path: Path
 ) -> None:
-    small = {"rank": (MAP, "--every", 9, "--futures", 2, "--first", 2), "inspect": (MAP,)}
+    small = {"rank": (MAP, "--every", 9, "--futures", 2), "inspect": (MAP,)}
     small |= {"validate": (MAP, "--every", 9, "--futures", 4), "run": (MAP, *SHORT, "--no-report")}
     out = () if command in ("encounters", "inspect") else ("-o", tmp_path / "out")
     done = scex(command, *small.get(command, (result,)), *out, "--json")

@@ -49,7 +49,6 @@ def test_the_others_drive_as_in_a_run(scene: scex.SeedScene, tmp_path: Path) -> 
         seed=3,
         models="rules",
         assign={agent: "constant_velocity"},
-        exact=False,
         out=tmp_path / "run",
     )
     states = States.stack([run.states(future) for future in range(count)], axis=0)[:, :, -30:]

@@ -228,7 +228,7 @@ def _scenario(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]
     return f"{file.name}: {how}", rng.choice(commands)
 
 
-FEW = ("--first", "2", "--top", "1", "-o", "new")
+FEW = ("--top", "1", "-o", "new")
 
 
 def _drawn(
@@ -242,10 +242,10 @@ def _drawn(
 
 
 def _answers(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
-    """Exact tables or outcomes of pairs, of either set of futures."""
+    """Outcomes of pairs, of either set of futures."""
     shutil.copytree(sources.answers(), work / "out")
-    names = ("exact.json", "exact/*", "pair_outcomes.parquet", "collisions.parquet")
-    files = sorted({file for name in (*names, "encounters.parquet") for file in (work / "out").rglob(name)})
+    names = ("pair_outcomes.parquet", "collisions.parquet", "encounters.parquet")
+    files = sorted({file for name in names for file in (work / "out").rglob(name)})
     file = rng.choice(files)
     how = "removed" if rng.random() < 0.05 else _twice(file, rng)
     if how == "removed":
@@ -253,7 +253,6 @@ def _answers(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]
     encounters = ["encounters", "out"]
     commands = (
         [*encounters, "--json"],
-        [*encounters, "--weights", "standard_driver=0.9"],
         [*encounters, "--pair", "10,12"],
         ["report", "out"],
         ["view", "out", "--write-only", "--encounter", "10,12"],

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import scex_sumo
+from scex_sumo.base.errors import UsageError
 from scex_sumo.results.run import Run
+from scex_sumo.results.tables.encounters import QUESTIONS
 from tests.integration.test_cli import ALONE, ROUNDABOUT, refused, scex
 from tests.runs import extrapolate
 
@@ -25,7 +27,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 def test_collisions_encounters_and_shares_say_the_same(run: Run) -> None:
     hit = np.asarray(run.metrics["collision"])
     assert set(run.collisions["future"].to_pylist()) == set(np.flatnonzero(hit).tolist())
-    share = run.collision.estimate
+    share = run.collision
     assert 0 < share.low < share.value == hit.mean() < share.high < 1
     assert max(row["collision"] for row in run.encounters.to_pylist()) <= share.value
     first = run.encounters.to_pylist()[0]
@@ -37,12 +39,25 @@ def test_collisions_encounters_and_shares_say_the_same(run: Run) -> None:
     assert first["collision"] == len(together) / 40
 
 
+def test_outcomes_of_each_pair_and_future_give_the_shares_of_the_encounters(run: Run) -> None:
+    table = run.pair_outcomes
+    assert (np.asarray(table["track_a"]) < np.asarray(table["track_b"])).all()
+    for row in run.encounters.to_pylist():
+        encounter = run.encounter(row["track_id"], row["other_id"])
+        for event in QUESTIONS:
+            share = encounter.probability(event)
+            assert encounter.happens(event).sum() == share.count == round(row[event] * run.futures), event
+            assert share.value >= encounter.collision.value  # a collision counts as each event
+    with pytest.raises(UsageError, match="unknown event"):
+        encounter.probability("hit")
+
+
 def test_encounters_are_listed_and_a_pair_is_told_in_full(run: Run) -> None:
     first = run.encounters.to_pylist()[0]
     listed = scex("encounters", run.folder)
     assert f"{first['track_id']} \u2192 {first['other_id']}" in listed.stdout
     pair = scex("encounters", run.folder, "--pair", f"{first['other_id']},{first['track_id']}")
-    assert "collides in futures" in pair.stdout and "by their models" in pair.stdout
+    assert "collides in futures" in pair.stdout and "by the model of one vehicle" in pair.stdout
     assert "needs two track ids" in refused("encounters", run.folder, "--pair", "17", status=2)
     assert "meet in no future" in refused("encounters", run.folder, "--pair", "98,99", status=2)
 

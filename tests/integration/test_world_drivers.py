@@ -264,7 +264,7 @@ def test_a_pedestrian_is_a_person_on_no_walking_area_and_a_cyclist_a_bicycle(
     monkeypatch.setattr(SumoWorld, "_advance", recorded)
     seed = read_seed(example_path("urban_intersection"))
     models = "sumo:EIDM,keeps_way" if vru == "model" else "sumo:EIDM"
-    extrapolate(seed, models=models, vru=vru, futures=1, steps=10, exact=False, out=tmp_path / "run")
+    extrapolate(seed, models=models, vru=vru, futures=1, steps=10, out=tmp_path / "run")
     assert len(lanes) == 11 and not any("_w" in lane for lane in lanes)
     assert classes == {"passenger", "bicycle"}
 

@@ -21,7 +21,7 @@ events.EVENTS = {**events.EVENTS, "gap": near}
 events.MEASURED = (*events.MEASURED, near)
 
 import numpy as np
-from scex_sumo.certainty.exact import EVENTS
+from scex_sumo.metrics.events import EVENTS
 from scex_sumo.page.report.tables import BITS
 from scex_sumo.page.report.encounter_table import HEADS
 from scex_sumo.results.tables.encounters import QUESTIONS, encounters_table, event_of, outcomes_table

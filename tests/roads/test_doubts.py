@@ -10,7 +10,7 @@ import pytest
 
 from scex_sumo.roads.doubts import doubts_of
 from scex_sumo.scene import SeedScene
-from tests.certainty.queues import queues
+from tests.queues import queues
 
 
 def doubt(scene: SeedScene) -> str | None:

@@ -54,14 +54,6 @@ def test_a_run_ends_at_the_most_futures_in_any_case() -> None:
     assert grow(widths(1.358, []), band=0.01, most=7).futures == 7
 
 
-def test_a_run_ends_at_an_exact_probability() -> None:
-    def measure(count: int) -> Look:
-        left = 3 / count if count >= 150 else None
-        return Look(futures=count, width=0.3, metric="m", left_out=(), remainder=left)
-
-    assert 150 <= grow(measure, band=0.02, most=500).futures < 500
-
-
 @pytest.mark.parametrize("band", [0.0, -0.1, 1.0, float("nan")])
 def test_a_band_that_makes_no_sense_is_refused(band: float) -> None:
     with pytest.raises(UsageError, match="between 0 and 1"):
@@ -78,18 +70,3 @@ def test_a_run_until_a_band_is_the_same_whatever_the_batches_and_workers(tmp_pat
     assert info["futures"] == info["band"]["futures"] == 130
     for name in ("metrics.parquet", "assignments.parquet", "tracks.parquet"):
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
-
-
-def test_a_run_until_a_band_ends_at_exact_tables_and_keeps_them(tmp_path: Path) -> None:
-    words = ("run", scex_sumo.example_path("roundabout"), "--until-band", 0.04, "--futures", 300)
-    done = scex(*words, *QUICK, "-o", tmp_path / "exact")
-    assert done.returncode == 0, done.stderr
-    assert "P(collision) is exact after 100 futures, remainder 0.030" in done.stdout
-    run = scex_sumo.open_run(tmp_path / "exact")
-    assert (run.futures, run.info["band"]["remainder"]) == (100, 0.03)
-    assert run.collision.estimate.value == pytest.approx(1 - 55 / 64 * (15 / 16) ** 2)
-    sampled = scex(*words, "--no-exact", *QUICK, "-o", tmp_path / "sampled")
-    assert sampled.returncode == 0, sampled.stderr
-    info = json.loads((tmp_path / "sampled" / "run.json").read_text())
-    assert info["futures"] > 100
-    assert info["band"]["remainder"] is None

@@ -15,7 +15,7 @@ from scex_sumo.scene import SceneHistory, VehicleIndex
 from scex_sumo.suites.simulate import FewFutures, Outcomes, draws_of, simulate
 from scex_sumo.suites.situation import STEPS, Situation, situation_of
 from scex_sumo.suites.testing.tasks import by_level, expected_contacts, record_of, touch_and_go
-from tests.certainty.queues import queues
+from tests.queues import queues
 
 
 @pytest.fixture(scope="module")

@@ -161,7 +161,6 @@ function runReport(run) {
 
   showTables(info.tables);
   const drawTested = info.tested_curves ? testedCurves(byId("tested-curves"), info.tested_curves) : () => {};
-  if (byId("exact")) exactCard(info.exact);
   const responses = byId("response-map") ? responseCard(run, state, info.responses, jump, map.road) : { draw() {}, follow() {} };
   const listed = { restart() { // at rest: it takes longer than a frame
     clearTimeout(listed.timer);

@@ -12,11 +12,10 @@ from rich.console import Console
 from scex_sumo.metrics.events import EVENTS, MEASURED
 from scex_sumo.reports.encounter_rows import Meeting, meetings
 from scex_sumo.reports.run_table import Head, console_table, counted, print_line, print_table
-from scex_sumo.results.extras import extras_results
-from scex_sumo.results.probability import Probability
 from scex_sumo.results.region import Region
 from scex_sumo.results.run import Run
-from scex_sumo.results.tables.encounters import QUESTIONS
+from scex_sumo.results.tables.cut_sets import cut_set_words
+from scex_sumo.results.tables.encounters import QUESTIONS, event_of
 from scex_sumo.results.tables.outcomes import collided, first_contacts
 
 _SHARE = "Share of the futures; a click on a row shows the typical one"
@@ -66,7 +65,7 @@ def print_encounters(run: Run, console: Console, *, most: int, region: Region | 
 
 
 def encounter_cells(meeting: Meeting) -> tuple[list[Any], list[str | None]]:
-    """Return the cells of an encounter under `HEADS`, and the words of probabilities, with known digits."""
+    """Return the cells of an encounter under `HEADS`, and the words of probabilities."""
     row, (collision, *others) = meeting.row, [meeting.encounter.probability(name) for name in _ASKED]
     words = iter(share.share for share in (collision, *others))
     said = [next(words) if form == "percent" else None for _, form, _ in HEADS]
@@ -74,18 +73,14 @@ def encounter_cells(meeting: Meeting) -> tuple[list[Any], list[str | None]]:
         f"{row['track_id']} → {row['other_id']}",
         ", ".join(filter(None, (row["place"], "doubtful" if meeting.doubt else None))) or None,
         meeting.futures,
-        collision.estimate.value,
-        _sure(collision),
-        *(share.estimate.value for share in others),
+        collision.value,
+        f"{collision.range} %",
+        *(share.value for share in others),
         row["gap"],
         round(row["time_s"], 1),
         f"{row['model']}, {row['other_model']}",
     ]
     return cells, said
-
-
-def _sure(share: Probability) -> str:
-    return "exact" if share.exact is not None else f"{share.sampled.range} %"
 
 
 def _share(run: Run, vehicles: Sequence[int]) -> str:
@@ -105,24 +100,24 @@ def print_pair(meeting: Meeting, console: Console) -> None:
             encounter.probability(name),
             EVENTS[name].question if name in EVENTS else "any of these",
         )
-        rows.append((words, share.share, _sure(share)))
+        rows.append((words, share.share, f"{share.range} %"))
     heads = [("question", "names", ""), ("share", "text", ""), ("interval", "text", "")]
     title = f"share of {run.futures} {meeting.futures} futures, 95 % interval"
     caption = "a collision counts as TTC, PET and DRAC"
     print_table(console_table(title, heads, rows, caption=caption), console)
-    for line in (line for extra in extras_results(run.folder) for line in extra.pair_lines(run, row)):
-        print_line(line, console)
+    event = event_of(row)[1]
+    for words in cut_set_words(row["cut_sets"]):
+        print_line(f"{event} {words}", console)
     gaps = ["> 10" if row[f"gap_p{p}"] is None else f"{row[f'gap_p{p}']:.1f}" for p in ("05", "50", "95")]
     print_line(
         f"least gap in m: {gaps[0]} in 5 %, {gaps[1]} in 50 %, {gaps[2]} in 95 % of the futures", console
     )
-    if row["models"]:
-        heads = [(str(row[name]), "names", "") for name in ("track_id", "other_id")]
-        heads += [(name, "text", "") for name in ("futures", "critical")]
-        heads += [("P", "percent", ""), ("of all", "percent", ""), ("lift", "real", "")]
-        print_table(
-            console_table("by their models", heads, [list(e.values()) for e in row["models"]]), console
-        )
+    if row["lifts"]:
+        names: tuple[Head, ...] = (("vehicle", "names", ""), ("model", "names", ""))
+        heads = [*names, ("futures", "text", ""), (event, "text", ""), ("lift", "real", "")]
+        title, caption = "by the model of one vehicle", "lift: share of these futures over that of all"
+        lifts = [list(lift.values()) for lift in row["lifts"]]
+        print_table(console_table(title, heads, lifts, caption=caption), console)
     hits = np.flatnonzero(encounter.happens("collision")).tolist()
     if hits:
         shown = ", ".join(map(str, hits[:12])) + (", ..." if len(hits) > 12 else "")

@@ -101,7 +101,7 @@ def _row(name: str, values: Sequence[float | str | None]) -> str:
 def _big(share: Mapping[str, Any], what: str, name: str, kind: str) -> Html:
     value, interval = share["percent"], share["range"]
     seen = f"{share['count']} of {counted(share['futures'], 'future')}"
-    words = f"exact; sampled: {seen}, {interval}" if share["is_exact"] else f"{seen}; 95 %: {interval}"
+    words = f"{seen}; 95 %: {interval}"
     number = element("div.big.hot" if share["count"] else "div.big", value, id=name, title=value)
     hurt = share["injuries"]
     severe = [] if hurt is None else [f"; {1000 * hurt:.2f} severe injuries (MAIS 3+) in 1000 futures"]

@@ -24,8 +24,9 @@ from scex_sumo.reports.encounter_rows import (
     worst_of,
 )
 from scex_sumo.reports.run_table import expected_injuries
-from scex_sumo.results.probability import Probability, critical_outcomes
+from scex_sumo.results.probability import critical_outcomes
 from scex_sumo.results.run import PAIR_OUTCOMES, Run
+from scex_sumo.results.tables.cut_sets import cut_set_words
 from scex_sumo.results.tables.encounters import arrows, event_of, precedence_words
 from scex_sumo.results.tables.outcomes import COLLISIONS, first_contacts
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
@@ -142,9 +143,8 @@ def collision_share(run: Run) -> dict[str, Any] | None:
         "futures": run.futures,
         "injuries": expected_injuries(run),
         "driven": f"driven as {driven_as(run)}",
-        "percent": share.percent if share.known else share.sampled.share,
-        "range": f"{share.sampled.range} %",
-        "is_exact": share.known is not None,
+        "percent": share.share,
+        "range": f"{share.range} %",
     }
 
 
@@ -197,28 +197,25 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
 def _story(group: Sequence[Meeting], both: Sequence[Run]) -> dict[str, Any]:
     """Return what happens in a worst encounter: question, words, kind, place, pairs alike, drivers.
 
-    ``told`` are P and its interval, or ``exact``, in words: of the stress test, then of human-like futures.
+    ``told`` are P and its interval in words: of the stress test, then of human-like futures.
     """
     one, more = group[0], [(like.row["track_id"], like.row["other_id"]) for like in group[1:]]
     question, happens = event_of(one.row)
     also = [f"so {len(more)} more: {arrows(more)}"] if more else []
-    exact = one.encounter.probability(question).known
     tracks = [one.row["track_id"], one.row["other_id"]]
     drivers = [
         f"{track} {one.row[model]}" for track, model in zip(tracks, ("model", "other_model"), strict=True)
     ]
-    ways = "" if exact is None else exact.summary
+    always = cut_set_words(one.row.get("cut_sets") or ())
+    why = always[0] if always else f"typically {', '.join(drivers)}"
+    shares = [probability_in(run, one.pair, question) for run in both]
     return {
         "question": question,
         "happens": happens,
         "about": ", ".join(part for part in (one.row["kind"], one.row["place"], *also) if part),
-        "why": (ways or f"typically {', '.join(drivers)}") + precedence_words(one.run.info, one.pair),
-        "told": [_told(probability_in(run, one.pair, question)) for run in both],
+        "why": why + precedence_words(one.run.info, one.pair),
+        "told": [(share.share, f"{share.range} %") for share in shares],
     }
-
-
-def _told(share: Probability) -> tuple[str, str]:
-    return (share.percent, "exact") if share.known else (share.sampled.share, f"{share.sampled.range} %")
 
 
 def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:

@@ -9,11 +9,11 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, IntArray
 from scex_sumo.metrics.collisions import KINDS
 from scex_sumo.metrics.encounters import Encounters
 from scex_sumo.metrics.events import EVENTS, MEASURED
-from scex_sumo.results.extras import ExactProbability
+from scex_sumo.results.tables.cut_sets import CUT_SETS, LIFTS, DrawnModels, cut_set_words
 from scex_sumo.results.tables.outcomes import first_contacts
 from scex_sumo.road import Road
 from scex_sumo.roads.doubts import doubts_of
@@ -26,19 +26,6 @@ ENCOUNTERS: Final = "encounters.parquet"
 QUESTIONS: Final = (*EVENTS, "critical")
 """Probabilities of a pair, each with ``_low`` and ``_high``; ``critical`` is any of the others."""
 
-_MODELS = pa.list_(
-    pa.struct(
-        [
-            ("model", pa.string()),
-            ("other_model", pa.string()),
-            ("futures", pa.int64()),
-            ("critical", pa.int64()),
-            ("probability", pa.float64()),
-            ("share", pa.float64()),
-            ("lift", pa.float64()),
-        ]
-    )
-)
 SCHEMA: Final = pa.schema(
     [
         ("track_id", pa.int64()),
@@ -59,12 +46,14 @@ SCHEMA: Final = pa.schema(
         ("y", pa.float64()),
         ("place", pa.string()),
         ("doubt", pa.string()),
-        ("models", _MODELS),
+        ("cut_sets", CUT_SETS),
+        ("lifts", LIFTS),
     ]
 )
 """One row a pair; ``met`` is the share of futures in which the pair has an encounter, ``expected_mais3`` the
 mean number of severely injured occupants (MAIS 3+, one in each vehicle) over all futures. ``consequence`` is
-the share in which the two touch, but one of them had collided before; nothing else counts those contacts."""
+the share in which the two touch, but one of them had collided before; nothing else counts those contacts.
+``cut_sets`` and ``lifts``, see `DrawnModels`, are of collisions, else of the most frequent event."""
 
 OUTCOMES_SCHEMA: Final = pa.schema(
     [
@@ -118,10 +107,10 @@ def encounters_table(
     order = np.argsort(which, kind="stable")
     ends = np.searchsorted(which[order], np.arange(len(pairs) + 1))
     injured = _injured(collisions, len(models))
-    rows = []
+    rows, drawn = [], DrawnModels(track_ids, models)
     for index in range(len(pairs)):
         mine = order[ends[index] : ends[index + 1]]
-        row = _row(encounters, mine, answers, track_ids, models)
+        row = _row(encounters, mine, answers, drawn)
         row["expected_mais3"] = injured.get(frozenset((row["track_id"], row["other_id"])), 0.0)
         for name in QUESTIONS:
             share = shares[name][index]
@@ -187,9 +176,9 @@ def _row(
     encounters: Encounters,
     mine: IntArray,
     answers: Mapping[str, BoolArray],
-    track_ids: IntArray,
-    models: NDArray[np.str_],
+    drawn: DrawnModels,
 ) -> dict[str, Any]:
+    track_ids, models = drawn.track_ids, drawn.models
     first, second = int(encounters.first[mine[0]]), int(encounters.second[mine[0]])
     worst = next(
         (part for name in ("collision", "critical") if (part := mine[answers[name][mine]]).size), mine
@@ -198,6 +187,7 @@ def _row(
         first, second = second, first
     event, _ = event_of({name: answers[name][mine].sum() for name in QUESTIONS})
     named = mine[answers[event][mine]] if event else mine
+    happens = np.isin(np.arange(len(models)), encounters.future[named])
     order = np.lexsort((encounters.time_s[named], encounters.gap[named]))
     typical = named[order[(len(named) - 1) // 2]]
     future = int(encounters.future[typical])
@@ -220,41 +210,13 @@ def _row(
         "time_s": float(encounters.time_s[typical]),
         "x": float(encounters.x[typical]),
         "y": float(encounters.y[typical]),
-        "models": _by_models(encounters.future[worst], models[:, first], models[:, second])
-        if worst is not mine
-        else [],
+        "cut_sets": drawn.cut_sets((first, second), happens) if event else [],
+        "lifts": drawn.lifts((first, second), happens) if event else [],
     }
 
 
 def _near(gap: float) -> float | None:
     return float(gap) if np.isfinite(gap) else None
-
-
-def _by_models(hit: IntArray, own: NDArray[np.str_], other: NDArray[np.str_]) -> list[dict[str, Any]]:
-    """Count futures and hits by combination of the pair's models.
-
-    ``probability``: of a hit given the models; ``lift``: relative to all futures.
-    """
-    struck = np.zeros(len(own), dtype=bool)
-    struck[hit] = True
-    names, which = np.unique(np.stack([own, other], axis=1), axis=0, return_inverse=True)
-    which = which.reshape(-1)
-    count = np.bincount(which, minlength=len(names))
-    hits = np.bincount(which[struck], minlength=len(names))
-    chance: FloatArray = hits / count
-    return [
-        {
-            "model": str(names[i, 0]),
-            "other_model": str(names[i, 1]),
-            "futures": int(count[i]),
-            "critical": int(hits[i]),
-            "probability": float(chance[i]),
-            "share": float(hits[i] / struck.sum()),
-            "lift": float(chance[i] / struck.mean()),
-        }
-        for i in np.argsort(-hits, kind="stable")
-        if hits[i]
-    ]
 
 
 def precedence_words(info: Mapping[str, Any], pair: Sequence[int]) -> str:
@@ -267,10 +229,10 @@ def precedence_words(info: Mapping[str, Any], pair: Sequence[int]) -> str:
     return "".join(f"; {one} {what}" for one, other, what in known if {one, other} == set(pair))
 
 
-def in_words(row: Mapping[str, Any], exact: ExactProbability | None = None) -> str:
+def in_words(row: Mapping[str, Any]) -> str:
     """Return a row in words, e.g. ``17 → 23 (rear-end, ring, 1.8 s): collides in 12 % [9–16], ...``.
 
-    With the ``exact`` probability of that event it says exactly when it happens.
+    It says in which futures its event always happened, else who drove how in the typical future.
     """
     about = [row["kind"], row["place"], f"{row['time_s']:.1f} s"]
     head = f"{row['track_id']} → {row['other_id']} ({', '.join(part for part in about if part)}): "
@@ -280,11 +242,12 @@ def in_words(row: Mapping[str, Any], exact: ExactProbability | None = None) -> s
         share = row.get("consequence")  # older results have none
         later = f", touches in {share:.1%} after an earlier collision" if share else ""
         return f"{head}{event}, typically {gap} m apart{later}"
-    if exact is not None:
-        return f"{head}{event} in {exact.percent}, {exact.summary}"
+    if sets := cut_set_words(row.get("cut_sets") or ()):  # older results have none
+        more = f" ({len(sets) - 1} more with encounters --pair)" if len(sets) > 1 else ""
+        return f"{head}{event} in {share_of(row, name).percent}, {sets[0]}{more}"
     drivers = f"{row['track_id']} {row['model']}, {row['other_id']} {row['other_model']}"
     apart = "" if name == "collision" else f"{gap} m apart, "
-    return f"{head}{event} in {percent_of(row, name)}, typically {apart}{drivers}"
+    return f"{head}{event} in {share_of(row, name).percent}, typically {apart}{drivers}"
 
 
 def arrows(pairs: Sequence[tuple[int, int]], most: int = 3) -> str:
@@ -311,7 +274,8 @@ def event_of(row: Mapping[str, Any]) -> tuple[str, str]:
     return "", "never critical"
 
 
-def percent_of(row: Mapping[str, Any], name: str) -> str:
-    """Return the share of a question with its interval, e.g. ``12 % [9–16]``."""
-    share = {"value": row[name], "low": row[f"{name}_low"], "high": row[f"{name}_high"]}
-    return Interval(**share, count=0).percent
+def share_of(row: Mapping[str, Any], name: str, futures: int = 0) -> Interval:
+    """Return the share of a question with its interval; ``futures`` are all that were drawn."""
+    value = float(row[name])
+    low, high = float(row[f"{name}_low"]), float(row[f"{name}_high"])
+    return Interval(value=value, low=low, high=high, count=round(value * futures))

@@ -87,16 +87,14 @@ class StudySettings:
         limits = {**thresholds_of(self.run.measured), **self.run.thresholds}
         return {column: limits[column] for column in self.run.columns if column in limits}
 
-    def identity(self, recordings: Sequence[Recording], *, first: int, top: int, keep: str) -> dict[str, Any]:
+    def identity(self, recordings: Sequence[Recording]) -> dict[str, Any]:
         """Return the values that identify a study; name and size stand for a recording."""
         run, described = self.run, describe_metrics(self.run.measured)
         return {
             "recordings": [_described(recording) for recording in recordings],
             "every_s": self.every,
             "min_vehicles": self.min_vehicles,
-            "first": first,
             "futures": self.futures,
-            "top": top,
             "models": [m if isinstance(m, str) else f"{m}@{m.weight!r} {m.state}" for m in self.models],
             "weights": dict(self.weights),
             "steps": run.steps,
@@ -106,7 +104,6 @@ class StudySettings:
             **({"metrics": described} if described else {}),
             "seed": run.seed,
             "thresholds": dict(self.thresholds),
-            "keep": keep,
             "version": __version__,
         }
 

@@ -12,14 +12,11 @@ from scex_sumo.commands.options import (
     Cache,
     Cluster,
     Every,
-    Metrics,
     MinVehicles,
     Models,
-    Preset,
     Processes,
     Roots,
     Seed,
-    Thresholds,
 )
 from scex_sumo.commands.shared import Answer
 from scex_sumo.studies.moments.command import run_study
@@ -42,17 +39,9 @@ def rank_command(
     every: Every = 1.0,
     first_s: Annotated[float | None, Option("--from", metavar="S", help="First moment, s.")] = None,
     last_s: Annotated[float | None, Option("--to", metavar="S", help="Last moment, s.")] = None,
-    futures: Annotated[int, Option(help="Largest number of futures of a seed scene.")] = 96,
-    first: Annotated[
-        int,
-        Option(help="Futures of every seed scene; close ranks get more. 0: of the top encounters' alone."),
-    ] = 0,
+    futures: Annotated[int, Option(help="Futures of each seed scene on the page.")] = 96,
     min_vehicles: MinVehicles = 2,
     models: Models = None,
-    preset: Preset = "both",
-    metrics: Metrics = None,
-    threshold: Thresholds = None,
-    keep: Annotated[str, Option(metavar="none|critical|all", help="Futures whose tracks are kept.")] = "none",
     top: Annotated[int, Option(help="Encounters on the page.")] = 10,
     by: Annotated[str, Option(metavar="COLUMN", help="Column by which encounters are ordered.")] = "severity",
     keep_doubtful: Annotated[
@@ -61,10 +50,6 @@ def rank_command(
     triage: Annotated[
         Path | None, Option(metavar="CSV", help="Verdicts saved on the page of a ranking.")
     ] = None,
-    exact: Annotated[bool, Option(help="Exact P where it saves futures.")] = True,
-    fit_weights: Annotated[
-        bool, Option("--fit-weights", help="P with weights of the models fitted to the recordings, too.")
-    ] = False,
     seed: Seed = 0,
     workers: Processes = "auto",
     cluster: Cluster = None,
@@ -77,17 +62,11 @@ def rank_command(
     """Rank the encounters of a dataset: which are worth testing."""
     options = {**locals()}
     from scex_sumo.behaviors.registry import DEFAULT_MODELS
-    from scex_sumo.extrapolation.settings import read_thresholds
     from scex_sumo.studies.rank.rank import rank
 
     options["window"] = options.pop("first_s"), options.pop("last_s")
-    options["thresholds"] = read_thresholds(options.pop("threshold") or ())
     options["models"] = DEFAULT_MODELS if models is None else models
-    options["metrics"] = None if metrics is None else [name.strip() for name in metrics.split(",")]
     ranking = run_study(rank, "futures", **options)
-    fallbacks = ranking.info["fallbacks"]
-    about = "plans were replaced by the path-following driver's; see column fallbacks of moments.csv"
-    warn([f"{fallbacks} {about}"] if fallbacks else [])
     rows = ranking.moments.select(["seed", "failure"]).to_pylist()
     failed = [f"{row['seed']}: failed: {row['failure']}" for row in rows if row["failure"] is not None]
     more = len(failed) - _SHOWN_FAILURES
@@ -122,7 +101,7 @@ def _print_top(ranking: Ranking, top: int) -> None:
     rows = [row for row in rows if row["rank"] is not None]
     print_columns(printed_columns(), rows, console, "encounters worth testing")
     about = "people collide, severe injury (MAIS 3+, expected): human-like; braking: needed, m/s²"
-    stress = "stress: P(collision), stress test (fitted: weights of the models from the recording)"
+    stress = "stress: share of the futures of the stress test in which they collide"
     print_line(f"{about}; {stress}; ranked by {ranking.info['by']}", console)
     usual = f"usual: P over the median of its kind at the site, and its place; (all): {_ALL}"
     print_line(usual, console)

@@ -10,15 +10,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.studies.moments.encounters import ENCOUNTERS, SEVERITY, with_columns
-from scex_sumo.studies.rank.exact import EVENTS, ExactScore
 from scex_sumo.studies.rank.triage import BOTH, DATA_ERROR, judged
 
 STRESS: Final = ("stress_p_collision", "stress_p_critical")
-FITTED: Final = "stress_p_fitted"
-"""P of a collision with weights fitted to the recording."""
+"""Shares of the futures in which a pair of a moment on the page collides, and is critical."""
 TRIAGE: Final = ("verdict", "note")
 _LINE: Final = ("recording", "case", "track_id", "person", "action", "doubt", "first_s", "last_s", "out")
 _NEAR: Final = ("time_to_react", "gap_m", "time_s", "first_s", "last_s", "usual_rank", "response_s")
@@ -28,7 +25,7 @@ RANKED: Final = pa.schema(
     [
         ("rank", pa.int64()),
         *(field for field in ENCOUNTERS if field.name != "doubt"),
-        *((name, pa.float64()) for name in (*STRESS, FITTED)),
+        *((name, pa.float64()) for name in STRESS),
         ("more", pa.int64()),
         ("doubt", pa.string()),
         *((name, pa.string()) for name in TRIAGE),
@@ -86,13 +83,9 @@ class Order:
     triage: Sequence[Mapping[str, str]] = ()
 
     def __post_init__(self) -> None:
-        if self.by not in RANKED.names:
-            raise UsageError(f"--by: got {self.by!r}; known: {', '.join(RANKED.names)}")
-
-    def check(self, first: int) -> None:
-        """Raise a `UsageError` for an order by futures that only some moments have."""
-        if self.by in STRESS and not first:
-            raise UsageError(f"--by {self.by}: needs futures of every moment; add --first 32")
+        known = [name for name in RANKED.names if name not in STRESS]  # which only some have
+        if self.by not in known:
+            raise UsageError(f"--by: got {self.by!r}; known: {', '.join(known)}")
 
     def ranked(self, encounters: pa.Table) -> pa.Table:
         """Return encounters in this order, with ranks; equal ones by severity, then by P."""
@@ -122,43 +115,17 @@ class Order:
 BY_SEVERITY: Final = Order()
 
 
-@dataclass(frozen=True, kw_only=True)
-class StressTest:
-    """What the futures of a moment say about its pairs.
+def with_stress(
+    encounters: pa.Table, shares: Mapping[str, Mapping[tuple[int, int], tuple[float, float]]]
+) -> pa.Table:
+    """Return encounters with `STRESS`; null where the futures of a moment were not run.
 
-    Attributes:
-        events: share of the futures in which two vehicles, by their ascending ids, collide and are critical.
+    Args:
+        shares: by moment, then by the two track ids, ascending; pairs that never meet have none.
     """
-
-    events: Mapping[tuple[int, int], tuple[float, float]]
-
-    @classmethod
-    def of(cls, pairs: Sequence[IntArray], exact: ExactScore | None) -> StressTest:
-        """Count critical encounters (E, 5) of futures; an exact probability counts where there is one."""
-        sums: dict[tuple[int, int], FloatArray] = {}
-        for one, other, hit, *_ in np.concatenate(pairs).tolist():
-            key = (min(one, other), max(one, other))
-            sums[key] = sums.get(key, np.zeros(2)) + np.array([hit, 1])
-        shares = {key: (count / len(pairs)).tolist() for key, count in sums.items()}
-        if exact is not None:
-            shares |= {
-                key: [
-                    share if (p := exact.pair(*key, event)) is None else p
-                    for share, event in zip(each, EVENTS, strict=True)
-                ]
-                for key, each in shares.items()
-            }
-        return cls(events={key: (each[0], each[1]) for key, each in shares.items()})
-
-
-def with_stress(encounters: pa.Table, tests: Mapping[str, StressTest]) -> pa.Table:
-    """Return encounters with what the futures of their moments, by name, say; null without any."""
-    rows = encounters.select(["seed", "track_id", "other_id"]).to_pylist()
-    shares = []
-    for row in rows:
-        test = tests.get(row["seed"])
-        key = min(row["track_id"], row["other_id"]), max(row["track_id"], row["other_id"])
-        shares.append((None, None) if test is None else test.events.get(key, (0.0, 0.0)))
-    return with_columns(
-        _whole(encounters), {name: [row[k] for row in shares] for k, name in enumerate(STRESS)}
-    )
+    stress: list[tuple[float | None, float | None]] = []
+    for row in encounters.select(["seed", "track_id", "other_id"]).to_pylist():
+        pair = min(row["track_id"], row["other_id"]), max(row["track_id"], row["other_id"])
+        known = shares.get(row["seed"])
+        stress.append((None, None) if known is None else known.get(pair, (0.0, 0.0)))
+    return with_columns(encounters, {name: [row[k] for row in stress] for k, name in enumerate(STRESS)})

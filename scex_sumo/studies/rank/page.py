@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from scex_sumo.base.files import TemporaryFolder, write_atomic
 from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.certainty.fitted import FittedWeights
-from scex_sumo.certainty.options import CriticalResponse, ExactProbabilities
+from scex_sumo.certainty.options import CriticalResponse
 from scex_sumo.certainty.response.answer import once_in
 from scex_sumo.certainty.response.usual import usual_of
 from scex_sumo.certainty.response.words import needs
@@ -27,22 +26,22 @@ from scex_sumo.page.report.contents import report_contents
 from scex_sumo.page.report.report import filled_report
 from scex_sumo.page.study import card, failure_card, page_table, table_place, write_study
 from scex_sumo.reports.run_table import counted
+from scex_sumo.results.probability import Encounter
+from scex_sumo.results.tables.fallbacks import fallback_lines
 from scex_sumo.scene import SeedScene
-from scex_sumo.studies.moments.encounters import with_columns
 from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.moments.run import MomentTask, attempt, unpack_road, written
-from scex_sumo.studies.rank.encounters import FITTED, TRIAGE, leads
-from scex_sumo.studies.rank.futures import REPORTS
+from scex_sumo.studies.rank.encounters import TRIAGE, leads, with_stress
+from scex_sumo.studies.rank.folder import REPORTS
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.stage import stage_of
 from scex_sumo.studies.rank.table import page_columns, pair_words, stress_words
 from scex_sumo.studies.rank.triage import KEY, VERDICTS
-from scex_sumo.studies.rank.weights import RecordingWeights, p_fitted
 
 HTML = "ranking.html"
 SCRIPTS = ("loop.js", "stage.js", "triage.js")
 _ROWS = 1000
-_EXTRAS = (ExactProbabilities(), CriticalResponse())  # of the reports of moments
+_EXTRAS = (CriticalResponse(),)  # of the reports of moments
 _BY = {"severity": "the severe injuries (MAIS 3+) that are to be expected"}
 _HOW = (
     "An encounter is two vehicles in consecutive moments of a recording, shown at its most critical moment. "
@@ -56,52 +55,59 @@ _KEYS = (
 )
 
 
-def write_ranking_page(
-    run: RankingRun,
-    folder: Path,
-    ranking: pa.Table,
-    fitted: RecordingWeights | None = None,
-) -> tuple[pa.Table, list[str]]:
-    """Write the page and a report of each moment on it; return the encounters and these moments, best first.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reported:
+    """Futures of the moments on the page of a ranking.
+
+    Attributes:
+        table: the encounters, with what these futures say.
+        moments: names of the moments, that of the first encounter first.
+        futures: number of futures that were run.
+        notes: why moments have no futures, and whose drivers failed.
+    """
+
+    table: pa.Table
+    moments: Sequence[str]
+    futures: int
+    notes: Sequence[str]
+
+
+def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table) -> Reported:
+    """Run the futures of the moments of the top encounters; write their reports and the page.
 
     Args:
-        ranking: the encounters in their order; those on the page get their P with fitted weights.
-        fitted: weights of the models.
+        ranking: the encounters in their order.
     """
     lines = leads(ranking)
     top = lines.filter(pc.is_valid(lines["rank"])).slice(0, run.settings.top).to_pylist()
     names = list(dict.fromkeys(row["seed"] for row in top))
     refs = [ref for ref in run.refs if ref.moment in names]
-    cards: dict[int, tuple[Html, dict[str, Any]]] = {}
-    shares: dict[int, float | None] = {}
-    failures = run.unreadable | run.failures
-
-    def tasks() -> Iterator[_ReportTask]:
-        for task in run.tasks(refs):
-            rows = [row for row in top if row["seed"] == task.ref.moment]
-            weights = None if fitted is None else fitted.of(run.recording(task.ref))
-            command = _command(run, task.ref)
-            yield _ReportTask.of(task, rows=rows, weights=weights, command=command)
-
-    for task, made in run.run_again(tasks(), _report):
-        assert isinstance(task, _ReportTask) and task.road is not None
+    tasks: dict[str, _ReportTask] = {}
+    stress: dict[str, Mapping[tuple[int, int], tuple[float, float]]] = {}
+    notes, failures = list[str](), run.unreadable | run.failures
+    asked = (_ReportTask.of(task, command=_command(run, task.ref)) for task in run.tasks(refs))
+    for task, made in run.run_again(asked, _report):
+        assert isinstance(task, _ReportTask)
+        tasks[task.ref.moment] = task
         if isinstance(made, Failure):
             failures[task.ref.moment] = made
-        else:
-            html, values = made
-            shares |= {row["rank"]: value for row, value in zip(task.rows, values, strict=True)}
-            report = folder / REPORTS / f"{task.ref.moment}.html"
-            report.parent.mkdir(parents=True, exist_ok=True)
-            write_atomic(report, html)
-        scene = dataclasses.replace(task.scene, road=unpack_road(task.road))
-        for row in task.rows:
-            shown_row = {**row, FITTED: shares.get(row["rank"])}
-            cards[row["rank"]] = _card(shown_row, scene, task.command, not isinstance(made, Failure))
-    each = ranking.select(["rank", "more"]).to_pylist()
-    values = [None if row["more"] is None else shares.get(row["rank"]) for row in each]
-    ranking = with_columns(ranking, {FITTED: values})
+            notes.append(f"{task.ref.moment}: no futures: {made.reason}")
+            continue
+        html, stress[task.ref.moment], replaced = made
+        notes += [f"{task.ref.moment}: {line}" for line in replaced]
+        report = folder / REPORTS / f"{task.ref.moment}.html"
+        report.parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(report, html)
+    ranking = with_stress(ranking, stress)
     lines = leads(ranking)
-    shown = [cards[row["rank"]] for row in top if row["rank"] in cards]
+    cards = {}
+    for row in lines.slice(0, len(top)).to_pylist():
+        if (ran := tasks.get(row["seed"])) is not None:
+            assert ran.road is not None
+            scene = dataclasses.replace(ran.scene, road=unpack_road(ran.road))
+            cards[row["rank"]] = _card(row, scene, ran.command, row["seed"] in stress)
+    lines = leads(ranking)
+    shown = list(cards.values())
     rows = lines.slice(0, max(_ROWS, len(top))).to_pylist()
     parts = [
         _bar(),
@@ -127,33 +133,35 @@ def write_ranking_page(
         scripts=SCRIPTS,
         info=info,
     )
-    return ranking, names
+    count = len(stress) * run.settings.futures
+    return Reported(table=ranking, moments=names, futures=count, notes=notes)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _ReportTask(MomentTask):
-    """A moment to be reported: its rows of the ranking, the fitted weights, and the command that runs it."""
+    """A moment to be reported, and the command that runs it."""
 
-    rows: Sequence[Mapping[str, Any]]
-    weights: FittedWeights | None
     command: Sequence[str]
 
 
-def _report(task: _ReportTask, road: bytes | None = None) -> tuple[bytes, list[float | None]] | Failure:
-    """Return the report of a moment's futures, and P of each row with fitted weights; or its failure."""
+_Made: TypeAlias = tuple[bytes, dict[tuple[int, int], tuple[float, float]], list[str]]
+
+
+def _report(task: _ReportTask, road: bytes | None = None) -> _Made | Failure:
+    """Return a moment's report, the stress test of its pairs, lines on failed drivers; or its failure."""
     return attempt(_reported, task, road)
 
 
-def _reported(task: _ReportTask, scene: SeedScene, road: bytes) -> tuple[bytes, list[float | None]]:
-    settings = dataclasses.replace(task.settings.run, futures=len(task.futures))
+def _reported(task: _ReportTask, scene: SeedScene, road: bytes) -> _Made:
     with TemporaryFolder() as folder:
         options = RunOptions(compared=False, out=Path(folder) / "run")
         with Workers(1) as alone:
-            run = run_scene(scene, settings, workers=alone, options=options, extras=_EXTRAS)
+            run = run_scene(scene, task.settings.run, workers=alone, options=options, extras=_EXTRAS)
         info, arrays = report_contents(run, scene)
         info |= {"folder": task.command[-1], "command": shlex.join(task.command)}
-        values = [p_fitted(run, row, task.weights) for row in task.rows]
-        return filled_report(run, info, arrays).encode(), values
+        met = [Encounter(row=row, run=run) for row in run.encounters.to_pylist()]
+        stress = {one.pair: (one.row["collision"], one.row["critical"]) for one in met}
+        return filled_report(run, info, arrays).encode(), stress, fallback_lines(run.info["fallbacks"])
 
 
 def _command(run: RankingRun, ref: MomentRef) -> list[str]:

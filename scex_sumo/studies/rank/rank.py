@@ -22,14 +22,13 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.encounters import SEVERITY
 from scex_sumo.studies.moments.workers import moment_workers
-from scex_sumo.studies.rank.encounters import Order, leads, with_stress
-from scex_sumo.studies.rank.futures import RankFolder, run_moment
+from scex_sumo.studies.rank.encounters import Order, leads
+from scex_sumo.studies.rank.folder import RankFolder, run_moment
 from scex_sumo.studies.rank.page import write_ranking_page
 from scex_sumo.studies.rank.ranking_run import RankingRun
-from scex_sumo.studies.rank.scores import RankSettings
+from scex_sumo.studies.rank.settings import RankSettings
 from scex_sumo.studies.rank.table import moments_table, write_table
 from scex_sumo.studies.rank.triage import read_triage
-from scex_sumo.studies.rank.weights import RecordingWeights
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,11 +37,11 @@ class Ranking:
 
     Attributes:
         table: one row for each encounter, see `scex_sumo.studies.rank.encounters`; doubtful ones last.
-        moments: one row for each moment, see `scex_sumo.studies.rank.table.schema`; failures last.
+        moments: one row for each moment, see `scex_sumo.studies.rank.table.MOMENTS`; failures last.
         info: content of ``rank.json``.
 
     Example:
-        >>> ranking = scex.rank(scex.example_path("roundabout"), out="ranked", every=9, futures=2, first=2)
+        >>> ranking = scex.rank(scex.example_path("roundabout"), out="ranked", every=9, futures=2)
         >>> ranking.table["seed"][0].as_py()
         'roundabout_t9.1'
     """
@@ -63,15 +62,11 @@ def rank(
     every: float = 1.0,
     window: Window = (None, None),
     min_vehicles: int = 2,
-    first: int = 0,
     futures: int = 96,
     top: int = 10,
-    keep: str = "none",
     by: str = SEVERITY,
     keep_doubtful: bool = False,
     triage: str | Path | None = None,
-    exact: bool = True,
-    fit_weights: bool = False,
     cache: bool = True,
     overwrite: bool = False,
     command: Sequence[str] | None = None,
@@ -85,15 +80,16 @@ def rank(
         out: folder of the ranking; an interrupted one goes on.
         workers: processes of this machine.
         cluster: address of a Dask scheduler, whose workers are used instead.
-        every: as of `scex_sumo.studies.rank.scores.RankSettings`, like the next six.
+        every: as of `StudySettings`, like ``min_vehicles`` and ``cache``.
+        futures: of each moment on the page.
+        top: encounters on the page.
         by: column by which encounters are ordered.
         keep_doubtful: rank encounters whose data are doubtful, too.
         triage: file of verdicts that the page of a ranking has saved.
-        fit_weights: fit the weights of the models to the recordings of the top encounters.
         window: first and last moment, s; None is where a recording begins or ends.
         overwrite: replace another ranking in ``out``.
         command: the command line, for ``rank.json``.
-        progress: True for a bar; or called with (futures done, futures expected).
+        progress: True for a bar; or called with (moments done, moments expected).
         run: settings as of `extrapolate`.
 
     Raises:
@@ -102,7 +98,7 @@ def rank(
         ResultError: the folder cannot be written or holds something else.
 
     Example:
-        >>> ranking = scex.rank(scex.example_path("roundabout"), out="ranking", every=9, futures=2, first=2)
+        >>> ranking = scex.rank(scex.example_path("roundabout"), out="ranking", every=9, futures=2)
         >>> ranking.table["rank"][0].as_py()
         1
     """
@@ -111,21 +107,17 @@ def rank(
         run=RunSettings(futures=futures, **run),
         every=every,
         min_vehicles=min_vehicles,
-        first=first,
         top=top,
-        keep=keep,
-        exact=exact,
         cache=cache,
     )
     verdicts = () if triage is None else read_triage(Path(triage))
     order = Order(by=by, keep_doubtful=keep_doubtful, triage=verdicts)
-    order.check(first)
     if window[0] is not None and window[1] is not None and window[0] > window[1]:
         raise UsageError(f"--from {window[0]:g} --to {window[1]:g}: ends before it begins")
     places = [roots] if isinstance(roots, str | Path) else roots
     recordings_found = find_recordings(places)
     recordings = tuple(recording.within(window) for recording in recordings_found)
-    identity = settings.to_json(recordings)
+    identity = settings.identity(recordings)
     with (
         closing(moment_workers(run_moment, workers, cluster)) as pool,
         RankFolder(Path(out), identity, overwrite=overwrite) as folder,
@@ -134,10 +126,8 @@ def rank(
         ranking = RankingRun(recordings, settings, folder, pool, tick, order=order)
         ranking.run()
         moments = moments_table(ranking)
-        table = order.ranked(with_stress(ranking.encounters, ranking.stress()))
-        fitted = RecordingWeights(settings.models) if fit_weights else None
-        table, shown = write_ranking_page(ranking, folder.path, table, fitted)
-        lines = leads(table)
+        page = write_ranking_page(ranking, folder.path, ranking.encounters)
+        table, lines = page.table, leads(page.table)
         for name, content in (("moments", moments), ("ranking", table)):
             write_table(folder.path / name, content)
         info = {
@@ -150,12 +140,11 @@ def rank(
             "encounters": len(table),
             "doubtful": len(table) - table["doubt"].null_count,
             "to_test": pc.sum(lines.filter(pc.is_valid(lines["rank"]))["to_test"]).as_py() or 0,
-            "futures_run": sum(pc.sum(moments[name]).as_py() or 0 for name in ("futures", "extra")),
-            "fallbacks": pc.sum(moments["fallbacks"]).as_py() or 0,
+            "futures_run": page.futures,
+            "top": top,
             "by": by,
-            "shown": shown,
-            "notes": [*left_out(places), *pool.notes(), *(fitted.notes if fitted else ())],
-            **({"fitted_weights": fitted.to_json()} if fitted else {}),
+            "shown": page.moments,
+            "notes": [*left_out(places), *pool.notes(), *page.notes],
             "versions": versions(),
             "seconds": round(time.perf_counter() - started, 1),
         }

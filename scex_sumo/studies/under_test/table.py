@@ -21,7 +21,7 @@ from scex_sumo.reports.run_table import (
     shown_columns,
 )
 from scex_sumo.results.run import Run
-from scex_sumo.results.tables.encounters import criticality, event_of, percent_of
+from scex_sumo.results.tables.encounters import criticality, event_of, share_of
 from scex_sumo.studies.under_test.paired import holm, signed_rank
 from scex_sumo.studies.under_test.results import Difference, UnderTest
 
@@ -103,7 +103,7 @@ def own_encounters(run: Run) -> list[str]:
     for row in sorted(worst, key=criticality)[:_MOST]:
         event, words = event_of(row)
         rows = [side.get(frozenset(track_ids(row))) for side in sides]
-        shares = ["0 %" if one is None else percent_of(one, event) for one in rows if event]
+        shares = ["0 %" if one is None else share_of(one, event).percent for one in rows if event]
         place = ", ".join(part for part in (row["kind"], row["place"], f"{row['time_s']:.1f} s") if part)
         if shares:
             lines.append(f"{row['track_id']} → {row['other_id']} ({place}): {words} in {' → '.join(shares)}")

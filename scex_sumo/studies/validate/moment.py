@@ -61,10 +61,8 @@ class ValidationSettings(StudySettings):
 
     def to_json(self, recordings: Sequence[Recording]) -> dict[str, Any]:
         """Return the values that identify the validation of some recordings."""
-        # first, top and keep as of a ranking that gives every moment all futures
-        shared = self.identity(recordings, first=self.futures, top=10, keep="none")
         usual = {"usual": True} if self.usual else {}
-        return {**shared, "part": self.part, "population": parameters_digest(), **usual}
+        return {**self.identity(recordings), "part": self.part, "population": parameters_digest(), **usual}
 
     def moments(self, loaded: LoadedRecording) -> Sequence[Moment]:
         """Return the moments of the part of a recording, at least ``every`` seconds apart."""

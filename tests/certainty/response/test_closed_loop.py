@@ -12,7 +12,7 @@ import scex_sumo as scex
 from scex_sumo.certainty.response.critical import DECELERATIONS, JERK_MPS3, critical_response
 from scex_sumo.certainty.response.motion.actions import BRAKES, cases_of, pairs_of
 from scex_sumo.certainty.response.motion.expected import Expected, expected_motion
-from tests.certainty.queues import queues
+from tests.queues import queues
 
 STEPS, LEVEL, COLUMN = 60, 5, 1
 STRENGTH, DECELERATION = 5.0, DECELERATIONS[COLUMN]
@@ -70,7 +70,6 @@ def test_vehicles_touch_if_and_only_if_the_response_is_later(gap_m: float, tmp_p
             world="plain",
             reference="none",
             out=tmp_path / f"{response_s}",
-            exact=False,
             response="none",
             report=False,
         )

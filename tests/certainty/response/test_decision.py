@@ -12,7 +12,7 @@ import scex_sumo as scex
 from scex_sumo.certainty.response.decision import HARD, SEVERE, UNAVOIDED, decide, pair_responses
 from scex_sumo.certainty.response.sensitivity import varied
 from scex_sumo.scene import Obstacles, States
-from tests.certainty.queues import queues
+from tests.queues import queues
 
 
 def row(one: int, other: int, **values: Any) -> dict[str, Any]:

@@ -30,9 +30,9 @@ from scex_sumo.results.tables.outcomes import injury_probability
 from scex_sumo.scene import HISTORY_STEPS, Obstacles, States
 from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.moments.run import MomentTask, pack_road
-from scex_sumo.studies.rank.futures import PAIRS_ROUND, RankTask, run_moment
-from scex_sumo.studies.rank.scores import RankSettings
-from tests.certainty.queues import queues
+from scex_sumo.studies.rank.folder import run_moment
+from scex_sumo.studies.rank.settings import RankSettings
+from tests.queues import queues
 
 
 def rows(scene: Any, **options: Any) -> list[dict[str, Any]]:
@@ -48,7 +48,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> scex.Run:
         models="standard_driver",
         world="plain",
         out=out,
-        exact=False,
         report=False,
     )
 
@@ -88,7 +87,6 @@ def test_a_ranking_says_what_is_usual(run: scex.Run, tmp_path: Path) -> None:
         models="standard_driver",
         world="plain",
         out=tmp_path / "out",
-        exact=False,
         report=False,
         reference="none",
         usual=str(tmp_path),
@@ -105,7 +103,7 @@ def test_a_ranking_says_what_is_usual(run: scex.Run, tmp_path: Path) -> None:
 
 def test_the_summary_names_what_is_left_out(tmp_path: Path) -> None:
     scene = dataclasses.replace(queues(3, gap_m=5.0), recorded_steps=np.array([10, 10, 4]))
-    options = {"futures": 2, "models": "standard_driver", "world": "plain", "exact": False, "report": False}
+    options = {"futures": 2, "models": "standard_driver", "world": "plain", "report": False}
     for keep in (False, True):
         out = tmp_path / str(keep)
         run = scex.extrapolate(scene, reference=None, out=out, keep_doubtful=keep, **options)
@@ -128,7 +126,7 @@ def test_the_row_of_the_summary_has_the_digits_of_the_sentences(run: scex.Run) -
 def test_python_and_a_ranking_have_the_p_of_a_run(tmp_path: Path) -> None:
     """All know the rules of the road, which decide here whether a vehicle waits."""
     scene = scex.read_seed(scex.example_path("urban_intersection"), time=5.0)
-    options = {"futures": 2, "models": "standard_driver", "exact": False, "report": False, "reference": None}
+    options = {"futures": 2, "models": "standard_driver", "report": False, "reference": None}
     told = scex.extrapolate(scene, out=tmp_path / "out", **options).table("response.parquet").to_pylist()
     assert rows(scene) == told
     assert responses_and_maps(scene, None)[0].to_pylist() != told  # without rules
@@ -137,10 +135,10 @@ def test_python_and_a_ranking_have_the_p_of_a_run(tmp_path: Path) -> None:
         ref=MomentRef(**name),
         scene=dataclasses.replace(scene, road=None),
         road=pack_road(scene.road),
-        futures=PAIRS_ROUND,
+        futures=range(0),
         settings=RankSettings(run=RunSettings(futures=2, models="standard_driver")),
     )
-    pairs = run_moment(RankTask.of(task, spare=0))
+    pairs = run_moment(task)
     found = [one.probability for one in pair_responses(told)]
     assert pairs["probability"].to_pylist() == pytest.approx(found)
 
@@ -152,7 +150,6 @@ def test_none_leaves_it_out(tmp_path: Path) -> None:
         models="standard_driver",
         world="plain",
         out=tmp_path / "out",
-        exact=False,
         report=False,
         reference="none",
         response="none",

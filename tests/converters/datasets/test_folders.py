@@ -112,7 +112,7 @@ def test_results_of_this_program_are_left_out_with_a_note(folder: Path, info: st
 def test_commands_take_folders_and_print_what_they_leave_out(folder: Path, tmp_path: Path) -> None:
     add_result(folder, "run.json")
     models = ("--models", "constant_velocity", "--every", "9", "--futures", "2")
-    for words in (("inspect", folder), ("rank", folder, *models, "--first", "2", "-o", tmp_path / "r")):
+    for words in (("inspect", folder), ("rank", folder, *models, "-o", tmp_path / "r")):
         done = scex(*words)
         assert done.returncode == 0, done.stderr
         assert f"note: results of this program are left out: {folder / 'out'}" in done.stderr

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.certainty.results import exact_of
 from scex_sumo.extrapolation.loop.crashes import CRASH_MPS2, slide
 from scex_sumo.metrics.collisions import CONTACT_M2, Contacts, find_collisions
 from scex_sumo.scene import States
-from tests.certainty.queues import queues
 from tests.metrics.straight import straight
+from tests.queues import queues
 from tests.runs import extrapolate
 
 
@@ -69,14 +68,3 @@ def test_a_pile_up_is_one_collision_and_its_consequences(tmp_path: Path) -> None
     # equal masses: both have the mean speed after the impact, and stand after v / 0.7 g
     assert second[after] == pytest.approx(first[after], abs=CRASH_MPS2 * 0.1)
     assert (states.speed[:, -1] == 0).all()
-
-
-def test_a_table_does_not_count_consequences(tmp_path: Path) -> None:
-    """2 brakes and 3 does not: 3 hits 2, unless 2 has hit 1 before."""
-    options = QUEUE | {"futures": 128, "steps": 60, "seed": 1}
-    run = extrapolate(queues(3, gap_m=2.0), out=tmp_path / "drawn", **options)
-    exact = exact_of(run)
-    assert exact is not None
-    table = exact.table(3, 2)
-    every = extrapolate(queues(3, gap_m=2.0), out=tmp_path / "all", steps=60, **QUEUE)
-    assert table is not None and table.probability() == every.encounter(3, 2).collision.sampled.value

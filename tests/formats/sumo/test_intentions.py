@@ -44,7 +44,7 @@ def index_of(scene: SeedScene, name: str) -> int:
 
 def distances(scene: SeedScene, models: str, folder: Path) -> FloatArray:
     """Return (V,) of a future from the simulation 3 s later; nan for vehicles that have arrived."""
-    run = extrapolate(scene, futures=1, models=models, exact=False, reference="none", out=folder)
+    run = extrapolate(scene, futures=1, models=models, reference="none", out=folder)
     last = run.tracks.slice(run.tracks.num_rows - 1)["frame_id"][0].as_py()
     rows = run.tracks.filter(np.asarray(run.tracks["frame_id"]) == last).sort_by("track_id")
     assert rows["track_id"].to_pylist() == sorted(scene.track_ids.tolist())

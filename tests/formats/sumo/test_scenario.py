@@ -98,7 +98,7 @@ def test_lights_of_every_kind_go_on_as_in_the_simulation(
         shown.append({t.removeprefix("t0_"): lights.getRedYellowGreenState(t) for t in lights.getIDList()})
 
     monkeypatch.setattr(SumoWorld, "_advance", watched)
-    extrapolate(scene, futures=1, models=["sumo:Krauss"], out=tmp_path / "out", exact=False)
+    extrapolate(scene, futures=1, models=["sumo:Krauss"], out=tmp_path / "out")
     assert [shown[k][light] for light in then for k in range(31)] == [s for t in then for s in then[t][:31]]
 
 

@@ -11,13 +11,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo import example_path
-from scex_sumo.certainty.results import exact_of, weighted_probability
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.page.report import contents
 from scex_sumo.page.report.report import write_report
 from scex_sumo.page.report.scene import packed_tracks
 from scex_sumo.reports.encounter_rows import meetings
-from scex_sumo.results.extras import known_percent
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.scene import LOGGED_HISTORY
 from scex_sumo.studies.under_test.page import under_test_curves
@@ -150,7 +148,6 @@ def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any
     assert text(page, "#chips b") == f"{len(futures)} of {run.futures} futures"
     collided = len(futures & set(run.collisions["future"].to_pylist()))
     assert text(page, "#p-collision") == f"{100 * collided / len(futures):.0f} %"
-    assert "exact" not in text(page, "#p-collision-words")
     assert text(page, "#p-collision-words").startswith(f"{collided} of {len(futures)} futures selected")
     assert page.locator("#encounters tbody tr").count() == 1
     assert page.locator("#models tbody tr").count() == 2
@@ -160,7 +157,7 @@ def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any
     assert 0 <= page.locator(".chip").bounding_box()["y"] < 60
     page.keyboard.press("Escape")
     page.wait_for_selector(".chip", state="detached")
-    assert text(page, "#p-collision") == whole == run.collision.percent
+    assert text(page, "#p-collision") == whole == run.collision.share
     assert page.locator("#encounters tbody tr").count() == run.encounters.num_rows
 
 
@@ -301,26 +298,6 @@ def test_there_is_one_legend_and_every_value_has_its_unit(page: Any, run: Run) -
     for metric in ("collision", "distance"):
         page.select_option("#focus", label=metric)
         page.wait_for_selector(f"#worst th:has-text('{'m/s' if metric == 'collision' else '[m]'}')")
-
-
-def test_the_weights_move_every_exact_probability(page: Any, run: Run) -> None:
-    tables = exact_of(run)
-    assert tables is not None and tables.probability() is not None
-    shown = text(page, "#any-collision")
-    assert shown == run.collision.percent
-    first = "#exact-table tbody tr:first-child td:nth-child(2)"
-    own = text(page, first)
-    page.locator("#weights input").nth(2).fill("0.7")  # constant_velocity; the others share the rest
-    rest = {name: 0.1 for name in tables.draws.models} | {"constant_velocity": 0.7}
-    assert text(page, "#any-collision") == known_percent(weighted_probability(run, rest), tables.remainder)
-    one, other = text(page, "#exact-table tbody tr:first-child td").split(" → ")
-    pair = weighted_probability(run, rest, pair=(int(one), int(other)))
-    table = tables.table(int(one), int(other))
-    assert table is not None
-    assert text(page, first) == known_percent(pair, table.remainder) != own
-    assert "keeps its speed (constant_velocity)" in text(page, "#exact-table")
-    page.click("#own-weights")
-    assert (text(page, "#any-collision"), text(page, first)) == (shown, own)
 
 
 def test_a_brushed_metric_selects_the_futures_everywhere(page: Any, run: Run) -> None:

@@ -10,7 +10,6 @@ import pytest
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.collisions import find_collisions
-from scex_sumo.results.extras import ExactProbability
 from scex_sumo.results.tables.encounters import (
     SCHEMA,
     encounters_table,
@@ -68,18 +67,12 @@ def test_a_pair_is_a_row_and_those_that_never_meet_are_none() -> None:
     assert row["critical"] >= row["ttc"] >= row["collision"] == 0.25
 
 
-def test_models_say_who_makes_it_so() -> None:
-    (models,) = table()["models"].to_pylist()
-    assert [(m["model"], m["other_model"]) for m in models] == [("constant_velocity", "emergency_brake")]
-    assert models[0] | {"model": "", "other_model": ""} == {
-        "model": "",
-        "other_model": "",
-        "futures": 10,
-        "critical": 10,
-        "probability": 1.0,
-        "share": 1.0,
-        "lift": 4.0,
-    }
+def test_sets_and_lifts_are_of_the_event_that_is_told() -> None:
+    row = table().to_pylist()[0]
+    models = ["constant_velocity", "emergency_brake"]
+    assert row["cut_sets"] == [{"futures": 10, "track_ids": [17, 23], "models": models}]
+    lifts = {(one["track_id"], one["model"]): one["lift"] for one in row["lifts"]}
+    assert lifts == {(17, models[0]): 2.0, (17, models[1]): 0.0, (23, models[0]): 0.0, (23, models[1]): 2.0}
 
 
 def test_in_words() -> None:
@@ -88,15 +81,14 @@ def test_in_words() -> None:
     low, high = (round(100 * row[name]) for name in ("collision_low", "collision_high"))
     assert in_words(row | {"place": "ring"}) == (
         f"17 → 23 (rear-end, ring, {hit:.1f} s): collides in 25 % [{low}–{high}], "
-        "typically 17 constant_velocity, 23 emergency_brake"
+        "in 10 of 10 futures in which 17 keeps its speed and 23 brakes hard"
     )
-    calm = row | {"collision": 0.0, "ttc": 0.5, "ttc_low": 0.4, "ttc_high": 0.6, "kind": None}
+    some = [row["cut_sets"][0] | {"track_ids": [9], "models": ["replay"]}, *row["cut_sets"]]
+    one_more = "in 10 of 10 futures in which 9 drives as recorded (1 more with encounters --pair)"
+    assert in_words(row | {"cut_sets": some}).endswith(one_more)
+    assert in_words(row | {"cut_sets": []}).endswith("typically 17 constant_velocity, 23 emergency_brake")
+    calm = row | {"cut_sets": [], "collision": 0.0, "ttc": 0.5, "ttc_low": 0.4, "ttc_high": 0.6, "kind": None}
     assert "TTC < 1.5 s in 50 % [40–60]" in in_words(calm)
-    exact = ExactProbability(value=0.5, checked="exact", ways=("17 brakes",))
-    assert in_words(calm, exact).endswith("TTC < 1.5 s in 50 %, exactly if 17 brakes")
-    ways = ("17 brakes and 18 drives on and 19 waits", "18 brakes")
-    told = "TTC < 1.5 s in 50 %, e.g. if 17 brakes and 18 drives on (one of 2 ways, see encounters --pair)"
-    assert in_words(calm, replace(exact, ways=ways)).endswith(told)
     never = calm | {"critical": 0.0}
     assert in_words(never | {"gap": 2.04}).endswith("never critical, typically 2.0 m apart")
     assert in_words(never | {"gap": None}).endswith("never critical, typically more than 10 m apart")

@@ -18,6 +18,12 @@ def moment(
     return ref, pa.concat_tables(tables)
 
 
+def moment_ref(name: str, location: str = "here", time_s: float = 1.0) -> MomentRef:
+    return MomentRef(
+        moment=name, location=location, recording="recording", case="", time_s=time_s, vehicles=3
+    )
+
+
 def pairs_table(*pairs: tuple[int, int], probability: float = 1e-4, **values: Any) -> pa.Table:
     """Pairs of a moment, one severe injury in ten collisions; without any, vehicles 1 and 2."""
     row = {

@@ -17,12 +17,12 @@ import pytest
 import scex_sumo
 from scex_sumo.base.errors import UsageError
 from scex_sumo.studies.moments.workers import DaskWorkers
-from scex_sumo.studies.rank.futures import run_moment
+from scex_sumo.studies.rank.folder import run_moment
 from tests.command import scex, started
 
 distributed = pytest.importorskip("distributed")
 
-OPTIONS = ("--every", "3", "--first", "2", "--futures", "4", "--top", "1")
+OPTIONS = ("--every", "3", "--futures", "4", "--top", "1")
 
 
 def free_port() -> int:
@@ -77,7 +77,7 @@ def dataset(tmp_path: Path) -> Path:
 def begun(folder: Path) -> None:
     """Wait until the first seed has come back."""
     deadline = time.monotonic() + 60
-    while not list(folder.glob("futures/*/*/*.parquet")) and time.monotonic() < deadline:
+    while not list(folder.glob("pairs/*/*/*.parquet")) and time.monotonic() < deadline:
         time.sleep(0.01)
 
 

@@ -10,9 +10,9 @@ import pytest
 
 from scex_sumo.base.errors import ResultError
 from scex_sumo.studies.moments.folder import Failure, Listing
-from scex_sumo.studies.rank.futures import RankFolder
+from scex_sumo.studies.rank.folder import RankFolder
 from scex_sumo.studies.rank.table import write_table
-from tests.studies.rank.parts import moment_part, moment_ref
+from tests.studies.moments.pairs import moment_ref, pairs_table
 
 PLAN = {"seed": 0}
 REF = moment_ref("one_t1.0")
@@ -21,13 +21,13 @@ REF = moment_ref("one_t1.0")
 @pytest.fixture
 def filled(tmp_path: Path) -> Path:
     with RankFolder(tmp_path / "out", PLAN) as folder:
-        folder.append(REF, moment_part(0, 4))
+        folder.save(REF, pairs_table((1, 2), (2, 3)))
         folder.fail(Failure.of(moment_ref("two_t1.0"), "off the map"))
     return tmp_path / "out"
 
 
 def part_of(folder: Path) -> Path:
-    (file,) = folder.glob("futures/*/*/*.parquet")
+    (file,) = folder.glob("pairs/*/*/*.parquet")
     return file
 
 
@@ -40,7 +40,7 @@ def test_no_flipped_bit_changes_what_a_ranking_reads(filled: Path) -> None:
             content = before[file]
             file.write_bytes(content[:at] + bytes([content[at] ^ 1 << at % 8]) + content[at + 1 :])
             with RankFolder(filled, PLAN) as folder:
-                assert not folder.has(REF, range(0, 4)), at
+                assert not folder.has(REF), at
         for name, content in before.items():
             name.write_bytes(content)
 
@@ -48,22 +48,23 @@ def test_no_flipped_bit_changes_what_a_ranking_reads(filled: Path) -> None:
 def test_a_part_under_the_name_of_another_moment_runs_again(filled: Path) -> None:
     other = moment_ref("three_t1.0")
     with RankFolder(filled, PLAN) as folder:
-        folder.append(other, moment_part(0, 4, models=("risky_driver",) * 3))
-    one, three = (next(filled.glob(f"futures/*/seed={name}_t1.0/*")) for name in ("one", "three"))
+        folder.save(other, pairs_table((1, 2), (1, 3)))
+    one, three = (next(filled.glob(f"pairs/*/seed={name}_t1.0/*")) for name in ("one", "three"))
     three.write_bytes(one.read_bytes())
     (filled / "parts/four_t1.0.json").write_bytes((filled / "parts/one_t1.0.json").read_bytes())
     with RankFolder(filled, PLAN) as folder:
-        assert folder.has(REF, range(0, 4)) and not folder.has(other, range(0, 4))
-        assert not folder.has(moment_ref("four_t1.0"), range(0, 4))
+        assert folder.has(REF) and not folder.has(other)
+        assert not folder.has(moment_ref("four_t1.0"))
 
 
 def test_a_part_that_changes_while_a_ranking_runs_is_named(filled: Path) -> None:
     with RankFolder(filled, PLAN) as folder:
-        pq.write_table(moment_part(0, 4).futures.slice(1), part_of(filled))
+        pq.write_table(pairs_table((2, 3)), part_of(filled))
         with pytest.raises(ResultError, match="was changed meanwhile; run the same command again"):
-            folder.read(REF, range(0, 4))
+            folder.pairs(REF)
 
 
+OTHER = '{"identity": "' + 64 * "0" + '"}'
 DAMAGED = ["", "{", '{"identity": 7}', "[]", "\x00"]
 
 
@@ -75,7 +76,7 @@ def test_a_finished_ranking_whose_contents_are_damaged_runs_again(filled: Path, 
         folder.finish({})
     (filled / "rank.json").write_text(content)
     with RankFolder(filled, PLAN) as folder:
-        assert not folder.has(REF, range(0, 4))
+        assert not folder.has(REF)
 
 
 def test_a_folder_of_the_users_with_such_a_file_is_left_alone(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from scex_sumo.converters.datasets.moment import Moment
 from scex_sumo.converters.registries import Recording
 from scex_sumo.studies.moments.cut import list_moments, unreadable
 from scex_sumo.studies.moments.folder import moment_name
-from scex_sumo.studies.rank.futures import RankFolder
+from scex_sumo.studies.rank.folder import RankFolder
 
 RECORDING = Recording(
     name="k733_000", site="k733", dataset="taf_bw", map_path=Path("k733.osm"), track_paths=(Path("t.csv"),)

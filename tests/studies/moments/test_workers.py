@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 import scex_sumo
@@ -17,11 +18,10 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.road import Road
 from scex_sumo.scene import SceneHistory, SeedScene, States
 from scex_sumo.studies.moments.folder import Failure, MomentRef
-from scex_sumo.studies.moments.run import pack_road
+from scex_sumo.studies.moments.run import MomentTask, attempt, built, pack_road
 from scex_sumo.studies.moments.workers import LocalWorkers
-from scex_sumo.studies.rank.futures import MomentPart, RankTask, run_moment
-from scex_sumo.studies.rank.scores import RankSettings
-from tests.runs import extrapolate
+from scex_sumo.studies.rank.folder import run_moment
+from scex_sumo.studies.rank.settings import RankSettings
 
 SETTINGS = RankSettings(run=RunSettings(models="standard_driver,risky_driver", futures=96))
 
@@ -47,15 +47,14 @@ def scene() -> SeedScene:
     return scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
 
 
-def task(scene: SeedScene, name: str, *, futures: int = 4, road: Any = None, **changed: Any) -> RankTask:
+def task(scene: SeedScene, name: str, *, road: Any = None, **changed: Any) -> MomentTask:
     ref = MomentRef(moment=name, location="l", recording="r", case="", time_s=1.0, vehicles=scene.vehicles)
     assert scene.road is not None
-    return RankTask(
+    return MomentTask(
         ref=ref,
         scene=dataclasses.replace(scene, road=None),
         road=pack_road(scene.road) if road is None else road,
-        futures=range(futures),
-        spare=futures,
+        futures=range(0),
         settings=dataclasses.replace(SETTINGS, **changed),
     )
 
@@ -66,35 +65,9 @@ def workers() -> Iterator[LocalWorkers]:
         yield processes
 
 
-def part_of(workers: LocalWorkers, asked: RankTask) -> MomentPart:
-    ((_, found),) = workers.run([asked])
-    assert isinstance(found, MomentPart), found.reason
-    return found
-
-
-def failure_of(found: MomentPart | Failure) -> Failure:
+def failure_of(found: pa.Table | Failure) -> Failure:
     assert isinstance(found, Failure)
     return found
-
-
-def test_a_seed_gives_what_extrapolate_gives(workers: LocalWorkers, scene: SeedScene, tmp_path: Path) -> None:
-    part = part_of(workers, task(scene, "s", keep="all"))
-    run = extrapolate(scene, models=list(SETTINGS.models), futures=4, out=tmp_path / "out")
-    for column in SETTINGS.run.columns:
-        expected = run.metrics[column].to_numpy(zero_copy_only=False)
-        values = part.futures[column].to_numpy(zero_copy_only=False)
-        assert np.array_equal(values, expected, equal_nan=True), column
-    assert part.tracks is not None
-    assert part.tracks.equals(run.tracks)
-    assert part.futures["model"].to_pylist() == [run.models_of(future) for future in range(4)]
-
-
-def test_later_futures_are_those_of_a_longer_run(workers: LocalWorkers, scene: SeedScene) -> None:
-    whole = task(scene, "s", futures=6)
-    later = dataclasses.replace(whole, futures=range(4, 6))
-    all_of_them, last = (part_of(workers, asked) for asked in (whole, later))
-    assert last.futures["future"].to_pylist() == [4, 5]
-    assert last.futures.equals(all_of_them.futures.slice(4))
 
 
 def test_what_is_wrong_with_a_seed_is_its_outcome_and_the_next_one_runs(
@@ -108,7 +81,7 @@ def test_what_is_wrong_with_a_seed_is_its_outcome_and_the_next_one_runs(
     }
     assert "on a mapped lane" in failure_of(found["away"]).reason
     assert "needs 0.0.0" in failure_of(found["other"]).reason
-    assert isinstance(found["good"], MomentPart)
+    assert isinstance(found["good"], pa.Table)
     assert not any(failure_of(found[name]).died for name in ("away", "other"))
 
 
@@ -131,7 +104,7 @@ def test_a_seed_that_kills_its_workers_is_given_up_and_the_next_one_runs(
     failure = failure_of(first)
     assert (bad.ref.moment, failure.died) == ("bad", True)
     assert "died 2 times (exit status 3, exit status 3)" in failure.reason
-    assert isinstance(second, MomentPart)
+    assert isinstance(second, pa.Table)
 
 
 def test_tasks_are_not_taken_before_there_is_a_worker_for_them(
@@ -139,10 +112,10 @@ def test_tasks_are_not_taken_before_there_is_a_worker_for_them(
 ) -> None:
     taken: list[int] = []
 
-    def tasks() -> Iterator[RankTask]:
+    def tasks() -> Iterator[MomentTask]:
         for number in range(3):
             taken.append(number)
-            yield task(scene, str(number), futures=1)
+            yield task(scene, str(number))
 
     found = workers.run(tasks())
     next(found)
@@ -150,7 +123,11 @@ def test_tasks_are_not_taken_before_there_is_a_worker_for_them(
     assert len(list(found)) == 2
 
 
-def test_an_object_of_ones_own_script_drives_in_the_workers(scene: SeedScene) -> None:
+def models_of(task: MomentTask, road: bytes | None = None) -> list[str] | Failure:
+    return attempt(lambda asked, *_: built(asked.settings.models).names, task, road)
+
+
+def test_an_object_of_ones_own_script_travels_to_the_workers(scene: SeedScene) -> None:
     """Its class is in no module, so that it travels by value."""
 
     class Standing:
@@ -162,7 +139,6 @@ def test_an_object_of_ones_own_script_drives_in_the_workers(scene: SeedScene) ->
             return States(x=x, y=y, heading=heading, speed=np.zeros(30))
 
     run = RunSettings(models=[Standing()], futures=96)
-    with closing(LocalWorkers(1, run_moment)) as workers:
-        part = part_of(workers, task(scene, "s", futures=2, run=run))
-    assert part.futures["model"].to_pylist() == [["Standing"] * scene.vehicles] * 2
-    assert part.futures["fallbacks"].to_pylist() == [0, 0]
+    with closing(LocalWorkers(1, models_of)) as workers:
+        ((_, found),) = workers.run([task(scene, "s", run=run)])
+    assert found == ("Standing",)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pyarrow as pa
 
 from scex_sumo.studies.moments.encounters import encounters_of
@@ -11,11 +10,9 @@ from scex_sumo.studies.rank.encounters import (
     BY_SEVERITY,
     SAID,
     Order,
-    StressTest,
     leads,
     with_stress,
 )
-from scex_sumo.studies.rank.exact import ExactScore
 from scex_sumo.studies.rank.table import pair_words
 from tests.studies.moments.pairs import moment, pairs_table
 
@@ -85,18 +82,11 @@ def test_a_verdict_is_of_the_encounter_at_its_time_and_a_data_error_is_doubtful(
 
 
 def test_futures_of_the_moment_say_how_often_the_pair_collides() -> None:
-    futures = [np.array([[2, 1, 1, 500, 0]]), np.array([[1, 2, 0, 0, 0]]), np.zeros((0, 5), np.int64)]
-    rows = encounters_of([moment(1.0, pairs_table((1, 2), (1, 3))), moment(9.0, pairs_table((1, 2)))], 1.0)
-    table = with_stress(rows, {"r__1.0": StressTest.of([*futures, futures[2]], None)}).to_pylist()
-    by_pair = {(row["time_s"], row["other_id"]): row["stress_p_collision"] for row in table}
-    assert by_pair == {(1.0, 2): 0.25, (1.0, 3): 0.0, (9.0, 2): None}
-    exact = ExactScore(
-        mean=0,
-        predicted=[],
-        settled=True,
-        p_collision=0.2,
-        pairs=[(1, 2, "collision", 0.2)],
-        extra=70,
-        checked=4,
-    )
-    assert StressTest.of([*futures, futures[2]], exact).events == {(1, 2): (0.2, 0.5)}
+    moments = moment(1.0, pairs_table((2, 1), (1, 3))), moment(9.0, pairs_table((1, 2)))
+    rows = BY_SEVERITY.ranked(encounters_of(moments, 1.0))
+    table = with_stress(rows, {"r__1.0": {(1, 2): (0.25, 0.5)}}).to_pylist()
+    shares = {
+        (row["time_s"], row["track_id"]): (row["stress_p_collision"], row["stress_p_critical"])
+        for row in table
+    }
+    assert shares == {(1.0, 2): (0.25, 0.5), (1.0, 1): (0.0, 0.0), (9.0, 1): (None, None)}

@@ -10,7 +10,7 @@ import pytest
 from scex_sumo.scene import HISTORY_STEPS, Obstacles, SeedScene, States
 from scex_sumo.studies.moments.pairs import pairs_of_moment
 from scex_sumo.studies.rank.stage import stage_of
-from tests.certainty.queues import queues
+from tests.queues import queues
 
 
 def with_person() -> SeedScene:
