@@ -178,7 +178,7 @@ class Road(SentOnce):
         georeference: the projection, if it is known and the origin is a real place.
         notes: repairs and omissions with ids, one short sentence each.
         net: SUMO net of the road, used unchanged; None for maps of other formats.
-        phases: the lights of ``net`` have phases of their own; OpenDRIVE and OpenStreetMap have none.
+        phases: the lights of ``net`` have phases of their own; those of OpenStreetMap have none.
         sumo_lanes: the lanes are SUMO's; their curves may be too tight for the limits.
         file: of the map; None if there is none.
 

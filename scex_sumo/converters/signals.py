@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -21,16 +21,13 @@ class SignalFormat:
 
     Attributes:
         is_mine: whether a file is such a recording.
-        read: ``read(layout, origin, path)`` gives a `Programme` (None if it controls no link of the net) and
+        read: ``read(layout, road, path)`` gives a `Programme` (None if it controls no link of the net) and
             notes.
-        replay: ``replay(root, path)`` gives the phases (duration in s, state) of lights of a net that was
-            made from OpenDRIVE, by id; None: the net's own lights stay.
     """
 
     registry: ClassVar = SIGNALS
     is_mine: Callable[[Path], bool]
     read: Callable[..., tuple[Any, list[str]]]
-    replay: Callable[..., Mapping[str, Sequence[tuple[float, str]]]] | None = None
 
 
 def signal_format(path: Path) -> SignalFormat:
@@ -51,10 +48,7 @@ def signals_of(scene: SeedScene) -> Path | None:
         if name.startswith("signal_phases") and beside.is_file():
             return beside
     road = scene.road
-    files = [None if road is None else road.file]
-    if road is not None and road.net is not None and tracks:
-        files.append(Path(tracks))  # its lights have names in the map that the net was made from
-    for file in files:
+    for file in (None if road is None else road.file, Path(tracks) if tracks else None):
         if (
             file is not None
             and file.suffix != ".csv"

@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -18,16 +17,18 @@ from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.lanelet.tags import GERMANY
 from scex_sumo.converters.naming import map_name
+from scex_sumo.converters.net.xml import unpacked, xml_root
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.signals import SignalFormat
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.lane_maps.lane_map import FAR_M, DrawnMap, drawn_road
+from scex_sumo.formats.opendrive.lanes import opendrive_map
+from scex_sumo.formats.opendrive.reader import opendrive_road
 from scex_sumo.formats.osi_lanes import lanes_of, light_states, osi_map, signals_of
-from scex_sumo.formats.recognition import is_osi
+from scex_sumo.formats.recognition import OPENDRIVE, is_osi
 from scex_sumo.formats.samples.boxes import MAX_ITEMS, box_table, one_line
 from scex_sumo.formats.samples.from_car import within_map
-from scex_sumo.formats.spat import lane_programme, link_phases
-from scex_sumo.formats.sumo.imported import link_signals, opendrive_road
+from scex_sumo.formats.spat import lane_programme
 from scex_sumo.lanelet2sumo.plan.elements import NetLayout, Programme
 from scex_sumo.road import Road
 
@@ -101,13 +102,13 @@ def _bodies(path: Path, kind: str) -> Iterator[bytes]:
 
 
 def _read_road(path: Path, **options: Any) -> Road:
-    """Read the OpenDRIVE map inside a trace, by way of netconvert, else that beside it, else OSI's lanes."""
+    """Read the OpenDRIVE map inside a trace, else that beside it, else OSI's lanes."""
     with _damage(MapError, path):
         inside = _opendrive(path)
         if inside is not None:
-            return opendrive_road(path, inside.encode())
+            return opendrive_road(path, inside.encode(), options.get("country"))
         if (beside := _map_beside(path)) is not None:
-            return opendrive_road(beside, beside.read_bytes())
+            return opendrive_road(beside, beside.read_bytes(), options.get("country"))
         drawn = _lane_map(path)
         if not drawn.lanes:
             raise MapError(f"{path}: has no map inside, and no .xodr is beside it; put its map there")
@@ -151,37 +152,27 @@ def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable
         return box_table(path, names, kinds, values, ego=ego)
 
 
-def _read_signals(
-    layout: NetLayout, origin: tuple[float, float], path: Path
-) -> tuple[Programme | None, list[str]]:
+def _read_signals(layout: NetLayout, road: Road, path: Path) -> tuple[Programme | None, list[str]]:
     with _damage(MapError, path):
-        ids = _lane_map(path).lane_ids()
-        states = light_states(_messages(path, TOPICS["ground_truth"]), lanes_of)
-        runs = {ids[lane]: run for lane, run in states.items() if lane in ids}
-        return lane_programme(layout, runs, path.name) if runs else (None, [])
-
-
-def _replay(root: Element, path: Path) -> dict[str, tuple[tuple[float, str], ...]]:
-    """Return what the lights of a net show whose signals the lights of a trace name."""
-    with _damage(MapError, path):
-        states = light_states(_messages(path, TOPICS["ground_truth"]), signals_of)
-    lit: dict[str, dict[int, str]] = {}
-    for link, signal in link_signals(root):
-        if any(letter for _, letter in states.get(signal, ())):
-            lit.setdefault(link.get("tl", ""), {})[int(link.get("linkIndex", "0"))] = signal
-    if not lit and _has_lights(path):
+        truths = _messages(path, TOPICS["ground_truth"])
+        if (text := _opendrive_of(road, path)) is None:
+            ids = _lane_map(path).lane_ids()
+            states = light_states(truths, lanes_of)
+            runs = {ids[lane]: run for lane, run in states.items() if lane in ids}
+            return lane_programme(layout, road, runs, path.name) if runs else (None, [])
+        drawn, shown = opendrive_map(path, xml_root(path, text)), light_states(truths, signals_of)
+        ids = drawn.lane_ids()
+        runs = {ids[lane]: shown[signal] for lane, signal in drawn.signals.items() if signal in shown}
+    if not runs and _has_lights(path):
         raise MapError(f"{path.name}: its lights name no signals of the map's lights")
-    phases = {}
-    for light in root.iter("tlLogic"):
-        if named := lit.get(light.get("id", "")):
-            own = [
-                "".join(letters)
-                for letters in zip(*(x.get("state", "") for x in light.iter("phase")), strict=False)
-            ]
-            phases[light.get("id", "")] = link_phases(
-                [(named.get(k, ""), letters) for k, letters in enumerate(own)], states
-            )
-    return phases
+    return lane_programme(layout, road, runs, path.name) if runs else (None, [])
+
+
+def _opendrive_of(road: Road, path: Path) -> bytes | None:
+    """Return the OpenDRIVE text of a road that lies in a file of its own, else that of a trace."""
+    if road.file is not None and OPENDRIVE.is_mine(road.file):
+        return unpacked(road.file)
+    return map_text(path)
 
 
 def _has_lights(path: Path) -> bool:
@@ -246,4 +237,4 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
 
 OSI_MAP = MapFormat(is_mine=is_osi, read=_read_road, tracks=lambda path: path, asks_for="--tracks TRACE")
 OSI = Dataset(is_mine=is_osi, read=_read, recordings=_recordings, within=within_map)
-OSI_LIGHTS = SignalFormat(is_mine=is_osi, read=_read_signals, replay=_replay)
+OSI_LIGHTS = SignalFormat(is_mine=is_osi, read=_read_signals)

@@ -254,13 +254,11 @@ def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable
         return box_table(path, names, kinds, values, ego=EGO)
 
 
-def _read_signals(
-    layout: NetLayout, origin: tuple[float, float], path: Path
-) -> tuple[Programme | None, list[str]]:
+def _read_signals(layout: NetLayout, road: Road, path: Path) -> tuple[Programme | None, list[str]]:
     with one_line(MapError, path, "lights of 123D"):
         ids = _drawn(path).lane_ids()
         runs = {ids[lane]: run for lane, run in _lights(path).items() if lane in ids}
-        return lane_programme(layout, runs, path.parent.name)
+        return lane_programme(layout, road, runs, path.parent.name)
 
 
 def _files(path: Path) -> tuple[Path, ...]:

@@ -106,7 +106,7 @@ HIGHD_MAP = Declaration(
 )
 OPENDD_MAP = Declaration(lambda path: path.match("map_rdb*.sqlite"), "scex_sumo.formats.opendd:OPENDD_MAP")
 OPENDRIVE = Declaration(
-    lambda path: _ends(path, ".xodr", ".xodr.gz"), "scex_sumo.formats.sumo.imported:OPENDRIVE"
+    lambda path: _ends(path, ".xodr", ".xodr.gz"), "scex_sumo.formats.opendrive.reader:OPENDRIVE"
 )
 OPEN_STREET_MAP = Declaration(is_open_street_map, "scex_sumo.formats.sumo.imported:OPEN_STREET_MAP")
 OSI_MAP = Declaration(is_osi, "scex_sumo.formats.osi:OSI_MAP")

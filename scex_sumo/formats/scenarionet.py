@@ -387,9 +387,7 @@ def _kind(track: Mapping[str, Any]) -> str:
     return _USERS.get(kind, kind)
 
 
-def _read_signals(
-    layout: NetLayout, origin: tuple[float, float], path: Path
-) -> tuple[Programme | None, list[str]]:
+def _read_signals(layout: NetLayout, road: Road, path: Path) -> tuple[Programme | None, list[str]]:
     with one_line(MapError, path, "lights of ScenarioNet"):
         scenario = read_scenario(path)
         ids = {str(name): number for name, number in _drawn(path, scenario).lane_ids().items()}
@@ -399,7 +397,7 @@ def _read_signals(
             letters = [next((letter for part, letter in _LIGHTS if part in word), "") for word in words]
             if name in ids:
                 runs[ids[name]] = list(zip((times - times[0]).tolist(), letters, strict=True))
-        return lane_programme(layout, runs, path.name)
+        return lane_programme(layout, road, runs, path.name)
 
 
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:

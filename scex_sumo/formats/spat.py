@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
@@ -25,6 +25,7 @@ from scex_sumo.formats import recognition
 from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
 from scex_sumo.lanelet2sumo.plan.elements import Connection, NetLayout, Programme
 from scex_sumo.lanelet2sumo.plan.lights import phase_state
+from scex_sumo.road import Road
 
 # SAE J2735 movement states in SUMO's letters.
 LETTERS = {
@@ -55,15 +56,13 @@ class _Movement:
     group: int
 
 
-def recorded_programme(
-    layout: NetLayout, origin: tuple[float, float], signals: Path
-) -> tuple[Programme | None, list[str]]:
+def recorded_programme(layout: NetLayout, road: Road, signals: Path) -> tuple[Programme | None, list[str]]:
     """Return the traffic light that replays a recording (None if it controls no link of the net), and notes.
 
     The recording begins at simulation time 0 and repeats.
     """
     runs = _read_phases(signals)
-    moves = _read_movements(_kml_beside(signals), origin)
+    moves = _read_movements(_kml_beside(signals), road.origin)
     groups: dict[str, int] = {}
     ways = _Ways(layout)
     for c in layout.connections:
@@ -76,7 +75,7 @@ def recorded_programme(
 
 
 def lane_programme(
-    layout: NetLayout, states: Mapping[int, list[tuple[float, str]]], name: str
+    layout: NetLayout, road: Road, states: Mapping[int, list[tuple[float, str]]], name: str
 ) -> tuple[Programme | None, list[str]]:
     """Return the traffic light that replays recorded states of lanes, and notes.
 
@@ -87,34 +86,28 @@ def lane_programme(
     """
     runs = _runs(states)
     groups: dict[str, int] = {}
+    before = {i for i in runs if _lit_at_end(road, i)}
     for c in layout.connections:
         first, *others = c.lanelets
-        # Some maps give the light to the lane across the junction, others to the one before.
-        lit = next((i for i in (*others, first) if i in runs), None)
-        if lit is not None and (lit != first or others):
+        lit = next((i for i in others if i in runs and i not in before), None)
+        lit = first if others and first in runs and first in before else lit
+        if lit is not None:
             groups[c.internal.name] = lit
     if not groups:
         return None, [f"no connection of the net belongs to a lane with known lights of {name}: no lights"]
     return _programme(layout, groups, {**runs, -1: [(_end(states), "")]}), _unseen(states, runs, name)
 
 
-def link_phases(
-    links: Sequence[tuple[Hashable, str]], states: Mapping[str, list[tuple[float, str]]]
-) -> tuple[tuple[float, str], ...]:
-    """Return the phases (duration in s, state) of a light that replays recorded states of signals.
-
-    Args:
-        links: signal of each link, and the letters of its own programme. A link with an unknown signal
-            gives way; green is ``g`` where a link never has ``G``.
+def _lit_at_end(road: Road, lane_id: int) -> bool:
+    """Whether a lane's light stands at its end: some maps give it to the lane before the junction, others to
+    the one across.
     """
-    runs = _runs(states)
-
-    def state(start: float) -> str:
-        shown = [_letter(runs[signal], start) if signal in runs else "o" for signal, _ in links]
-        gives_way = ["g" in own and "G" not in own for _, own in links]
-        return "".join("g" if x == "G" and minor else x for x, minor in zip(shown, gives_way, strict=True))
-
-    return _spells([runs[signal] for signal, _ in links if signal in runs], _end(states), state)
+    lane = road.lanes[lane_id]
+    lines = [rule.stop_lines for rule in road.regulations if lane_id in rule.lanes and rule.stop_lines]
+    if not lines:
+        return not lane.conflicts
+    s, _ = project(np.mean(lines[0][0], axis=0)[None], lane.centreline)
+    return bool(s[0] > length_of(lane.centreline) / 2)
 
 
 def _runs(states: Mapping[_Key, list[tuple[float, str]]]) -> dict[_Key, list[tuple[float, str]]]:
@@ -258,18 +251,12 @@ def _leads_along(shape: FloatArray, sink: FloatArray) -> bool:
 def _phases(
     links: Sequence[Connection], groups: dict[str, int], runs: dict[int, list[tuple[float, str]]]
 ) -> tuple[tuple[float, str], ...]:
-    used = {groups[c.internal.name] for c in links}
+    used, end = {groups[c.internal.name] for c in links}, runs[-1][0][0]
 
     def state(start: float) -> str:
         return phase_state(links, {name: _letter(runs[group], start) for name, group in groups.items()})
 
-    return _spells([runs[group] for group in used], runs[-1][0][0], state)
-
-
-def _spells(
-    used: Iterable[Sequence[tuple[float, str]]], end: float, state: Callable[[float], str]
-) -> tuple[tuple[float, str], ...]:
-    changes = sorted({0.0} | {t for run in used for t, _ in run if t < end})
+    changes = sorted({0.0} | {t for group in used for t, _ in runs[group] if t < end})
     phases = [
         (round(stop - start, 3), state(start))
         for start, stop in zip(changes, [*changes[1:], end], strict=True)

@@ -134,7 +134,7 @@ def read_rules(root: Element, lanes: LaneTable, road: Road) -> tuple[Rules, tupl
     """Return the rules of a net and notes on what contradicts itself, where nothing is obeyed.
 
     Lights whose phases are invented, as the net of a map without phases needs them, are unknown; so those
-    that netconvert gives to OpenDRIVE and OpenStreetMap maps.
+    that netconvert gives to OpenStreetMap maps.
     """
     links = _links(root)
     signals, notes = signals_of_links(root, links, known=road.net is not None and road.phases)

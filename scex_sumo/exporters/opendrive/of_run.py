@@ -6,13 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from scex_sumo.converters.net.xml import net_root, unpacked, xml_root
+from scex_sumo.converters.net.xml import unpacked, xml_root
 from scex_sumo.exporters.light_cycles import light_cycles
 from scex_sumo.exporters.opendrive.file import OpenDrive, opendrive
 from scex_sumo.exporters.request import Request
+from scex_sumo.formats.opendrive.lanes import opendrive_map
 from scex_sumo.formats.osi import map_text
 from scex_sumo.formats.recognition import OPENDRIVE, is_osi
-from scex_sumo.formats.sumo.imported import link_signals
 from scex_sumo.road import Regulation, Road
 
 
@@ -53,18 +53,14 @@ def _as_given(request: Request, content: bytes) -> OpenDrive:
     offset = root.find("header/offset")
     names = ("x", "y", "z", "hdg")
     x, y, z, heading = (float("0" if offset is None else offset.get(name, "0")) for name in names)
-    lanes = request.run.net.lanes
+    drawn = opendrive_map(request.road.file, root)
+    ids = drawn.lane_ids()
     return OpenDrive(
         text=content.decode(errors="replace"),
         projection=(root.findtext("header/geoReference") or "").strip(),
         offset=(x, y, z, heading),
-        inside=frozenset(i for i, lane in request.road.lanes.items() if lane.subtype.startswith(":")),
-        lights={
-            lane: (signal, None)
-            for link, signal in link_signals(net_root(request.run.net.path))
-            for name in (f"{link.get('from')}_{link.get('fromLane')}", link.get("via", ""))
-            for lane in lanes.lanelets(name)
-        },
+        inside=frozenset(ids[lane.name] for lane in drawn.lanes if lane.inside),
+        lights={ids[lane]: (signal, None) for lane, signal in drawn.signals.items()},
         flat=all(_flat(record) for record in root.iter("elevation")),
     )
 

@@ -83,6 +83,8 @@ class DrawnMap(Findings):
         lines: markings: kind, subtype and polyline, as Lanelet2 names them.
         lit: lanes with a traffic light, by name, with the place where to stop (None if not known).
         stops: lanes with a stop or yield sign, by name: ``stop`` or ``yield``.
+        priority: lanes that give way, and those that go before them.
+        moved: coordinates beyond 100 km are moved by whole kilometres.
     """
 
     path: Path
@@ -91,7 +93,9 @@ class DrawnMap(Findings):
     lines: list[tuple[str, str, Any]] = field(default_factory=list)
     lit: dict[Hashable, Any] = field(default_factory=dict)
     stops: dict[Hashable, str] = field(default_factory=dict)
+    priority: list[tuple[Sequence[Hashable], Sequence[Hashable]]] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+    moved: bool = True
 
     def lane_ids(self) -> dict[Hashable, int]:
         """Lane ids by name: the names if all are positive numbers, else 1, 2, ... in the map's order."""
@@ -105,7 +109,7 @@ class DrawnMap(Findings):
         """(2,) whole kilometres, m, by which coordinates beyond 100 km are moved."""
         lines = [line for one in self.lanes for part in (one.centre, one.left) if len(line := polyline(part))]
         points = np.concatenate([np.empty((0, 2)), *lines])
-        far = len(points) and float(np.abs(points).max()) > FAR_M
+        far = self.moved and len(points) and float(np.abs(points).max()) > FAR_M
         return np.floor(points.min(axis=0) / 1000.0) * 1000.0 if far else np.zeros(2)
 
 
@@ -145,9 +149,9 @@ def drawn_road(drawn: DrawnMap, *, name: str, country: str = GERMANY, projection
     walks = [line for outline in drawn.crosswalks if len(line := polyline(outline, frame)) > 2]
     lines = [(*line[:2], points) for line in drawn.lines if len(points := polyline(line[2], frame)) > 1]
     place = None
+    if projection:
+        place = Georeference(projection=projection, east_m=float(frame[0]), north_m=float(frame[1]))
     if frame.any():
-        if projection:
-            place = Georeference(projection=projection, east_m=float(frame[0]), north_m=float(frame[1]))
         said = f"x = {frame[0]:.0f} m, y = {frame[1]:.0f} m"
         drawn.remarks.append(f"coordinates are relative to {said} of the dataset")
     return Road(
@@ -331,6 +335,11 @@ def _regulations(
     for name, sign in drawn.stops.items():
         if (lane := ids.get(name)) in lanes and lane is not None:
             yield Regulation(element_id=(number := number + 1), kind=sign, lanes=(lane,), yielding=(lane,))
+    for sides in drawn.priority:
+        low, high = (tuple(ids[name] for name in names if ids.get(name) in lanes) for names in sides)
+        if low and high:
+            number, both = number + 1, low + high
+            yield Regulation(element_id=number, kind="right_of_way", lanes=both, yielding=low, priority=high)
     for name, place in drawn.lit.items():
         if (lane := ids.get(name)) in lanes and lane is not None:
             number += 1

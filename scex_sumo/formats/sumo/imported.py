@@ -1,4 +1,4 @@
-"""OpenDRIVE and OpenStreetMap maps, read by way of SUMO's netconvert."""
+"""OpenStreetMap maps, read by way of SUMO's netconvert."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ import os
 import shutil
 import stat
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from xml.etree.ElementTree import Element
 
 from scex_sumo.base.errors import MapError
 from scex_sumo.base.files import TemporaryFolder, cache_folder, sha256_of, write_atomic
@@ -22,25 +21,13 @@ from scex_sumo.base.version import __version__, version_of
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.net.xml import unpacked
 from scex_sumo.converters.registries import MapFormat
-from scex_sumo.formats import recognition
 from scex_sumo.formats.recognition import is_open_street_map
 from scex_sumo.formats.sumo.net import read_sumo_road
-from scex_sumo.formats.sumo.opendrive import repaired_opendrive
 from scex_sumo.road import Road
 
 MAX_NETS = 64  # in the cache; the oldest one goes first
-SIGNAL = "linkSignalID:"  # netconvert's parameter of a light, with the index of the link
-# OpenDRIVE: coordinates stay the file's; curves are followed closely; the file's own junction lanes are kept.
-_OPENDRIVE = {
-    "opendrive.curve-resolution": "0.5",
-    "opendrive.internal-shapes": "true",
-    "opendrive.import-all-lanes": "true",
-    "offset.disable-normalization": "true",
-    "no-turnarounds": "true",
-    "no-internal-links": "false",
-}
 # OpenStreetMap: what SUMO's documentation recommends for it, for cars.
-_OPEN_STREET_MAP = {
+_OPTIONS = {
     "geometry.remove": "true",
     "ramps.guess": "true",
     "junctions.join": "true",
@@ -53,51 +40,23 @@ _OPEN_STREET_MAP = {
 
 
 def _read_imported_road(path: str | Path, **_: object) -> Road:
-    """Read an OpenDRIVE or OpenStreetMap file by way of netconvert; its net is kept in the user's cache."""
+    """Read an OpenStreetMap file by way of netconvert; its net is kept in the user's cache."""
     path = Path(path)
     content = unpacked(path)
-    if recognition.OPENDRIVE.is_mine(path):
-        return opendrive_road(path, content)
     _check_safe(path, content)
-    return _imported(path, content, "osm", _OPEN_STREET_MAP)
-
-
-def opendrive_road(path: Path, content: bytes) -> Road:
-    """Return the road of an OpenDRIVE text that stands in a file."""
-    _check_safe(path, content)
-    content, repairs = repaired_opendrive(path, content)
-    return _imported(path, content, "opendrive", _OPENDRIVE, repairs)
-
-
-def link_signals(root: Element) -> Iterator[tuple[Element, str]]:
-    """Yield each connection of a net with a light, and the signal of OpenDRIVE that shows it."""
-    named = {
-        (light.get("id"), param.get("key", "").removeprefix(SIGNAL)): param.get("value", "")
-        for light in root.iter("tlLogic")
-        for param in light.iter("param")
-        if param.get("key", "").startswith(SIGNAL)
-    }
-    for link in root.iter("connection"):
-        if signal := named.get((link.get("tl"), link.get("linkIndex", ""))):
-            yield link, signal
-
-
-def _check_safe(path: Path, content: bytes) -> None:
-    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-        raise MapError(f"{path}: has a DOCTYPE, which could read other files; remove it")
-
-
-def _imported(
-    path: Path, content: bytes, kind: str, options: dict[str, str], repairs: tuple[str, ...] = ()
-) -> Road:
-    made_with = repr((__version__, version_of("eclipse-sumo"), kind, sorted(options.items())))
-    net = kept_net(path, made_with.encode() + content, lambda: _netconvert(path, kind, content, options))
+    made_with = repr((__version__, version_of("eclipse-sumo"), sorted(_OPTIONS.items())))
+    net = kept_net(path, made_with.encode() + content, lambda: _netconvert(path, content))
     try:
         road = read_sumo_road(net)
     except MapError as error:
         raise MapError(f"{path}: netconvert cannot convert it to a usable net ({error})") from None
     note = f"{path.name}: read by way of netconvert, as {net}"
-    return replace(road, phases=False, notes=(note, *repairs, *road.notes))
+    return replace(road, phases=False, notes=(note, *road.notes))
+
+
+def _check_safe(path: Path, content: bytes) -> None:
+    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
+        raise MapError(f"{path}: has a DOCTYPE, which could read other files; remove it")
 
 
 def kept_net(path: Path, made_of: bytes, make: Callable[[], bytes]) -> Path:
@@ -142,12 +101,12 @@ def _is_whole(net: Path, digest: Path) -> bool:
         return False
 
 
-def _netconvert(path: Path, kind: str, content: bytes, options: dict[str, str]) -> bytes:
+def _netconvert(path: Path, content: bytes) -> bytes:
     with TemporaryFolder() as folder:
         Path(folder, "map.xml").write_bytes(content)
         # Names without a folder: SUMO splits paths at commas.
-        given = {f"{kind}-files": "map.xml", "output-file": "made.net.xml", "xml-validation": "never"}
-        words = (word for k, v in {**given, **options}.items() for word in (f"--{k}", v))
+        given = {"osm-files": "map.xml", "output-file": "made.net.xml", "xml-validation": "never"}
+        words = (word for k, v in {**given, **_OPTIONS}.items() for word in (f"--{k}", v))
         said = run_program("netconvert", *words, folder=Path(folder), file_bytes=len(content))
         errors, net = [line for line in said if line.startswith("Error")], Path(folder, "made.net.xml")
         if errors or not net.is_file():
@@ -159,5 +118,4 @@ def _netconvert(path: Path, kind: str, content: bytes, options: dict[str, str]) 
     return written
 
 
-OPENDRIVE = MapFormat(is_mine=recognition.OPENDRIVE.is_mine, read=_read_imported_road)
 OPEN_STREET_MAP = MapFormat(is_mine=is_open_street_map, read=_read_imported_road)

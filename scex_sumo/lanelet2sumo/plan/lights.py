@@ -41,7 +41,7 @@ def plan_lights(
     """Return the programmes of all lights, recorded ones (``signals``) first, and notes."""
     recorded, notes = None, list[str]()
     if signals is not None:
-        recorded, notes = signal_format(signals).read(layout, road.origin, signals)
+        recorded, notes = signal_format(signals).read(layout, road, signals)
     taken = {c.internal.name for c in recorded.connections} if recorded is not None else set()
     fixed = fixed_programmes(layout, lanes, road.regulations, conflicts)
     free = (p for p in fixed if taken.isdisjoint(c.internal.name for c in p.connections))

@@ -298,7 +298,7 @@ def test_a_compressed_file_is_the_same_map(tmp_path: Path) -> None:
             "no usable lanelet",
         ),
         ("a.xml.gz", "\x1f\x8b broken", "not XML"),
-        ("a.xodr", "<OpenDRIVE/>", "netconvert"),
+        ("a.xodr", "<OpenDRIVE/>", "none of its 0 roads has geometry and lanes"),
     ],
 )
 def test_what_is_no_commonroad_map_is_refused_in_one_line(

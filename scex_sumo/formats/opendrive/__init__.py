@@ -1,0 +1,1 @@
+"""Reader of OpenDRIVE: reference lines, lanes, their links, signals."""
