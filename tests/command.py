@@ -17,9 +17,6 @@ from pathlib import Path
 PRELOADED = (
     "libsumo",
     "pandas",
-    "scex_sumo.certainty.response.page",
-    "scex_sumo.certainty.response.sensitivity",
-    "scex_sumo.certainty.response.words",
     "scex_sumo.cli",
     "scex_sumo.commands.seed",
     "scex_sumo.converters.datasets.recordings",
@@ -45,7 +42,7 @@ PRELOADED = (
     "tests.workers",
 )
 # Options of a run that leave out what costs more than a few futures.
-ALONE = ("--reference", "none", "--response", "none")
+ALONE = ("--reference", "none")
 
 
 def forkserver() -> ForkServerContext:

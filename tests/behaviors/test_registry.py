@@ -247,7 +247,7 @@ def test_a_run_with_rule_based_drivers_loads_no_wing_of_drivers() -> None:
         "import sys\n"
         "import scex_sumo as scex\n"
         "scene = scex.read_seed(scex.example_path('roundabout'))\n"
-        "scex.extrapolate(scene, models='rules', reference='none', response=None, futures=2, steps=2)\n"
+        "scex.extrapolate(scene, models='rules', reference='none', futures=2, steps=2)\n"
         "rooms = 'humans.driver', 'humans.guard', 'learned', 'plug_in'\n"
         "wings = tuple(f'scex_sumo.{room}' for room in rooms)\n"
         "sys.exit(', '.join(name for name in sys.modules if name.startswith(wings)) or None)"

@@ -10,8 +10,6 @@ from typing import ClassVar
 import pytest
 
 import scex_sumo as scex
-from scex_sumo.certainty.options import MAPS, CriticalResponse
-from scex_sumo.certainty.response.extra import ResponseExtra
 from scex_sumo.extrapolation.settings import RunSettings
 from tests.runs import extrapolate
 
@@ -41,10 +39,3 @@ def test_an_extra_that_is_off_is_not_loaded_and_its_files_leave(tmp_path: Path) 
         run = extrapolate(scene, futures=1, steps=1, world="plain", out=tmp_path, extra=[Note(wanted=wanted)])
         there = [(run.folder / name).exists() for name in Note.files]
         assert there == [wanted, wanted]
-
-
-def test_an_extra_without_files_in_a_folder_is_not_loaded_to_read_it(tmp_path: Path) -> None:
-    kinds = {type(extra) for extra in extras_results(tmp_path)}
-    assert CriticalResponse in kinds
-    (tmp_path / MAPS).touch()
-    assert ResponseExtra in {type(extra) for extra in extras_results(tmp_path)}

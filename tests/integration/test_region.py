@@ -97,20 +97,6 @@ def test_vehicles_that_cannot_come_near_the_region_are_replayed(monkeypatch: pyt
     assert Region().simulated(scene, 30) is scene
 
 
-def test_a_recorded_future_is_what_replayed_vehicles_do(tmp_path: Path) -> None:
-    scene = read_seed(example_path("motorway_merge"))
-    assert scene.future is not None and scene.future_valid is not None
-    part = replaying(scene, [0, 2])
-    others = part.obstacles
-    assert others is not None and part.vehicles == 2 and len(others.ids) == scene.vehicles - 2
-    np.testing.assert_array_equal(others.states.x[:, 11:], np.delete(scene.future.x, [0, 2], axis=0))
-    np.testing.assert_array_equal(others.present[:, 11:], np.delete(scene.future_valid, [0, 2], axis=0))
-    run = extrapolate(part, models="constant_velocity,sumo:IDM", futures=2, out=tmp_path / "run")
-    assert run.scene.track_ids.tolist() == part.track_ids.tolist()
-    again = run.scene.obstacles
-    assert again is not None and again.types == others.types and again.ids == others.ids
-
-
 def test_sumo_drivers_meet_replayed_vehicles_within_reach_only() -> None:
     scene = roads.scene_of((0.0, 0.0, 0.0, 10.0), (200.0, 0.0, 0.0, 10.0), (900.0, 0.0, 0.0, 10.0))
     assert obstacles_in_reach(replaying(scene, [0])) == [0] and obstacles_in_reach(scene) == []

@@ -51,7 +51,7 @@ with_libtraci = pytest.mark.skipif(importlib.util.find_spec("libtraci") is None,
 def test_a_simulation_goes_on_after_its_futures(grid: Simulation, module: str) -> None:
     (example,) = re.findall(r"```python\n(import libsumo.*?)```", PAGE.read_text(), re.DOTALL)
     example = example.replace("import libsumo", f"import {module}").replace('"sumo"', repr(program("sumo")))
-    example = example.replace("extrapolate(", "extrapolate(reference=None, response=None, ")
+    example = example.replace("extrapolate(", "extrapolate(reference=None, ")
     code = example.replace("])", QUIET, 1) + CHECKED
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", code], cwd=grid.config.parent, capture_output=True, text=True
@@ -149,7 +149,7 @@ def said(call):
     except scex.ScexError as error:
         print(error)
 
-ALONE = dict(reference=None, response=None)
+ALONE = dict(reference=None)
 start = ["sumo", "-c", "mine.sumocfg", "--no-step-log", "--no-warnings", "--xml-validation", "never"]
 for wrong in (sumo, None, "sumo", warnings):
     said(lambda: scex.watch(wrong))
@@ -212,7 +212,7 @@ warnings.simplefilter("ignore")
 sumo.start(["sumo", "-c", "mine.sumocfg", "--no-step-log", "--no-warnings", "--xml-validation", "never"])
 watch = scex.watch(sumo)
 sumo.simulationStep(20)
-quick = dict(futures=2, models="constant_velocity", report=False, reference=None, response=None)
+quick = dict(futures=2, models="constant_velocity", report=False, reference=None)
 processes = set()
 for _ in range(2):
     run = watch.extrapolate(extra=["mine:Process"], **quick)

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo.certainty.response.page import SCRIPTS as RESPONSE
 from scex_sumo.page.report.report import SCRIPTS as REPORT
 
 ASSETS = Path(str(files("scex_sumo.page").joinpath("assets")))
@@ -45,4 +44,3 @@ def test_a_script_begins_with_what_it_is_and_keeps_to_the_style(script: Path) ->
 
 def test_those_of_a_report_stay_small_together() -> None:
     assert sum((ASSETS / name).stat().st_size for name in REPORT) < 90_000
-    assert sum((ASSETS / name).stat().st_size for name in RESPONSE) < 25_000

@@ -151,13 +151,6 @@ def test_the_file_is_small(run: Run) -> None:
     assert (run.folder / "report.html").stat().st_size < 200_000
 
 
-def test_likely_futures_that_collide_are_counted(run: Run, tmp_path: Path) -> None:
-    copy = tmp_path / "out"
-    shutil.copytree(run.folder, copy)
-    shutil.copytree(run.folder, copy / "reference")
-    assert report_contents(open_run(copy))[0]["likely_collisions"]["percent"] == run.collision.share
-
-
 def test_notes_that_warn_stand_above_the_answer_and_the_others_below(run: Run, tmp_path: Path) -> None:
     copy = tmp_path / "out"
     shutil.copytree(run.folder, copy)

@@ -12,7 +12,7 @@ from scex_sumo.base.errors import UsageError
 
 def run_of(steps: int, folder: Path) -> scex.Run:
     scene = scex.read_seed(scex.example_path("motorway_merge"))
-    left_out = {"reference": None, "response": None, "report": False}
+    left_out = {"reference": None, "report": False}
     return scex.extrapolate(
         scene, futures=4, models="constant_velocity", steps=steps, world="plain", out=folder, **left_out
     )

@@ -25,24 +25,23 @@ def moment_ref(name: str, location: str = "here", time_s: float = 1.0) -> Moment
 
 
 def pairs_table(*pairs: tuple[int, int], probability: float = 1e-4, **values: Any) -> pa.Table:
-    """Pairs of a moment, one severe injury in ten collisions; without any, vehicles 1 and 2."""
+    """Pairs of a moment; without any, vehicles 1 and 2."""
     row = {
-        "action": "brakes",
-        "value": 5.0,
-        "frequency": 1e-3,
-        "response_s": 1.1,
-        "later": 0.1,
-        "factor": 4.0,
-        "delta_v": 5.0,
-        "kind": "merge",
-        "takes": "it brakes",
-        "contact_s": 2.0,
-        "to_test": True,
-        "preventable": True,
-        "gap_m": 3.0,
         "probability": probability,
-        "probability_hard": probability / 2,
-        "severity": probability / 10,
+        "least": probability / 10,
+        "most": min(10 * probability, 1.0),
+        "what": "merging",
+        "how": "2 merges; 1 needs 2.0 m/s²",
+        "place": "merge",
+        "future": 3,
+        "futures": 5,
+        "collide": 0.0,
+        "needed_braking": 2.0,
+        "time_margin": None,
+        "gap_m": 3.0,
+        "conflict_s": 2.0,
+        "speed_mps": 4.0,
+        "to_test": probability >= 1e-4,
     }
     rows = [row | {"track_id": one, "other_id": other} | values for one, other in pairs or [(1, 2)]]
     return pa.Table.from_pylist(rows, schema=PAIRS)

@@ -1,11 +1,10 @@
-"""Encounters: the same pair in consecutive moments is one, and what is usual is the median of its class."""
+"""Encounters: the same pair in consecutive moments is one, shown at its most probable moment."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import pyarrow as pa
-import pytest
 
 from scex_sumo.studies.moments.encounters import encounters_of
 from scex_sumo.studies.moments.folder import MomentRef
@@ -16,8 +15,8 @@ def found(*moments: tuple[MomentRef, pa.Table]) -> list[dict[str, Any]]:
     return encounters_of(moments, 1.0).to_pylist()
 
 
-def test_consecutive_moments_of_a_pair_are_one_encounter_with_its_most_severe_moment() -> None:
-    """Whoever acts; the gap is the least of all moments."""
+def test_consecutive_moments_of_a_pair_are_one_encounter_with_its_most_probable_moment() -> None:
+    """Whichever of both responds."""
     rows = found(
         moment(1.0, pairs_table((1, 2), probability=1e-4, gap_m=5.0)),
         moment(2.0, pairs_table((2, 1), probability=3e-4, gap_m=4.0)),
@@ -25,15 +24,15 @@ def test_consecutive_moments_of_a_pair_are_one_encounter_with_its_most_severe_mo
     )
     (row,) = rows
     assert (row["track_id"], row["other_id"], row["time_s"], row["seed"]) == (2, 1, 2.0, "r__2.0")
-    assert (row["first_s"], row["last_s"], row["moments"], row["gap_m"]) == (1.0, 3.0, 3, 3.0)
-    assert (row["probability"], row["severity"]) == (3e-4, pytest.approx(3e-5))
+    assert (row["first_s"], row["last_s"], row["moments"], row["gap_m"]) == (1.0, 3.0, 3, 4.0)
+    assert row["probability"] == 3e-4
 
 
 def test_people_are_the_same_by_name_though_their_numbers_change() -> None:
-    first = pairs_table((-1, 2), person="pedestrian P7")
-    rows = found(moment(1.0, first), moment(2.0, pairs_table((-3, 2), person="pedestrian P7")))
+    first = pairs_table((2, 901), person="pedestrian P7")
+    rows = found(moment(1.0, first), moment(2.0, pairs_table((2, 903), person="pedestrian P7")))
     assert [(row["person"], row["moments"]) for row in rows] == [("pedestrian P7", 2)]
-    assert len(found(moment(1.0, first), moment(2.0, pairs_table((-1, 2), person="pedestrian P8")))) == 2
+    assert len(found(moment(1.0, first), moment(2.0, pairs_table((2, 901), person="pedestrian P8")))) == 2
 
 
 def test_recordings_and_cases_are_apart_and_so_are_pairs() -> None:
@@ -48,13 +47,3 @@ def test_a_moment_without_doubt_stands_for_its_encounter() -> None:
         moment(1.0, pairs_table(probability=1e-1, doubt="short")), moment(2.0, pairs_table(probability=1e-4))
     )
     assert (row["time_s"], row["doubt"], row["moments"]) == (2.0, None, 2)
-
-
-def test_what_is_usual_is_the_median_of_the_class() -> None:
-    """21 merges with P of 1e-5 to 21e-5; the ring is compared with all 22."""
-    merges = [pairs_table((1, k), probability=(k - 1) * 1e-5) for k in range(2, 23)]
-    rows = found(moment(1.0, *merges, pairs_table((90, 91), probability=1e-3, kind="ring")))
-    merge, ring = rows[-2:]
-    assert (merge["usual_what"], merge["usual_rank"], merge["usual_of"]) == ("at this site", 1, 21)
-    assert merge["times_usual"] == pytest.approx(21 / 11)
-    assert (ring["usual_what"], ring["usual_rank"], ring["usual_of"]) == ("in the whole data set", 1, 22)

@@ -68,13 +68,6 @@ OTHER = '{"identity": "' + 64 * "0" + '"}'
 DAMAGED = ["", "{", '{"identity": 7}', "[]", "\x00"]
 
 
-@pytest.mark.parametrize("content", [*DAMAGED, OTHER])
-def test_a_damaged_mark_of_an_interruption_does_not_stop_it_from_going_on(filled: Path, content: str) -> None:
-    (filled / "incomplete.json").write_text(content)
-    with RankFolder(filled, PLAN) as folder:
-        assert folder.has(REF)
-
-
 @pytest.mark.parametrize("content", DAMAGED)
 def test_a_finished_ranking_whose_contents_are_damaged_runs_again(filled: Path, content: str) -> None:
     with RankFolder(filled, PLAN) as folder:

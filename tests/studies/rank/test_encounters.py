@@ -7,33 +7,30 @@ import pyarrow as pa
 from scex_sumo.studies.moments.encounters import encounters_of
 from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.rank.encounters import (
-    BY_SEVERITY,
+    BY_PROBABILITY,
     SAID,
     Order,
-    leads,
     with_stress,
 )
-from scex_sumo.studies.rank.table import pair_words
 from tests.studies.moments.pairs import moment, pairs_table
 
 
-def found(*moments: tuple[MomentRef, pa.Table], order: Order = BY_SEVERITY) -> list[dict[str, object]]:
+def found(*moments: tuple[MomentRef, pa.Table], order: Order = BY_PROBABILITY) -> list[dict[str, object]]:
     return order.ranked(encounters_of(moments, 1.0)).to_pylist()
 
 
-def test_the_order_is_by_severity_then_by_any_column() -> None:
+def test_the_order_is_by_probability_then_by_any_column() -> None:
     tables = [
-        pairs_table((1, 2), probability=1e-4, severity=1e-5, time_to_react=0.5),
-        pairs_table((3, 1), probability=3e-4, severity=2e-6, time_to_react=None),
-        pairs_table((2, 3), probability=2e-4, severity=3e-6, time_to_react=0.2),
+        pairs_table((1, 2), probability=1e-4, time_margin=0.5),
+        pairs_table((3, 1), probability=3e-4, time_margin=None),
+        pairs_table((2, 3), probability=2e-4, time_margin=0.2),
     ]
 
     def pairs(order: Order) -> list[tuple[object, object]]:
         return [(row["track_id"], row["other_id"]) for row in found(moment(1.0, *tables), order=order)]
 
-    assert pairs(BY_SEVERITY) == [(1, 2), (2, 3), (3, 1)]
-    assert pairs(Order(by="probability")) == [(3, 1), (2, 3), (1, 2)]
-    assert pairs(Order(by="time_to_react")) == [(2, 3), (1, 2), (3, 1)]  # little time first, none last
+    assert pairs(BY_PROBABILITY) == [(3, 1), (2, 3), (1, 2)]
+    assert pairs(Order(by="time_margin")) == [(2, 3), (1, 2), (3, 1)]  # small margins first, none last
 
 
 def test_doubtful_encounters_are_last_and_without_rank_unless_they_are_kept() -> None:
@@ -45,21 +42,6 @@ def test_doubtful_encounters_are_last_and_without_rank_unless_they_are_kept() ->
     assert [(row["rank"], row["doubt"]) for row in found(both)] == [(1, None), (None, "boxes touch")]
     kept = found(both, order=Order(keep_doubtful=True))
     assert [(row["rank"], row["doubt"]) for row in kept] == [(1, "boxes touch"), (2, None)]
-
-
-def test_what_one_vehicle_does_to_several_at_a_time_is_one_line() -> None:
-    """1 goes on before 2, 3 and 4, before 3 a second later; 2 acts by itself; 1 again a minute later."""
-    rows = found(
-        moment(1.0, pairs_table((1, 2), probability=3e-4), pairs_table((1, 4), probability=1e-4)),
-        moment(2.0, pairs_table((1, 2), probability=1e-4), pairs_table((1, 3), probability=2e-4)),
-        moment(2.0, pairs_table((2, 3), probability=1.5e-4), recording="s"),
-        moment(60.0, pairs_table((1, 2), probability=1e-5)),
-    )
-    said = [(row["rank"], row["track_id"], row["other_id"], row["more"]) for row in rows]
-    assert said == [(1, 1, 2, 2), (1, 1, 3, None), (1, 1, 4, None), (2, 2, 3, 0), (3, 1, 2, 0)]
-    table = BY_SEVERITY.ranked(encounters_of([moment(1.0, pairs_table((1, 2), (1, 3)))], 1.0))
-    (lead,) = leads(table).to_pylist()
-    assert pair_words(lead) == "2 → 1 and 1 more"
 
 
 def test_a_verdict_is_of_the_encounter_at_its_time_and_a_data_error_is_doubtful() -> None:
@@ -81,15 +63,9 @@ def test_a_verdict_is_of_the_encounter_at_its_time_and_a_data_error_is_doubtful(
     ]
 
 
-@pytest.mark.parametrize("by", ["mixed", "stress_p_collision"])
-def test_an_order_by_what_not_all_have_is_refused(by: str) -> None:
-    with pytest.raises(UsageError, match=f"--by: got '{by}'; known: rank, track_id"):
-        Order(by=by)
-
-
 def test_futures_of_the_moment_say_how_often_the_pair_collides() -> None:
     moments = moment(1.0, pairs_table((2, 1), (1, 3))), moment(9.0, pairs_table((1, 2)))
-    rows = BY_SEVERITY.ranked(encounters_of(moments, 1.0))
+    rows = BY_PROBABILITY.ranked(encounters_of(moments, 1.0))
     table = with_stress(rows, {"r__1.0": {(1, 2): (0.25, 0.5)}}).to_pylist()
     shares = {
         (row["time_s"], row["track_id"]): (row["stress_p_collision"], row["stress_p_critical"])

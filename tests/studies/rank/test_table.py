@@ -12,7 +12,10 @@ from scex_sumo.studies.rank.table import MOMENTS, stress_words, write_table
 
 
 def test_a_table_is_written_twice_alike(tmp_path: Path) -> None:
-    rows = [{"seed": "s", "vehicles": 3, "human_severity": 1e-6}, {"seed": "bad", "failure": "off the map"}]
+    rows = [
+        {"seed": "s", "vehicles": 3, "human_p_collision": 1e-6},
+        {"seed": "bad", "failure": "off the map"},
+    ]
     write_table(tmp_path / "moments", pa.Table.from_pylist(rows, schema=MOMENTS))
     table, text = (
         pq.read_table(tmp_path / "moments.parquet"),
