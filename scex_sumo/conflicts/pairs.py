@@ -85,6 +85,7 @@ def find_conflicts(
     *,
     now: int,
     people: BoolArray | None = None,
+    vehicle: int | None = None,
 ) -> Conflicts:
     """Find the conflicts of all pairs of vehicles in futures.
 
@@ -94,6 +95,7 @@ def find_conflicts(
         planned: (2, C, V, H) x and y of the centres after the last step, m; None: straight on.
         now: index of the moment in T.
         people: (V,) whether it is a pedestrian or cyclist: two of them have no conflict.
+        vehicle: only pairs with this one; None: all.
 
     Returns:
         Rows of pairs that are within `NEAR_M` at the moment, or whose ways touch.
@@ -106,6 +108,9 @@ def find_conflicts(
     if people is not None:
         both = people[one] & people[two]
         one, two = one[~both], two[~both]
+    if vehicle is not None:
+        has_it = (one == vehicle) | (two == vehicle)
+        one, two = one[has_it], two[has_it]
     first = vehicles * np.arange(futures)
     own, other = shared_stretches(ways, (first + one[:, None]).ravel(), (first + two[:, None]).ravel())
     apart = np.hypot(*(v[0, now, one] - v[0, now, two] for v in (states.x, states.y)))

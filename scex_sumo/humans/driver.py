@@ -91,8 +91,6 @@ class LikelyProfile:
 class LikelyDriver:
     """A random driver for every vehicle of every future."""
 
-    human_like = True  # a test suite gives it the response times of people
-
     def __init__(self, profile: LikelyProfile, human: HumanParameters | None = None) -> None:
         self.profile = profile
         self.human = human or human_parameters()

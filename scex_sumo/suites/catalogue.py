@@ -8,31 +8,28 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from scex_sumo.base.arguments import checked
-from scex_sumo.base.errors import ScexError, UsageError, reason_of
 from scex_sumo.base.files import own_folder, remove, write_atomic
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.datasets.find import find_recordings
-from scex_sumo.converters.registries import Recording
+from scex_sumo.decision.typology import CONFLICTS
 from scex_sumo.exporters.request import EXPORTERS
 from scex_sumo.results.folder import OutputFolder
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.folder import plain
 from scex_sumo.studies.rank.rank import rank
-from scex_sumo.suites.case import FORMATS, write_case
+from scex_sumo.suites.case import FORMATS, shown, write_case
 from scex_sumo.suites.choice import Chosen, check_count, choose
-from scex_sumo.suites.cut import cutter_of, recordings_of
-from scex_sumo.suites.page import CaseCard, write_catalogue_page
+from scex_sumo.suites.cut import Cutter, recordings_of
+from scex_sumo.suites.drive import drive
+from scex_sumo.suites.page import CaseCard, catalogue_card, write_catalogue_page
 from scex_sumo.suites.population import RISK_WORDS, Population, is_ranking, read_population
 from scex_sumo.suites.suite import CASES, FORMAT, MAPS, SUITE, Suite, open_suite
 
 RANKING = "ranking"
 FUTURES = 64
 PAGE = "catalogue.html"
-_PAIRS_ALONE: Any = {"top": 1, "futures": 1}  # a suite needs no stress test
 LICENCE = "LICENCE.md"
 _LICENCE_TEXT = """# Where the cases come from
 
@@ -108,50 +105,12 @@ def catalogue(
     places = [Path(root) for root in ([roots] if isinstance(roots, str | Path) else roots)]
     rankings = [place for place in places if is_ranking(place)]
     others = [place for place in places if place not in rankings]
-    _check(count, formats, others)
-    identity = _identity(places, count, seed, formats, every, min_vehicles)
-    with SuiteFolder(out, identity, overwrite=overwrite) as folder:
-        if others:
-            own: dict[str, Any] = {"every": every, "min_vehicles": min_vehicles, "workers": workers}
-            own |= {"overwrite": overwrite, "progress": progress, "command": command}
-            rank(others, out=out / RANKING, **own, **_PAIRS_ALONE)
-            rankings.append(out / RANKING)
-        population = read_population(rankings)
-        recordings, chosen = recordings_of(population), choose(population, count, seed=seed)
-        draws = {"seed": seed, "futures": FUTURES}
-        cases, notes = [], list[str]()
-        with progress_of(progress, "cases") as tick:
-            for one in _cases(population, chosen, recordings, out, tuple(formats), draws, notes):
-                cases.append(one)
-                if tick is not None:
-                    tick(len(cases), len(chosen))
-        if not cases:
-            raise UsageError(f"{out}: no case can be cut from the recordings; {notes[0]}")
-        cases.sort(key=lambda one: str(one.about["name"]))
-        info = _info(population, chosen, cases, draws) | {"notes": notes, "versions": versions()}
-        info |= {"command": list(command) if command else None, "scex_sumo": __version__}
-        info |= {"seconds": round(time.perf_counter() - started, 1)}
-        names = ", ".join(sorted({str(one.about["site"]) for one in cases}))
-        text = _LICENCE_TEXT.format(names=names, given=licence, version=__version__)
-        write_atomic(out / LICENCE, text.encode())
-        write_catalogue_page(out / PAGE, info, [one.card for one in cases])
-        folder.finish(info, allow_nan=False)
-    return open_suite(out)
-
-
-def _check(count: int, formats: Sequence[str], recordings: Sequence[Path]) -> None:
-    """Raise a `UsageError` or `TrackError` for arguments that make no sense, before anything is written."""
     check_count(count)
     for name in formats:
         EXPORTERS.load(name)
-    if recordings:
-        find_recordings(recordings)
-
-
-def _identity(
-    places: Sequence[Path], count: int, seed: int, formats: Sequence[str], every: float, min_vehicles: int
-) -> dict[str, Any]:
-    return {
+    if others:
+        find_recordings(others)  # raises before anything is written
+    identity = {
         "format": FORMAT,
         "version": __version__,
         "roots": [str(place.absolute()) for place in places],
@@ -161,93 +120,77 @@ def _identity(
         "every_s": every,
         "min_vehicles": min_vehicles,
     }
+    with SuiteFolder(out, identity, overwrite=overwrite) as folder:
+        if others:
+            own: dict[str, Any] = {"every": every, "min_vehicles": min_vehicles, "workers": workers}
+            own |= {"overwrite": overwrite, "progress": progress, "command": command}
+            rank(others, out=out / RANKING, **own)
+            rankings.append(out / RANKING)
+        population = read_population(rankings)
+        chosen = choose(population, count, seed=seed)
+        cases, notes = [], list[str]()
+        with progress_of(progress, "cases") as tick:
+            for one in _cases(population, chosen, out, tuple(formats), seed, notes):
+                cases.append(one)
+                if tick is not None:
+                    tick(len(cases), len(chosen))
+        cases.sort(key=lambda one: str(one.about["name"]))
+        info = _info(population, cases) | {"seed": seed, "futures": FUTURES, "notes": notes}
+        info |= {"versions": versions(), "command": list(command) if command else None}
+        info |= {"scex_sumo": __version__, "seconds": round(time.perf_counter() - started, 1)}
+        names = ", ".join(sorted({str(one.about["site"]) for one in cases}))
+        text = _LICENCE_TEXT.format(names=names, given=licence, version=__version__)
+        write_atomic(out / LICENCE, text.encode())
+        write_catalogue_page(out / PAGE, info, [one.card for one in cases])
+        folder.finish(info, allow_nan=False)
+    return open_suite(out)
 
 
 def _cases(
-    population: Population,
-    chosen: Chosen,
-    recordings: Mapping[str, Recording],
-    out: Path,
-    formats: Sequence[str],
-    draws: Mapping[str, Any],
-    notes: list[str],
+    population: Population, chosen: Chosen, out: Path, formats: Sequence[str], seed: int, notes: list[str]
 ) -> Iterator[_WrittenCase]:
-    """Write the cases, one recording after the other, without those that cannot be cut."""
-    wanted: dict[str, list[int]] = {}
-    for number, index in enumerate(chosen.index.tolist()):
-        wanted.setdefault(population.rows[index]["recording"], []).append(number)
-    for name in sorted(wanted):
-        cut = cutter_of(recordings, name)
-        for number in wanted[name]:
-            row = _row(population, chosen, number)
-            try:
-                scene, situation = cut.situation(row)
-            except ScexError as error:
-                stands_for = f"which stands for {row['weight']:.0f} candidates"
-                notes.append(f"{row['seed']}: {row['name']}, {stands_for}, is left out: {reason_of(error)}")
-                continue
-            about, stage, missing = write_case(
-                out / CASES / row["name"],
-                scene,
-                situation,
-                row,
-                maps=out / MAPS,
-                formats=formats,
-                draws=draws,
-            )
-            notes += missing
-            card = CaseCard(row=row, stage=stage, words=situation.words(situation.worst()))
-            yield _WrittenCase(about=about, card=card)
-
-
-def _row(population: Population, chosen: Chosen, number: int) -> dict[str, Any]:
-    """Return the candidate of a case with the name of the case, its kind, place, weight and stratum."""
-    index = int(chosen.index[number])
-    row = population.rows[index]
-    return {
-        **row,
-        "kind": row["conflict"],
-        "place": row["kind"],
-        "name": f"{number + 1:03d}-{plain(row['conflict'].replace(',', ''))}",
-        "weight": float(chosen.weight[number]),
-        "stratum": int(chosen.stratum[number]),
-        "risk": int(population.risk[index]),
-    }
-
-
-def _info(
-    population: Population, chosen: Chosen, cases: Sequence[_WrittenCase], draws: Mapping[str, Any]
-) -> dict[str, Any]:
-    chance, severity = population.column("probability"), population.column("severity")
-    kinds, risk = np.array(population.kinds), population.risk
-    picked = [{"kind": str(one.about["kind"]), "risk": str(one.about["risk"])} for one in cases]
-    coverage = [
-        {
-            "kind": row["kind"],
-            "before": [int(((kinds == row["kind"]) & (risk == k)).sum()) for k in range(len(RISK_WORDS))],
-            "after": [picked.count({"kind": row["kind"], "risk": word}) for word in RISK_WORDS],
+    """Write the cases, one recording after the other."""
+    recordings, cut = recordings_of(population), None
+    rows = [population.rows[k] for k in chosen.index.tolist()]
+    for number in sorted(range(len(rows)), key=lambda number: (rows[number]["recording"], number)):
+        row, index = rows[number], chosen.index[number]
+        kind, chance = row["conflict"], float(chosen.chance[number])
+        row = row | {
+            "name": f"{number + 1:03d}-{plain(kind.replace(',', ''))}",
+            "kind": kind,
+            "risk": RISK_WORDS[population.risk[index]],
+            "site": row["location"],
+            "weight": row["share"] / chance,
+            "chance": chance,
+            "stratum": CONFLICTS.index(kind),
         }
-        for row in population.exposure()
-    ]
+        if cut is None or cut.name != row["recording"]:
+            cut = Cutter(recordings, row["recording"])
+        driven = drive(cut.scene(row), row["track_id"], None, FUTURES, seed=seed)
+        about, missing = write_case(
+            out / CASES / row["name"], driven, row, maps=out / MAPS, formats=formats, seed=seed
+        )
+        notes += missing
+        told = driven.row_of(row["other_id"])
+        yield _WrittenCase(about=about, card=catalogue_card(row, told["how"], shown(driven, told)))
+
+
+def _info(population: Population, cases: Sequence[_WrittenCase]) -> dict[str, Any]:
+    """Return the exposure of a population, and its cases."""
+    picked = [(one.about["kind"], one.about["risk"]) for one in cases]
+    exposure = population.exposure()
+    for row in exposure:
+        row["cases"] = [picked.count((row["kind"], word)) for word in RISK_WORDS]
     return {
         "format": FORMAT,
-        **draws,
         "hours": population.hours,
-        "moments": population.seeds,
+        "moments": population.moments,
         "encounters": population.encounters,
         "candidates": len(population),
+        "rare": population.rare,
         "doubtful": population.doubtful,
-        "exposure": population.exposure(),
+        "people": {"collisions_per_hour": sum(row["people_collide_per_hour"] for row in exposure)},
         "risks": RISK_WORDS,
-        "coverage": coverage,
-        "people": {
-            "collisions_per_hour": float(chance.sum() / population.hours),
-            "severe_per_hour": float(severity.sum() / population.hours),
-        },
-        "strata": [
-            {"words": words, "candidates": int(size)}
-            for words, size in zip(chosen.strata, chosen.sizes, strict=True)
-        ],
-        "unseen": sorted({one["kind"] for one in population.exposure()} - {p["kind"] for p in picked}),
+        "exposure": exposure,
         "cases": [dict(one.about) for one in cases],
     }

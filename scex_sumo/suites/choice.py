@@ -1,43 +1,39 @@
-"""Choice of cases: a stratified draw, kind by kind, with known probabilities whose inverses are the weights.
+"""Choice of cases: one weighted draw, with strata by kind, and at least one case of each.
 
-Each kind has at least one case. A kind has cases in proportion to what it can bring about, and so has a
-candidate within its kind. Weighted sums over the cases estimate sums over all candidates without bias.
+Candidates are drawn one after the other along a line on which each has a length, its probability to be drawn
+(systematic sampling, Madow 1949). On the line kinds follow each other, and within a kind candidates are in
+the order of P. So each kind has its share of the cases, all classes of risk occur, and a candidate's
+probability is known; its inverse is its weight.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.suites.population import Population
 
-EACH: Final = 2
-"""Least cases of a stratum: one has no variance."""
-_HALVINGS = 100
-_ROUNDING = 1e-9
+LEAST: Final = 2
+"""Least number of cases: one has no variance."""
+EVEN: Final = 0.5
+"""Part of the draw by number of encounters; the other part is by people's P."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True)
 class Chosen:
-    """Chosen candidates, (n,) each, kind by kind, those with the largest P of people first.
+    """Chosen candidates, (n,) each, by kind and P.
 
     Attributes:
         index: into the population.
-        stratum: number of it; ``strata`` has their words, ``sizes`` their numbers of candidates.
-        weight: candidates for which a case stands.
+        chance: probability of being drawn.
     """
 
     index: IntArray
-    stratum: IntArray
-    weight: FloatArray
-    strata: Sequence[str]
-    sizes: IntArray
+    chance: FloatArray
 
     def __len__(self) -> int:
         return len(self.index)
@@ -45,66 +41,60 @@ class Chosen:
 
 def check_count(count: int) -> None:
     """Raise a `UsageError` for a number of cases of which no variance is known."""
-    if count < EACH:
-        raise UsageError(f"--count: got {count}, needs at least {EACH}")
+    if count < LEAST:
+        raise UsageError(f"--count: got {count}, needs at least {LEAST}")
 
 
 def choose(population: Population, count: int, *, seed: int = 0) -> Chosen:
-    """Draw candidates by `Population.size`, at least one of each kind if ``count`` suffices for that.
-
-    Systematic sampling: the chances of all candidates in a row, ordered by kind and P of people, are cut at
-    equal steps. So each kind has its expected number of cases or the next one, and cases of high and low P.
-
-    Raises:
-        UsageError: fewer than two cases.
-    """
+    """Draw ``count`` candidates; all if there are no more."""
     check_count(count)
-    chance, (names, kind) = chances(population, count), np.unique(population.kinds, return_inverse=True)
-    order = np.lexsort((-population.column("probability"), kind))
-    steps = np.concatenate([[0.0], np.cumsum(chance[order])]) + np.random.default_rng(seed).random()
-    index = order[np.diff(np.floor(steps + _ROUNDING)) > 0]
-    stratum, strata = _strata(kind, chance > 1 - _ROUNDING, index, names.tolist())
-    return Chosen(
-        index=index,
-        stratum=stratum[index],
-        weight=1 / chance[index],
-        strata=strata,
-        sizes=np.bincount(stratum, minlength=len(strata)),
-    )
+    chance = chances(population, min(count, len(population)))
+    order = np.lexsort((-population.column("probability"), population.kind))
+    start = np.random.default_rng(seed).random()
+    steps = np.floor(np.concatenate([[0.0], np.cumsum(chance[order])]) + start + 1e-9)
+    index = order[np.diff(steps) > 0]
+    return Chosen(index=index, chance=chance[index])
 
 
 def chances(population: Population, count: int) -> FloatArray:
-    """Return the probability (N,) with which each candidate becomes one of ``count`` cases."""
-    size, (_, kind) = population.size(), np.unique(population.kinds, return_inverse=True)
-    held, shares = np.bincount(kind), np.bincount(kind, size)
-    cases = between(shares, min(1.0, count / len(held)), held, min(count, len(size)))
-    chance = np.empty(len(size))
-    for number, expected in enumerate(cases):
-        chance[kind == number] = between(size[kind == number], 0.0, 1.0, expected)
+    """Return the probability (N,) of each candidate to be drawn; with a sum of 1 or more in each kind.
+
+    Where there are more kinds than cases, each has the same part of them.
+    """
+    size = sizes(population)
+    kinds, kind = np.unique(population.kind, return_inverse=True)
+    least = min(1.0, count / len(kinds))
+    chance = _capped(size, count)
+    for _ in range(len(kinds)):
+        sums = np.bincount(kind, chance)
+        short = sums < least - 1e-9
+        if not short.any():
+            break
+        fixed = short | (np.abs(sums - least) < 1e-9)
+        for k in np.flatnonzero(short):
+            chance[kind == k] = _capped(size[kind == k], least)
+        others = ~fixed[kind]
+        chance[others] = _capped(size[others], count - least * int(fixed.sum()))
     return chance
 
 
-def between(shares: ArrayLike, least: ArrayLike, most: ArrayLike, total: float) -> FloatArray:
-    """Return values (n,) in proportion to positive shares, within bounds, that sum to a total."""
-    shares = np.asarray(shares, dtype=np.float64)
-    low, high = 0.0, total / float(shares.min())
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if np.clip(middle * shares, least, most).sum() < total else (low, middle)
-    return np.asarray(np.clip(high * shares, least, most))
+def sizes(population: Population) -> FloatArray:
+    """Return (N,) how likely candidates are drawn, in parts of all: by encounters, and by people's P."""
+    share = population.column("share")
+    contacts = share * population.column("probability")
+    return np.asarray(EVEN * share / share.sum() + (1 - EVEN) * contacts / contacts.sum())
 
 
-def _strata(
-    kind: IntArray, sure: BoolArray, index: IntArray, names: Sequence[str]
-) -> tuple[IntArray, list[str]]:
-    """Return the stratum (N,) of candidates and the words of each stratum.
-
-    The first one has what is taken for sure. Kinds with fewer than `EACH` other cases share the last one.
-    """
-    others = np.bincount(kind[~sure], minlength=len(names))
-    drawn = np.bincount(kind[index[~sure[index]]], minlength=len(names))
-    own = [name for name, cases in zip(names, drawn, strict=True) if cases >= EACH]
-    few = [name for name, n, cases in zip(names, others, drawn, strict=True) if n > 0 and cases < EACH]
-    number = np.array([own.index(name) if name in own else len(own) for name in names])
-    strata = ["taken for sure", *own, *([", ".join(few)] if few else [])]
-    return np.where(sure, 0, 1 + number[kind]), strata
+def _capped(size: FloatArray, count: float) -> FloatArray:
+    """Return probabilities (N,) like the sizes, at most 1, with a sum of ``count``, or all 1."""
+    chance = np.zeros(len(size))
+    sure = np.zeros(len(size), dtype=np.bool_)
+    while True:
+        left = count - sure.sum()
+        if left <= 0 or sure.all():
+            return np.where(sure, 1.0, chance)
+        chance = np.where(sure, 1.0, size / size[~sure].sum() * left)
+        more = ~sure & (chance >= 1 - 1e-12)
+        if not more.any():
+            return chance
+        sure |= more

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from scex_sumo.suites.suite import Suite
 
 EXAMPLE = "recordings/ --count 50 -o suite"
-_NOTES = 5
 
 
 def catalogue_command(
@@ -36,7 +35,7 @@ def catalogue_command(
     """Make a weighted test suite of recordings, or of finished rankings."""
     from scex_sumo.suites.catalogue import PAGE, catalogue
 
-    with progress_bar("futures") as tick, resumable("seeds", out):
+    with progress_bar("cases") as tick, resumable("seeds", out):
         suite = catalogue(
             roots,
             out=out,
@@ -51,9 +50,7 @@ def catalogue_command(
             command=["scex-sumo", *sys.argv[1:]],
             progress=tick,
         )
-    notes = list(suite.info["notes"])
-    more = [f"{len(notes) - _NOTES} more notes; see suite.json"] if len(notes) > _NOTES else []
-    warn(notes[:_NOTES] + more)
+    warn(suite.info["notes"])
     _print_coverage(suite)
     print(f"result: {out / 'suite.json'}")
     print(f"look:   {out / PAGE}")
@@ -63,35 +60,11 @@ def catalogue_command(
 
 def _print_coverage(suite: Suite) -> None:
     from scex_sumo.commands.console import output_console
-    from scex_sumo.page.study import Column, print_columns
+    from scex_sumo.page.study import print_columns
     from scex_sumo.reports.run_table import print_line
-    from scex_sumo.suites.population import RISK_WORDS
+    from scex_sumo.suites.page import COVERAGE, coverage_rows, population_words
 
-    info, console = suite.info, output_console(width=120)
-    rate = {row["kind"]: row for row in info["exposure"]}
-    rows = [
-        {
-            "kind": row["kind"],
-            "per_hour": rate[row["kind"]]["per_hour"],
-            "people": rate[row["kind"]]["people_collide_per_hour"],
-            **{
-                word: f"{before} → {after}" if before else ""
-                for word, before, after in zip(RISK_WORDS, row["before"], row["after"], strict=True)
-            },
-        }
-        for row in info["coverage"]
-    ]
-    columns = [
-        Column("kind", "kind", "words"),
-        Column("per_hour", "an hour", ".1f"),
-        Column("people", "people collide an hour", ".1g"),
-        *(Column(word, word, "words") for word in RISK_WORDS),
-    ]
-    print_columns(columns, rows, console, "candidates → cases, by P of people")
-    people = info["people"]
-    line = (
-        f"{len(suite.cases)} cases for {info['candidates']} candidates in {info['encounters']} encounters of "
-        f"{info['hours']:.2g} h ({info['doubtful']} encounters with doubtful data left out); people collide "
-        f"{people['collisions_per_hour']:.1g} times an hour, severely {people['severe_per_hour']:.1g} times"
-    )
-    print_line(line, console)
+    console = output_console(width=120)
+    title = "candidates → cases, by P(contact) of people"
+    print_columns(COVERAGE, coverage_rows(suite.info), console, title)
+    print_line(population_words(suite.info), console)

@@ -1,4 +1,4 @@
-"""Seed scenes of candidates, cut from the recordings of a population."""
+"""Seed scenes of candidates, cut from the recordings of a population, with the rules of their roads."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import replace
 from typing import Any
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.certainty.response.answer import with_rules
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import load_recording, seed_at
-from scex_sumo.road import Road
+from scex_sumo.extrapolation.job import ruled
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.scene import SeedScene
+from scex_sumo.studies.moments.run import net_of, pack_road
 from scex_sumo.suites.population import Population
-from scex_sumo.suites.situation import Situation, situation_of
 
 
 def recordings_of(population: Population) -> dict[str, Recording]:
@@ -22,25 +22,18 @@ def recordings_of(population: Population) -> dict[str, Recording]:
     return {recording.name: recording for recording in find_recordings(list(population.roots))}
 
 
-def cutter_of(recordings: Mapping[str, Recording], name: str) -> Cutter:
-    """Return one of the recordings of a population; raise a `UsageError` if it is gone."""
-    if name not in recordings:
-        raise UsageError(f"{name}: a recording of the ranking that is not found any more; rank again")
-    return Cutter(recordings[name])
-
-
 class Cutter:
     """Recording that gives seed scenes."""
 
-    def __init__(self, recording: Recording) -> None:
-        self.name, self.loaded = recording.name, load_recording(recording)
-        self._bare: dict[Road, Road] = {}
+    def __init__(self, recordings: Mapping[str, Recording], name: str) -> None:
+        """Load one of some recordings; raise a `UsageError` if it is gone."""
+        if name not in recordings:
+            raise UsageError(f"{name}: a recording of the ranking that is not found any more; rank again")
+        self.name, self._loaded = name, load_recording(recordings[name])
+        self._net = net_of(pack_road(self._loaded.road), True)
+        self._bare = replace(self._loaded.road, net=None)
 
-    def situation(self, row: Mapping[str, Any]) -> tuple[SeedScene, Situation]:
-        """Return the seed scene of a candidate, with rules, and what happens in it."""
-        scene = with_rules(seed_at(self.loaded, row["time_s"], case=row["case"] or None))
-        assert scene.road is not None
-        if scene.road not in self._bare:
-            self._bare = {scene.road: replace(scene.road, net=None)}
-        bare = replace(scene, road=self._bare[scene.road])
-        return scene, situation_of(bare, row["track_id"], row["other_id"])
+    def scene(self, row: Mapping[str, Any]) -> SeedScene:
+        """Return the seed scene of a candidate with its rules, without the road's own net."""
+        scene = seed_at(self._loaded, row["time_s"], case=row["case"] or None)
+        return replace(ruled(scene, self._net, RunSettings())[0], road=self._bare)

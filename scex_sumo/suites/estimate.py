@@ -1,24 +1,27 @@
 """A suite's number: rates per hour of recorded traffic, estimated from weighted cases, with intervals.
 
-Stratified estimator: the sum of weight · y over the cases, over the recorded hours. Its variance is that
-within strata, as if their cases were drawn with replacement, times the share that was not drawn; it holds the
-variance of the futures, too. The interval is on the log scale with Student's t, whose degrees of freedom are
-those of Satterthwaite (1946): few if the variance comes from few strata.
+Horvitz-Thompson estimator: the sum of weight · y over the cases, over the recorded hours. Its variance is
+Hájek's (1964) for draws of fixed size, within kinds, and that of the futures besides. The interval has
+Student's t, whose degrees of freedom are those of Satterthwaite (1946): few if the variance comes from few
+cases. It is on the log scale, but for differences.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 
 LEVEL: Final = 0.95
-_NONE_SEEN = 3.0  # rule of three
+WIDE: Final = 30.0
+"""Factor between both ends of an interval from which a larger suite is advised."""
+NARROW: Final = 3.0
+"""The factor that such a suite would have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,79 +43,95 @@ class Rate:
         """Return the values by name."""
         return asdict(self)
 
-    def less(self, known: float) -> Rate:
-        """Return the difference to a rate that is known for the whole population."""
-        return replace(self, value=self.value - known, low=self.low - known, high=self.high - known)
-
     def words(self) -> str:
         """Return value and interval, two digits each."""
         return f"{_number(self.value)} [{_number(self.low)}, {_number(self.high)}]"
 
+    def cases_needed(self, cases: int) -> int | None:
+        """Return how many cases an interval of a factor of 3 would need; None if this one is not wide.
+
+        Standard errors fall with the root of the number.
+        """
+        if self.low <= 0 or self.high < WIDE * self.low:
+            return None
+        half = 2 * _student(math.inf) * self.deviation / self.value
+        return math.ceil(cases * (half / math.log(NARROW)) ** 2)
+
 
 def _number(value: float) -> str:
     digits = float(f"{value:.2g}")
-    return f"{digits:,.0f}".replace(",", " ") if abs(digits) >= 100 else f"{digits:g}"
+    return f"{digits:,.0f}".replace(",", "\u202f") if abs(digits) >= 100 else f"{digits:g}"
 
 
-def total(
-    y: FloatArray, weight: FloatArray, stratum: IntArray, sizes: IntArray, drawn: FloatArray | None = None
-) -> tuple[float, float, float]:
-    """Return the estimated sum over the population, its variance, and the degrees of freedom.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Design:
+    """How n cases were drawn, (n,) each.
 
-    Args:
-        y: (n,) of the cases.
-        weight: (n,) candidates for which a case stands; ``stratum`` (n,) too.
-        sizes: (H,) candidates of the strata.
-        drawn: (n,) variance of y by the futures of a case; counts in full where a stratum was taken whole.
+    Attributes:
+        weight: encounters for which a case stands.
+        chance: probability of being drawn.
+        stratum: number of its kind.
+        hours: recorded time.
     """
-    each = weight * y
-    variance, spread = 0.0, 0.0
-    for h in range(len(sizes)):
-        inside = stratum == h
-        count = int(inside.sum())
-        if count == 0:
-            continue
-        left = max(0.0, 1.0 - count / sizes[h])
-        if count > 1:
-            part = left * count * float(np.var(each[inside], ddof=1))
-        else:  # of one that stands for others nothing is known but its size
-            part = left * float((each[inside] ** 2).sum())
-        variance += part
-        spread += part**2 / max(count - 1, 1)
-        if drawn is not None:  # many futures: their variance is known
-            variance += (1.0 - left) * float((weight[inside] ** 2 * drawn[inside]).sum())
-    freedom = variance**2 / spread if spread > 0 else float(len(y))
-    return float(each.sum()), variance, max(freedom, 1.0)
 
+    weight: FloatArray
+    chance: FloatArray
+    stratum: IntArray
+    hours: float
 
-def rate(
-    y: FloatArray,
-    weight: FloatArray,
-    stratum: IntArray,
-    sizes: IntArray,
-    hours: float,
-    *,
-    most: FloatArray,
-    drawn: FloatArray | None = None,
-) -> Rate:
-    """Return the rate of events per hour.
+    def part(self, ran: BoolArray) -> Design:
+        """Return the design of the cases (n,) that ran: those of the same kind stand for the others, too."""
+        whole, left = (np.bincount(self.stratum, self.weight * some) for some in (np.ones(len(ran)), ran))
+        more = (whole / np.where(left > 0, left, 1.0))[self.stratum[ran]]
+        return Design(
+            weight=self.weight[ran] * more,
+            chance=self.chance[ran] / more,
+            stratum=self.stratum[ran],
+            hours=self.hours,
+        )
 
-    Args:
-        most: (n,) largest value that y can have in each case; bounds a rate of which nothing was seen.
-    """
-    value, variance, freedom = total(y, weight, stratum, sizes, drawn)
-    deviation = math.sqrt(variance)
-    if value <= 0:
-        high = _NONE_SEEN / max(len(y), 1) * float((weight * most).sum())
-        return Rate(value=0.0, low=0.0, high=high / hours, deviation=0.0, freedom=freedom)
-    spread = math.exp(_student(freedom) * deviation / value)
-    low, high = value / spread, value * spread
-    return Rate(
-        value=value / hours, low=low / hours, high=high / hours, deviation=deviation / hours, freedom=freedom
-    )
+    def total(self, y: FloatArray, drawn: FloatArray) -> tuple[float, float, float]:
+        """Return the estimated sum over the population, its variance, and the degrees of freedom.
+
+        Args:
+            y: (n,) of the cases; ``drawn`` (n,) its variance by the futures.
+        """
+        each = self.weight * y
+        parts = [(float((self.weight**2 * drawn).sum()), math.inf)]
+        for h in np.unique(self.stratum).tolist():
+            inside = np.flatnonzero((self.stratum == h) & (self.chance < 1 - 1e-9))
+            left, n = 1 - self.chance[inside], len(inside)
+            if n == 1:  # of one that stands for others nothing is known but its size
+                parts.append((float(left[0] * each[inside[0]] ** 2), 1.0))
+            elif n > 1:
+                mean = (left * each[inside]).sum() / left.sum()
+                parts.append((float(n / (n - 1) * (left * (each[inside] - mean) ** 2).sum()), n - 1.0))
+        variance = sum(part for part, _ in parts)
+        spread = sum(part**2 / freedom for part, freedom in parts)
+        return float(each.sum()), variance, variance**2 / spread if spread > 0 else math.inf
+
+    def rate(self, y: FloatArray, drawn: FloatArray) -> Rate:
+        """Return the rate of events per hour, with an interval on the log scale."""
+        value, variance, freedom = self.total(y, drawn)
+        half = _student(freedom) * math.sqrt(variance) / max(value, 1e-300)
+        factor = math.exp(min(half, 500.0))
+        return self._rate(value, value / factor, value * factor, variance, freedom)
+
+    def difference(self, y: FloatArray, drawn: FloatArray) -> Rate:
+        """Return the rate of a paired difference ``y``, which may have either sign."""
+        value, variance, freedom = self.total(y, drawn)
+        half = _student(freedom) * math.sqrt(variance)
+        return self._rate(value, value - half, value + half, variance, freedom)
+
+    def _rate(self, value: float, low: float, high: float, variance: float, freedom: float) -> Rate:
+        """Return a rate by sums; neither end is beyond a contact in every encounter, or as much less."""
+        most = float(self.weight.sum())
+        sums = value, max(low, -most), min(high, most), math.sqrt(variance)
+        value, low, high, deviation = (number / self.hours for number in sums)
+        return Rate(value=value, low=low, high=high, deviation=deviation, freedom=min(freedom, 1e9))
 
 
 def _student(freedom: float) -> float:
     from scipy.special import stdtrit
 
-    return float(stdtrit(freedom, (1 + LEVEL) / 2))
+    return float(stdtrit(min(freedom, 1e9), (1 + LEVEL) / 2))

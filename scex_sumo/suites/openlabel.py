@@ -9,55 +9,42 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from scex_sumo.base.version import __version__
-from scex_sumo.certainty.response.typology import (
-    ACROSS_LATERAL,
-    ACROSS_OPPOSITE,
-    CROSSING,
-    ENTRY,
-    INTO_PATH,
-    LANE_CHANGE,
-    MERGE,
-)
+from scex_sumo.decision import typology
 
 ONTOLOGY: Final = "https://openlabel.asam.net/V1-0-0/ontologies/"
 OWN: Final = "scex-sumo:pre-crash-kinds"
-_JUNCTIONS: Final = {
-    ENTRY: "JunctionRoundabout",
-    **dict.fromkeys((CROSSING, ACROSS_OPPOSITE, ACROSS_LATERAL, INTO_PATH), "JunctionIntersection"),
+_CROSSES: Final = ("JunctionIntersection", "MotionCross")
+_KINDS: Final[Mapping[str, tuple[str, ...]]] = {
+    typology.LEAD_STOPPED: ("MotionStop",),
+    typology.LEAD_DECELERATING: ("MotionDecelerate",),
+    typology.LEAD_SLOWER: ("MotionDrive",),
+    typology.LEAD_MOVING: ("MotionDrive",),
+    typology.LANE_CHANGE: ("MotionCutIn",),
+    typology.MERGE: ("MotionTowards",),
+    typology.ENTRY: ("JunctionRoundabout", "MotionTowards"),
+    typology.CROSSING: _CROSSES,
+    typology.ACROSS_OPPOSITE: (*_CROSSES, "MotionTurnLeft"),
+    typology.ACROSS_LATERAL: (*_CROSSES, "MotionTurnLeft"),
+    typology.INTO_PATH: ("JunctionIntersection", "MotionTurn"),
+    typology.HEAD_ON: ("MotionTowards",),
 }
-_KINDS: Final = {LANE_CHANGE: ["MotionCutIn"], MERGE: ["MotionTowards"], CROSSING: ["MotionCross"]}
-_TURNS: Final = {kind: ["MotionTurnLeft", "MotionCross"] for kind in (ACROSS_OPPOSITE, ACROSS_LATERAL)}
-_ACTIONS: Final = {
-    "brakes": "MotionDecelerate",
-    "goes on": "MotionDrive",
-    "cuts in": "MotionCutIn",
-    "drifts": "MotionTowards",
-    "steps out": "MotionCross",
-}
-_WHO: Final = {"pedestrian": "HumanPedestrian", "bicycle": "HumanCyclist", "cyclist": "HumanCyclist"}
+_PEOPLE: Final = {"pedestrian": "HumanPedestrian", "cyclist": "HumanCyclist"}
 
 
 def openlabel_tags(content: Mapping[str, Any]) -> dict[str, Any]:
     """Return the OpenLABEL document of a case by the content of ``case.json``."""
-    kind, person = content["kind"], content["other"]["person"]
-    words = [
-        "RoadUserVehicle",
-        "OddDynamicElements",
-        "SceneryDrivableArea",
-        _ACTIONS[content["action"]["name"]],
+    kind = content["kind"]
+    words = ["RoadUserVehicle", "OddDynamicElements", "SceneryDrivableArea", *_KINDS.get(kind, ())]
+    if kind in typology.WALKING:
+        person, moves = kind.split()
+        words += [_PEOPLE[person], "MotionCross" if moves == "crossing" else "MotionDrive"]
+    tags: list[dict[str, Any]] = [{"ontology_uid": "0", "type": word} for word in words]
+    speed, weight = content["speeds_mps"][0], content["weight"]
+    tags += [
+        {"ontology_uid": "0", "type": "SubjectVehicleSpeed", "tag_data": _number("speed_mps", speed)},
+        {"ontology_uid": "1", "type": kind.replace(" ", "_").replace(",", "")},
+        {"ontology_uid": "1", "type": "weight", "tag_data": _number("encounters", weight)},
     ]
-    words += [_JUNCTIONS[kind]] if kind in _JUNCTIONS else []
-    words += _KINDS.get(kind, []) + _TURNS.get(kind, [])
-    words += [_WHO.get(person.split()[0], "RoadUserHuman")] if person else []
-    tags: dict[str, Any] = {
-        str(k): {"ontology_uid": "0", "type": word} for k, word in enumerate(dict.fromkeys(words))
-    }
-    speed = content["parameters"]["other_speed_mps"]
-    valued = {"ontology_uid": "0", "type": "SubjectVehicleSpeed", "tag_data": _numbers("speed_mps", speed)}
-    own = {"ontology_uid": "1", "type": kind.replace(" ", "_").replace(",", "")}
-    risk = {"ontology_uid": "1", "type": "weight", "tag_data": _numbers("candidates", content["weight"])}
-    for one in (valued, own, risk):
-        tags[str(len(tags))] = one
     return {
         "openlabel": {
             "metadata": {
@@ -66,14 +53,11 @@ def openlabel_tags(content: Mapping[str, Any]) -> dict[str, Any]:
                 "annotator": f"scex-sumo {__version__}",
                 "name": content["name"],
             },
-            "ontologies": {
-                "0": ONTOLOGY,
-                "1": OWN,
-            },
-            "tags": tags,
+            "ontologies": {"0": ONTOLOGY, "1": OWN},
+            "tags": {str(k): tag for k, tag in enumerate(tags)},
         }
     }
 
 
-def _numbers(name: str, value: float) -> dict[str, Any]:
+def _number(name: str, value: float) -> dict[str, Any]:
     return {"num": [{"name": name, "type": "value", "val": round(float(value), 4)}]}

@@ -1,7 +1,9 @@
-"""Population of a catalogue: the encounters of rankings, one candidate for each vehicle that can be tested.
+"""Population of a catalogue: the encounters of rankings, one candidate for each vehicle that may be tested.
 
-In a candidate the function takes the place of the responder. So an encounter in which either vehicle may act
-is two candidates. Encounters with doubtful data are left out, and counted.
+In a candidate the function drives the vehicle that hits or follows. Where the other one is a vehicle that
+could respond, too, the same encounter with the roles exchanged is a second candidate, and each stands for
+half of it. Encounters with doubtful data, and those in which a contact is rarer than once in a million, are
+left out and counted; a kind that has only such rare ones keeps them.
 """
 
 from __future__ import annotations
@@ -17,20 +19,18 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError, one_line
-from scex_sumo.certainty.response.typology import CONFLICTS
-from scex_sumo.studies.moments.pairs import BACK, OWN, PARAMETERS
+from scex_sumo.decision.typology import CONFLICTS, LEADING
 
-LEAST: Final = 1e-9
-"""P of a contact from which a vehicle of an encounter is a candidate."""
-RISKS: Final = (1e-7, 1e-6, 1e-5)
+RARE: Final = 1e-6
+"""P of a contact below which an encounter is a candidate only where its kind has no other."""
+RISKS: Final = (1e-6, 1e-5, 1e-4, 1e-3)
 """P between classes of risk."""
-RISK_WORDS: Final = ("below 1e-7", "1e-7 to 1e-6", "1e-6 to 1e-5", "1e-5 or more")
-_SAME: Final = ("location", "recording", "case", "seed", "time_s", "takes", "kind", "conflict", "factor")
-_NEEDED: Final = (
-    *("track_id", "other_id", "person", "action", "value", "probability", "severity", "needed_braking"),
-    *("first_s", "last_s", "doubt", *_SAME, *PARAMETERS, *OWN, *BACK),
+RISK_WORDS: Final = ("below 1e-6", "1e-6 to 1e-5", "1e-5 to 1e-4", "1e-4 to 1e-3", "1e-3 or more")
+_COLUMNS: Final = (
+    *("location", "recording", "case", "seed", "time_s", "track_id", "other_id", "person"),
+    *("probability", "conflict", "doubt"),
 )
 
 
@@ -39,61 +39,51 @@ class Population:
     """Candidates of a data set.
 
     Attributes:
-        rows: one for each; ``other_id`` is the vehicle that the function drives, ``track_id`` the other one.
+        rows: one for each; the function drives ``track_id``; ``share`` is that of an encounter.
         hours: recorded time.
-        doubtful: encounters left out.
+        encounters: of which these are candidates.
+        rare: encounters left out, of kinds that have others; ``doubtful`` those with doubtful data.
         roots: of the recordings.
-        seeds: number of moments.
+        moments: number of them.
     """
 
     rows: Sequence[Mapping[str, Any]]
     hours: float
     encounters: int
+    rare: int
     doubtful: int
     roots: Sequence[str]
-    seeds: int
+    moments: int
 
     def __len__(self) -> int:
         return len(self.rows)
-
-    @property
-    def kinds(self) -> list[str]:
-        """Kinds of the candidates, (N,)."""
-        return [row["conflict"] for row in self.rows]
 
     def column(self, name: str) -> FloatArray:
         """Return the (N,) values of a column."""
         return np.array([row[name] for row in self.rows], dtype=np.float64)
 
     @property
-    def risk(self) -> np.ndarray[Any, np.dtype[np.int64]]:
+    def kind(self) -> IntArray:
+        """Kind of each candidate (N,), an index into `CONFLICTS`."""
+        return np.array([CONFLICTS.index(row["conflict"]) for row in self.rows], dtype=np.int64)
+
+    @property
+    def risk(self) -> IntArray:
         """Class of risk (N,), an index into `RISK_WORDS`."""
         return np.searchsorted(RISKS, self.column("probability"), side="right").astype(np.int64)
 
-    def size(self) -> FloatArray:
-        """Return the (N,) share of each candidate in what any function may bring about; it sums to 1.
-
-        Equal parts go by P of people, by P of a contact of who never responds, by how often the other one
-        acts at all, and equally.
-        """
-        columns = [np.ones(len(self)), *map(self.column, ("probability", "unanswered", "acts"))]
-        parts = [values if values.any() else columns[0] for values in columns]
-        return np.asarray(np.mean([values / values.sum() for values in parts], axis=0))
-
     def exposure(self) -> list[dict[str, Any]]:
-        """Return by kind how many candidates and contacts of people there are, and how many an hour."""
-        kinds, chance = np.array(self.kinds), self.column("probability")
-        severity = self.column("severity")
+        """Return by kind the encounters, people's contacts an hour, and the candidates by class of risk."""
+        kind, share, risk = self.kind, self.column("share"), self.risk
+        contacts = share * self.column("probability") / self.hours
         return [
             {
-                "kind": kind,
-                "candidates": int((kinds == kind).sum()),
-                "per_hour": float((kinds == kind).sum() / self.hours),
-                "people_collide_per_hour": float(chance[kinds == kind].sum() / self.hours),
-                "people_severe_per_hour": float(severity[kinds == kind].sum() / self.hours),
+                "kind": CONFLICTS[k],
+                "encounters": float(share[kind == k].sum()),
+                "people_collide_per_hour": float(contacts[kind == k].sum()),
+                "candidates": np.bincount(risk[kind == k], minlength=len(RISK_WORDS)).tolist(),
             }
-            for kind in CONFLICTS
-            if (kinds == kind).any()
+            for k in np.unique(kind).tolist()
         ]
 
 
@@ -108,30 +98,43 @@ def read_population(folders: Sequence[Path]) -> Population:
     Raises:
         UsageError: one cannot be read, is of an older version, or none has an encounter.
     """
-    rows: list[dict[str, Any]] = []
-    roots, hours, doubtful, encounters, seeds = [], 0.0, 0, 0, 0
+    found: list[Mapping[str, Any]] = []
+    roots, hours, doubtful, moments = [], 0.0, 0, 0
     for folder in folders:
-        info, table, moments = _read(folder)
+        info, table, times = _read(folder)
         roots += [root for root in info["roots"] if root not in roots]
-        hours += recorded_hours(moments, float(info["every_s"]))
-        seeds += int(info["seeds"])
+        hours += recorded_hours(times, float(info["every_s"]))
+        moments += int(info["seeds"])
         sure = table.filter(pc.is_null(table["doubt"]))
         doubtful += len(table) - len(sure)
-        encounters += len(sure)
-        for row in sure.to_pylist():
-            rows += candidates_of(row)
-    if not rows:
+        found += sure.to_pylist()
+    often = {row["conflict"] for row in found if row["probability"] >= RARE}
+    kept = [
+        row
+        for row in found
+        if row["conflict"] and (row["probability"] >= RARE or row["conflict"] not in often)
+    ]
+    if not kept:
         raise UsageError(
             f"{', '.join(map(str, folders))}: no encounter without doubt; nothing to choose from"
         )
     return Population(
-        rows=rows,
+        rows=[one for row in kept for one in candidates_of(row)],
         hours=hours,
-        encounters=encounters,
+        encounters=len(kept),
+        rare=len(found) - len(kept),
         doubtful=doubtful,
         roots=roots,
-        seeds=seeds,
+        moments=moments,
     )
+
+
+def candidates_of(row: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the one or two candidates of an encounter; a leader and a person do not respond."""
+    if row["person"] is not None or row["conflict"] in LEADING:
+        return [{**row, "share": 1.0}]
+    exchanged = {"track_id": row["other_id"], "other_id": row["track_id"]}
+    return [{**row, "share": 0.5}, {**row, **exchanged, "share": 0.5}]
 
 
 def _read(folder: Path) -> tuple[dict[str, Any], pa.Table, pa.Table]:
@@ -139,13 +142,13 @@ def _read(folder: Path) -> tuple[dict[str, Any], pa.Table, pa.Table]:
         info = json.loads((folder / "rank.json").read_bytes())
         table = pq.read_table((folder / "ranking.parquet").absolute())
         moments = pq.read_table((folder / "moments.parquet").absolute())
-        missing = [name for name in _NEEDED if name not in table.column_names]
+        missing = [name for name in _COLUMNS if name not in table.column_names]
         if missing or "roots" not in info:
             lacks = missing[0] if missing else "roots"
             raise UsageError(f"{folder}: a ranking of an older version, without {lacks}; rank again")
     except (OSError, ValueError, pa.ArrowException) as error:
         raise UsageError(f"{folder}: no finished ranking ({one_line(error)[:120]}); rank again") from None
-    return info, table.select([*_NEEDED]), moments
+    return info, table.select([*_COLUMNS]), moments
 
 
 def recorded_hours(moments: pa.Table, every_s: float) -> float:
@@ -155,27 +158,3 @@ def recorded_hours(moments: pa.Table, every_s: float) -> float:
         if row["time_s"] is not None:
             spans.setdefault((row["recording"], row["case"]), []).append(row["time_s"])
     return sum(max(times) - min(times) + every_s for times in spans.values()) / 3600
-
-
-def candidates_of(row: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the one or two candidates of an encounter: as it is told, and with the roles exchanged."""
-    same = {name: row[name] for name in _SAME}
-    told = {name: row[name] for name in (*PARAMETERS, "track_id", "other_id", "person", "needed_braking")}
-    told |= {name.removeprefix("own_"): row[name] for name in OWN}
-    back = 1 - (1 - row["probability"]) / (1 - min(row["own_probability"], 1 - 1e-12))
-    candidates = [same | told]
-    if row["person"] is None and back >= LEAST:
-        candidates.append(
-            same | _exchanged(row) | {"probability": back, "person": None, "needed_braking": None}
-        )
-    return [one for one in candidates if one["probability"] >= LEAST]
-
-
-def _exchanged(row: Mapping[str, Any]) -> dict[str, Any]:
-    values = {"track_id": row["other_id"], "other_id": row["track_id"]}
-    values |= {"severity": max(row["severity"] - row["own_severity"], 0.0), "takes": None}
-    values |= {name.removeprefix("back_"): row[name] for name in BACK}
-    for name in PARAMETERS:
-        other = name.removeprefix("other_") if name.startswith("other_") else f"other_{name}"
-        values[name] = row[other] if other in PARAMETERS else row[name]
-    return values

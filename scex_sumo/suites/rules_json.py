@@ -13,16 +13,7 @@ from scex_sumo.road import Passage, Rules, Signal
 def rules_to_json(rules: Rules) -> dict[str, Any]:
     """Return rules without their lights."""
     return {
-        "passages": [
-            {
-                "line": one.line.tolist(),
-                "lanes": list(one.lanes),
-                "state": one.state,
-                "signal": one.signal,
-                "yields_to": list(one.yields_to),
-            }
-            for one in rules.passages
-        ],
+        "passages": [_plain(one) for one in rules.passages],
         "stop_lines": [line.tolist() for line in rules.stop_lines],
         "crosswalks": [outline.tolist() for outline in rules.crosswalks],
     }
@@ -30,23 +21,19 @@ def rules_to_json(rules: Rules) -> dict[str, Any]:
 
 def lights_to_json(rules: Rules) -> list[dict[str, Any]]:
     """Return the lights of rules; one without letters is unknown."""
-    return [
-        {"letters": one.letters, "ends_s": one.ends_s.tolist(), "start_s": one.start_s}
-        for one in rules.signals
-    ]
+    return [_plain(one) for one in rules.signals]
+
+
+def _plain(one: Passage | Signal) -> dict[str, Any]:
+    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(one).items()}
 
 
 def rules_of_json(content: Mapping[str, Any], lights: Sequence[Mapping[str, Any]]) -> Rules:
     """Return the rules of `rules_to_json` with lights of `lights_to_json`."""
+    tuples = ("lanes", "yields_to")
     return Rules(
         passages=tuple(
-            Passage(
-                line=np.array(one["line"]),
-                lanes=tuple(one["lanes"]),
-                state=one["state"],
-                signal=one["signal"],
-                yields_to=tuple(one["yields_to"]),
-            )
+            Passage(**{**one, "line": np.array(one["line"]), **{name: tuple(one[name]) for name in tuples}})
             for one in content["passages"]
         ),
         signals=tuple(Signal(**{**one, "ends_s": np.array(one["ends_s"])}) for one in lights),

@@ -12,15 +12,14 @@ from typing import Any, Final
 import numpy as np
 
 from scex_sumo.base.arguments import checked
-from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import ResultError, one_line
 from scex_sumo.base.files import sha256_of
 from scex_sumo.converters.maps import read_map
 from scex_sumo.results.tables.states import read_scene
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
+from scex_sumo.suites.estimate import Design
 from scex_sumo.suites.rules_json import rules_of_json
-from scex_sumo.suites.situation import Situation, situation_of
 
 SUITE: Final = "suite.json"
 CASE: Final = "case.json"
@@ -69,11 +68,6 @@ class Case:
         scene = read_scene(self.folder, about)
         return replace(scene, road=road, rules=rules, time_s=about["time_s"], location=about["location"])
 
-    def situation(self) -> Situation:
-        """Return what happens in the case."""
-        content = self.content
-        return situation_of(self.scene(), content["other"]["track_id"], content["function"]["track_id"])
-
 
 @lru_cache(maxsize=4)
 def _road(path: Path, origin: tuple[float, float] | None) -> Road:
@@ -98,28 +92,16 @@ class Suite:
 
     @cached_property
     def cases(self) -> Sequence[Case]:
-        """The cases, by name: kind by kind."""
+        """The cases, by kind and P of people."""
         return [Case(folder=self.folder / CASES / one["name"], about=one) for one in self.info["cases"]]
 
     @property
-    def hours(self) -> float:
-        """Recorded time of the population, h."""
-        return float(self.info["hours"])
-
-    @cached_property
-    def weight(self) -> FloatArray:
-        """(n,) candidates for which a case stands."""
-        return np.array([one["weight"] for one in self.info["cases"]], dtype=np.float64)
-
-    @cached_property
-    def stratum(self) -> IntArray:
-        """(n,) index of the stratum."""
-        return np.array([one["stratum"] for one in self.info["cases"]], dtype=np.int64)
-
-    @cached_property
-    def sizes(self) -> IntArray:
-        """(H,) candidates of the strata."""
-        return np.array([one["candidates"] for one in self.info["strata"]], dtype=np.int64)
+    def design(self) -> Design:
+        """How the cases were drawn."""
+        cases = self.info["cases"]
+        weight, chance = (np.array([one[name] for one in cases], np.float64) for name in ("weight", "chance"))
+        stratum = np.array([one["stratum"] for one in cases], np.int64)
+        return Design(weight=weight, chance=chance, stratum=stratum, hours=float(self.info["hours"]))
 
 
 @checked
@@ -144,7 +126,7 @@ def open_suite(folder: str | Path) -> Suite:
         raise ResultError(
             f"{file}: format {info.get('format')!r}, this version reads {FORMAT!r}; make the suite again"
         )
-    lacks = [name for name in ("cases", "strata", "hours", "seed", "futures", "people") if name not in info]
+    lacks = [name for name in ("cases", "hours", "seed", "futures", "people") if name not in info]
     if lacks:
         raise ResultError(f"{file}: has no {lacks[0]!r}; make the suite again")
     if not info["cases"]:

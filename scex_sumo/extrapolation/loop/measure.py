@@ -91,8 +91,12 @@ def measure_outcome(
     return Outcome(values=values, collisions=hits, severity=severity, encounters=Encounters.join(met))
 
 
-def measure_conflicts(scene: SeedScene, rollout: Rollout) -> Conflicts:
-    """Return the conflicts of a batch; vehicles by index into `everybody` of the scene."""
+def measure_conflicts(scene: SeedScene, rollout: Rollout, *, vehicle: int | None = None) -> Conflicts:
+    """Return the conflicts of a batch; vehicles by index into `everybody` of the scene.
+
+    Args:
+        vehicle: only those with this one; None: all.
+    """
     states, whole = with_everybody(scene, rollout.states), everybody(scene)
     after = rollout.states.shape[1] % rollout.replan or rollout.replan
     plan = np.stack([rollout.plan_x, rollout.plan_y])[:, :, -1, :, after:]
@@ -109,6 +113,7 @@ def measure_conflicts(scene: SeedScene, rollout: Rollout) -> Conflicts:
         np.concatenate([plan, people], axis=2),
         now=HISTORY_STEPS,
         people=whole.people,
+        vehicle=vehicle,
     )
 
 

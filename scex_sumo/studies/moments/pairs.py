@@ -10,9 +10,11 @@ from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.decision.decide import is_to_be_tested
 from scex_sumo.decision.moment import human_part, pairs_of_part
 from scex_sumo.decision.pairs import PAIRS as DECIDED
+from scex_sumo.decision.typology import kinds_of
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 
-PAIRS = pa.schema([*DECIDED, ("to_test", pa.bool_())])
+PAIRS = pa.schema([*DECIDED, ("to_test", pa.bool_()), ("conflict", pa.string())])
+"""Columns of pairs; ``conflict`` is one of `typology.CONFLICTS`, null where nobody asks for it."""
 
 
 def pairs_of_moment(scene: SeedScene, net: SumoNet, *, futures: int, seed: int = 0) -> pa.Table:
@@ -22,9 +24,11 @@ def pairs_of_moment(scene: SeedScene, net: SumoNet, *, futures: int, seed: int =
         scene: with its road, ruled.
         futures: human-like ones.
     """
-    table = pairs_of_part(scene, human_part(scene, net, futures=futures, seed=seed))
-    test = [is_to_be_tested(row) for row in table.select(["probability"]).to_pylist()]
-    return table.append_column("to_test", pa.array(test, pa.bool_()))
+    part = human_part(scene, net, futures=futures, seed=seed)
+    table = pairs_of_part(scene, part)
+    rows = table.select(["track_id", "other_id", "probability", "future"]).to_pylist()
+    table = table.append_column("to_test", pa.array([is_to_be_tested(row) for row in rows], pa.bool_()))
+    return table.append_column("conflict", pa.array(kinds_of(scene, rows, part), pa.string()))
 
 
 def recorded(scene: SeedScene) -> tuple[States, BoolArray]:

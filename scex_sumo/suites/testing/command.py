@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from typer import Argument, Option
 
@@ -26,7 +25,7 @@ def test_command(
     ],
     futures: Annotated[int | None, Option(help="Futures of a case; else those of the suite.")] = None,
     cases: Annotated[
-        str | None, Option(metavar="FILE|NAME,...", help="Cases: a list saved on the page, or names.")
+        str | None, Option(metavar="NAME,...", help="These cases alone; the page has their names.")
     ] = None,
     fail_if: Annotated[
         list[str] | None,
@@ -46,6 +45,9 @@ def test_command(
 ) -> Answer:
     """Test a driving function on a suite: better or worse than people, and collisions an hour."""
     from scex_sumo.base.errors import ScexError
+    from scex_sumo.commands.console import output_console
+    from scex_sumo.reports.run_table import print_line
+    from scex_sumo.suites.testing.outputs import summary_lines, title
     from scex_sumo.suites.testing.result import Condition
     from scex_sumo.suites.testing.suite_test import PAGE, RESULT, SUMMARY, test_suite
 
@@ -56,7 +58,7 @@ def test_command(
             under_test,
             out=out,
             futures=futures,
-            cases=None if cases is None else _names(cases),
+            cases=None if cases is None else [name.strip() for name in cases.split(",")],
             workers=workers,
             cluster=cluster,
             time_limit=time_limit,
@@ -66,7 +68,9 @@ def test_command(
             command=["scex-sumo", *sys.argv[1:]],
             progress=tick,
         )
-    _print_result(done.result)
+    print(title(done.result))
+    for line in summary_lines(done.result):
+        print_line(f"  {line}", output_console(width=120))
     print(f"result: {out / RESULT}, {out / SUMMARY}")
     print(f"look:   {out / PAGE}")
     failed = [
@@ -77,41 +81,3 @@ def test_command(
     if done.result["number"] is None:
         raise ScexError(f"{under_test}: every case failed; the reasons stand above")
     return lambda: {"report": out / PAGE, **done.result}
-
-
-def _names(given: str) -> list[str]:
-    from scex_sumo.base.errors import UsageError
-
-    if Path(given).is_file():
-        try:
-            return Path(given).read_text(encoding="utf-8").split()
-        except (OSError, UnicodeDecodeError) as error:
-            raise UsageError(f"--cases {given}: cannot be read: {error}") from None
-    return [name.strip() for name in given.split(",")]
-
-
-def _print_result(result: Mapping[str, Any]) -> None:
-    from scex_sumo.commands.console import output_console
-    from scex_sumo.page.study import Column, print_columns
-    from scex_sumo.reports.run_table import print_line
-    from scex_sumo.suites.testing.outputs import case_words, number_lines
-    from scex_sumo.suites.testing.result import FAILED, VERDICTS, WORSE, verdicts_by_kind
-
-    console, cases = output_console(width=120), result["cases"]
-    rows = [
-        {"kind": kind, **{name: count or None for name, count in counts.items()}}
-        for kind, counts in verdicts_by_kind(cases).items()
-    ]
-    columns = [Column("kind", "kind", "words"), *(Column(name, name, ".0f") for name in VERDICTS)]
-    print_columns(columns, rows, console, f"{result['function']}: cases, against people")
-    for one in cases:
-        if one["verdict"] in (WORSE, FAILED):
-            print_line(f"  {one['name']}: {case_words(one)}", console)
-    for line in number_lines(result):
-        print_line(line, console)
-    print_line(f"cannot see: {'; '.join(result['unseen'])}", console)
-    if change := result.get("against"):
-        words = (
-            f"{len(change[name])} {name.replace('_', ' ')}" for name in ("became_better", "became_worse")
-        )
-        print_line(f"against {change['function']}: {', '.join(words)}, {change['same']} the same", console)

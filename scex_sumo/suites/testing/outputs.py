@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from collections.abc import Mapping
+from typing import Any
 from xml.etree import ElementTree as ET
 
-from scex_sumo.certainty.response.answer import once_in
+from scex_sumo.decision.words import once_in, rounded
 from scex_sumo.studies.under_test.table import chance_text
-from scex_sumo.suites.estimate import Rate
-from scex_sumo.suites.testing.result import FAILED, VERDICTS, WORSE, verdicts_by_kind
-
-DECIDES: Final = 0.5
-"""Share of the collisions in one case from which the interval is doubtful."""
+from scex_sumo.suites.estimate import NARROW, Rate
+from scex_sumo.suites.testing.result import CHANGES, FAILED, VERDICTS, WORSE
 
 
 def junit_text(result: Mapping[str, Any]) -> str:
@@ -52,16 +49,30 @@ def case_words(case: Mapping[str, Any]) -> str:
     """Return a case's verdict in words."""
     if case["verdict"] == FAILED:
         return str(case["reason"])
-    return (
-        f"{case['verdict']}: touches in {case['contacts']} of {case['futures']} futures, people in "
-        f"{case['people_contacts']:.1f} (p {chance_text(case['p'])}); on the road: "
-        f"{once_in(case['probability'])}, people {once_in(case['people'])}"
-    )
+    chance = "" if case["p"] is None else f" (p {chance_text(case['p'])})"
+    often = f"{case['collide']:.0%} of {case['futures']} futures, people in {case['people_collide']:.0%}"
+    p, people = (once_in(case[name]) for name in ("probability", "people"))
+    return f"{case['verdict']}: collides {p}, people {people}{chance}; in {often}"
 
 
-def rate_words(rate: Mapping[str, Any]) -> str:
-    """Return a rate and its interval."""
-    return Rate(**rate).words()
+def title(result: Mapping[str, Any]) -> str:
+    """Return function, suite and the number of cases by verdict."""
+    verdicts = ", ".join(f"{result['verdicts'][name]} {name}" for name in VERDICTS)
+    return f"{result['function']} on {result['suite']}: {verdicts}"
+
+
+def summary_lines(result: Mapping[str, Any]) -> list[str]:
+    """Return the number, what the suite cannot see, and what changed, a line each; then the bad cases."""
+    lines = [*number_lines(result), f"cannot see: {'; '.join(result['unseen'])}"]
+    if change := result.get("against"):
+        words = [f"{len(change[name])} {name.replace('_', ' ')}" for name in CHANGES]
+        difference = change["difference"] and Rate(**change["difference"]).words()
+        lines.append(
+            f"against {change['function']}: {', '.join(words)}; collisions an hour more: {difference}"
+        )
+        lines += [f"{name.replace('_', ' ')}: {case}" for name in CHANGES for case in change[name]]
+    bad = [one for one in result["cases"] if one["verdict"] in (WORSE, FAILED)]
+    return [*lines, *(f"{one['name']}: {case_words(one)}" for one in bad)]
 
 
 def number_lines(result: Mapping[str, Any]) -> list[str]:
@@ -69,42 +80,20 @@ def number_lines(result: Mapping[str, Any]) -> list[str]:
     number = result["number"]
     if number is None:
         return ["every case failed: there is no number"]
-    largest = number["largest"]
-    doubt = (
-        f"{largest['share']:.0%} of the collisions are of one case, {largest['name']}, that stands for others"
-    )
-    return [
-        f"collisions an hour: {rate_words(number['collisions_per_hour'])}; people "
-        f"{rate_words(number['people_collisions_per_hour'])}, in all of the data set "
+    names = ("collisions_per_hour", "people_collisions_per_hour", "difference")
+    function, people, difference = (Rate(**number[name]).words() for name in names)
+    needed, there = number["cases_needed"], number["candidates"]
+    lines = [
+        f"collisions an hour: {function}; people {people}, by the ranking of all encounters "
         f"{number['people_of_all']['collisions_per_hour']:.2g}",
-        f"severe injuries an hour: {rate_words(number['severe_per_hour'])}; people "
-        f"{rate_words(number['people_severe_per_hour'])}",
-        f"difference to people, collisions an hour: {rate_words(number['difference'])}",
-        *([f"{doubt}: intervals are too narrow"] if largest["share"] > DECIDES else []),
+        f"difference to people, collisions an hour: {difference}",
     ]
+    if needed is not None:
+        more = f", and more recordings: these have {there} candidates" if needed > there else ""
+        lines.append(f"an interval of a factor of {NARROW:g} needs about {rounded(needed)} cases{more}")
+    return lines
 
 
 def markdown_text(result: Mapping[str, Any]) -> str:
     """Return a summary for a pull request."""
-    verdicts = ", ".join(f"{result['verdicts'][name]} {name}" for name in VERDICTS)
-    lines = [f"## {result['function']} on {result['suite']}: {verdicts}", ""]
-    lines += [f"- {line}" for line in number_lines(result)]
-    lines += ["", f"| kind | {' | '.join(VERDICTS)} |", f"|---|{'---|' * len(VERDICTS)}"]
-    for kind, counts in verdicts_by_kind(result["cases"]).items():
-        lines.append(f"| {kind} | {' | '.join(map(str, counts.values()))} |")
-    bad = [one for one in result["cases"] if one["verdict"] in (WORSE, FAILED)]
-    if bad:
-        lines += ["", *(f"- `{one['name']}` {case_words(one)}" for one in bad)]
-    lines += ["", "Not seen:", *(f"- {words}" for words in result["unseen"])]
-    return "\n".join([*lines, *_against(result.get("against"))]) + "\n"
-
-
-def _against(change: Mapping[str, Any] | None) -> Sequence[str]:
-    if change is None:
-        return []
-    return [
-        "",
-        f"Against {change['function']}: {change['same']} the same",
-        *(f"- better: `{name}`" for name in change["became_better"]),
-        *(f"- worse: `{name}`" for name in change["became_worse"]),
-    ]
+    return "\n".join([f"## {title(result)}", "", *(f"- {line}" for line in summary_lines(result))]) + "\n"

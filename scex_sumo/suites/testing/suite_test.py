@@ -30,12 +30,14 @@ from scex_sumo.suites.testing.result import (
     unseen,
     with_verdicts,
 )
-from scex_sumo.suites.testing.tasks import run_case, task_of
+from scex_sumo.suites.testing.tasks import CaseTask, run_case, task_of
 
 RESULT: Final = "test.json"
 PAGE: Final = "test.html"
 SUMMARY: Final = "summary.md"
 LIMIT_S: Final = 60.0
+LEAST: Final = 4
+"""Least number of futures of a case."""
 _RECORDS = "records"
 _PICTURE = ("picture", "outlines", "contact")
 
@@ -118,21 +120,29 @@ def test_suite(
     """
     started, suite = time.perf_counter(), suite if isinstance(suite, Suite) else open_suite(suite)
     spec, futures = _spec(under_test), int(suite.info["futures"]) if futures is None else futures
-    if futures < 4:
-        raise UsageError(f"--futures: got {futures}, needs at least 4")
+    if futures < LEAST:
+        raise UsageError(f"--futures: got {futures}, needs at least {LEAST}")
     if not time_limit > 0:
         raise UsageError(f"--time-limit: got {time_limit:g}, needs seconds above 0")
     chosen, digest = _chosen(suite, cases), sha256_of(suite.folder / SUITE)
     if junit is not None:
         check_output(Path(junit))
     older = None if against is None else read_result(Path(against), digest)
-    identity = _identity(spec, digest, futures, time_limit)
+    identity = {
+        "version": __version__,
+        "suite": digest,
+        "function": f"{spec} {spec.state}",
+        "source": _source(spec),
+        "futures": futures,
+        "time_limit_s": time_limit,
+    }
     with (
         TestFolder(Path(out), identity, overwrite=overwrite) as folder,
         progress_of(progress, "cases") as tick,
     ):
-        records = _run(suite, chosen, spec, folder, futures, time_limit, (workers, cluster), tick)
-        rows = with_verdicts([_about(case, records[case.name]) for case in chosen])
+        tasks = [task_of(case, spec, futures, limit_s=time_limit) for case in chosen]
+        records = _run(tasks, folder, (workers, cluster), tick)
+        rows = with_verdicts([{**case.about, **_kept(records[case.name])} for case in chosen])
         result = {
             "scex_sumo": __version__,
             "command": list(command) if command else None,
@@ -146,7 +156,7 @@ def test_suite(
             "cases": rows,
             "versions": versions(),
         }
-        result |= {"against": compared(result, older)} if older is not None else {}
+        result |= {"against": compared(suite, result, older)} if older is not None else {}
         write_test_page(folder.path / PAGE, result, records)
         write_atomic(folder.path / SUMMARY, markdown_text(result).encode())
         if junit is not None:
@@ -162,24 +172,16 @@ def _spec(given: Any) -> ModelSpec:
     specs = model_specs(given)
     if len(specs) != 1:
         raise UsageError(f"--under-test {given}: names {len(specs)} models; give one")
-    model = build(specs[0], fallback=True)
-    if is_driven_by_sumo(model):
+    if is_driven_by_sumo(build(specs[0], fallback=True)):
         raise UsageError(f"--under-test {given}: SUMO drives it, which a suite does not run; give a function")
     return specs[0]
 
 
-def _identity(spec: ModelSpec, digest: str, futures: int, limit_s: float) -> dict[str, Any]:
+def _source(spec: ModelSpec) -> str | None:
+    """Return the SHA-256 of the file of a function; None without one."""
     layer = layer_with(build(spec, fallback=True), "source_file")
     file = None if layer is None else layer.source_file
-    source = sha256_of(file) if file is not None and file.is_file() else None
-    return {
-        "version": __version__,
-        "suite": digest,
-        "function": f"{spec} {spec.state}",
-        "source": source,
-        "futures": futures,
-        "time_limit_s": limit_s,
-    }
+    return sha256_of(file) if file is not None and file.is_file() else None
 
 
 def _chosen(suite: Suite, names: Sequence[str] | None) -> list[Case]:
@@ -191,40 +193,25 @@ def _chosen(suite: Suite, names: Sequence[str] | None) -> list[Case]:
 
 
 def _run(
-    suite: Suite,
-    cases: Sequence[Case],
-    spec: ModelSpec,
-    folder: TestFolder,
-    futures: int,
-    limit_s: float,
-    where: tuple[int, str | None],
-    tick: Progress | None,
+    tasks: Sequence[CaseTask], folder: TestFolder, where: tuple[int, str | None], tick: Progress | None
 ) -> dict[str, dict[str, Any]]:
-    records = {case.name: record for case in cases if (record := folder.record(case.name)) is not None}
-    done, began = len(records), time.perf_counter()
-    if len(records) == len(cases):
+    """Return the records by case; those that are kept do not run again."""
+    kept = {task.ref.moment: folder.record(task.ref.moment) for task in tasks}
+    records = {name: record for name, record in kept.items() if record is not None}
+    left = [task for task in tasks if task.ref.moment not in records]
+    if not left:
         return records
-    for case in cases:  # before workers start: all files are as they were
-        _ = case.content
-    tasks = (
-        task_of(case, spec, futures, seed=int(suite.info["seed"]), limit_s=limit_s)
-        for case in cases
-        if case.name not in records
-    )
+    began = time.perf_counter()
     with closing(moment_workers(run_case, *where)) as pool:
-        for task, record in pool.run(tasks):
+        for task, found in pool.run(left):
             now, name = time.perf_counter(), task.ref.moment
-            kept = {"reason": record.reason} if isinstance(record, Failure) else dict(record)
-            kept["seconds"], began = round(now - began, 2), now
-            records[name] = kept
-            folder.keep(name, kept)
-            done += 1
+            record = {"reason": found.reason} if isinstance(found, Failure) else dict(found)
+            records[name], began = record | {"seconds": round(now - began, 2)}, now
+            folder.keep(name, records[name])
             if tick is not None:
-                tick(done, len(cases))
+                tick(len(records), len(tasks))
     return records
 
 
-def _about(case: Case, record: Mapping[str, Any]) -> dict[str, Any]:
-    own = {name: value for name, value in record.items() if name not in _PICTURE}
-    same = {name: case.about[name] for name in ("name", "kind", "risk", "site", "weight", "stratum")}
-    return {**same, "action": case.content["action"]["words"], **own}
+def _kept(record: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in record.items() if name not in _PICTURE}

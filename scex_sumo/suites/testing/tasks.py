@@ -3,32 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import OutOfTimeError, reason_of
 from scex_sumo.behaviors.spec import ModelSpec
+from scex_sumo.decision.decide import RARE
 from scex_sumo.plug_in.time_limit import time_limit
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.moments.run import MomentTask, StudySettings, attempt, pack_road
-from scex_sumo.studies.rank.stage import Stage, stage_of_motion
-from scex_sumo.suites.simulate import Outcomes, by_level, chances, simulate
-from scex_sumo.suites.situation import Situation, situation_of
+from scex_sumo.suites.case import shown
+from scex_sumo.suites.drive import Driven, drive
 from scex_sumo.suites.suite import Case
-
-PEOPLE_TYPICAL: Final = 1e-3
-"""P that people touch in a typical future: simulated others are not exact."""
-EXACT_S: Final = 0.1
-"""To which latest responses are known: futures have steps of 0.1 s."""
-EXACT_M: Final = 0.1
-"""To which gaps of critical responses are known: their stretches are those of tangents."""
-_TYPICAL_STEPS = 50
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,15 +27,15 @@ class CaseTask(MomentTask):
     """Case to be run with a function.
 
     Attributes:
-        initiator: track id; so ``responder``, which the function drives.
+        track_id: of the vehicle that the function drives; ``other_id`` of the other one.
         seed: of the draws.
         limit_s: time of the case.
     """
 
     may_be_late: ClassVar[bool] = True
 
-    initiator: int
-    responder: int
+    track_id: int
+    other_id: int
     spec: ModelSpec
     seed: int
     limit_s: float
@@ -53,28 +44,23 @@ class CaseTask(MomentTask):
 _packed = lru_cache(maxsize=4)(pack_road)
 
 
-def task_of(case: Case, spec: ModelSpec, futures: int, *, seed: int, limit_s: float) -> CaseTask:
+def task_of(case: Case, spec: ModelSpec, futures: int, *, limit_s: float) -> CaseTask:
     """Return the task of a case; raise a `ResultError` if its files were changed."""
     content, scene = case.content, case.scene()
+    name, location = case.name, scene.location
     assert scene.road is not None
-    ref = MomentRef(
-        moment=case.name,
-        location=scene.location,
-        recording=case.name,
-        case="",
-        time_s=0.0,
-        vehicles=scene.vehicles,
-    )
     return CaseTask(
-        ref=ref,
+        ref=MomentRef(
+            moment=name, location=location, recording=name, case="", time_s=0.0, vehicles=scene.vehicles
+        ),
         scene=dataclasses.replace(scene, road=None),
         road=_packed(scene.road),
         futures=range(futures),
         settings=StudySettings(),
-        initiator=int(content["other"]["track_id"]),
-        responder=int(content["function"]["track_id"]),
+        track_id=int(content["function"]["track_id"]),
+        other_id=int(content["other"]["track_id"]),
         spec=spec,
-        seed=seed,
+        seed=int(content["drivers"]["seed"]),
         limit_s=limit_s,
     )
 
@@ -89,109 +75,47 @@ def run_case(task: CaseTask, road: bytes | None = None) -> dict[str, Any] | Fail
 
 
 def _run(task: CaseTask, scene: SeedScene, road: bytes) -> dict[str, Any]:
-    situation = situation_of(scene, task.initiator, task.responder)
-    outcomes = simulate(situation, task.spec, len(task.futures), seed=task.seed)
-    return record_of(situation, outcomes)
+    count = len(task.futures)
+    function = drive(scene, task.track_id, task.spec, count, seed=task.seed)
+    return record_of(function, drive(scene, task.track_id, None, count, seed=task.seed), task.other_id)
 
 
-def record_of(situation: Situation, outcomes: Outcomes) -> dict[str, Any]:
-    """Return what is kept of the futures of a case, fit for JSON."""
-    draws, hit = outcomes.draws, outcomes.hit
-    typical = draws.row < 0
-    injuries = situation.injuries(outcomes.closing_mps) * hit
-    harmed = by_level(situation, draws.weight * injuries, draws.row)
-    share, acting = chances(situation, outcomes)
-    stage = stage_of_future(situation, outcomes, worst_future(situation, outcomes))
-    expected = expected_contacts(situation, outcomes)
-    near = touch_and_go(situation, outcomes)
+def record_of(function: Driven, people: Driven, other_id: int) -> dict[str, Any]:
+    """Return what is kept of the futures of a case with the function, and with people; fit for JSON."""
+    told = function.pairs[0] if function.pairs else function.row_of(other_id)
     return {
-        "probability": 1 - (1 - share) * (1 - acting),
-        "severity": float(injuries[typical].mean()) + situation.total(harmed),
-        "typical": share,
-        "acting": acting,
-        "variance": share * (1 - share) / max(int(typical.sum()), 1),
-        "futures": len(hit),
-        "contacts": int(hit.sum()),
-        "struck": int(outcomes.struck.sum()),
-        "chance": chance(np.where(near, 1.0, expected), np.where(near, 0.0, expected), int(hit.sum())),
-        "people_contacts": float(expected.sum()),
-        "people": situation.human_like,
-        "most": situation.most,
-        "others": int(np.isfinite(outcomes.other_s).sum()),
-        "gap_m": _median(outcomes.gap_m),
-        "ttc_s": _median(outcomes.ttc_s),
-        "drac_mps2": float(np.median(outcomes.drac_mps2)),
-        "braking_mps2": float(np.median(outcomes.braking_mps2)),
-        "jerk_mps3": float(np.median(outcomes.jerk_mps3)),
-        "hardest_mps2": max(0.0, float(outcomes.braking_mps2.max())),
-        "picture": str(stage.picture),
-        "outlines": stage.outlines,
-        "contact": stage.contact,
+        "probability": function.probability,
+        "people": people.probability,
+        "variance": _variance(function.effects),
+        "difference_variance": _variance(function.effects - people.effects),
+        "people_variance": _variance(people.effects),
+        "p_alone": p_alone(function, people),
+        "futures": function.futures,
+        "collide": float(function.collides.mean()),
+        "people_collide": float(people.collides.mean()),
+        **{name: told[name] for name in ("how", "future", "needed_braking", "time_margin", "gap_m")},
+        "hardest_mps2": function.hardest_mps2,
+        **shown(function, told),
     }
 
 
-def _median(values: FloatArray) -> float | None:
-    finite = values[np.isfinite(values)]
-    return float(np.median(finite)) if len(finite) else None
+def _variance(effects: FloatArray) -> float:
+    return float(effects.var(ddof=1) / len(effects))
 
 
-def expected_contacts(situation: Situation, outcomes: Outcomes) -> FloatArray:
-    """Return the probability (C,) with which people touch in each future."""
-    draws = outcomes.draws
-    row = np.maximum(draws.row, 0)
-    wide = draws.high - draws.low
-    exact = wide < 1  # people, with a deceleration of their own
-    late = np.where(exact, situation.late_by[row, draws.braking], situation.late.ravel()[row])
-    part = np.clip((late - draws.low) / np.maximum(wide, 1e-12), 0.0, 1.0)
-    part = np.where(wide > 0, part, outcomes.hit)  # nobody responds so: its weight is 0
-    return np.where(draws.row < 0, PEOPLE_TYPICAL, part)
+def p_alone(function: Driven, people: Driven) -> float | None:
+    """Return the two-sided p of a function that is like people in a case; None if they are the same.
 
-
-def touch_and_go(situation: Situation, outcomes: Outcomes) -> BoolArray:
-    """Return in which futures (C,) of people either may happen: near the latest response, or a graze."""
-    draws = outcomes.draws
-    latest = situation.critical_by[np.maximum(draws.row, 0), draws.braking]
-    with np.errstate(invalid="ignore"):
-        near = np.abs(draws.response_s - latest) <= EXACT_S
-    near |= ~outcomes.hit & (outcomes.gap_m < EXACT_M)
-    return np.asarray(near & (draws.row >= 0) & (draws.high - draws.low < 1))
-
-
-def chance(most: FloatArray, least: FloatArray, contacts: int) -> Mapping[str, float]:
-    """Return the one-sided probabilities that people touch in at least, and at most, so many futures.
-
-    Args:
-        most: (C,) probabilities, at most; ``least`` at least. Their sums are Poisson binomial.
+    The more telling of two tests decides: a paired t-test (Student 1908) of the cube roots of P, and a count
+    of the collisions against that by people's P, at least `RARE` in each future, after Poisson.
     """
-    return {
-        "more": float(min(_counts(most)[contacts:].sum(), 1.0)),
-        "fewer": float(min(_counts(least)[: contacts + 1].sum(), 1.0)),
-    }
+    from scipy.special import pdtrc, stdtr
 
-
-def _counts(expected: FloatArray) -> FloatArray:
-    counts = np.ones(1)
-    for p in expected.tolist():
-        counts = np.convolve(counts, [1 - p, p])
-    return counts
-
-
-def worst_future(situation: Situation, outcomes: Outcomes) -> int:
-    """Return the future that is shown: the most frequent with a contact, else that with the least gap."""
-    row = np.maximum(outcomes.draws.row, 0)
-    often = np.where(outcomes.draws.row < 0, 1.0, situation.often.ravel()[row])
-    if outcomes.hit.any():
-        return int(np.argmax(np.where(outcomes.hit, often, -1.0)))
-    return int(np.argmin(np.where(outcomes.draws.row >= 0, outcomes.gap_m, np.inf)))
-
-
-def stage_of_future(situation: Situation, outcomes: Outcomes, future: int) -> Stage:
-    """Return the playing picture of a future: the two, and the others around them."""
-    end = outcomes.contact_s[future]
-    stop = 2 + int(np.ceil(end / 0.1)) if np.isfinite(end) else 1 + _TYPICAL_STEPS
-    states = outcomes.states[future][:, :stop]
-    both = [situation.initiator, situation.responder]
-    whole = type(states).concatenate([situation.scene.history[:, :-1], states], axis=1)
-    known = np.ones(whole.shape, dtype=np.bool_)
-    known[both] = False
-    return stage_of_motion(situation.scene, (both[0], both[1]), states[both], whole, known)
+    differences, count = np.cbrt(function.contact) - np.cbrt(people.contact), function.futures
+    spread = float(differences.std(ddof=1))
+    if spread == 0:
+        return 0.0 if differences.any() else None
+    by_roots = float(stdtr(count - 1, -abs(differences.mean()) / spread * np.sqrt(count)))
+    hits = int(function.collides.sum())
+    by_hits = float(pdtrc(hits - 1, np.maximum(people.contact, RARE).sum())) if hits else 1.0
+    return min(1.0, 4 * min(by_roots, by_hits))

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
-import numpy as np
 import pytest
 
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.suites.suite import Suite
 from scex_sumo.suites.testing.outputs import junit_text, markdown_text, number_lines
 from scex_sumo.suites.testing.result import (
+    VERDICTS,
     Condition,
     compared,
     number_of,
@@ -21,114 +21,103 @@ from scex_sumo.suites.testing.result import (
     unseen,
     with_verdicts,
 )
-from scex_sumo.suites.testing.tasks import chance
 
 
-def record(name: str, contacts: int, people: float, futures: int = 48, **given: Any) -> dict[str, Any]:
-    spread = np.full(futures, people / futures)
+def record(name: str, probability: float, people: float, p: float | None = 1e-6) -> dict[str, Any]:
     return {
         "name": name,
-        "kind": "merge",
-        "action": "7 brakes",
-        "contacts": contacts,
-        "people_contacts": people,
-        "futures": futures,
-        "chance": chance(spread, spread, contacts),
-        "probability": contacts / 1000,
-        "people": people / 1000,
-        "severity": contacts / 1e5,
-        "most": 0.1,
-        "variance": 0.0,
-        "weight": 10.0,
-        **given,
-    }
-
-
-FAILED = {
-    "name": "d",
-    "kind": "head-on",
-    "action": "7 drifts",
-    "weight": 10.0,
-    "reason": "x: plan.x is not finite",
-}
-RECORDS = [record("a", 20, 2.0), record("b", 0, 20.0), record("c", 2, 2.0), FAILED]
-
-
-def suite() -> Suite:
-    cases = [
-        {"name": name, "weight": 10.0, "stratum": k // 2, "severity": 1e-6} for k, name in enumerate("abcd")
-    ]
-    strata = [{"words": "one", "candidates": 20}, {"words": "two", "candidates": 20}]
-    people = {"collisions_per_hour": 1e-3, "severe_per_hour": 1e-5}
-    info = {
-        "cases": cases,
-        "strata": strata,
-        "hours": 2.0,
+        "kind": "merge" if name < "c" else "head-on",
+        "probability": probability,
         "people": people,
-        "unseen": ["lane change"],
-        "doubtful": 4,
+        "variance": 1e-12,
+        "people_variance": 1e-12,
+        "difference_variance": 1e-12,
+        "p_alone": p,
+        "futures": 64,
+        "collide": 0.25,
+        "people_collide": 0.0,
     }
-    return Suite(folder=Path("suite"), info=info)
 
 
-def result() -> dict[str, Any]:
-    rows = with_verdicts(RECORDS)
-    verdicts = ("better", "equal", "worse", "failed")
+FAILED = {"name": "d", "kind": "head-on", "reason": "x: plan.x is not finite"}
+RECORDS = [record("a", 2e-2, 1e-4), record("b", 1e-6, 2e-3), record("c", 2e-3, 1e-3, 0.5), FAILED]
+
+
+def suite(weight: float = 10.0) -> Suite:
+    cases = [
+        {"name": name, "weight": weight, "chance": 0.1, "stratum": k // 2} for k, name in enumerate("abcd")
+    ]
+    exposure = [
+        {"kind": kind, "encounters": 20.0, "people_collide_per_hour": 5e-4}
+        for kind in ("merge", "head-on", "lane change")
+    ]
+    people = {"collisions_per_hour": 1e-3}
+    info = {"cases": cases, "hours": 2.0, "people": people, "exposure": exposure}
+    return Suite(folder=Path("suite"), info=info | {"rare": 9, "doubtful": 4, "candidates": 60})
+
+
+def result(records: list[dict[str, Any]] = RECORDS, **given: Any) -> dict[str, Any]:
+    rows = with_verdicts(records)
     return {
         "function": "acc:Acc",
         "suite": "suite",
         "cases": rows,
-        "verdicts": {name: sum(one["verdict"] == name for one in rows) for name in verdicts},
+        "verdicts": {name: sum(one["verdict"] == name for one in rows) for name in VERDICTS},
         "number": number_of(suite(), rows),
         "unseen": unseen(suite(), rows),
+        **given,
     }
 
 
-def test_more_contacts_than_people_are_worse_fewer_better() -> None:
+def verdict(probability: float, people: float, p: float | None = 1e-6) -> str:
+    return str(with_verdicts([record("a", probability, people, p)])[0]["verdict"])
+
+
+def test_more_than_people_is_worse_less_is_better_and_chance_is_neither() -> None:
     assert [one["verdict"] for one in with_verdicts(RECORDS)] == ["worse", "better", "equal", "failed"]
 
 
-def test_the_chance_of_a_count_is_poisson_binomial() -> None:
-    found = chance(*[np.array([0.5, 0.25])] * 2, 1)
-    assert found["more"] == pytest.approx(1 - 0.5 * 0.75)
-    assert found["fewer"] == pytest.approx(1 - 0.5 * 0.25)
+def test_what_nobody_would_test_and_small_differences_are_equal() -> None:
+    assert verdict(9e-5, 1e-7) == "equal"  # both below once in 10 000
+    assert verdict(1.9e-3, 1e-3) == "equal"  # less than twice
+    assert verdict(2.1e-3, 1e-3) == "worse"
+    assert verdict(1e-3, 1e-3, None) == "equal"  # the same in all futures
 
 
-def test_weights_of_failed_cases_go_to_their_stratum() -> None:
+def test_weights_of_failed_cases_go_to_their_kind() -> None:
     number = number_of(suite(), with_verdicts(RECORDS))
     assert number is not None
-    assert number["collisions_per_hour"]["value"] == pytest.approx((10 * 0.02 + 0 + 20 * 0.002) / 2)
+    assert number["collisions_per_hour"]["value"] == pytest.approx((10 * 0.020001 + 20 * 0.002) / 2)
     assert number_of(suite(), with_verdicts([FAILED])) is None
 
 
-def test_the_difference_is_to_people_in_the_whole_data_set_if_all_strata_ran() -> None:
-    number, part = (number_of(suite(), with_verdicts(some)) for some in (RECORDS, RECORDS[:2]))
-    assert number is not None and part is not None
-    value = number["collisions_per_hour"]["value"]
-    assert number["difference"]["value"] == pytest.approx(value - 1e-3)
-    assert number["severe_difference"]["high"] == pytest.approx(number["severe_per_hour"]["high"] - 1e-5)
-    people = 10 * (0.002 + 0.02) / 2  # of the stratum that ran
-    assert part["difference"]["value"] == pytest.approx(part["collisions_per_hour"]["value"] - people)
+def test_the_difference_to_people_is_paired() -> None:
+    number = result()["number"]
+    people = (10 * (1e-4 + 2e-3) + 20 * 1e-3) / 2
+    assert number["people_collisions_per_hour"]["value"] == pytest.approx(people)
+    own = number["collisions_per_hour"]["value"]
+    assert number["difference"]["value"] == pytest.approx(own - people)
+    alike = [record(name, 1e-3, 1e-3, None) | {"difference_variance": 0.0} for name in "abcd"]
+    same = number_of(suite(), with_verdicts(alike))
+    assert same is not None
+    assert (same["difference"]["low"], same["difference"]["high"]) == (0.0, 0.0)
 
 
-def test_a_number_of_one_case_is_said_to_be_so() -> None:
-    one = result()
-    assert one["number"]["largest"] == {
-        "name": "a",
-        "share": pytest.approx(10 * 0.02 / (10 * 0.02 + 20 * 0.002)),
-    }
-    assert any("83% of the collisions are of one case, a, that" in line for line in number_lines(one))
-    even = [record("a", 4, 2.0), record("b", 4, 2.0), record("c", 4, 2.0), record("d", 4, 2.0)]
-    one["number"] = number_of(suite(), with_verdicts(even))
-    assert not any("one case" in line for line in number_lines(one))
+def test_a_wide_interval_says_how_many_cases_a_narrow_one_needs() -> None:
+    wide = number_lines(result())[-1]
+    assert wide.startswith("an interval of a factor of 3 needs about ")
+    assert wide.endswith(" cases") or "more recordings: these have 60 candidates" in wide
+    even = [record(name, 1e-3, 1e-3, None) for name in "abcd"]
+    assert len(number_lines(result(even))) == 2
 
 
 def test_what_is_not_seen_is_said() -> None:
     words = unseen(suite(), with_verdicts(RECORDS))
-    assert words[0] == "lane change: no case"
-    assert "4 encounters with doubtful data were left out" in words
+    assert words[0] == "lane change: no case has run (20 encounters)"
+    assert words[1].startswith("9 encounters in which people collide less than once in a million")
+    assert "4 encounters with doubtful data" in words
     only = with_verdicts([RECORDS[0], RECORDS[1], FAILED])
-    assert "two: no case has run (20 candidates)" in unseen(suite(), only)
+    assert "head-on: no case has run (20 encounters)" in unseen(suite(), only)
 
 
 @pytest.mark.parametrize(
@@ -162,17 +151,23 @@ def test_junit_has_a_failure_for_worse_and_an_error_for_failed() -> None:
 def test_the_summary_has_the_number_and_the_bad_cases() -> None:
     text = markdown_text(result())
     assert text.startswith("## acc:Acc on suite: 1 better, 1 equal, 1 worse, 1 failed\n")
-    assert "| merge | 1 | 1 | 1 | 0 |" in text
-    assert "- `d` x: plan.x is not finite" in text
-    assert "collisions an hour: 0.12 [" in text
+    assert "- collisions an hour: 0.12 [" in text
+    assert "- d: x: plan.x is not finite" in text
+    assert "- a: worse: collides once in 50 such moments, people once in 10\u202f000 such moments" in text
 
 
-def test_against_says_what_changed() -> None:
-    old = {**result(), "function": "old", "cases": [{**one, "verdict": "equal"} for one in result()["cases"]]}
-    change = compared(result(), old)
+def test_against_says_what_changed_and_the_paired_difference() -> None:
+    old = result(function="old")
+    old["cases"] = [{**one, "verdict": "equal"} for one in old["cases"]]
+    change = compared(suite(), result(), old)
     assert change["became_worse"] == ["a", "d"]
     assert change["became_better"] == ["b"]
-    assert change["same"] == 1
+    assert (change["difference"]["value"], change["difference"]["high"]) == (0.0, 0.0)
+    more = result([{**one, "probability": one["probability"] + 1e-3} for one in RECORDS[:3]])
+    assert compared(suite(), more, old)["difference"]["value"] == pytest.approx((2 * 10 + 20) * 1e-3 / 2)
+    assert "against old: 1 became better, 2 became worse; collisions an hour more: 0 [0, 0]" in markdown_text(
+        result(against=change)
+    )
 
 
 def test_an_older_result_must_be_of_the_same_suite(tmp_path: Path) -> None:
@@ -184,12 +179,3 @@ def test_an_older_result_must_be_of_the_same_suite(tmp_path: Path) -> None:
     file.write_text("[1]")
     with pytest.raises(ResultError, match="no result of a test"):
         read_result(file, "1")
-
-
-def test_futures_that_may_go_either_way_are_no_evidence() -> None:
-    """Of ten, people surely touch in five; in three of the others a tenth of a second decides."""
-    most, least = np.repeat([1.0, 1.0, 0.0], [5, 3, 2]), np.repeat([1.0, 0.0, 0.0], [5, 3, 2])
-    for contacts in (5, 6, 8):
-        assert chance(most, least, contacts) == {"more": 1.0, "fewer": 1.0}
-    assert chance(most, least, 9)["more"] == 0.0
-    assert chance(most, least, 4)["fewer"] == 0.0

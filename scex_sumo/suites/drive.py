@@ -1,0 +1,156 @@
+"""Futures of a case: a driving function in closed loop among human-like drivers, and what comes of it.
+
+P of a contact follows by the law of `scex_sumo.decision`, from what the function's vehicle comes to. Draws
+follow from the suite's seed and the number of the future, the same for all functions. People are the
+human-like driver in the place of the function.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Final
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.errors import ScexError
+from scex_sumo.behaviors.registry import ModelSpec, build, parse_models
+from scex_sumo.conflicts.pairs import Conflicts
+from scex_sumo.decision.law import law, over_futures
+from scex_sumo.decision.pairs import pair_table
+from scex_sumo.extrapolation.assignments import future_generator, route_draws
+from scex_sumo.extrapolation.loop.measure import measure_conflicts
+from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
+from scex_sumo.results.participants import everybody, with_everybody
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
+from scex_sumo.world.plain import PlainWorld
+
+STEPS: Final = 30
+REPLAN: Final = 5
+PEOPLE: Final = "likely_driver"
+"""Driver of all others."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Driven:
+    """Futures of a case, (C,) of them.
+
+    Attributes:
+        scene: the seed scene.
+        vehicle: index of the vehicle that the function drives.
+        states: (C, V, T) from the moment on, of all that `everybody` has.
+        conflicts: of that vehicle with others.
+    """
+
+    scene: SeedScene
+    vehicle: int
+    states: States
+    conflicts: Conflicts
+
+    @property
+    def futures(self) -> int:
+        """Number of futures."""
+        return self.states.shape[0]
+
+    @cached_property
+    def contact(self) -> FloatArray:
+        """P (C,) of a contact of the vehicle with any other one in each future."""
+        each = law().contact(self.conflicts, everybody(self.scene).types)
+        with np.errstate(divide="ignore"):
+            log = np.bincount(self.conflicts.future, np.log1p(-each), minlength=self.futures)
+        return np.asarray(-np.expm1(log))
+
+    @property
+    def probability(self) -> float:
+        """P of a contact of the vehicle with any other one."""
+        one = np.zeros(self.futures, dtype=np.int64)
+        return float(over_futures(one, self.contact, pairs=1, futures=self.futures)[0])
+
+    @cached_property
+    def effects(self) -> FloatArray:
+        """First-order effect (C,) of each future on `probability`; their mean is 0."""
+        root = np.cbrt(self.contact)
+        return np.asarray(3 * root.mean() ** 2 * (root - root.mean()))
+
+    @property
+    def collides(self) -> BoolArray:
+        """Whether the vehicle collides in each future (C,)."""
+        hits = np.bincount(self.conflicts.future, self.conflicts.gap <= 0, minlength=self.futures)
+        return np.asarray(hits > 0)
+
+    @cached_property
+    def pairs(self) -> list[Mapping[str, Any]]:
+        """Rows as of `PAIRS` with each other one, the most probable contact first."""
+        table = pair_table(
+            self.scene, self.conflicts, futures=self.futures, states_of=lambda future: self.states[future]
+        )
+        rows: list[Mapping[str, Any]] = table.to_pylist()
+        return rows
+
+    def index_of(self, track_id: int) -> int:
+        """Return the index of a road user into `everybody`."""
+        return int(np.flatnonzero(everybody(self.scene).track_ids == track_id)[0])
+
+    def row_of(self, other_id: int) -> Mapping[str, Any]:
+        """Return the row of `pairs` with another one; some columns of one if they never come near."""
+        rows = (row for row in self.pairs if other_id in (row["track_id"], row["other_id"]))
+        own = int(self.scene.track_ids[self.vehicle])
+        apart = {"track_id": own, "other_id": other_id, "future": 0, "needed_braking": 0.0, "conflict_s": 0.0}
+        return next(rows, apart | dict.fromkeys(("what", "how", "time_margin", "gap_m")))
+
+    @property
+    def hardest_mps2(self) -> float:
+        """Hardest braking of the vehicle in futures in which it does not collide, m/s²."""
+        speed = self.states.speed[~self.collides, self.vehicle]
+        return float((-np.diff(speed, axis=1)).max(initial=0.0)) / STEP_S + 0.0
+
+
+def drive(scene: SeedScene, track_id: int, spec: ModelSpec | None, futures: int, *, seed: int) -> Driven:
+    """Run the futures of a case.
+
+    Args:
+        scene: with its road and rules.
+        track_id: of the vehicle that the function drives.
+        spec: the function; None or `PEOPLE`: a human-like driver.
+
+    Raises:
+        ScexError: a plan of the function cannot be used.
+    """
+    assert scene.road is not None
+    index = int(np.flatnonzero(scene.track_ids == track_id)[0])
+    names = [PEOPLE] if spec is None or str(spec) == PEOPLE else [PEOPLE, str(spec)]
+    assignment = np.zeros((futures, scene.vehicles), dtype=np.int64)
+    assignment[:, index] = len(names) - 1
+    numbers = np.arange(futures)
+    batch = Batch(
+        futures=numbers,
+        assignment=assignment,
+        models=[
+            build(parse_models(PEOPLE)[0]),
+            *([build(spec, fallback=True)] if spec and names[1:] else []),
+        ],
+        names=names,
+        overridden=np.ones(len(names), dtype=np.bool_),
+        route_draw=route_draws(numbers, scene.vehicles, seed=seed),
+        generators=[future_generator(seed, c) for c in range(futures)],
+    )
+    world = PlainWorld(futures, scene.vehicles, length=scene.length)
+    rollout = roll_out(world, scene.road, scene, batch, steps=STEPS, replan=REPLAN)
+    _refuse_replaced(rollout, index, names[-1])
+    return Driven(
+        scene=scene,
+        vehicle=index,
+        states=with_everybody(scene, rollout.states)[:, HISTORY_STEPS:].swapaxes(1, 2),
+        conflicts=measure_conflicts(scene, rollout, vehicle=index),
+    )
+
+
+def _refuse_replaced(rollout: Rollout, vehicle: int, name: str) -> None:
+    own = [one for one in rollout.replaced if one.vehicle == vehicle]
+    if own:
+        first = own[0]
+        raise ScexError(
+            f"{name}: {len(own)} plans cannot be used, the first at {first.step * STEP_S:g} s: {first.reason}"
+        )

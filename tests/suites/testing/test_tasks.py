@@ -1,0 +1,44 @@
+"""P of the difference between a function and people in one case."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from scex_sumo.suites.testing.tasks import p_alone
+
+FUTURES = 64
+
+
+def futures(contact: float, collisions: int = 0, *, spread: float = 0.0) -> Any:
+    """P of a contact in each of the futures; some collide."""
+    chance = contact * np.random.default_rng(0).lognormal(0.0, spread, FUTURES)
+    chance[:collisions] = 1.0
+    return SimpleNamespace(contact=chance, collides=chance == 1.0, futures=FUTURES)
+
+
+def test_the_same_futures_are_no_difference() -> None:
+    assert p_alone(futures(1e-6, spread=1.0), futures(1e-6, spread=1.0)) is None
+
+
+@pytest.mark.parametrize(("collisions", "least", "most"), [(1, 0.2, 1.0), (3, 0.01, 0.2), (5, 0.0, 0.005)])
+def test_collisions_where_people_have_none_are_no_chance_from_a_few_on(
+    collisions: int, least: float, most: float
+) -> None:
+    found = p_alone(futures(1e-6, collisions), futures(1e-6))
+    assert found is not None and least < found < most
+
+
+def test_less_room_in_every_future_is_no_chance_without_any_collision() -> None:
+    found = p_alone(futures(1e-3, spread=1.0), futures(1e-5))
+    assert found is not None and found < 1e-6
+
+
+def test_where_people_collide_as_often_collisions_are_no_difference() -> None:
+    function = futures(1e-6, 30)
+    people = SimpleNamespace(**vars(function) | {"contact": function.contact[::-1]})
+    found = p_alone(function, people)
+    assert found is not None and found > 0.5
