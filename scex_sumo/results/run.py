@@ -176,7 +176,7 @@ class Run:
 
     @cached_property
     def decision(self) -> Decision | None:
-        """What to test in this moment; None without the critical responses."""
+        """Verdict on this moment; None without human-like futures."""
         decisions = (extra.decision(self) for extra in extras_results(self.folder))
         return next((one for one in decisions if one is not None), None)
 
