@@ -3,7 +3,7 @@
     python benchmarks/near_misses.py DATA [--part test validation] [--every 3] [--futures 16] [--most N]
 
 All pairs within 35 m at a moment without doubts, both recorded for 3 s more. A near miss then: PET < 1 s
-at 30° or more, both faster than 3 m/s; or TTC < 1.5 s on the recorded ways, faster than 3 m/s, with braking of
+at 30° or more, both faster than 3 m/s; or TTC < 1.5 s on the recorded ways, faster than 3 m/s, braking with
 2 m/s². Rivals: 1/TTC, needed braking, PET and least gap at constant turn rate and speed.
 """
 

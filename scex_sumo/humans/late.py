@@ -1,8 +1,8 @@
 """Late responses: drivers that have let hard braking become necessary, because they have not seen what comes.
 
 The largest need of an encounter is exponentially distributed among drivers that look, and with a far larger
-scale among the few that do not. One that needs much at the seed moment and does not brake is the more probably
-one of these. It responds after a lognormal time, as to a surprise, and drives on as it does until then.
+scale among the few that do not. One that needs much at the seed moment and does not brake probably is one of
+these. It responds after a lognormal time, as to a surprise, and drives on as it does until then.
 """
 
 from __future__ import annotations
