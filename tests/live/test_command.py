@@ -81,7 +81,7 @@ def test_reports_are_made_by_a_command_that_the_tool_knows(
 
     monkeypatch.setattr(subprocess, "run", only_parsed)
     teller = command._Teller(tmp_path)
-    pair = PairRisk(hits="a", other="b", kind="lane", human_like=0.1, stress=0.5, takes="", x=1.0, y=2.0)
+    pair = PairRisk(hits="a", other="b", kind="lane", human_like=0.1, stress=0.5, how="", x=1.0, y=2.0)
     teller.risks = [Risk(time_s=3.0, pairs=(pair,), vehicles=("a", "b"))]
     teller.make_reports(tmp_path / "mine.sumocfg", 1)
     said = capsys.readouterr()

@@ -33,7 +33,7 @@ SSM = """<SSMLog>
 
 def risk(time_s: float, *pairs: tuple[str, str, float], vehicles: int = 4) -> Risk:
     found = [
-        PairRisk(hits=a, other=b, kind="crossing", human_like=p, stress=0.5, takes="b brakes", x=7.4, y=-3.0)
+        PairRisk(hits=a, other=b, kind="crossing", human_like=p, stress=0.5, how="b brakes", x=7.4, y=-3.0)
         for a, b, p in pairs
     ]
     return Risk(time_s=time_s, pairs=tuple(found), vehicles=tuple(map(str, range(vehicles))))
@@ -84,7 +84,7 @@ def test_the_page_links_each_moment_to_the_report_that_its_command_makes(tmp_pat
     risks = [risk(1.0), risk(2.5, ("a", "b<script>", 2e-4), vehicles=25)]
     page = write_page(tmp_path, Path("mine.sumocfg"), risks, [], "2 moments").read_text()
     assert 'href="moments/2.5/report.html"' in page and "--region=7,-3,40" in page
-    assert "<script>:" not in page and "once in 5 000" in page
+    assert "<script>:" not in page and "once in 5\u202f000" in page
     words = command_of(Path("mine.sumocfg"), Path("out/watch"), *worst_moments(risks)[0])
     assert words == [
         *("run", "out/watch/mine.sumocfg", "--time", "2.5", "--region=7,-3,40"),

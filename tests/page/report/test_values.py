@@ -59,18 +59,3 @@ def test_a_threshold_beyond_the_axis_is_within_reach_and_says_its_value(page: An
     assert float(page.input_value(LIMIT)) < 99
     assert float(page.input_value(LIMIT)) != own
     assert text(page, "#chips") == ""  # nothing was brushed
-
-
-def test_the_point_of_the_map_plays_beside_it(page: Any) -> None:
-    """Keys, sliders and a drag choose action and response time."""
-    page.wait_for_selector("#acting-said:has-text('Plays: ')")
-    page.click("#response-table tr:has-text('goes on')")
-    page.fill("#people-late", "0.5")
-    assert " brakes 0.5 s after that shows: " in text(page, "#acting-said")
-    page.focus("#response-map")
-    page.keyboard.press("ArrowUp")
-    assert " brakes 0.6 s after that shows: " in text(page, "#acting-said")
-    before = text(page, "#acting-said")
-    page.keyboard.press("ArrowRight")
-    assert text(page, "#acting-said") != before and page.input_value("#people-late") == "0.6"
-    assert page.evaluate("document.querySelector('#acting').toDataURL().length") > 2000
