@@ -18,6 +18,7 @@ from scex_sumo.base.errors import MapError, MissingExtraError
 from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.formats.commonroad.reader import read_commonroad_road
+from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Road
 from tests.formats.commonroad.commonroad_maps import (
     Lanelet,
@@ -28,7 +29,6 @@ from tests.formats.commonroad.commonroad_maps import (
     write_scenario,
 )
 from tests.lanelet2sumo.judge.driving import judged
-from tests.lanelet2sumo.judge.loading import check_net
 
 SITES = ("MONA-East", "MONA-Merge", "MONA-West")
 
