@@ -19,7 +19,6 @@ from scex_sumo.scene import States
 from tests.seeds import straight_seed
 
 SEED = dataclasses.replace(straight_seed(), track_ids=np.array([20, 3]))
-THERE = np.ones((1, 2), dtype=bool)
 
 
 def plans_of(futures: list[int]) -> Part:

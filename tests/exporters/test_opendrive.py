@@ -16,19 +16,12 @@ from scex_sumo.road import Lane, Road
 from scex_sumo.scenarios import example_path
 from tests.exporters.opendrive_reader import OpenDrive, reference
 
-EXAMPLES = ("motorway_merge", "roundabout", "urban_intersection")
 SHARED = (
     "interaction/maps/DR_DEU_Merging_MT.osm",
-    "interaction/maps/DR_DEU_Roundabout_OF.osm",
-    "interaction/maps/DR_USA_Intersection_EP0.osm",
     "interaction/maps/DR_USA_Intersection_GL.osm",
-    "interaction/maps/DR_USA_Roundabout_FT.osm",
-    "interaction/maps/DR_USA_Roundabout_SR.osm",
-    "taf_bw/maps/k729_2022-03-16.osm",
     "taf_bw/maps/k733_2020-09-15.osm",
     "mona/MONA-East/C-DEU_MONAEast-2_1040_T-1119.xml.gz",
     "ngsim/USA_Lanker-2_10_T-1.xml.gz",
-    "ngsim/USA_Peach-3_2_T-1.xml.gz",
 )
 
 
@@ -53,6 +46,11 @@ def check(road: Road) -> None:
     }
     for lane in file.lanes:
         assert lane.speed == pytest.approx(road.lanes[lane.lane].speed_limit_mps, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["roundabout", "urban_intersection"])
+def test_borders_and_links_are_those_of_the_example_maps(name: str) -> None:
+    check(read_map(example_path(name)))
 
 
 @pytest.mark.parametrize("name", SHARED)

@@ -23,15 +23,6 @@ def net_of(drawn: Road, folder: Path) -> NetFile:
     return NetFile(net.path)
 
 
-def merging() -> list[Lane]:
-    """Lanes 1 and 2 come together at 10 degrees or so and go on as lane 3."""
-    return [
-        lane(1, [(0, 0), (100, 0)], to=(3,)),
-        lane(2, [(0, -15), (60, -6), (100, 0)], to=(3,)),
-        lane(3, [(100, 0), (200, 0)]),
-    ]
-
-
 def crossing() -> list[Lane]:
     """Lane 1 runs east, lane 2 north; they cross at the origin. Lane 1 has lane 2 on its right."""
     return [lane(1, [(-50, 0), (50, 0)]), lane(2, [(0, -50), (0, 50)])]

@@ -30,7 +30,6 @@ SCENE = roads.scene_of(
 )
 STATES = ("x", "y", "heading", "speed")
 DRAWS = np.random.default_rng(5).random((6, SCENE.vehicles))
-CLOSE = 1e-6  # m and rad: rounding of coordinates
 
 
 def model(folder: Path, text: str = "joint_predictor", **numbers: int) -> Behavior:

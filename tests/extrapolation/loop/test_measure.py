@@ -143,23 +143,6 @@ def test_boxes_that_overlap_at_first_and_vehicles_that_leave_are_said() -> None:
     assert "1 of 2 vehicles leave within the time of a future" in notes[-1] and notes[-1].endswith(": 1")
 
 
-def many(scene: SeedScene, count: int) -> SeedScene:
-    """The first vehicle of a scene, many times over."""
-    again = np.zeros(count, int)
-    assert scene.future is not None and scene.future_valid is not None
-    return dataclasses.replace(
-        scene,
-        track_ids=np.arange(count),
-        types=("car",) * count,
-        length=scene.length[again],
-        width=scene.width[again],
-        history=scene.history[again],
-        recorded_steps=scene.recorded_steps[again],
-        future=scene.future[again],
-        future_valid=scene.future_valid[again],
-    )
-
-
 def test_a_car_that_hits_one_of_two_people_that_touched_is_no_consequence() -> None:
     """Two people come together 1 s before a car at 10 m/s reaches the first one, 20 m ahead."""
     times = np.arange(-10, 1) * 0.1

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scex_sumo.base.errors import ResultError, SimulationError
+from scex_sumo.base.errors import SimulationError
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.extrapolation import engine
 from scex_sumo.extrapolation.engine import run_scene
@@ -32,11 +32,6 @@ from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
 
 NEW_PROCESSES = True
-
-
-def refuse() -> None:
-    """Raise an error of ours."""
-    raise ResultError("disk: full")
 
 
 def names_of(scene: SeedScene) -> tuple[int, int]:

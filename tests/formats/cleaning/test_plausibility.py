@@ -160,7 +160,8 @@ def test_inspect_shows_the_table_of_a_recording_that_run_refuses(
 def test_no_recording_at_hand_is_refused_or_warned_without_reason(data: Path) -> None:
     """MONA's trackers saw some lorries twice; k733 2020's velocities are wrong."""
     for root in ("interaction", "taf_bw", "ngsim", "av2", "scenarionet", "mona"):
-        step = {"interaction": 48, "ngsim": 8, "mona": 6, "av2": 3}.get(root, 1)  # a part of the large sets
+        # A part of the large sets.
+        step = {"interaction": 96, "taf_bw": 4, "ngsim": 16, "mona": 12, "av2": 3}.get(root, 1)
         for recording in find_recordings([data / root])[::step]:
             found = [c for c in plausibility(read_recorded(recording.track_paths)[0].vehicles) if c.verdict]
             wanted = ["warning"] if root == "mona" else ["repaired"] if "k733" in recording.name else []

@@ -14,7 +14,6 @@ import numpy as np
 
 from tests.converters.maps import DASHED, ROAD, SOLID, Lanelet, Line, Point, Relation, rule
 
-WALK = {"subtype": "walkway", "participant:pedestrian": "yes"}
 WIDE = 3.5
 
 

@@ -204,7 +204,7 @@ def test_samples_come_from_the_cache_the_second_time(
 def test_simulated_traffic_is_for_training_alone_and_a_share_of_each_epoch(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, small: Dataset
 ) -> None:
-    monkeypatch.setattr(dataset_module, "SIMULATED_S", 60.0)
+    monkeypatch.setattr(dataset_module, "SIMULATED_S", 30.0)
     maps = [example_path("roundabout")]
     mixed = make_dataset(merge(), SAMPLING, maps=maps, cache=tmp_path)
     assert mixed.sites == ("motorway_merge", "roundabout.osm, simulated")

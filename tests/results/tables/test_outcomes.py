@@ -16,8 +16,6 @@ from scex_sumo.results.tables.outcomes import (
 from tests.metrics.scenes import find_encounters
 from tests.results.tables.test_encounters import LEVELS, futures
 
-NUMBERS = np.arange(100, 140)
-
 
 def test_encounters_come_out_of_parts_as_they_went_in() -> None:
     tracks = futures(LEVELS)
