@@ -18,7 +18,7 @@ from tests.formats.commonroad.commonroad_maps import Vehicle, scenario, straight
 
 STEP_S = 0.2
 ROAD = [straight(1, -50, 0, 400)]
-SITES = ("MONA-East", "MONA-Merge", "MONA-West")
+SITES = ("MONA-Merge", "MONA-West")
 
 
 def eastbound(number: int, x: float, speed: float, steps: range, turned: float = 0.0, **rest: str) -> Vehicle:

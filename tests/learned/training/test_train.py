@@ -291,7 +291,7 @@ def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:
         train(kind="scenes", out=tmp_path / "other.safetensors", minutes=1.0, cache=tmp_path)
 
 
-@pytest.mark.parametrize("kind", ["graph", "joint"])
+@pytest.mark.parametrize("kind", ["joint"])
 def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monkeypatch, kind: str) -> None:
     short = replace(SAMPLING, copies=0)
     monkeypatch.setattr(dataset_module.SampleOptions, "__call__", None, raising=False)
