@@ -64,7 +64,6 @@ def test_a_part_that_changes_while_a_ranking_runs_is_named(filled: Path) -> None
             folder.pairs(REF)
 
 
-OTHER = '{"identity": "' + 64 * "0" + '"}'
 DAMAGED = ["", "{", '{"identity": 7}', "[]", "\x00"]
 
 
