@@ -30,12 +30,6 @@ def made(of: bytes, content: bytes = b"content", max_files: int = 64) -> bytes:
     return cached_bytes("things", of, lambda: content, max_files=max_files)
 
 
-def test_the_cache_is_bounded() -> None:
-    for number in range(4):
-        made(bytes([number]), max_files=2)
-    assert len(list((cache_folder() / "things").iterdir())) == 2
-
-
 def test_keys_change_with_the_content_of_our_modules_and_not_with_their_times(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -50,15 +50,6 @@ def test_an_mp4_plays_in_real_time_and_rings_the_critical_pair(run: Run, tmp_pat
         assert pixels(last, colors_of(run)[model], 24) > 200
 
 
-def test_several_futures_are_one_above_the_other_in_a_file(run: Run, tmp_path: Path) -> None:
-    pair = "{},{}".format(*run.info["seed_scene"]["track_ids"][:2])
-    export_command(run.folder, encounter=pair, top=2, to="gif", out=tmp_path / "both.gif")
-    with Image.open(tmp_path / "both.gif") as film:
-        assert film.size == (800, 2 * 224)
-        shown = np.asarray(film.convert("RGB"))
-        assert not np.array_equal(shown[:224], shown[224:])
-
-
 def test_without_the_encoder_the_remedy_is_said(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(UsageError, match=r"pip install 'scex-sumo\[video\]'"):

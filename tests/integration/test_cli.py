@@ -294,12 +294,6 @@ def test_a_disk_that_is_full_is_said_in_one_line(tmp_path: Path, workers: int) -
     assert not (tmp_path / "out" / "run.json").exists()
 
 
-def test_another_runs_result_is_kept(result: Path) -> None:
-    line = refused("run", ROUNDABOUT, "--futures", 2, "-o", result)
-    assert "another run" in line
-    assert json.loads((result / "run.json").read_text())["futures"] == 12
-
-
 def test_help_answers_for_every_command() -> None:
     for command in ([], ["run"], ["convert"], ["view"], ["export"], ["models"]):
         done = scex(*command, "--help")

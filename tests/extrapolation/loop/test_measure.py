@@ -53,29 +53,6 @@ def crossing_seed() -> SeedScene:
     )
 
 
-def test_recorded_paths_reach_as_far_as_a_plan() -> None:
-    # They cross 4.2 s and 4.5 s after the moment; a plan reaches 3 s, this far from 1.5 s on.
-    recorded = measure_recorded(crossing_seed(), 30)
-    assert recorded is not None
-    values = recorded.values
-    assert np.flatnonzero(values.scene["gap_time"].defined[0]).min() == 14  # step 15
-    gap, defined = values.column("gap_time")
-    assert defined[0]
-    assert gap[0] == pytest.approx(0.3, abs=1e-9)
-    assert values.scene["gap_time"].value.shape == (1, 30)
-
-
-def test_vehicles_count_as_long_as_they_were_recorded() -> None:
-    scene = crossing_seed()
-    valid = np.ones(scene.future.shape, dtype=bool) if scene.future is not None else None
-    assert valid is not None
-    valid[1, 10:] = False
-    recorded = measure_recorded(dataclasses.replace(scene, future_valid=valid), 30)
-    assert recorded is not None
-    assert recorded.last_step.tolist() == [30, 10]
-    assert recorded.values.scene["distance"].defined[0].tolist() == [True] * 10 + [False] * 20
-
-
 def test_futures_can_be_measured_for_as_long_as_their_vehicles_were_recorded() -> None:
     scene = crossing_seed()
     assert scene.future is not None and scene.future_valid is not None
