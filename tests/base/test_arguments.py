@@ -80,9 +80,3 @@ def test_options_of_a_run_are_checked_before_it_starts() -> None:
     for option in ({"out": 3}, {"region": 3}, {"workers": True}, {"settings": 3}, {"progress": 3}):
         with pytest.raises(UsageError, match=f"{next(iter(option))}: got"):
             scex.extrapolate(scene, **option)  # type: ignore[arg-type]
-
-
-def test_a_figure_of_an_unknown_format_is_one_line(tmp_path: Path) -> None:
-    scene = scex.read_seed(scex.example_path("roundabout"))
-    with pytest.raises(UsageError, match=r"graph\.osm: Format 'osm' is not supported"):
-        scex.plot_scene_graph(scene, tmp_path / "graph.osm")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-import math
 import os
 import pickle
 from pathlib import Path
@@ -29,12 +28,6 @@ def empty_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 def made(of: bytes, content: bytes = b"content", max_files: int = 64) -> bytes:
     return cached_bytes("things", of, lambda: content, max_files=max_files)
-
-
-def test_the_cache_is_bounded() -> None:
-    for number in range(4):
-        made(bytes([number]), max_files=2)
-    assert len(list((cache_folder() / "things").iterdir())) == 2
 
 
 def test_keys_change_with_the_content_of_our_modules_and_not_with_their_times(
@@ -83,13 +76,6 @@ def test_a_kept_road_is_the_one_that_was_read(name: str) -> None:
 @dataclasses.dataclass
 class Thing:
     value: Any
-
-
-VALUES = [
-    *(None, True, -3, 0.1, math.inf, "a\nb\ud800", Path("a/b"), (1, [2, ()]), {1: "a", (2, 3): {}}),
-    *(np.float64(0.1), np.arange(6.0).reshape(2, 3), np.asfortranarray(np.eye(3)[:2]), np.zeros((0, 2))),
-    *(np.array(["a", "bc"]), np.array([True, False]), np.arange(10)[::3]),
-]
 
 
 FORGED = [

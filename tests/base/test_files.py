@@ -92,21 +92,6 @@ def test_temporary_folders_of_ended_processes_are_removed(
     assert not Path(name).exists()
 
 
-def test_folders_without_our_marker_survive(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ended: int
-) -> None:
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    names = ["scex-2026-thesis", f"scex-{ended}-abc", "scex-sumo-notes", "scex-sumo-other"]
-    for name in names:
-        (tmp_path / name).mkdir()
-        (tmp_path / name / "file").touch()
-    (tmp_path / "scex-sumo-other" / ".scex-sumo-temporary").write_text("2026")
-    linked = marked(tmp_path / "elsewhere", ended)
-    (tmp_path / "scex-sumo-link").symlink_to(linked)
-    TemporaryFolder().cleanup()
-    assert all((tmp_path / name / "file").exists() for name in [*names, "elsewhere"])
-
-
 def test_a_folder_of_another_user_survives(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ended: int
 ) -> None:

@@ -5,10 +5,7 @@ from __future__ import annotations
 import gc
 import weakref
 
-import numpy as np
-
 from scex_sumo.base import cache as module
-from scex_sumo.base.cache import MAX_OWNERS, owner_cache
 from scex_sumo.behaviors.driving.motion import curve_speeds
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.models.idm import desired_speeds
@@ -18,25 +15,6 @@ from scex_sumo.learned.inputs.surface import path_room
 from scex_sumo.learned.scene_graph.graph import scene_graph
 from scex_sumo.plug_in.inputs import lane_pieces
 from tests.behaviors import roads
-
-
-class Owner:
-    pass
-
-
-@owner_cache
-def number(owner: Owner, start: int = 0) -> np.ndarray:
-    return np.array([start])
-
-
-def test_the_owner_used_longest_ago_is_forgotten_first() -> None:
-    owners = [Owner() for _ in range(MAX_OWNERS)]
-    first = [number(owner) for owner in owners]
-    assert number(owners[0]) is first[0]  # used again, so the second is the oldest one
-    number(Owner()), number(latest := Owner())
-    assert number(latest) is number(latest)
-    assert number(owners[0]) is first[0]
-    assert number(owners[1]) is not first[1]
 
 
 def test_all_that_is_derived_from_a_road_a_scene_and_a_history_goes_with_them() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.metadata
 import importlib.util
-import pickle
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -273,17 +272,6 @@ def test_classes_functions_and_objects_are_models_with_a_readable_name() -> None
     assert all(isinstance(predictor, Predictor) for predictor in predictors)
     named = ModelSpec(name="slow", model=Drift(), weight=3.0, parameters={"guard": "true"})
     assert model_specs(named) == (named,) and str(named) == "slow:guard=true"
-
-
-def test_specs_of_equal_objects_are_equal_wherever_they_are_made() -> None:
-    assert model_specs(Parked()) == model_specs(Parked()) == pickle.loads(pickle.dumps(model_specs(Parked())))
-    one, other = Parked(), Parked()
-    other.noise = np.arange(3)  # type: ignore[attr-defined]
-    assert str(model_specs(one)[0]) == str(model_specs(other)[0]) and model_specs(one) != model_specs(other)
-    with pytest.raises(UsageError, match="two different models are named Parked; name one by "):
-        model_specs([one, other])
-    with pytest.raises(UsageError, match="model Parked is given twice"):
-        model_specs([one, one])
 
 
 @pytest.mark.parametrize("given", [7, None, object(), {"name": "replay"}, np.zeros(2), ["replay", 7]])

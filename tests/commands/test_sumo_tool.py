@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
 from scex_sumo.commands.shared import COMMANDS
-from scex_sumo.scenarios import example_path
 from scex_sumo.sumo_tool import parser_of, words_of
-
-MAP = example_path("roundabout")
 
 
 @pytest.mark.parametrize("name", sorted(COMMANDS.paths))
@@ -57,22 +52,3 @@ def test_options_become_those_of_the_command() -> None:
     ]
     assert words_of("run", given) == words
     assert words_of("rank", ["--roots", "a", "b", "--from", "5"]) == ["rank", "--from=5.0", "--", "a", "b"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "status"),
-    [
-        (["inspect", "--map-path", str(MAP)], 0),
-        (["inspect", "--map-path", "nowhere.osm"], 1),
-        (["run", "--map-path", str(MAP), "--steps", "many"], 2),
-        (["run", "--map-path", str(MAP), "--nonsense"], 2),
-        (["nonsense"], 2),
-    ],
-)
-def test_exit_statuses_are_those_of_the_command_line(
-    arguments: list[str], status: int, tmp_path: Path
-) -> None:
-    command = [sys.executable, "-m", "scex_sumo.sumo_tool", *arguments]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == status, done.stderr
-    assert "Traceback" not in done.stderr and not (status and not done.stderr)

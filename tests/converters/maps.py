@@ -25,7 +25,6 @@ Point = Sequence[float]  # (x, y) or (x, y, elevation), m
 SOLID = {"type": "line_thin", "subtype": "solid"}
 DASHED = {"type": "line_thin", "subtype": "dashed"}
 CURB = {"type": "curbstone", "subtype": "low"}
-VIRTUAL = {"type": "virtual"}
 ROAD = {"subtype": "road", "location": "urban", "one_way": "yes", "region": "de"}
 
 

@@ -20,7 +20,7 @@ gymnasium = pytest.importorskip("gymnasium")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 from scex_sumo.environment import SEED_ENV  # noqa: E402
-from scex_sumo.environment.agent import AgentSteps, controlled, default_reward  # noqa: E402
+from scex_sumo.environment.agent import controlled  # noqa: E402
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 
@@ -110,17 +110,6 @@ def test_the_kinematic_bicycle_drives_a_circle() -> None:
     assert np.abs(np.hypot(*(np.array(places) - centre).T) - radius).max() < 0.02
     braked = controlled(now, length, np.array([[-5.0, 0.0]]))
     assert braked.speed[0] == pytest.approx(5.0 - 0.8)
-
-
-def test_the_reward_counts_progress_comfort_and_collisions() -> None:
-    calm = {name: np.zeros(1) for name in ("offset", "acceleration", "lateral")}
-    base: dict[str, Any] = {
-        **calm, "progress": np.array([10.0]), "speed": np.array([10.0]), "speed_limit": np.array([10.0]),
-        "collided": np.array([False]), "seconds": 1.0,
-    }  # fmt: skip
-    assert default_reward(AgentSteps(**base))[0] == pytest.approx(1.0)
-    assert default_reward(AgentSteps(**{**base, "acceleration": np.array([4.0])}))[0] == pytest.approx(0.84)
-    assert default_reward(AgentSteps(**{**base, "collided": np.array([True])}))[0] == pytest.approx(-9.0)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,6 @@ from scex_sumo.scene import States
 from tests.seeds import straight_seed
 
 SEED = dataclasses.replace(straight_seed(), track_ids=np.array([20, 3]))
-THERE = np.ones((1, 2), dtype=bool)
 
 
 def plans_of(futures: list[int]) -> Part:
@@ -57,19 +56,6 @@ def test_rows_are_ordered_by_future_vehicle_and_step(folder: Path) -> None:
         "x": [1110.0, 1111.0, 1112.0, 1113.0],
         "y": [-1110.0, -1111.0, -1112.0, -1113.0],
     }
-
-
-def test_plans_are_found_by_future_and_vehicle(folder: Path) -> None:
-    plans = read_plans(folder)
-    assert plans is not None
-    wanted = np.array([[3, 20], [20, 3]])
-    paths = plans.paths(np.array(["10", "1"]), wanted, np.ones((2, 2), dtype=bool), 7)
-    assert paths.x[0, :, :, 0].tolist() == [[10010, 10000], [10110, 10100]]
-    assert paths.x[1, :, :, 3].tolist() == [[1003, 1013], [1103, 1113]]
-    assert np.array_equal(paths.y, -paths.x)
-    # At step 4 nothing of the first plan is ahead any more; from step 5 on the second is the current one.
-    assert paths.index.tolist() == [0, 0, 0, 0, 1, 1, 1]
-    assert paths.column.tolist() == [1, 2, 3, 4, 0, 1, 2]
 
 
 def test_a_damaged_file_is_said(folder: Path) -> None:

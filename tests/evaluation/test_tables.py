@@ -132,21 +132,6 @@ def test_cases_are_evaluated_each_on_its_own(tmp_path: Path) -> None:
         assert alone.slice(index, 1).equals(together.slice(index, 1))
 
 
-def test_stamps_that_jitter_stay_on_the_grid(tmp_path: Path) -> None:
-    """30 frames a second, rounded to milliseconds; one second is left out."""
-    frames = [*range(90), *range(120, 200)]
-    rows = [
-        f"{track},{k},{round(k * 1000 / 30)},car,{0.3 * k + 20 * track!r},0.0,9.0,0.0,0.0,4.5,1.8"
-        for k in frames
-        for track in (1, 2)
-    ]
-    table = write_csv(tmp_path / "fast.csv", rows)
-    (block,) = blocks(table)
-    seen = np.flatnonzero(block.tracks.present.any(axis=(0, 2))) if block.tracks.present is not None else []
-    assert list(seen) == frames
-    assert block.tracks.step_s == pytest.approx(1 / 30, abs=1e-3)
-
-
 def test_planned_paths_of_a_recording_are_the_driven_tracks(tmp_path: Path) -> None:
     """Both arrive at the crossing point: 12 m at 6 m/s and 5 m at 5 m/s."""
     rows = [row(1, k, -12.6 + 0.6 * k, 0, 6.0) for k in range(1, 40)]
@@ -177,23 +162,6 @@ def test_files_are_written_by_their_ending(
         metrics_command(two_cars.path, out=two_cars.path / "x.csv", **options)
 
 
-def test_tracks_as_parquet_are_read_like_csv(tmp_path: Path) -> None:
-    table = wandering(tmp_path, case_id=True)
-    from pyarrow import csv
-
-    pq.write_table(csv.read_csv(table.path), tmp_path / "tracks.parquet")
-    again, history = read_source(tmp_path / "tracks.parquet")
-    assert history == 0
-    assert recording_table(again, level="pair").equals(recording_table(table, level="pair"))
-    with pytest.raises(TrackError, match="no column vx"):
-        pq.write_table(
-            pq.read_table(tmp_path / "tracks.parquet").drop_columns(["vx"]), tmp_path / "bad.parquet"
-        )
-        read_source(tmp_path / "bad.parquet")
-    with pytest.raises(TrackError, match=r"no tracks\.parquet"):
-        read_source(tmp_path / "..")
-
-
 def test_real_cases_have_values(data: Path) -> None:
     """INTERACTION's own cases: every case with two vehicles at once has a distance; nothing is NaN."""
     table = read_tracks(data / "interaction/cases/v12_case_format_sample.csv")
@@ -204,14 +172,6 @@ def test_real_cases_have_values(data: Path) -> None:
     assert result["distance"].null_count == 0
     assert evaluate(next(blocks(table)).tracks, None).defined.any()
     assert isinstance(next(blocks(table)).planned, PlannedPaths)
-
-
-def test_parquet_with_rows_given_twice_is_refused(tmp_path: Path) -> None:
-    write_csv(tmp_path / "once.csv", [row(3, f, 1.0 * f, 0.0, 10.0) for f in range(1, 9)])
-    once = csv.read_csv(tmp_path / "once.csv").append_column("case_id", pa.array(["1"] * 8))
-    pq.write_table(once.take(np.repeat(np.arange(8), 2)), tmp_path / "twice.parquet")
-    with pytest.raises(TrackError, match="8 rows at a time that their track already has"):
-        read_source(tmp_path / "twice.parquet")
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -12,7 +11,6 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.converters.maps import read_map
 from scex_sumo.exporters.commonroad import road_elements
-from scex_sumo.exporters.light_cycles import with_lights
 from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.formats.commonroad.tracks import read_commonroad_tracks
 from scex_sumo.geometry.polylines import distances
@@ -134,14 +132,6 @@ def test_commonroad_crime_computes_its_wttc_on_an_export_with_lights(lit_run: Ru
     settings = configuration.CriMeConfiguration()
     settings.update(ego_id=ego, sce=scenario)
     assert min(measure.WTTC(settings).compute(other, 9) for other in others) > 0.0
-
-
-def test_lights_that_the_map_does_not_name_are_those_of_the_net(lit_run: Run, tmp_path: Path) -> None:
-    road = Request(run=lit_run, futures=(0,), out=tmp_path).road
-    named = {i for rule in road.regulations if rule.kind == "traffic_light" for i in rule.lanes}
-    bare = with_lights(replace(road, regulations=()), lit_run.net)
-    assert {i for rule in bare.regulations for i in rule.lanes} == named != set()
-    assert with_lights(road, lit_run.net) is road
 
 
 def test_each_arm_of_a_roundabout_has_an_intersection_and_no_id_is_used_twice() -> None:

@@ -32,33 +32,6 @@ def test_the_box_of_each_vehicle_is_where_the_future_has_it_at_every_step(
             assert np.abs(np.sin(heading - states.heading[v])).max() < 1e-6
 
 
-def test_entities_have_the_sizes_of_the_seed_scene_and_axles_about_the_centre(
-    run: Run, files: list[Path]
-) -> None:
-    entities = {e.get("name"): e for e in ET.parse(files[1]).getroot().iter("ScenarioObject")}
-    for v, track in enumerate(run.scene.track_ids):
-        entity = entities[f"vehicle{track}"]
-        size, centre, front = (
-            entity.find(f".//{tag}") for tag in ("BoundingBox/Dimensions", "BoundingBox/Center", "FrontAxle")
-        )
-        assert size is not None and centre is not None and front is not None
-        assert float(size.get("length", "0")) == pytest.approx(run.scene.length[v])
-        assert float(size.get("width", "0")) == pytest.approx(run.scene.width[v])
-        assert float(front.get("positionX", "0")) == pytest.approx(2 * float(centre.get("x", "0")), abs=1e-3)
-
-
-def test_trajectories_are_followed_in_position_mode_with_absolute_times(files: list[Path]) -> None:
-    root = ET.parse(files[1]).getroot()
-    header = root.find("FileHeader")
-    assert header is not None and (header.get("revMajor"), header.get("revMinor")) == ("1", "2")
-    modes = {e.get("followingMode") for e in root.iter("TrajectoryFollowingMode")}
-    usual = {f"${e.get('name')}": e.get("value", "") for e in root.iter("ParameterDeclaration")}
-    scales = [(e.get("domainAbsoluteRelative"), e.get("scale", "0")) for e in root.iter("Timing")]
-    timing = {(domain, float(usual.get(scale, scale))) for domain, scale in scales}
-    assert modes == {"position"} and timing == {("absolute", 1.0)}
-    assert {e.get("priority") for e in root.iter("Event")} == {"override"}
-
-
 def test_the_ego_has_start_and_goal_and_no_trajectory_and_time_begins_at_the_seed_scene(
     run: Run, tmp_path: Path
 ) -> None:

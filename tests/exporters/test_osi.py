@@ -50,18 +50,3 @@ def test_osi_knows_the_frames_their_lanes_and_the_host(run: Run, trace: Path) ->
     objects = [one for t in found for one in t.moving_object]
     assigned = [i.value for one in objects for i in one.moving_object_classification.assigned_lane_id]
     assert assigned and set(assigned) <= set(lanes)
-
-
-def test_omega_prime_says_who_drives(run: Run, tmp_path: Path) -> None:
-    (file,) = EXPORTERS.load("omega-prime")(Request(run=run, futures=(2,), out=tmp_path / "one.mcap"))
-    from betterosi import read_file_metadata
-
-    own = next(entry for entry in read_file_metadata(file) if entry["name"] == "scex-sumo")["data"]
-    track = run.scene.track_ids.tolist()[0]
-    assert (own["future"], own[f"model of {track}"]) == ("2", run.models_of(2)[0])
-
-
-def test_the_same_future_gives_the_same_bytes(run: Run, tmp_path: Path) -> None:
-    write = EXPORTERS.load("omega-prime")
-    one, two = (write(Request(run=run, futures=(2,), out=tmp_path / f"{k}.mcap"))[0] for k in "ab")
-    assert one.read_bytes() == two.read_bytes()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 from collections import Counter
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -12,9 +11,7 @@ import pytest
 import scex_sumo as scex
 from scex_sumo.exporters.commonroad import write_commonroad
 from scex_sumo.exporters.openscenario import write_openscenario
-from scex_sumo.exporters.osi import write_osi
 from scex_sumo.exporters.request import Request
-from scex_sumo.exporters.scenarionet import write_scenarionet
 from scex_sumo.exporters.tracks import write_fcd_files
 from scex_sumo.formats.sumo.fcd import read_fcd
 from scex_sumo.results.run import Run
@@ -52,27 +49,9 @@ def test_commonroad_io_reads_people(run: Run, tmp_path: Path) -> None:
     assert Counter(one.obstacle_type.value for one in scenario.dynamic_obstacles) == KINDS
 
 
-def test_scenarionet_has_people(run: Run, tmp_path: Path) -> None:
-    file = write_scenarionet(Request(run=run, futures=(1,), out=tmp_path))[0]
-    tracks = pickle.loads(file.read_bytes())["tracks"].values()
-    words = {"VEHICLE": "car", "PEDESTRIAN": "pedestrian", "CYCLIST": "bicycle"}
-    assert Counter(words[track["type"]] for track in tracks) == KINDS
-
-
 def test_floating_car_data_read_back_have_people(run: Run, tmp_path: Path) -> None:
     (file,) = write_fcd_files(Request(run=run, futures=(1,), out=tmp_path / "one.fcd.xml"))
     assert Counter(one.tag for one in ET.parse(file).getroot()[0]) == {"vehicle": 4, "person": 3}
     tracks, _ = read_fcd(file)
     assert len(tracks.vehicles.labels) == 3
     assert Counter(tracks.others.types) == KINDS - Counter(car=3)
-
-
-def test_betterosi_reads_people(run: Run, tmp_path: Path) -> None:
-    betterosi = pytest.importorskip("betterosi")
-    file = write_osi(Request(run=run, futures=(1,), out=tmp_path / "one.osi"))[0]
-    (first, *_) = betterosi.read(str(file), return_ground_truth=True)
-    found = Counter[str]()
-    for one in first.moving_object:
-        kind = one.type.name.removeprefix("TYPE_").lower()
-        found[one.vehicle_classification.type.name.lower() if kind == "vehicle" else kind] += 1
-    assert sorted(found.values()) == [1, 3, 3] and found["pedestrian"] == 3

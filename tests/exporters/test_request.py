@@ -8,7 +8,7 @@ import pytest
 from pyarrow import csv
 
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.exporters.request import EXPORTERS, Request, closest_encounters, critical_futures
+from scex_sumo.exporters.request import EXPORTERS, Request, critical_futures
 from scex_sumo.results.run import Run
 
 
@@ -19,29 +19,6 @@ def test_the_most_critical_futures_come_worst_first(run: Run) -> None:
     assert list(values[list(futures)]) == sorted(values)[:3]
     with pytest.raises(UsageError, match="unknown metric 'nonsense'; nearest: "):
         critical_futures(run, "nonsense", 1)
-
-
-def test_encounters_are_sorted_by_the_gap_of_the_two(run: Run) -> None:
-    first, second = run.scene.track_ids[:2].tolist()
-    order = closest_encounters(run, first, second, 4)
-    met = next(
-        (r for r in run.encounters.to_pylist() if {r["track_id"], r["other_id"]} == {first, second}), None
-    )
-    assert met is None or order[0] == met["future"]
-    apart = []
-    for future in order[met is not None :]:
-        now = run.states(future)[:, 10:]
-        apart.append(np.hypot(now.x[0] - now.x[1], now.y[0] - now.y[1]).min())
-    assert sorted(order) == [0, 1, 2, 3] and apart[0] <= apart[-1] + 1.0  # boxes, not centres
-    with pytest.raises(UsageError, match="no vehicle 999; known: 1"):
-        closest_encounters(run, first, 999, 1)
-
-
-def test_all_futures_are_cases_of_one_interaction_file(run: Run, tmp_path: Path) -> None:
-    (file,) = EXPORTERS.load("interaction")(Request(run=run, futures=(0, 1, 2, 3), out=tmp_path / "all.csv"))
-    lines = file.read_text().splitlines()
-    assert len(lines) == 1 + 4 * run.scene.vehicles * 40
-    assert lines[0].startswith("case_id,track_id,frame_id")
 
 
 def test_six_futures_are_the_modalities_of_an_interpret_case(run: Run, tmp_path: Path) -> None:

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
 
 import scex_sumo as scex
-from scex_sumo.base.errors import UsageError
 from scex_sumo.exporters.scene_graph import scene_graph_panel
 from tests.behaviors.roads import lane, road, scene_of
 
@@ -28,8 +24,3 @@ def test_each_relation_is_one_line_and_arrows_point_ahead() -> None:
     assert [tuple(end) for end in ends] == [(50.0, 0.0), (70.0, 0.0)]
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
     assert labels == ["longitudinal (1)", "lateral (2)", "intersecting (0)"]
-
-
-def test_a_scene_without_a_road_cannot_be_drawn(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="no road"):
-        scex.plot_scene_graph(SCENE, tmp_path / "graph.png")

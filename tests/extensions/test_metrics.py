@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from pathlib import Path
 
@@ -38,15 +36,6 @@ TRACKS = """track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,w
 def package(tmp_path: Path) -> Path:
     install(tmp_path, group="scex_sumo.metrics", name="speed_gap", target="stranger:speed_gap", code=CODE)
     return tmp_path
-
-
-def test_a_metric_of_another_package_is_evaluated_on_a_recording(package: Path) -> None:
-    tracks = package / "tracks.csv"
-    tracks.write_text(TRACKS)
-    done = scex(package, "metrics", tracks, "--metrics", "speed_gap,distance", "--level", "scene")
-    assert done.returncode == 0, done.stderr
-    rows = [(row["metric"], float(row["value"])) for row in csv.DictReader(io.StringIO(done.stdout))]
-    assert rows == [("speed_gap", 6.0), ("distance", 20.0), ("speed_gap", 6.0), ("distance", 19.4)]
 
 
 def test_a_metric_of_another_package_is_a_column_of_a_run(package: Path) -> None:

@@ -68,12 +68,3 @@ def test_a_world_by_its_import_path_runs_its_reference_in_the_plain_one(tmp_path
     done = scex(tmp_path, "run", ROUNDABOUT, *options, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert scex_sumo.open_run(tmp_path / "out" / "reference").info["world"] == "plain"
-
-
-def test_sumo_drives_nobody_in_it_and_an_unknown_name_lists_it(tmp_path: Path) -> None:
-    install(tmp_path, group="scex_sumo.worlds", name="logged", target="stranger:Logged", code=CODE)
-    done = scex(tmp_path, "run", ROUNDABOUT, "--models", "sumo:EIDM", "--world", "logged", cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.startswith("error: --world logged: sumo:EIDM is driven by SUMO, which is not there")
-    done = scex(tmp_path, "run", ROUNDABOUT, "--world", "moon", cwd=tmp_path)
-    assert done.stderr == "error: --world: got 'moon', needs sumo, plain, checked, logged\n"

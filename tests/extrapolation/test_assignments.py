@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.extrapolation import assignments as module
 from scex_sumo.extrapolation.assignments import (
     all_assignments,
     assignments,
@@ -64,18 +61,3 @@ def test_route_draws_are_fixed_per_future_and_apart_from_the_plans_draws() -> No
     draws = route_draws([3, 4], 6, seed=2)
     assert np.array_equal(draws[1], route_draws([4], 6, seed=2)[0])
     assert not np.array_equal(draws[0], future_generator(2, 3).random(6))
-
-
-def design(*, keep: bool) -> list[list[int]]:
-    module.designed_assignments.cache_clear()
-    given = module.assignments((1, 0, 2), [5, 7, 9], futures=30, seed=1, design="balanced", keep=keep)
-    return [[int(model) for model in future] for future in given]
-
-
-def test_a_kept_design_is_the_one_that_was_made(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    made = design(keep=False)
-    assert not list(tmp_path.iterdir())
-    assert design(keep=True) == made
-    monkeypatch.setitem(module.DESIGNS, "balanced", None)  # type: ignore[index]
-    assert design(keep=True) == made

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scex_sumo.base.errors import ScexError, UsageError
+from scex_sumo.base.errors import ScexError
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.humans.guard.guarded import Guarded
@@ -75,18 +74,6 @@ def test_a_model_of_ones_own_that_is_assigned_is_under_test() -> None:
     assert not Baseline().is_on(RunSettings(under_test={42: None}))
 
 
-def test_vehicles_that_are_named_twice_or_are_not_there_are_refused() -> None:
-    with pytest.raises(UsageError, match="--under-test 17: --assign names this vehicle too"):
-        RunSettings(assign={17: "parked"}, under_test={17: None})
-    built = models_of("standard_driver", under_test={7: "parked"})
-    with pytest.raises(
-        UsageError, match="--assign or --under-test: no vehicle 7 in the seed scene; its vehicles: 17, 23, 42"
-    ):
-        built.draw(SCENE, futures=3, seed=0, design="random")
-    with pytest.raises(UsageError, match="--under-test 7=parked,replay: names 2 models"):
-        models_of("standard_driver", under_test={7: "parked,replay"})
-
-
 def test_only_models_that_may_fail_are_stood_in_for() -> None:
     plain, own, guarded = models_of("standard_driver,parked,parked:guard=true").built
     assert not isinstance(plain, Fallible)
@@ -125,18 +112,3 @@ def test_a_model_without_any_usable_plan_is_refused_before_the_run() -> None:
         r"it is class Parked of .*test_models.py; needs a Plan",
     ):
         tried("standard_driver,parked:not_for=99", {})
-
-
-def leaves(*_: object) -> None:
-    os._exit(3)
-
-
-def test_a_driver_that_leaves_the_process_is_an_error_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    real, left = os._exit, r"raised SystemExit: os._exit\(3\) \(test_models.py"
-    with monkeypatch.context() as patched, pytest.raises(ScexError, match=left):
-        patched.setattr(Parked, "plan", leaves)
-        tried("parked", {})
-    monkeypatch.setattr(Parked, "__init__", leaves)
-    with pytest.raises(UsageError, match=f"parked: making it {left}"):
-        tried("parked", {})
-    assert os._exit is real

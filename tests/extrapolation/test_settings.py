@@ -44,11 +44,6 @@ def test_a_setting_that_makes_no_sense_is_refused_by_its_option(given: dict[str,
         RunSettings(**given)
 
 
-@pytest.mark.parametrize("name", ["TTC", "1/TTC", " 1/ttc [1/s]", "ttc"])
-def test_a_threshold_names_its_metric_as_it_is_printed(name: str) -> None:
-    assert RunSettings(thresholds={name: 0.5}).thresholds == {"ttc": 0.5}
-
-
 def test_more_states_than_a_machine_holds_are_refused_with_their_number() -> None:
     settings = RunSettings(futures=100_000, steps=6_000)
     with pytest.raises(UsageError, match="1,800,000,000 states, at most 200,000,000 are run"):

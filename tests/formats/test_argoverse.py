@@ -152,19 +152,6 @@ def test_boxes_of_a_log_lie_in_the_city_with_the_ego_among_them(tmp_path: Path, 
     np.testing.assert_allclose(rows.y[me], 200.0 + (1.4 if ego else 1.42) + 11.0 * streets.TIMES, atol=1e-6)
 
 
-def test_a_log_of_the_test_split_says_that_its_boxes_are_not_published(tmp_path: Path) -> None:
-    sensor_log(tmp_path, "annotations.feather", ego=False).unlink()
-    (tmp_path / "map").mkdir()
-    the_map = tmp_path / "map" / "log_map_archive_0.json"
-    the_map.write_text(json.dumps(map_content()))
-    (recording,) = find_recordings([tmp_path])
-    for read in (lambda: load_recording(recording), lambda: read_seed(the_map), lambda: read_seed(tmp_path)):
-        with pytest.raises(
-            TrackError, match=r"annotations\.feather: no such file; the test logs are published"
-        ):
-            read()
-
-
 @pytest.mark.parametrize("key", [*next(iter(map_content()["lane_segments"].values()))])
 @pytest.mark.parametrize("value", [None, "x", [{"x": "y"}]])
 def test_a_segment_with_a_bad_field_ends_in_a_road_or_one_line(
@@ -196,16 +183,6 @@ def test_tracks_without_a_column_or_with_a_bad_value_are_one_line(scenario: Path
         pa.parquet.write_table(pa.table(table), path)
         with pytest.raises(TrackError, match="of track 11 is inf"):
             read_recorded([path])
-
-
-def test_a_table_with_a_damaged_page_is_one_line(scenario: Path) -> None:
-    path = scenario.with_name("scenario_abcdefgh-1.parquet")
-    raw = bytearray(path.read_bytes())
-    raw[30:400] = bytes(370)
-    path.write_bytes(raw)
-    with pytest.raises(TrackError) as error:
-        read_recorded([path])
-    assert str(path) in str(error.value) and "\n" not in str(error.value)
 
 
 def test_the_shared_scenes_are_faithful_and_on_their_lanes(data: Path) -> None:

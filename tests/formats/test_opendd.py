@@ -10,11 +10,9 @@ import numpy as np
 import pytest
 
 from scex_sumo import find_recordings, load_recording, read_seed
-from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.datasets.reader import read_recorded
 from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.judge.report import check_net
 from tests.formats import streets
-from tests.lanelet2sumo.judge.loading import check_net
 from tests.runs import extrapolate
 
 EAST_M, NORTH_M = 619_300.0, 5_809_100.0
@@ -94,13 +92,3 @@ def test_a_recording_runs_to_its_futures(place: Path, tmp_path: Path) -> None:
     assert scene.vehicles == 3 and scene.obstacles is not None and scene.obstacles.types == ("pedestrian",)
     assert read_seed(map_path, time=2.0).vehicles == 3  # the first table
     assert extrapolate(scene, futures=2, out=tmp_path / "out", steps=10).futures == 2
-
-
-@pytest.mark.parametrize("column", ["TIMESTAMP", "UTM_X", "UTM_Y", "UTM_ANGLE"])
-@pytest.mark.parametrize("value", [None, "x", 1e300])
-def test_a_bad_value_is_one_line(place: Path, column: str, value: object) -> None:
-    path = place / "trajectories_rdb1_v3.sqlite"
-    with closing(sqlite3.connect(path)) as file, file:
-        file.execute(f"UPDATE rdb1_2 SET {column} = ? WHERE OBJID = 0 AND TIMESTAMP > 3", (value,))
-    with pytest.raises(TrackError, match=str(path)):
-        read_recorded([path / "rdb1_2"])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scex_sumo.base.errors import MapError, TrackError
+from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.datasets.reader import read_recorded
 from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.net.convert import convert
@@ -190,24 +190,6 @@ def test_a_trace_names_its_map_among_several(tmp_path: Path) -> None:
         (tmp_path / f"{name}.xodr").write_text("<OpenDRIVE/>")
     (recording,) = OSI.recordings([file])
     assert recording.map_path.name == "b.xodr"
-
-
-def test_a_trace_without_a_map_says_where_it_must_be(tmp_path: Path) -> None:
-    file = trace(tmp_path / "t.osi", [[moving(1, 0.0, 2)]])
-    with pytest.raises(MapError, match=r"no \.xodr is beside it"):
-        read_map(file)
-
-
-@pytest.mark.parametrize(
-    "content", [b"", b"hello\n", b"\x89MCAP0\r\n", b"\x89MCAP0\r\n\x01\xff\xff\xff\xff\xff\xff\xff\xff"]
-)
-def test_a_damaged_omega_prime_file_is_one_line(tmp_path: Path, content: bytes) -> None:
-    file = tmp_path / "bad.mcap"
-    file.write_bytes(content)
-    for error, read in ((MapError, lambda: read_map(file)), (TrackError, lambda: read_recorded([file]))):
-        with pytest.raises(error, match="trace of OSI") as caught:
-            read()
-        assert "\n" not in str(caught.value)
 
 
 def test_a_message_of_a_million_objects_is_not_even_parsed(tmp_path: Path) -> None:

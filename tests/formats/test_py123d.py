@@ -13,8 +13,8 @@ import pyarrow as pa
 import pytest
 import shapely
 
-from scex_sumo import find_recordings, load_recording, read_map, read_seed
-from scex_sumo.base.errors import MapError, ScexError, TrackError
+from scex_sumo import read_map, read_seed
+from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.datasets.reader import read_recorded
 from tests.formats import streets
 from tests.runs import extrapolate
@@ -161,17 +161,6 @@ def test_a_log_runs_to_its_futures(log: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(run.states(1).x[:, 9], scene.now.x, atol=1e-9)
 
 
-def test_the_ego_is_a_vehicle_at_its_centre(log: Path) -> None:
-    (recording,) = find_recordings([log.parents[2]])
-    assert (recording.dataset, recording.name) == ("py123d", "one")
-    loaded = load_recording(recording)
-    rows = loaded.table.vehicles
-    me = rows.track == rows.labels.index("17")
-    np.testing.assert_allclose(rows.x[me], streets.driven(10.0, 11.0), atol=1e-6)
-    np.testing.assert_allclose(rows.vx[me], 11.0, atol=1e-6)
-    assert "the recording vehicle ego_vehicle is vehicle 17" in loaded.findings
-
-
 def test_a_city_s_map_is_cut_around_the_log_and_far_coordinates_become_local(tmp_path: Path) -> None:
     x, y = 664_300.0, 3_998_700.0
     write_map(tmp_path / "maps/made/made_here.arrow", x=x, y=y, per_log=False)
@@ -212,23 +201,6 @@ def test_a_log_without_a_column_is_one_line(log: Path, name: str, column: str) -
         writer.write_table(table)
     with pytest.raises(TrackError, match=f"no {column} in it"):
         read_recorded([log])
-
-
-def test_unknown_labels_object_arrays_and_files_that_are_no_arrow_are_one_line(log: Path) -> None:
-    write_log(log.parent, label="Somebody")
-    with pytest.raises(TrackError, match="unknown box types Somebody"):
-        read_recorded([log])
-    features = lane_features(0.0, 0.0)
-    for word in ("|O", "9" * 5000, "f8,f8", "M8[s]", 8):
-        raw = {b"__ndarray__": True, b"dtype": word, b"shape": [1], b"data": b"12345678"}
-        features[1]["centerline"] = raw
-        write_map(log.with_name("map.arrow"), features=features)
-        with pytest.raises(MapError, match="array of"):
-            read_map(log)
-    for name in ("map.arrow", "box_detections_se3.arrow"):
-        log.with_name(name).write_bytes(b"ARROW1 and no more")
-        with pytest.raises(ScexError, match="can be read"):
-            read_map(log) if name == "map.arrow" else read_recorded([log])
 
 
 def test_the_package_s_own_files_are_read(tmp_path: Path) -> None:

@@ -6,11 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-from scex_sumo.converters.registries import Declaration
-from scex_sumo.formats import recognition
-
-DECLARED = {name: entry for name, entry in vars(recognition).items() if isinstance(entry, Declaration)}
-
 
 def test_a_map_of_one_format_imports_no_reader_of_another_one(tmp_path: Path) -> None:
     code = f"""

@@ -51,12 +51,6 @@ def test_where_lanes_may_be_changed_both_branches_are_reached(tmp_path: Path):
     assert routes(network(tmp_path), ("in", 0)) == {("in", "right"), ("in", "left")}
 
 
-def test_where_they_may_not_only_the_lanes_own_branch_is(tmp_path: Path):
-    net = network(tmp_path, 'changeLeft="authority"', 'changeRight="authority"')
-    assert routes(net, ("in", 0)) == {("in", "right")}
-    assert routes(net, ("in", 1)) == {("in", "left")}
-
-
 def test_a_net_without_a_way_through_is_refused(tmp_path: Path):
     path = tmp_path / "net.net.xml"
     path.write_text(

@@ -53,30 +53,6 @@ def test_vehicles_are_on_lanes_apart_and_move_as_their_speeds_say(road: Road, se
     assert np.abs(np.diff(h.speed)).max() < 1.0  # at a kink of the lane
 
 
-def test_vehicles_stay_in_the_region(road: Road) -> None:
-    x, y, _ = lane_cells(road).cell_pose
-    cells = np.hypot(x - x.mean(), y - y.mean()) < 40.0
-    now = generated_scene(road, MODEL, vehicles=5, cells=cells).now
-    assert np.hypot(now.x - x.mean(), now.y - y.mean()).max() < 42.5  # a cell and an offset further
-    with pytest.raises(UsageError, match="no lane for vehicles in the region"):
-        generated_scene(road, MODEL, vehicles=5, cells=cells & False)
-
-
-def test_a_scene_depends_on_seed_and_number_only(road: Road) -> None:
-    one, same, other, next_one = (
-        generated_scene(road, MODEL, vehicles=6, seed=seed, number=number).now.x
-        for seed, number in ((3, 0), (3, 0), (4, 0), (3, 1))
-    )
-    assert np.array_equal(one, same)
-    assert not np.array_equal(one, other) and not np.array_equal(one, next_one)
-
-
-def test_the_number_is_drawn_by_density(road: Road) -> None:
-    numbers = {MODEL.count(1000.0, np.random.default_rng(k)) for k in range(20)}
-    assert len(numbers) > 3
-    assert np.mean([MODEL.count(10_000.0, np.random.default_rng(k)) for k in range(20)]) > max(numbers)
-
-
 def test_the_mean_speed_is_the_one_given_or_that_of_similar_scenes(road: Road) -> None:
     for speed in (4.0, 16.0):
         scenes = [generated_scene(road, MODEL, vehicles=6, speed=speed, number=k) for k in range(4)]

@@ -42,12 +42,3 @@ def test_a_kink_in_the_lane_does_not_turn_the_car_at_once():
     states = body_states([front], [0.0], [LENGTH])[0]
     assert np.abs(np.diff(states.heading)).max() < 0.2 * 1.0  # 0.2 1/m over a step of 1 m
     assert states.heading[-1] == pytest.approx(0.35, abs=0.01)
-
-
-def test_one_step_too_long_is_evened_out():
-    steps = np.full(60, 1.0)
-    steps[30] = 1.1
-    front = np.column_stack([np.concatenate([[0.0], np.cumsum(steps)]), np.zeros(61)])
-    speed = body_states([front], [0.0], [LENGTH])[0].speed
-    assert np.abs(np.diff(speed)).max() < 0.15  # 1 m/s of speed for one step otherwise
-    assert speed.sum() == pytest.approx(10 * (steps.sum() + 1.0), rel=1e-6)  # the first speed is there twice

@@ -63,13 +63,6 @@ def test_the_lead_over_a_vehicle_on_the_next_lane_runs_on_across_the_ends_of_lan
     assert lead(relations, 0, 20.0, 2, 12.0) == -8.0
 
 
-def test_a_lane_beside_one_far_down_the_way_is_no_neighbour() -> None:
-    far = lane(9, [(80.0, 3.5), (200.0, 3.5)], right=3)
-    assert relate(*CHAIN, far).side[:, 3].tolist() == [1, 1, 1, 0]  # 30 m from the end of lane 1
-    longer = replace(CHAIN[1], centreline=np.array([(50.0, 0.0), (80.5, 0.0)]))
-    assert relate(CHAIN[0], longer, CHAIN[2], far).side[:, 3].tolist() == [0, 1, 1, 0]
-
-
 EAST, NORTH = [(-50.0, 0.0), (50.0, 0.0)], [(0.0, -40.0), (0.0, 40.0)]
 CROSSING = (replace(lane(1, EAST), conflicts=(2,)), replace(lane(2, NORTH), conflicts=(1,)))
 
@@ -80,16 +73,6 @@ def test_crossing_lanes_meet_where_their_centrelines_cross() -> None:
     assert meeting[1, 0, 0].tolist() == pytest.approx([40.0, 50.0])
     assert np.isinf(meeting[0, 1, 1:]).all()
     assert np.isinf(meeting[[0, 1], [0, 1]]).all()
-
-
-def test_ways_that_lead_to_crossing_lanes_meet_up_to_80_m_ahead() -> None:
-    near = lane(3, [(-80.0, 0.0), (-50.0, 0.0)], successors=(1,))
-    far = lane(4, [(-110.0, 0.0), (-80.0, 0.0)], successors=(3,))
-    meeting = relate(*CROSSING, near, far).meeting
-    assert meeting[2, 1, 0].tolist() == pytest.approx([80.0, 40.0])
-    assert meeting[3, 1, 0].tolist() == pytest.approx([110.0, 40.0])  # 80 m from the end of lane 4
-    further = replace(near, centreline=np.array([(-80.5, 0.0), (-50.0, 0.0)]))
-    assert np.isinf(relate(*CROSSING, further, far).meeting[3, 1]).all()
 
 
 def test_merging_lanes_meet_where_two_vehicles_no_longer_fit_beside_each_other() -> None:

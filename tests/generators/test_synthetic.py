@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import subprocess
 import time
 from dataclasses import replace
@@ -196,23 +195,6 @@ def test_where_vehicles_always_overlap_that_is_the_reason(tmp_path: Path):
     ) as error:
         synthetic_scene(replace(roads_of_tests.straight(), name="one"), net, vehicles=24, name="test")
     assert "\n" not in str(error.value)
-
-
-def test_too_many_simulated_steps_are_a_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    road, net = converted(write_map(tmp_path / "road.osm", [straight(1, 0, 300)]), tmp_path)
-    monkeypatch.setattr(synthetic, "MAX_VEHICLE_STEPS", 100)
-    with pytest.raises(
-        SimulationError,
-        match=r"no moment with 2 vehicles in 100 simulated vehicle steps \(0 tried\); ask for",
-    ):
-        synthetic_scene(road, net.path, vehicles=2, name="test")
-
-
-def test_a_slow_machine_populates_the_same_maps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    road, net = converted(write_map(tmp_path / "road.osm", [straight(1, 0, 300)]), tmp_path)
-    hours = itertools.count(0.0, 3600.0)
-    monkeypatch.setattr(time, "monotonic", lambda: next(hours))
-    assert synthetic_scene(road, net.path, vehicles=2, name="test").vehicles == 2
 
 
 def test_of_thousands_of_vehicles_few_moments_are_tried() -> None:

@@ -37,7 +37,7 @@ def test_both_worlds_hold_the_same_with_networks(models: str, tmp_path: Path) ->
 
 
 def test_both_worlds_hold_the_same_on_real_maps(data: Path, tmp_path: Path) -> None:
-    for path in sorted([*data.glob("interaction/maps/*.osm"), *data.glob("taf_bw/maps/*.osm")])[::2]:
+    for path in sorted([*data.glob("interaction/maps/*.osm"), *data.glob("taf_bw/maps/*.osm")])[::4]:
         scene = scex_sumo.synthetic_seed(path, vehicles=10)
         assert_equal(
             in_both(scene, tmp_path / path.stem, models="rules,calibrated_driver:path=random", futures=6)
@@ -46,7 +46,8 @@ def test_both_worlds_hold_the_same_on_real_maps(data: Path, tmp_path: Path) -> N
 
 def test_a_checked_run_gives_the_same_and_has_seen_that_sumo_does(tmp_path: Path) -> None:
     scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
-    runs = [extrapolate(scene, out=tmp_path / w, world=w, futures=9) for w in ("sumo", "checked")]
+    worlds = ("sumo", "checked")
+    runs = [extrapolate(scene, out=tmp_path / w, world=w, models=MODELS, futures=9) for w in worlds]
     assert_equal(runs)
 
 

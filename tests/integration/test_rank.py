@@ -34,14 +34,6 @@ def rank(*arguments: object) -> subprocess.CompletedProcess[str]:
     return scex("rank", *arguments)
 
 
-def refused(*arguments: object, status: int = 1) -> str:
-    done = rank(*arguments)
-    assert done.returncode == status, (done.stdout, done.stderr)
-    (line,) = done.stderr.splitlines()
-    assert line.startswith("error: ")
-    return line
-
-
 def result_of(folder: Path) -> dict[str, bytes]:
     """Every file of a ranking but the one that tells of times."""
     files = [f for f in sorted(folder.rglob("*")) if f.is_file() and f.name != "rank.json"]
@@ -224,12 +216,6 @@ def test_the_command_on_the_page_looks_at_the_same_moment(result: Path, tmp_path
     run = scex_sumo.open_run(tmp_path / "out")
     shown = json.loads((result / "rank.json").read_text())["shown"][0]
     assert run.info["seed_scene"]["name"] == shown
-
-
-def test_recordings_without_a_seed_are_refused_with_the_reason(dataset: Path, tmp_path: Path) -> None:
-    line = refused(dataset, "--min-vehicles", 99, "-o", tmp_path / "out")
-    assert "99 moving vehicles" in line
-    assert "broken" not in line or "XML" in line
 
 
 @pytest.mark.parametrize(

@@ -140,17 +140,6 @@ def test_lights_are_replayed_at_the_times_of_the_vehicles(tmp_path: Path, number
     assert [in_replay[name] for name in here] == [in_run[name] for name in here]
 
 
-def test_vehicles_have_the_colour_of_their_model(crossing: SimpleNamespace, tmp_path: Path) -> None:
-    write_view(tmp_path, crossing, scene(), [future(2)], COLORS)
-    types = {
-        t.get("id"): t.get("color")
-        for t in ElementTree.parse(tmp_path / "future_0002.add.xml").getroot().iter("vType")
-    }
-    first = ElementTree.parse(tmp_path / "future_0002.fcd.xml").getroot()[0]
-    colors = {v.get("id"): types[v.get("type")] for v in first}
-    assert colors == {"3": "54,124,196", "12": "150,110,70", "7": "54,124,196", "1": "150,110,70"}
-
-
 @pytest.mark.parametrize("kind", ["td", "ds", "xy"])
 def test_sumos_own_tool_plots_a_future(crossing: SimpleNamespace, tmp_path: Path, kind: str) -> None:
     write_view(tmp_path, crossing, scene(), [future(0)], COLORS)

@@ -158,18 +158,6 @@ def test_a_vehicle_that_nobody_moves_is_an_error_with_counts(
             world.move(start, mask)
 
 
-def test_a_vehicle_that_vanishes_is_named(crossing: SimpleNamespace, scene: SeedScene) -> None:
-    start = trips(0.0, np.zeros(2))
-    with SumoWorld(crossing, scene, slots=[0, 1]) as world:
-        world.begin(start, np.array([0, 1]))
-        world.move(start, np.ones((2, 11), dtype=bool))
-        import libsumo
-
-        libsumo.vehicle.remove("t1_13")
-        with pytest.raises(SimulationError, match=r"lost 1 of 22 vehicles \(t1_13"):
-            world.step()
-
-
 def test_a_second_world_in_the_process_is_refused_until_the_first_is_closed(
     crossing: SimpleNamespace, scene: SeedScene
 ) -> None:

@@ -18,7 +18,7 @@ import libsumo
 import numpy as np
 import pytest
 
-from scex_sumo.base.errors import SimulationError, UsageError
+from scex_sumo.base.errors import UsageError
 from scex_sumo.base.sumo.car_following import SUMO_MODELS
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
@@ -85,17 +85,6 @@ def drive(
         world.step()
         read.append(world.read())
     return States.stack(read, axis=2)
-
-
-def test_a_driver_of_sumo_starts_at_the_seed_scenes_pose_and_speed(crossing: SimpleNamespace) -> None:
-    seed = scene((940.0, 992.0, 0.25, 9.3), (1000.0, 1060.0, -1.6, 5.0))
-    with SumoWorld(crossing, seed, slots=[9]) as world:
-        read = drive(world, seed, [9], [driven(0, "EIDM"), driven(1, "Krauss", ("n_in", "s_out"))], 1)
-    for key in ("x", "y", "heading", "speed"):
-        np.testing.assert_allclose(getattr(read, key)[0, :, 0], getattr(seed.now, key), rtol=0, atol=1e-9)
-    # A driver gains at most 2.6 m/s2 and brakes with 4.5 m/s2 at most, SUMO's defaults for cars.
-    gain = (read.speed[0, :, 1] - seed.now.speed) / 0.1
-    assert np.all(gain <= 2.6 + 1e-9) and np.all(gain >= -4.5 - 1e-9)
 
 
 def in_north(before_m: float, speed: float) -> tuple[float, float, float, float]:
@@ -234,18 +223,6 @@ def test_a_driver_that_sumo_does_not_have_is_an_error(
     seed = mixed()
     with SumoWorld(crossing, seed, slots=[0]) as world, pytest.raises(UsageError, match=words):
         drive(world, seed, [0], [driven(1, model, **parameters)], 1)
-
-
-def test_a_parameter_that_sumo_refuses_is_an_error_in_its_words_and_in_one_line(
-    crossing: SimpleNamespace, capfd: pytest.CaptureFixture[str]
-) -> None:
-    seed = mixed()
-    with (
-        SumoWorld(crossing, seed, slots=[0]) as world,
-        pytest.raises(SimulationError, match=r"SUMO does not start: .*tau\. Must be greater than 0"),
-    ):
-        drive(world, seed, [0], [driven(1, "EIDM", tau="-1")], 1)
-    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize("vru", ["replay", "model"])

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 
-import numpy as np
 import pytest
-import sumolib
-from shapely import LineString, Point
 
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
@@ -51,31 +47,6 @@ def test_everyone_arrives_and_nobody_overlaps(converted: tuple[Road, SumoNet]) -
     report = drive_net(converted[1].path)
     assert report["arrived"] == report["vehicles"] == 120
     assert report["teleports"] == report["collisions"] == report["overlapping_pairs"] == 0
-
-
-def test_sumo_and_sumolib_load_it_without_a_warning(
-    converted: tuple[Road, SumoNet], capfd: pytest.CaptureFixture[str]
-) -> None:
-    _, net = converted
-    assert load(net.path, "-a", str(net.extras)) == ""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        sumolib.net.readNet(str(net.path), withInternal=True)
-    assert capfd.readouterr().err == ""
-
-
-def test_every_lane_lies_on_its_lanelet(converted: tuple[Road, SumoNet]) -> None:
-    drawn, net = converted
-    shapes = {name: LineString(shape) for name, shape in NetFile(net.path).shapes.items()}
-    gaps = []
-    for i, one in drawn.vehicle_lanes.items():
-        own = [shapes[name] for name in net.lanes.sumo_lanes(i)]
-        line = LineString(one.centreline)
-        for s in np.arange(0.0, line.length, 0.5):
-            point = Point(line.interpolate(s))
-            gaps.append(min(point.distance(shape) for shape in own))
-    assert np.percentile(gaps, 95) <= 0.01
-    assert max(gaps) <= 0.10
 
 
 def test_the_bytes_are_the_same_every_time(converted: tuple[Road, SumoNet], tmp_path: Path) -> None:

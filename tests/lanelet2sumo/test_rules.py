@@ -10,10 +10,10 @@ import pytest
 
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Lane, Regulation, Road
 from tests.converters.sumo_roads import NetFile, arc, lane, load, road
 from tests.lanelet2sumo.judge.driving import drive_net
-from tests.lanelet2sumo.judge.loading import check_net
 
 
 def net_of(drawn: Road, folder: Path) -> NetFile:
@@ -21,15 +21,6 @@ def net_of(drawn: Road, folder: Path) -> NetFile:
     net = convert(drawn, folder / "drawn.net.xml")
     assert load(net.path, "-a", str(net.extras)) == ""
     return NetFile(net.path)
-
-
-def merging() -> list[Lane]:
-    """Lanes 1 and 2 come together at 10 degrees or so and go on as lane 3."""
-    return [
-        lane(1, [(0, 0), (100, 0)], to=(3,)),
-        lane(2, [(0, -15), (60, -6), (100, 0)], to=(3,)),
-        lane(3, [(100, 0), (200, 0)]),
-    ]
 
 
 def crossing() -> list[Lane]:

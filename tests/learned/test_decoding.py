@@ -13,7 +13,7 @@ from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.humans.guard.guarded import Guarded
-from scex_sumo.learned.decoding import EDGE_MARGIN_M, plan_along, plan_freely, way_of
+from scex_sumo.learned.decoding import EDGE_MARGIN_M, plan_along, plan_freely
 from scex_sumo.learned.inputs.surface import CELL_M
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene
@@ -40,16 +40,6 @@ def along(
     return plan_along(history, who, paths, row, rows, wanted, road=road, clear=clear)
 
 
-@pytest.mark.parametrize("acceleration", [-3.0, 0.0, 2.0])
-def test_the_way_is_that_of_the_acceleration_and_nobody_reverses(acceleration: float) -> None:
-    made = along(WIDE, roads.scene_of((50.0, 0.0, 0.0, 6.0)), np.full(30, acceleration), np.zeros(30))
-    time = np.minimum(TIMES, 2.0) if acceleration < 0 else TIMES  # 6 m/s at -3 m/s² last 2 s
-    assert made.x[0] == pytest.approx(50 + 6 * time + acceleration * time**2 / 2)
-    assert made.speed[0] == pytest.approx(6 + acceleration * time)
-    assert made.speed.min() >= 0
-    assert way_of(np.array([6.0]), np.full((1, 30), acceleration))[0, 1:] == pytest.approx(made.x[0] - 50)
-
-
 @pytest.mark.parametrize("speed", [8.0, 15.0, 30.0])
 @pytest.mark.parametrize("aim", [1.75, -1.75])
 def test_a_smooth_change_of_the_offset_is_followed(speed: float, aim: float) -> None:
@@ -60,13 +50,6 @@ def test_a_smooth_change_of_the_offset_is_followed(speed: float, aim: float) -> 
     assert np.abs(made.y[0] - wanted).max() < 0.2
     lateral = np.diff(made.y[0], 2) / 0.01
     assert np.abs(lateral).max() < 1.6  # the wanted one has 1.1 m/s²
-
-
-def test_without_a_wanted_offset_the_vehicle_comes_back_to_its_path_slowly() -> None:
-    made = along(WIDE, roads.scene_of((50.0, 1.0, 0.0, 10.0)), np.zeros(30), None)
-    # It starts straight ahead, so that it is a little late.
-    assert made.y[0, 29] == pytest.approx(np.exp(-1.0), abs=0.07)
-    assert np.all(np.diff(made.y[0]) < 1e-9)
 
 
 @pytest.mark.parametrize("aim", [8.0, -8.0])
@@ -108,21 +91,6 @@ def test_two_who_head_for_each_other_side_by_side_do_not_touch(behind: float, ap
     assert np.abs(np.diff(made.y, 2, axis=1)).max() < 0.04  # 4 m/s²
 
 
-@pytest.mark.parametrize(
-    "other",
-    [
-        (62.0, 0.3, 0.0, 8.0),  # ahead in the lane
-        (52.0, 3.5, 0.0, 12.0),  # in the next lane
-        (70.0, -8.0, np.pi / 2, 6.0),  # about to cross
-        (50.0, 90.0, 0.0, 10.0),
-    ],
-)
-def test_those_who_are_not_in_the_way_sideways_change_nothing(other: roads.Vehicle) -> None:
-    scene = roads.scene_of((50.0, 0.3, 0.0, 10.0), other)
-    plans = [along(WIDE, scene, np.zeros(30), np.zeros(30), clear=clear) for clear in (False, True)]
-    assert all(np.array_equal(*(getattr(made, key)[0] for made in plans)) for key in ("x", "y", "heading"))
-
-
 @pytest.mark.parametrize("name", ["graph_predictor", "graph_image_predictor"])
 def test_with_the_guard_a_driver_steers_clear_of_who_is_beside_it_and_without_it_does_not(
     tmp_path: Path, name: str
@@ -136,14 +104,6 @@ def test_with_the_guard_a_driver_steers_clear_of_who_is_beside_it_and_without_it
     assert after.y[0, 20] - after.y[1, 20] > 2.1
     one, other = (roads.plan(model, WIDE, roads.present(alone)) for model in models)
     assert all(np.array_equal(getattr(one, k), getattr(other, k)) for k in ("x", "y", "heading", "speed"))
-
-
-def test_without_a_road_offsets_are_not_bounded() -> None:
-    history = roads.present(roads.scene_of((50.0, 0.0, 0.0, 10.0)))
-    who = roads.every(history)
-    paths, row = chosen_paths(history, roads.straight(), who, "straight")
-    made = plan_along(history, who, paths, row, np.zeros((1, 30)), 3.0 * TIMES[None] / 3)
-    assert made.y[0, 29] > 2.5
 
 
 def test_a_free_trajectory_is_taken_as_it_is_in_the_vehicles_own_frame() -> None:

@@ -18,7 +18,7 @@ from scex_sumo.humans.parameters import human_parameters
 from scex_sumo.learned import joint
 from scex_sumo.learned.driver import choice_of
 from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS, path_inputs
-from scex_sumo.learned.joint import _ahead, _conflicts, _crossing, _near, _yielding
+from scex_sumo.learned.joint import _ahead, _near, _yielding
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States
 from tests.behaviors import roads
@@ -30,7 +30,6 @@ SCENE = roads.scene_of(
 )
 STATES = ("x", "y", "heading", "speed")
 DRAWS = np.random.default_rng(5).random((6, SCENE.vehicles))
-CLOSE = 1e-6  # m and rad: rounding of coordinates
 
 
 def model(folder: Path, text: str = "joint_predictor", **numbers: int) -> Behavior:
@@ -137,21 +136,6 @@ def test_whoever_comes_first_at_a_crossing_the_other_waits(tmp_path: Path) -> No
     assert rectangle_distance(*boxes).min() > 0
     through = first.x[:, -1] > 110.0, second.y[:, -1] > 10.0
     assert all((some & ~other).any() for some, other in (through, through[::-1]))
-
-
-def test_where_a_vehicle_has_merged_the_other_one_follows_it() -> None:
-    ramp = [(80.0, -30.0), (110.0, 0.0), (300.0, 0.0)]
-    merge = roads.road(roads.lane(1, [(0.0, 0.0), (300.0, 0.0)]), roads.lane(2, ramp))
-    scene = roads.scene_of((80.0, 0.0, 0.0, 8.0), (92.0, -18.0, np.pi / 4, 8.0))
-    paths, rows = chosen_paths(roads.present(scene), merge, roads.every(roads.present(scene)), "straight")
-    ((begin, end),) = {tuple(span) for span in _conflicts(paths).span[:, 1].tolist()[:1]}
-    assert begin > 20.0 and end == np.inf
-    waits = _crossing(roads.present(scene), paths, rows, np.array([20.0, 30.0]))
-    assert (waits.follower.tolist(), waits.leader.tolist(), waits.speed.tolist()) == ([0], [-1], [0.0])
-    follows = _crossing(roads.present(scene), paths, rows, np.array([20.0, begin + 12.0]))
-    own = _conflicts(paths).span[0, 0, 0]
-    assert (follows.leader.tolist(), follows.speed.tolist()) == ([1], [8.0])
-    assert follows.gap[0] == pytest.approx(own - 20.0 + 12.0 - scene.length[0])
 
 
 @pytest.mark.parametrize("prior", [1.0, 0.25])

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 from pathlib import Path
-from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.formats.sumo.scenario import net_of
-from scex_sumo.live import command
-from scex_sumo.live.risk import PairRisk, Risk
 from tests.command import scex
 from tests.formats.sumo.simulations import Simulation, write_grid
 
@@ -69,20 +65,3 @@ def test_a_window_of_its_own_steps_of_a_second_and_teleports_lose_nothing(tmp_pa
     assert not done.returncode and not done.stderr, done.stderr
     answer = json.loads(done.stdout)
     assert (answer["moments"], answer["skipped"]) == (3, 0)
-
-
-def test_reports_are_made_by_a_command_that_the_tool_knows(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    run = subprocess.run
-
-    def only_parsed(words: list[str], **how: Any) -> Any:
-        return run([*words, "--help"], **how)
-
-    monkeypatch.setattr(subprocess, "run", only_parsed)
-    teller = command._Teller(tmp_path)
-    pair = PairRisk(hits="a", other="b", kind="lane", human_like=0.1, stress=0.5, how="", x=1.0, y=2.0)
-    teller.risks = [Risk(time_s=3.0, pairs=(pair,), vehicles=("a", "b"))]
-    teller.make_reports(tmp_path / "mine.sumocfg", 1)
-    said = capsys.readouterr()
-    assert said.out == f"report: {tmp_path}/moments/3/report.html\n" and not said.err

@@ -22,11 +22,6 @@ def test_vehicles_near_a_circle_are_driven_and_those_inside_count() -> None:
     assert names(Focus(region="0,1,20.5")) == names(Focus(region=(0.0, 1.0, 20.5)))
 
 
-def test_around_a_vehicle_are_those_within_30_m() -> None:
-    assert names(Focus(around="a")) == ("abcdefghijk", "abcd")
-    assert names(Focus(around="gone")) == ("", "")
-
-
 @pytest.mark.parametrize(
     ("options", "words"),
     [

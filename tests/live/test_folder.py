@@ -39,16 +39,6 @@ def risk(time_s: float, *pairs: tuple[str, str, float], vehicles: int = 4) -> Ri
     return Risk(time_s=time_s, pairs=tuple(found), vehicles=tuple(map(str, range(vehicles))))
 
 
-def test_a_conflict_begins_where_a_measure_passes_sumos_limit_first(tmp_path: Path) -> None:
-    file = tmp_path / "ssm.xml"
-    file.write_text(SSM)
-    found = {"".join(sorted(one.pair)): (one.begin_s, one.what, one.value) for one in conflicts_of(file)}
-    assert found == {"ab": (3.5, "DRAC", 3.0), "cd": (8.0, "PET", 0.5)}
-    file.write_text(SSM[:-80])  # cut in the middle, as of a process that was killed
-    assert len(conflicts_of(file)) == 2
-    assert conflicts_of(tmp_path / "missing.xml") == []
-
-
 def test_lead_time_counts_from_the_first_moment_in_the_ten_seconds_before(tmp_path: Path) -> None:
     file = tmp_path / "ssm.xml"
     file.write_text(SSM)
@@ -69,15 +59,6 @@ def test_lead_time_counts_from_the_first_moment_in_the_ten_seconds_before(tmp_pa
     assert [lead.conflict_s for lead in later] == []
     rows = pq.read_table(write_leads(tmp_path, leads)).to_pylist()
     assert [row["lead_s"] for row in rows] == [1.5, None, None] and rows[0]["hits"] == "b"
-
-
-def test_worst_moments_of_one_pair_are_apart() -> None:
-    risks = [risk(t, ("a", "b", 1e-3 * t)) for t in (1.0, 2.0, 5.0)] + [risk(4.0, ("c", "d", 2e-3))]
-    assert [(one.time_s, pair.hits) for one, pair in worst_moments(risks)] == [
-        (5.0, "a"),
-        (2.0, "a"),
-        (4.0, "c"),
-    ]
 
 
 def test_the_page_links_each_moment_to_the_report_that_its_command_makes(tmp_path: Path) -> None:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
-
 from scex_sumo.live.painter import SCALE, Painter, color_of
 from scex_sumo.live.risk import PairRisk, Risk
 
@@ -81,28 +79,6 @@ def test_a_line_joins_the_leading_pair_until_one_of_it_leaves() -> None:
     window.leaves("b")
     painter.step()
     assert "scex-watch.line" not in window.polygons
-
-
-def test_ghosts_are_drawn_on_demand_and_replaced() -> None:
-    ghosts = {"a": np.zeros((3, 5, 2)), "b": np.ones((2, 5, 2))}
-    for wanted in (False, True):
-        window = Window("a", "b")
-        painter = Painter(window, ghosts=wanted)
-        painter(risk("a", "b", ghosts=ghosts))
-        assert sum("ghost" in name for name in window.polygons) == 5 * wanted
-        painter(risk("a", "b", ghosts={"a": np.zeros((1, 5, 2))}))
-        assert sum("ghost" in name for name in window.polygons) == 1 * wanted
-
-
-def test_the_view_follows_the_pair_that_leads() -> None:
-    window = Window("a", "b", "c")
-    painter = Painter(window, follow=True)
-    painter(risk("a", "b"))
-    assert window.tracked == "a"
-    painter(risk("a", "b", "c", pair=("c", "b")))
-    assert window.tracked == "c"
-    painter.close()
-    assert window.tracked == ""
 
 
 def test_a_window_that_is_closed_stops_nothing() -> None:

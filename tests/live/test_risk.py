@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from scex_sumo.live.risk import PairRisk, Question, Risk, assess
 from tests.formats.sumo.simulations import start_words, write_grid
@@ -25,12 +24,6 @@ def test_a_pair_with_doubtful_data_neither_leads_nor_counts() -> None:
     doubtful = replace(PAIR, human_like=0.9, doubt="boxes overlap")
     assert risk(doubtful, PAIR).worst == PAIR and risk(doubtful).worst is None
     assert risk(doubtful).of("a") == 0.0
-
-
-def test_p_of_a_vehicle_joins_its_pairs_as_if_independent() -> None:
-    found = risk(PAIR, replace(PAIR, hits="c", other="a", human_like=0.2))
-    assert found.of("a") == pytest.approx(1 - 0.9 * 0.8) and found.of("b") == pytest.approx(0.1)
-    assert found.of("nobody") == 0.0
 
 
 MOMENT = """

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from scex_sumo.base.errors import MapError, ScexWarning, TrackError
 from scex_sumo.live import ticker as ticker_module
 from scex_sumo.live.focus import Focus
 from scex_sumo.live.moment import road_of
@@ -84,32 +83,6 @@ def test_results_come_in_their_order_with_their_age(pools: list[Pool]) -> None:
     pools[0].done()
     steps(ticker, 1.75)
     assert told == [(0.0, 1.75), (0.0, 1.75)] and ticker.risk is not None
-
-
-def test_a_failed_callback_or_moment_is_a_note_and_the_next_one_comes(pools: list[Pool]) -> None:
-    ticker = made(lambda risk: {}["speed"])
-    steps(ticker, 0.0)
-    pools[0].done()
-    with pytest.warns(ScexWarning, match="the callback failed: KeyError: 'speed'"):
-        steps(ticker, 1.0)
-    pools[0].done(MapError("g.net.xml: cannot be read"))
-    with pytest.warns(ScexWarning, match="a moment is left out: g.net.xml: cannot be read"):
-        steps(ticker, 2.0)
-    pools[0].done(TrackError("no vehicle on the road at 2 s"))
-    steps(ticker, 3.0)  # nothing to tell
-    assert len(pools[0].futures) == 4 and ticker.risk is not None
-
-
-def test_a_moment_that_cannot_be_taken_costs_no_process(pools: list[Pool]) -> None:
-    ticker = made()
-
-    def refuse(focus: Focus) -> Any:
-        raise RuntimeError("the connection is closed")
-
-    with pytest.raises(RuntimeError):
-        ticker.step(0.0, refuse)
-    steps(ticker, 1.0)
-    assert len(pools[0].futures) == 1
 
 
 def test_a_closed_ticker_ends_its_processes_and_keeps_the_last_risk(pools: list[Pool]) -> None:

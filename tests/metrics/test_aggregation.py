@@ -13,10 +13,9 @@ from scex_sumo.evaluation.pair_values import evaluate_pairs
 from scex_sumo.metrics import evaluate as evaluation
 from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate
-from scex_sumo.metrics.pairs.leaders import preset_named
-from scex_sumo.metrics.pairs.scenes import Samples, Scenes
+from scex_sumo.metrics.pairs.scenes import Samples
 from scex_sumo.metrics.registry import COLUMNS, METRICS, Metric
-from scex_sumo.scene import STEP_S, States
+from scex_sumo.scene import States
 from tests.metrics.scenes import one_scene, random_run
 
 
@@ -51,15 +50,6 @@ def test_extremum_and_mean_of_the_scenes_extrema() -> None:
 def test_history_is_not_evaluated() -> None:
     tracks = on_a_line([0, 0, 0], [0.1, 4, 7], first=1)
     assert evaluate(tracks, None, metrics=("distance",)).values.tolist() == [[4.0, 5.5]]
-
-
-def test_scenes_without_a_following_pair_are_left_out_of_the_mean() -> None:
-    """Step 0: 10 m at 4 m/s closing and an opening pair; step 1: nobody else there."""
-    nan = np.nan
-    tracks = on_a_line([0, 0], [10, nan], [-20, nan], speeds=(9.0, 5.0, 2.0))
-    result = evaluate(tracks, None, metrics=("ttc",))
-    assert result.scene["ttc"].defined.tolist() == [[True, False]]
-    assert result.values[0] == pytest.approx([0.4, 0.4], rel=1e-12)
 
 
 @pytest.mark.parametrize("count", [0, 1])
@@ -144,31 +134,6 @@ def test_the_worst_value_is_traced_to_its_step_and_pair() -> None:
             with np.errstate(divide="ignore"):
                 value = 1 / rows.value[here] if name == "ttc" else rows.value[here]
             assert value[0] == worst.value[future]
-
-
-def test_backward_differences_bridge_missing_samples() -> None:
-    """4 m/s, absent, 5 m/s: 1 m/s over 0.2 s."""
-    tracks = on_a_line([0, 1, 2], [3, 3, 3])
-    states = replace(tracks.states, speed=np.array([[[4.0, 0], [np.nan, 0], [5.0, 0]]]))
-    present = np.array([[[True, True], [False, True], [True, True]]])
-    scenes = Scenes(
-        tracks=replace(tracks, states=states, present=present),
-        planned=None,
-        parameters=MetricParameters(),
-        preset=preset_named("paper"),
-    )
-    assert scenes.acceleration[0, 0].tolist() == pytest.approx([0.0, 0.0, 1.0 / (2 * STEP_S)])
-
-
-def test_sizes_may_differ_between_futures() -> None:
-    tracks, planned = random_run(np.random.default_rng(6), futures=3)
-    rng = np.random.default_rng(0)
-    length, width = rng.uniform(0, 6, (2, 3, 5))
-    sized = evaluate(replace(tracks, length=length, width=width), planned)
-    for future in range(3):
-        part = slice(future, future + 1)
-        alone = replace(tracks.futures(part), length=length[future], width=width[future])
-        np.testing.assert_array_equal(evaluate(alone, planned.futures(part)).values[0], sized.values[future])
 
 
 def given_samples(per_scene: list[list[float]]) -> Samples:

@@ -7,7 +7,6 @@ import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from scex_sumo.evaluation.pair_values import evaluate_pairs
@@ -43,12 +42,6 @@ def test_ttc_is_the_distance_of_the_centres_over_the_closing_speed(
 ) -> None:
     tracks = one_scene([{"x": 0, "v": follower}, {"x": 50, "v": leader}])
     assert pair("ttc", tracks) == pytest.approx(seconds, rel=EXACT)
-
-
-def test_only_the_vehicle_behind_follows() -> None:
-    tracks = one_scene([{"x": 50, "v": 10}, {"x": 0, "v": 20}])
-    assert pair("ttc", tracks, row=0) is None
-    assert pair("ttc", tracks, row=1) == pytest.approx(5.0, rel=EXACT)
 
 
 @pytest.mark.parametrize(
@@ -123,22 +116,6 @@ def test_wttc_head_on_fleeing_and_side_by_side(d: float, speed: float) -> None:
     assert pair("wttc", abreast) == pytest.approx(head_on(d, 0.0, RADII), rel=EXACT)
 
 
-def test_wttc_takes_the_first_of_three_roots() -> None:
-    """Head on at 80 m/s over 60 m the polynomial has three positive roots, about 0.65, 0.8 and 10.7."""
-    tracks = one_scene([{"x": 0, "v": 40}, {"x": 60, "psi": math.pi, "v": 40}])
-    assert pair("wttc", tracks) == pytest.approx(0.65267564657632, rel=EXACT)
-
-
-def test_wttc_of_passing_vehicles_that_cannot_swerve_is_infinite() -> None:
-    rigid = MetricParameters(max_acceleration=0.0)
-    tracks = one_scene([{"x": 0, "v": 10}, {"x": 50, "y": 8, "psi": math.pi, "v": 10}])
-    assert np.isinf(evaluate_pairs(tracks, None, metrics=("wttc",), parameters=rigid)["wttc"].value).all()
-    assert np.isinf(evaluate(tracks, None, metrics=("wttc",), parameters=rigid).values).all()
-    meeting = one_scene([{"x": 0, "v": 10}, {"x": 50, "psi": math.pi, "v": 10}])
-    value = evaluate(meeting, None, metrics=("wttc",), parameters=rigid).values[0, 0]
-    assert value == pytest.approx((50 - RADII) / 20, rel=EXACT)
-
-
 def test_wttc_limits_can_depend_on_the_type() -> None:
     tracks = one_scene([{"x": 0}, {"x": 6.9}], length=0.0, width=0.0)
     typed = SceneTracks(
@@ -156,13 +133,6 @@ def test_gap_time_at_a_right_angle() -> None:
     assert pair("gap_time", tracks, planned, row=1) == pytest.approx(1.0, rel=EXACT)
 
 
-def test_gap_time_follows_the_bends_of_the_paths() -> None:
-    """10 m and then 4 m on one path, 3 m + 5 m + 4 m on the other; both at 10 m/s."""
-    tracks, planned = paths_of([(0, 0), (10, 0), (10, 10)], [(3, 0.5), (6, 0.5), (6, 5.5), (6, 4), (12, 4)])
-    # First crossing of the second path's far arm: (10, 4), 3 + 5 + 1.5 + 4 = 13.5 m away.
-    assert pair("gap_time", tracks, planned) == pytest.approx(abs(14 - 13.5) / 10, rel=EXACT)
-
-
 @pytest.mark.parametrize(
     ("other", "why"),
     [
@@ -178,13 +148,6 @@ def test_no_crossing_no_gap_time(other: list[tuple[float, float]], why: str) -> 
     tracks, planned = paths_of([(0, 0), (30, 0)], other)
     assert pair("gap_time", tracks, planned) is None, why
     assert pair("gap_time", tracks, planned, row=1) is None, why
-
-
-def test_paths_that_merge_meet_where_one_joins_the_other() -> None:
-    """The second path ends in a bend on the first one's line and goes on along it."""
-    tracks, planned = paths_of([(0, 0), (10, 0), (20, 0)], [(5, 8), (15, 0), (30, 0)])
-    joining = math.hypot(10, 8)
-    assert pair("gap_time", tracks, planned) == pytest.approx(abs(15 - joining) / 10, rel=EXACT)
 
 
 def test_traffic_quality_of_two_vehicles() -> None:

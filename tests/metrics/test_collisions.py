@@ -56,26 +56,10 @@ def overlap_of(tracks: SceneTracks, step: int) -> float:
     return float(one.intersection(two).area)
 
 
-def test_a_touch_at_the_seed_moment_becomes_a_collision_when_it_grows() -> None:
-    """0.02 m deep at first, 0.04 m² of 2 m width; 0.1 m² at 0.05 m, closing at 1 m/s."""
-    found = find_collisions(straight({"x": 0, "speed": 1}, {"x": 3.98}, steps=11))
-    assert found.time_s == pytest.approx([0.03], abs=1e-9)
-    assert found.overlap == pytest.approx([2 * 1.02 - 0.04], abs=1e-9)
-
-
 def test_any_overlap_of_simulated_boxes_is_a_collision() -> None:
     """1 mm deep while they pass; 1 mm apart they pass without contact."""
     assert len(find_collisions(straight({"x": -20, "speed": 10}, {"y": 1.999}), limit_m2=CONTACT_M2)) == 1
     assert len(find_collisions(straight({"x": -20, "speed": 10}, {"y": 2.001}), limit_m2=CONTACT_M2)) == 0
-
-
-def test_sides_that_scrape_are_a_side_collision_whatever_the_headings() -> None:
-    slant = math.radians(10)
-    found = find_collisions(
-        straight({"speed": 10, "length": 6}, {"x": 0, "y": 4, "heading": -slant, "speed": 10, "length": 6})
-    )
-    assert found.kinds().tolist() == ["side"]
-    assert SIDES[found.first_side[0]] == "left"
 
 
 def test_the_history_is_not_searched_and_time_counts_from_the_seed_moment() -> None:

@@ -13,7 +13,6 @@ import pytest
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.evaluation.pair_values import evaluate_pairs
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
-from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.scene import STEP_S, States
 from tests.metrics.scenes import one_scene, random_run
 
@@ -181,19 +180,6 @@ def test_gap_time_between_leaving_and_entering_the_area() -> None:
     assert value("gap_time", tracks, paths, preset="paper") == pytest.approx({1: 5.0}, rel=EXACT)
 
 
-def test_the_area_grows_with_the_slant_of_the_paths() -> None:
-    """At 45° it reaches (w₂ + w₁ cos 45°) / (2 sin 45°) along either path."""
-    diagonal = math.sqrt(0.5)
-    tracks = one_scene(
-        [{"x": -30, "v": 10}, {"x": -40 * diagonal, "y": -40 * diagonal, "psi": math.pi / 4, "v": 5}]
-    )
-    reach = (1.8 + 1.8 * diagonal) / (2 * diagonal) + 2.25
-    paths = planned(tracks, [(30, 0)], [(20, 20)])
-    assert value("gap_time", tracks, paths) == pytest.approx(
-        {1: (40 - reach) / 5 - (30 + reach) / 10}, rel=EXACT
-    )
-
-
 def straight(*vehicles: tuple[float, float, float, float], steps: int = 80) -> SceneTracks:
     """(x, y, heading, speed) at constant speed, with everything evaluated."""
     x, y, heading, speed = np.array(vehicles, dtype=float).T
@@ -238,23 +224,3 @@ def test_pet_follows_the_speed_that_was_really_driven() -> None:
     waiting = replace(tracks, states=replace(tracks.states, y=y))
     rows = evaluate_pairs(waiting, None, metrics=("pet",))["pet"]
     assert rows.value == pytest.approx(np.full(rows.value.size, 3 + 2.01 - 2.03), rel=1e-7)
-
-
-def test_pet_needs_the_first_vehicle_to_leave_before_the_recording_ends() -> None:
-    tracks = straight((-20.3, 0, 0, 10), (0, -24, math.pi / 2, 10), steps=25)
-    rows = evaluate_pairs(tracks, None, preset="path", metrics=("pet",))["pet"]
-    # The first rear leaves the area 23.45 m after its start, at 2.345 s; recorded until 2.4 s.
-    assert rows.value.size > 0
-    short = straight((-20.3, 0, 0, 10), (0, -20.5, math.pi / 2, 10), steps=22)
-    assert evaluate_pairs(short, None, preset="path", metrics=("pet",))["pet"].value.size == 0
-
-
-def test_pet_of_parts_of_a_track_looks_at_the_driven_track_only() -> None:
-    """Planned paths that never cross do not matter to it."""
-    tracks = straight((-20.3, 0, 0, 10), (0, -25.05, math.pi / 2, 5))
-    apart = PlannedPaths.from_replans(
-        np.full((1, 1, 2, 30), 500.0), np.arange(60.0).reshape(1, 1, 2, 30), np.zeros(1, dtype=np.int64), 79
-    )
-    later = replace(tracks, first=1)
-    result = evaluate(later, apart, metrics=("pet",))
-    assert result.values[0, 0] == pytest.approx(25.05 / 5 - 20.3 / 10, rel=1e-7)

@@ -20,7 +20,6 @@ from scex_sumo.metrics.formulas.following import (
     time_to_collision,
 )
 from scex_sumo.metrics.registry import METRICS
-from scex_sumo.scene import States
 from tests.metrics.scenes import moved, random_run
 
 seeds = st.integers(0, 2**32 - 1)
@@ -103,16 +102,6 @@ def test_an_absent_vehicle_is_as_good_as_none(seed: int, preset: str) -> None:
     assert_same(every(without, fewer, preset), every(replace(tracks, present=gone), planned, preset), 1e-12)
 
 
-@settings(max_examples=20)
-@given(seeds, st.floats(1.0, 3.0))
-def test_larger_vehicles_are_never_safer(seed: int, factor: float) -> None:
-    """By WTTC; TQ may fall: a longer vehicle counts more neighbours, whose speeds may be more alike."""
-    tracks, planned = run(seed)
-    larger = replace(tracks, length=tracks.length * factor, width=tracks.width * factor)
-    before, after = (evaluate(t, planned, metrics=("wttc",)) for t in (tracks, larger))
-    assert np.all(after.values[after.defined] <= before.values[before.defined] + 1e-9)
-
-
 positive = st.floats(0.01, 200.0)
 speeds = st.floats(0.0, 60.0)
 
@@ -181,15 +170,3 @@ def test_thousands_of_kilometres_and_standing_vehicles_stay_finite() -> None:
         for scene in (tracks, still):
             values = every(scene, planned, preset)
             assert np.isfinite(values.values[values.defined]).all()
-
-
-def test_vehicles_in_one_and_the_same_place() -> None:
-    """No direction, no distance: 0 m, WTTC 0, and nobody follows."""
-    zero = np.zeros((1, 2, 3))
-    tracks = SceneTracks(
-        states=States(x=zero, y=zero, heading=zero, speed=zero + 5.0), length=np.ones(3), width=np.ones(3)
-    )
-    values = every(tracks, PlannedPaths.from_tracks(tracks), "paper")
-    assert values.column("distance")[0].tolist() == [0.0]
-    assert values.column("wttc")[0].tolist() == [0.0]
-    assert not values.column("ttc")[1].any()

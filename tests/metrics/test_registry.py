@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import json
 import pickle
 import re
@@ -13,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import cloudpickle
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -23,7 +21,6 @@ from scex_sumo.base.errors import InputError, UsageError
 from scex_sumo.evaluation.pair_values import evaluate_pairs
 from scex_sumo.metrics import registry
 from scex_sumo.metrics.evaluate import evaluate
-from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 from scex_sumo.metrics.registry import (
     COLUMNS,
     METRICS,
@@ -40,7 +37,7 @@ from scex_sumo.page.figures.figure import draw_figure
 from scex_sumo.reports.run_table import summary_table
 from scex_sumo.results.run import open_run
 from tests import command
-from tests.metrics.scenes import one_scene, random_run
+from tests.metrics.scenes import one_scene
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "metrics.md"
 
@@ -101,15 +98,6 @@ def test_a_metric_by_import_path_goes_through_the_command(example: Path) -> None
     done = command.scex("metrics", tracks, "--metrics", "closeness:speed_gap")
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == ['"case_id","speed_gap","speed_gap_mean"', "1,6,6"]
-
-
-def test_an_entry_point_of_another_package_is_a_name(example: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    point = importlib.metadata.EntryPoint("speed_gap", "closeness:speed_gap", registry.PACKAGES.group)
-    monkeypatch.syspath_prepend(str(example.parent))
-    points = importlib.metadata.EntryPoints([point])
-    monkeypatch.setattr(importlib.metadata, "entry_points", lambda: points)
-    assert "speed_gap" in registry.known_metrics()
-    assert metrics_named(["speed_gap"])[0].threshold == 10.0
 
 
 def test_a_metric_of_the_users_script_reaches_another_process(tmp_path: Path) -> None:
@@ -174,20 +162,6 @@ def test_a_metric_of_one_result_is_none_of_another(tmp_path: Path) -> None:
         metric_of("haste")
 
 
-def test_single_vehicles_have_no_other_one() -> None:
-    @scex.metric("own_speed", critical="max", unit="m/s")
-    def own_speed(scenes: Scenes) -> Samples:
-        rows = np.arange(scenes.vehicles)
-        return Samples(value=scenes.speed, defined=scenes.present, row=rows, other=None)
-
-    values = evaluate(vehicles(3.0, 8.0), None, metrics=["own_speed"])
-    assert values.worst["own_speed"].other is None
-    assert (values.values[0, 0], values.worst["own_speed"].vehicle[0]) == (8.0, 1)
-    tracks, planned = random_run(np.random.default_rng(1))
-    both = evaluate(tracks, planned, metrics=["paper", "own_speed"])
-    assert np.array_equal(both.values[:, :12], evaluate(tracks, planned).values, equal_nan=True)
-
-
 def test_what_is_no_metric_is_refused(example: Path) -> None:
     with pytest.raises(UsageError, match="choose min or max"):
         scex.metric("speed", critical="large")  # type: ignore[arg-type]
@@ -221,12 +195,6 @@ def test_what_is_no_metric_is_refused(example: Path) -> None:
 )
 def test_a_column_is_known_by_what_is_printed(text: str, column: str) -> None:
     assert column_named(text) == column
-
-
-def test_a_table_says_one_over_what_everybody_names() -> None:
-    along = ("ttc", "ttc_path", "ttc_path_mean", "pttc_path")
-    named = [column_named(text, along) for text in ("TTC on path", "mean TTC on path", "PTTC on path")]
-    assert named == ["ttc_path", "ttc_path_mean", "pttc_path"]
 
 
 def test_metrics_are_named_as_they_are_printed() -> None:

@@ -33,7 +33,7 @@ def mixed_run(seed: int, *, absent: float = 0.0) -> tuple[SceneTracks, PlannedPa
 
 @pytest.mark.parametrize("preset", ["paper", "path"])
 @pytest.mark.parametrize("absent", [0.0, 0.2])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 1])  # apart and with shared plans
 def test_sharing_changes_no_byte(
     seed: int, absent: float, preset: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,24 +8,8 @@ from scex_sumo.page.packing import (
     UNITS,
     coded_motion,
     decoded_motion,
-    pack,
     quantized,
 )
-from tests.page.packed import unpack
-
-
-def test_arrays_and_words_come_out_as_they_went_in() -> None:
-    arrays = {
-        "small": np.array([[1, -2], [3, 127]]),
-        "wide": np.array([40_000, -70_000]),
-        "half": np.array([-32_768, -129, -128, 127, 128, 32_767]),
-        "none": np.zeros((0, 3), dtype=np.int64),
-        "real": np.array([0.5, np.inf, np.nan]),
-    }
-    info, found = unpack(pack({"name": "größer", "limit": None}, arrays))
-    assert info == {"name": "größer", "limit": None}
-    for name, values in arrays.items():
-        np.testing.assert_array_equal(found[name], values)
 
 
 def test_steady_motion_takes_nothing_and_any_motion_comes_back_to_the_unit() -> None:

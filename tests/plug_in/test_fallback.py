@@ -126,23 +126,6 @@ def test_the_hardest_stop_that_a_vehicle_can_make_is_no_jump() -> None:
     assert made.reasons == ("", "")
 
 
-def fails_for(future: int, vehicle: int) -> Forward:
-    def spoil(made: Plan, who: VehicleIndex) -> Plan:
-        if ((who.future == future) & (who.vehicle == vehicle)).any():
-            raise KeyError("no\nroad")
-        return made
-
-    return Forward(spoil)
-
-
-def test_one_vehicle_that_makes_a_model_raise_falls_back_alone() -> None:
-    made, path = asked(fails_for(1, 0), futures=3)
-    assert made.fallback is not None and np.flatnonzero(made.fallback).tolist() == [2]
-    assert made.reasons[2].startswith(r"raised KeyError: 'no\nroad' (test_fallback.py, line ")
-    assert np.array_equal(made.x[2], path.x[2])
-    assert made.x[3] == pytest.approx(60.0 + 0.5 * np.arange(1, 31))
-
-
 def test_a_model_that_ends_the_program_does_not() -> None:
     def leave(made: Plan, who: VehicleIndex) -> Plan:
         raise SystemExit(3)
@@ -188,18 +171,3 @@ def test_the_path_following_driver_is_the_calibrated_driver_on_the_straight_path
     expected = roads.plan(IdmDriver(entry_of("calibrated_driver").profile), roads.fork(), history)
     made = follow_path(history, roads.fork(), roads.every(history))
     assert np.array_equal(made.x, expected.x) and np.array_equal(made.y, expected.y)
-
-
-def moved(history: SceneHistory, x: float, y: float, heading: float) -> SceneHistory:
-    """The vehicle driven somewhere else during the future's first second."""
-    states = history.states.map(np.copy)
-    states.x[:], states.y[:], states.heading[:] = x, y, heading
-    return replace(history, states=states, step=10)
-
-
-def test_a_vehicle_that_a_model_has_turned_left_goes_on_to_the_left() -> None:
-    # On lane 11 of the fork, which turns left into +y at x = 65; the straight path is along y = 0.
-    history = moved(roads.present(roads.scene_of((45.0, 0.0, 0.0, 8.0))), 65.0, 20.0, np.pi / 2)
-    made = follow_path(history, roads.fork(), roads.every(history))
-    assert made.x[0] == pytest.approx(65.0, abs=0.1)
-    assert made.y[0, -1] > 35.0

@@ -75,17 +75,3 @@ def test_pedestrians_are_neighbours_with_their_own_past() -> None:
     assert now["neighbour_kind"][0].tolist() == [4, 0, 0]
     assert later["neighbours"][0, 0, -1, 0] == pytest.approx(4.2)
     assert gone["neighbour_kind"][0].tolist() == [0, 0, 0]
-
-
-def test_lanes_are_pieces_of_centrelines_in_the_own_frame() -> None:
-    arrays = given("lanes", "lane_limit", "lane_mask", lanes=40, points=5, spacing=2.5, radius=30.0)
-    assert arrays["lanes"].shape == (6, 40, 5, 2)
-    # The lane runs along +x at y = 0: 20 m behind the first vehicle, from its left to its right.
-    nearest = arrays["lanes"][0, 0]
-    assert nearest[:, 0] == pytest.approx(-20.0)
-    assert np.diff(nearest[:, 1]) == pytest.approx(-2.5)
-    mask = arrays["lane_mask"][0]
-    # Middles at x = 5, 15, 25, ... of which those within √(30² - 20²) = 22.4 m of x = 10 are seen.
-    assert mask.sum() == 3
-    assert arrays["lane_limit"][0, mask] == pytest.approx(15.0)
-    assert not arrays["lanes"][0, ~mask].any()

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scex_sumo.base.errors import ScexError, UsageError
+from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.listing import known_models
 from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.geometry.polylines import wrap
@@ -16,7 +16,6 @@ from scex_sumo.plug_in.predictor import (
     Predictor,
     completed,
     graph_of_future,
-    trajectories,
 )
 from scex_sumo.plug_in.user_model import is_predictor, predictor
 from tests.behaviors import roads
@@ -50,23 +49,6 @@ def test_headings_and_speeds_follow_the_motion() -> None:
     made = completed(of(5 * np.sin(angle), 5 * (1 - np.cos(angle))))[0]
     assert made[:, 2] == pytest.approx(angle - 0.05)
     assert made[:, 3] == pytest.approx(5 * 2 * np.sin(0.05) / 0.1)
-
-
-@pytest.mark.parametrize(
-    ("returned", "words"),
-    [
-        (np.zeros((2, 30, 2)), r"shape \(2, 30, 2\), needs \(n, H, 2\).*H of at least 30, n = 1"),
-        (np.zeros((1, 29, 2)), r"shape \(1, 29, 2\)"),
-        (np.zeros((1, 30, 5)), r"shape \(1, 30, 5\)"),
-        (np.zeros((30, 2)), r"shape \(30, 2\)"),
-        (None, r"shape \(\)|NoneType"),
-        ({"x": 1}, "dict, no array"),
-        (np.zeros((2, 30, 2), complex), "complex numbers"),
-    ],
-)
-def test_what_are_no_trajectories_is_said(returned: Any, words: str) -> None:
-    with pytest.raises(ScexError, match=words):
-        trajectories(returned, 1)
 
 
 def test_a_function_is_called_future_by_future_with_what_its_parameters_name() -> None:
@@ -142,11 +124,3 @@ def test_a_function_becomes_a_model_whose_parameters_are_its_own_and_its_surroun
     (info,) = (info for info in known_models() if info.name == "onward")
     assert info.summary == "On and on."
     assert info.parameters[:3] == ("factor=1.0", "neighbours=4", "radius=50.0")
-
-
-@pytest.mark.usefixtures("registered_models")
-def test_a_wrong_function_is_refused_where_it_is_written() -> None:
-    with pytest.raises(UsageError, match="asks for 'camera'"):
-        predictor("wrong")(lambda history, camera: None)
-    with pytest.raises(UsageError, match="neighbours: got 0"):
-        predictor("wrong", neighbours=0)(straight)

@@ -13,7 +13,6 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.listing import known_models
 from scex_sumo.behaviors.registry import build, known_names, parse_models
 from scex_sumo.plug_in.predictor import Predictor
-from scex_sumo.plug_in.user_model import SingleVehicle
 
 DRIVERS = '''
 import numpy as np
@@ -86,16 +85,6 @@ def test_a_class_of_the_current_directory_is_a_model_with_parameters_and_a_weigh
     assert str(spec) == "drivers.own:Parked:steps=40"
     built = build(spec)
     assert type(built).__name__ == "Parked" and built.steps == 40  # type: ignore[attr-defined]
-
-
-@pytest.mark.usefixtures("drivers")
-def test_functions_makers_and_models_that_are_there_already_are_models_too() -> None:
-    one, function, maker, ready = (
-        build(parse_models(f"drivers.own:{name}")[0]) for name in ("OneByOne", "onward", "make", "ready")
-    )
-    assert isinstance(one, SingleVehicle)
-    assert isinstance(function, Predictor) and function.inputs == ("history",)
-    assert (maker.steps, ready.steps) == (30, 77)  # type: ignore[attr-defined]
 
 
 @pytest.mark.usefixtures("drivers")

@@ -21,7 +21,6 @@ from scex_sumo.reports.run_table import (
     MAIN,
     always_critical,
     answer_lines,
-    print_line,
     print_table,
     shown_columns,
     summary_table,
@@ -202,22 +201,6 @@ def test_doubtful_pairs_are_left_out_and_named_unless_they_are_kept(tmp_path: Pa
         assert any("1 → 2" in line for line in lines) == keep
 
 
-def test_both_lines_of_a_pair_have_one_name(tmp_path: Path) -> None:
-    """That of the stress test where the pair is critical there; places are of the pair, models follow."""
-    result(tmp_path, {"collision": [1.0] + [0.0] * 9})
-    encounters(tmp_path, {"track_id": 489, "other_id": 717, "place": "crossing", "critical": 0.1, "ttc": 0.1})
-    human = result(tmp_path / "reference", {"collision": [0.0] * 10})
-    reverse = {"track_id": 717, "other_id": 489, "place": "merge", "model": "p"}
-    encounters(human, reverse | {"critical": 0.2, "ttc": 0.2})
-    found = meetings(open_run(tmp_path))
-    assert {one.futures for one in found} == {"human-like", "stress test"}
-    assert {(r["track_id"], r["other_id"], r["place"]) for r in (one.row for one in found)} == {
-        (489, 717, "crossing")
-    }
-    row = next(one.row for one in found if one.futures == "human-like")
-    assert (row["model"], row["other_model"]) == ("o", "p")
-
-
 @pytest.mark.parametrize(
     ("models", "words"),
     [
@@ -230,16 +213,6 @@ def test_a_run_says_how_its_vehicles_are_driven(tmp_path: Path, models: list[str
     drawn = [{"model": model, "weight": 1.0} for model in models] + [{"model": "replay", "weight": 0.0}]
     run = open_run(result(tmp_path, {"collision": [0.0] * 4}, models=drawn))
     assert answer_lines(run)[0].endswith(words)
-
-
-@pytest.mark.parametrize(
-    ("terminal", "lines"), [(True, ["  who drives", "    how"]), (False, ["  who drives how"])]
-)
-def test_a_sentence_is_broken_between_words_on_a_terminal_only(terminal: bool, lines: list[str]) -> None:
-    console = Console(file=io.StringIO(), width=14, force_terminal=terminal, no_color=True)
-    print_line("  who drives how", console)
-    assert isinstance(console.file, io.StringIO)
-    assert console.file.getvalue().splitlines() == lines
 
 
 def test_the_pair_to_be_tested_is_looked_at_first_and_a_doubtful_one_never(tmp_path: Path) -> None:

@@ -14,10 +14,10 @@ import pytest
 
 from scex_sumo.base.errors import ResultError
 from scex_sumo.base.files import unlock
-from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table
+from scex_sumo.results.folder import ResultFolder, tracks_table
 from scex_sumo.results.parts import PARTS, Part, Parts, joined_parts, save_part
 from scex_sumo.results.run import open_run
-from scex_sumo.results.tables.states import StateBlocks, read_states
+from scex_sumo.results.tables.states import StateBlocks
 from scex_sumo.scene import States
 from tests.seeds import straight_seed
 
@@ -180,15 +180,6 @@ def test_a_pipe_in_a_result_folder_is_named_and_not_waited_for(tmp_path: Path) -
     open_run(tmp_path / "out")
 
 
-@pytest.mark.parametrize(("content", "message"), [(None, "no such folder"), ("", "no run.json in it")])
-def test_opening_what_is_no_result_says_so(tmp_path: Path, content: str | None, message: str) -> None:
-    folder = tmp_path / "out"
-    if content is not None:
-        folder.mkdir()
-    with pytest.raises(ResultError, match=message):
-        open_run(folder)
-
-
 def test_tracks_are_interaction_cases_with_the_seed_scene_at_frame_ten() -> None:
     scene = straight_seed()
     table = tracks_table(scene, part_of([0, 1])).to_pydict()
@@ -198,30 +189,6 @@ def test_tracks_are_interaction_cases_with_the_seed_scene_at_frame_ten() -> None
     x = [table["x"][i] for i in rows]
     assert x[:10] == pytest.approx(scene.history.x[1, 1:])
     assert x[10:] == [100.0] * 3
-
-
-def test_assignments_name_the_model_of_each_vehicle() -> None:
-    table = assignments_table(straight_seed(), np.array([[0, 1], [1, 1]]), ["a", "b:x=1"])
-    assert table.to_pydict() == {
-        "future": [0, 0, 1, 1],
-        "track_id": [0, 1, 0, 1],
-        "model": ["a", "b:x=1", "b:x=1", "b:x=1"],
-    }
-
-
-def test_a_folder_whose_path_is_not_utf8_is_one_line(tmp_path: Path) -> None:
-    with pytest.raises(ResultError, match="not UTF-8; give another folder with -o"):
-        ResultFolder(tmp_path / os.fsdecode(b"k\xff"), {})
-
-
-@pytest.mark.parametrize("value", [float("nan"), 1e300])
-def test_states_that_no_run_writes_are_refused(tmp_path: Path, value: float) -> None:
-    columns = {name: [1.0, 2.0] for name in ("case_id", "track_id", "x", "y", "vx", "vy", "psi_rad")}
-    pq.write_table(pa.table(columns), tmp_path / "tracks.parquet")
-    assert read_states(tmp_path / "tracks.parquet", rows=2).num_rows == 2
-    pq.write_table(pa.table(columns | {"y": [0.0, value]}), tmp_path / "tracks.parquet")
-    with pytest.raises(ResultError, match="column y has impossible values"):
-        read_states(tmp_path / "tracks.parquet", rows=2)
 
 
 @pytest.mark.parametrize("row_group", [9, 18, 4, 100])

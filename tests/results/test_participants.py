@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.participants import people_apart, with_people
@@ -51,12 +50,6 @@ def test_only_pairs_with_a_vehicle_count() -> None:
     taking = with_people(scene_with("pedestrian", "pedestrian"), "model")
     assert RunSettings(vru="model").vehicles_that_count(taking) == (0, 1)
     assert RunSettings().vehicles_that_count(straight_seed()) is None
-
-
-@pytest.mark.parametrize(("speed", "kind"), [(1.2, "pedestrian"), (5.0, "bicycle")])
-def test_the_speed_says_who_walks_and_who_rides(speed: float, kind: str) -> None:
-    taking = with_people(scene_with("pedestrian/bicycle", speed=speed), "model")
-    assert taking.types[-1] == kind and taking.length[-1] == {"pedestrian": 0.6, "bicycle": 1.8}[kind]
 
 
 def test_people_in_buildings_behind_walls_and_on_motorways_are_named() -> None:

@@ -72,7 +72,7 @@ def written_and_read(scene: SeedScene, folder: Path) -> SeedScene:
 
 
 @given(scenes())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 def test_whatever_a_reader_can_produce_is_read_back_equal(scene: SeedScene) -> None:
     with TemporaryDirectory() as folder:
         same(scene, written_and_read(scene, Path(folder)))

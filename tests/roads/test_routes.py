@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors.driving.paths import seed_paths
 from scex_sumo.geometry.polylines import length_of
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import candidate_paths, centreline, routes
@@ -103,29 +102,6 @@ def test_longer_futures_choose_at_forks_that_shorter_ones_do_not_reach() -> None
     assert counts == [8, 8, 16]  # two lanes to begin on; 80, 107 and 147 m
     (paths,) = candidate_paths(forks, replace(scene, horizon_s=8.0))
     assert [path.probability for path in paths] == pytest.approx([1 / 16] * 16)
-
-
-def test_straight_paths_stay_as_they_are_in_shorter_futures() -> None:
-    # After 100 m, lane 2 goes on nearly straight, lane 3 turns to the left and later back to y = 0.
-    bend = roads.road(
-        roads.lane(1, [(0.0, 0.0), (100.0, 0.0)], successors=(2, 3)),
-        roads.lane(2, [(100.0, 0.0), (200.0, -5.0)], predecessors=(1,)),
-        roads.lane(3, [(100.0, 0.0), (120.0, 20.0), (140.0, 0.0), (200.0, 0.0)], predecessors=(1,)),
-    )
-    scene = replace(roads.scene_of((10.0, 0.0, 0.0, 10.0)), horizon_s=8.0)
-    (paths,) = candidate_paths(bend, scene)
-    assert [(path.lanes, path.straight_on) for path in paths] == [((1, 3), False), ((1, 2), True)]
-    assert [path.angle for path in paths] == pytest.approx([0.0, 0.0])
-    tabulated = seed_paths(scene, bend)
-    assert tabulated.lanes[tabulated.straight[0]] == (1, 2)
-
-
-def test_at_most_a_dozen_paths_lead_on_from_a_lane_and_the_nearest_forks_count() -> None:
-    forks, scene = chain_of_forks(12), roads.scene_of((5.0, 0.0, 0.0, 10.0))
-    (paths,) = candidate_paths(forks, replace(scene, horizon_s=20.0))
-    assert 16 < len(paths) <= 24
-    assert min(len(path.lanes) for path in paths) == 4
-    assert sum(path.probability for path in paths) == pytest.approx(1.0)
 
 
 def test_a_centreline_reaches_as_far_as_asked_straight_beyond_both_ends_of_the_road() -> None:

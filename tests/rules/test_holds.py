@@ -102,12 +102,6 @@ def test_stop_sign_holds_everyone_once() -> None:
     assert x[-1] > 55.0
 
 
-def test_drawn_stop_line_comes_before_the_junction() -> None:
-    line = np.array([(44.0, -2.0), (44.0, 2.0)])
-    rules = Rules(passages=passages(east=0), signals=(shows("r"),), stop_lines=(line,))
-    assert front("standard_driver", rules, FAR, steps=100)[-1] < 44.0
-
-
 def test_who_stopped_first_at_an_all_way_stop_goes_first() -> None:
     both = passages(yields=True, state="w")
     rules = Rules(passages=(both[0], replace(both[1], yields_to=(0,), state="w")))

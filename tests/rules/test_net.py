@@ -7,7 +7,6 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-import pytest
 
 import scex_sumo as scex
 from scex_sumo.converters.net.convert import converted
@@ -52,23 +51,9 @@ def test_passages_with_their_lanes_and_priority() -> None:
     assert notes == ()
 
 
-@pytest.mark.parametrize(("programme", "known"), [("0", False), ("recorded", True)])
-def test_invented_phases_of_a_map_without_a_net_are_unknown(programme: str, known: bool) -> None:
-    rules, notes = rules_of(net=False, LIGHT='tl="t" linkIndex="0"', PROGRAMME=programme)
-    assert (rules.signals[0].at(0.0)[0] != "") == known
-    told = "lights of 1 passages are unknown: inferred from vehicles that stand or drive"
-    assert notes == (() if known else (told,))
-
-
 def test_phases_that_netconvert_invents_for_another_map_are_unknown() -> None:
     rules, _ = rules_of(phases=False, LIGHT='tl="t" linkIndex="0"')
     assert rules.signals[0].at(0.0)[0] == ""
-
-
-def test_phases_that_do_not_fit_are_not_obeyed() -> None:
-    rules, notes = rules_of(LIGHT='tl="t" linkIndex="4"')
-    assert rules.passages == ()
-    assert notes == ("traffic light t: its phases do not fit its 1 links; not obeyed",)
 
 
 def test_crosswalks_of_a_map_without_regulations_count_if_there_are_people(tmp_path: Path) -> None:

@@ -25,16 +25,3 @@ def test_atoms_and_the_density_of_the_rest_make_one() -> None:
     assert found.cdf[0] == pytest.approx(0.4)
     assert found.cdf[-1] == pytest.approx(1.0)
     assert np.all(np.diff(found.cdf) >= -1e-12)
-
-
-def test_without_reflection_mass_lies_below_zero() -> None:
-    found = mixed_density([0.05, 0.07, 0.09], reflect=False)
-    assert found.x[0] < 0 < found.pdf[0] + found.pdf.max()
-    assert mixed_density([-1.0, 1.0]).x[0] < -1
-
-
-def test_the_band_is_as_wide_as_asked_for() -> None:
-    found = mixed_density(np.linspace(1, 2, 50), half_width=0.1)
-    low, high = found.band
-    middle = (found.cdf > 0.1) & (found.cdf < 0.9)
-    assert (high - low)[middle] == pytest.approx(0.2)

@@ -10,25 +10,13 @@ from scipy import stats
 
 from scex_sumo.base.errors import InputError
 from scex_sumo.statistics.density import (
-    Interval,
     density,
     dkw_half_width,
     wilson,
 )
 
 SAMPLES = np.random.default_rng(0).gamma(2.0, 3.0, 385)
-INF = float("inf")
-
 values = st.lists(st.floats(-1e3, 1e3, width=32), min_size=2, max_size=30)
-
-
-@pytest.mark.parametrize("bandwidth", [0.02, 0.1, 3.0])
-def test_the_bandwidth_is_absolute(bandwidth: float) -> None:
-    curve = density(SAMPLES, bandwidth)
-    z = (curve.x[:, None] - SAMPLES) / bandwidth
-    # 385 terms summed in another order.
-    np.testing.assert_allclose(curve.pdf, stats.norm.pdf(z).sum(axis=1) / (385 * bandwidth), rtol=1e-12)
-    np.testing.assert_allclose(curve.cdf, stats.norm.cdf(z).mean(axis=1), rtol=1e-12)
 
 
 @given(values, st.sampled_from([0.05, 0.1, 2.0]))
@@ -40,13 +28,6 @@ def test_the_default_grid_holds_the_whole_density(samples: list[float], bandwidt
     assert np.sum(curve.pdf) * step == pytest.approx(1.0, abs=1e-6)
     assert np.all(np.diff(curve.cdf) >= -1e-15)
     assert curve.cdf[0] < 1e-6 and curve.cdf[-1] > 1 - 1e-6
-
-
-def test_infinite_samples_keep_their_share() -> None:
-    curve = density([1.0, 2.0, INF, INF])
-    assert curve.cdf[-1] == pytest.approx(0.5, abs=1e-6)
-    assert np.sum(curve.pdf) * 0.025 == pytest.approx(0.5, abs=1e-6)
-    assert density([-INF, 1.0]).cdf[0] == pytest.approx(0.5, abs=1e-6)
 
 
 def test_the_band_is_0_069_wide_for_385_futures() -> None:
@@ -92,11 +73,3 @@ def test_what_makes_no_sense_is_refused(call: object, message: str) -> None:
     assert callable(call)
     with pytest.raises(InputError, match=message):
         call()
-
-
-@pytest.mark.parametrize(
-    ("low", "high", "words"),
-    [(0.09, 0.16, "12 % [9–16]"), (0.116, 0.124, "12.0 % [11.6–12.4]"), (0.12, 0.12, "12.0 %")],
-)
-def test_an_interval_in_words_has_the_digits_that_are_sure(low: float, high: float, words: str) -> None:
-    assert Interval(value=0.12, low=low, high=high, count=385).percent == words

@@ -6,7 +6,6 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
-import pytest
 
 from scex_sumo.scene import States
 from scex_sumo.views.drawings import (
@@ -33,15 +32,6 @@ def track(x: float, y: float) -> States:
 
 def elements(drawn: str) -> dict[str, ElementTree.Element]:
     return {e.get("id", ""): e for e in ElementTree.fromstring(f"<a>{drawn}</a>")}
-
-
-def test_the_net_alone_fills_the_window_and_a_legend_takes_room_below_it() -> None:
-    # 300 m by 100 m, letters of 3 % of a window of 1.5 to 1 that shows it: 0.03 x 200 m = 6 m.
-    bare, full = frame_of(MAP, [(0, 0)], []), frame_of(MAP, [(0, 0)], [("a", RED), ("b", BLUE)])
-    assert bare.line_m == pytest.approx(6.0)
-    assert full.viewport[0] <= bare.viewport[0] <= 100.0
-    assert full.viewport[1] == 150.0
-    assert full.viewport[2] < bare.viewport[2]  # looks farther down
 
 
 def test_vehicles_are_enlarged_only_where_they_would_be_too_small_to_see() -> None:

@@ -79,23 +79,6 @@ def test_coordinates_move_by_whole_metres_to_the_last_decimal(template: TileTemp
     assert [junction.get(k) for k in ("x", "y", "shape")] == ["1055.00", "700.00", "1050,701 1060,701"]
 
 
-def test_everything_else_is_the_same_and_slot_0_lies_where_the_map_does(
-    template: TileTemplate, tmp_path: Path
-) -> None:
-    net = copies(template, tmp_path, [0, 5], TileLayout(pitch_x=1000, pitch_y=1000))
-    original = ElementTree.fromstring(NET)
-    assert net.get("version") == "1.20" and net.get("junctionCornerDetail") == "5"
-    assert len(net.findall("location")) == len(net.findall("type")) == 1
-    moved = {"id", "from", "to", "via", "tl", "incLanes", "intLanes", "nodes", "edges"}
-    for tag in ("lane", "edge", "connection", "junction", "request", "phase", "param", "tlLogic"):
-        before, after = list(original.iter(tag)), list(net.iter(tag))[: len(list(original.iter(tag)))]
-        assert len(list(net.iter(tag))) == 2 * len(before)
-        for a, b in zip(before, after, strict=True):
-            assert {k: v for k, v in a.items() if k not in moved} == {
-                k: v for k, v in b.items() if k not in moved
-            }
-
-
 def test_a_slots_copy_is_the_same_text_whichever_others_are_written(
     template: TileTemplate, tmp_path: Path
 ) -> None:
@@ -107,17 +90,6 @@ def test_a_slots_copy_is_the_same_text_whichever_others_are_written(
 
     assert text_of_tile_7([7]) == text_of_tile_7(list(range(TILE_SLOTS))) == text_of_tile_7([63, 7, 1])
     assert len(text_of_tile_7([7])) == 8
-
-
-def test_maps_keep_their_distance_in_every_direction(template: TileTemplate) -> None:
-    left, bottom, right, top = template.bounds
-    assert (left, bottom, right, top) == (-0.3, 0.0, 100.0, 4.9)
-    layout = template.layout(margin_m=500.0)
-    offsets = [layout.offset(slot) for slot in range(TILE_SLOTS)]
-    assert len(set(offsets)) == TILE_SLOTS
-    for i, (ax, ay) in enumerate(offsets):
-        for bx, by in offsets[:i]:
-            assert abs(ax - bx) - (right - left) >= 500.0 or abs(ay - by) - (top - bottom) >= 500.0
 
 
 @pytest.mark.parametrize(

@@ -49,18 +49,6 @@ def test_the_clearance_takes_in_the_neighbouring_lane_or_does_not() -> None:
     assert gap((130.0, 5.2, 0.0, 7.0)) == np.inf
 
 
-def test_a_long_vehicle_reaches_into_the_way_from_outside_the_clearance() -> None:
-    # Turned across, its 4.5 m reach 2.25 m to the side: from 3.4 m away to 1.15 m, inside 0.9 + 0.3 m.
-    assert gap((130.0, 3.4, DOWN, 0.0), clearance=1.5) == pytest.approx(130 - 100 - 0.9 - 2.25)
-    assert gap((130.0, 3.5, DOWN, 0.0), clearance=1.5) == np.inf
-
-
-def test_a_vehicle_across_the_path_stands_there_with_its_width() -> None:
-    found = leaders((130.0, 0.0, DOWN, 6.0))
-    assert found.gap[0] == pytest.approx(130 - 100 - 0.9 - 2.25)
-    assert found.speed[0] == pytest.approx(0.0, abs=1e-12)
-
-
 def test_a_vehicle_alongside_is_no_leader_unless_it_is_in_the_way() -> None:
     # Half a length ahead: in the next lane it overlaps along the path but not across.
     assert gap((102.0, 3.5, 0.0, 10.0)) == np.inf
@@ -68,15 +56,6 @@ def test_a_vehicle_alongside_is_no_leader_unless_it_is_in_the_way() -> None:
     assert gap((102.0, 1.9, 0.0, 10.0)) == pytest.approx(2.0 - 4.5)
     # The same one behind is not ours to avoid.
     assert gap((98.0, 1.9, 0.0, 10.0)) == np.inf
-
-
-def test_oncoming_traffic_in_its_own_lane_is_no_leader_in_ours_it_is() -> None:
-    assert gap((130.0, 3.5, np.pi, 10.0)) == np.inf
-    found = leaders((130.0, 0.5, np.pi, 10.0))
-    assert (found.gap[0], found.speed[0]) == pytest.approx((25.5, -10.0))
-    # Nor is one that waits there; one that stands across counts.
-    assert gap((130.0, 3.5, np.pi, 0.0)) == np.inf
-    assert gap((130.0, 3.5, np.pi / 2, 0.0)) == pytest.approx(30 - 2.25 - 0.9)
 
 
 def test_distance_is_measured_along_a_curved_path() -> None:
@@ -87,20 +66,6 @@ def test_distance_is_measured_along_a_curved_path() -> None:
     # Smoothing shortens the arc by sigma²/(2R²), 0.1 %.
     assert found.gap[0] == pytest.approx(45.0 - 4.5, abs=0.15)
     assert found.speed[0] == pytest.approx(5.0, abs=0.01)
-
-
-def test_a_vehicle_on_another_branch_of_a_fork_leads_only_who_goes_there() -> None:
-    other = (65.0, 50.0, np.pi / 2, 5.0)  # up the left branch
-    scene = roads.scene_of((40.0, 0.0, 0.0, 8.0), other)
-    history, who = (
-        roads.present(scene),
-        VehicleIndex(future=np.zeros(3, dtype=int), vehicle=np.zeros(3, dtype=int)),
-    )
-    paths = seed_paths(scene, roads.fork())
-    row = np.array([0, 1, 2])
-    s, _, _ = foot_points(paths, row, np.full(3, 40.0), np.zeros(3), np.full(3, BEHIND_M))
-    found = find_leaders(history, who, paths, row, s, clearance=5.0, radius=100.0)
-    assert found.index.tolist() == [1, -1, -1]
 
 
 def pedestrian(x: float, y: float, present: bool = True) -> Obstacles:

@@ -85,39 +85,6 @@ def test_a_vehicle_beside_the_centreline_joins_it_and_stays_without_swinging(
     assert y[-1] == pytest.approx(0.0, abs=0.01)
 
 
-def test_the_path_is_kept_to_in_a_curve() -> None:
-    where = roads.road(roads.lane(1, roads.arc(15.0, 3.0, (50.0, 0.0), step=0.5), predecessors=(2,)),
-                       roads.lane(2, [(0.0, 0.0), (50.0, 0.0)], successors=(1,)))  # fmt: skip
-    track = driven(where, roads.scene_of((35.0, 0.0, 0.0, 6.0)), 9.0)
-    x, y = rear_axle(track)
-    inside = x > 50.0
-    radius = np.hypot(x[inside] - 50.0, y[inside] - 15.0)
-    # Smoothing draws the entry inwards by a few centimetres; the rest is the driver's.
-    assert radius == pytest.approx(15.0, abs=0.15)
-
-
-def test_a_long_future_still_finds_its_road() -> None:
-    # A ring of 40 m radius, once round at 10 m/s: 25 s, 251 m; a plan's table reaches 120 m at first.
-    ring = [roads.arc(40.0, np.pi), roads.arc(40.0, np.pi, (0.0, 80.0), np.pi)]
-    where = roads.road(
-        roads.lane(1, ring[0], successors=(2,), predecessors=(2,)),
-        roads.lane(2, ring[1], successors=(1,), predecessors=(1,)),
-    )
-    track = driven(where, roads.scene_of((0.0, 0.0, 0.0, 10.0)), 25.0)
-    x, y = rear_axle(track)
-    assert np.hypot(x, y - 40.0)[30:] == pytest.approx(40.0, abs=0.1)
-
-
-def test_a_vehicle_facing_half_backwards_turns_round_and_comes_back() -> None:
-    # Matching ends at 60 degrees; a given path has no such limit.
-    model = ConstantVelocity(ConstantVelocityProfile(path=((0.0, 0.0), (900.0, 0.0))))
-    scene = roads.scene_of((300.0, 0.0, np.deg2rad(150), 5.0))
-    track = roads.closed_loop(model, roads.straight(), scene, steps=200, replan=5)[0, 0]
-    assert track.y[-1] == pytest.approx(0.0, abs=0.05)
-    assert track.heading[-1] == pytest.approx(0.0, abs=0.01)
-    assert_bicycle(track)
-
-
 def test_the_rear_axle_of_a_truck_keeps_to_its_share_of_the_length() -> None:
     where = roads.road(roads.lane(1, roads.arc(20.0, 3.0, step=0.5)))
     scene = roads.scene_of((0.0, 0.0, 0.0, 6.0), length=12.0)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.paths import (
     BEHIND_M,
     DS_M,
@@ -40,15 +39,6 @@ def furthest_from(points: FloatArray, centreline: FloatArray) -> float:
 def corner(degrees: float) -> np.ndarray:
     a = np.deg2rad(degrees)
     return np.array([[0.0, 0.0], [60.0, 0.0], [60.0 + 80 * np.cos(a), 80 * np.sin(a)]])
-
-
-@pytest.mark.parametrize("degrees", [20, 45, 70])
-def test_a_corner_becomes_a_curve_a_car_can_drive_inside_the_lane(degrees: float) -> None:
-    bent = corner(degrees)
-    paths = seed_paths(roads.scene_of((30.0, 0.0, 0.0, 8.0)), roads.road(roads.lane(1, bent)))
-    near = line(paths)[: int((BEHIND_M + 90) / DS_M)]
-    assert np.abs(near[:, 5]).max() <= 0.2
-    assert furthest_from(near[:, :2], bent) <= 1.75
 
 
 def test_a_right_angle_is_cut_as_far_as_the_lane_allows() -> None:
@@ -97,17 +87,6 @@ def test_random_picks_each_path_as_often_as_it_is_probable() -> None:
     assert set(paths.choose("random", np.ones(50, dtype=np.int64), draw[:50]).tolist()) == {3}
 
 
-def test_lane_ids_or_points_can_be_given() -> None:
-    assert chosen((1, 13), 0.0) == (1, 13)
-    scene = roads.scene_of((20.0, 0.0, 0.0, 10.0))
-    points = ((0.0, 1.0), (500.0, 1.0))
-    given = seed_paths(scene, roads.fork(), points)
-    assert line(given)[:, 1] == pytest.approx(1.0)
-    assert line(given)[int(BEHIND_M / DS_M), 0] == pytest.approx(20.0)
-    with pytest.raises(UsageError, match="lane 99 is no vehicle lane of drawn"):
-        seed_paths(scene, roads.fork(), (1, 99))
-
-
 def test_the_speed_limit_follows_the_lanes() -> None:
     zones = roads.road(
         roads.lane(1, [(0.0, 0.0), (50.0, 0.0)], limit=20.0, successors=(2,)),
@@ -116,20 +95,6 @@ def test_the_speed_limit_follows_the_lanes() -> None:
     limit = seed_paths(roads.scene_of((20.0, 0.0, 0.0, 10.0)), zones).speed_limit[0]
     x = DS_M * np.arange(len(limit))  # from 20 m behind x = 20
     assert np.all(limit[x < 50.0] == 20.0) and np.all(limit[x > 50.0] == 10.0)
-
-
-def test_a_place_that_a_path_passes_twice_belongs_to_the_expected_lap() -> None:
-    half = roads.arc(12.0, np.pi, step=0.5), roads.arc(12.0, np.pi, (0.0, 24.0), np.pi, step=0.5)
-    ring = roads.road(
-        roads.lane(1, half[0], successors=(2,), predecessors=(2,)),
-        roads.lane(2, half[1], successors=(1,), predecessors=(1,)),
-    )
-    paths = seed_paths(roads.scene_of((0.0, 0.0, 0.0, 8.0)), ring)
-    x, y = np.full(2, 12 * np.sin(1.0)), np.full(2, 12 - 12 * np.cos(1.0))
-    s, _, heading = foot_points(paths, np.array([0, 0]), x, y, BEHIND_M + np.array([20.0, 70.0]))
-    lap = 2 * np.pi * (12.0 - 0.09)
-    assert s - BEHIND_M == pytest.approx([12.0, 12.0 + lap], abs=0.3)
-    assert heading[1] - heading[0] == pytest.approx(2 * np.pi, abs=0.02)
 
 
 def test_all_paths_of_a_long_future_take_memory_in_proportion_to_its_steps() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.models.idm import IdmDriver, IdmProfile, desired_speed, idm_acceleration
+from scex_sumo.behaviors.models.idm import IdmDriver, IdmProfile, idm_acceleration
 from scex_sumo.behaviors.registry import entry_of
 from scex_sumo.scene import Obstacles, States
 from tests.behaviors import roads
@@ -34,11 +34,6 @@ def test_the_acceleration_is_that_of_the_formula(
     wanted = p.minimum_gap + v * p.time_headway + v * (v - leader) / root
     by_hand = p.max_acceleration * (1 - (v / v0) ** 4 - (wanted / gap) ** 2)
     assert acceleration(v, v0, gap, leader, p) == pytest.approx(by_hand, rel=1e-12)
-
-
-def test_a_free_driver_accelerates_at_a_max_from_rest_and_not_at_all_at_the_desired_speed() -> None:
-    assert acceleration(0.0, 15.0, np.inf, 0.0) == 1.5
-    assert acceleration(15.0, 15.0, np.inf, 0.0) == 0.0
 
 
 def follow(*vehicles: roads.Vehicle, seconds: float = 3.0, profile: IdmProfile = PROFILE) -> States:
@@ -85,13 +80,6 @@ def one_against_standing(driver: IdmDriver, speed: float, gap: float, seconds: f
     return roads.closed_loop(driver, roads.straight(), scene, steps=round(seconds * 10), replan=5)[0, 0]
 
 
-def test_emergency_a_short_gap_is_braked_for_at_the_limit() -> None:
-    track = follow((30.0, 0.0, 0.0, 15.0), (45.0, 0.0, 0.0, 0.0))
-    assert np.diff(track.speed)[:5] / 0.1 == pytest.approx(-9.0)
-    assert np.all(track.speed >= 0)
-    assert track.speed[-1] == 0.0
-
-
 def test_the_speed_limit_of_the_lane_is_the_desired_speed_and_can_be_replaced() -> None:
     scene = roads.scene_of((30.0, 0.0, 0.0, 5.0))
 
@@ -103,28 +91,6 @@ def test_the_speed_limit_of_the_lane_is_the_desired_speed_and_can_be_replaced() 
     assert end(10.0) == pytest.approx(10.0, abs=0.01)
     assert end(10.0, speed=7.0) == pytest.approx(7.0, abs=0.01)
     assert end(10.0, speed_factor=1.2) == pytest.approx(12.0, abs=0.01)
-
-
-HABIT = replace(PROFILE, habit_memory=10.0, habit_lead=1.5, habit_margin=0.5)
-
-
-def wish(
-    time_s: float, *, present: float, speed: float, acceleration: float, profile: IdmProfile = HABIT
-) -> float:
-    """Desired speed on a road with 15 m/s."""
-    columns = (np.array([value]) for value in (15.0, present, speed, acceleration))
-    return float(desired_speed(profile, *columns, time_s)[0])
-
-
-def test_a_driver_with_a_habit_wants_what_it_showed_first_and_the_limit_later() -> None:
-    # 8 m/s, 1 m/s²: it shows 8 + 1.5·1 + 0.5 = 10 m/s.
-    assert wish(0.0, present=8.0, speed=8.0, acceleration=1.0) == pytest.approx(10.0)
-    assert wish(10.0, present=8.0, speed=8.0, acceleration=1.0) == pytest.approx(15 - 5 / np.e)
-    # Not more than the limit, but what it drives already; nothing below a standstill.
-    assert wish(0.0, present=14.0, speed=14.0, acceleration=2.0) == pytest.approx(15.0)
-    assert wish(0.0, present=18.0, speed=18.0, acceleration=2.0) == pytest.approx(18.0)
-    assert wish(0.0, present=0.0, speed=1.0, acceleration=-4.0) == 0.0
-    assert wish(5.0, present=8.0, speed=8.0, acceleration=1.0, profile=PROFILE) == 15.0
 
 
 def test_the_calibrated_driver_goes_on_as_the_seed_scene_shows() -> None:
@@ -157,14 +123,6 @@ def test_with_a_curve_limit_a_driver_is_slow_enough_when_it_gets_there_without_o
     assert braking >= -2.5
     fast, _ = fastest_in_curve(0.0)
     assert fast == pytest.approx(15.0, abs=0.1)
-
-
-def test_a_vehicle_off_the_road_keeps_its_speed_and_a_parked_one_stays() -> None:
-    scene = roads.scene_of((20.0, 50.0, 0.4, 7.0), (90.0, -50.0, 1.0, 0.0))
-    made = roads.plan(DRIVER, roads.straight(), roads.present(scene))
-    assert made.speed[0] == pytest.approx(7.0)
-    assert made.heading[0] == pytest.approx(0.4)
-    assert made.x[1] == pytest.approx(90.0) and made.y[1] == pytest.approx(-50.0)
 
 
 @pytest.mark.parametrize(

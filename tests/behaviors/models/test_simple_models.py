@@ -22,13 +22,6 @@ from tests.behaviors import roads
 CONSTANT = ConstantVelocity(ConstantVelocityProfile(path=0))
 
 
-def test_constant_velocity_covers_its_speed_times_time_on_a_straight() -> None:
-    made = roads.plan(CONSTANT, roads.straight(), roads.present(roads.scene_of((30.0, 0.0, 0.0, 13.0))))
-    assert made.x.shape == (1, 30)
-    assert made.x[0] == pytest.approx(30.0 + 1.3 * np.arange(1, 31))
-    assert made.y[0] == pytest.approx(0.0) and made.speed[0] == pytest.approx(13.0)
-
-
 def test_constant_velocity_covers_the_same_arc_length_in_a_curve() -> None:
     where = roads.road(roads.lane(1, roads.arc(30.0, 3.0, step=0.5)))
     scene = roads.scene_of((30 * np.sin(0.5), 30 - 30 * np.cos(0.5), 0.5, 10.0))

@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.converters.datasets.find import find_recordings
-from scex_sumo.evaluation.recordings import LoadedRecording, load_recording, recording_moments, seed_at
+from scex_sumo.evaluation.recordings import LoadedRecording, load_recording
 from scex_sumo.formats.commonroad.tracks import read_commonroad_tracks
-from scex_sumo.scenarios.seeds import read_seed
-from tests.converters.datasets.test_recordings import same
 
 
 def load(root: Path) -> LoadedRecording:
@@ -59,18 +57,3 @@ def test_monas_chunks_fit_at_their_seams(data: Path) -> None:
             mean = (other.speed[first] + one.speed[last]) / 2.0
             # One time step of 0.2 s lies between them; 0.05 m is what speeds are rounded and smoothed by.
             assert step == pytest.approx(0.2 * mean, abs=0.05)
-
-
-@pytest.mark.parametrize(
-    "root", ["taf_bw/maps/k733_2020-09-15.osm", "taf_bw/maps/k729_2022-03-16.osm", "mona/MONA-Merge"]
-)
-def test_seed_scenes_are_those_that_run_would_read(data: Path, root: str) -> None:
-    loaded = load(data / root)
-    recording = loaded.recording
-    tracks = recording.track_paths[0] if len(recording.track_paths) == 1 else recording.map_path.parent
-    moment = recording_moments(loaded, every_s=5.0)[1]
-    scene = seed_at(loaded, moment.time_s)
-    same(scene, read_seed(recording.map_path, tracks=tracks, time=moment.time_s))
-    raw = read_seed(recording.map_path, tracks=tracks, time=moment.time_s, align=False)
-    moved_m = np.hypot(raw.now.x - scene.now.x, raw.now.y - scene.now.y)
-    assert (moved_m > 0.1).all() and (moved_m < 3.0).all()

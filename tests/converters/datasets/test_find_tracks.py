@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo.base.errors import MapError, TrackError
+from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.datasets.interaction import beside_tracks, find_tracks
-from scex_sumo.converters.maps import read_map
 
 
 def _touch(path: Path) -> Path:
@@ -54,18 +53,3 @@ def test_a_sumo_net_asks_for_what_sumo_writes(tmp_path: Path) -> None:
         find_tracks(net)
     beside = _touch(tmp_path / "a.fcd.xml.gz")
     assert find_tracks(net) == beside
-
-
-def test_a_folder_is_no_map_and_one_in_it_is_named(tmp_path: Path) -> None:
-    for name in ("C-DEU_Site-2_1_T-79.xml", "notes.txt"):
-        _touch(tmp_path / "scenarios" / name)
-    for read in (find_tracks, read_map):
-        with pytest.raises(
-            MapError, match=r"scenarios: a folder; give a map in it, e\.g\. C-DEU_Site-2_1_T-79.xml"
-        ):
-            read(tmp_path / "scenarios")
-
-
-def test_the_real_maps_find_theirs(data: Path) -> None:
-    found = find_tracks(data / "taf_bw/maps/k729_2022-03-16.osm")
-    assert found == data / "taf_bw/recorded_trackfiles/k729_2022-03-16/vehicle_tracks_000.csv"

@@ -25,11 +25,6 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "data"
 
 
-def add_recording(folder: Path, name: str) -> None:
-    for suffix in (".osm", ".csv"):
-        (folder / f"{name}{suffix}").write_bytes((folder / f"a{suffix}").read_bytes())
-
-
 def add_result(folder: Path, info: str) -> Path:
     """A result that holds the seed scene as a recording with its map."""
     out = folder / "out"
@@ -55,16 +50,6 @@ def test_map_and_tracks_that_are_swapped_are_called_so(folder: Path) -> None:
 def test_a_recording_in_the_place_of_its_map_names_the_map(folder: Path) -> None:
     with pytest.raises(MapError, match=r"a\.csv: a recording, not a map; its map is \S+a\.osm"):
         scex_sumo.read_map(folder / "a.csv")
-
-
-def test_the_only_recording_of_a_folder_is_taken(folder: Path) -> None:
-    assert map_and_tracks(folder) == (folder / "a.osm", folder / "a.csv")
-    assert scex_sumo.read_seed(folder, time=4.0).vehicles == 14
-
-
-def test_tracks_choose_the_map_of_a_folder(folder: Path) -> None:
-    add_recording(folder, "b")
-    assert map_and_tracks(folder, folder / "b.csv") == (folder / "b.osm", folder / "b.csv")
 
 
 def test_several_recordings_of_one_map_are_listed(folder: Path) -> None:

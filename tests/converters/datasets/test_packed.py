@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import os
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -60,13 +58,3 @@ def test_a_broken_packed_map_is_one_line(tmp_path: Path) -> None:
     path.write_bytes(gzip.compress((DATA / "roundabout.osm").read_bytes())[:5000])
     with pytest.raises(MapError, match="cannot be unpacked"):
         scex.read_map(path)
-
-
-def test_a_map_in_a_folder_that_is_no_utf_8_is_read(tmp_path: Path) -> None:
-    folder = tmp_path / os.fsdecode(b"stra\xdfe")
-    folder.mkdir()
-    for name in ("roundabout.osm", "roundabout.csv"):
-        shutil.copy(DATA / name, folder / (os.fsdecode(b"\xe9") + name))
-    scene = scex.read_seed(folder / (os.fsdecode(b"\xe9") + "roundabout.osm"))
-    assert scene.road is not None
-    assert scene.road.name == "-roundabout"

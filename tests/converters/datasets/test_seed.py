@@ -47,13 +47,6 @@ def test_a_vehicle_without_a_past_gets_one_at_constant_velocity_and_it_is_said(t
     assert scene.notes == ("1 of 2 vehicles came within the last second: constant velocity before",)
 
 
-def test_of_a_recording_the_busiest_complete_moment_is_taken(tmp_path: Path) -> None:
-    # Two vehicles are whole (1 s before, 3 s after) from 3.0 to 4.0 s; the standing ones do not count.
-    rows = straight(1, range(0, 80)) + straight(2, range(20, 71), y=4.0)
-    rows += straight(3, range(0, 80), y=8.0, speed=0.0) + straight(4, range(0, 30), y=12.0)
-    assert _seed(tmp_path, rows).time_s == 3.0
-
-
 def _cases() -> list[Row]:
     frames = range(1, 41)
     rows = in_case("1.0", straight(1, frames))
@@ -135,23 +128,6 @@ def test_other_rates_are_interpolated_to_ten_hertz(tmp_path: Path, step_ms: floa
     assert f"recorded at {1000 / step_ms:.3g} Hz: interpolated to 10 Hz" in scene.notes
 
 
-def test_short_gaps_are_interpolated_and_counted(tmp_path: Path) -> None:
-    frames = [frame for frame in range(60) if frame not in (15, 16, 17, 30)]
-    scene = _seed(tmp_path, straight(1, frames), time_s=2.0)
-    np.testing.assert_allclose(scene.history.x[0], 10.0 + np.arange(11), atol=1e-9)
-    assert scene.recorded_steps.tolist() == [10]
-    assert scene.notes == ("4 missing samples interpolated",)
-
-
-def test_a_long_gap_ends_history_and_future(tmp_path: Path) -> None:
-    frames = [*range(0, 10), *range(17, 24), *range(35, 60)]
-    rows = straight(1, frames) + straight(2, range(60), y=4.0)
-    scene = _seed(tmp_path, rows, time_s=2.0)
-    assert scene.recorded_steps.tolist() == [3, 10]
-    assert scene.future_valid is not None
-    assert scene.future_valid.sum(axis=1).tolist() == [3, 39]
-
-
 def test_pedestrians_present_at_the_moment_are_obstacles(tmp_path: Path) -> None:
     rows = straight(1, range(60))
     rows += straight(2, range(15, 31), speed=1.0, kind="Pedestrian", y=5.0)
@@ -166,17 +142,6 @@ def test_pedestrians_present_at_the_moment_are_obstacles(tmp_path: Path) -> None
     np.testing.assert_allclose(obstacles.states.x[0], 1.0 + 0.1 * np.arange(91))  # goes on after frame 30
 
 
-def test_repairs_are_said_in_one_line_and_can_be_switched_off(tmp_path: Path) -> None:
-    rows = straight(1, range(60), vx=5.0)
-    repaired = _seed(tmp_path, rows, time_s=2.0)
-    assert len(repaired.notes) == 1
-    assert repaired.notes[0].startswith("vehicle_tracks_007.csv repaired: velocities of 1 of 1")
-    np.testing.assert_allclose(repaired.history.speed, 10.0, atol=1e-6)
-    raw = _seed(tmp_path, rows, time_s=2.0, repair=False)
-    assert raw.notes == ()
-    np.testing.assert_array_equal(raw.history.speed, 5.0)
-
-
 def test_k733_at_one_minute(data: Path) -> None:
     scene = recorded_scene(data / "taf_bw/maps/k733_2020-09-15.osm", time_s=60.0)
     assert scene.name == "k733_2020-09-15_000_t60.0"
@@ -188,14 +153,6 @@ def test_k733_at_one_minute(data: Path) -> None:
     mean = (scene.history.speed[:, 1:] + scene.history.speed[:, :-1]) / 2.0
     recorded = np.arange(10) >= 10 - scene.recorded_steps[:, None]
     assert np.abs(step - mean)[recorded].max() < 0.5
-
-
-def test_every_recording_of_k729_gives_a_seed_scene(data: Path) -> None:
-    for path in sorted((data / "taf_bw/recorded_trackfiles/k729_2022-03-16").glob("vehicle_tracks_*.csv")):
-        scene = recorded_scene(data / "taf_bw/maps/k729_2022-03-16.osm", tracks=path)
-        assert scene.vehicles >= 1
-        assert (scene.now.speed < 20.0).all()
-        assert "tracker warm-up" in scene.notes[0]
 
 
 def test_the_cases_of_version_1_2_are_found(data: Path) -> None:

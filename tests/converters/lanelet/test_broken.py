@@ -20,7 +20,7 @@ from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Road
-from tests.converters.maps import Lanelet, Line, draw_map, rule, straight
+from tests.converters.maps import Line, draw_map, rule, straight
 
 READ = """
 import sys
@@ -123,13 +123,6 @@ def test_a_lanelet_without_two_bounds_is_left_out_and_named(tmp_path: Path, defe
     assert any(re.search(said, note) for note in road.notes), road.notes
 
 
-def test_a_missing_node_inside_a_bound_is_passed_over(tmp_path: Path) -> None:
-    text = draw_map([Lanelet(1, left=[(0, 3), (20, 3), (50, 3)], right=[(0, 0), (50, 0)])])
-    road = read_road(written(tmp_path, text.replace("node id='100001'", "node id='999999'")))
-    np.testing.assert_allclose(road.lanes[1].left_bound, [(0, 3), (50, 3)], atol=1e-6)
-    assert one_note(road) == "ways that refer to missing nodes, drawn without them: 200000"
-
-
 def test_bounds_in_pieces_are_joined(tmp_path: Path) -> None:
     pieces = [Line(7, [(80, 3.5), (50, 3.5)]), Line(8, [(50, 0), (80, 0)])]  # 7 is drawn backwards
     text = draw_map([straight(1, 0, 50)], lines=pieces)
@@ -140,16 +133,6 @@ def test_bounds_in_pieces_are_joined(tmp_path: Path) -> None:
     np.testing.assert_allclose(road.lanes[1].left_bound, [(0, 3.5), (50, 3.5), (80, 3.5)], atol=1e-6)
     np.testing.assert_allclose(road.lanes[1].right_bound, [(0, 0), (50, 0), (80, 0)], atol=1e-6)
     assert one_note(road) == "lanelets with bounds in several pieces, joined: 1"
-
-
-def test_of_elements_with_one_id_the_first_counts(tmp_path: Path) -> None:
-    text = two_lanes()
-    again = [line for line in text.splitlines() if "id='2'" in line or "id='100000'" in line]
-    moved = again[0].replace("lat='0", "lat='1")
-    road = read_road(written(tmp_path, text.replace("</osm>", "\n".join([moved, again[1], "</osm>"]))))
-    assert list(road.lanes) == [1, 2]
-    np.testing.assert_allclose(road.lanes[1].left_bound, [(0, 3.5), (50, 3.5)], atol=1e-6)
-    assert one_note(road) == "ids used twice, the first element kept: node 100000, relation 2"
 
 
 def test_lanelets_that_cannot_be_read_are_a_loss_with_its_share(tmp_path: Path) -> None:
@@ -209,38 +192,6 @@ def test_ways_that_end_at_one_place_in_two_nodes_are_linked(tmp_path: Path) -> N
         lane.successors for lane in whole.lanes.values()
     ]
     assert one_note(road).startswith("nodes at the place of another, taken for that one: ")
-
-
-def test_a_lanelet_drawn_twice_counts_once(tmp_path: Path) -> None:
-    text = two_lanes()
-    twin = re.search(r"<relation id=.1.*?</relation>", text, re.DOTALL)
-    assert twin is not None
-    again = twin[0].replace("id='1'", "id='7'").replace('id="1"', 'id="7"')
-    road = read_road(written(tmp_path, text.replace("</osm>", f"{again}</osm>")))
-    assert list(road.lanes) == [1, 2]
-    assert one_note(road) == "lanelets left out, drawn twice between the same bounds: 7"
-    assert [str(loss) for loss in road.losses] == ["1 of 3 lanelets (33%) left out, broken: 7"]
-
-
-def test_a_lanelet_without_length_is_left_out_and_its_neighbours_meet(tmp_path: Path) -> None:
-    text = draw_map([straight(1, 0, 50), straight(2, 50, 50.005), straight(3, 50.005, 100)])
-    road = read_road(written(tmp_path, text))
-    assert list(road.lanes) == [1, 3]
-    assert road.lanes[1].successors == (3,)
-    assert road.notes[0] == "lanelets left out, no length between their bounds: 2"
-    assert [loss.elements for loss in convert(road, tmp_path / "broken.net.xml").losses] == [(2,)]
-
-
-@pytest.mark.parametrize(("tags", "named"), [({}, "3"), ({"subtype": "road"}, None)])
-def test_narrow_car_lanes_without_subtype_are_named(
-    tags: dict[str, str], named: str | None, tmp_path: Path
-) -> None:
-    car = {"participant:vehicle": "yes", "one_way": "yes", **tags}
-    wide, narrow = straight(1, 0, 50, tags=car), straight(3, 0, 50, y=20, width=1.6, tags=car)
-    road = read_road(written(tmp_path, draw_map([wide, narrow])))
-    assert set(road.vehicle_lanes) == {1, 3}
-    said = f"lanelets without subtype, under 2.2 m wide, taken for car lanes: {named}"
-    assert road.notes == ((said,) if named else ())
 
 
 def test_a_centreline_drawn_on_a_bound_is_computed(tmp_path: Path) -> None:

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.base.errors import MapError, UsageError
+from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.file import read_map_file
-from scex_sumo.converters.lanelet.origin import map_origin, parse_origin, recorded_origin
+from scex_sumo.converters.lanelet.origin import map_origin, recorded_origin
 from scex_sumo.converters.lanelet.projection import to_local
 from scex_sumo.converters.lanelet.reader import read_road
 from tests.converters.maps import draw_map, straight
@@ -57,17 +57,6 @@ def test_the_recordings_meta_data_give_the_origin(tmp_path: Path) -> None:
     assert find_origin(map_at(tmp_path / "a.osm", KARLSRUHE), tracks_path=tracks) == (49.5, 8.5)
 
 
-def test_the_tracks_meta_data_come_before_the_maps(tmp_path: Path) -> None:
-    meta_data(tmp_path, lat="10")
-    meta_data(tmp_path / "tracks", lat="20")
-    found = find_origin(map_at(tmp_path / "a.osm", KARLSRUHE), tracks_path=tmp_path / "tracks" / "a.csv")
-    assert found == (20.0, 8.5)
-
-
-def test_a_map_drawn_around_zero_has_its_origin_there(tmp_path: Path) -> None:
-    assert find_origin(map_at(tmp_path / "a.osm", (0.009, -0.009))) == (0.0, 0.0)
-
-
 def test_an_unknown_origin_is_an_error_that_says_how(tmp_path: Path) -> None:
     with pytest.raises(MapError, match=r"the origin .* not known: no meta_data.csv[^0-9]* --origin LAT,LON"):
         find_origin(map_at(tmp_path / "a.osm", KARLSRUHE))
@@ -80,17 +69,6 @@ def test_a_map_by_itself_begins_at_its_own_corner_and_says_so(tmp_path: Path) ->
     assert road.origin == KARLSRUHE
     assert road.notes == ("origin unknown: coordinates begin at the map's corner 49.0100000,8.4300000",)
     np.testing.assert_allclose(road.lanes[7].right_bound[0], (0.0, 0.0), atol=1e-6)
-
-
-def test_an_origin_is_read_from_the_command_line() -> None:
-    assert parse_origin("49.0053,8.4374") == (49.0053, 8.4374)
-    assert parse_origin(" -33.9, 151.2 ") == (-33.9, 151.2)
-
-
-@pytest.mark.parametrize("text", ["", "49", "49,8,1", "north,east", "91,0", "0,181", "nan,0", "49;8"])
-def test_an_origin_that_is_none_is_a_usage_error(text: str) -> None:
-    with pytest.raises(UsageError, match=r"^--origin: .*; got|^--origin: .* got"):
-        parse_origin(text)
 
 
 def test_the_real_maps_origins(data: Path) -> None:

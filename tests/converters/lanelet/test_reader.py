@@ -14,7 +14,6 @@ from tests.converters.maps import (
     CURB,
     DASHED,
     ROAD,
-    VIRTUAL,
     Lanelet,
     Line,
     Relation,
@@ -45,17 +44,6 @@ def test_bounds_drawn_against_the_driving_direction_are_turned(tmp_path: Path) -
     lane = road_of(tmp_path, [drawn]).lanes[1]
     np.testing.assert_allclose(lane.left_bound, [(0, 3), (50, 3)], **CLOSE)
     np.testing.assert_allclose(lane.centreline[[0, -1]], [(0, 1.5), (50, 1.5)], **CLOSE)
-
-
-def test_a_drawn_centreline_is_taken(tmp_path: Path) -> None:
-    text = write_map(
-        tmp_path / "drawn.osm", [straight(1, 0, 50)], lines=[Line(7, [(0, 1), (50, 1)], VIRTUAL)]
-    )
-    member = "<member type='way' ref='7' role='centerline'/>"
-    text.write_text(
-        text.read_text().replace('<tag k="type" v="lanelet"', f"{member}<tag k='type' v='lanelet'")
-    )
-    np.testing.assert_allclose(read_road(text).lanes[1].centreline, [(0, 1), (50, 1)], **CLOSE)
 
 
 def test_a_fork_and_a_merge_are_followed_both_ways(tmp_path: Path) -> None:
@@ -142,15 +130,6 @@ def test_a_two_way_lanelet_is_a_lane_in_each_direction(tmp_path: Path) -> None:
     assert (back.successors, back.predecessors, back.conflicts) == ((), (), ())
 
 
-def test_two_way_lanelets_drawn_head_to_head_connect(tmp_path: Path) -> None:
-    tags = {**ROAD, "one_way": "no"}
-    against = Lanelet(2, left=[(90, 0), (50, 0)], right=[(90, 3.5), (50, 3.5)], tags=tags)
-    lanes = road_of(tmp_path, [straight(1, 0, 50, tags=tags), against]).lanes
-    back = {lane.reverse_of: i for i, lane in lanes.items() if lane.reverse_of is not None}
-    assert lanes[1].successors == (back[2],)
-    assert lanes[2].successors == (back[1],)
-
-
 def test_right_of_way_names_who_yields_and_where(tmp_path: Path) -> None:
     crossing = Lanelet(2, left=[(20, -20), (20, 20)], right=[(24, -20), (24, 20)], rules=[90])
     sign = Line(8, [(25, -3), (25.5, -3)], {"type": "traffic_sign", "subtype": "de205"})
@@ -165,17 +144,6 @@ def test_right_of_way_names_who_yields_and_where(tmp_path: Path) -> None:
     assert (found.element_id, found.kind, found.lanes) == (90, "right_of_way", (1, 2))
     assert (found.yielding, found.priority, found.signs) == ((2,), (1,), ("de205",))
     np.testing.assert_allclose(found.stop_lines[0], [(20, -1), (24, -1)], **CLOSE)
-
-
-def test_a_sign_in_the_stop_lines_role_is_still_a_sign(tmp_path: Path) -> None:
-    sign = Line(8, [(25, -3), (25.5, -3)], {"type": "traffic_sign", "subtype": "de205"})
-    element = rule(90, "right_of_way", [("yield", 1), ("ref_line", 8), ("refers", 7)])
-    lines = [Line(7, [(20, 0), (20, 3.5)], DASHED), sign]
-    (found,) = road_of(
-        tmp_path, [straight(1, 0, 50, rules=[90])], lines=lines, relations=[element]
-    ).regulations
-    assert found.signs == ("de205",)
-    np.testing.assert_allclose(found.stop_lines[0], [(20, 0), (20, 3.5)], **CLOSE)
 
 
 def test_at_an_all_way_stop_all_yield(tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 import scex_sumo
-from scex_sumo.base.files import cache_folder
 from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.net.sumo_net import SumoNet, WrittenNet
 from scex_sumo.lanelet2sumo import net as writer
@@ -51,18 +50,6 @@ def test_a_kept_net_is_the_converted_one(name: str, tmp_path: Path, conversions:
         contents.append(content(converted(road_of(name), folder / "a.net.xml", keep=keep)))
     assert len(conversions) == 2
     assert contents[0] == contents[1] == contents[2]
-
-
-@pytest.mark.parametrize("damage", [b"<net", None], ids=["cut short", "edited at the same size"])
-def test_a_damaged_net_is_converted_anew(
-    damage: bytes | None, tmp_path: Path, conversions: list[str]
-) -> None:
-    before = converted(road_of(), tmp_path / "a.net.xml").path.read_bytes()
-    (place,) = (cache_folder() / "nets").iterdir()
-    place.write_bytes(damage or place.read_bytes().replace(b'speed=\\"8', b'speed=\\"9'))
-    for _ in range(2):
-        assert converted(road_of(), tmp_path / "a.net.xml").path.read_bytes() == before
-    assert len(conversions) == 2
 
 
 @pytest.mark.parametrize("keep", [True, False])

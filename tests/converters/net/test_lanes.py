@@ -41,20 +41,3 @@ def test_a_written_table_reads_the_same(table: LaneTable, tmp_path: Path) -> Non
     for lanelet in (1, 2, 3, 9):
         assert again.sumo_lanes(lanelet) == table.sumo_lanes(lanelet)
     assert again.edges([1, 2]) == table.edges([1, 2])
-
-
-def test_a_route_that_begins_inside_a_junction_begins_on_the_road_before_it(tmp_path: Path) -> None:
-    """Lane 2 lies wholly within its crossing with lane 9, so it is no edge of its own."""
-    drawn = road(
-        [
-            lane(1, [(-40, 0), (-2, 0)], to=(2,)),
-            lane(2, [(-2, 0), (2, 0)], to=(3,)),
-            lane(3, [(2, 0), (40, 0)]),
-            lane(9, [(0, -40), (0, 40)]),
-        ]
-    )
-    net = convert(drawn, str(tmp_path / "net.net.xml"))
-    assert all(name.startswith(":") for name in net.lanes.sumo_lanes(2))
-    for table in (net.lanes, read_lane_table(tmp_path / "net.lanes.csv")):
-        assert table.edges([2]) == table.edges([1, 2, 3])
-        assert table.edges([2, 3]) == table.edges([1, 2, 3])

@@ -23,13 +23,6 @@ def test_vehicles_and_others_are_kept_apart_by_type(tmp_path: Path) -> None:
     assert table.others.types == ("bike", "pedestrian")
 
 
-def test_unknown_columns_spaces_and_a_byte_order_mark_do_no_harm(tmp_path: Path) -> None:
-    rows = [row | {"time": "2022-03-16 11:20:35.498"} for row in straight(7)]
-    path = write_rows(tmp_path / "t.csv", rows, ["time", *COLUMNS])
-    path.write_text("\ufeff" + path.read_text().replace("psi_rad,", " psi_rad ,", 1))
-    assert read_tracks(path).vehicles.labels == ("7",)
-
-
 def test_pedestrians_of_version_1_0_are_read_from_the_file_beside(tmp_path: Path) -> None:
     path = write_rows(tmp_path / "vehicle_tracks_003.csv", straight(1))
     walk = straight("P1", speed=1.0, kind="pedestrian/bicycle", y=5.0)
@@ -46,12 +39,6 @@ def test_equal_ids_in_different_cases_are_different_tracks_in_numerical_order(tm
     assert table.cases == ("2.0", "10.0")
     assert table.vehicles.tracks == 2
     assert len(table.case(1).vehicles) == 41
-
-
-def test_a_tracker_that_changes_its_mind_is_outvoted(tmp_path: Path) -> None:
-    rows = straight(1)
-    rows[5]["agent_type"] = "pedestrian"
-    assert read_tracks(write_rows(tmp_path / "t.csv", rows)).vehicles.types == ("car",)
 
 
 def test_a_gap_of_more_than_half_a_second_parts_a_track(tmp_path: Path) -> None:
@@ -131,14 +118,6 @@ def test_a_bad_value_is_named_with_its_line(
         assert word in str(error.value)
 
 
-def test_stamps_in_seconds_are_told_from_milliseconds(tmp_path: Path) -> None:
-    rows = [row | {"timestamp_ms": row["timestamp_ms"] / 1000.0} for row in straight(1)]
-    table = read_tracks(write_rows(tmp_path / "t.csv", rows))
-    assert table.notes == ("timestamp_ms is in seconds: converted to milliseconds",)
-    np.testing.assert_allclose(table.vehicles.timestamp_ms, 100.0 * np.arange(41))
-    assert table.step_s == pytest.approx(0.1)
-
-
 def test_an_unknown_type_as_large_as_a_vehicle_that_drives_is_a_vehicle(tmp_path: Path) -> None:
     rows = straight(1, kind="sedan") + straight(2, kind="sedan", speed=0.0, y=4.0) + straight(3, y=8.0)
     table = read_tracks(write_rows(tmp_path / "t.csv", rows))
@@ -146,15 +125,6 @@ def test_an_unknown_type_as_large_as_a_vehicle_that_drives_is_a_vehicle(tmp_path
     assert table.notes == (
         "unknown type 'sedan': 2 tracks are as large as vehicles and drive: taken for vehicles",
     )
-
-
-def test_ids_beyond_the_integers_of_floats_stay_apart(tmp_path: Path) -> None:
-    ids = [2**53, 2**53 + 1, 2**63 - 1]
-    rows = [row for k, own in enumerate(ids) for row in straight(own, y=4.0 * k)]
-    table = read_tracks(write_rows(tmp_path / "t.csv", rows))
-    assert np.unique(table.vehicles.track_id).tolist() == ids
-    with pytest.raises(TrackError, match="beyond 64 bits"):
-        read_tracks(write_rows(tmp_path / "t.csv", straight(2**63)))
 
 
 def test_a_packed_file_is_read_as_it_is_unpacked(tmp_path: Path) -> None:
@@ -173,14 +143,6 @@ def test_the_real_recordings_are_read_whole(data: Path) -> None:
     assert len(table.vehicles) + len(table.others) == 18_625
     assert (table.vehicles.tracks, table.others.tracks) == (58, 16)
     assert table.step_s == pytest.approx(0.1)
-
-
-def test_people_of_no_size_get_the_usual_one_with_a_note(tmp_path: Path) -> None:
-    rows = straight(1) + straight(2, y=4.0, agent_type="pedestrian", length=0.0, width=0.6)
-    table = read_tracks(write_rows(tmp_path / "t.csv", rows))
-    count = len(straight(2))
-    assert table.notes == (f"{count} rows of a length or width that is not positive: the usual one",)
-    assert (table.others.length == 0.6).all()
 
 
 def test_headings_in_degrees_are_told_by_the_driving(tmp_path: Path) -> None:

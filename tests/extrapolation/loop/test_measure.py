@@ -53,29 +53,6 @@ def crossing_seed() -> SeedScene:
     )
 
 
-def test_recorded_paths_reach_as_far_as_a_plan() -> None:
-    # They cross 4.2 s and 4.5 s after the moment; a plan reaches 3 s, this far from 1.5 s on.
-    recorded = measure_recorded(crossing_seed(), 30)
-    assert recorded is not None
-    values = recorded.values
-    assert np.flatnonzero(values.scene["gap_time"].defined[0]).min() == 14  # step 15
-    gap, defined = values.column("gap_time")
-    assert defined[0]
-    assert gap[0] == pytest.approx(0.3, abs=1e-9)
-    assert values.scene["gap_time"].value.shape == (1, 30)
-
-
-def test_vehicles_count_as_long_as_they_were_recorded() -> None:
-    scene = crossing_seed()
-    valid = np.ones(scene.future.shape, dtype=bool) if scene.future is not None else None
-    assert valid is not None
-    valid[1, 10:] = False
-    recorded = measure_recorded(dataclasses.replace(scene, future_valid=valid), 30)
-    assert recorded is not None
-    assert recorded.last_step.tolist() == [30, 10]
-    assert recorded.values.scene["distance"].defined[0].tolist() == [True] * 10 + [False] * 20
-
-
 def test_futures_can_be_measured_for_as_long_as_their_vehicles_were_recorded() -> None:
     scene = crossing_seed()
     assert scene.future is not None and scene.future_valid is not None
@@ -141,23 +118,6 @@ def test_boxes_that_overlap_at_first_and_vehicles_that_leave_are_said() -> None:
     notes = outcome_notes(gone, measure_recorded(gone, 30))
     assert notes[0] == "boxes that overlap at the seed moment do not count as collisions: 0 and 1"
     assert "1 of 2 vehicles leave within the time of a future" in notes[-1] and notes[-1].endswith(": 1")
-
-
-def many(scene: SeedScene, count: int) -> SeedScene:
-    """The first vehicle of a scene, many times over."""
-    again = np.zeros(count, int)
-    assert scene.future is not None and scene.future_valid is not None
-    return dataclasses.replace(
-        scene,
-        track_ids=np.arange(count),
-        types=("car",) * count,
-        length=scene.length[again],
-        width=scene.width[again],
-        history=scene.history[again],
-        recorded_steps=scene.recorded_steps[again],
-        future=scene.future[again],
-        future_valid=scene.future_valid[again],
-    )
 
 
 def test_a_car_that_hits_one_of_two_people_that_touched_is_no_consequence() -> None:

@@ -75,15 +75,6 @@ def cast_of(model: Forward, scene: SeedScene, futures: int, *, overridden: bool 
     )
 
 
-def test_states_are_what_the_world_holds_not_what_was_planned() -> None:
-    scene = straight_seed()
-    world = PlainWorld(scene.now.repeat(3), drift=0.5)
-    rollout = roll_out(world, ROAD, scene, cast_of(Forward(), scene, 3), steps=10, replan=5)
-    # Each plan goes 1 m a step from where it was made; the world adds 0.5 m, which the next plan sees.
-    assert rollout.states.x[:, :5, 0] == pytest.approx(np.arange(1, 6) + 0.5 + np.zeros((3, 1)))
-    assert rollout.states.x[0, 5:, 0] == pytest.approx(5.5 + np.arange(1, 6) + 0.5)
-
-
 def test_models_see_eleven_states_ending_in_the_present() -> None:
     scene = straight_seed()
     model = Forward()

@@ -24,7 +24,7 @@ from tests.learned import nets
 
 OURS = [name for name, entry in known_entries().items() if entry.profile is not None and not entry.moves]
 NAMES = [*OURS, "sumo:EIDM", "constant_velocity:guard=true", "standard_driver:guard=true"]
-RANDOM = [f"{name}:path=random" for name in (*OURS, "sumo:EIDM", "risky_driver:guard=true")]
+RANDOM = [f"{name}:path=random" for name in ("standard_driver", "graph_predictor", "risky_driver:guard=true")]
 
 
 def alike() -> SceneHistory:
@@ -55,9 +55,7 @@ def model(request: pytest.FixtureRequest, tmp_path: Path) -> Behavior:
     return ModelSet.of(RunSettings(models=":".join([name, *rest]))).built[0]
 
 
-@pytest.mark.parametrize(
-    "whole", [roads.present(SCENE, 7), alike(), history(7)], ids=["seed", "alike", "apart"]
-)
+@pytest.mark.parametrize("whole", [roads.present(SCENE, 7), alike()], ids=["seed", "alike"])
 def test_plans_are_the_same_to_the_bit(model: Behavior, whole: SceneHistory) -> None:
     some = everybody(whole)
     for who in (some, VehicleIndex(future=some.future[::3], vehicle=some.vehicle[::3])):

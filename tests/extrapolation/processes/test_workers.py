@@ -10,17 +10,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from scex_sumo.base.errors import ResultError, SimulationError
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.base.errors import SimulationError
 from scex_sumo.extrapolation import engine
 from scex_sumo.extrapolation.engine import run_scene
-from scex_sumo.extrapolation.job import Job, batch_size
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.options import RunOptions
-from scex_sumo.extrapolation.processes import pool
 from scex_sumo.extrapolation.processes.pool import Pool, in_other_process, succeeded
 from scex_sumo.extrapolation.processes.workers import Workers, kept_workers
 from scex_sumo.extrapolation.settings import RunSettings
@@ -32,11 +28,6 @@ from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
 
 NEW_PROCESSES = True
-
-
-def refuse() -> None:
-    """Raise an error of ours."""
-    raise ResultError("disk: full")
 
 
 def names_of(scene: SeedScene) -> tuple[int, int]:
@@ -123,30 +114,6 @@ def test_a_worker_with_a_function_to_do_is_not_free() -> None:
         later = workers.submit(os.getpid, where="later", waits=True)
         assert later is not None and later.result() != os.getpid()
         assert succeeded(done) and workers.free == 2
-
-
-@pytest.mark.parametrize(("futures", "batches"), [(385, 4), (40_000, 104)])
-def test_each_process_has_two_batches_of_few_enough_vehicles(
-    futures: int, batches: int, tmp_path: Path
-) -> None:
-    scene = read_seed(example_path("motorway_merge"))
-    settings = RunSettings(models="rules", futures=futures)
-    assert scene.road is not None
-    net = convert(scene.road, tmp_path / "a.net.xml")
-    assignment = np.zeros((futures, scene.vehicles), dtype=np.int64)
-    job = Job(scene, net, settings, ModelSet.of(settings), assignment, tmp_path)
-    assert -(-futures // batch_size(job, processes=2)) == batches
-
-
-def test_a_process_takes_its_share_of_the_batches_and_quick_ones_together(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    each = [np.array([k]) for k in range(8)]
-    slow, quick = pool._Batches(each, 2, together=8), pool._Batches(each, 2, together=3)
-    monkeypatch.setattr(pool, "BATCH_S", 0.0)
-    assert [len(batch) for batch in slow.taken()] == [4, 2, 1, 1]
-    monkeypatch.setattr(pool, "BATCH_S", 1e9)
-    assert [batch.tolist() for batch in quick.taken()] == [[0, 1, 2], [3, 4, 5], [6, 7]]
 
 
 def test_a_task_out_of_its_own_time_is_not_tried_again() -> None:

@@ -106,21 +106,6 @@ def test_a_track_that_goes_on_elsewhere_is_cut(tmp_path: Path) -> None:
     np.testing.assert_array_equal(table.vehicles.segment, [0] * 20 + [1] * 21)
 
 
-def test_of_two_frames_with_one_stamp_the_one_that_fits_is_kept(tmp_path: Path) -> None:
-    rows = straight(1)
-    stray = rows[20] | {"frame_id": 19.0, "x": rows[20]["x"] - 1.0}
-    table, said = _repaired(tmp_path, [stray, *rows])
-    assert said == "1 duplicate samples dropped (same track, same time stamp)"
-    assert table.vehicles.x[20] == rows[20]["x"]
-
-
-def test_while_two_road_users_share_an_id_it_is_left_out(tmp_path: Path) -> None:
-    table, said = _repaired(tmp_path, straight(1) + straight(1, [12, 13], y=3.5) + straight(2, y=8.0))
-    assert said == "2 time stamps left out where two road users share one track id: 1"
-    assert len(table.vehicles) == 41 + 39
-    assert set(table.vehicles.y.tolist()) == {0.0, 8.0}
-
-
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -155,12 +140,6 @@ def test_a_vehicle_that_stands_keeps_the_heading_it_had(tmp_path: Path, standing
     np.testing.assert_allclose(table.vehicles.psi_rad, 0.0, atol=1e-6)
 
 
-def test_driving_backwards_slowly_is_no_defect(tmp_path: Path) -> None:
-    table, said = _repaired(tmp_path, straight(1, speed=2.0, psi_rad=3.14))
-    assert said == ""
-    assert (table.vehicles.psi_rad == 3.14).all()
-
-
 def _warm_up() -> list[Row]:
     """A filter meets a vehicle that drives 10 m/s: frozen for 0.4 s, then it catches up within a second."""
     rows = straight(1)
@@ -177,11 +156,6 @@ def test_the_warm_up_of_a_tracker_is_dropped(tmp_path: Path) -> None:
     vehicles = table.vehicles
     assert vehicles.timestamp_ms[vehicles.track_id == 1].min() == 2000.0
     assert vehicles.timestamp_ms[vehicles.track_id == 2].min() == 0.0
-
-
-def test_a_vehicle_that_sets_off_is_no_warm_up(tmp_path: Path) -> None:
-    _, said = _repaired(tmp_path, moving(lambda t: (1.5 * t * t, 0.0), 1))
-    assert said == ""
 
 
 def test_pedestrians_are_repaired_like_vehicles_and_said_shortly(tmp_path: Path) -> None:
@@ -211,7 +185,7 @@ def test_k733_has_too_small_velocities_and_noise(data: Path) -> None:
     assert repair_tracks(table)[1] == ()
 
 
-@pytest.mark.parametrize("number", range(16))
+@pytest.mark.parametrize("number", range(0, 16, 4))
 def test_k729_starts_warm_after_two_seconds_are_dropped(data: Path, number: int) -> None:
     folder = data / "taf_bw/recorded_trackfiles/k729_2022-03-16"
     table, findings = repair_tracks(read_tracks(folder / f"vehicle_tracks_{number:03}.csv"))

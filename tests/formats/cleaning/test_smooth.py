@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.formats.cleaning.motion import position_noise
 from scex_sumo.formats.cleaning.smooth import JERK_DENSITY, smooth
 
 UNEVEN = np.cumsum(np.random.default_rng(1).uniform(0.05, 0.2, 40))
@@ -21,15 +19,6 @@ def test_constant_acceleration_passes_unchanged_at_uneven_times() -> None:
     points = _parabola(UNEVEN)
     # banded solve of a system with condition number near 1e9: nine digits are lost
     np.testing.assert_allclose(smooth(points, UNEVEN, segment, 0.2), points, atol=1e-6)
-
-
-def test_the_noise_is_measured_from_moving_tracks() -> None:
-    time_s = np.arange(2000) * 0.1
-    segment = np.repeat([0, 1], 1000)
-    points = np.stack((np.where(segment == 0, 10.0 * time_s, 0.0), np.zeros(2000)), axis=1)
-    points += 0.1 * np.random.default_rng(2).standard_normal(points.shape)
-    # 2000 correlated values are good for 5 %; leaving out the largest 2 % takes off another 5 %
-    assert position_noise(points, time_s, segment) == pytest.approx(0.1, rel=0.1)
 
 
 def _kalman_rts(z: FloatArray, step_s: float, noise_m: float, jerk_density: float) -> FloatArray:

@@ -10,9 +10,9 @@ import pytest
 
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
+from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Road
 from tests.formats import streets
-from tests.lanelet2sumo.judge.loading import check_net
 
 
 def lanes(*, bounds: bool = True, relations: bool = True, x: float = 0.0, y: float = 0.0) -> list[DrawnLane]:
@@ -41,14 +41,6 @@ def relations(road: Road) -> dict[int, tuple[object, ...]]:
     return {i: (x.successors, x.predecessors, x.left, x.right, x.conflicts) for i, x in road.lanes.items()}
 
 
-def test_neighbours_lead_the_same_way_and_forks_conflict() -> None:
-    road = road_of(lanes())
-    assert relations(road)[1] == ((3, 5), (), 2, None, ())
-    assert relations(road)[2] == ((4,), (), None, 1, ())
-    assert relations(road)[5] == ((), (1,), None, None, (3,))
-    assert road.lanes[6].adjacent_left is None  # it leads the other way
-
-
 def test_a_marking_or_an_intersection_forbids_a_lane_change_and_leaves_the_neighbour() -> None:
     drawn = lanes()
     drawn[0] = replace(drawn[0], closed=("left",))
@@ -72,15 +64,6 @@ def test_far_coordinates_become_local_and_the_road_keeps_the_place() -> None:
     (rule,) = far.regulations
     np.testing.assert_allclose(rule.stop_lines[0], [[390.0, 701.75], [390.0, 698.25]], atol=1e-9)
     assert not any("relative" in note for note in near.notes)
-
-
-def test_names_that_are_no_numbers_are_numbered_in_the_map_s_order() -> None:
-    words = {i: f"lane-{i}" for i in streets.SUCCESSORS}
-    named = [
-        replace(one, name=words[i], successors=[words[j] for j in streets.SUCCESSORS[i]])
-        for i, one in enumerate(lanes(), start=1)
-    ]
-    assert relations(road_of(named))[1][0] == (3, 5)
 
 
 def test_heights_keep_a_bridge_apart() -> None:

@@ -14,12 +14,9 @@ from numpy.testing import assert_allclose
 
 from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.datasets.find import find_recordings
-from scex_sumo.converters.lanelet.origin import recorded_origin
-from scex_sumo.converters.lanelet.projection import to_local
 from scex_sumo.converters.maps import read_map
 from scex_sumo.evaluation.recordings import load_recording, seed_at
 from scex_sumo.formats.levelx import read_levelx
-from scex_sumo.formats.recognition import is_levelx
 from scex_sumo.roads.matching import match
 from scex_sumo.scenarios.seeds import read_seed
 from tests.converters.lanelet.test_origin import map_at
@@ -58,13 +55,6 @@ def test_ind_gives_centres_headings_and_sizes_as_recorded(tmp_path: Path) -> Non
     assert (rows.length[0], rows.width[0]) == (4.5, 1.8)
 
 
-def test_pedestrians_and_cyclists_are_no_vehicles_and_get_a_size(tmp_path: Path) -> None:
-    walker = Mover(number=2, x=0.0, y=5.0, speed=1.0, kind="pedestrian", length=0.0, width=0.0)
-    table = read_levelx(write_ind(tmp_path, [Mover(number=1, x=0.0, y=0.0, kind="truck_bus"), walker]))
-    assert (table.vehicles.types, table.others.types) == (("truck_bus",), ("pedestrian",))
-    assert (table.others.length[0], table.others.width[0]) == (0.6, 0.6)
-
-
 def test_highd_turns_y_upwards_and_boxes_into_centres(tmp_path: Path) -> None:
     right = Mover(number=1, x=30.0, y=-23.0, speed=30.0, length=5.0)
     left = Mover(
@@ -79,15 +69,6 @@ def test_highd_turns_y_upwards_and_boxes_into_centres(tmp_path: Path) -> None:
     assert_allclose((rows.x[-1], rows.y[-1]), (300.0 - 25.0 * 4.0, -10.5))
     assert_allclose(rows.psi_rad[[0, -1]], (0.0, math.pi))
     assert (rows.length[-1], rows.width[-1]) == (12.0, 2.5)
-
-
-def test_the_origin_is_the_recordings_own(tmp_path: Path) -> None:
-    tracks = intersection(tmp_path, [Mover(number=1, x=120.0, y=402.0)])
-    the_map = tmp_path / "maps" / "lanelets" / "04" / "location4.osm"
-    origin = recorded_origin(the_map, tracks_path=tracks)
-    assert origin is not None
-    # The lanelet's south-west corner is where the recording's coordinates have it.
-    assert_allclose(to_local(np.array([place_of(100.0, 400.0)]), origin), [[100.0, 400.0]], atol=1e-3)
 
 
 def test_ind_is_found_with_the_map_at_its_place_and_lies_on_it(tmp_path: Path) -> None:
@@ -163,19 +144,6 @@ def test_broken_files_are_refused_in_one_line(
         read_levelx(tracks)
     assert "\n" not in str(refused.value)
     assert str(tmp_path) in str(refused.value)
-
-
-def test_a_missing_companion_and_an_empty_file_are_refused(tmp_path: Path) -> None:
-    tracks = write_ind(tmp_path, [Mover(number=1, x=1.0, y=2.0)])
-    (tmp_path / "00_tracksMeta.csv").unlink()
-    with pytest.raises(TrackError, match=r"00_tracksMeta\.csv: no such file"):
-        read_levelx(tracks)
-    write_ind(tmp_path, [Mover(number=1, x=1.0, y=2.0)])
-    tracks.write_text(tracks.read_text().splitlines()[0] + "\n")
-    with pytest.raises(TrackError, match="a header and no rows"):
-        read_levelx(tracks)
-    (tmp_path / "00_recordingMeta.csv").unlink()
-    assert not is_levelx(tracks)
 
 
 def test_a_recording_that_is_on_none_of_the_maps_is_found_and_then_refused(tmp_path: Path) -> None:

@@ -62,14 +62,3 @@ def test_parked_vehicles_are_obstacles_and_those_that_wait_in_the_lane_are_not()
     assert table.vehicles.labels == ("1", "2", "5")
     assert table.others.labels == ("3", "4") and set(table.others.types) == {"parked"}
     assert notes == ["2 vehicles that never move stand beside the lanes: parked, taken for obstacles"]
-
-
-def test_a_track_is_cut_where_it_is_off_the_map_and_comes_back_as_another_piece() -> None:
-    x = np.linspace(-20.0, 120.0, 71)
-    aside = np.where((x > 40.0) & (x < 60.0), 12.0, 0.0)
-    rows = rows_of(("1", x, np.zeros(71)), ("2", x, aside), ("3", x, np.full(71, 30.0)))
-    table, notes = within_map(table_of(rows), ROAD)
-    back = table.vehicles
-    assert back.labels == ("1", "2") and back.x.min() >= -5.0 and back.x.max() <= 105.0
-    assert len(back.pieces[0]) == 3
-    assert notes == ["3 of 3 vehicles are over 5 m from all mapped lanes, left out there: 1, 2, 3"]

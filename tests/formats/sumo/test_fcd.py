@@ -36,15 +36,6 @@ def test_centres_lie_half_a_length_behind_the_front_and_angles_count_from_the_ea
     )
 
 
-def test_whole_seconds_are_filled_in_along_the_motion(tmp_path: Path) -> None:
-    file = tmp_path / "a.fcd.xml"
-    file.write_text(fcd([0.0, 1.0, 2.0]))
-    table, findings = read_fcd(file)
-    assert len(table.vehicles) == 21 and table.step_s == pytest.approx(0.1)
-    np.testing.assert_allclose(table.vehicles.x, np.arange(21) - 2.5, atol=1e-9)
-    assert "simulated in steps of 1 s" in findings[-1]
-
-
 @pytest.mark.parametrize("changes", [[50], [1], [98], [40, 52]], ids=str)
 def test_a_lane_change_in_one_step_is_drawn_over_the_steps_around(changes: list[int], tmp_path: Path) -> None:
     lane = np.zeros(101)

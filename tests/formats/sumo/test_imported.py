@@ -10,23 +10,13 @@ import pytest
 from scex_sumo.base.errors import MapError
 from scex_sumo.base.files import cache_folder
 from scex_sumo.converters.maps import read_map
-from scex_sumo.formats.recognition import is_open_street_map
 from scex_sumo.formats.sumo import imported
-from scex_sumo.scenarios import example_path
 
 STREETS = """<osm version="0.6">
  <node id="1" lat="49.0" lon="8.4"/><node id="2" lat="49.0" lon="8.402"/>
  <node id="3" lat="49.001" lon="8.402"/>
  <way id="9"><nd ref="1"/><nd ref="2"/><nd ref="3"/><tag k="highway" v="residential"/></way>
 </osm>"""
-
-
-def test_open_street_map_is_told_from_lanelet2_and_becomes_a_net(tmp_path: Path) -> None:
-    file = tmp_path / "town.osm"
-    file.write_text(STREETS)
-    assert is_open_street_map(file) and not is_open_street_map(example_path("roundabout"))
-    road = read_map(file)
-    assert road.name == "town" and len(road.vehicle_lanes) >= 2
 
 
 def nets_kept() -> list[Path]:

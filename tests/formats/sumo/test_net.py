@@ -71,16 +71,6 @@ def test_lanes_of_an_edge_are_neighbours_and_lead_through_the_junction(merge: Pa
     assert road.lanes[after].predecessors == (inside,)
 
 
-def test_the_ramp_gives_way_to_the_lane_that_it_enters(merge: Path) -> None:
-    road = read_map(merge)
-    names = by_name(road)
-    (ramp,) = road.lanes[names["ramp_0"]].successors
-    rules = [rule for rule in road.regulations if ramp in rule.yielding]
-    assert rules and all(rule.kind == "right_of_way" for rule in rules)
-    assert {names["in_0"]} <= {i for rule in rules for j in rule.priority for i in road.lanes[j].predecessors}
-    assert road.lanes[ramp].conflicts  # the ways come together
-
-
 @pytest.mark.parametrize("name", ["motorway_merge", "roundabout", "urban_intersection"])
 def test_a_converted_map_read_as_any_net_is_the_same_road(name: str, tmp_path: Path) -> None:
     check(read_map(example_path(name)), tmp_path)
@@ -172,17 +162,6 @@ def test_a_net_that_sumo_itself_dies_of_is_refused_before_libsumo_does(tmp_path:
     net.write_text("\n".join(lines[:first] + lines[first + 1 :]))
     with pytest.raises(MapError, match=r"sumo crashes \(SIG[A-Z]+\) when it loads this net"):
         read_map(net)
-
-
-def test_conditions_of_lights_are_named_in_a_note(tmp_path: Path) -> None:
-    net = convert(read_map(example_path("roundabout")), tmp_path / "a.net.xml").path
-    text = net.read_text()
-    light = '<tlLogic id="tl1" type="actuated" programID="0" offset="0"><phase duration="9" state="r"/>'
-    light += '<condition id="Busy" value="z:loop > 3"/></tlLogic>'
-    first = text.index("    <junction")
-    net.write_text(text[:first] + light + text[first:])
-    (note,) = convert(read_map(net), tmp_path / "b.net.xml").notes
-    assert note.startswith("traffic lights with conditions: tl1; ")
 
 
 @pytest.mark.parametrize("kind", ["right_of_way", "traffic_light"])

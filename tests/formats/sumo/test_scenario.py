@@ -16,8 +16,7 @@ from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.own_sumo import user_sumo
-from scex_sumo.formats.sumo.phases import Light, Programme, with_lights
-from scex_sumo.formats.sumo.scenario import PrivateRun, options_of, simulate
+from scex_sumo.formats.sumo.scenario import options_of, simulate
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
 from scex_sumo.world.batch import RunningBatch
@@ -102,21 +101,6 @@ def test_lights_of_every_kind_go_on_as_in_the_simulation(
     assert [shown[k][light] for light in then for k in range(31)] == [s for t in then for s in then[t][:31]]
 
 
-def test_actuated_lights_of_a_watch_have_their_longest_phases(grid: Simulation) -> None:
-    def light(since_s: float, programme: str) -> Light:
-        return Light(since_s=since_s, programme=programme, phase=0, state="G")
-
-    changes = {"A0": [light(10.0, "0")], "A1": [light(11.0, "online")]}
-    programmes = {("A0", "0"): Programme(fixed=False, phases=(("G", 50.0, 1), ("y", 3.0, 0)))}
-    road, notes = with_lights(read_sumo_road(grid.net), changes, programmes, 12.0, end_s=12.0)
-    assert road is not None and road.net is not None
-    lights = {light.get("id"): light for light in ElementTree.parse(road.net).getroot().iter("tlLogic")}
-    phases = [(phase.get("state"), float(phase.get("duration", ""))) for phase in lights["A0"]]
-    assert phases[:2] == [("G", 48.0), ("y", 3.0)]
-    assert lights["A1"][0].get("state") == "G" and float(lights["A1"][0].get("duration", "")) > 100
-    assert [note.partition(": ")[2] for note in notes] == ["A0", "A1"]
-
-
 def test_no_output_of_the_user_is_written(tmp_path: Path) -> None:
     named = "".join(
         f'<{name} value="{name}.xml"/>'
@@ -136,16 +120,6 @@ def test_no_output_of_the_user_is_written(tmp_path: Path) -> None:
     # SUMO itself writes all of them: the test would see it.
     run("sumo", "-c", grid.config.name, cwd=tmp_path)
     assert len(list(tmp_path.iterdir())) >= len(before) + 20
-
-
-def test_a_type_with_an_ssm_device_runs_without_it(tmp_path: Path) -> None:
-    """Without a name the device would write ssm_VEHICLE.xml."""
-    device = '<vType id="car"><param key="has.ssm.device" value="true"/><param key="k" value="1"/></vType>'
-    grid = write_grid(tmp_path, routes=f'<routes>{device}<trip id="a" type="car" depart="0"/></routes>')
-    (folder := tmp_path / "private").mkdir()
-    words = PrivateRun(grid.config, folder, program("sumo")).options
-    routes = Path(words[words.index("--route-files") + 1]).read_text()
-    assert "ssm" not in routes and 'key="k"' in routes
 
 
 def test_a_configuration_that_does_not_load_says_why(grid: Simulation, tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import gzip
 import subprocess
 from pathlib import Path
 
@@ -9,9 +8,7 @@ import pytest
 
 from scex_sumo.base.errors import TrackError
 from scex_sumo.base.sumo.programs import environment, program
-from scex_sumo.formats.recognition import is_commonroad, is_fcd, is_state
 from scex_sumo.formats.sumo.fcd import read_fcd, read_state
-from scex_sumo.scenarios.seeds import read_seed
 
 ROUTES = """<routes>
  <vType id="car" vClass="passenger"/><vType id="truck" vClass="truck"/>
@@ -47,17 +44,6 @@ def test_vehicles_are_where_floating_car_data_had_them_before_the_state_was_save
     changing = apart > 0.03  # states are written in centimetres; lane changes of the data are drawn over 3 s
     assert changing.sum() <= 2 and apart.max() < 1.6
     np.testing.assert_allclose(state.vehicles.speed[mine], data.vehicles.speed[other], atol=0.01)
-
-
-def test_a_state_is_a_seed_scene_without_a_past_packed_or_not(simulation: Path, tmp_path: Path) -> None:
-    packed = tmp_path / "s.xml.gz"
-    packed.write_bytes(gzip.compress((simulation / "s.xml").read_bytes()))
-    for file in (simulation / "s.xml", packed):
-        assert is_state(file) and not is_fcd(file) and not is_commonroad(file)
-        scene = read_seed(simulation / "g.net.xml", tracks=file)
-        assert scene.vehicles > 5 and scene.time_s == 25.0 and not scene.recorded_steps.any()
-        assert "car" in scene.types and "truck" in scene.types
-        assert any("constant velocity before" in note for note in scene.notes)
 
 
 def test_a_state_of_another_net_or_without_one_is_refused(simulation: Path, tmp_path: Path) -> None:

@@ -14,9 +14,7 @@ import numpy as np
 
 from tests.converters.maps import DASHED, ROAD, SOLID, Lanelet, Line, Point, Relation, rule
 
-WALK = {"subtype": "walkway", "participant:pedestrian": "yes"}
 WIDE = 3.5
-ONE_WAY_RIGHT = {"type": "line_thin", "subtype": "solid_dashed"}  # solid on the line's left
 
 
 @dataclass
@@ -167,13 +165,6 @@ def two_steps_apart() -> Drawn:
     return Drawn(lanes + row([3], stem, half, count=15) + row([4], half, gone))
 
 
-def two_steps_together() -> Drawn:
-    """A merge whose second branch is cut in two when it is already beside the first."""
-    end, half, start = centred(60, 0), centred(48, 0.8, -8), centred(10, 14, -20)
-    lanes = row([1], centred(-40, 0), end) + row([2], end, centred(110, 0))
-    return Drawn(lanes + row([3], start, half) + row([4], half, end, count=15))
-
-
 def both_ways() -> Drawn:
     """One lanelet for both directions between two one-way ends, and a road with opposing traffic."""
     two_way = {**ROAD, "one_way": "no"}
@@ -187,21 +178,6 @@ def same_ground_both_ways() -> Drawn:
     """Two lanelets on the same ground against each other, as narrow streets are drawn."""
     lanes = chain(1, [centred(x, 0) for x in (-60, -20, 20, 60)])
     return Drawn(lanes + chain(11, [centred(x, 0, 180) for x in (60, 20, -20, -60)]))
-
-
-def reversed_bounds() -> Drawn:
-    """Bounds stored against the driving direction: the left, the right, both."""
-    lanes = chain(1, [centred(x, 0) for x in (0, 30, 60, 90, 120)])
-    flips = [(False, False), (True, False), (False, True), (True, True)]
-    drawn = [
-        Lanelet(
-            lane.lanelet_id,
-            left=list(lane.left)[::-1] if left else lane.left,
-            right=list(lane.right)[::-1] if right else lane.right,
-        )
-        for lane, (left, right) in zip(lanes, flips, strict=True)
-    ]
-    return Drawn(drawn)
 
 
 def ring(parts: int, arms: int, radius: float = 15.0) -> Drawn:
@@ -231,31 +207,9 @@ def loop_of_one() -> Drawn:
     return ring(1, 1)
 
 
-def loop_of_two() -> Drawn:
-    """A roundabout of two lanelets with two arms."""
-    return ring(2, 2)
-
-
 def roundabout_of_four() -> Drawn:
     """An ordinary small roundabout without rules."""
     return ring(4, 4)
-
-
-def islands() -> Drawn:
-    """Roads that have nothing to do with each other, one of them a single lanelet far away."""
-    lanes = chain(1, [centred(x, 0) for x in (0, 30, 60)])
-    lanes += row([11], centred(500, 500, 37), centred(530, 520, 37))
-    return Drawn(lanes + chain(21, [centred(x, 60, 180) for x in (60, 59.5, 0)]))
-
-
-def partners_at_a_junction() -> Drawn:
-    """Two lanes with lane changes all along; a side road merges into the right one only."""
-    two = (WIDE, WIDE)
-    gates = [Gate(x, 0, widths=two) for x in (-60, -20, 20, 80)]
-    lanes = []
-    for number, (a, b) in enumerate(pairwise(gates)):
-        lanes += row([10 * number + 1, 10 * number + 2], a, b)
-    return Drawn(lanes + chain(51, [centred(-25, -30, 45), centred(-12, -17, 45), gates[2].lane(0)]))
 
 
 def partners_across_a_crossing() -> Drawn:
@@ -266,26 +220,6 @@ def partners_across_a_crossing() -> Drawn:
     for number, (a, b) in enumerate(pairwise(gates)):
         lanes += row([10 * number + 1, 10 * number + 2], a, b)
     return Drawn(lanes + chain(51, [centred(0, y, 90) for y in (-40, -6, 12, 40)]))
-
-
-def one_way_changes() -> Drawn:
-    """Three lanes: changing to the right only, in both directions, in neither."""
-    three = (WIDE, WIDE, WIDE)
-    gates = [Gate(x, 0, widths=three) for x in (0, 60, 120, 180)]
-    lanes: list[Lanelet] = []
-    for number, (between, a, b) in enumerate(
-        zip((ONE_WAY_RIGHT, DASHED, SOLID), gates[:-1], gates[1:], strict=True)
-    ):
-        lanes += row([10 * number + 1, 10 * number + 2, 10 * number + 3], a, b, between=between)
-    return Drawn(lanes)
-
-
-def around_an_island() -> Drawn:
-    """A road that parts and comes together again: two ways from one lane to another."""
-    a, b = centred(0, 0), centred(50, 0)
-    north, south = centred(25, 4.0), centred(25, -4.0)
-    lanes = row([1], centred(-40, 0), a) + row([2], b, centred(90, 0))
-    return Drawn(lanes + chain(11, [a, north, b]) + chain(21, [a, south, b]))
 
 
 def ends_together() -> Drawn:
@@ -333,19 +267,9 @@ def intersection(*, lanes: int = 1, arms: int = 4) -> Drawn:
     return Drawn(drawn)
 
 
-def plain_intersection() -> Drawn:
-    """Four arms, no rules: right before left."""
-    return intersection()
-
-
 def wide_intersection() -> Drawn:
     """Four arms of two lanes with lane changes before and behind, no rules."""
     return intersection(lanes=2)
-
-
-def three_arms() -> Drawn:
-    """Three arms at 120 degrees."""
-    return intersection(arms=3)
 
 
 def five_arms() -> Drawn:
@@ -353,70 +277,8 @@ def five_arms() -> Drawn:
     return intersection(arms=5)
 
 
-def all_way_stop() -> Drawn:
-    """Four arms, everyone stops."""
-    drawn = intersection()
-    approaches = [("yield", 100 * arm + 100) for arm in range(4)]
-    drawn.relations.append(rule(900, "all_way_stop", approaches))
-    ruled = {number for _, number in approaches}
-    drawn.lanelets = [_with_rule(lane, 900) if lane.lanelet_id in ruled else lane for lane in drawn.lanelets]
-    return drawn
-
-
-def traffic_light() -> Drawn:
-    """Four arms, each with a light of its own."""
-    drawn = intersection()
-    drawn.lines = [Line(910 + arm, [(20, arm), (20.5, arm)], {"type": "traffic_light"}) for arm in range(4)]
-    for arm in range(4):
-        drawn.relations.append(rule(900 + arm, "traffic_light", [("refers", 910 + arm)]))
-    owner = {100 * arm + 100: 900 + arm for arm in range(4)}
-    drawn.lanelets = [
-        _with_rule(lane, owner[lane.lanelet_id]) if lane.lanelet_id in owner else lane
-        for lane in drawn.lanelets
-    ]
-    return drawn
-
-
-def yields() -> Drawn:
-    """Four arms, the ones from east and west have the right of way."""
-    drawn = intersection()
-    members = [("right_of_way", 100), ("right_of_way", 300), ("yield", 200), ("yield", 400)]
-    drawn.relations.append(rule(900, "right_of_way", members))
-    drawn.lanelets = [
-        _with_rule(lane, 900) if lane.lanelet_id in (100, 200, 300, 400) else lane for lane in drawn.lanelets
-    ]
-    return drawn
-
-
 def _with_rule(lane: Lanelet, number: int) -> Lanelet:
     return replace(lane, rules=(*lane.rules, number))
-
-
-def doubled() -> Drawn:
-    """One lanelet drawn twice under two ids, in the middle of a road."""
-    gates = [centred(x, 0) for x in (0, 30, 60, 90)]
-    return Drawn(chain(1, gates) + row([12], gates[1], gates[2]))
-
-
-def with_walkways() -> Drawn:
-    """A road crossed by a walkway and a bicycle lane."""
-    lanes = chain(1, [centred(x, 0) for x in (-40, 0, 40)])
-    lanes += row([11], centred(10, -10, 90, 2.0), centred(10, 10, 90, 2.0), tags={**WALK})
-    bicycle = {"subtype": "bicycle_lane", "location": "urban"}
-    return Drawn(lanes + row([12], centred(-10, -10, 90, 1.5), centred(-10, 10, 90, 1.5), tags=bicycle))
-
-
-def narrow_and_wide() -> Drawn:
-    """Lanes whose width runs from 1.5 to 7 metres."""
-    gates = [centred(x, 0, 0, w) for x, w in ((0, 3.0), (20, 1.5), (40, 7.0), (60, 3.5))]
-    return Drawn(chain(1, gates))
-
-
-def slanted_merge() -> Drawn:
-    """A long merge at a small angle, as motorway ramps are drawn, with a crossing right behind."""
-    gates = [centred(x, 0) for x in (-100, 0, 10, 20, 60)]
-    lanes = chain(1, gates) + row([11], centred(-95, -18, 4), gates[1])
-    return Drawn(lanes + chain(21, [centred(15, y, 90) for y in (-40, -8, 8, 40)]))
 
 
 def neighbouring_crossings() -> Drawn:
@@ -503,21 +365,6 @@ def tiny_lanelets() -> Drawn:
     return Drawn(lanes + chain(51, [centred(0, y, 90) for y in (-40, -5.05, -5, 5, 40)]))
 
 
-def noisy_bounds() -> Drawn:
-    """Bounds with a point every 5 cm and 2 cm of noise, as tracing from pictures leaves them."""
-    rng = np.random.default_rng(0)
-    xs = np.arange(0.0, 60.01, 0.05)
-
-    def bound(y: float) -> list[tuple[float, float]]:
-        noise = rng.normal(0.0, 0.02, len(xs))
-        noise[[0, 400, -1]] = 0.0
-        return [(float(x), float(y + n)) for x, n in zip(xs, noise, strict=True)]
-
-    left, right = bound(WIDE), bound(0.0)
-    lanes = [Lanelet(1, left[:401], right[:401]), Lanelet(2, left[400:], right[400:])]
-    return Drawn(lanes + chain(11, [centred(30, y, 90) for y in (-40, -6, 10, 40)]))
-
-
 def ends_beside() -> Drawn:
     """A side road that ends at the edge of another road's lane without joining it."""
     lanes = chain(1, [centred(x, 0) for x in (-60, -20, 20, 60)])
@@ -533,35 +380,18 @@ MAPS: dict[str, Callable[[], Drawn]] = {
         border_fork,
         starts_inside,
         two_steps_apart,
-        two_steps_together,
         both_ways,
         same_ground_both_ways,
-        reversed_bounds,
         loop_of_one,
-        loop_of_two,
         roundabout_of_four,
-        islands,
-        partners_at_a_junction,
         partners_across_a_crossing,
-        one_way_changes,
-        around_an_island,
         ends_together,
         u_turn,
-        plain_intersection,
         wide_intersection,
-        three_arms,
         five_arms,
-        all_way_stop,
-        traffic_light,
-        yields,
-        doubled,
-        with_walkways,
-        narrow_and_wide,
-        slanted_merge,
         neighbouring_crossings,
         spiral,
         tiny_lanelets,
-        noisy_bounds,
         ends_beside,
         bridge,
         roundabout_of_two_lanes,

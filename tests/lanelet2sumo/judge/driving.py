@@ -12,15 +12,15 @@ from xml.etree import ElementTree
 
 import numpy as np
 import shapely
+from scipy.spatial import cKDTree
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.sumo.programs import run_program
 from scex_sumo.converters.net.convert import convert
 from scex_sumo.geometry.polylines import cut, heading, length_of, turn
-from scex_sumo.lanelet2sumo.judge.report import FidelityReport, Figure, Figures, measured
+from scex_sumo.lanelet2sumo.judge.report import FidelityReport, Figure, Figures, check_net, measured
 from scex_sumo.lanelet2sumo.reader import NetContent, SumoLane, read_net
 from scex_sumo.road import Road
-from tests.lanelet2sumo.judge.loading import check_net
 
 RUN_UP_M = 20.0  # braking distance at 50 km/h
 STEP_S = 0.1
@@ -109,19 +109,23 @@ def _simulate(net_path: Path, folder: Path, end_s: float) -> tuple[str, ...]:
 
 
 def _overlaps(fcd: Path) -> list[Overlap]:
-    overlaps: dict[tuple[str, str], Overlap] = {}
+    cars: list[tuple[float, dict[str, str]]] = []
     for _, element in ElementTree.iterparse(fcd):
-        if element.tag != "timestep":
-            continue
-        cars, time_s = [dict(car.attrib) for car in element], float(element.attrib["time"])
-        element.clear()
-        poses = np.array([[float(car[key]) for key in ("x", "y", "angle")] for car in cars]).reshape(-1, 3)
-        boxes = shapely.polygons(_corners(poses))
-        for i, j in shapely.STRtree(boxes).query(boxes, predicate="intersects").T if len(cars) > 1 else ():
-            if i < j:
-                one, other = cars[i], cars[j]
-                overlap = (one["id"], one["lane"], other["id"], other["lane"], time_s)
-                overlaps.setdefault((one["id"], other["id"]), overlap)
+        if element.tag == "timestep":
+            cars += [(float(element.attrib["time"]), dict(car.attrib)) for car in element]
+            element.clear()
+    time_s = np.array([time for time, _ in cars])
+    poses = np.array([[float(car[key]) for key in ("x", "y", "angle")] for _, car in cars]).reshape(-1, 3)
+    reach = float(np.hypot(LENGTH_M, WIDTH_M))
+    places = np.column_stack([poses[:, :2], 1e6 * time_s])  # only cars of one time are near each other
+    first, second = np.sort(cKDTree(places).query_pairs(2 * reach, output_type="ndarray"), axis=1).T
+    boxes = shapely.polygons(_corners(poses))
+    touch = np.flatnonzero(shapely.intersects(boxes[first], boxes[second]))
+    overlaps: dict[tuple[str, str], Overlap] = {}
+    for k in touch[np.argsort(first[touch])].tolist():
+        time, one, other = time_s[first[k]], cars[first[k]][1], cars[second[k]][1]
+        overlap = (one["id"], one["lane"], other["id"], other["lane"], float(time))
+        overlaps.setdefault((one["id"], other["id"]), overlap)
     return list(overlaps.values())
 
 

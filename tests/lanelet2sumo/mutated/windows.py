@@ -1,12 +1,7 @@
-"""Maps cut as people cut them: by a window, by losing lanelets, with roads that end in the middle.
-
-python -m tests.lanelet2sumo.mutated.windows MAP... [--cuts 18] [--first 0]    # every cut judged and driven
-"""
+"""Maps cut as people cut them: by a window, by losing lanelets, with roads that end in the middle."""
 
 from __future__ import annotations
 
-import argparse
-import tempfile
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +10,6 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ScexError
-from scex_sumo.converters.maps import read_map
 from scex_sumo.geometry.polylines import cut, length_of, nearest, samples
 from scex_sumo.road import Lane, Road
 from tests.lanelet2sumo.judge.driving import judged
@@ -151,27 +145,3 @@ def judge(road: Road, folder: Path) -> list[str]:
         return judged(road, folder / "cut.net.xml").problems()
     except ScexError as error:
         return [f"refused: {error}"]
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("maps", nargs="+", type=Path, metavar="MAP")
-    parser.add_argument("--cuts", type=int, default=18, help="of each map")
-    parser.add_argument("--first", type=int, default=0, help="seed of the first")
-    given = parser.parse_args()
-    faults = cuts = 0
-    with tempfile.TemporaryDirectory() as folder:
-        for path in given.maps:
-            road = read_map(path)
-            for seed in range(given.first, given.first + given.cuts):
-                name = list(WAYS)[seed % len(WAYS)]
-                problems = judge(WAYS[name](road, seed), Path(folder))
-                cuts, faults = cuts + 1, faults + bool(problems)
-                print(f"{path.name} {name} {seed}: {'; '.join(problems) or 'as it should be'}", flush=True)
-    print(f"{faults} of {cuts} cuts with something wrong")
-
-
-if __name__ == "__main__":
-    main()

@@ -12,7 +12,6 @@ from scex_sumo.learned.inputs.path_inputs import (
     PathInputs,
     path_inputs,
 )
-from scex_sumo.learned.inputs.surface import CELL_M
 from scex_sumo.road import Road
 from scex_sumo.scene import SceneHistory, SeedScene
 from tests.behaviors import roads
@@ -83,34 +82,6 @@ def test_the_queue_ahead_is_counted_from_the_first_to_the_last_who_stands() -> N
         assert column(inputs, name) == pytest.approx(value)
     nobody = {"ahead": 0, "ahead_standing": 0, "first_standing_gap": 100, "last_standing_gap": 0}
     assert {name: column(inputs, name, 3) for name in nobody} == nobody
-
-
-def test_one_wrong_speed_shows_against_those_before_it() -> None:
-    history = roads.present(roads.scene_of((50.0, 0.0, 0.0, 10.0)))
-    history.states.speed[0, 0] = 10.0
-    history.states.speed[0, 0, -1] = 11.1
-    inputs = seen(roads.straight(), history)
-    assert column(inputs, "mean_of_11") == pytest.approx(0.1 - 1.1)
-    assert column(inputs, "unsteady") > 0.1
-    history.states.speed[0, 0] = 10.0 + np.arange(-10, 1) * 0.1
-    steady = seen(roads.straight(), history)
-    for name in ("line_of_6", "line_of_11", "parabola_of_11", "unsteady", "stood"):
-        assert column(steady, name) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_room_is_what_the_box_has_beside_it() -> None:
-    inputs = seen(roads.straight(), roads.scene_of((50.0, 0.0, 0.0, 10.0), width=1.8))
-    for side in ("room_left", "room_right"):
-        assert column(inputs, side) == pytest.approx(1.75 - 0.9, abs=1.5 * CELL_M)
-
-
-def test_acceleration_and_yaw_rate_are_those_of_the_last_third_of_a_second() -> None:
-    history = roads.present(roads.scene_of((50.0, 0.0, 0.0, 10.0)))
-    history.states.speed[0, 0, -4:] = [10.0, 10.2, 10.4, 10.6]
-    history.states.heading[0, 0, -4:] = [3.1, 3.15, -3.08, -3.03]  # over the jump at pi
-    inputs = seen(roads.straight(), history)
-    assert column(inputs, "acceleration") == pytest.approx(2.0)
-    assert column(inputs, "yaw_rate") == pytest.approx((2 * np.pi - 6.13) / 0.3)
 
 
 def test_features_do_not_depend_on_where_north_is() -> None:

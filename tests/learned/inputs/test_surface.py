@@ -22,11 +22,6 @@ def test_depth_is_the_distance_to_the_edge_inside_and_its_negative_outside() -> 
     assert surface.at(np.full(6, 100.0), y) == pytest.approx([1.75, 3.5, 1.75, 0, -1.75, -1.25], abs=OVER)
 
 
-def test_a_map_without_vehicle_lanes_has_no_surface() -> None:
-    walk = roads.road(roads.lane(1, [(0.0, 0.0), (50.0, 0.0)], kind="pedestrian"))
-    assert (surface_of(walk).at(np.array([20.0, 1e4]), np.zeros(2)) < 0).all()
-
-
 @pytest.mark.parametrize("turn", [0.0, 0.5, 2.0, -1.0])
 def test_room_on_both_sides_of_a_path_of_any_direction(turn: float) -> None:
     cos, sin = np.cos(turn), np.sin(turn)

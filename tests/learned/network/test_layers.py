@@ -9,7 +9,6 @@ from scex_sumo.learned.network.layers import (
     INPUT_LIMIT,
     WEIGHT_GRID,
     Linear,
-    Scaler,
     exact,
     snapped,
 )
@@ -54,8 +53,3 @@ def test_making_exact_rounds_weights_and_says_how_near_the_limit_they_are() -> N
     assert state["s.mean"] == trained["s.mean"]  # no product
     assert share == np.abs(state["a.weight"]).sum(1).max() / 2**11
     assert exact({"a.weight": np.full((1, 3), 1000.0)})[1] > 1
-
-
-def test_scaling_has_mean_zero_spread_one_and_bounds() -> None:
-    scale = Scaler({"s.mean": np.array([3.0, 5.0]), "s.spread": np.array([2.0, 1.0])}, "s")
-    assert scale(np.array([[1.0, 5.0], [5.0, 6.0], [1e9, -1e9]])).tolist() == [[-1, 0], [1, 1], [10, -10]]

@@ -210,14 +210,6 @@ def test_yaw_rate_and_acceleration_are_those_of_the_last_half_second() -> None:
     assert node(scene_graph(turning(-0.3, 2.0), straight()), "yaw_rate") == pytest.approx([-0.3])
 
 
-def test_the_history_is_seen_from_the_present_pose() -> None:
-    graph = scene_graph(scene_of((50.0, 20.0, 1.0, 10.0)), straight())
-    ago = 0.1 * np.arange(10, -1, -1)
-    assert graph.history[0, :, 0] == pytest.approx(-10.0 * ago)
-    assert graph.history[0, :, 1] == pytest.approx(0.0, abs=1e-12)
-    assert graph.history[0, :, 2:].tolist() == [[1.0, 0.0, 10.0]] * 11
-
-
 def walkers(*places: tuple[float, float], here: bool = True) -> Obstacles:
     x, y = (np.repeat(np.array(column)[:, None], 11, axis=1) for column in zip(*places, strict=True))
     return Obstacles(
@@ -297,14 +289,6 @@ def test_every_relation_has_its_counterpart(example: SeedScene) -> None:
     back = {"ahead": "behind", "behind": "ahead", "lateral": "lateral", "intersecting": "intersecting"}
     assert {*found.values()} == {*KINDS}
     assert {(t, s): back[kind] for (s, t), kind in found.items()} == found
-
-
-def test_models_that_share_a_history_share_its_graph() -> None:
-    where, history = straight(), present(scene_of((50.0, 0.0, 0.0, 9.0)))
-    graph = scene_graph(history, where)
-    assert scene_graph(history, where) is graph
-    assert scene_graph(history, where, radius=20.0) is not graph
-    assert scene_graph(history, straight()) is not graph
 
 
 def test_a_seed_scene_needs_a_road() -> None:

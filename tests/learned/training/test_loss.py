@@ -49,15 +49,6 @@ def test_nothing_is_lost_on_the_recorded_track() -> None:
     assert parts["smooth"] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_the_nearest_mode_is_pulled_hardest_and_mode_0_always() -> None:
-    modes, batch = _modes([2.0, 0.1, -2.0]), _batch([0], [True])
-    modes.acceleration.requires_grad_()
-    loss(modes, batch, LossWeights(relaxed=0.03, jerk=0.0, acceleration=0.0))[0].backward()
-    pull = modes.acceleration.grad[0].abs().sum(1)
-    assert float(pull[1]) > 10 * float(pull[2])  # 0.98 and 0.01 of the winner's weight
-    assert float(pull[0]) > float(pull[1])  # expected: its whole weight, and further off
-
-
 def test_two_right_paths_of_three_share_their_probability() -> None:
     batch = _batch([0, 0, 0], [True, True, False])
     _, parts = loss(_modes([0.0], n=3), batch, LossWeights(path=1.0))
@@ -69,12 +60,3 @@ def test_hard_braking_costs_and_soft_braking_does_not() -> None:
     weights = LossWeights(acceleration=1.0, jerk=0.0, hard=3.0)
     assert loss(_modes([-5.0]), batch, weights)[1]["smooth"] == pytest.approx(4.0)  # (5 - 3)²
     assert loss(_modes([-2.9]), batch, weights)[1]["smooth"] == pytest.approx(0.0)
-
-
-def test_the_free_head_learns_places() -> None:
-    modes, batch = _modes([0.0, 0.0]), _batch([0], [True])
-    there = batch.xy[:, None].expand(1, 2, H, 2)
-    good = loss(modes._replace(free=there), batch, LossWeights())[1]["free"]
-    bad = loss(modes._replace(free=there + 1.0), batch, LossWeights())[1]["free"]
-    assert good == pytest.approx(0.0, abs=1e-5)
-    assert bad > 1.0

@@ -14,7 +14,7 @@ from rich.console import Console
 from scex_sumo.base.errors import UsageError
 from scex_sumo.metrics.registry import COLUMNS, THRESHOLDS
 from scex_sumo.page.figures.figure import COLORS, draw_figure
-from scex_sumo.reports.run_table import print_summary, summary_table
+from scex_sumo.reports.run_table import summary_table
 from scex_sumo.results.folder import ResultFolder, tracks_table, values_table
 from scex_sumo.results.run import Run, open_run
 from tests.results.test_folder import part_of
@@ -115,17 +115,6 @@ def test_runs_and_densities_are_drawn_into_axes_of_the_user(run: Run) -> None:
     assert density.plot(own, curve="cumulative").lines[1].get_ydata().tolist() == density.cdf.tolist()
     with pytest.raises(UsageError, match="gap_time: defined in no future"):
         run.plot(metric="gap_time", ax=axes)
-
-
-@pytest.mark.parametrize("width", [60, 80])
-def test_a_narrow_terminal_cuts_nothing_off_the_summary(run: Run, width: int) -> None:
-    console = Console(width=width)
-    with console.capture() as capture:
-        print_summary(run, console)
-    lines = capture.get().splitlines()
-    assert "…" not in capture.get()
-    assert any(line.startswith("traffic quality") and line.rstrip().endswith("all") for line in lines)
-    assert max(map(len, lines)) < 80  # a terminal of the usual width holds a line
 
 
 def test_the_summary_shows_shares_and_dashes(run: Run) -> None:

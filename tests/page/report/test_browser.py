@@ -11,7 +11,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo import example_path
-from scex_sumo.metrics.registry import metric_of
 from scex_sumo.page.report import contents
 from scex_sumo.page.report.report import write_report
 from scex_sumo.page.report.scene import packed_tracks
@@ -273,33 +272,6 @@ def test_a_future_alone_filters_p_and_the_worst_futures(page: Any, run: Run) -> 
     assert set(page.locator("#worst tbody tr td:last-child").all_inner_texts()) <= {str(future)}
 
 
-def test_encounters_are_filtered_by_vehicle_and_words_and_sorted(page: Any, run: Run) -> None:
-    rows = run.encounters.to_pylist()
-    track = rows[1]["track_id"]
-    page.fill("#find", str(track))
-    mine = [row for row in rows if track in (row["track_id"], row["other_id"])]
-    page.wait_for_function(ROWS, arg=len(mine))
-    page.fill("#find", "collides")
-    hits = sum(row["collision"] > 0 for row in rows)
-    page.wait_for_function(ROWS, arg=hits)
-    page.fill("#find", "")
-    page.wait_for_function(ROWS, arg=len(rows))
-    page.locator("#encounters th button").last.click()
-    times = [float(t.split()[0]) for t in page.locator("#encounters td:last-child").all_inner_texts()]
-    assert times == sorted(times)
-
-
-def test_there_is_one_legend_and_every_value_has_its_unit(page: Any, run: Run) -> None:
-    assert page.locator("#legend").count() == page.locator("#legend, .legend").count() == 1
-    assert {*run.models_of(0)} <= {*page.locator("#legend div").all_inner_texts()}
-    for metric, chart in zip(run.columns, page.locator(".chart").all(), strict=True):
-        unit = metric_of(metric).column_unit
-        assert f"[{unit}]" in chart.locator("header").inner_text() or not unit or chart.is_hidden()
-    for metric in ("collision", "distance"):
-        page.select_option("#focus", label=metric)
-        page.wait_for_selector(f"#worst th:has-text('{'m/s' if metric == 'collision' else '[m]'}')")
-
-
 def test_a_brushed_metric_selects_the_futures_everywhere(page: Any, run: Run) -> None:
     drag(page, "#charts .chart:first-child canvas", 0.02, 0.3)
     chosen = int(text(page, "#chips b").split(" of ")[0])
@@ -348,15 +320,6 @@ def _grip(page: Any) -> float:
         return ([...Array(Math.floor(width)).keys()].find(isGrip) + 9) / width;
     }"""
     return float(page.eval_on_selector(canvas, find))
-
-
-def test_a_driver_of_a_vehicle_selects_the_futures_that_have_it(page: Any, run: Run) -> None:
-    page.locator("#models td.go").first.click()
-    page.wait_for_selector(".chip")
-    track, model = text(page, ".chip").removesuffix(" ×").split(" as ")
-    vehicle = run.info["seed_scene"]["track_ids"].index(int(track))
-    expected = sum(run.models_of(future)[vehicle] == model for future in range(run.futures))
-    assert text(page, "#chips b").startswith(f"{expected} of ")
 
 
 @pytest.mark.parametrize(

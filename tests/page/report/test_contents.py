@@ -117,16 +117,6 @@ def test_encounters_and_collisions_are_those_of_the_run(run: Run) -> None:
     assert info["encounters"]["rows"][0]["words"] == meetings(run)[0].words()
 
 
-def test_metrics_of_the_likely_futures_are_taken_where_they_are(run: Run, tmp_path: Path) -> None:
-    copy = tmp_path / "out"
-    shutil.copytree(run.folder, copy)
-    shutil.copytree(run.folder, copy / "reference")
-    arrays = report_contents(open_run(copy))[1]
-    drawn, human = np.split(arrays["values"], 2, axis=1)
-    np.testing.assert_array_equal(human, drawn)
-    assert np.isfinite(drawn[0]).all()
-
-
 def test_intervals_elsewhere_are_those_of_the_design(run: Run) -> None:
     metric = next(m for m in report_contents(run)[0]["metrics"] if m["column"] == "distance")
     for share, number in metric["numbers"][:-1]:
@@ -145,10 +135,6 @@ def test_the_page_refers_to_nothing_outside_and_runs_only_its_own_script(run: Ru
     assert "unsafe" not in policy
     script = text[text.rindex("<script>") + len("<script>") : text.rindex("</script>")]
     assert b64encode(hashlib.sha256(script.encode()).digest()).decode() in policy
-
-
-def test_the_file_is_small(run: Run) -> None:
-    assert (run.folder / "report.html").stat().st_size < 200_000
 
 
 def test_notes_that_warn_stand_above_the_answer_and_the_others_below(run: Run, tmp_path: Path) -> None:

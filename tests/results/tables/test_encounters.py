@@ -129,15 +129,6 @@ def test_encounters_do_not_depend_on_batches() -> None:
         assert np.array_equal(getattr(whole, name), getattr(joined, name)), name
 
 
-def test_the_place_is_where_the_outlines_touch() -> None:
-    tracks = futures(LEVELS)
-    hits, found = find_collisions(tracks), find_encounters(tracks, None)
-    struck = found.collided
-    assert np.array_equal(found.time_s[struck], hits.time_s)
-    assert np.array_equal(found.x[struck], hits.x)
-    assert np.all(found.gap[struck] == 0)
-
-
 def test_a_pair_says_who_of_the_two_must_yield() -> None:
     info = {"precedence": [[12, 7, "must yield"], [3, 7, "has red"]]}
     assert precedence_words(info, (7, 12)) == "; 12 must yield"

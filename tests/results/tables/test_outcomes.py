@@ -2,29 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 
-from scex_sumo.metrics.base import PlannedPaths
 from scex_sumo.metrics.collisions import find_collisions
 from scex_sumo.results.tables.outcomes import (
     after_collision,
-    encounter_rows,
-    encounters_of_rows,
 )
-from tests.metrics.scenes import find_encounters
 from tests.results.tables.test_encounters import LEVELS, futures
-
-NUMBERS = np.arange(100, 140)
-
-
-def test_encounters_come_out_of_parts_as_they_went_in() -> None:
-    tracks = futures(LEVELS)
-    found = find_encounters(tracks, PlannedPaths.from_tracks(tracks))
-    again = encounters_of_rows(encounter_rows(found, np.arange(40)))
-    for field in fields(found):
-        np.testing.assert_array_equal(getattr(again, field.name), getattr(found, field.name))
 
 
 def test_values_are_flagged_from_the_step_of_the_collision_on_whatever_the_order_of_the_two() -> None:

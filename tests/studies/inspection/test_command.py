@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from scex_sumo import example_path, read_seed
-from scex_sumo.base.errors import UsageError
 from scex_sumo.studies.inspection.command import inspect_command
 
 MAP = Path(example_path("roundabout"))
@@ -43,13 +42,6 @@ def test_a_moment_lists_its_vehicles_by_id(capsys: pytest.CaptureFixture[str]) -
     assert ids == list(range(3, 17))
     assert said.splitlines()[-1].endswith("--time 4.5")
     assert "speed [m/s]" in said
-
-
-def test_what_cannot_be_inspected_is_said(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="--every 0: give a time above 0 s"):
-        inspect_command(MAP, every=0)
-    with pytest.raises(UsageError, match="--case 9: no such case"):
-        inspect_command(MAP, case="9")
 
 
 def test_a_folder_of_recordings_is_a_table_with_the_reason_of_what_cannot_be_read(

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo.base.errors import ResultError
-from scex_sumo.studies.moments.folder import Failure, Listing
+from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.rank.folder import RankFolder
-from scex_sumo.studies.rank.table import write_table
 from tests.studies.moments.pairs import moment_ref, pairs_table
 
 PLAN = {"seed": 0}
@@ -62,21 +60,6 @@ def test_a_part_that_changes_while_a_ranking_runs_is_named(filled: Path) -> None
         pq.write_table(pairs_table((2, 3)), part_of(filled))
         with pytest.raises(ResultError, match="was changed meanwhile; run the same command again"):
             folder.pairs(REF)
-
-
-OTHER = '{"identity": "' + 64 * "0" + '"}'
-DAMAGED = ["", "{", '{"identity": 7}', "[]", "\x00"]
-
-
-@pytest.mark.parametrize("content", DAMAGED)
-def test_a_finished_ranking_whose_contents_are_damaged_runs_again(filled: Path, content: str) -> None:
-    with RankFolder(filled, PLAN) as folder:
-        folder.save_listing(Listing(recording="r", moments=(REF,)))
-        write_table(filled / "ranking", pa.table({"future": [0, 1]}))
-        folder.finish({})
-    (filled / "rank.json").write_text(content)
-    with RankFolder(filled, PLAN) as folder:
-        assert not folder.has(REF)
 
 
 def test_a_folder_of_the_users_with_such_a_file_is_left_alone(tmp_path: Path) -> None:

@@ -8,9 +8,8 @@ import pytest
 
 from scex_sumo.converters.datasets.moment import Moment
 from scex_sumo.converters.registries import Recording
-from scex_sumo.studies.moments.cut import list_moments, unreadable
+from scex_sumo.studies.moments.cut import list_moments
 from scex_sumo.studies.moments.folder import moment_name
-from scex_sumo.studies.rank.folder import RankFolder
 
 RECORDING = Recording(
     name="k733_000", site="k733", dataset="taf_bw", map_path=Path("k733.osm"), track_paths=(Path("t.csv"),)
@@ -41,16 +40,3 @@ def test_moments_need_vehicles_that_move_and_cases_vehicles() -> None:
     assert [ref.moment for ref in listing.moments] == ["k733_000_t2.0", "k733_000_case7_t1.0"]
     assert [ref.vehicles for ref in listing.moments] == [9, 2]
     assert {ref.location for ref in listing.moments} == {"k733"}
-
-
-def test_listings_and_failures_survive_their_files(tmp_path: Path) -> None:
-    moments = [Moment(case="", time_s=0.1 * i, vehicles=3, complete=3) for i in range(50)]
-    listing, failure = (
-        list_moments(RECORDING, moments, min_vehicles=2),
-        unreadable(RECORDING, "no map\nthere"),
-    )
-    with RankFolder(tmp_path / "out", {}) as folder:
-        folder.save_listing(listing)
-        folder.fail(failure)
-        assert folder.listing(RECORDING.name) == listing
-        assert folder.failures() == {RECORDING.name: failure}

@@ -10,7 +10,6 @@ from scex_sumo.studies.rank.encounters import (
     BY_PROBABILITY,
     SAID,
     Order,
-    with_stress,
 )
 from tests.studies.moments.pairs import moment, pairs_table
 
@@ -61,14 +60,3 @@ def test_a_verdict_is_of_the_encounter_at_its_time_and_a_data_error_is_doubtful(
         (9.0, 1, None),
         (1.0, None, SAID),
     ]
-
-
-def test_futures_of_the_moment_say_how_often_the_pair_collides() -> None:
-    moments = moment(1.0, pairs_table((2, 1), (1, 3))), moment(9.0, pairs_table((1, 2)))
-    rows = BY_PROBABILITY.ranked(encounters_of(moments, 1.0))
-    table = with_stress(rows, {"r__1.0": {(1, 2): (0.25, 0.5)}}).to_pylist()
-    shares = {
-        (row["time_s"], row["track_id"]): (row["stress_p_collision"], row["stress_p_critical"])
-        for row in table
-    }
-    assert shares == {(1.0, 2): (0.25, 0.5), (1.0, 1): (0.0, 0.0), (9.0, 1): (None, None)}

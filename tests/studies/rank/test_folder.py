@@ -8,7 +8,7 @@ import pyarrow.dataset as pds
 import pytest
 
 from scex_sumo.base.errors import ResultError
-from scex_sumo.studies.moments.folder import Failure, Listing
+from scex_sumo.studies.moments.folder import Listing
 from scex_sumo.studies.rank.folder import RankFolder
 from tests.studies.moments.pairs import moment_ref, pairs_table
 
@@ -56,17 +56,6 @@ def test_damaged_pairs_run_again(filled: Path, content: bytes) -> None:
         assert folder.pairs(TWO)["other_id"].to_pylist() == [2, 3]
 
 
-def test_a_damaged_listing_or_failure_is_looked_at_again(filled: Path) -> None:
-    with RankFolder(filled, PLAN) as folder:
-        folder.save_listing(Listing(recording="r", moments=(ONE,)))
-        folder.fail(Failure.of(ONE, "broken"))
-    for file in (*filled.glob("seeds/*.json"), *filled.glob("failed/*.json")):
-        file.write_bytes(file.read_bytes()[:9])
-    with RankFolder(filled, PLAN) as folder:
-        assert folder.listing("r") is None
-        assert folder.failures() == {}
-
-
 def test_a_listing_of_which_one_letter_was_changed_is_looked_at_again(filled: Path) -> None:
     with RankFolder(filled, PLAN) as folder:
         folder.save_listing(Listing(recording="r", moments=(ONE,)))
@@ -74,20 +63,6 @@ def test_a_listing_of_which_one_letter_was_changed_is_looked_at_again(filled: Pa
     file.write_text(file.read_text().replace("one_t1.0", "one_t7.0"))
     with RankFolder(filled, PLAN) as folder:
         assert folder.listing("r") is None
-
-
-def test_failures_and_listings_are_kept(tmp_path: Path) -> None:
-    failure = Failure.of(ONE, "off the map")
-    listing = Listing(recording="recording", moments=(ONE, TWO))
-    with RankFolder(tmp_path / "out", PLAN) as folder:
-        folder.fail(failure)
-        folder.save_listing(listing)
-    with RankFolder(tmp_path / "out", PLAN) as folder:
-        assert folder.failures() == {ONE.moment: failure}
-        assert folder.listing("recording") == listing
-        assert folder.listing("another") is None
-        folder.clear_failure(ONE.moment)
-        assert folder.failures() == {}
 
 
 def test_the_record_of_a_part_comes_after_its_tables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -75,14 +75,3 @@ def test_futures_get_the_errors_of_the_boxes_from_none_at_the_seed_scene_on() ->
     )
     assert np.abs([d[:, :, 1] for d in off]).max() == 0.0  # who stands: nobody stood in that recording
     assert (seen.states.speed[:, :, 1] == 0.0).all()
-
-
-def test_a_plan_carries_the_errors_of_the_places_where_it_leads() -> None:
-    scene = roads.scene_of((0.0, 0.0, 0.0, 10.0))
-    noise = box_noise(tracks(12, 400), np.inf)
-    driven = futures((10.0,), 20)
-    seen = as_recorded(scene, driven, noise, np.random.default_rng(2))
-    off = seen.states.x - driven.states.x
-    planned = seen.plan_x - driven.plan_x
-    assert planned[:, 0, 0] == pytest.approx(off[:, :, 0])
-    assert planned[:, 2, 0, :20] == pytest.approx(off[:, 10:, 0])

@@ -10,9 +10,7 @@ from scex_sumo.studies.validate.scores import (
     crps,
     group_bootstrap,
     histogram_log_likelihood,
-    precision_area,
     reliability,
-    roc_area,
 )
 
 RNG = np.random.default_rng(3)
@@ -32,31 +30,11 @@ def test_parts_of_the_brier_score_add_up() -> None:
     )
 
 
-def test_bins_hide_nothing_where_all_their_forecasts_are_the_same() -> None:
-    forecast = np.array([0.25, 0.25, 0.75, 0.75])
-    parts = brier_parts(forecast, np.array([False, True, True, True]), bins=2)
-    assert parts.within == pytest.approx(0.0)
-    assert parts.reliability == pytest.approx(0.25**2)  # half came true of 25 %, all of 75 %
-    assert parts.resolution == pytest.approx(0.25**2)
-    assert parts.uncertainty == pytest.approx(0.75 * 0.25)
-
-
 def test_reliability_counts_forecasts_by_bins() -> None:
     diagram = reliability(np.array([0.05, 0.15, 0.12, 1.0]), np.array([False, True, False, True]))
     assert diagram.count.tolist() == [1, 2, 1]
     assert diagram.observed.tolist() == [0.0, 0.5, 1.0]
     assert diagram.forecast == pytest.approx([0.05, 0.135, 1.0])
-
-
-def test_roc_area_is_that_of_scikit_learn_with_ties() -> None:
-    metrics = pytest.importorskip("sklearn.metrics")
-    assert roc_area(FORECAST, HAPPENED) == pytest.approx(metrics.roc_auc_score(HAPPENED, FORECAST))
-
-
-def test_precision_area_is_the_average_precision_of_scikit_learn() -> None:
-    metrics = pytest.importorskip("sklearn.metrics")
-    expected = metrics.average_precision_score(HAPPENED, FORECAST)
-    assert precision_area(FORECAST, HAPPENED) == pytest.approx(expected)
 
 
 def test_crps_is_that_of_scoringrules() -> None:
@@ -65,11 +43,6 @@ def test_crps_is_that_of_scoringrules() -> None:
         samples = RNG.normal(size=31)
         expected = library.crps_ensemble(np.array(outcome), samples, estimator="nrg")
         assert crps(samples, outcome) == pytest.approx(float(expected))
-
-
-def test_central_share_covers_its_ends() -> None:
-    assert covered(np.array([2.0, 2.0, 2.0]), 2.0)
-    assert not covered(np.arange(100.0), 99.0)
 
 
 def test_central_share_covers_one_of_many_alike_in_just_that_share_of_cases() -> None:

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from scex_sumo.learned.training.data.obstacles import STOP_GAP_M, add_obstacles, stopping_way
-from scex_sumo.learned.training.data.perturb import Perturbation, measured
 from scex_sumo.learned.training.data.samples import scene_samples
 from scex_sumo.scene import SeedScene, States
 from tests.behaviors import roads
@@ -36,14 +35,6 @@ def test_a_standing_vehicle_is_ahead_of_whom_it_blocks_and_behind_the_next() -> 
     np.testing.assert_array_equal(blocked.future.x[2], blocked.now.x[2])
 
 
-def test_who_stands_or_has_no_room_ahead_is_not_blocked() -> None:
-    rng = np.random.default_rng(0)
-    assert add_obstacles(coming(0.0), roads.straight(), np.array([0]), rng) is None
-    close = coming(12.0, 12.0)
-    close.now.x[1] = close.now.x[0] + 6.0
-    assert add_obstacles(close, roads.straight(), np.array([0]), rng) is None
-
-
 def test_the_target_of_a_blocked_vehicle_ends_behind_the_standing_one() -> None:
     scene, road = coming(8.0), roads.straight()
     found = add_obstacles(scene, road, np.array([0]), np.random.default_rng(3))
@@ -62,16 +53,3 @@ def test_drivers_come_to_a_stop_short_of_what_stands() -> None:
     assert (np.diff(way, axis=1) >= 0).all()
     assert (gap - way[:, -1] > 0.7 * STOP_GAP_M).all()
     np.testing.assert_allclose(way[:, -1], way[:, -10], atol=0.2)
-
-
-def test_measured_speeds_err_as_much_as_asked_and_those_who_stand_are_seen_to_stand() -> None:
-    zeros = np.zeros((4000, 11))
-    track = States(x=zeros + 0.5 * np.arange(11), y=zeros, heading=zeros, speed=zeros + 5.0)
-    seen = measured(track, Perturbation(speed_mps=0.7), np.random.default_rng(0))
-    wrong = (seen.speed != 5.0).any(axis=1)
-    assert 0.45 < wrong.mean() < 0.55
-    error = seen.speed[wrong] - 5.0
-    assert 0.6 < error.std() < 0.75
-    still = measured(replace(track, speed=zeros), Perturbation(speed_mps=0.7), np.random.default_rng(0))
-    np.testing.assert_array_equal(still.x, track.x)
-    assert not still.speed.any()

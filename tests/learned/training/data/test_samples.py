@@ -35,15 +35,6 @@ def samples_of(scene: SeedScene, where: Road, states: States | None = None, step
     return found
 
 
-def test_on_a_straight_road_the_way_is_the_time_times_the_speed() -> None:
-    found = samples_of(going_straight(), roads.straight())
-    assert found.right.tolist() == [True]
-    np.testing.assert_allclose(found.s[0], 10.0 * TIMES[:30], atol=1e-4)  # float32
-    np.testing.assert_allclose(found.d[0], 0.5, atol=1e-4)
-    np.testing.assert_allclose(found.xy[0, :, 0], 10.0 * TIMES[:30], atol=1e-4)
-    np.testing.assert_allclose(found.xy[0, :, 1], 0.0, atol=1e-4)
-
-
 def test_in_a_curve_the_way_is_that_along_the_curve() -> None:
     radius = 60.0
     where = roads.road(roads.lane(1, roads.arc(radius, np.pi, step=0.5)))
@@ -99,9 +90,3 @@ def test_who_leaves_the_recording_is_seen_but_not_learned_from() -> None:
     found = samples_of(scene, roads.straight())
     assert found.nodes.tolist() == [2]
     assert found.pair_node.tolist() == [0]
-
-
-def test_a_padded_past_is_not_learned_from() -> None:
-    scene = replace(going_straight(), recorded_steps=np.array([9]))
-    assert len(learnable(scene)) == 0
-    assert scene_samples(scene, roads.straight(), scene.history.repeat(1)) is None

@@ -5,26 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scex_sumo.learned.training.data.perturb import moved
 from scex_sumo.learned.training.data.targets import smooth_return
-from scex_sumo.scene import States
-
-
-def _track(x: list[float], y: list[float], heading: float, speed: float) -> States:
-    points = len(x)
-    return States(
-        x=np.array([x]),
-        y=np.array([y]),
-        heading=np.full((1, points), heading),
-        speed=np.full((1, points), speed),
-    )
-
-
-def test_a_track_is_shifted_to_its_left_and_keeps_its_length() -> None:
-    north = _track([0.0, 0.0, 0.0], [-2.0, -1.0, 0.0], np.pi / 2, 10.0)
-    off = moved(north, np.array([0.5]), np.array([0.0]))
-    np.testing.assert_allclose(off.x, [[-0.5, -0.5, -0.5]], atol=1e-12)  # left of north is west
-    np.testing.assert_allclose(off.y, north.y, atol=1e-12)
 
 
 def test_the_way_back_begins_where_the_vehicle_is_and_heads() -> None:

@@ -8,8 +8,6 @@ torch = pytest.importorskip("torch")
 
 from scex_sumo.learned.training.networks.graph import EdgeAttentionModule  # noqa: E402
 
-EDGES = torch.tensor([[0, 1, 2, 3, 1, 1], [1, 2, 1, 1, 0, 3]])
-
 
 @pytest.mark.parametrize("kind", [torch.float32, torch.float64])
 def test_numbers_are_those_of_pytorch_geometric(kind: torch.dtype) -> None:
