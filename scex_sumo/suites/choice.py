@@ -1,7 +1,7 @@
 """Choice of cases: a stratified draw, kind by kind, with known probabilities whose inverses are the weights.
 
-Each kind has at least one case. A kind has cases in proportion to what it can bring about, and so has a
-candidate within its kind. Weighted sums over the cases estimate sums over all candidates without bias.
+Each kind has at least one case, else cases in proportion to the sizes of its candidates. Weighted sums over
+the cases estimate sums over all candidates without bias.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Chosen:
-    """Chosen candidates, (n,) each, kind by kind, those with the largest P of people first.
+    """Chosen candidates, (n,) each, kind by kind, those with the largest class of risk first.
 
     Attributes:
         index: into the population.
@@ -52,16 +52,18 @@ def check_count(count: int) -> None:
 def choose(population: Population, count: int, *, seed: int = 0) -> Chosen:
     """Draw candidates by `Population.size`, at least one of each kind if ``count`` suffices for that.
 
-    Systematic sampling: the chances of all candidates in a row, ordered by kind and P of people, are cut at
-    equal steps. So each kind has its expected number of cases or the next one, and cases of high and low P.
+    Systematic sampling (Madow 1949): the chances of all candidates in a row are cut at equal steps. The row
+    is ordered by kind and class of risk, and random within. So each kind has its expected number of cases or
+    the next one, of high and of low risk.
 
     Raises:
         UsageError: fewer than two cases.
     """
     check_count(count)
-    chance, (names, kind) = chances(population, count), np.unique(population.kinds, return_inverse=True)
-    order = np.lexsort((-population.column("probability"), kind))
-    steps = np.concatenate([[0.0], np.cumsum(chance[order])]) + np.random.default_rng(seed).random()
+    rng, (names, kind) = np.random.default_rng(seed), np.unique(population.kinds, return_inverse=True)
+    chance = chances(population, count)
+    order = np.lexsort((rng.random(len(chance)), -population.risk, kind))
+    steps = np.concatenate([[0.0], np.cumsum(chance[order])]) + rng.random()
     index = order[np.diff(np.floor(steps + _ROUNDING)) > 0]
     stratum, strata = _strata(kind, chance > 1 - _ROUNDING, index, names.tolist())
     return Chosen(

@@ -20,7 +20,7 @@ import pyarrow.parquet as pq
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError, one_line
 from scex_sumo.certainty.response.typology import CONFLICTS
-from scex_sumo.studies.moments.pairs import BACK, OWN, PARAMETERS
+from scex_sumo.studies.moments.pairs import OWN, PARAMETERS
 
 LEAST: Final = 1e-9
 """P of a contact from which a vehicle of an encounter is a candidate."""
@@ -30,7 +30,7 @@ RISK_WORDS: Final = ("below 1e-7", "1e-7 to 1e-6", "1e-6 to 1e-5", "1e-5 or more
 _SAME: Final = ("location", "recording", "case", "seed", "time_s", "takes", "kind", "conflict", "factor")
 _NEEDED: Final = (
     *("track_id", "other_id", "person", "action", "value", "probability", "severity", "needed_braking"),
-    *("first_s", "last_s", "doubt", *_SAME, *PARAMETERS, *OWN, *BACK),
+    *("first_s", "last_s", "doubt", *_SAME, *PARAMETERS, *OWN),
 )
 
 
@@ -71,14 +71,9 @@ class Population:
         return np.searchsorted(RISKS, self.column("probability"), side="right").astype(np.int64)
 
     def size(self) -> FloatArray:
-        """Return the (N,) share of each candidate in what any function may bring about; it sums to 1.
-
-        Equal parts go by P of people, by P of a contact of who never responds, by how often the other one
-        acts at all, and equally.
-        """
-        columns = [np.ones(len(self)), *map(self.column, ("probability", "unanswered", "acts"))]
-        parts = [values if values.any() else columns[0] for values in columns]
-        return np.asarray(np.mean([values / values.sum() for values in parts], axis=0))
+        """Return (N,) the share of each candidate in the draw: half is even, half goes by P of people."""
+        chance = self.column("probability")
+        return np.asarray(0.5 / len(self) + 0.5 * chance / chance.sum())
 
     def exposure(self) -> list[dict[str, Any]]:
         """Return by kind how many candidates and contacts of people there are, and how many an hour."""
@@ -174,7 +169,6 @@ def candidates_of(row: Mapping[str, Any]) -> list[dict[str, Any]]:
 def _exchanged(row: Mapping[str, Any]) -> dict[str, Any]:
     values = {"track_id": row["other_id"], "other_id": row["track_id"]}
     values |= {"severity": max(row["severity"] - row["own_severity"], 0.0), "takes": None}
-    values |= {name.removeprefix("back_"): row[name] for name in BACK}
     for name in PARAMETERS:
         other = name.removeprefix("other_") if name.startswith("other_") else f"other_{name}"
         values[name] = row[other] if other in PARAMETERS else row[name]

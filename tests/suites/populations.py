@@ -30,8 +30,6 @@ def candidate(k: int, rng: np.random.Generator, **given: Any) -> dict[str, Any]:
         "needed_braking": None,
         "probability": chance,
         "severity": chance / 100,
-        "unanswered": float(rng.uniform(0, 0.3)),
-        "acts": 0.3,
     }
     return row | dict(zip(PARAMETERS, rng.uniform(0, 10, len(PARAMETERS)).tolist(), strict=True)) | given
 

@@ -18,10 +18,6 @@ ROW = dict.fromkeys(ENCOUNTERS.names) | {
     "own_probability": 2e-4,
     "severity": 3e-6,
     "own_severity": 2e-6,
-    "own_unanswered": 0.2,
-    "own_acts": 0.3,
-    "back_unanswered": 0.01,
-    "back_acts": 0.02,
     "conflict": "merge",
     "speed_mps": 8.0,
     "other_speed_mps": 5.0,
@@ -42,7 +38,6 @@ def test_an_encounter_is_two_candidates_with_the_roles_exchanged() -> None:
     assert back["severity"] == pytest.approx(1e-6)
     assert (back["speed_mps"], back["other_speed_mps"]) == (5.0, 8.0)
     assert (back["arrival_s"], back["angle_deg"]) == (3.0, 20.0)
-    assert [(one["unanswered"], one["acts"]) for one in (told, back)] == [(0.2, 0.3), (0.01, 0.02)]
 
 
 def test_people_are_not_driven_and_who_cannot_be_hit_is_no_candidate() -> None:

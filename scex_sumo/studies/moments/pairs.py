@@ -24,11 +24,8 @@ PARAMETERS: Final = (
     *("arrival_s", "other_arrival_s"),
 )
 """Columns of a `Conflict`; those with ``other_`` are of the responder."""
-OWN: Final = ("own_probability", "own_severity", "own_unanswered", "own_acts")
-"""Columns of contacts after an action of the initiator: P and severe injuries of people, P without a
-response, and how often it acts."""
-BACK: Final = ("back_unanswered", "back_acts")
-"""The last two if the other one acts."""
+OWN: Final = ("own_probability", "own_severity")
+"""Columns of contacts of people after an action of the initiator: P, and severe injuries."""
 PAIRS: Final = pa.schema(
     [
         ("track_id", pa.int64()),  # of the initiator
@@ -45,7 +42,7 @@ PAIRS: Final = pa.schema(
         ("gap_m", pa.float64()),
         ("conflict", pa.string()),  # of `typology.CONFLICTS`
         *((name, pa.float64()) for name in PARAMETERS),
-        *((name, pa.float64()) for name in (*OWN, *BACK)),
+        *((name, pa.float64()) for name in OWN),
     ]
 )
 
@@ -65,7 +62,7 @@ def pairs_of_moment(scene: SeedScene) -> pa.Table:
     one, other = ([place[row[name]] for row in rows] for name in ("track_id", "other_id"))
     gaps = _least_gaps(expected.scene, one, other)
     rows = [
-        {**row, **_conflict(expected, i, j), **_own(row, orders), "gap_m": gap}
+        {**row, **_conflict(expected, i, j), **_own(orders[row["track_id"], row["other_id"]]), "gap_m": gap}
         for row, i, j, gap in zip(rows, one, other, gaps, strict=True)
     ]
     return pa.Table.from_pylist(rows, schema=PAIRS)
@@ -78,15 +75,9 @@ def _conflict(expected: Expected, one: int, other: int) -> Mapping[str, Any]:
     return {"conflict": conflict.kind, **dict(zip(PARAMETERS, values, strict=True))}
 
 
-def _own(
-    row: Mapping[str, Any], orders: Mapping[tuple[int, int], Sequence[Mapping[str, Any]]]
-) -> Mapping[str, float]:
-    one, other = row["track_id"], row["other_id"]
-    own, back = orders.get((one, other), ()), orders.get((other, one), ())
-    severity = sum(response["expected_mais3"] for response in own)
-    values = [any_of(response["probability"] for response in own), severity]
-    values += [any_of(each[name] for each in some) for some in (own, back) for name in ("unanswered", "acts")]
-    return dict(zip((*OWN, *BACK), values, strict=True))
+def _own(responses: Sequence[Mapping[str, Any]]) -> Mapping[str, float]:
+    severity = sum(response["expected_mais3"] for response in responses)
+    return dict(zip(OWN, (any_of(response["probability"] for response in responses), severity), strict=True))
 
 
 def _row(pair: PairResponse) -> Mapping[str, Any]:
