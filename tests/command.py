@@ -16,6 +16,8 @@ from pathlib import Path
 
 PRELOADED = (
     "libsumo",
+    "matplotlib.backends.backend_agg",
+    "matplotlib.figure",
     "pandas",
     "scex_sumo.certainty.response.page",
     "scex_sumo.certainty.response.sensitivity",
