@@ -15,13 +15,16 @@ from scex_sumo.base.arrays import BoolArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.geometry.rectangles import Rectangles, separation
 from scex_sumo.roads.matching import off_road
-from scex_sumo.scene import HISTORY_STEPS, SeedScene
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 
 NEAR_M: Final = 0.1
 """Boxes that are closer nearly touch."""
 TOWED_S: Final = 0.15
 """Headway at which nobody follows above `TOWED_MPS`: it is a trailer, or a box is too long."""
 TOWED_MPS: Final = 3.0
+STRIDE_STEPS: Final = 5
+CONTRADICTION_M: Final = 0.5
+"""Noise of positions over `STRIDE_STEPS`."""
 
 
 def doubts_of(
@@ -38,7 +41,7 @@ def doubts_of(
         vehicles: how many of the scene's vehicles are some; the rest are people, beside the lanes.
         names: (V,) in words; None for track ids.
     """
-    off, leaves = _off_lanes(scene), _leaves(scene)
+    off, leaves, contradicts = _off_lanes(scene), _leaves(scene), _contradicts(scene)
     near, overlap = _near(scene, one, other)
     ids, doubts = scene.track_ids, []
     names = [str(track) for track in ids] if names is None else names
@@ -53,6 +56,7 @@ def doubts_of(
                 (off[v] and (vehicles is None or v < vehicles), f"{names[v]} is off the mapped lanes"),
                 (scene.recorded_steps[v] < HISTORY_STEPS, f"{names[v]} is recorded for less than a second"),
                 (leaves[v], f"{names[v]} leaves the recording within a second"),
+                (contradicts[v], f"positions and speeds of {names[v]} contradict each other"),
             ]
         doubts.append(next((words for is_so, words in reasons if is_so), None))
     return doubts
@@ -72,6 +76,17 @@ def _leaves(scene: SeedScene) -> BoolArray:
         return np.zeros(scene.vehicles, dtype=np.bool_)
     steps = scene.future_valid.sum(axis=1)
     return np.asarray(steps < min(HISTORY_STEPS, steps.max()))
+
+
+def _contradicts(scene: SeedScene) -> BoolArray:
+    """Return (V,) whether vehicles moved half as far as their speeds say, or twice, within `STRIDE_STEPS`."""
+    x, y, speed = scene.history.x, scene.history.y, np.abs(scene.history.speed)
+    moved = np.hypot(x[:, STRIDE_STEPS:] - x[:, :-STRIDE_STEPS], y[:, STRIDE_STEPS:] - y[:, :-STRIDE_STEPS])
+    steps = np.lib.stride_tricks.sliding_window_view((speed[:, 1:] + speed[:, :-1]) / 2, STRIDE_STEPS, axis=1)
+    said = STEP_S * steps.sum(axis=2)
+    off = np.abs(moved - said) > np.maximum(np.maximum(moved, said) / 2, CONTRADICTION_M)
+    exact = scene.source.get("kind") == "simulation"  # where SUMO changes lanes in one step
+    return np.asarray(off.any(axis=1) & (not exact))
 
 
 def _near(scene: SeedScene, one: IntArray, other: IntArray) -> tuple[BoolArray, BoolArray]:
