@@ -16,6 +16,8 @@ from pathlib import Path
 
 PRELOADED = (
     "libsumo",
+    "matplotlib.backends.backend_agg",
+    "matplotlib.figure",
     "pandas",
     "scex_sumo.cli",
     "scex_sumo.commands.seed",

@@ -97,7 +97,7 @@ def _on_grid(rows: TrackRows, step_s: float) -> _Timed:
     start = count[np.flatnonzero(new_case)][np.cumsum(new_case) - 1]
     follows = np.diff(rows.track, prepend=-1) == 0
     elapsed = np.diff(rows.timestamp_ms, prepend=0) / 1000
-    change = np.diff(rows.speed, prepend=0)
+    change = np.diff(rows.speed_ahead, prepend=0)
     acceleration = np.divide(change, elapsed, out=np.zeros(len(rows)), where=follows & (elapsed > 0))
     step = (count - start).astype(np.int64)[which]
     return _Timed(rows=rows, step=step, acceleration=acceleration, step_s=step_s)
@@ -185,7 +185,9 @@ def _fill(
     stamps = np.full(shape[:2], np.nan)
     stamps[future, step] = rows.timestamp_ms[index]
     tracks = SceneTracks(
-        states=States(x=dense(rows.x), y=dense(rows.y), heading=dense(rows.psi_rad), speed=dense(rows.speed)),
+        states=States(
+            x=dense(rows.x), y=dense(rows.y), heading=dense(rows.psi_rad), speed=dense(rows.speed_ahead)
+        ),
         length=length,
         width=width,
         present=present,

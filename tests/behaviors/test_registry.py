@@ -241,19 +241,6 @@ def test_a_path_of_ones_own_model_may_be_a_file() -> None:
     assert build(parse_models("from_file:path=weights/other.bin")[0]).path == "weights/other.bin"  # type: ignore[attr-defined]
 
 
-def test_a_run_with_rule_based_drivers_loads_no_wing_of_drivers() -> None:
-    code = (
-        "import sys\n"
-        "import scex_sumo as scex\n"
-        "scene = scex.read_seed(scex.example_path('roundabout'))\n"
-        "scex.extrapolate(scene, models='rules', reference='none', futures=2, steps=2)\n"
-        "rooms = 'humans.driver', 'humans.guard', 'learned', 'plug_in'\n"
-        "wings = tuple(f'scex_sumo.{room}' for room in rooms)\n"
-        "sys.exit(', '.join(name for name in sys.modules if name.startswith(wings)) or None)"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
 def straight_on(history: np.ndarray, *, factor: float = 1.0) -> np.ndarray:
     """Keeps speed and heading."""
     way = factor * 0.1 * history[:, -1, 4:] * np.arange(1, 31)

@@ -25,11 +25,15 @@ def after_a_run(tmp_path: Path, code: str, *more: str) -> list[str]:
     return done.stdout.rpartition("\n\n")[2].splitlines()
 
 
-def test_a_run_does_without_torch_and_most_of_scipy(tmp_path: Path) -> None:
-    assert after_a_run(tmp_path, f"print({NEVER!r} & set(sys.modules))") == ["set()"]
-
-
-def test_a_second_run_on_a_map_does_without_lanelet2(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_does_without_torch_and_most_of_scipy_and_a_second_one_without_lanelet2(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second run has rule-based drivers alone, and loads no wing of drivers."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    code = "print('lanelet2' in sys.modules)"
-    assert [after_a_run(tmp_path, code, *ALONE) for _ in range(2)] == [["True"], ["False"]]
+    wings = tuple(f"scex_sumo.{room}" for room in ("humans.driver", "humans.guard", "learned", "plug_in"))
+    code = (
+        f"print({NEVER!r} & set(sys.modules))\nprint('lanelet2' in sys.modules)\n"
+        f"print(any(name.startswith({wings!r}) for name in sys.modules))"
+    )
+    assert after_a_run(tmp_path, code) == ["set()", "True", "True"]
+    assert after_a_run(tmp_path, code, *ALONE, "--models", "rules") == ["set()", "False", "False"]

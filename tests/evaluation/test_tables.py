@@ -68,6 +68,14 @@ def test_scenes_list_the_most_critical_value(two_cars: TrackTable) -> None:
     assert [r["metric"] for r in rows[:5]] == ["distance", "tq", "pttc", "wttc", "ttc"]
 
 
+def test_a_reversing_vehicle_closes_the_gap_behind_it(tmp_path: Path) -> None:
+    """Track 3 faces track 7's way and backs at 1 m/s towards it, 8 m in front of it."""
+    rows = [row(7, 1, 0, 0, 0.0), row(3, 1, 8, 0, -1.0), row(7, 2, 0, 0, 0.0), row(3, 2, 7.9, 0, -1.0)]
+    pairs = recording_table(write_csv(tmp_path / "back.csv", rows), level="pair").to_pylist()
+    times = [(r["track_id"], r["other_id"], r["value"]) for r in pairs if r["metric"] == "ttc"]
+    assert times == [(7, 3, pytest.approx(8.0)), (7, 3, pytest.approx(7.9))]
+
+
 def test_the_worst_level_names_the_moment_and_the_pair(two_cars: TrackTable) -> None:
     rows = {r["metric"]: r for r in recording_table(two_cars, level="worst").to_pylist()}
     assert rows["ttc"] == {

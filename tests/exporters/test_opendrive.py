@@ -20,7 +20,6 @@ SHARED = (
     "interaction/maps/DR_DEU_Merging_MT.osm",
     "interaction/maps/DR_USA_Intersection_GL.osm",
     "taf_bw/maps/k733_2020-09-15.osm",
-    "mona/MONA-East/C-DEU_MONAEast-2_1040_T-1119.xml.gz",
     "ngsim/USA_Lanker-2_10_T-1.xml.gz",
 )
 

@@ -77,13 +77,17 @@ def ran(folder: Path, in_helper: str, workers: int = 2) -> subprocess.CompletedP
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
-def test_a_script_needs_no_guard_for_its_own_models_and_two_processes_give_the_bytes_of_one(
+def test_a_script_needs_no_guard_and_its_worker_that_dies_is_replaced_which_changes_no_byte(
     tmp_path: Path,
 ) -> None:
     for workers in (1, 2):
-        done = ran(tmp_path, "pass", workers)
+        done = ran(
+            tmp_path, "if not FLAG.exists(): FLAG.touch(); os.kill(os.getpid(), signal.SIGKILL)", workers
+        )
         assert done.returncode == 0, done.stderr
     assert (tmp_path / "flag").exists()  # a helper has planned
+    info = json.loads((tmp_path / "2" / "run.json").read_text())
+    assert [note for note in info["run_notes"] if "died" in note and "signal 9" in note]
     for name in ("tracks", "metrics", "plans"):
         assert (tmp_path / "1" / f"{name}.parquet").read_bytes() == (
             tmp_path / "2" / f"{name}.parquet"
@@ -111,14 +115,6 @@ def test_a_run_that_is_over_before_its_workers_are_ready_ends_them_and_says_noth
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-
-
-def test_a_worker_that_dies_is_replaced_its_batch_done_again_and_that_is_said(tmp_path: Path) -> None:
-    done = ran(tmp_path, "if not FLAG.exists(): FLAG.touch(); os.kill(os.getpid(), signal.SIGKILL)")
-    assert done.returncode == 0, done.stderr
-    info = json.loads((tmp_path / "2" / "run.json").read_text())
-    assert [note for note in info["run_notes"] if "died" in note and "signal 9" in note]
-    assert scex_sumo.open_run(tmp_path / "2").futures == 6
 
 
 def test_a_worker_that_dies_twice_over_a_batch_ends_the_run_resumably(tmp_path: Path) -> None:

@@ -48,3 +48,12 @@ def test_a_vehicle_that_leaves_within_a_second_and_before_the_others_is() -> Non
         assert doubt(dataclasses.replace(scene, future_valid=valid)) == words
     ended = dataclasses.replace(scene, future_valid=valid[:, :5])
     assert doubt(ended) is None
+
+
+@pytest.mark.parametrize(("told", "doubted"), [(5.0, False), (9.0, False), (11.0, True), (2.4, True)])
+def test_a_vehicle_whose_positions_and_speeds_contradict_each_other_is(told: float, doubted: bool) -> None:
+    """Both vehicles move at 5 m/s."""
+    scene = queues(2, gap_m=9.0, speed=5.0)
+    scene.history.x[:] = scene.history.x[:, -1:] + 0.5 * np.arange(-10, 1)
+    scene.history.speed[:] = np.array([[5.0], [told]])
+    assert doubt(scene) == ("positions and speeds of 2 contradict each other" if doubted else None)

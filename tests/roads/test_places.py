@@ -52,7 +52,7 @@ def test_a_corner_of_a_large_net_has_the_places_of_the_whole(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     net = tmp_path / "g.net.xml"
-    grid = ("--grid", "--grid.number", "9", "--grid.length", "250", "-L", "2", "-j", "priority", "-o", net)
+    grid = ("--grid", "--grid.number", "7", "--grid.length", "250", "-L", "2", "-j", "priority", "-o", net)
     subprocess.run([program("netgenerate"), *grid], check=True, capture_output=True)
     road = scex_sumo.read_map(net)
     lanes = [lane.centreline for lane in road.vehicle_lanes.values()]

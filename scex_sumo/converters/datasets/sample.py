@@ -8,7 +8,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.converters.datasets.moment import STAMP_MS
-from scex_sumo.converters.tracks.rows import TrackRows
+from scex_sumo.converters.tracks.rows import TrackRows, ahead_speed
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.scene import States
 
@@ -44,7 +44,7 @@ def sample_tracks(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Sam
     first, last = begin[present][:, None], end[present][:, None]
     recorded = (grid_ms >= stamps[first] - STAMP_MS) & (grid_ms <= stamps[last] + STAMP_MS)
     at = interpolated(rows, first, last, np.broadcast_to(grid_ms, recorded.shape))
-    states = States(x=at.x, y=at.y, heading=wrap(at.heading), speed=np.asarray(np.hypot(at.vx, at.vy)))
+    states = States(x=at.x, y=at.y, heading=wrap(at.heading), speed=ahead_speed(at.vx, at.vy, at.heading))
     track = rows.track[begin[present]]
     sizes = [_usual_size(rows, number) for number in track]
     return Sampled(

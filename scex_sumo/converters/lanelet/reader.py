@@ -38,6 +38,7 @@ from scex_sumo.converters.lanelet.tags import COUNTRIES, lane_speed_mps, map_cou
 from scex_sumo.converters.naming import map_name
 from scex_sumo.geometry.polylines import bounds_cross
 from scex_sumo.road import Georeference, Lane, MapLoss, Regulation, Road
+from scex_sumo.roads.dead_ends import DEAD_ENDS, dead_ends
 
 REPAIRS = Registry(group="scex_sumo.map_repairs", kind="repair of Lanelet2 maps")
 """``elements`` that Lanelet2 would drop, misread or crash on; ``subtypes`` that it does not know; ``stops``
@@ -102,6 +103,7 @@ def read_road(
     doubts = _doubts(lanes, map_file, country)
     doubts.note("lanelets that meet without shared points, linked", *linked)
     doubts.note("lanelets that begin on another lane", *inside)
+    doubts.note(DEAD_ENDS, *dead_ends(lanes))
     doubts.note("stop lines and lights that no lanelet names, attached to the lane at their place", *attached)
     broken: tuple[int | str, ...] = (*sorted(drawn - {v.lanelet_id for v in vertices}), *unread)
     losses += [MapLoss(kind="lanelets", why="left out, broken", elements=broken)] if broken else []

@@ -22,6 +22,13 @@ STANDING_MPS = 0.5  # slower road users stand: trackers let standing vehicles dr
 FORWARD_MPS = 3.0  # faster than this a vehicle does not drive backwards or sideways
 
 
+def ahead_speed(vx: FloatArray, vy: FloatArray, heading: FloatArray) -> FloatArray:
+    """Return speeds, m/s, below 0 where road users move backwards, not where they stand."""
+    speed = np.hypot(vx, vy)
+    reverses = (vx * np.cos(heading) + vy * np.sin(heading) < 0.0) & (speed > STANDING_MPS)
+    return np.asarray(np.where(reverses, -speed, speed))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrackRows:
     """Samples of tracks, sorted by case, track and time; N rows of K tracks.
@@ -65,8 +72,13 @@ class TrackRows:
 
     @cached_property
     def speed(self) -> FloatArray:
-        """(N,) m/s."""
+        """(N,) m/s, at least 0."""
         return np.asarray(np.hypot(self.vx, self.vy))
+
+    @cached_property
+    def speed_ahead(self) -> FloatArray:
+        """(N,) m/s, below 0 where a vehicle reverses."""
+        return ahead_speed(self.vx, self.vy, self.psi_rad)
 
     @cached_property
     def track_id(self) -> IntArray:

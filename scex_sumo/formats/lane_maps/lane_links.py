@@ -9,6 +9,7 @@ import numpy as np
 
 from scex_sumo.converters.lanelet.file import Findings
 from scex_sumo.road import Lane
+from scex_sumo.roads.dead_ends import DEAD_ENDS, dead_ends
 
 GAP_M = 1.0  # a successor that begins farther away than this gets a note
 
@@ -51,6 +52,7 @@ def connected(
             left=left if left and may_change(left, i, True) else None,
             right=right if right and may_change(i, right, False) else None,
         )
+    findings.note(DEAD_ENDS, *dead_ends(result))
     return result
 
 

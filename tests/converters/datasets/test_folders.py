@@ -12,7 +12,7 @@ import pytest
 import scex_sumo
 from scex_sumo.base.errors import MapError, ScexWarning, TrackError
 from scex_sumo.converters.datasets.find import find_recordings, left_out, map_and_tracks
-from tests.command import scex
+from tests.command import ALONE, scex
 
 
 @pytest.fixture
@@ -101,5 +101,5 @@ def test_commands_take_folders_and_print_what_they_leave_out(folder: Path, tmp_p
         done = scex(*words)
         assert done.returncode == 0, done.stderr
         assert f"note: results of this program are left out: {folder / 'out'}" in done.stderr
-    done = scex("run", folder, "--time", "4", "--futures", "2", "--no-plots", "-o", tmp_path / "run")
+    done = scex("run", folder, "--time", "4", "--futures", "2", *ALONE, "-o", tmp_path / "run")
     assert done.returncode == 0, done.stderr

@@ -394,9 +394,9 @@ def test_recorded_people_do_not_trigger_hard_braking(data: Path) -> None:
     # Vehicles whose recording does not leap, each for the half second after a moment.
     seconds = triggered = 0.0
     loaded = load_recording(find_recordings([data / "mona" / "MONA-West"])[0])
-    for moment in recording_moments(loaded, every_s=20.0)[1:-1]:
+    for moment in recording_moments(loaded, every_s=40.0)[1:-1]:
         hard, count = hard_braking(seed_at(loaded, moment.time_s, min_history=10), PROFILE)
         triggered += hard / 2
         seconds += count / 2
-    assert seconds > 60
+    assert seconds > 30
     assert triggered <= 0.001 * seconds  # all shared data: benchmarks/guard.py --replayed
