@@ -217,7 +217,6 @@ def write_exports(folder: Path, scene: SeedScene, situation: Situation, formats:
                 futures=(TYPICAL, CRITICAL),
                 out=folder / name,
                 ego=int(situation.scene.track_ids[situation.responder]),
-                map_path=scene.road.file if scene.road is not None else None,
             )
             try:
                 EXPORTERS.load(name)(request)
