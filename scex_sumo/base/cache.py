@@ -54,17 +54,22 @@ def cached_bytes(kind: str, made_of: bytes, make: Callable[[], bytes], *, max_fi
 
 def cached_object(kind: str, made_of: bytes, make: Callable[[], Made], parts: tuple[type, ...]) -> Made:
     """Return the cached result of ``make``: dataclasses ``parts`` of arrays, texts and numbers."""
-    classes = {part.__name__: part for part in parts}
-    packed = cached_bytes(kind, made_of, lambda: _packed(make(), classes))
+    packed = cached_bytes(kind, made_of, lambda: pack(make(), parts))
     try:
-        made: Made = _unpacked(packed, classes)
-    except (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError):
+        made: Made = unpack(packed, parts)
+    except UNPACKABLE:
         return make()
     return made
 
 
-def _packed(value: Any, classes: dict[str, type]) -> bytes:
+UNPACKABLE = (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError)
+"""Errors of `unpack` by other bytes than those of `pack`."""
+
+
+def pack(value: Any, parts: tuple[type, ...]) -> bytes:
+    """Return dataclasses ``parts`` of arrays, texts and numbers as bytes that run no code when read."""
     content: list[bytes] = []
+    classes = _by_name(parts)
 
     def plain(value: Any) -> Any:
         if value is None or type(value) in (bool, int, float, str):
@@ -89,9 +94,10 @@ def _packed(value: Any, classes: dict[str, type]) -> bytes:
     return b"".join([head, b"\n", *content])
 
 
-def _unpacked(packed: bytes, classes: dict[str, type]) -> Any:
+def unpack(packed: bytes, parts: tuple[type, ...]) -> Any:
+    """Return the value of `pack`."""
     head, _, content = packed.partition(b"\n")
-    at = 0
+    at, classes = 0, _by_name(parts)
 
     def array(kind: str, shape: list[int], order: Literal["C", "F"], scalar: bool) -> Any:
         nonlocal at
@@ -118,6 +124,10 @@ def _unpacked(packed: bytes, classes: dict[str, type]) -> Any:
         return {"tuple": tuple, "list": list}[kind](map(whole, content))
 
     return whole(json.loads(head))
+
+
+def _by_name(parts: tuple[type, ...]) -> dict[str, type]:
+    return {part.__name__: part for part in parts}
 
 
 @cache

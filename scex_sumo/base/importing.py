@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
+from importlib.abc import MetaPathFinder
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -92,6 +93,27 @@ def extra_for(need: str, extra: str) -> Iterator[None]:
         yield
     except ImportError as error:
         raise MissingExtraError(f"{need} ({error}); install it: pip install 'scex-sumo[{extra}]'") from None
+
+
+class _NoPandas(MetaPathFinder):
+    def find_spec(self, name: str, path: object = None, target: object = None) -> None:
+        if name == "pandas":
+            raise ImportError(name)
+
+
+def import_arrow() -> None:
+    """Import Arrow and let it look for pandas now, and find none: loading it takes a quarter of a second.
+
+    Others may still import pandas, and give its data to Arrow.
+    """
+    if "pandas" not in sys.modules:
+        sys.meta_path.insert(0, finder := _NoPandas())
+        try:
+            import pyarrow as pa
+
+            pa.array([1])
+        finally:
+            sys.meta_path.remove(finder)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from typer import Option
 from typer.core import TyperCommand
 
-from scex_sumo.base.importing import Registry
+from scex_sumo.base.importing import Registry, import_arrow
 from scex_sumo.commands import console
 
 COMMANDS = Registry(
@@ -24,6 +24,9 @@ COMMANDS = Registry(
     },
 )
 """A command is a function with Typer options; ``EXAMPLE`` in its module ends its help."""
+
+WITHOUT_ARROW = ("convert", "models")
+"""Commands that start quicker."""
 
 Answer = Callable[[], dict[str, Any]]
 """What a command with ``--json`` returns: a function that makes its answer."""
@@ -40,6 +43,8 @@ class Command(TyperCommand):
             from scex_sumo.commands.config import words_of
 
             sys.argv[1:] = [ctx.info_name, *words_of(self, ctx)]  # what repeats it without the file
+        if ctx.info_name not in WITHOUT_ARROW:
+            import_arrow()
         if not given["json"]:
             super().invoke(ctx)
             return None

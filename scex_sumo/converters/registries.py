@@ -96,6 +96,7 @@ class MapFormat:
         tracks: recording that comes with a map; None if there is none.
         name: name of the place.
         asks_for: options by which a user gives tracks for such a map, for messages.
+        opendrive: text of the OpenDRIVE that a map is or holds, which exports keep; else None.
     """
 
     registry: ClassVar = MAPS
@@ -104,6 +105,7 @@ class MapFormat:
     tracks: Callable[[Path], Path | None] = lambda path: None
     name: Callable[[Path], str] = map_name
     asks_for: str = "--tracks CSV"
+    opendrive: Callable[[Path], bytes | None] = lambda path: None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -65,9 +65,6 @@ def export_command(
             help="Vehicle with the planning task (commonroad, scenarionet, interpret, openscenario).",
         ),
     ] = None,
-    map_path: Annotated[
-        Path | None, Option("--map", metavar="MAP", help="Map of the run; default: its path in run.json.")
-    ] = None,
     out: Annotated[
         Path | None, Option("-o", "--out", metavar="PATH", help="File or folder to write.")
     ] = None,
@@ -96,7 +93,6 @@ def export_command(
             ego=ego,
             critical=critical,
             encounter=pair,
-            map_path=map_path,
         )
         request.ego_index()
     own = to in EXPORTERS.builtin

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Final, TypeAlias
@@ -15,7 +15,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray
-from scex_sumo.base.errors import MapError, UsageError
+from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import output
 from scex_sumo.base.importing import Registry
 from scex_sumo.converters.tracks.road_users import road_user
@@ -95,7 +95,6 @@ class Request:
         ego: track id of the vehicle with the planning task.
         critical: metric by which the futures were chosen.
         encounter: track ids by whose encounter they were chosen.
-        map_path: None takes the map of ``run.json``.
     """
 
     run: Run
@@ -104,7 +103,6 @@ class Request:
     ego: int | None = None
     critical: str | None = None
     encounter: tuple[int, int] | None = None
-    map_path: Path | None = None
 
     @property
     def name(self) -> str:
@@ -116,21 +114,10 @@ class Request:
         """The seed scene."""
         return self.run.scene
 
-    @cached_property
+    @property
     def road(self) -> Road:
-        """The map, read again."""
-        from scex_sumo.converters.maps import read_map
-
-        recorded = self.run.info["seed_scene"].get("map")
-        path = self.map_path or (Path(recorded) if recorded else None)
-        if path is None or not path.exists():
-            where = "its path is not in run.json" if path is None else f"{path}: no such file"
-            raise MapError(f"{self.run.folder}: the map is not found ({where}); give it with --map MAP")
-        origin = self.run.info["seed_scene"].get("origin")
-        road = read_map(path, origin=tuple(origin) if origin else None)
-        if road.name != self.run.info["net"]:
-            raise MapError(f"{path}: not the map of {self.run.folder}, which is {self.run.info['net']}")
-        return replace(road, origin=tuple(origin)) if origin else road
+        """The road of the run."""
+        return self.run.road
 
     @cached_property
     def folder(self) -> Path:
@@ -202,7 +189,7 @@ class Request:
     def inputs(self) -> list[Path]:
         """Map and tracks of the run."""
         scene = self.run.info["seed_scene"]
-        named = (self.map_path, scene.get("map"), (scene.get("source") or {}).get("tracks"))
+        named = (scene.get("map"), (scene.get("source") or {}).get("tracks"))
         return [Path(file) for file in named if file]
 
     def ego_index(self) -> int | None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -68,7 +69,7 @@ def write_interpret(request: Request) -> list[Path]:
     seed = info["seed_scene"]
     case = _case_number(seed["source"].get("case") or "1")
     path = request.file(f"{seed['location']}_sub", ".csv")
-    vehicles, ego = _interpret_marks(scene, seed["source"].get("tracks"), case)
+    vehicles, ego = _interpret_marks(scene, seed["source"])
     ego = scene.track_ids == request.ego if request.ego is not None else ego
     count, frames = len(vehicles), LOGGED_HISTORY + np.arange(1, _PREDICTED_STEPS + 1)
     frame = np.tile(frames, count)
@@ -99,34 +100,15 @@ def _case_number(case: str) -> float:
         raise UsageError(f"case {case}: cases of INTERPRET are numbers") from None
 
 
-def _interpret_marks(scene: SeedScene, tracks: str | None, case: float) -> tuple[IntArray, BoolArray]:
+def _interpret_marks(scene: SeedScene, source: Mapping[str, Any]) -> tuple[IntArray, BoolArray]:
     """Return the vehicles to predict, and (V,) which one is the ego, as the recording marks them."""
-    everyone, nobody = np.arange(scene.vehicles), np.zeros(scene.vehicles, dtype=np.bool_)
-    if tracks is None or not tracks.endswith(".csv"):
-        return everyone, nobody
-    source = Path(tracks)
-    if not source.is_file():
-        raise UsageError(f"{source}: no such file; it says which vehicles to predict, so run from its folder")
-    with source.open() as file:
-        header = file.readline().strip().split(",")
-    if not {"track_to_predict", "interesting_agent", "case_id"} <= set(header):
-        return everyone, nobody
-    columns = ["case_id", "track_id", "track_to_predict", "interesting_agent"]
-    types = {"case_id": pa.float64(), "track_id": pa.string()}
-    types |= dict.fromkeys(columns[2:], pa.float64())
-    rows = csv.read_csv(
-        source, convert_options=csv.ConvertOptions(include_columns=columns, column_types=types)
-    )
-    rows = rows.filter(pc.equal(rows["case_id"], case))
-    named = {
-        name: {t.partition(".")[0] for t in rows.filter(pc.equal(rows[name], 1.0))["track_id"].to_pylist()}
-        for name in columns[2:]
-    }
+    if "to_predict" not in source:
+        return np.arange(scene.vehicles), np.zeros(scene.vehicles, dtype=np.bool_)
     labels = [str(track) for track in scene.track_ids.tolist()]
-    missing = sorted(named["track_to_predict"] - set(labels))
+    missing = sorted(set(source["to_predict"]) - set(labels))
     if missing:
-        raise ResultError(f"{source}: vehicle {missing[0]} is to be predicted, but the run does not have it")
-    to_predict, ego = (np.isin(labels, sorted(named[name])) for name in columns[2:])
+        raise ResultError(f"vehicle {missing[0]} is to be predicted, but the run does not have it")
+    to_predict, ego = (np.isin(labels, source[name]) for name in ("to_predict", "interesting"))
     return np.flatnonzero(to_predict), ego
 
 

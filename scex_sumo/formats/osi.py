@@ -235,6 +235,12 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
         )
 
 
-OSI_MAP = MapFormat(is_mine=is_osi, read=_read_road, tracks=lambda path: path, asks_for="--tracks TRACE")
+OSI_MAP = MapFormat(
+    is_mine=is_osi,
+    read=_read_road,
+    tracks=lambda path: path,
+    asks_for="--tracks TRACE",
+    opendrive=map_text,
+)
 OSI = Dataset(is_mine=is_osi, read=_read, recordings=_recordings, within=within_map)
 OSI_LIGHTS = SignalFormat(is_mine=is_osi, read=_read_signals)

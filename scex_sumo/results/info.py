@@ -168,7 +168,7 @@ def describe(scene: SeedScene) -> dict[str, Any]:
         "recorded_future_steps": int(scene.future.shape[1]) if scene.future is not None else 0,
         "notes": list(scene.notes),
         "source": scene.source,
-        "map": str(scene.road.file) if scene.road is not None and scene.road.file is not None else None,
+        "map": None if scene.road is None or scene.road.file is None else str(scene.road.file.absolute()),
         "origin": list(scene.road.origin) if scene.road is not None else None,
         "fingerprint": digest(scene),
     }

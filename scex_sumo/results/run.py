@@ -19,8 +19,10 @@ from scex_sumo.results.design import column_of, half_widths, intervals_of, is_cr
 from scex_sumo.results.extras import BASELINE, REFERENCE, Decision, extras_results
 from scex_sumo.results.info import read_info
 from scex_sumo.results.probability import Encounter
+from scex_sumo.results.road import load_road
 from scex_sumo.results.tables.horizons import HORIZONS, horizons_of
 from scex_sumo.results.tables.reading import read_assignments, read_metrics, read_table
+from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
 from scex_sumo.statistics.density import BANDWIDTH, Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
@@ -216,6 +218,11 @@ class Run:
         from scex_sumo.results.tables.states import read_scene
 
         return read_scene(self.folder, self.info["seed_scene"])
+
+    @cached_property
+    def road(self) -> Road:
+        """The road, as the map was read."""
+        return load_road(self.folder)
 
     @cached_property
     def net(self) -> SumoNet:

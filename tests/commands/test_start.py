@@ -37,3 +37,22 @@ def test_a_run_does_without_torch_and_most_of_scipy_and_a_second_one_without_lan
     )
     assert after_a_run(tmp_path, code) == ["set()", "True", "True"]
     assert after_a_run(tmp_path, code, *ALONE, "--models", "rules") == ["set()", "False", "False"]
+
+
+def test_a_command_does_not_load_pandas_for_arrow() -> None:
+    pytest.importorskip("pandas")
+    tracks = example_path("roundabout").with_suffix(".csv")
+    words = ["-X", "importtime", "-m", "scex_sumo", "metrics", str(tracks)]
+    done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=True)
+    assert "pyarrow.lib" in done.stderr and "pandas.core" not in done.stderr
+
+
+def test_pandas_and_arrow_work_together_all_the_same() -> None:
+    pytest.importorskip("pandas")
+    script = (
+        "import sys; from scex_sumo.base.importing import import_arrow; import_arrow()\n"
+        "import pyarrow as pa; pa.table({'a': [1]}).to_pylist(); assert 'pandas' not in sys.modules\n"
+        "import pandas as pd; frame = pd.DataFrame({'a': [1]})\n"
+        "assert pa.table(frame).to_pandas().equals(frame) and pa.array(frame['a']).to_pylist() == [1]\n"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True)

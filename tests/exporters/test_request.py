@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import copy
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,12 @@ import pytest
 from pyarrow import csv
 
 from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.converters.datasets.interaction import marked_vehicles
 from scex_sumo.exporters.request import EXPORTERS, Request, critical_futures
-from scex_sumo.results.run import Run
+from scex_sumo.results.run import Run, open_run
+from scex_sumo.scenarios import example_path
+from scex_sumo.scenarios.seeds import read_seed
+from tests.runs import extrapolate
 
 
 def test_the_most_critical_futures_come_worst_first(run: Run) -> None:
@@ -38,7 +43,7 @@ def test_six_futures_are_the_modalities_of_an_interpret_case(run: Run, tmp_path:
 def of_case(run: Run, case: str, tracks: Path) -> Run:
     """Return the run as that of a case of the challenge's input."""
     other = copy.copy(run)
-    source = {"kind": "tracks", "tracks": str(tracks), "case": case}
+    source = {"kind": "tracks", "tracks": str(tracks), "case": case, **marked_vehicles(tracks, case)}
     other.info = {**run.info, "seed_scene": {**run.info["seed_scene"], "source": source, "location": "DR_X"}}
     return other
 
@@ -72,5 +77,18 @@ def test_a_submission_has_the_marked_vehicles_of_all_cases(
     marked(tracks, "3.0,999,1,1,0")
     with pytest.raises(ResultError, match="vehicle 999 is to be predicted"):
         write(Request(run=of_case(run, "3.0", tracks), futures=(0, 1)))
-    with pytest.raises(UsageError, match="which vehicles to predict"):
-        write(Request(run=of_case(run, "3.0", tmp_path / "gone.csv"), futures=(0,)))
+
+
+def test_a_result_folder_has_all_that_exports_need(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Map and tracks are gone, and the folder is at another place."""
+    (tmp_path / "data").mkdir()
+    for suffix in (".osm", ".csv"):
+        shutil.copy(example_path("roundabout").with_suffix(suffix), tmp_path / "data")
+    monkeypatch.chdir(tmp_path)
+    scene = read_seed("data/roundabout.osm")
+    made = extrapolate(scene, futures=1, models="constant_velocity", steps=30, out="out")
+    assert scene.road is not None and made.road.lanes.keys() == scene.road.lanes.keys()
+    shutil.rmtree("data")
+    moved = open_run(Path("out").rename("moved"))
+    for name in ("openscenario", "commonroad", "scenarionet", "osi", "interpret", "sumo"):
+        assert EXPORTERS.load(name)(Request(run=moved, futures=(0,), out=tmp_path / name))

@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from pathlib import Path
 
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.lanelet.origin import META_DATA
-from scex_sumo.converters.naming import all_plain_or_packed, map_name, plain_or_packed, unpacked_name
+from scex_sumo.converters.naming import (
+    all_plain_or_packed,
+    in_arrow,
+    map_name,
+    open_binary,
+    open_text,
+    plain_or_packed,
+    unpacked_name,
+)
 from scex_sumo.converters.registries import Dataset, Recording, map_format, recording_name, refuse_folder
 from scex_sumo.converters.tracks.reader import read_tracks
 from scex_sumo.converters.tracks.rows import TrackTable
@@ -101,3 +110,38 @@ def _siblings(path: Path) -> Sequence[Path]:
 
 
 INTERACTION = Dataset(is_mine=lambda path: True, read=_read, recordings=_recordings, siblings=_siblings)
+
+
+MARKS = {"to_predict": "track_to_predict", "interesting": "interesting_agent"}
+"""Marks of vehicles in the files of the INTERPRET challenge, and their columns."""
+
+
+def marked_vehicles(tracks: Path, case: str) -> dict[str, list[str]]:
+    """Return the marked vehicles of a case by `MARKS`; nothing if the file has no marks."""
+    with open_text(tracks, errors="replace") as file:
+        header = file.readline(65536).strip().split(",")
+    if not {*MARKS.values(), "case_id", "track_id"} <= set(header):
+        return {}
+    rows = _marks(tracks, tracks.stat().st_mtime_ns)
+    return {name: sorted({track for of, track in rows[name] if of == float(case)}) for name in MARKS}
+
+
+@lru_cache(maxsize=1)
+def _marks(tracks: Path, _changed_ns: int) -> dict[str, set[tuple[float, str]]]:
+    """Return case and track id of all rows with each mark."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+    from pyarrow import csv
+
+    types = {"case_id": pa.float64(), "track_id": pa.string(), **dict.fromkeys(MARKS.values(), pa.float64())}
+    with open_binary(tracks) as file:
+        options = csv.ConvertOptions(include_columns=[*types], column_types=types)
+        table = csv.read_csv(in_arrow(file), convert_options=options)
+    marked = {name: table.filter(pc.equal(table[column], 1.0)) for name, column in MARKS.items()}
+    return {
+        name: {
+            (case, track.partition(".")[0])
+            for case, track in zip(rows["case_id"].to_pylist(), rows["track_id"].to_pylist(), strict=True)
+        }
+        for name, rows in marked.items()
+    }

@@ -12,6 +12,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.datasets.checks import Check, doubts, lost_vehicles
+from scex_sumo.converters.datasets.interaction import marked_vehicles
 from scex_sumo.converters.datasets.moment import CASE_FRAME, STAMP_MS, busiest, find_moments
 from scex_sumo.converters.datasets.repairs import repair_tracks
 from scex_sumo.converters.datasets.sample import Sampled, sample_tracks
@@ -221,5 +222,5 @@ def _moment_name(name: str, case_id: str, moment_ms: float) -> str:
 
 
 def _source(table: TrackTable, case_id: str, moment_ms: float) -> dict[str, Any]:
-    source: dict[str, Any] = {"kind": "tracks", "tracks": str(table.path), "time_s": moment_ms / 1000.0}
-    return source | ({"case": case_id} if case_id else {})
+    tracks = {"kind": "tracks", "tracks": str(table.path.absolute()), "time_s": moment_ms / 1000.0}
+    return tracks | ({"case": case_id, **marked_vehicles(table.path, case_id)} if case_id else {})

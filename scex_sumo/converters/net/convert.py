@@ -15,7 +15,8 @@ from scex_sumo.base.errors import MapError, UsageError
 from scex_sumo.base.files import check_output, sha256_of, write_atomic, write_output
 from scex_sumo.base.importing import Registry
 from scex_sumo.base.version import __version__, version_of
-from scex_sumo.converters.net.sumo_net import RECORDED, SumoNet, WrittenNet, net_file
+from scex_sumo.converters.net.sumo_net import OPENDRIVE, RECORDED, SumoNet, WrittenNet, net_file
+from scex_sumo.converters.registries import map_format
 from scex_sumo.road import MapLoss, Road
 from scex_sumo.scene import STEP_S
 
@@ -54,13 +55,16 @@ def convert(road: Road, net_path: str | Path, *, signals: str | Path | None = No
 def converted(
     road: Road, net_path: Path, *, keep: bool = True, signals: Path | None = None, time_s: float = 0.0
 ) -> SumoNet:
-    """Convert a road as `convert` does, or take the net from the cache.
+    """Convert a road as `convert` does, or take the net from the cache; keep a map that is OpenDRIVE beside.
 
     Args:
         keep: False neither reads nor writes the cache.
         signals: recorded phases, which begin at ``time_s`` of their recording; a note says why they are left
             out if they cannot be used.
     """
+    given = None if road.file is None else map_format(road.file).opendrive(road.file)
+    if given is not None:
+        write_atomic(net_file(net_path, OPENDRIVE), given)
     if signals is None:
         return _with_files(_net(road, keep), net_path)
     try:

@@ -60,6 +60,9 @@ class WrittenNet:
         return LaneTable(self.rows, self.ends)
 
 
+OPENDRIVE = ".xodr"
+
+
 def net_file(net_path: Path, suffix: str) -> Path:
     """Return the path beside NET.net.xml with another ending: NET + suffix."""
     return net_path.with_name(net_path.name.removesuffix(".xml").removesuffix(".net") + suffix)

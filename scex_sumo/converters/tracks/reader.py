@@ -251,7 +251,7 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
         if name == "agent_type":
             text = pc.utf8_lower(text)
         encoded = text.combine_chunks().dictionary_encode()
-        columns[name] = np.from_dlpack(encoded.indices).astype(np.int64), [str(n) for n in encoded.dictionary]
+        columns[name] = np.asarray(encoded.indices, dtype=np.int64), [str(n) for n in encoded.dictionary]
     columns, notes = _checked(path, header, columns)
     return columns, [*notes, *_in_milliseconds(path, columns), *_in_radians(columns), *_of_no_size(columns)]
 

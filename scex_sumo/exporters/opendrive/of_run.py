@@ -6,13 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from scex_sumo.converters.net.xml import unpacked, xml_root
+from scex_sumo.converters.net.sumo_net import OPENDRIVE, net_file
+from scex_sumo.converters.net.xml import xml_root
 from scex_sumo.exporters.light_cycles import light_cycles
 from scex_sumo.exporters.opendrive.file import OpenDrive, opendrive
 from scex_sumo.exporters.request import Request
 from scex_sumo.formats.opendrive.lanes import opendrive_map
-from scex_sumo.formats.osi import map_text
-from scex_sumo.formats.recognition import OPENDRIVE, is_osi
 from scex_sumo.road import Regulation, Road
 
 
@@ -23,14 +22,8 @@ def opendrive_of(request: Request) -> OpenDrive:
     join a map that is written.
     """
     road = request.road
-    given = _given(road.file)
-    return opendrive(_with_lights(request, road)) if given is None else _as_given(request, given)
-
-
-def _given(file: Path | None) -> bytes | None:
-    if file is None or is_osi(file):
-        return None if file is None else map_text(file)
-    return unpacked(file) if OPENDRIVE.is_mine(file) else None
+    given = net_file(request.run.net.path, OPENDRIVE)
+    return _as_given(request, given) if given.is_file() else opendrive(_with_lights(request, road))
 
 
 def _with_lights(request: Request, road: Road) -> Road:
@@ -47,13 +40,13 @@ def _with_lights(request: Request, road: Road) -> Road:
     return replace(road, regulations=(*road.regulations, *lights)) if lights else road
 
 
-def _as_given(request: Request, content: bytes) -> OpenDrive:
-    assert request.road.file is not None
-    root = xml_root(request.road.file, content)
+def _as_given(request: Request, file: Path) -> OpenDrive:
+    content = file.read_bytes()
+    root = xml_root(file, content)
     offset = root.find("header/offset")
     names = ("x", "y", "z", "hdg")
     x, y, z, heading = (float("0" if offset is None else offset.get(name, "0")) for name in names)
-    drawn = opendrive_map(request.road.file, root)
+    drawn = opendrive_map(file, root)
     ids = drawn.lane_ids()
     return OpenDrive(
         text=content.decode(errors="replace"),

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from scex_sumo.base.errors import OutOfTimeError, SimulationError, last_words
+from scex_sumo.base.importing import import_arrow
 from scex_sumo.base.sending import pickled, unpickled
 
 OnStep: TypeAlias = Callable[[int], None]
@@ -135,6 +136,7 @@ def serve() -> None:
     from scex_sumo.world.session import load_sumo
 
     with suppress(Exception):  # the first task reports it
+        import_arrow()
         load_sumo()
         if SIMULATES in sys.argv:
             import scex_sumo.extrapolation.job  # noqa: F401  # loaded while the first batch is prepared

@@ -30,4 +30,4 @@ def opendrive_road(path: Path, content: bytes, country: str | None = None) -> Ro
     return drawn_road(opendrive_map(path, root), name=map_name(path), country=country, projection=projection)
 
 
-OPENDRIVE = MapFormat(is_mine=recognition.OPENDRIVE.is_mine, read=read_opendrive)
+OPENDRIVE = MapFormat(is_mine=recognition.OPENDRIVE.is_mine, read=read_opendrive, opendrive=unpacked)

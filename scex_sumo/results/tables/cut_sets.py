@@ -170,8 +170,12 @@ def cut_set_words(cut_sets: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def _phrase(futures: int, models: Mapping[int, Sequence[str]]) -> str:
-    parts = [f"{track} {' or '.join(map(_does, names))}" for track, names in models.items()]
+    parts = [f"{track} {_any_of([_does(name) for name in names])}" for track, names in models.items()]
     return f"in {futures} of {futures} futures in which {' and '.join(parts)}" if parts else "in all futures"
+
+
+def _any_of(words: Sequence[str]) -> str:
+    return " or ".join(part for part in (", ".join(words[:-1]), words[-1]) if part)
 
 
 def _does(model: str) -> str:

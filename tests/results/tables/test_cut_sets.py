@@ -38,9 +38,10 @@ def test_sets_are_the_smallest_and_the_most_frequent_is_first() -> None:
 
 def test_models_that_do_the_same_are_one_phrase() -> None:
     count = int((DRAWN[:, 0] != KEEPS).sum())
-    assert told(DRAWN[:, 0] != KEEPS) == [
-        f"in {count} of {count} futures in which 1 brakes hard or drives riskily"
-    ]
+    (words,) = told(DRAWN[:, 0] != KEEPS)
+    assert words == f"in {count} of {count} futures in which 1 brakes hard or drives riskily"
+    three = [{"futures": 9, "track_ids": [1], "models": [name]} for name in ("stops", "mine", "replay")]
+    assert cut_set_words(three)[0].endswith("which 1 stops, drives as mine or drives as recorded")
 
 
 def test_vehicles_beside_the_pair_count_if_they_decide_and_not_by_chance() -> None:
