@@ -78,10 +78,13 @@ def run(population: Population, out: Path, limit_s: float) -> None:
             scene, found = cut.scene(row), {}
             for name, spec in specs.items():
                 driven = drive(scene, row["track_id"], spec, FUTURES, seed=0)
-                pair = driven.row_of(row["other_id"]).get("probability", 0.0)
-                variance = float(driven.effects.var(ddof=1) / FUTURES)
-                found[name] = {"y": driven.probability, "pair": pair, "variance": variance}
-                found[name]["collide"] = float(driven.collides.mean())
+                pair = driven.contacts_with(row["other_id"])
+                found[name] = {
+                    "y": pair.probability,
+                    "variance": float(pair.effects.var(ddof=1) / FUTURES),
+                    "any": driven.any.probability,
+                    "collide": float(driven.collides.mean()),
+                }
             file.write(json.dumps({"k": k, **found}) + "\n")
             file.flush()
 
@@ -105,7 +108,7 @@ def judge(population: Population, lines: Sequence[Mapping[str, Any]], count: int
     print(f"{size} candidates, {suites} suites of {count}; people by the ranking {by_ranking:.3g} an hour")
     estimates = {}
     for name in FUNCTIONS:
-        y, pair, drawn = (np.array([one[name][key] for one in lines]) for key in ("y", "pair", "variance"))
+        y, drawn, either = (np.array([one[name][key] for one in lines]) for key in ("y", "variance", "any"))
         truth = float((share * y).sum() / population.hours)
 
         def rates(some: Sequence[Chosen], *, strata: bool, y: Any = y, drawn: Any = drawn) -> list[Rate]:
@@ -124,9 +127,9 @@ def judge(population: Population, lines: Sequence[Mapping[str, Any]], count: int
         estimates[name], plain = (np.array([r.value for r in some]) for some in (own, other))
         factors = [r.high / max(r.low, 1e-300) for r in own]
         error = np.sqrt(np.mean((estimates[name] - truth) ** 2) / np.mean((plain - truth) ** 2))
-        alone, largest = (share * pair).sum() / population.hours, (share * y).max() / (share * y).sum()
+        thirds, largest = (share * either).sum() / population.hours, (share * y).max() / (share * y).sum()
         print(
-            f"{name}: {truth:.3g} an hour, with the other one alone {alone:.3g}, largest candidate "
+            f"{name}: {truth:.3g} an hour, with third ones {thirds:.3g}, largest candidate "
             f"{largest:.0%}; mean/truth {estimates[name].mean() / truth:.2f}; holds {held[0]:.1%} (plain "
             f"{held[1]:.1%}); median factor {np.median(factors):.3g}; error {error:.2f} of plain"
         )

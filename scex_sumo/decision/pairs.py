@@ -16,7 +16,7 @@ from scex_sumo.base.arrays import IntArray
 from scex_sumo.conflicts.pairs import Conflicts
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.decision.law import Law, at_level, law, over_futures
-from scex_sumo.decision.words import TOLD, how, what
+from scex_sumo.decision.words import BESIDE, REAR_END, TOLD, how, what
 from scex_sumo.results.participants import everybody
 from scex_sumo.roads.doubts import doubts_of
 from scex_sumo.roads.places import places_of
@@ -117,6 +117,9 @@ class _Told:
         own, other = (one, two) if first else (two, one)
         if self._people[own] and not self._people[other]:  # vehicles respond to people
             own, other = other, own
+        kind = what(self._whole, own, other, float(found.meets_rad[at]), person=bool(self._people[other]))
+        if kind in (REAR_END, BESIDE) and axis == "gap" and self._is_ahead(own, other):
+            own, other = other, own
         row: dict[str, Any] = {
             "_own": own,
             "_other": other,
@@ -129,7 +132,6 @@ class _Told:
             "gap_m": float(found.gap[at]),
             "conflict_s": STEP_S * step,
         }
-        kind = what(self._whole, own, other, float(found.meets_rad[at]), person=bool(self._people[other]))
         if probability < TOLD:
             return {**row, "what": kind}
         states = self._of(future)
@@ -146,6 +148,14 @@ class _Told:
             "x": float(both.x[0]),
             "y": float(both.y[0]),
         }
+
+    def _is_ahead(self, one: int, other: int) -> bool:
+        """Return whether a vehicle is ahead of another one now, along the heading of that one."""
+        now = self._whole.now
+        turn = now.heading[other]
+        return bool(
+            (now.x[one] - now.x[other]) * np.cos(turn) + (now.y[one] - now.y[other]) * np.sin(turn) > 0
+        )
 
     def _axis(self, at: int) -> tuple[str, bool, int]:
         """Return what decides in a row, whether the first vehicle responds, and the step."""

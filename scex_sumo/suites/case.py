@@ -153,7 +153,7 @@ def write_exports(folder: Path, driven: Driven, told: Mapping[str, Any], formats
     if not formats:
         return []
     scene, notes = driven.scene, list[str]()
-    shown = [int(np.argmin(driven.contact)), int(told["future"])]
+    shown = [int(np.argmin(driven.any.each)), int(told["future"])]
     script = Script(driven.states[shown][:, : scene.vehicles])
     settings = RunSettings(
         models=[script], futures=2, steps=STEPS, replan=REPLAN, world="plain", metrics="gap"

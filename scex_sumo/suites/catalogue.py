@@ -124,7 +124,7 @@ def catalogue(
         if others:
             own: dict[str, Any] = {"every": every, "min_vehicles": min_vehicles, "workers": workers}
             own |= {"overwrite": overwrite, "progress": progress, "command": command}
-            rank(others, out=out / RANKING, **own)
+            rank(others, out=out / RANKING, top=1, futures=1, **own)  # a suite needs no stress test
             rankings.append(out / RANKING)
         population = read_population(rankings)
         chosen = choose(population, count, seed=seed)

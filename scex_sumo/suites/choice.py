@@ -1,9 +1,8 @@
-"""Choice of cases: one weighted draw, with strata by kind, and at least one case of each.
+"""Choice of cases: a stratified draw, kind by kind, with known probabilities whose inverses are the weights.
 
-Candidates are drawn one after the other along a line on which each has a length, its probability to be drawn
-(systematic sampling, Madow 1949). On the line kinds follow each other, and within a kind candidates are in
-the order of P. So each kind has its share of the cases, all classes of risk occur, and a candidate's
-probability is known; its inverse is its weight.
+Each kind has at least one case, if there are enough. A kind has cases in proportion to its candidates and to
+people's contacts in them, and so has a candidate within its kind. Weighted sums over the cases estimate sums
+over all candidates without bias.
 """
 
 from __future__ import annotations
@@ -12,6 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
@@ -19,13 +19,15 @@ from scex_sumo.suites.population import Population
 
 LEAST: Final = 2
 """Least number of cases: one has no variance."""
-EVEN: Final = 0.5
+EVEN: Final = 0.7
 """Part of the draw by number of encounters; the other part is by people's P."""
+_HALVINGS = 100
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
 class Chosen:
-    """Chosen candidates, (n,) each, by kind and P.
+    """Chosen candidates, (n,) each, kind by kind, those with the largest P of people first.
 
     Attributes:
         index: into the population.
@@ -46,55 +48,38 @@ def check_count(count: int) -> None:
 
 
 def choose(population: Population, count: int, *, seed: int = 0) -> Chosen:
-    """Draw ``count`` candidates; all if there are no more."""
+    """Draw candidates, at least one of each kind if ``count`` suffices for that; all if there are no more.
+
+    Systematic sampling: the chances of all candidates in a row, ordered by kind and P of people, are cut at
+    equal steps. So each kind has its expected number of cases or the next one, and cases of high and low P.
+    """
     check_count(count)
-    chance = chances(population, min(count, len(population)))
+    chance = chances(population, count)
     order = np.lexsort((-population.column("probability"), population.kind))
-    start = np.random.default_rng(seed).random()
-    steps = np.floor(np.concatenate([[0.0], np.cumsum(chance[order])]) + start + 1e-9)
-    index = order[np.diff(steps) > 0]
+    steps = np.concatenate([[0.0], np.cumsum(chance[order])]) + np.random.default_rng(seed).random()
+    index = order[np.diff(np.floor(steps + _ROUNDING)) > 0]
     return Chosen(index=index, chance=chance[index])
 
 
 def chances(population: Population, count: int) -> FloatArray:
-    """Return the probability (N,) of each candidate to be drawn; with a sum of 1 or more in each kind.
-
-    Where there are more kinds than cases, each has the same part of them.
-    """
-    size = sizes(population)
-    kinds, kind = np.unique(population.kind, return_inverse=True)
-    least = min(1.0, count / len(kinds))
-    chance = _capped(size, count)
-    for _ in range(len(kinds)):
-        sums = np.bincount(kind, chance)
-        short = sums < least - 1e-9
-        if not short.any():
-            break
-        fixed = short | (np.abs(sums - least) < 1e-9)
-        for k in np.flatnonzero(short):
-            chance[kind == k] = _capped(size[kind == k], least)
-        others = ~fixed[kind]
-        chance[others] = _capped(size[others], count - least * int(fixed.sum()))
+    """Return the probability (N,) with which each candidate becomes one of ``count`` cases."""
+    share = population.column("share")
+    contacts = share * population.column("probability")
+    size = EVEN * share / share.sum() + (1 - EVEN) * contacts / contacts.sum()
+    _, kind = np.unique(population.kind, return_inverse=True)
+    held, sizes = np.bincount(kind), np.bincount(kind, size)
+    cases = between(sizes, min(1.0, count / len(held)), held, min(count, len(size)))
+    chance = np.empty(len(size))
+    for number, expected in enumerate(cases):
+        chance[kind == number] = between(size[kind == number], 0.0, 1.0, expected)
     return chance
 
 
-def sizes(population: Population) -> FloatArray:
-    """Return (N,) how likely candidates are drawn, in parts of all: by encounters, and by people's P."""
-    share = population.column("share")
-    contacts = share * population.column("probability")
-    return np.asarray(EVEN * share / share.sum() + (1 - EVEN) * contacts / contacts.sum())
-
-
-def _capped(size: FloatArray, count: float) -> FloatArray:
-    """Return probabilities (N,) like the sizes, at most 1, with a sum of ``count``, or all 1."""
-    chance = np.zeros(len(size))
-    sure = np.zeros(len(size), dtype=np.bool_)
-    while True:
-        left = count - sure.sum()
-        if left <= 0 or sure.all():
-            return np.where(sure, 1.0, chance)
-        chance = np.where(sure, 1.0, size / size[~sure].sum() * left)
-        more = ~sure & (chance >= 1 - 1e-12)
-        if not more.any():
-            return chance
-        sure |= more
+def between(shares: ArrayLike, least: ArrayLike, most: ArrayLike, total: float) -> FloatArray:
+    """Return values (n,) in proportion to positive shares, within bounds, that sum to a total."""
+    shares = np.asarray(shares, dtype=np.float64)
+    low, high = 0.0, total / float(shares.min())
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if np.clip(middle * shares, least, most).sum() < total else (low, middle)
+    return np.asarray(np.clip(high * shares, least, most))

@@ -34,6 +34,29 @@ PEOPLE: Final = "likely_driver"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Contacts:
+    """P of a contact in each future (C,), and of all."""
+
+    each: FloatArray
+
+    @cached_property
+    def root(self) -> FloatArray:
+        """Cube roots (C,) of P: what the law takes the mean of."""
+        return np.cbrt(self.each)
+
+    @property
+    def probability(self) -> float:
+        """P of a contact, see `over_futures`."""
+        count = len(self.each)
+        return float(over_futures(np.zeros(count, dtype=np.int64), self.each, pairs=1, futures=count)[0])
+
+    @property
+    def effects(self) -> FloatArray:
+        """First-order effect (C,) of each future on `probability`; their mean is 0."""
+        return np.asarray(3 * self.root.mean() ** 2 * (self.root - self.root.mean()))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Driven:
     """Futures of a case, (C,) of them.
 
@@ -55,24 +78,21 @@ class Driven:
         return self.states.shape[0]
 
     @cached_property
-    def contact(self) -> FloatArray:
-        """P (C,) of a contact of the vehicle with any other one in each future."""
-        each = law().contact(self.conflicts, everybody(self.scene).types)
+    def any(self) -> Contacts:
+        """Contacts of the vehicle with any other one."""
+        return self._contacts(np.ones(len(self.conflicts), dtype=np.bool_))
+
+    def contacts_with(self, other_id: int) -> Contacts:
+        """Return the contacts of the vehicle with one other."""
+        other = self.index_of(other_id)
+        return self._contacts((self.conflicts.one == other) | (self.conflicts.two == other))
+
+    def _contacts(self, rows: BoolArray) -> Contacts:
+        some = self.conflicts.take(rows)
+        each = law().contact(some, everybody(self.scene).types)
         with np.errstate(divide="ignore"):
-            log = np.bincount(self.conflicts.future, np.log1p(-each), minlength=self.futures)
-        return np.asarray(-np.expm1(log))
-
-    @property
-    def probability(self) -> float:
-        """P of a contact of the vehicle with any other one."""
-        one = np.zeros(self.futures, dtype=np.int64)
-        return float(over_futures(one, self.contact, pairs=1, futures=self.futures)[0])
-
-    @cached_property
-    def effects(self) -> FloatArray:
-        """First-order effect (C,) of each future on `probability`; their mean is 0."""
-        root = np.cbrt(self.contact)
-        return np.asarray(3 * root.mean() ** 2 * (root - root.mean()))
+            log = np.bincount(some.future, np.log1p(-each), minlength=self.futures)
+        return Contacts(each=np.asarray(-np.expm1(log)))
 
     @property
     def collides(self) -> BoolArray:

@@ -98,17 +98,24 @@ class Design:
         """
         each = self.weight * y
         parts = [(float((self.weight**2 * drawn).sum()), math.inf)]
-        for h in np.unique(self.stratum).tolist():
-            inside = np.flatnonzero((self.stratum == h) & (self.chance < 1 - 1e-9))
-            left, n = 1 - self.chance[inside], len(inside)
+        for group in self._groups():
+            left, n = 1 - self.chance[group], len(group)
             if n == 1:  # of one that stands for others nothing is known but its size
-                parts.append((float(left[0] * each[inside[0]] ** 2), 1.0))
-            elif n > 1:
-                mean = (left * each[inside]).sum() / left.sum()
-                parts.append((float(n / (n - 1) * (left * (each[inside] - mean) ** 2).sum()), n - 1.0))
+                parts.append((float(left[0] * each[group[0]] ** 2), 1.0))
+            else:
+                mean = (left * each[group]).sum() / left.sum()
+                parts.append((float(n / (n - 1) * (left * (each[group] - mean) ** 2).sum()), n - 1.0))
         variance = sum(part for part, _ in parts)
         spread = sum(part**2 / freedom for part, freedom in parts)
         return float(each.sum()), variance, variance**2 / spread if spread > 0 else math.inf
+
+    def _groups(self) -> list[IntArray]:
+        """Return the cases not taken for sure, kind by kind; kinds with one such case are one group."""
+        unsure = np.flatnonzero(self.chance < 1 - 1e-9)
+        number = self.stratum[unsure]
+        alone = np.bincount(number, minlength=1)[number] == 1
+        number = np.where(alone, -1, number)
+        return [unsure[number == h] for h in np.unique(number).tolist()]
 
     def rate(self, y: FloatArray, drawn: FloatArray) -> Rate:
         """Return the rate of events per hour, with an interval on the log scale."""

@@ -16,7 +16,7 @@ from scex_sumo.suites.population import RISK_WORDS
 SCRIPTS: Final = ("loop.js", "stage.js", "cases.js")
 COVERAGE: Final = (
     Column("kind", "kind", "names"),
-    Column("people", "people collide an hour", ".1g"),
+    Column("people", "people collide an hour"),
     *(Column(word, word, "words") for word in RISK_WORDS),
 )
 """Candidates → cases of each kind, by P(contact) of people."""
@@ -87,7 +87,7 @@ def write_case_page(
     bar = element("div.row", element("b", id="counts"), *lists)
     parts = [
         *first,
-        element("section.card", bar, element("p.soft", _KEYS), element("code", id="said", role="status")),
+        element("section.card", bar, element("p.soft", _KEYS), element("p.soft", id="said", role="status")),
         element("div.moments", *(one.html() for one in cards), id="cards"),
         card("All cases", table_place("all-cases")),
     ]
@@ -119,15 +119,20 @@ def catalogue_card(row: Mapping[str, Any], how: str | None, shown: Mapping[str, 
     facts = [
         f"{row['recording']}, {row['time_s']:g} s; the function drives {row['track_id']}",
         f"people: {how or 'nothing happens'}; they collide {once_in(row['probability'])}",
-        f"stands for {row['weight']:.3g} encounters",
+        stands_for(row["weight"]),
     ]
     return CaseCard(row=row, title=row["kind"], facts=facts, shown=shown)
+
+
+def stands_for(weight: float) -> str:
+    """Return for how many encounters a case stands, in words."""
+    return f"stands for {weight:.3g} encounter{'' if f'{weight:.3g}' == '1' else 's'}"
 
 
 def coverage_rows(info: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the rows of `COVERAGE` of a suite."""
     return [
-        {"kind": row["kind"], "people": row["people_collide_per_hour"]}
+        {"kind": row["kind"], "people": f"{row['people_collide_per_hour']:.1g}"}
         | {
             word: f"{before} → {after}" if before else ""
             for word, before, after in zip(RISK_WORDS, row["candidates"], row["cases"], strict=True)

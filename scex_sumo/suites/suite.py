@@ -23,7 +23,7 @@ from scex_sumo.suites.rules_json import rules_of_json
 
 SUITE: Final = "suite.json"
 CASE: Final = "case.json"
-FORMAT: Final = "scex-sumo suite 3"
+FORMAT: Final = "scex-sumo suite 4"
 """Name and version of the format."""
 CASES: Final = "cases"
 MAPS: Final = "maps"

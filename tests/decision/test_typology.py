@@ -210,3 +210,10 @@ def test_pairs_of_human_like_futures_have_a_kind(seed_scene: SeedScene, word: st
     rows = pairs_of_part(found, part).to_pylist()
     assert kinds_of(found, rows, part) == [word]
     assert kinds_of(found, [rows[0] | {"probability": 1e-9}], part) == [None]
+
+
+@pytest.mark.parametrize("ahead", [0, 1])
+def test_of_two_that_stand_in_a_queue_the_one_behind_comes_first(ahead: int) -> None:
+    order = [(0.0, 0.0, 0.0, 0.0), (6.0, 0.0, 0.0, 0.0)][:: 1 if ahead else -1]
+    (row,) = families.pairs(families.scene(families.street(), *order)).to_pylist()
+    assert row["other_id"] == ahead + 1

@@ -236,7 +236,7 @@ def test_wrong_input_is_one_line(place: Path, tmp_path: Path) -> None:
     shutil.copytree(suite, copy)
     info = json.loads((copy / "suite.json").read_text())
     (copy / "suite.json").write_text(json.dumps(info | {"format": "scex-sumo suite 0"}))
-    assert "this version reads 'scex-sumo suite 3'" in refused(copy)
+    assert "this version reads 'scex-sumo suite 4'" in refused(copy)
     (copy / "suite.json").write_text(json.dumps(info | {"cases": []}))
     assert "the suite has no case" in refused(copy)
     shutil.copyfile(suite / "suite.json", copy / "suite.json")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.suites.choice import chances, choose
+from scex_sumo.suites.choice import between, chances, choose
 from scex_sumo.suites.population import Population
 from tests.suites.populations import KINDS, population
 
@@ -54,7 +54,7 @@ def test_probabilities_sum_to_the_cases_and_in_each_kind_to_one_or_more() -> Non
     people = uneven(300)
     chance = chances(people, 20)
     assert chance.sum() == pytest.approx(20)
-    assert (chance > 0).all() and (chance <= 1).all()
+    assert (chance > 0).all() and (chance <= 1 + 1e-9).all()
     assert (np.bincount(people.kind, chance)[np.unique(people.kind)] > 1 - 1e-9).all()
 
 
@@ -72,7 +72,13 @@ def test_all_classes_of_risk_have_cases() -> None:
 def test_few_candidates_are_all_taken_for_sure() -> None:
     chosen = choose(population(5), 50)
     assert sorted(chosen.index.tolist()) == [0, 1, 2, 3, 4]
-    assert chosen.chance.tolist() == [1.0] * 5
+    assert chosen.chance == pytest.approx(1.0)
+
+
+def test_shares_keep_their_bounds_and_their_sum() -> None:
+    found = between([6.0, 3.0, 1.0], 1.0, [100.0, 100.0, 1.0], 20)
+    assert found == pytest.approx([38 / 3, 19 / 3, 1.0])
+    assert between([5.0, 1.0, 1.0], 0.0, 1.0, 2.0) == pytest.approx([1.0, 0.5, 0.5])
 
 
 def test_what_brings_about_most_is_taken_for_sure() -> None:
@@ -80,7 +86,7 @@ def test_what_brings_about_most_is_taken_for_sure() -> None:
     rows = [row | {"probability": 0.1 if k == 7 else 1e-6} for k, row in enumerate(people.rows)]
     for seed in range(5):
         chosen = choose(replace(people, rows=rows), 20, seed=seed)
-        assert chosen.chance[chosen.index == 7].tolist() == [1.0]
+        assert chosen.chance[chosen.index == 7] == pytest.approx([1.0])
 
 
 def test_half_of_an_encounter_is_drawn_half_as_often() -> None:

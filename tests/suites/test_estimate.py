@@ -58,6 +58,15 @@ def test_a_case_that_stands_for_others_alone_has_no_sure_number() -> None:
     assert found.low < 0.02 and found.high > 1.0
 
 
+def test_kinds_with_one_case_are_one_group() -> None:
+    design = Design(
+        weight=np.full(4, 10.0), chance=np.full(4, 0.1), stratum=np.array([0, 0, 1, 2]), hours=1.0
+    )
+    _, variance, freedom = design.total(np.array([0.1, 0.1, 0.3, 0.5]), np.zeros(4))
+    assert variance == pytest.approx(0.9 * 2 * np.var([3.0, 5.0], ddof=1))
+    assert freedom == pytest.approx(1.0)
+
+
 def test_a_difference_may_have_either_sign_and_is_0_for_equals() -> None:
     found = plain(4, 100).difference(np.array([0.1, -0.2, 0.3, -0.4]), NONE)
     assert found.low < found.value < 0 < found.high

@@ -68,7 +68,7 @@ def summary_lines(result: Mapping[str, Any]) -> list[str]:
         words = [f"{len(change[name])} {name.replace('_', ' ')}" for name in CHANGES]
         difference = change["difference"] and Rate(**change["difference"]).words()
         lines.append(
-            f"against {change['function']}: {', '.join(words)}; collisions an hour more: {difference}"
+            f"against {change['function']}: {', '.join(words)}; difference, collisions an hour: {difference}"
         )
         lines += [f"{name.replace('_', ' ')}: {case}" for name in CHANGES for case in change[name]]
     bad = [one for one in result["cases"] if one["verdict"] in (WORSE, FAILED)]

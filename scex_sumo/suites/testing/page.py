@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from scex_sumo.page.html import element
 from scex_sumo.page.study import Column, card
-from scex_sumo.suites.page import CaseCard, write_case_page
+from scex_sumo.suites.page import CaseCard, stands_for, write_case_page
 from scex_sumo.suites.testing.outputs import case_words, number_lines, title
 from scex_sumo.suites.testing.result import FAILED, VERDICTS
 
@@ -52,7 +52,7 @@ def _card(case: Mapping[str, Any], record: Mapping[str, Any]) -> CaseCard:
     if case["verdict"] != FAILED:
         facts += [
             f"future {case['future']}: {case['how'] or 'nothing happens'}",
-            f"hardest braking {case['hardest_mps2']:.1f} m/s²; stands for {case['weight']:.3g} encounters",
+            f"hardest braking {case['hardest_mps2']:.1f} m/s²; {stands_for(case['weight'])}",
         ]
     title = f"{case['kind']}: {case['verdict']}"
     return CaseCard(row=case, title=title, facts=facts, shown=record if "picture" in record else {})

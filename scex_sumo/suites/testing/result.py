@@ -91,12 +91,13 @@ def with_verdicts(records: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 def number_of(suite: Suite, records: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
     """Return the rates of the function and of people, and their difference; None if every case failed.
 
-    The weights of failed cases go to the others of their kind; a kind without any other is not seen.
+    Contacts with the other one of each case count: those with third vehicles belong to other encounters. The
+    weights of failed cases go to the others of their kind; a kind without any other is not seen.
     """
     rows, design = _of_suite(suite, records)
     if not rows:
         return None
-    names = ("probability", "people", "variance", "people_variance", "difference_variance")
+    names = ("pair", "people_pair", "variance", "people_variance", "difference_variance")
     y, people, drawn, drawn_people, apart = (np.array([row[name] for row in rows]) for name in names)
     collisions = design.rate(y, drawn)
     return {
@@ -138,7 +139,7 @@ def compared(suite: Suite, result: Mapping[str, Any], old: Mapping[str, Any]) ->
     change = {name: rank[one["verdict"]] - rank[before[name]["verdict"]] for name, one in now.items()}
     rows, design = _of_suite(suite, [one for one in now.values() if "probability" in before[one["name"]]])
     pairs = [(row, before[row["name"]]) for row in rows]
-    more = np.array([one["probability"] - other["probability"] for one, other in pairs])
+    more = np.array([one["pair"] - other["pair"] for one, other in pairs])
     drawn = np.array([one["variance"] + other["variance"] for one, other in pairs])
     return {
         "function": old["function"],

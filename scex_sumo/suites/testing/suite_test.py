@@ -142,7 +142,7 @@ def test_suite(
     ):
         tasks = [task_of(case, spec, futures, limit_s=time_limit) for case in chosen]
         records = _run(tasks, folder, (workers, cluster), tick)
-        rows = with_verdicts([{**case.about, **_kept(records[case.name])} for case in chosen])
+        rows = with_verdicts([_about(case, records[case.name]) for case in chosen])
         result = {
             "scex_sumo": __version__,
             "command": list(command) if command else None,
@@ -213,5 +213,6 @@ def _run(
     return records
 
 
-def _kept(record: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in record.items() if name not in _PICTURE}
+def _about(case: Case, record: Mapping[str, Any]) -> dict[str, Any]:
+    own = {name: value for name, value in record.items() if name not in _PICTURE}
+    return {name: case.about[name] for name in ("name", "kind", "risk", "site", "weight")} | own

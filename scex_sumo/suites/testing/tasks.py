@@ -81,15 +81,21 @@ def _run(task: CaseTask, scene: SeedScene, road: bytes) -> dict[str, Any]:
 
 
 def record_of(function: Driven, people: Driven, other_id: int) -> dict[str, Any]:
-    """Return what is kept of the futures of a case with the function, and with people; fit for JSON."""
+    """Return what is kept of the futures of a case with the function, and with people; fit for JSON.
+
+    ``pair`` and ``people_pair`` are P of a contact with the other one of the case alone.
+    """
     told = function.pairs[0] if function.pairs else function.row_of(other_id)
+    pair, people_pair = function.contacts_with(other_id), people.contacts_with(other_id)
     return {
-        "probability": function.probability,
-        "people": people.probability,
-        "variance": _variance(function.effects),
-        "difference_variance": _variance(function.effects - people.effects),
-        "people_variance": _variance(people.effects),
+        "probability": function.any.probability,
+        "people": people.any.probability,
         "p_alone": p_alone(function, people),
+        "pair": pair.probability,
+        "people_pair": people_pair.probability,
+        "variance": _variance(pair.effects),
+        "people_variance": _variance(people_pair.effects),
+        "difference_variance": _variance(pair.effects - people_pair.effects),
         "futures": function.futures,
         "collide": float(function.collides.mean()),
         "people_collide": float(people.collides.mean()),
@@ -111,11 +117,11 @@ def p_alone(function: Driven, people: Driven) -> float | None:
     """
     from scipy.special import pdtrc, stdtr
 
-    differences, count = np.cbrt(function.contact) - np.cbrt(people.contact), function.futures
+    differences, count = function.any.root - people.any.root, function.futures
     spread = float(differences.std(ddof=1))
     if spread == 0:
         return 0.0 if differences.any() else None
     by_roots = float(stdtr(count - 1, -abs(differences.mean()) / spread * np.sqrt(count)))
     hits = int(function.collides.sum())
-    by_hits = float(pdtrc(hits - 1, np.maximum(people.contact, RARE).sum())) if hits else 1.0
+    by_hits = float(pdtrc(hits - 1, np.maximum(people.any.each, RARE).sum())) if hits else 1.0
     return min(1.0, 4 * min(by_roots, by_hits))

@@ -29,6 +29,8 @@ def record(name: str, probability: float, people: float, p: float | None = 1e-6)
         "kind": "merge" if name < "c" else "head-on",
         "probability": probability,
         "people": people,
+        "pair": probability,
+        "people_pair": people,
         "variance": 1e-12,
         "people_variance": 1e-12,
         "difference_variance": 1e-12,
@@ -163,10 +165,11 @@ def test_against_says_what_changed_and_the_paired_difference() -> None:
     assert change["became_worse"] == ["a", "d"]
     assert change["became_better"] == ["b"]
     assert (change["difference"]["value"], change["difference"]["high"]) == (0.0, 0.0)
-    more = result([{**one, "probability": one["probability"] + 1e-3} for one in RECORDS[:3]])
+    more = result([{**one, "pair": one["pair"] + 1e-3} for one in RECORDS[:3]])
     assert compared(suite(), more, old)["difference"]["value"] == pytest.approx((2 * 10 + 20) * 1e-3 / 2)
-    assert "against old: 1 became better, 2 became worse; collisions an hour more: 0 [0, 0]" in markdown_text(
-        result(against=change)
+    assert (
+        "against old: 1 became better, 2 became worse; difference, collisions an hour: 0 [0, 0]"
+        in markdown_text(result(against=change))
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scex_sumo.suites.drive import Contacts
 from scex_sumo.suites.testing.tasks import p_alone
 
 FUTURES = 64
@@ -17,7 +18,7 @@ def futures(contact: float, collisions: int = 0, *, spread: float = 0.0) -> Any:
     """P of a contact in each of the futures; some collide."""
     chance = contact * np.random.default_rng(0).lognormal(0.0, spread, FUTURES)
     chance[:collisions] = 1.0
-    return SimpleNamespace(contact=chance, collides=chance == 1.0, futures=FUTURES)
+    return SimpleNamespace(any=Contacts(each=chance), collides=chance == 1.0, futures=FUTURES)
 
 
 def test_the_same_futures_are_no_difference() -> None:
@@ -39,6 +40,6 @@ def test_less_room_in_every_future_is_no_chance_without_any_collision() -> None:
 
 def test_where_people_collide_as_often_collisions_are_no_difference() -> None:
     function = futures(1e-6, 30)
-    people = SimpleNamespace(**vars(function) | {"contact": function.contact[::-1]})
+    people = SimpleNamespace(**vars(function) | {"any": Contacts(each=function.any.each[::-1])})
     found = p_alone(function, people)
     assert found is not None and found > 0.5
