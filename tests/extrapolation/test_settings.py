@@ -81,7 +81,7 @@ def test_the_command_line_has_the_options_of_python_and_their_defaults() -> None
     shown = {name: p.default for name, p in inspect.signature(run_command).parameters.items()}
     options = {name: one for kind in run_options() for name, one in options_of(kind).items()}
     assert set(options) <= set(shown)
-    assert {"models", "out", "exact", "reference", "report", "baseline"} <= set(options)
+    assert {"models", "out", "reference", "report", "baseline"} <= set(options)
     defaults = {field.name: field.default for kind in run_options() for field in dataclasses.fields(kind)}
     given = [name for name, one in options.items() if not (one.takes or one.several)]
     assert all(shown[name] == defaults[name] for name in given)
