@@ -98,15 +98,6 @@ def coded_motion(start: IntArray, poses: FloatArray) -> IntArray:
     return codes.transpose(2, 0, 1)
 
 
-def decoded_motion(start: IntArray, motion: IntArray) -> FloatArray:
-    """Return (U, T, 4) poses of `coded_motion`, as ``data.js`` does."""
-    codes = np.asarray(motion, dtype=np.int64).transpose(1, 2, 0)
-    changes = codes[..., 2:].cumsum(axis=1).cumsum(axis=1)
-    moved = (_ahead(start, changes) + codes[..., :2] * UNITS[0]).cumsum(axis=1)
-    places = start[:, None, :2] * UNITS[:2] + moved
-    return np.concatenate([places, (start[:, None, 2:] + changes) * UNITS[2:]], axis=2)
-
-
 def _ahead(start: IntArray, changes: IntArray) -> FloatArray:
     """Return (U, T, 2) the way of each step at the mean of the velocities at its ends, m."""
     heading, speed = np.moveaxis(start[:, None, 2:] + np.pad(changes, ((0, 0), (1, 0), (0, 0))), 2, 0)

@@ -167,7 +167,6 @@ def write_exports(folder: Path, driven: Driven, told: Mapping[str, Any], formats
                 futures=(0, 1),
                 out=folder / name,
                 ego=int(scene.track_ids[driven.vehicle]),
-                map_path=scene.road.file if scene.road is not None else None,
             )
             try:
                 EXPORTERS.load(name)(request)

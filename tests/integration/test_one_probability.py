@@ -27,7 +27,6 @@ from tests.runs import extrapolate
 SITES = {
     "k733": ("taf_bw/maps/k733_2020-09-15.osm", 80.1),
     "MONA": ("mona/MONA-Merge/C-DEU_MONAMerge-2_1200_T-1279.xml.gz", None),
-    "NGSIM": ("ngsim/USA_Peach-3_2_T-1.xml.gz", None),
 }
 
 

@@ -70,33 +70,3 @@ assert watched == states(False)
 
 def test_callbacks_may_act_and_fail_and_the_simulation_steps_as_without_a_watch(grid: Simulation) -> None:
     ran(grid, WATCHED)
-
-
-TWO = """
-import traci
-import scex_sumo as scex
-
-told = {"a": [], "b": []}
-for label in told:
-    traci.start(START, label=label)
-sumo = {label: traci.getConnection(label) for label in told}
-watches = {label: scex.watch(sumo[label]) for label in told}
-sumo["a"].simulationStep(20)
-sumo["b"].simulationStep(30)
-for label, watch in watches.items():
-    watch.every(1.0, told[label].append, wait=True, futures=0, busiest=3)
-for _ in range(12):
-    for label in told:
-        sumo[label].simulationStep()
-    if "a" in told and len(told["a"]) == 2:
-        sumo["a"].close()
-        del sumo["a"]
-        told = {"b": told["b"]}
-sumo["b"].close()
-assert all(len(watch.risk().vehicles) == 3 for watch in watches.values())
-assert watches["a"].risk().time_s == 21.1 and watches["b"].risk().time_s == 31.1
-"""
-
-
-def test_each_connection_has_its_own_watch(grid: Simulation) -> None:
-    ran(grid, TWO)

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scex_sumo.page.packing import UNITS, _ahead
+
 
 def unpack(text: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return the information, and the arrays by name."""
@@ -26,3 +28,12 @@ def unpack(text: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         arrays[entry["name"]] = values - kind.type(128) if entry["type"] in ("i2", "i4") else values
         start = stop
     return head["info"], arrays
+
+
+def decoded_motion(start: NDArray[Any], motion: NDArray[Any]) -> NDArray[np.float64]:
+    """Return (U, T, 4) poses of `coded_motion`, as ``data.js`` does."""
+    codes = np.asarray(motion, dtype=np.int64).transpose(1, 2, 0)
+    changes = codes[..., 2:].cumsum(axis=1).cumsum(axis=1)
+    moved = (_ahead(start, changes) + codes[..., :2] * UNITS[0]).cumsum(axis=1)
+    places = start[:, None, :2] * UNITS[:2] + moved
+    return np.concatenate([places, (start[:, None, 2:] + changes) * UNITS[2:]], axis=2)

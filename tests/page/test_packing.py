@@ -7,9 +7,9 @@ import numpy as np
 from scex_sumo.page.packing import (
     UNITS,
     coded_motion,
-    decoded_motion,
     quantized,
 )
+from tests.page.packed import decoded_motion
 
 
 def test_steady_motion_takes_nothing_and_any_motion_comes_back_to_the_unit() -> None:

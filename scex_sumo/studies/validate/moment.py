@@ -77,10 +77,8 @@ class ValidationSettings(StudySettings):
         return moments
 
 
-FIRST_STEPS = 30  # that all moments are recorded for
 FIRST_STEPS = 30  # that vehicles of all moments are recorded for
 RECORDED, CONSTANT_VELOCITY, SEED_MOMENT = -1, -2, -3
-COMPARED = (RECORDED, CONSTANT_VELOCITY, SEED_MOMENT)
 """Rows beside the futures: what happened, constant velocity, the first step of constant velocity."""
 
 
@@ -93,7 +91,7 @@ class Forecast:
         encounters: see `gap_forecasts`.
         realism: one row with the score and the likelihood of each feature.
         seen: metric columns and ``collision`` of each future with errors of boxes, see `as_recorded`.
-        futures: the same of each future as driven, and of `COMPARED`.
+        futures: the same of each future as driven, and of the three rows beside them.
     """
 
     vehicles: pa.Table

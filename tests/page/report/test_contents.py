@@ -13,14 +13,13 @@ import numpy as np
 import pytest
 
 from scex_sumo.lanelet2sumo.road_lines import SURFACE
-from scex_sumo.page.packing import decoded_motion
 from scex_sumo.page.report.contents import report_contents
 from scex_sumo.page.report.report import report_html
 from scex_sumo.page.report.scene import packed_tracks
 from scex_sumo.reports.encounter_rows import meetings
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.statistics.density import wilson_of
-from tests.page.packed import unpack
+from tests.page.packed import decoded_motion, unpack
 
 DATA = re.compile(r'<script type="text/plain" id="data">([^<]*)</script>')
 
