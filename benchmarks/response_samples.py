@@ -41,10 +41,10 @@ from scex_sumo.certainty.response.motion.actions import (
 from scex_sumo.certainty.response.motion.blocked import Blocked, Lines, blocked_stretches
 from scex_sumo.certainty.response.motion.expected import Expected, expected_motion
 from scex_sumo.certainty.response.people import left_at, time_gaps
-from scex_sumo.converters.net.convert import converted
 from scex_sumo.extrapolation.job import ruled
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.geometry.rectangles import Rectangles
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
 AHEAD = 30  # steps after a moment that have to be recorded

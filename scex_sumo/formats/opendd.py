@@ -18,8 +18,8 @@ import shapely
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats import recognition
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
+from scex_sumo.formats.recognition import is_opendd, is_opendd_map
 from scex_sumo.formats.samples.boxes import box_table, one_line
 from scex_sumo.road import Road
 
@@ -123,14 +123,14 @@ def _name(path: Path) -> str:
 
 
 OPENDD_MAP = MapFormat(
-    is_mine=recognition.OPENDD_MAP.is_mine,
+    is_mine=is_opendd_map,
     read=_read_road,
     tracks=_tracks,
     name=_name,
     asks_for="--tracks trajectories_rdbN_v3.sqlite/TABLE",
 )
 OPENDD = Dataset(
-    is_mine=recognition.OPENDD.is_mine,
+    is_mine=is_opendd,
     read=_read,
     recordings=_recordings,
     files=_files,

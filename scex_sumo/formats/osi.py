@@ -18,14 +18,13 @@ from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.lanelet.tags import GERMANY
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.net.xml import unpacked, xml_root
-from scex_sumo.converters.registries import Dataset, MapFormat, Recording
-from scex_sumo.converters.signals import SignalFormat
+from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.lane_maps.lane_map import FAR_M, DrawnMap, drawn_road
 from scex_sumo.formats.opendrive.lanes import opendrive_map
 from scex_sumo.formats.opendrive.reader import opendrive_road
 from scex_sumo.formats.osi_lanes import lanes_of, light_states, osi_map, signals_of
-from scex_sumo.formats.recognition import OPENDRIVE, is_osi
+from scex_sumo.formats.recognition import is_opendrive, is_osi
 from scex_sumo.formats.samples.boxes import MAX_ITEMS, box_table, one_line
 from scex_sumo.formats.samples.from_car import within_map
 from scex_sumo.formats.spat import lane_programme
@@ -170,7 +169,7 @@ def _read_signals(layout: NetLayout, road: Road, path: Path) -> tuple[Programme 
 
 def _opendrive_of(road: Road, path: Path) -> bytes | None:
     """Return the OpenDRIVE text of a road that lies in a file of its own, else that of a trace."""
-    if road.file is not None and OPENDRIVE.is_mine(road.file):
+    if road.file is not None and is_opendrive(road.file):
         return unpacked(road.file)
     return map_text(path)
 
@@ -242,5 +241,10 @@ OSI_MAP = MapFormat(
     asks_for="--tracks TRACE",
     opendrive=map_text,
 )
-OSI = Dataset(is_mine=is_osi, read=_read, recordings=_recordings, within=within_map)
-OSI_LIGHTS = SignalFormat(is_mine=is_osi, read=_read_signals)
+OSI = Dataset(
+    is_mine=is_osi,
+    read=_read,
+    recordings=_recordings,
+    within=within_map,
+    signals=SignalFormat(read=_read_signals),
+)

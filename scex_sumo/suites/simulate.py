@@ -18,9 +18,9 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.behaviors.base import PLAN_STEPS, Behavior, is_driven_by_sumo, layer_with
-from scex_sumo.behaviors.registry import ModelSpec, build, parse_models
 from scex_sumo.certainty.response.critical import DECELERATIONS, responded
 from scex_sumo.certainty.response.motion.actions import LEVELS, TIME_S
+from scex_sumo.drivers.registry import ModelSpec, build, parse_models
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
 from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, separation

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.certainty.response.answer import any_of, critical_responses
 from scex_sumo.certainty.response.critical import DECELERATIONS
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.scene import SceneHistory, VehicleIndex
 from scex_sumo.suites.simulate import FewFutures, Outcomes, draws_of, simulate
 from scex_sumo.suites.situation import STEPS, Situation, situation_of

@@ -39,10 +39,10 @@ from scex_sumo.certainty.response.motion.actions import (
 from scex_sumo.certainty.response.motion.expected import expected_motion
 from scex_sumo.certainty.response.people import People, later_than, people_of, probabilities
 from scex_sumo.certainty.response.room import Meeting, needed_braking, needed_swerve, time_to_react
-from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.extrapolation.job import has_rules, ruled
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.results.tables.outcomes import masses, pair_injuries
 from scex_sumo.road import Road
 from scex_sumo.roads.doubts import doubts_of as scene_doubts

@@ -59,14 +59,14 @@ class ResponseExtra(CriticalResponse):
         """Write the table and the decision in a worker: they need the seed scene alone."""
         if options.is_reference:
             return None
-        these = people_apart(job.scene), job.folder, options.keep_doubtful
+        these = people_apart(job.scene), job.folder
         return workers.submit(partial(self._write, *these), where="in the critical responses", waits=True)
 
     def after(self, work: Work) -> Sequence[Row]:
         """Write the table and the decision; return P of any collision for the human-like futures."""
         if not work.is_reference:
             if work.begun is None or not succeeded(work.begun):
-                self._write(people_apart(work.job.scene), work.job.folder, work.options.keep_doubtful)
+                self._write(people_apart(work.job.scene), work.job.folder)
             return (Row(name=_ROW, value=None),)
         for name in self.files:
             (work.job.folder / name).unlink(missing_ok=True)
@@ -75,10 +75,10 @@ class ResponseExtra(CriticalResponse):
         from scex_sumo.certainty.response.answer import any_collision, once_in
 
         rows = pq.read_table((work.job.folder.parent / RESPONSE).absolute()).to_pylist()  # of the run itself
-        value = any_collision(rows, doubtful=work.options.keep_doubtful)
+        value = any_collision(rows)
         return (Row(name=_ROW, value=once_in(value)),)
 
-    def _write(self, scene: SeedScene, folder: Path, keep_doubtful: bool) -> None:
+    def _write(self, scene: SeedScene, folder: Path) -> None:
         for name in self.files:
             (folder / name).unlink(missing_ok=True)
         import pyarrow.parquet as pq
@@ -96,7 +96,6 @@ class ResponseExtra(CriticalResponse):
             pq.write_table(table, temporary)
         decision = decide(
             table.to_pylist(),
-            keep_doubtful=keep_doubtful,
             varied=lambda pair: varied(scene, pair, self._file),
         )
         write_atomic(folder / MAPS, json.dumps(maps, allow_nan=False).encode())
@@ -123,11 +122,11 @@ class ResponseExtra(CriticalResponse):
 
         groups = self._groups(run)[:_WORST]
         rows = [row for row in run.table(RESPONSE).to_pylist() if row["doubt"] and row["probability"] >= TOLD]
-        doubts = [] if run.keeps_doubtful else list(dict.fromkeys(row["doubt"] for row in rows))
+        doubts = list(dict.fromkeys(row["doubt"] for row in rows))
         left = [f"  left out as doubtful: {listed(doubts)}"] if doubts else []
         if not groups:
             return (f"{HEAD}: two vehicles collide less than once in 10 million such moments", *left)
-        total = any_collision(run.table(RESPONSE).to_pylist(), doubtful=run.keeps_doubtful)
+        total = any_collision(run.table(RESPONSE).to_pylist())
         head = f"{HEAD}: a collision about {once_in(total)} such moments; what it takes:"
         worst = groups[0][0]
         usual = usual_of(worst.row)
@@ -142,7 +141,7 @@ class ResponseExtra(CriticalResponse):
         from scex_sumo.certainty.response.words import grouped
 
         responses = pair_responses(run.table(RESPONSE).to_pylist())
-        return grouped(response for response in responses if run.keeps_doubtful or response.doubt is None)
+        return grouped(response for response in responses if response.doubt is None)
 
     def page(self, run: Run) -> Any:
         """Return the card with what it takes, and the maps of the worst pairs; None without any."""
@@ -166,5 +165,5 @@ class ResponseExtra(CriticalResponse):
             "human_like": [
                 {"pairs": [one.pair for one in group], "words": sentence(group)} for group in groups
             ],
-            "response": {"collision": any_collision(rows, doubtful=run.keeps_doubtful), "pairs": rows},
+            "response": {"collision": any_collision(rows), "pairs": rows},
         }

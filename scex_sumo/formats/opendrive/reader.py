@@ -8,9 +8,9 @@ from scex_sumo.converters.lanelet.tags import COUNTRIES, GERMANY
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.net.xml import unpacked, xml_root
 from scex_sumo.converters.registries import MapFormat
-from scex_sumo.formats import recognition
 from scex_sumo.formats.lane_maps.lane_map import drawn_road
 from scex_sumo.formats.opendrive.lanes import opendrive_map
+from scex_sumo.formats.recognition import is_opendrive
 from scex_sumo.road import Road
 
 
@@ -30,4 +30,4 @@ def opendrive_road(path: Path, content: bytes, country: str | None = None) -> Ro
     return drawn_road(opendrive_map(path, root), name=map_name(path), country=country, projection=projection)
 
 
-OPENDRIVE = MapFormat(is_mine=recognition.OPENDRIVE.is_mine, read=read_opendrive, opendrive=unpacked)
+OPENDRIVE = MapFormat(is_mine=is_opendrive, read=read_opendrive, opendrive=unpacked)

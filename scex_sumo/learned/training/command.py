@@ -48,11 +48,6 @@ def train_command(
     ] = None,
     seed: Seed = 0,
     epochs: Annotated[int | None, Option(help="Passes over all samples; default: as shipped.")] = None,
-    rounds: Annotated[int | None, Option(help="Rounds in closed loop; default: as shipped.")] = None,
-    minutes: Annotated[float, Option(help="Time limit in minutes; 0: none.")] = 0.0,
-    moments: Annotated[
-        int, Option(metavar="N", help="Moments of each site, evenly spread over its recordings.")
-    ] = MOMENTS,
     leave_out: Annotated[
         list[str] | None, Option(metavar="NAME", help="Do not train on this site or recording; repeatable.")
     ] = None,
@@ -60,12 +55,7 @@ def train_command(
         list[str] | None,
         Option(metavar="NAME", help="Validate on this short recording (under 20 s); repeatable."),
     ] = None,
-    edges: Annotated[bool, Option(help="Vehicles see each other through the graph.")] = True,
-    device: Annotated[str, Option(metavar="auto|cpu|cuda", help="Where to train.")] = "auto",
     resume: Annotated[bool, Option("--resume", help="Go on from the checkpoint beside --out.")] = False,
-    cache: Annotated[
-        Path | None, Option(metavar="FOLDER", help="Folder for samples; default: ~/.cache/scex-sumo.")
-    ] = None,
     overwrite: Annotated[bool, Option("--overwrite", help="Replace the weights.")] = False,
 ) -> None:
     """Train a learned driver, or a model of scenes, on recordings."""
@@ -73,19 +63,8 @@ def train_command(
     absent = [path for path in simulated or () if not path.is_file()]
     if absent:
         raise UsageError(f"--simulated {absent[0]}: no such map")
-    if moments < 1 or minutes < 0:
-        raise UsageError("train: --moments needs at least 1, --minutes none below 0")
-    of_networks = {
-        "--simulated": bool(simulated),
-        "--rounds": rounds is not None,
-        "--minutes": minutes > 0,
-        "--no-edges": not edges,
-        "--device": device != "auto",
-        "--resume": resume,
-        "--cache": cache is not None,
-    }
-    if kind == SCENES and any(of_networks.values()):
-        given = ", ".join(name for name, is_given in of_networks.items() if is_given)
+    if kind == SCENES and (simulated or resume):
+        given = "--simulated" if simulated else "--resume"
         raise UsageError(f"train scenes: has no {given}; only {', '.join(NETWORKS)} do")
     if find_spec("torch") is None:
         raise MissingExtraError("train: needs torch; install with: pip install 'scex-sumo[learned]'")
@@ -97,40 +76,35 @@ def train_command(
         *(f"--simulated {path.name}" for path in simulated or ()),
         f"--seed {seed}",
         *([f"--epochs {epochs}"] if epochs is not None else []),
-        *([f"--rounds {rounds}"] if rounds is not None else []),
         *(f"--leave-out {name}" for name in leave_out or ()),
         *(f"--validation {name}" for name in validation or ()),
-        *(["--no-edges"] if not edges else []),
-        f"--moments {moments}",
     ]
     command = " ".join(words)
     if kind == SCENES:
         kept = Split(kept_validation=tuple(validation or ()))
         recordings = _recordings(data or [], leave_out or [], validation or [])
-        _train_scenes(recordings, kept, weights, command, seed=seed, epochs=epochs, moments=moments)
+        _train_scenes(recordings, kept, weights, command, seed=seed, epochs=epochs)
         return
     from scex_sumo.learned.training.closed_loop import closed_loop
     from scex_sumo.learned.training.data.dataset import SampleOptions, make_dataset
     from scex_sumo.learned.training.options import EPOCHS, TrainOptions
     from scex_sumo.learned.training.train import Trainer, device_of
 
+    count = EPOCHS[kind] if epochs is None else epochs
     options = TrainOptions(
         kind=kind,  # type: ignore[arg-type]  # checked above
         seed=seed,
-        minutes=minutes,
-        epochs=EPOCHS[kind] if epochs is None else epochs,
-        rounds=TrainOptions.rounds if rounds is None else rounds,
-        sizes={} if edges else {"edges": False},
+        epochs=count,
+        rounds=min(TrainOptions.rounds, max(count - 1, 0)),
     )
-    where = device_of(device)
     recordings = _recordings(data or [], leave_out or [], validation or [])
-    sampling = SampleOptions(moments=moments, split=Split(kept_validation=tuple(validation or ())))
+    sampling = SampleOptions(split=Split(kept_validation=tuple(validation or ())))
     with progress_bar("samples") as tick:
         maps = tuple(simulated or ())
-        dataset = make_dataset(recordings, sampling, maps=maps, cache=cache or cache_folder(), tick=tick)
+        dataset = make_dataset(recordings, sampling, maps=maps, cache=cache_folder(), tick=tick)
     folder = _checkpoints(weights)
     drift = closed_loop(recordings, sampling, dataset, options)
-    run = Trainer(dataset, options, device=where, drift=drift, folder=folder)
+    run = Trainer(dataset, options, device=device_of("auto"), drift=drift, folder=folder)
     if resume:
         if not run.resume():
             warn([f"{folder}: no checkpoint in it; training from the beginning"])
@@ -173,7 +147,6 @@ def _train_scenes(
     *,
     seed: int,
     epochs: int | None,
-    moments: int,
 ) -> None:
     import torch
 
@@ -185,9 +158,9 @@ def _train_scenes(
 
     torch.set_num_threads(1)  # its products are small
     tensors, meta = train_scenes(
-        recordings, split=split, moments=moments, seed=seed, epochs=epochs or EPOCHS, report=report
+        recordings, split=split, moments=MOMENTS, seed=seed, epochs=epochs or EPOCHS, report=report
     )
-    save_scenes(out, tensors, {"command": command, **meta, "seed": seed, "moments": moments})
+    save_scenes(out, tensors, {"command": command, **meta, "seed": seed, "moments": MOMENTS})
     print(
         f"{out}: {meta['scenes']} scenes of {len(meta['sites'])} sites, "
         f"validation loss {meta['validation_loss']}"

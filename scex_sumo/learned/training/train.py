@@ -133,8 +133,6 @@ class Trainer:
                             score=score, better=better))  # fmt: skip
             if self.epoch - self.best_epoch >= options.patience:
                 return
-            if options.minutes and self.seconds * (1 + 1 / self.epoch) > 60 * options.minutes:
-                return
 
     def _round(self) -> None:
         options = self.options
@@ -250,7 +248,7 @@ class Trainer:
     def identity(self) -> dict[str, Any]:
         """Return what a checkpoint and the run that goes on from it have in common."""
         code = hashlib.sha256(code_key()).hexdigest()
-        return {"dataset": self.dataset.digest, "code": code, **asdict(self.options), "minutes": 0.0}
+        return {"dataset": self.dataset.digest, "code": code, **asdict(self.options)}
 
     def _state(self) -> dict[str, Any]:
         modules = {name: getattr(self, name).state_dict() for name in _MODULES}

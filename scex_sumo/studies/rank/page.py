@@ -13,11 +13,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scex_sumo.base.files import TemporaryFolder, write_atomic
-from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.certainty.options import CriticalResponse
 from scex_sumo.certainty.response.answer import once_in
 from scex_sumo.certainty.response.usual import usual_of
 from scex_sumo.certainty.response.words import needs
+from scex_sumo.drivers.registry import DEFAULT_MODELS
 from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.options import RunOptions
 from scex_sumo.extrapolation.processes.workers import Workers

@@ -57,8 +57,7 @@ def rank(
     roots: str | Path | Sequence[str | Path],
     *,
     out: str | Path,
-    workers: int = 1,
-    cluster: str | None = None,
+    workers: int | str = 1,
     every: float = 1.0,
     window: Window = (None, None),
     min_vehicles: int = 2,
@@ -78,8 +77,7 @@ def rank(
     Args:
         roots: folders of recordings, or single files.
         out: folder of the ranking; an interrupted one goes on.
-        workers: processes of this machine.
-        cluster: address of a Dask scheduler, whose workers are used instead.
+        workers: processes of this machine, or the address of a Dask scheduler for its workers.
         every: as of `StudySettings`, like ``min_vehicles`` and ``cache``.
         futures: of each moment on the page.
         top: encounters on the page.
@@ -119,7 +117,7 @@ def rank(
     recordings = tuple(recording.within(window) for recording in recordings_found)
     identity = settings.identity(recordings)
     with (
-        closing(moment_workers(run_moment, workers, cluster)) as pool,
+        closing(moment_workers(run_moment, workers)) as pool,
         RankFolder(Path(out), identity, overwrite=overwrite) as folder,
         progress_of(progress, "rank") as tick,
     ):

@@ -15,7 +15,7 @@ from scex_sumo.base.files import check_output, sha256_of, write_atomic, write_ou
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.base import is_driven_by_sumo, layer_with
-from scex_sumo.behaviors.registry import ModelSpec, build, model_specs
+from scex_sumo.drivers.registry import ModelSpec, build, model_specs
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.folder import Failure, StudyFolder
 from scex_sumo.studies.moments.workers import moment_workers
@@ -84,8 +84,7 @@ def test_suite(
     out: str | Path,
     futures: int | None = None,
     cases: Sequence[str] | None = None,
-    workers: int = 1,
-    cluster: str | None = None,
+    workers: int | str = 1,
     time_limit: float = LIMIT_S,
     against: str | Path | None = None,
     junit: str | Path | None = None,
@@ -101,7 +100,7 @@ def test_suite(
         out: folder of the result; an interrupted test goes on.
         futures: of each case; None: those of the suite.
         cases: names; None: all.
-        workers: processes of this machine; ``cluster``: a Dask scheduler instead.
+        workers: processes of this machine, or the address of a Dask scheduler.
         time_limit: of a case, s.
         against: ``test.json`` of another function, or an older one, on the same suite.
         junit: file to write.
@@ -131,7 +130,7 @@ def test_suite(
         TestFolder(Path(out), identity, overwrite=overwrite) as folder,
         progress_of(progress, "cases") as tick,
     ):
-        records = _run(suite, chosen, spec, folder, futures, time_limit, (workers, cluster), tick)
+        records = _run(suite, chosen, spec, folder, futures, time_limit, workers, tick)
         rows = with_verdicts([_about(case, records[case.name]) for case in chosen])
         result = {
             "scex_sumo": __version__,
@@ -197,7 +196,7 @@ def _run(
     folder: TestFolder,
     futures: int,
     limit_s: float,
-    where: tuple[int, str | None],
+    workers: int | str,
     tick: Progress | None,
 ) -> dict[str, dict[str, Any]]:
     records = {case.name: record for case in cases if (record := folder.record(case.name)) is not None}
@@ -211,7 +210,7 @@ def _run(
         for case in cases
         if case.name not in records
     )
-    with closing(moment_workers(run_case, *where)) as pool:
+    with closing(moment_workers(run_case, workers)) as pool:
         for task, record in pool.run(tasks):
             now, name = time.perf_counter(), task.ref.moment
             kept = {"reason": record.reason} if isinstance(record, Failure) else dict(record)

@@ -10,7 +10,7 @@ import pytest
 from scex_sumo.cli import main
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.lanelet.writer import write_map_file
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.convert import convert
 from tests.converters.maps import ROAD, straight, write_map
 from tests.converters.sumo_roads import NetFile
 from tests.lanelet2sumo.mutated.mutations import example, renamed
@@ -38,7 +38,7 @@ def way_of(way: str, lossy: Path, folder: Path) -> list[str | Path]:
     net = folder / "n.net.xml"
     if way == "check":
         convert(read_road(lossy), net)
-    return {"convert": ["-o", net], "json": ["-o", net, "--json-report"], "check": ["--check", net]}[way]
+    return {"convert": ["-o", net], "json": ["-o", net, "--json"], "check": ["--check", net]}[way]
 
 
 def test_losses_are_said_last_one_line_for_each_kind(
@@ -52,11 +52,11 @@ def test_losses_are_said_last_one_line_for_each_kind(
 
 @pytest.mark.parametrize("way", ["convert", "json", "check"])
 def test_losses_are_an_error_where_the_user_is_strict(
-    way: str, lossy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    way: str, lossy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     asked = way_of(way, lossy, tmp_path)
     assert call(monkeypatch, lossy, *asked, "--strict") == 1
-    said = capsys.readouterr()
+    said = capfd.readouterr()
     assert "--strict, and the map lost 1 lanelets not driven, subtype moving_walkway" in said.err
     if way == "json":
         assert json.loads(said.out)["lost_lanelets"] == [30040]

@@ -17,9 +17,9 @@ from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
-from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.certainty.response.motion.blocked import Lines
 from scex_sumo.converters.tracks.road_users import PEOPLE, road_user
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.humans.lines.driven_line import driven_paths
 from scex_sumo.results.participants import joined, some_obstacles
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
