@@ -27,7 +27,7 @@ def repair_tracks(table: TrackTable, *, exact: bool = False) -> tuple[TrackTable
     In order: duplicates, tracker warm-up, jumps, velocities and noise, headings, implausible sizes or speeds.
     Exact recordings, from a simulation, are only cut at jumps and cleared of what is implausible.
 
-    Returns a phrase with counts for each kind of defect, too.
+    Returns a phrase for each kind of defect, too; the first one says what is left out.
     """
     vehicles, findings = _repair(table.vehicles, table, FORWARD_MPS, exact=exact)
     # Pedestrians and cyclists face where they go.
@@ -35,7 +35,17 @@ def repair_tracks(table: TrackTable, *, exact: bool = False) -> tuple[TrackTable
     if more:
         both = "repaired in the same way" if findings else "; ".join(more)
         findings.append(f"pedestrians and cyclists: {both}")
-    return replace(table, vehicles=vehicles, others=others), tuple(findings)
+    repaired = replace(table, vehicles=vehicles, others=others)
+    return repaired, (*_cost(table, repaired), *findings)
+
+
+def _cost(before: TrackTable, after: TrackTable) -> tuple[str, ...]:
+    """Say which part of a recording is left out."""
+    rows, kept = (len(table.vehicles) + len(table.others) for table in (before, after))
+    tracks = before.vehicles.tracks
+    lost = tracks - after.vehicles.tracks
+    vehicles = f"{lost} of {tracks} vehicles and " if lost else ""
+    return (f"{vehicles}{rows - kept} of {rows} rows left out",) if rows > kept else ()
 
 
 def _repair(
