@@ -125,7 +125,7 @@ def test_when_the_scheduler_goes_away_one_line_says_how_to_go_on(
 
 @pytest.mark.parametrize(
     ("address", "words"),
-    [("nonsense", "needs the address"), (f"tcp://127.0.0.1:{free_port()}", "no Dask scheduler answers")],
+    [("nonsense", "needs a number or auto"), (f"tcp://127.0.0.1:{free_port()}", "no Dask scheduler answers")],
     ids=["no address", "a free port"],
 )
 def test_an_address_where_nobody_answers_is_refused(tmp_path: Path, address: str, words: str) -> None:
