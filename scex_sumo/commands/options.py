@@ -59,7 +59,6 @@ Roots = Annotated[
     typer.Argument(metavar="DATASET...", help="Folders of recordings, or single files.", show_default=False),
 ]
 Every = Annotated[float, typer.Option(metavar="S", help="Least time between two seed scenes.")]
-MinVehicles = Annotated[int, typer.Option(help="Smallest number of moving vehicles of a seed scene.")]
 Seed = Annotated[int, typer.Option(help="Random seed.")]
 Processes = Annotated[
     Any,

@@ -42,14 +42,14 @@ _MOTION = ("position_x", "position_y", "velocity_x", "velocity_y", "heading")
 _COLUMNS = ("track_id", "object_type", "timestep", *_MOTION)
 
 
-def _read_road(path: Path, **options: Any) -> Road:
+def _read_road(path: Path, **_: Any) -> Road:
     """Read ``log_map_archive_*.json``; the speed limits are those of the United States."""
     with one_line(MapError, path, "map of Argoverse 2"):
         content = json.loads(path.read_bytes())
         segments, crossings = ([*content[key].values()] for key in ("lane_segments", "pedestrian_crossings"))
         drawn = DrawnMap(path=path, lanes=[_lane(segment) for segment in segments])
         drawn.crosswalks = [[*_points(one["edge1"]), *_points(one["edge2"])[::-1]] for one in crossings]
-        return drawn_road(drawn, name=_name(path), country=options.get("country") or "us")
+        return drawn_road(drawn, name=_name(path), country="us")
 
 
 def _lane(segment: Mapping[str, Any]) -> DrawnLane:

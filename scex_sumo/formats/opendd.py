@@ -16,6 +16,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.errors import MapError, TrackError
+from scex_sumo.converters.lanelet.tags import GERMANY
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
@@ -67,11 +68,9 @@ def _drawn(path: Path) -> DrawnMap:
     return drawn
 
 
-def _read_road(path: Path, **options: Any) -> Road:
+def _read_road(path: Path, **_: Any) -> Road:
     with one_line(MapError, path, "map of openDD"):
-        return drawn_road(
-            _drawn(path), name=_name(path), country=options.get("country") or "de", projection=UTM32
-        )
+        return drawn_road(_drawn(path), name=_name(path), country=GERMANY, projection=UTM32)
 
 
 def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:

@@ -100,18 +100,18 @@ def _bodies(path: Path, kind: str) -> Iterator[bytes]:
                 yield record.data
 
 
-def _read_road(path: Path, **options: Any) -> Road:
+def _read_road(path: Path, **_: Any) -> Road:
     """Read the OpenDRIVE map inside a trace, else that beside it, else OSI's lanes."""
     with _damage(MapError, path):
         inside = _opendrive(path)
         if inside is not None:
-            return opendrive_road(path, inside.encode(), options.get("country"))
+            return opendrive_road(path, inside.encode())
         if (beside := _map_beside(path)) is not None:
-            return opendrive_road(beside, beside.read_bytes(), options.get("country"))
+            return opendrive_road(beside, beside.read_bytes())
         drawn = _lane_map(path)
         if not drawn.lanes:
             raise MapError(f"{path}: has no map inside, and no .xodr is beside it; put its map there")
-        return drawn_road(drawn, name=map_name(path), country=options.get("country") or GERMANY)
+        return drawn_road(drawn, name=map_name(path), country=GERMANY)
 
 
 def map_text(path: Path) -> bytes | None:

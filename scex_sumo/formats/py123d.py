@@ -106,9 +106,9 @@ def _map_of(path: Path) -> Path:
     return file
 
 
-def _read_road(path: Path, **options: Any) -> Road:
+def _read_road(path: Path, **_: Any) -> Road:
     with one_line(MapError, path, "map of 123D"):
-        return drawn_road(_drawn(path), name=_name(path), country=options.get("country") or "us")
+        return drawn_road(_drawn(path), name=_name(path), country="us")
 
 
 def _drawn(path: Path) -> DrawnMap:

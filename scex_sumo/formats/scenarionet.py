@@ -208,12 +208,12 @@ def _scenario(path: Path, _changed_ns: int) -> dict[str, Any]:
     return dict(scenario) if isinstance(scenario, Mapping) else {}
 
 
-def _read_road(path: Path, **options: Any) -> Road:
+def _read_road(path: Path, **_: Any) -> Road:
     with one_line(MapError, path, "map of ScenarioNet"):
         scenario = read_scenario(path)
         # Singapore's limit in towns is Germany's.
         country = GERMANY if "singapore" in str(scenario["metadata"].get("map")) else "us"
-        return drawn_road(_drawn(path, scenario), name=_name(path), country=options.get("country") or country)
+        return drawn_road(_drawn(path, scenario), name=_name(path), country=country)
 
 
 def _drawn(path: Path, scenario: Mapping[str, Any]) -> DrawnMap:

@@ -20,7 +20,6 @@ EXAMPLE = "out/k733 --pair 17,23"
 def encounters_command(
     folder: Result,
     pair: Annotated[str | None, Option(metavar="A,B", help="Only these two vehicles, in full.")] = None,
-    most: Annotated[int, Option(metavar="N", help="How many pairs are listed.")] = 20,
     region: InRegion = None,
 ) -> Answer:
     """List which vehicles meet in a run, the most critical first."""
@@ -37,10 +36,10 @@ def encounters_command(
         part = region_of(region)
         encounters = meetings(run, part) if pair is None else _meetings(run, pair)
         if pair is None:
-            print_encounters(run, console, most=most, region=part)
+            print_encounters(run, console, region=part)
         for meeting in encounters if pair is not None else ():
             print_pair(meeting, console)
-        name, rows = run.info["seed_scene"]["name"], meeting_rows(encounters[:most])
+        name, rows = run.info["seed_scene"]["name"], meeting_rows(encounters)
     return lambda: {"scene": name, "futures": run.futures, "encounters": rows}
 
 

@@ -54,7 +54,7 @@ def test_only_pairs_of_the_region_count_and_nothing_else_changes(tmp_path: Path)
     title = str(summary_table(part).title)
     assert f"only pairs with one of {len(inside)} vehicles within 30 m of 16" in title
     console = Console(file=io.StringIO(), width=120)
-    print_encounters(whole, console, most=3, region=Region(around=16))
+    print_encounters(whole, console, region=Region(around=16))
     assert isinstance(console.file, io.StringIO)
     said = console.file.getvalue()
     assert f"one of them collides in {part.collision.percent} of the futures" in said

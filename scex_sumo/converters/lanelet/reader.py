@@ -12,7 +12,7 @@ import numpy as np
 from lanelet2 import io, projection, traffic_rules
 
 from scex_sumo.base.arguments import checked
-from scex_sumo.base.errors import MapError, UsageError, one_line
+from scex_sumo.base.errors import MapError, one_line
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.lanelet.attach import attach
 from scex_sumo.converters.lanelet.between import missing_lanelets
@@ -55,7 +55,6 @@ def read_road(
     *,
     origin: Place | None = None,
     own_corner: bool = True,
-    country: str | None = None,
 ) -> Road:
     """Read a Lanelet2 map: its lanelets, how they connect, and the rules between them.
 
@@ -71,7 +70,6 @@ def read_road(
         map_path: an ``.osm`` or ``.osm.gz`` file.
         origin: latitude and longitude in degrees; None looks beside the map and at its coordinates.
         own_corner: whether a map without a known origin begins at its south-west corner.
-        country: whose default speed limits apply, e.g. ``us``; None: by the ``region`` tags, else Germany.
 
     Raises:
         MapError: the file is missing, no Lanelet2 map, far from its origin, without a known one, or has no
@@ -93,9 +91,7 @@ def read_road(
     origin = _origin(path, map_file, origin, own_corner, notes)
     traffic = traffic_rules.create(traffic_rules.Locations.Germany, traffic_rules.Participants.VehicleCar)
     lanelet_map, vertices, map_file, losses = _load(map_file, origin, traffic, mended, notes)
-    country = country or map_country(map_file)
-    if country not in COUNTRIES:
-        raise UsageError(f"country: got {country!r}, needs one of {', '.join(COUNTRIES)}")
+    country = map_country(map_file)
     lanes = related_lanes(lanelet_map, vertices, traffic, map_file, country)
     lanes, linked, inside = join_lanes(lanes)
     lines = _lines(lanelet_map)

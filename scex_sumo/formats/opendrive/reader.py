@@ -14,17 +14,17 @@ from scex_sumo.formats.recognition import is_opendrive
 from scex_sumo.road import Road
 
 
-def read_opendrive(path: str | Path, *, country: str | None = None, **_: object) -> Road:
+def read_opendrive(path: str | Path, **_: object) -> Road:
     """Read an OpenDRIVE file; its coordinates stay the file's."""
     path = Path(path)
-    return opendrive_road(path, unpacked(path), country)
+    return opendrive_road(path, unpacked(path))
 
 
-def opendrive_road(path: Path, content: bytes, country: str | None = None) -> Road:
+def opendrive_road(path: Path, content: bytes) -> Road:
     """Return the road of an OpenDRIVE text that stands in a file."""
     root = xml_root(path, content)
     signed = next((x.get("country", "").lower() for x in root.iterfind("road/type") if x.get("country")), "")
-    country = country or (signed if signed in COUNTRIES else GERMANY)
+    country = signed if signed in COUNTRIES else GERMANY
     projection = (root.findtext("header/geoReference") or "").strip()
     projection = projection if projection.startswith("+proj") else ""
     return drawn_road(opendrive_map(path, root), name=map_name(path), country=country, projection=projection)

@@ -35,21 +35,15 @@ def convert_command(
         Path | None, Option(metavar="NET", help="Judge this net of the map instead of converting.")
     ] = None,
     strict: Annotated[bool, Option("--strict", help="Fail if anything of the map is lost.")] = False,
-    country: Annotated[
-        str | None,
-        Option(metavar="CODE", help="Country whose speed limits hold where the map gives none, e.g. us."),
-    ] = None,
 ) -> Answer:
     """Convert a map to a SUMO net and judge it, or judge a net."""
     from scex_sumo.converters.lanelet.origin import parse_origin
-    from scex_sumo.converters.lanelet.tags import parse_country
     from scex_sumo.converters.maps import read_map
     from scex_sumo.lanelet2sumo.judge.report import check_net
 
     started = time.perf_counter()
     place = parse_origin(origin) if origin is not None else None
-    limits = parse_country(country) if country is not None else None
-    road = read_map(map_path, origin=place, country=limits)
+    road = read_map(map_path, origin=place)
     if check is not None:
         report, losses, lines = _check(check, road), road.losses, []
     else:

@@ -55,17 +55,17 @@ def train_command(
         list[str] | None,
         Option(metavar="NAME", help="Validate on this short recording (under 20 s); repeatable."),
     ] = None,
-    resume: Annotated[bool, Option("--resume", help="Go on from the checkpoint beside --out.")] = False,
-    overwrite: Annotated[bool, Option("--overwrite", help="Replace the weights.")] = False,
+    overwrite: Annotated[
+        bool, Option("--overwrite", help="Replace the weights, from the beginning; else a training goes on.")
+    ] = False,
 ) -> None:
     """Train a learned driver, or a model of scenes, on recordings."""
-    weights = _check(kind, data or [], out, resume=resume, overwrite=overwrite)
+    weights = _check(kind, data or [], out, overwrite=overwrite)
     absent = [path for path in simulated or () if not path.is_file()]
     if absent:
         raise UsageError(f"--simulated {absent[0]}: no such map")
-    if kind == SCENES and (simulated or resume):
-        given = "--simulated" if simulated else "--resume"
-        raise UsageError(f"train scenes: has no {given}; only {', '.join(NETWORKS)} do")
+    if kind == SCENES and simulated:
+        raise UsageError(f"train scenes: has no --simulated; only {', '.join(NETWORKS)} do")
     if find_spec("torch") is None:
         raise MissingExtraError("train: needs torch; install with: pip install 'scex-sumo[learned]'")
     from scex_sumo.evaluation.split import Split
@@ -105,21 +105,20 @@ def train_command(
     folder = _checkpoints(weights)
     drift = closed_loop(recordings, sampling, dataset, options)
     run = Trainer(dataset, options, device=device_of("auto"), drift=drift, folder=folder)
-    if resume:
-        if not run.resume():
-            warn([f"{folder}: no checkpoint in it; training from the beginning"])
-    elif folder.exists():
+    if overwrite and folder.exists():
         shutil.rmtree(folder)
+    if run.resume():
+        print(f"{folder}: goes on after epoch {run.epoch}")
     try:
         _train(run)
     except KeyboardInterrupt:
-        warn([f"{folder}: has the checkpoint after epoch {run.epoch}; go on with --resume"])
+        warn([f"{folder}: has the checkpoint after epoch {run.epoch}; the same command goes on"])
         raise
     _finish(run, weights, command)
     shutil.rmtree(folder)
 
 
-def _check(kind: str, roots: Sequence[Path], out: Path | None, *, resume: bool, overwrite: bool) -> Path:
+def _check(kind: str, roots: Sequence[Path], out: Path | None, *, overwrite: bool) -> Path:
     if kind not in (*NETWORKS, SCENES):
         raise UsageError(f"train {kind}: unknown network; known: {', '.join((*NETWORKS, SCENES))}")
     if out is None:
@@ -131,8 +130,7 @@ def _check(kind: str, roots: Sequence[Path], out: Path | None, *, resume: bool, 
     missing = next((root for root in roots if not root.exists()), None)
     if missing is not None:
         raise UsageError(f"--data {missing}: no such folder")
-    goes_on = resume and _checkpoints(out).exists()  # a finished training has no checkpoints
-    if out.exists() and not (overwrite or goes_on):
+    if out.exists() and not overwrite and not _checkpoints(out).exists():  # only a finished one has none
         raise ResultError(f"{out}: exists; --overwrite replaces it")
     if not out.parent.is_dir():
         raise ResultError(f"{out}: folder {out.parent} does not exist; make it first")

@@ -286,19 +286,19 @@ def _read_checkpoint(
     whole = file.read_bytes()
     digest, content = whole[:_DIGEST], whole[_DIGEST:]
     if hashlib.sha256(content).digest() != digest:
-        raise ResultError(f"{file}: not a whole checkpoint of this version; train without --resume")
+        raise ResultError(f"{file}: not a whole checkpoint of this version; --overwrite begins anew")
     state: dict[str, Any] = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
     other = sorted(key for key in identity if state["identity"].get(key) != identity[key])
     if other:
         raise ResultError(
             f"{file}: a checkpoint of a run with another {', '.join(other)}; give the same options and data, "
-            "or train without --resume"
+            "or --overwrite, which begins anew"
         )
     drifted = []
     for number, known in enumerate(state["rounds"]):
         file = _round_file(folder, number)
         samples = load_samples(file) if file.exists() and sha256_of(file) == known else None
         if samples is None:
-            raise ResultError(f"{file}: is not that of the checkpoint; train without --resume")
+            raise ResultError(f"{file}: is not that of the checkpoint; --overwrite begins anew")
         drifted.append(samples)
     return state, drifted

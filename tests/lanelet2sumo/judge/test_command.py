@@ -73,17 +73,14 @@ def test_an_unfaithful_net_fails_whatever_is_asked(
     assert call(monkeypatch, lossy, *asked) == 1
 
 
-def test_the_limits_of_the_maps_or_another_country_hold_where_the_map_gives_none(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_the_limits_of_the_maps_country_hold_where_the_map_gives_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     german = write_map(tmp_path / "de.osm", [straight(1, 0, 50)])
     american = write_map(tmp_path / "us.osm", [straight(1, 0, 50, tags={**ROAD, "region": "us_ca"})])
     speeds = []
-    for path, *asked in ([german], [german, "--country", "us"], [american], [american, "--country", "DE"]):
-        assert call(monkeypatch, path, "-o", tmp_path / "n.net.xml", *asked) == 0
+    for path in (german, american):
+        assert call(monkeypatch, path, "-o", tmp_path / "n.net.xml") == 0
         [lane] = NetFile(tmp_path / "n.net.xml").lanes.values()
         speeds.append(float(lane.get("speed", "")))
-    kmh = pytest.approx([50 / 3.6, 40.2 / 3.6, 40.2 / 3.6, 50 / 3.6], abs=0.01)  # 25 mph in towns of the US
-    assert speeds == kmh
-    assert call(monkeypatch, german, "--country", "atlantis") == 2
-    assert "unknown country 'atlantis'; known: de, at, " in capsys.readouterr().err
+    assert speeds == pytest.approx([50 / 3.6, 40.2 / 3.6], abs=0.01)  # 25 mph in towns of the US
