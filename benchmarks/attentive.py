@@ -40,9 +40,8 @@ import numpy as np
 from recorded_scenes import INTERACTION, INTERACTION_SITES, NGSIM_TEST
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.converters.datasets.find import find_recordings
-from scex_sumo.converters.net.convert import converted
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.evaluation.split import Part, Split, split_moments
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
@@ -53,6 +52,7 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.humans import driver
 from scex_sumo.humans.guard.side_clearance import box_distances
 from scex_sumo.humans.parameters import HumanParameters
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.validate.noise import BoxNoise, as_recorded, box_noise
 from scex_sumo.studies.validate.realism import realism, realism_score
@@ -65,7 +65,7 @@ STEPS, REPLAN = 30, 5
 NOISY_STEPS = 30  # no longer noise of boxes is known
 HARD_MPS2, OVER_STEPS = 3.0, 5
 STANDING_MPS, STARTED_M, NEAR_M = 0.5, 1.0, 0.5
-SETTINGS = RunSettings(futures=1, preset="both")
+SETTINGS = RunSettings(futures=1)
 DATASETS = ("mona", "taf_bw", "ngsim", str(INTERACTION), "av2", "scenarionet")
 UNSEEN = ("av2", "nuscenes")  # nothing of them is fitted to: test parts
 SITES = (

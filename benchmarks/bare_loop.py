@@ -20,7 +20,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.maps import read_map
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.road import Road
 from scex_sumo.scene import States
 from scex_sumo.world.batch import to_sumo

@@ -34,7 +34,7 @@ from scex_sumo.behaviors.driving.motion import CURVE_TIME_S
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.behaviors.models.idm import IdmProfile, desired_speed, idm_acceleration, seed_motion
-from scex_sumo.behaviors.registry import build, entry_of, parse_models
+from scex_sumo.drivers.registry import build, entry_of, parse_models
 from scex_sumo.extrapolation.loop.rollout import history_at
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from scex_sumo.base.errors import ScexError
 from scex_sumo.converters.maps import read_map
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.convert import convert
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from tests.lanelet2sumo.judge.driving import drive_net

@@ -7,7 +7,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import is_driven_by_sumo
-from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.learned.training.closed_loop import drive_all
 from scex_sumo.scene import SeedScene, States

@@ -30,7 +30,6 @@ from scipy.stats import wasserstein_distance
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.converters.datasets.find import find_recordings
-from scex_sumo.converters.net.convert import converted
 from scex_sumo.evaluation.recordings import load_recording
 from scex_sumo.evaluation.split import Part, Split
 from scex_sumo.generators.generate import generated_scene
@@ -38,6 +37,7 @@ from scex_sumo.generators.scene_context import Placed, lane_cells, placed_on_lan
 from scex_sumo.generators.scene_model import KINDS, SHIPPED, SceneModel, load_scenes, save_scenes
 from scex_sumo.generators.synthetic import synthetic_scene
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.learned.training.data.dataset import part_scenes
 from scex_sumo.learned.training.scenes import seen_part, train_scenes
 from scex_sumo.road import Road
@@ -315,7 +315,6 @@ def main() -> None:
     parser.add_argument("--synthetic", type=int, default=20, help="scenes of SUMO at each site; 0: none")
     parser.add_argument("--most", type=int, default=20, help="recorded scenes of each site")
     parser.add_argument("--each", type=int, default=4, help="draws of all scenes, over which is averaged")
-    parser.add_argument("--speed", type=float, help="mean speed of the traffic, m/s; default: drawn")
     parser.add_argument("--picture", type=Path, help="draw twenty scenes of each kind")
     given = parser.parse_args()
     warnings.simplefilter("ignore")
@@ -338,7 +337,6 @@ def main() -> None:
                     scene.road,
                     model,
                     vehicles=seen_vehicles(site, scene),
-                    speed=given.speed,
                     seed=seed,
                     number=k,
                     cells=site.cells(scene.road),

@@ -32,13 +32,13 @@ from driven import drive_scene, overlaps
 from recorded_scenes import SETS, recorded
 
 from scex_sumo.behaviors.models.simple import Replay, ReplayProfile
-from scex_sumo.behaviors.registry import build, parse_models
 from scex_sumo.converters.datasets.find import find_recordings
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.extrapolation.loop.rollout import history_at
+from scex_sumo.generators.populated import synthetic_seed
 from scex_sumo.humans.guard.corridors import GuardProfile
 from scex_sumo.humans.guard.guarded import Guarded, slowed
-from scex_sumo.scenarios.populated import synthetic_seed
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 
 REPOSITORY = Path(__file__).resolve().parents[1]

@@ -16,15 +16,9 @@ from paper import choose_vehicles, reduced
 import scex_sumo
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import ScexError
-from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.evaluation.plans import read_plans
-from scex_sumo.metrics.base import PAPER, SceneTracks
-from scex_sumo.metrics.collisions import find_collisions
-from scex_sumo.metrics.encounters import Encounters, encounters_of
-from scex_sumo.metrics.evaluate import scene_batches
+from scex_sumo.drivers.registry import DEFAULT_MODELS
 from scex_sumo.results.design import is_critical
-from scex_sumo.results.tables.encounters import answers_of
-from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
+from scex_sumo.scene import SeedScene
 
 VEHICLES = 5
 LEVELS = len(DEFAULT_MODELS.split(","))
@@ -138,6 +132,8 @@ def _run(scene: SeedScene, file: Path) -> None:
                 world="plain",
                 reference=None,
                 report=False,
+                response=None,
+                exact=False,
                 out=Path(folder) / "out",
             )
         except ScexError as error:
@@ -148,7 +144,7 @@ def _run(scene: SeedScene, file: Path) -> None:
             c: is_critical(run.values(c), run.metric(c), limit) for c, limit in run.thresholds.items()
         }
         scenes_ = {"collision": np.asarray(run.metrics["collision"]) > 0, **critical}
-        pairs = _by_pair(_encounters(run, scene), len(values))
+        pairs = _by_pair(run)
         questions = (*scenes_, *(name for name, _ in pairs))
         answers = np.stack([*scenes_.values(), *(answer for _, answer in pairs)], axis=1)
         part = file.with_suffix(".part.npz")
@@ -157,39 +153,11 @@ def _run(scene: SeedScene, file: Path) -> None:
     print(f"{file.stem}: {len(values)} runs in {time.perf_counter() - started:.0f} s", flush=True)
 
 
-def _encounters(run: scex_sumo.Run, scene: SeedScene) -> Encounters:
-    """Encounters of every future, from the tracks and plans that the run kept."""
-    shape = (run.futures, scene.vehicles, LOGGED_HISTORY + int(run.info["steps"]))
-    x, y, vx, vy, heading = (
-        np.asarray(run.tracks[name]).reshape(shape).swapaxes(1, 2)
-        for name in ("x", "y", "vx", "vy", "psi_rad")
-    )
-    tracks = SceneTracks(
-        states=States(x=x, y=y, heading=heading, speed=np.hypot(vx, vy)),
-        length=scene.length,
-        width=scene.width,
-        first=LOGGED_HISTORY,
-    )
-    plans = read_plans(run.folder)
-    assert plans is not None
-    there = np.ones(shape[:2], dtype=bool)
-    ids = np.broadcast_to(plans.track_ids, shape[:2])
-    planned = plans.paths(plans.futures.astype(str), ids, there, tracks.steps)
-    hits = find_collisions(tracks)
-    batches = scene_batches(tracks, planned, preset="path", parameters=PAPER)
-    return Encounters.join([encounters_of(scenes, hits, start) for start, scenes in batches])
-
-
-def _by_pair(found: Encounters, futures: int) -> list[tuple[str, BoolArray]]:
+def _by_pair(run: scex_sumo.Run) -> list[tuple[str, BoolArray]]:
     """(N,) of each pair whether it collides, and whether its encounter is critical, in each future."""
-    answers, out = answers_of(found), []
-    key = found.first * VEHICLES + found.second
-    for pair in np.unique(key):
-        for name in _PAIRS:
-            full = np.zeros(futures, dtype=bool)
-            full[found.future[(key == pair) & answers[name]]] = True
-            out.append((f"pair {name}", full))
-    return out
+    rows = run.encounters.to_pylist()
+    pairs = sorted({tuple(sorted((row["track_id"], row["other_id"]))) for row in rows})
+    return [(f"pair {name}", run.encounter(*pair).happens(name)) for pair in pairs for name in _PAIRS]
 
 
 def _read(file: Path) -> Truth:

@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks.interval_truths import LEVELS, SETS, VEHICLES, Truth, truths
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.statistics.density import dkw_half_width, wilson
-from scex_sumo.statistics.designs import DESIGNS
+from scex_sumo.statistics.designs import balanced
 from scex_sumo.statistics.intervals import DesignIntervals
 
 SIZES = (117, 385)
@@ -105,6 +105,12 @@ def line(head: str, name: str, found: Found, those: Sequence[int]) -> str:
     return f"| {head} | {name} | {len(those)} | {often} | {wide} | {ordinary.mean():.3f} |"
 
 
+def drawn(design: str, shares: Sequence[FloatArray], size: int, seed: int) -> IntArray:
+    """Levels (size, V) of the balanced draw, or of independent ones."""
+    rng = np.random.default_rng([9, seed])
+    return balanced(shares, size, rng) if design == "balanced" else rng.integers(0, LEVELS, (size, VEHICLES))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("cache", type=Path)
@@ -120,7 +126,7 @@ def main() -> None:
         for size in SIZES:
             head = f"{design} | {size}"
             seeds = range(given.repetitions)
-            levels = [DESIGNS[design](even, size, np.random.default_rng([9, seed])) for seed in seeds]
+            levels = [drawn(design, even, size, seed) for seed in seeds]
             draws = [np.ravel_multi_index(tuple(rows.T), SHAPE).astype(np.int64) for rows in levels]
             made = [DesignIntervals(rows, design=design, shares=even) for rows in levels]
             asked = shares(found, draws, made)

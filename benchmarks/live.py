@@ -276,7 +276,6 @@ def film(path: Path, config: Path | None, begin_s: float, end_s: float) -> None:
         config = config or Path(name, "mine.sumocfg")
         session = Session(
             config=config, out=path.with_suffix(""), gui=True, begin_s=begin_s, end_s=end_s, follow=True,
-            ghosts=True, ssm=False,
         )  # fmt: skip
 
         def begin(watch: Watch, take: Told) -> None:

@@ -26,13 +26,13 @@ from scex_sumo.conflicts.margin import time_margins
 from scex_sumo.conflicts.pairs import NEAR_M, Conflicts, find_conflicts, least_braking
 from scex_sumo.conflicts.shared import shared_stretches
 from scex_sumo.conflicts.ways import Ways
-from scex_sumo.converters.net.convert import converted
 from scex_sumo.decision.law import law, over_futures
 from scex_sumo.decision.moment import human_part
 from scex_sumo.evaluation.split import Split, split_moments
 from scex_sumo.extrapolation.job import ruled
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.results.participants import everybody
 from scex_sumo.results.tables.conflicts import conflicts_of
 from scex_sumo.roads.doubts import doubts_of

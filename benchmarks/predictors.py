@@ -38,9 +38,9 @@ from recorded_scenes import ngsim_part
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
-from scex_sumo.behaviors.registry import ModelSpec, build
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.registries import Recording
+from scex_sumo.drivers.registry import ModelSpec, build
 from scex_sumo.humans.guard.guarded import Guarded
 from scex_sumo.learned.models import GraphImagePredictor, GraphPredictor, JointPredictor
 from scex_sumo.learned.profiles import (

@@ -42,9 +42,8 @@ import sumolib
 from recorded_scenes import INTERACTION, INTERACTION_SITES
 
 from scex_sumo.base.errors import ScexError
-from scex_sumo.behaviors.registry import DEFAULT_MODELS, parse_models
 from scex_sumo.converters.datasets.find import find_recordings
-from scex_sumo.converters.net.convert import converted
+from scex_sumo.drivers.registry import DEFAULT_MODELS, parse_models
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.evaluation.split import Split, split_moments
 from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
@@ -54,6 +53,7 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.geometry.rectangles import seen_from
 from scex_sumo.humans import obedience
 from scex_sumo.humans.parameters import human_parameters
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.studies.validate.scores import covered
@@ -119,7 +119,7 @@ def futures_of(
     with tempfile.TemporaryDirectory() as folder:
         scene, net = ruled(scene, converted(scene.road, Path(folder) / "road.net.xml"), settings)
         models_of = ModelSet.of(settings)
-        drawn = models_of.draw(scene, futures=futures, seed=seed, design=settings.design)
+        drawn = models_of.draw(scene, futures=futures, seed=seed)
         return scene, run_in_memory(Job(scene, net, settings, models_of, drawn, Path(folder)), range(futures))
 
 

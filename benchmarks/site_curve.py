@@ -36,9 +36,9 @@ from predictors import Results, data_root, learned, measure_errors, part_of
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
-from scex_sumo.behaviors.registry import ModelSpec, build
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.registries import Recording
+from scex_sumo.drivers.registry import ModelSpec, build
 from scex_sumo.evaluation.recordings import load_recording
 from scex_sumo.evaluation.split import Split
 from scex_sumo.humans.guard.guarded import Guarded

@@ -26,10 +26,10 @@ import scex_sumo as scex
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MissingExtraError
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.converters.net.convert import convert
 from scex_sumo.evaluation.pair_values import evaluate_pairs
 from scex_sumo.exporters.request import Request
 from scex_sumo.exporters.video import Film
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.page.figures.drawing import STYLE
 from scex_sumo.road import Road

@@ -113,7 +113,7 @@ def gallery(futures: int) -> None:
         )
         run = scex.open_run(ROOT / out)
         shutil.copy(run.folder / "report.html", folder / f"{name}.html")
-        run.plot(folder / f"{name}.svg")
+        scex.plot(run, folder / f"{name}.svg")
         title, share = name.replace("_", " ").capitalize(), run.collision.value
         lines.append(
             f"## {title}\n\n{run.futures} futures, with a collision in {share:.0%} of them.\n\n"

@@ -18,10 +18,10 @@ from example_maps import motorway_merge, roundabout, urban_intersection
 from example_maps.drawing import MapDrawing
 from scex_sumo.base.errors import SimulationError, UsageError
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.converters.net.convert import convert
 from scex_sumo.generators.demand import Network, Trip
 from scex_sumo.generators.drive import Drive, record
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.road import Road
 from scex_sumo.scenarios import EXAMPLES, example_path
 from scex_sumo.scene import STEP_S, States

@@ -49,7 +49,7 @@ def command_line(arguments: Sequence[str] = ()) -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_root)
-    names = list(COMMANDS.paths)
+    names = sorted(COMMANDS.paths, key=lambda name: name != "run")
     if arguments and arguments[0] in names:
         _add(app, arguments[0])
         return app
@@ -122,7 +122,7 @@ def _run() -> None:
             _fail("interrupted", INTERRUPTED)
         if _is_out_of_memory(error):
             _fail(
-                "error: out of memory; ask for fewer --futures, --steps or --workers, or a smaller --batch",
+                "error: out of memory; ask for fewer --futures, --steps or --workers",
                 1,
             )
         shown = getattr(error, "format_message", None)

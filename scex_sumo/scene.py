@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.importing import DRAWINGS
 from scex_sumo.base.sending import SentOnce
 
 if TYPE_CHECKING:
@@ -182,9 +181,6 @@ class SeedScene(SentOnce):
     def __repr__(self) -> str:
         future = 0 if self.future is None else self.future.shape[1]
         return f"SeedScene({self.name!r}: {self.vehicles} vehicles, {future} steps recorded after it)"
-
-    def _repr_html_(self) -> str:
-        return str(DRAWINGS.load("scene")(self))
 
     @property
     def time(self) -> float:

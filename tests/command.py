@@ -20,18 +20,18 @@ PRELOADED = (
     "matplotlib.figure",
     "pandas",
     "scex_sumo.cli",
-    "scex_sumo.commands.seed",
+    "scex_sumo.steps.seed",
     "scex_sumo.converters.datasets.recordings",
     "scex_sumo.converters.lanelet.reader",
     "scex_sumo.extrapolation.engine",
-    "scex_sumo.formats.cleaning.align",
-    "scex_sumo.formats.cleaning.mismatch",
-    "scex_sumo.formats.cleaning.plausibility",
-    "scex_sumo.formats.cleaning.repair",
+    "scex_sumo.converters.cleaning.align",
+    "scex_sumo.converters.cleaning.mismatch",
+    "scex_sumo.converters.cleaning.plausibility",
+    "scex_sumo.converters.cleaning.repair",
     "scex_sumo.formats.lane_maps.lane_map",
     "scex_sumo.humans.driver",
     "scex_sumo.humans.entries",
-    "scex_sumo.humans.reference",
+    "scex_sumo.steps.reference",
     "scex_sumo.lanelet2sumo.net",
     "scex_sumo.page.report.report",
     "scex_sumo.reports.run_table",
@@ -58,11 +58,17 @@ class Started:
     """A command that runs: `wait` for its end, or `kill` it."""
 
     def __init__(
-        self, words: list[str], cwd: Path | None, path: Path | None, env: Mapping[str, str] | None
+        self,
+        words: list[str],
+        cwd: Path | None,
+        path: Path | None,
+        env: Mapping[str, str] | None,
+        vehicles: int | None,
     ) -> None:
         self._words, self._folder = words, tempfile.TemporaryDirectory()
         self._files = [Path(self._folder.name, name) for name in ("stdout", "stderr")]
-        given = (words, self._files, cwd or Path.cwd(), path, dict(os.environ if env is None else env))
+        environment = dict(os.environ if env is None else env)
+        given = (words, self._files, cwd or Path.cwd(), path, environment, vehicles)
         self._process = forkserver().Process(target=_run, args=given)
         self._process.start()
         self.kill = self._process.kill
@@ -84,6 +90,7 @@ def started(
     cwd: Path | None = None,
     path: Path | None = None,
     env: Mapping[str, str] | None = None,
+    vehicles: int | None = None,
 ) -> Started:
     """Start ``scex-sumo`` as its console script does.
 
@@ -91,8 +98,9 @@ def started(
         cwd: folder in which it runs.
         path: folder from which it also imports.
         env: its environment; without it, that of the test.
+        vehicles: of a batch of futures, at most.
     """
-    return Started([*map(str, arguments)], cwd, path, env)
+    return Started([*map(str, arguments)], cwd, path, env, vehicles)
 
 
 def scex(
@@ -100,14 +108,20 @@ def scex(
     cwd: Path | None = None,
     path: Path | None = None,
     env: Mapping[str, str] | None = None,
+    vehicles: int | None = None,
     timeout: float = 120.0,
 ) -> subprocess.CompletedProcess[str]:
     """Run ``scex-sumo`` to its end; see `started` and `Started.wait`."""
-    return started(*arguments, cwd=cwd, path=path, env=env).wait(timeout)
+    return started(*arguments, cwd=cwd, path=path, env=env, vehicles=vehicles).wait(timeout)
 
 
 def _run(
-    words: list[str], files: list[Path], cwd: Path, path: Path | None, environment: dict[str, str]
+    words: list[str],
+    files: list[Path],
+    cwd: Path,
+    path: Path | None,
+    environment: dict[str, str],
+    vehicles: int | None,
 ) -> None:
     for number, file in enumerate(files, start=1):
         os.dup2(os.open(file, os.O_WRONLY | os.O_CREAT), number)
@@ -119,7 +133,10 @@ def _run(
         sys.path.insert(0, str(path))
     sys.argv = ["scex-sumo", *words]
     from scex_sumo.__main__ import start
+    from scex_sumo.extrapolation import job
     from tests.workers import forked_workers
 
+    if vehicles is not None:
+        job.VEHICLES_AT_ONCE = vehicles
     with forked_workers(multiprocessing.get_context("fork")):
         start()

@@ -62,7 +62,7 @@ def _quick_workers(request: pytest.FixtureRequest) -> Iterator[None]:
 def registered_models(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
     """The models that a test registers, by name; forgotten after it."""
     models: dict[str, object] = {}
-    monkeypatch.setattr("scex_sumo.behaviors.registry._registered", models)
+    monkeypatch.setattr("scex_sumo.drivers.registry._registered", models)
     return models
 
 

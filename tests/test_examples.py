@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import scex_sumo as scex
-from scex_sumo.behaviors import registry as models
+from scex_sumo.drivers import registry as models
 from scex_sumo.metrics import registry as metrics
 from tests.runs import extrapolate
 

@@ -4,8 +4,9 @@ import difflib
 import inspect
 import re
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 _PACKAGE = str(Path(__file__).parents[1])
 
@@ -26,6 +27,9 @@ class ScexError(Exception):
         ...     print(type(error).__name__)
         MapError
     """
+
+    answer: Mapping[str, Any] | None = None
+    """What a command prints with ``--json`` although it fails."""
 
 
 class InputError(ScexError):

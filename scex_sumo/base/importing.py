@@ -6,9 +6,9 @@ import importlib
 import importlib.metadata
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from importlib.abc import MetaPathFinder
 from pathlib import Path
@@ -30,33 +30,32 @@ class Registry:
     Attributes:
         group: the entry-point group, e.g. ``scex_sumo.exporters``.
         kind: the word for messages, e.g. ``export format``.
-        builtin: import path by name, of the core's own.
+        last: name that comes after all others.
     """
 
     group: str
     kind: str
-    builtin: Mapping[str, str] = field(default_factory=dict)
+    last: str = ""
 
     @property
     def paths(self) -> dict[str, str]:
-        """Import path by name: the built-in ones first, then entry points; nobody takes a name of ours."""
+        """Import path by name; no other package takes a name of ours."""
         points = _entry_points(importlib.metadata.entry_points, self.group, tuple(sys.path))
-        paths = dict(self.builtin)
-        for name, _, path in sorted((p.name, not _of_package(p.value), p.value) for p in points):
+        named = sorted((p.name == self.last, p.name, not _of_package(p.value), p.value) for p in points)
+        paths: dict[str, str] = {}
+        for _, name, _, path in named:
             paths.setdefault(name, path)
         return paths
 
     def is_ours(self, name: str) -> bool:
         """Return whether a name belongs to this package."""
-        return name in self.builtin or _of_package(self.paths.get(name, ""))
+        return _of_package(self.paths.get(name, ""))
 
     def __contains__(self, name: object) -> bool:
-        return name in self.builtin or ":" in str(name) or name in self.paths
+        return ":" in str(name) or name in self.paths
 
     def load(self, name: str) -> Any:
         """Import the extension of a name, or of an import path ``package.module:object``."""
-        if name in self.builtin:  # looking for entry points takes milliseconds
-            return import_object(self.builtin[name])
         paths = self.paths
         path = paths.get(name, name if ":" in name else None)
         if path is None:
@@ -80,10 +79,6 @@ def _all_entry_points(read: Callable[[], Any], _path: tuple[str, ...]) -> Any:
 
 def _of_package(path: str) -> bool:
     return path.startswith(f"{_PACKAGE.name}.")
-
-
-DRAWINGS = Registry(group="scex_sumo.drawings", kind="drawing")
-"""Functions that draw a run or a seed scene."""
 
 
 @contextmanager

@@ -21,6 +21,7 @@ class Option:
         help: one line.
         metavar: placeholder of the value.
         names: on the command line; empty for that of the field. ``--on/--off`` for a flag with two names.
+        panel: its group in the help; None for the others.
         takes: type that the command line takes, None if the option is not given; None for the field's type.
         several: the option is repeatable; the command line takes a list of texts.
         read: turns the text or texts into the value; None keeps it.
@@ -30,6 +31,7 @@ class Option:
     help: str
     metavar: str | None = None
     names: tuple[str, ...] = ()
+    panel: str | None = None
     takes: type | None = None
     several: bool = False
     read: Callable[[Any], Any] | None = None

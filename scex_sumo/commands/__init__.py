@@ -1,4 +1,1 @@
-"""Commands of the command line, one module each, imported only when called.
-
-May import everything.
-"""
+"""What all commands share: options, configuration files, JSON, tables, the console."""

@@ -11,12 +11,22 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+from scex_sumo.base.errors import ScexError
+
 
 def print_alone(command: Callable[[], Any]) -> None:
-    """Run a command and print the answer that it returns; drop what it prints meanwhile."""
+    """Run a command and print the answer that it returns, or fails with; drop what it prints meanwhile."""
     with _elsewhere() as stdout:
-        answer = plain(command())
-        stdout.write(json.dumps(answer, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+        def write(answer: Any) -> None:
+            stdout.write(json.dumps(plain(answer), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+
+        try:
+            write(command())
+        except ScexError as error:
+            if error.answer is not None:
+                write(error.answer)
+            raise
 
 
 @contextlib.contextmanager

@@ -9,13 +9,7 @@ import typer
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import last_of_list
-
-
-def complete_models(incomplete: str) -> list[str]:
-    """Complete the last of a list of models and sets of models."""
-    from scex_sumo.extrapolation.settings import complete_models as complete
-
-    return complete(incomplete)
+from scex_sumo.base.processes import AUTO, cores, read_workers
 
 
 def complete_metrics(incomplete: str) -> list[str]:
@@ -34,14 +28,23 @@ def complete_results(incomplete: str) -> list[str]:
     return sorted(f"{typed}{slash}{name}" for name in names if name.startswith(begin))
 
 
+def workers(text: str) -> int | str:
+    """Read a number of processes, or the address of a Dask scheduler."""
+    return text if "://" in text else processes(text)
+
+
 def processes(text: str) -> int:
     """Read a number of processes; ``auto`` is one for each core."""
-    from scex_sumo.extrapolation.options import AUTO, cores, read_workers
-
     workers = read_workers(text)
     return cores() if workers == AUTO else int(workers)
 
 
+MapPath = Annotated[
+    Path,
+    typer.Argument(
+        metavar="MAP", help="Lanelet2, CommonRoad, SUMO, OpenDRIVE, Argoverse 2, ..., or a folder with one."
+    ),
+]
 Origin = Annotated[
     str | None,
     typer.Option(metavar="LAT,LON", help="Origin of the map's coordinates; default: that of meta_data.csv."),
@@ -51,41 +54,11 @@ Tracks = Annotated[
 ]
 Case = Annotated[str | None, typer.Option(metavar="ID", help="Case of a file with case_id.")]
 Time = Annotated[float | None, typer.Option(metavar="S", help="Moment in seconds; default: the busiest.")]
-Speed = Annotated[
-    float | None,
-    typer.Option(
-        metavar="V",
-        help="Of scenes as recorded: mean speed of the traffic, m/s; default: drawn for road and density.",
-    ),
-]
-Models = Annotated[
-    str | None,
-    typer.Option(
-        metavar="MODEL[@WEIGHT],...",
-        help="Models to draw from; see 'scex-sumo models'.",
-        autocompletion=complete_models,
-    ),
-]
-Preset = Annotated[
-    str, typer.Option(metavar="paper|path|both", help="Metrics: the paper's, those along paths, or both.")
-]
-Metrics = Annotated[
-    str | None, typer.Option(metavar="NAME,...", help="Metrics, built-in or your own; default: the preset's.")
-]
-Thresholds = Annotated[
-    list[str] | None,
-    typer.Option("--threshold", metavar="METRIC=VALUE", help="Where a metric becomes critical; repeatable."),
-]
 Roots = Annotated[
     list[Path],
     typer.Argument(metavar="DATASET...", help="Folders of recordings, or single files.", show_default=False),
 ]
 Every = Annotated[float, typer.Option(metavar="S", help="Least time between two seed scenes.")]
-MinVehicles = Annotated[int, typer.Option(help="Smallest number of moving vehicles of a seed scene.")]
-Cluster = Annotated[
-    str | None, typer.Option(metavar="tcp://HOST:PORT", help="Dask scheduler whose workers run the futures.")
-]
-Cache = Annotated[bool, typer.Option(help="Keep converted maps and assignments for the next run.")]
 Seed = Annotated[int, typer.Option(help="Random seed.")]
 Processes = Annotated[
     Any,
@@ -93,12 +66,24 @@ Processes = Annotated[
         metavar="N|auto", help="Processes; auto: one for each core.", parser=processes, envvar="SCEX_WORKERS"
     ),
 ]
+AnyWorkers = Annotated[
+    Any,
+    typer.Option(
+        "--workers",
+        metavar="N|auto|tcp://HOST:PORT",
+        help="Processes (auto: one for each core), or a Dask scheduler.",
+        parser=workers,
+        envvar="SCEX_WORKERS",
+    ),
+]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace another run's result.")]
 InRegion = Annotated[
-    str | None, typer.Option("--region", metavar="X,Y,R", help="Only pairs with a vehicle in this circle, m.")
-]
-Around = Annotated[
-    int | None, typer.Option(metavar="TRACK", help="Only pairs with a vehicle within 30 m of this one.")
+    str | None,
+    typer.Option(
+        "--region",
+        metavar="X,Y,R|TRACK",
+        help="Only pairs with a vehicle in this circle, or within 30 m of this vehicle, m.",
+    ),
 ]
 Result = Annotated[
     Path, typer.Argument(metavar="OUT", help="Result folder.", autocompletion=complete_results)

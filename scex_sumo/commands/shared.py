@@ -7,7 +7,7 @@ import inspect
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 from typer import Option
 from typer.core import TyperCommand
@@ -15,14 +15,7 @@ from typer.core import TyperCommand
 from scex_sumo.base.importing import Registry, import_arrow
 from scex_sumo.commands import console
 
-COMMANDS = Registry(
-    group="scex_sumo.commands",
-    kind="command",
-    builtin={
-        "run": "scex_sumo.commands.run:run_command",
-        "models": "scex_sumo.commands.models:models_command",
-    },
-)
+COMMANDS = Registry(group="scex_sumo.commands", kind="command")
 """A command is a function with Typer options; ``EXAMPLE`` in its module ends its help."""
 
 WITHOUT_ARROW = ("convert", "models")
@@ -32,8 +25,23 @@ Answer = Callable[[], dict[str, Any]]
 """What a command with ``--json`` returns: a function that makes its answer."""
 
 
+OF_EVERY_COMMAND: Final = "Every command"
+"""Group of the shared options in the help."""
+
+
 class Command(TyperCommand):
     """Command with the shared options."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write arguments and options by their groups."""
+        groups: dict[str, list[tuple[str, str]]] = {}
+        for param in self.get_params(ctx):
+            record = param.get_help_record(ctx)
+            if record is not None:
+                groups.setdefault(_group_of(param), []).append(record)
+        for name, records in groups.items():
+            with formatter.section(name):
+                formatter.write_dl(records)
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command; print its answer alone if ``--json`` is given."""
@@ -54,6 +62,12 @@ class Command(TyperCommand):
         return None
 
 
+def _group_of(param: Any) -> str:
+    if param.param_type_name == "argument":
+        return "Arguments"
+    return OF_EVERY_COMMAND if param.name == "help" else param.rich_help_panel or "Options"
+
+
 def with_shared(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a command's function with the parameters of the shared options, which `Command` takes."""
     signature = inspect.signature(function, eval_str=True)
@@ -67,10 +81,11 @@ def with_shared(function: Callable[..., Any]) -> Callable[..., Any]:
         help="Options of a TOML file, or of a run.json to repeat that run; those given here win.",
         is_eager=True,
         callback=_take_config,
+        rich_help_panel=OF_EVERY_COMMAND,
     )
     shared: list[tuple[str, Any, Any]] = [("config", Annotated[str | None, config], None)]
     for *names, text in flags:
-        option = Annotated[bool, Option(*names, help=text, is_eager=True)]
+        option = Annotated[bool, Option(*names, help=text, is_eager=True, rich_help_panel=OF_EVERY_COMMAND)]
         shared.append((names[-1].removeprefix("--"), option, False))
 
     @functools.wraps(function)

@@ -26,7 +26,6 @@ def read_map(
     origin: tuple[float, float] | None = None,
     tracks: str | Path | None = None,
     own_corner: bool = True,
-    country: str | None = None,
     keep: bool = False,
 ) -> Road:
     """Read a map of any registered format.
@@ -40,7 +39,6 @@ def read_map(
         origin: latitude and longitude in degrees; None looks in the map and beside it.
         tracks: the recording on the map; its ``meta_data.csv`` may give the origin.
         own_corner: whether a map without a known origin begins at its south-west corner.
-        country: its speed limits hold where a Lanelet2 map gives none; None takes that of the map's tags.
         keep: use the user's cache of roads.
 
     Raises:
@@ -52,7 +50,7 @@ def read_map(
         'roundabout'
     """
     path = Path(map_path)
-    options = {"tracks": tracks, "own_corner": own_corner, "country": country, "keep": keep}
+    options = {"tracks": tracks, "own_corner": own_corner, "keep": keep}
     refuse_pointer(path)
     road = map_format(path).read(path, origin=origin, **options)
     return replace(road, file=path)
@@ -64,7 +62,6 @@ def _read_lanelet2(
     origin: tuple[float, float] | None,
     tracks: str | Path | None,
     own_corner: bool,
-    country: str | None,
     keep: bool,
 ) -> Road:
     refuse_folder(path)
@@ -74,11 +71,11 @@ def _read_lanelet2(
     def read() -> Road:
         from scex_sumo.converters.lanelet.reader import read_road
 
-        return read_road(path, origin=known, own_corner=own_corner, country=country)
+        return read_road(path, origin=known, own_corner=own_corner)
 
     if not (keep and path.is_file() and os.access(path, os.R_OK)):
         return read()
-    made_by = repr((version_of("lanelet2"), path.name, known, own_corner, country))
+    made_by = repr((version_of("lanelet2"), path.name, known, own_corner))
     return cached_object("roads", made_by.encode() + path.read_bytes(), read, _PARTS)
 
 

@@ -19,16 +19,8 @@ from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.road import Road
 
-MAPS = Registry(
-    group="scex_sumo.maps",
-    kind="map format",
-    builtin={"lanelet2": "scex_sumo.converters.maps:LANELET2"},
-)
-DATASETS = Registry(
-    group="scex_sumo.datasets",
-    kind="dataset",
-    builtin={"interaction": "scex_sumo.converters.datasets.interaction:INTERACTION"},
-)
+MAPS = Registry(group="scex_sumo.maps", kind="map format", last="lanelet2")
+DATASETS = Registry(group="scex_sumo.datasets", kind="dataset", last="interaction")
 
 Window: TypeAlias = tuple[float | None, float | None]
 
@@ -109,6 +101,18 @@ class MapFormat:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class SignalFormat:
+    """Recorded signal phases in a file.
+
+    Attributes:
+        read: ``read(layout, road, path)`` gives a `Programme` (None if it controls no link of the net) and
+            notes.
+    """
+
+    read: Callable[..., tuple[Any, list[str]]]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Dataset:
     """Dataset: which files and folders it recognises, and how it reads a recording.
 
@@ -126,6 +130,7 @@ class Dataset:
             to simulate only that, and ``progress``.
         within: ``within(table, road)`` treats vehicles off the lanes, of a recording from a car with a map in
             the same coordinates, and gives the table and phrases; None: the recording is aligned to its map.
+        signals: how its files tell the phases of signals; None if they tell none.
     """
 
     registry: ClassVar = DATASETS
@@ -139,6 +144,7 @@ class Dataset:
     repair: Callable[[TrackTable], tuple[TrackTable, tuple[str, ...]]] = lambda table: (table, ())
     simulated: bool = False
     within: Callable[[TrackTable, Road], tuple[TrackTable, list[str]]] | None = None
+    signals: SignalFormat | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,11 +153,11 @@ class Declaration:
 
     Attributes:
         is_mine: as that of the format; it must need no more than the file's name and first bytes.
-        reader: import path ``package.module:object`` of a `MapFormat` or another format.
+        reader: imports and returns a `MapFormat` or another format.
     """
 
     is_mine: Callable[[Path], bool]
-    reader: str
+    reader: Callable[[], Any]
 
 
 def map_format(path: Path) -> MapFormat:
@@ -190,10 +196,10 @@ def recognised(kind: type[Format], path: Path) -> Iterator[Format]:
 
 @cache
 def _entries(kind: type[Any]) -> tuple[Any, ...]:
-    """All formats: those of other packages, then the wings', then the built-in one, which takes the rest."""
+    """All formats: those of other packages, then ours, then the one that takes the rest."""
     registry = kind.registry
     paths = registry.paths
-    order = sorted(paths, key=lambda name: (name in registry.builtin, paths[name].startswith("scex_sumo.")))
+    order = sorted(paths, key=lambda name: (name == registry.last, registry.is_ours(name)))
     entries: list[Any] = []
     for name in order:
         try:
@@ -209,7 +215,8 @@ def _entries(kind: type[Any]) -> tuple[Any, ...]:
 def _read_by(kind: type[Any], entry: Any) -> Any:
     if not isinstance(entry, Declaration):
         return entry
-    return _checked(kind, entry.reader, import_object(entry.reader))
+    made = entry.reader()
+    return _checked(kind, f"{kind.registry.kind} {made!r}", made)
 
 
 def _checked(kind: type[Format], said: str, entry: Any) -> Format:

@@ -1,40 +1,22 @@
-"""Registry of recordings of signal phases."""
+"""Recorded signal phases: the format of a file, and the file that belongs to a scene."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
 
 from scex_sumo.base.errors import MapError
-from scex_sumo.base.importing import Registry
-from scex_sumo.converters.registries import recognised
+from scex_sumo.converters.registries import DATASETS, SignalFormat, dataset_of
 from scex_sumo.scene import SeedScene
-
-SIGNALS = Registry(group="scex_sumo.signals", kind="recording of signals")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SignalFormat:
-    """Format of recorded signal phases: which files it recognises, and how it reads them.
-
-    Attributes:
-        is_mine: whether a file is such a recording.
-        read: ``read(layout, road, path)`` gives a `Programme` (None if it controls no link of the net) and
-            notes.
-    """
-
-    registry: ClassVar = SIGNALS
-    is_mine: Callable[[Path], bool]
-    read: Callable[..., tuple[Any, list[str]]]
 
 
 def signal_format(path: Path) -> SignalFormat:
-    """The format of recorded signal phases."""
-    if (entry := next(recognised(SignalFormat, path), None)) is not None:
-        return entry
-    raise MapError(f"{path}: not a recording of signal phases; known formats: {', '.join(SIGNALS.paths)}")
+    """Return how the phases in a file are read."""
+    if (found := dataset_of(path).signals) is not None:
+        return found
+    raise MapError(
+        f"{path}: not a recording of signal phases; give a CSV with the column signal_group_id, or a file of "
+        f"a dataset that has phases, of {', '.join(DATASETS.paths)}"
+    )
 
 
 def signals_of(scene: SeedScene) -> Path | None:
@@ -49,10 +31,6 @@ def signals_of(scene: SeedScene) -> Path | None:
             return beside
     road = scene.road
     for file in (None if road is None else road.file, Path(tracks) if tracks else None):
-        if (
-            file is not None
-            and file.suffix != ".csv"
-            and next(recognised(SignalFormat, file), None) is not None
-        ):
+        if file is not None and file.suffix != ".csv" and dataset_of(file).signals is not None:
             return file
     return None

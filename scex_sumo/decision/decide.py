@@ -24,7 +24,7 @@ def is_to_be_tested(row: Mapping[str, Any]) -> bool:
     return bool(row["probability"] >= TEST_FROM)
 
 
-def decide(rows: Iterable[Mapping[str, Any]], *, futures: int, keep_doubtful: bool = False) -> Decision:
+def decide(rows: Iterable[Mapping[str, Any]], *, futures: int) -> Decision:
     """Return the verdict on a moment.
 
     The most probable pair without doubt decides; where it is neither to be tested nor in dispute, one whose
@@ -33,17 +33,16 @@ def decide(rows: Iterable[Mapping[str, Any]], *, futures: int, keep_doubtful: bo
     Args:
         rows: of ``pairs.parquet``, the most probable first.
         futures: number of human-like futures.
-        keep_doubtful: pairs with doubtful data count as others.
     """
     every = list(rows)
-    sure = [row for row in every if keep_doubtful or not row["doubt"]]
+    sure = [row for row in every if not row["doubt"]]
     doubtful = [row for row in every if row["doubt"] and (is_to_be_tested(row) or disagrees(row))]
     tested = [row for row in sure if is_to_be_tested(row)]
     disputed = [row for row in sure if disagrees(row)]
     for kind, some in (
         (TEST, tested),
         (DISAGREE, disputed),
-        (DOUBTFUL, [] if keep_doubtful else doubtful),
+        (DOUBTFUL, doubtful),
         (NOTHING, sure),
         (DOUBTFUL, every),
     ):

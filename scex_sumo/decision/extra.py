@@ -51,7 +51,7 @@ class DecisionStep(Extra):
 
         found = conflicts_of(human.table(CONFLICTS))
         table = pair_table(scene, found, futures=human.futures, states_of=states_of)
-        write_decision(run.folder, table, futures=human.futures, keep_doubtful=work.options.keep_doubtful)
+        write_decision(run.folder, table, futures=human.futures)
         return {}
 
     def decision(self, run: Run) -> Decision | None:
@@ -72,9 +72,7 @@ class DecisionStep(Extra):
 
         table = pairs_of_run(run)
         rows = [] if table is None else table.to_pylist()
-        told = [
-            row for row in rows if row["probability"] >= TOLD and (run.keeps_doubtful or not row["doubt"])
-        ]
+        told = [row for row in rows if row["probability"] >= TOLD and not row["doubt"]]
         lines = [
             f"  {arrow(row)} ({row['what']}, {row['conflict_s']:.1f} s): {row['how']}; "
             f"{once_in(row['probability'])} ({span(row)})"
@@ -89,7 +87,7 @@ class DecisionStep(Extra):
             return {"human_like": None}
         from scex_sumo.decision.pairs import any_of
 
-        sure = [row for row in table.to_pylist() if run.keeps_doubtful or not row["doubt"]]
+        sure = [row for row in table.to_pylist() if not row["doubt"]]
         return {
             "human_like": {
                 "futures": run.reference.futures if run.reference is not None else None,
@@ -99,7 +97,7 @@ class DecisionStep(Extra):
         }
 
 
-def write_decision(folder: Path, table: pa.Table, *, futures: int, keep_doubtful: bool = False) -> None:
+def write_decision(folder: Path, table: pa.Table, *, futures: int) -> None:
     """Write the pairs of a moment and the verdict into the folder of its run.
 
     Args:
@@ -110,7 +108,7 @@ def write_decision(folder: Path, table: pa.Table, *, futures: int, keep_doubtful
 
     from scex_sumo.decision.decide import decide
 
-    verdict = decide(table.to_pylist(), futures=futures, keep_doubtful=keep_doubtful)
+    verdict = decide(table.to_pylist(), futures=futures)
     with replacing(folder / PAIRS_FILE) as temporary:
         pq.write_table(table, temporary)
     write_atomic(folder / DECISION_FILE, json.dumps(dataclasses.asdict(verdict)).encode())

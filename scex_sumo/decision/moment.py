@@ -11,12 +11,12 @@ import pyarrow as pa
 
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.decision.pairs import pair_table
 from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.results.participants import with_everybody
 from scex_sumo.results.parts import Part
 from scex_sumo.results.tables.conflicts import conflicts_of
@@ -36,7 +36,6 @@ def _drivers(futures: int, seed: int, steps: int) -> tuple[RunSettings, ModelSet
         steps=steps,
         metrics="gap",
         world="plain",
-        keep_plans=True,  # kinds of conflicts look beyond the last step
     )
     return settings, ModelSet.of(settings)
 
@@ -50,8 +49,9 @@ def human_part(
         scene: with its road, ruled.
     """
     settings, models = _drivers(futures, seed, steps)
-    drawn = models.draw(scene, futures=futures, seed=seed, design=settings.design)
-    job = Job(scene, net, settings, models, drawn, Path(net.path).parent, on_paths=False, conflicts=True)
+    drawn = models.draw(scene, futures=futures, seed=seed)
+    folder = Path(net.path).parent  # plans: kinds of conflicts look beyond the last step
+    job = Job(scene, net, settings, models, drawn, folder, on_paths=False, conflicts=True, with_plans=True)
     return run_in_memory(job, range(futures))
 
 

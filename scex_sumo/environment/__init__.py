@@ -3,6 +3,8 @@
 Importing this package registers ``scex_sumo/Seed-v0``. It needs the extra ``gym``.
 """
 
+from typing import Any
+
 from scex_sumo.base.errors import ScexError
 
 try:
@@ -15,14 +17,22 @@ except ImportError as error:
 SEED_ENV = "scex_sumo/Seed-v0"
 
 
+def _seed_env(**options: Any) -> Any:
+    from scex_sumo.environment.vector_env import SeedEnv
+
+    return SeedEnv(**options)
+
+
+def _seed_vector_env(**options: Any) -> Any:
+    from scex_sumo.environment.vector_env import SeedVectorEnv
+
+    return SeedVectorEnv(**options)
+
+
 def register() -> None:
     """Register the environments with Gymnasium; does nothing the second time."""
     if SEED_ENV not in gymnasium.registry:
-        gymnasium.register(
-            SEED_ENV,
-            entry_point="scex_sumo.environment.vector_env:SeedEnv",
-            vector_entry_point="scex_sumo.environment.vector_env:SeedVectorEnv",
-        )
+        gymnasium.register(SEED_ENV, entry_point=_seed_env, vector_entry_point=_seed_vector_env)
 
 
 register()

@@ -17,8 +17,7 @@ from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.behaviors.base import PLAN_STEPS, is_driven_by_sumo
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points
-from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.converters.net.convert import converted
+from scex_sumo.drivers.registry import DEFAULT_MODELS
 from scex_sumo.environment.agent import AgentSteps, Reward, controlled, default_reward, planned
 from scex_sumo.environment.checks import finite_numbers, one_of, whole_number
 from scex_sumo.environment.observation import MAX_OBSERVED, Observation, observed, path_ahead
@@ -30,6 +29,7 @@ from scex_sumo.extrapolation.loop.situations import plans_of
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import MAX_FUTURES, MAX_STEPS, Models, RunSettings
 from scex_sumo.geometry.polylines import wrap
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.plug_in.inputs import Surroundings, predictor_inputs
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
@@ -39,9 +39,8 @@ from scex_sumo.world.plain import PlainWorld
 class SeedVectorEnv(VectorEnv[Any, Any, Any]):
     """N futures of a seed scene; the agent is one vehicle of each, models are drawn for the others.
 
-    The world is the plain one, which equals SUMO's to the bit where SUMO drives no vehicle. In its first
-    episode after ``reset(seed=s)`` environment i has the drivers of future i of
-    ``extrapolate(seed=s, design="random")``. An environment resets itself at the step after its end.
+    The world is the plain one, which equals SUMO's to the bit where SUMO drives no vehicle. Drivers are drawn
+    independently for each episode. An environment resets itself at the step after its end.
 
     An observation is what `predictor_inputs` gives to a driver model, and ``path`` (10, 2): the agent's path
     ahead in its frame, every 3 m. ``terminated``: the agent touches another vehicle. Collided others

@@ -9,11 +9,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable
-from scex_sumo.evaluation.plans import StoredPlans
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.formulas.tq import WINDOW_S
 from scex_sumo.scene import States
@@ -32,7 +30,7 @@ class Block:
         case: (C,) index of the case.
         track_id: (C, V); meaningless where a case has fewer vehicles.
         timestamp_ms: (C, T) history included; 0 in steps without vehicles.
-        planned: stored plans, or the tracks driven from each step on.
+        planned: the tracks driven from each step on.
     """
 
     case: IntArray
@@ -52,12 +50,11 @@ class _Timed:
     step_s: float
 
 
-def blocks(table: TrackTable, *, history: int = 0, plans: StoredPlans | None = None) -> Iterator[Block]:
+def blocks(table: TrackTable, *, history: int = 0) -> Iterator[Block]:
     """Yield the motor vehicles of a recording or of a file of cases in blocks.
 
     Args:
         history: steps at the start of each case without evaluation.
-        plans: None uses the tracks driven.
     """
     if len(table.vehicles) == 0:
         return
@@ -68,8 +65,7 @@ def blocks(table: TrackTable, *, history: int = 0, plans: StoredPlans | None = N
     longest = STACKED_STEPS
     short, sizes = [], []
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-        # Futures stay whole, as in a run.
-        if plans is not None or timed.step[start:end].max() < STACKED_STEPS:
+        if timed.step[start:end].max() < STACKED_STEPS:
             longest = max(longest, int(timed.step[start:end].max()) + 1)
             short.append((start, end))
             sizes.append(len(np.unique(timed.rows.track[start:end])))
@@ -81,8 +77,7 @@ def blocks(table: TrackTable, *, history: int = 0, plans: StoredPlans | None = N
         largest = sizes[order[-1]]
         count = max(STACKED_VALUES // (longest * max(largest, 1) ** 2), 1)
         chosen, order = np.sort(order[-count:]), order[:-count]
-        block = _stacked(timed, [short[i] for i in chosen.tolist()], history)
-        yield block if plans is None else _with_plans(block, plans, np.array(table.cases))
+        yield _stacked(timed, [short[i] for i in chosen.tolist()], history)
 
 
 def _on_grid(rows: TrackRows, step_s: float) -> _Timed:
@@ -118,13 +113,6 @@ def _stacked(timed: _Timed, ranges: list[tuple[int, int]], history: int) -> Bloc
         tracks=tracks,
         planned=PlannedPaths.from_tracks(tracks),
     )
-
-
-def _with_plans(block: Block, plans: StoredPlans, names: NDArray[np.str_]) -> Block:
-    tracks = block.tracks
-    assert tracks.present is not None
-    there: BoolArray = np.any(tracks.present, axis=1)
-    return replace(block, planned=plans.paths(names[block.case], block.track_id, there, tracks.steps))
 
 
 def _windows(timed: _Timed, start: int, end: int, history: int) -> Iterator[Block]:

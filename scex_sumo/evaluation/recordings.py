@@ -9,7 +9,8 @@ from pathlib import Path
 
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.datasets.checks import Check, doubts, refuse_implausible
+from scex_sumo.converters.cleaning.checks import Check, doubts, refuse_implausible
+from scex_sumo.converters.cleaning.mismatch import explain_mismatch
 from scex_sumo.converters.datasets.moment import STAMP_MS, Moment, find_moments
 from scex_sumo.converters.datasets.off_lanes import MIN_SHARE_ON_LANES, on_closed_lanes
 from scex_sumo.converters.datasets.reader import read_clean
@@ -19,7 +20,6 @@ from scex_sumo.converters.datasets.recordings import (
     window_with_history,
     with_warnings,
 )
-from scex_sumo.converters.datasets.repairs import explain_mismatch
 from scex_sumo.converters.datasets.scene import CleanRecording, take_scene
 from scex_sumo.converters.lanelet.origin import recorded_origin
 from scex_sumo.converters.maps import LANELET2, read_map

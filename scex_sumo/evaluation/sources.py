@@ -13,8 +13,8 @@ import pyarrow.parquet as pq
 
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import TrackError, one_line
+from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.reader import read_clean
-from scex_sumo.converters.datasets.repairs import repair_tracks
 from scex_sumo.converters.tracks.check import check_values
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
@@ -23,7 +23,7 @@ from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 MAX_SIZE_M = 1e4
 
 
-def read_source(source: Path, *, repair: bool = True) -> tuple[TrackTable, int]:
+def read_source(source: Path) -> tuple[TrackTable, int]:
     """Read tracks and their number of history steps from a recording, a Parquet file or a result folder.
 
     Only recordings are repaired; the table's ``notes`` list the defects.
@@ -38,9 +38,9 @@ def read_source(source: Path, *, repair: bool = True) -> tuple[TrackTable, int]:
         return read_parquet(file), LOGGED_HISTORY
     if source.suffix == ".parquet":
         return read_parquet(source), 0
-    clean = read_clean([source], None, repair=repair)
+    clean = read_clean([source], None)
     table, findings = clean.table, clean.findings
-    if repair and table.has_cases:
+    if table.has_cases:
         table, more = repair_tracks(table)
         findings = (*findings, *more)
     return replace(table, notes=findings), 0

@@ -13,7 +13,6 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.evaluation.blocks import Block, blocks
 from scex_sumo.evaluation.pair_values import evaluate_pairs
-from scex_sumo.evaluation.plans import StoredPlans
 from scex_sumo.metrics.base import PAPER, MetricParameters
 from scex_sumo.metrics.collisions import CONTACT_M2, Collisions, find_collisions
 from scex_sumo.metrics.evaluate import ScenarioValues, evaluate
@@ -34,7 +33,6 @@ def recording_table(
     parameters: MetricParameters = PAPER,
     metrics: Sequence[str | Metric] | None = None,
     history: int = 0,
-    plans: StoredPlans | None = None,
     outcomes: bool = False,
 ) -> pa.Table:
     """Evaluate metrics of the motor vehicles of a recording or of futures.
@@ -46,19 +44,17 @@ def recording_table(
             and metric.
         metrics: names, import paths or metrics; default: the paper's six.
         history: steps at the start of each case without evaluation.
-        plans: of futures; None uses the tracks driven.
         outcomes: add collision (``scenario``) or after_collision (``pair``, ``worst``).
 
     Raises:
         UsageError: an unknown level, preset or metric.
-        ResultError: the plans do not match the tracks.
     """
     if level not in LEVELS:
         raise UsageError(f"metrics: unknown level {level!r}; known: {', '.join(LEVELS)}")
     names = case_ids(table)
     chosen = metrics_named(metrics)
     options: dict[str, Any] = {"preset": preset, "parameters": parameters, "metrics": chosen}
-    parts = list(blocks(table, history=history, plans=plans))
+    parts = list(blocks(table, history=history))
     if level == "pair":
         tables = [rows for block in parts for rows in _pair_rows(block, chosen, options, outcomes=outcomes)]
         return _sorted_pairs(tables, names, len(chosen))

@@ -11,18 +11,16 @@ from typer import Option
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import check_output, remember, writing
 from scex_sumo.base.options import last_of_list
-from scex_sumo.commands.options import Result, metric_option, two_tracks
+from scex_sumo.commands.options import Result, two_tracks
 
 if TYPE_CHECKING:
     from scex_sumo.results.run import Run
 
 
-EXAMPLE = "out/k733 --critical ttc --top 5 --to openscenario -o critical"
+EXAMPLE = "out/k733 --encounter 17,23 --to openscenario -o critical"
 
-WITHOUT_RECORDED = tuple(
-    f"scex_sumo.exporters.{name}:" for name in ("tracks", "sumo_folder", "conflicts", "video")
-)
-"""Modules of exporters of futures that a run has simulated."""
+WITHOUT_RECORDED = ("interaction", "interpret", "fcd", "sumo", "ssm", "collisions", "mp4", "gif", "video")
+"""Formats of futures that a run has simulated alone."""
 WITH_RECORDED = "openscenario, commonroad, scenarionet, omega-prime, osi"
 
 
@@ -35,10 +33,9 @@ def _complete_formats(incomplete: str) -> list[str]:
 def export_command(
     folder: Result,
     future: Annotated[int | None, Option(metavar="N", help="Number of the future.")] = None,
-    critical: Annotated[str | None, metric_option("The futures most critical by this metric.")] = None,
     encounter: Annotated[
         str | None,
-        Option(metavar="A,B", help="The typical future in which these two vehicles meet, then the closest."),
+        Option(metavar="A,B", help="The typical future in which these two vehicles meet."),
     ] = None,
     every: Annotated[bool, Option("--all", help="All futures.")] = False,
     recorded: Annotated[
@@ -48,7 +45,6 @@ def export_command(
             help=f"The recorded future ({WITH_RECORDED}).",
         ),
     ] = False,
-    top: Annotated[int, Option(metavar="K", help="Number of futures of --critical or --encounter.")] = 1,
     to: Annotated[
         str,
         Option(
@@ -75,27 +71,22 @@ def export_command(
     from scex_sumo.results.run import open_run
 
     write: Exporter = EXPORTERS.load(to)
-    if sum((future is not None, critical is not None, encounter is not None, every, recorded)) != 1:
-        raise UsageError(
-            "export: give one of --future N, --critical METRIC, --encounter A,B, --all and --recorded"
-        )
-    if recorded and EXPORTERS.paths.get(to, "").startswith(WITHOUT_RECORDED):
+    if sum((future is not None, encounter is not None, every, recorded)) != 1:
+        raise UsageError("export: give one of --future N, --encounter A,B, --all and --recorded")
+    if recorded and to in WITHOUT_RECORDED:
         raise UsageError(f"--recorded: not with --to {to}; {WITH_RECORDED}")
-    if top < 1:
-        raise UsageError(f"--top {top}: needs at least 1")
     pair = None if encounter is None else two_tracks(encounter)
     with as_written(folder):
         run = open_run(folder)
         request = Request(
             run=run,
-            futures=(RECORDED,) if recorded else _futures(run, future, critical, pair, top),
+            futures=(RECORDED,) if recorded else _futures(run, future, pair),
             out=out,
             ego=ego,
-            critical=critical,
             encounter=pair,
         )
         request.ego_index()
-    own = to in EXPORTERS.builtin
+    own = EXPORTERS.is_ours(to)
     if out is not None and out.is_file() and not own:
         check_output(out, *request.inputs)
     # Another package's errors are no errors of the folder.
@@ -107,16 +98,8 @@ def export_command(
         print(file)
 
 
-def _futures(
-    run: Run, future: int | None, critical: str | None, encounter: tuple[int, int] | None, top: int
-) -> tuple[int, ...]:
-    from scex_sumo.exporters.request import closest_encounters, critical_futures
-
+def _futures(run: Run, future: int | None, encounter: tuple[int, int] | None) -> tuple[int, ...]:
     if future is not None:
         run.states(future)  # raises if there is no such future
         return (future,)
-    if critical is not None:
-        return critical_futures(run, critical, top)
-    if encounter is None:
-        return tuple(range(run.futures))
-    return closest_encounters(run, *encounter, top)
+    return tuple(range(run.futures)) if encounter is None else (run.encounter(*encounter).row["future"],)

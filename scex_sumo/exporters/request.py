@@ -19,11 +19,9 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import output
 from scex_sumo.base.importing import Registry
 from scex_sumo.converters.tracks.road_users import road_user
-from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, Obstacles, SeedScene, States
-from scex_sumo.views.futures import most_critical
 
 _HEIGHTS_M = {"truck": 3.0, "bus": 3.2, "pedestrian": 1.75}
 _HEIGHT_M = 1.6
@@ -33,30 +31,7 @@ Exporter: TypeAlias = Callable[["Request"], list[Path]]
 RECORDED: Final = -1
 """The number that stands for the recorded future."""
 
-EXPORTERS: Final = Registry(
-    group="scex_sumo.exporters",
-    kind="export format",
-    builtin={
-        "interaction": "scex_sumo.exporters.tracks:write_interaction",
-        "interpret": "scex_sumo.exporters.tracks:write_interpret",
-        "fcd": "scex_sumo.exporters.tracks:write_fcd_files",
-        "openscenario": "scex_sumo.exporters.openscenario:write_openscenario",
-        "sumo": "scex_sumo.exporters.sumo_folder:write_sumo",
-        "ssm": "scex_sumo.exporters.conflicts:write_ssm",
-        "collisions": "scex_sumo.exporters.conflicts:write_collisions",
-        "mp4": "scex_sumo.exporters.video:write_mp4",
-        "gif": "scex_sumo.exporters.video:write_gif",
-        "commonroad": "scex_sumo.exporters.commonroad:write_commonroad",
-        "scenarionet": "scex_sumo.exporters.scenarionet:write_scenarionet",
-        "omega-prime": "scex_sumo.exporters.osi:write_omega_prime",
-        "osi": "scex_sumo.exporters.osi:write_osi",
-        "openscenario-1.3": "scex_sumo.exporters.openscenario:write_openscenario_1_3",
-        # Names of tools, for what they read.
-        "esmini": "scex_sumo.exporters.openscenario:write_openscenario",
-        "carla": "scex_sumo.exporters.openscenario:write_openscenario",
-        "video": "scex_sumo.exporters.video:write_mp4",
-    },
-)
+EXPORTERS: Final = Registry(group="scex_sumo.exporters", kind="export format")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,7 +68,6 @@ class Request:
     Attributes:
         out: file or folder; None: the exporter names it.
         ego: track id of the vehicle with the planning task.
-        critical: metric by which the futures were chosen.
         encounter: track ids by whose encounter they were chosen.
     """
 
@@ -101,7 +75,6 @@ class Request:
     futures: tuple[int, ...]
     out: Path | None = None
     ego: int | None = None
-    critical: str | None = None
     encounter: tuple[int, int] | None = None
 
     @property
@@ -229,35 +202,3 @@ def _participant(
         states=states,
         present=present,
     )
-
-
-def critical_futures(run: Run, column: str, count: int) -> tuple[int, ...]:
-    """Return the most critical futures by a metric, the worst first."""
-    column = run.column(column)
-    order = most_critical(run, run.futures, column)
-    defined = order[~np.isnan(run.values(column)[order])][:count]
-    if not len(defined):
-        raise UsageError(f"--critical {column}: defined in none of {run.futures} futures")
-    return tuple(int(run.metrics["future"][int(i)].as_py()) for i in defined)
-
-
-def closest_encounters(run: Run, first: int, second: int, count: int) -> tuple[int, ...]:
-    """Return the typical future in which two vehicles meet, as `view` shows it, then the closest ones."""
-    scene = run.scene
-    ids = scene.track_ids.tolist()
-    for track in (first, second):
-        if track not in ids:
-            vehicles = ", ".join(map(str, ids))
-            raise UsageError(f"--encounter {first},{second}: no vehicle {track}; known: {vehicles}")
-    pair = [ids.index(first), ids.index(second)]
-    gaps = [_least_gap(scene, run.states(future), pair) for future in range(run.futures)]
-    rows = run.encounters.to_pylist()
-    typical = [row["future"] for row in rows if {row["track_id"], row["other_id"]} == {first, second}]
-    order = [*typical, *np.argsort(gaps, kind="stable").tolist()]
-    return tuple(dict.fromkeys(order))[:count]
-
-
-def _least_gap(scene: SeedScene, states: States, pair: list[int]) -> float:
-    future = states[:, LOGGED_HISTORY:]
-    one, two = (Rectangles.of(future[v], scene.length[v], scene.width[v]) for v in pair)
-    return float(rectangle_distance(one, two).min())

@@ -27,8 +27,8 @@ from scex_sumo.geometry.rectangles import outlines
 from scex_sumo.lanelet2sumo.road_lines import AREA, BORDER, STOP, SURFACE, RoadLine, road_lines
 from scex_sumo.page.figures.drawing import STYLE
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
-from scex_sumo.views.drawings import readable
-from scex_sumo.views.futures import colors_of, event_of
+from scex_sumo.views.futures import colors_of
+from scex_sumo.world.drawings import readable
 
 _MP4_SIZE, _MP4_RATE = (1280, 720), 30  # px; pictures per s
 _GIF_SIZE, _GIF_RATE, _GIF_COLORS = (800, 450), 10, 64
@@ -111,7 +111,8 @@ class Film:
     def __init__(self, request: Request, future: int, size: tuple[int, int]) -> None:
         """Draw road, title and legend; vehicles of an encounter or critical event are ringed."""
         run, self._scene = request.run, request.scene
-        tracks, words = event_of(run, future, critical=request.critical, encounter=request.encounter)
+        tracks = list(request.encounter or ())
+        words = " and ".join(map(str, tracks))
         self._names = [str(track) for track in self._scene.track_ids]
         self._pair = [self._names.index(str(track)) for track in tracks]
         self._states, models, colors = run.states(future), run.models_of(future), colors_of(run)

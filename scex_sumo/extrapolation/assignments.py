@@ -11,7 +11,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.cache import cached_bytes
 from scex_sumo.base.errors import UsageError
-from scex_sumo.statistics.designs import DESIGNS
+from scex_sumo.statistics.designs import balanced
 
 MAX_COMBINATIONS = 10_000
 _ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM, _, _PEOPLE_STREAM = range(6)
@@ -44,8 +44,8 @@ def _levels(weights: Iterable[float], draws: FloatArray) -> IntArray:
 
 
 @lru_cache(maxsize=32)
-def designed_assignments(
-    weights: tuple[float, ...], futures: int, vehicles: int, *, seed: int, design: str, keep: bool = False
+def balanced_assignments(
+    weights: tuple[float, ...], futures: int, vehicles: int, *, seed: int, keep: bool = False
 ) -> IntArray:
     """Draw models (C, V) more evenly than independent draws; the result is shared and must not be changed."""
     drawn = np.flatnonzero(np.asarray(weights, dtype=np.float64) > 0)
@@ -53,11 +53,11 @@ def designed_assignments(
     shares /= shares.sum()
 
     def make() -> IntArray:
-        return DESIGNS[design]([shares] * vehicles, futures, future_generator(seed, 0, _DESIGN_STREAM))
+        return balanced([shares] * vehicles, futures, future_generator(seed, 0, _DESIGN_STREAM))
 
     if not keep:
         return drawn[make()].astype(np.int64)
-    made_of = repr((shares.tolist(), futures, vehicles, seed, design)).encode()
+    made_of = repr((shares.tolist(), futures, vehicles, seed)).encode()
     levels = np.frombuffer(cached_bytes("designs", made_of, lambda: make().tobytes()), dtype=np.int64)
     return drawn[levels.reshape(futures, vehicles)]
 
@@ -102,17 +102,15 @@ def assignments(
     futures: int | None,
     seed: int,
     fixed: Mapping[int, int] | None = None,
-    design: str = "random",
     keep: bool = False,
 ) -> IntArray:
-    """Return the model (C, V) of every vehicle in every future of a run.
+    """Return the model (C, V) of every vehicle in every future of a run; fewer futures are the first of more.
 
     Args:
         weights: (M,) relative frequency of the models to draw from.
         track_ids: (V,).
         futures: number, or None for all combinations.
         fixed: model by track id, the same in all futures; it may lie beyond ``weights``.
-        design: one of ``DESIGNS``. Fewer futures are the first of more.
         keep: use the user's cache.
     """
     ids = [int(t) for t in track_ids]
@@ -124,16 +122,11 @@ def assignments(
         drawn = [i for i, weight in enumerate(weights) if weight > 0]
         picked = all_assignments([1 if t in fixed else len(drawn) for t in ids])
         result = np.asarray(drawn, dtype=np.int64)[picked]
-    elif design == "random":
-        result = random_assignments(weights, range(futures), len(ids), seed=seed)
     else:
         free = [v for v, t in enumerate(ids) if t not in fixed]
         result = np.zeros((futures, len(ids)), dtype=np.int64)
         if free:
-            levels = designed_assignments(
-                tuple(weights), futures, len(free), seed=seed, design=design, keep=keep
-            )
-            result[:, free] = levels
+            result[:, free] = balanced_assignments(tuple(weights), futures, len(free), seed=seed, keep=keep)
     for track, model in fixed.items():
         result[:, ids.index(track)] = model
     return result

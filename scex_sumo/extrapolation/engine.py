@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +16,16 @@ from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.base import is_driven_by_sumo
-from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.signals import signals_of
 from scex_sumo.extrapolation.extras import Extra, Work, working
-from scex_sumo.extrapolation.job import RULES, Job, batch_size, batches_of, ruled
+from scex_sumo.extrapolation.job import Job, batch_size, batches_of, ruled
 from scex_sumo.extrapolation.loop.measure import Recorded, measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.options import RunOptions
 from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.writing import handover_notes, outcome_notes, recorded_info, write_tables
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.metrics.registry import thresholds_of
 from scex_sumo.results.extras import Row
 from scex_sumo.results.folder import ResultFolder
@@ -72,14 +71,7 @@ def run_scene(
     # More threads of matrix products would wait for cores on which workers run.
     with threadpool_limits(1, user_api="blas"), options.bar(scene.name) as tick:
         parts = [_part_of(tick, k, 1 + sum(repeats)) for k in range(1 + sum(repeats))]
-        run_all = partial(_run_all, workers=workers, batch=options.batch, progress=parts[0])
-        band = None
-        if settings.until_band is None:
-            run_all(job)
-        else:
-            from scex_sumo.extrapolation.growing import run_until_narrow
-
-            job, band = run_until_narrow(job, run_all)
+        _run_all(job, workers, parts[0])
         watch.lap("simulate_and_measure")
         recorded = _recorded(job)
         part = write_tables(folder, job, recorded, workers=workers)
@@ -91,8 +83,8 @@ def run_scene(
             rows += extra.after(dataclasses.replace(work, progress=progress, begun=begun[number]))
     watch.lap("extras")
     notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *workers.deaths]
-    info = _info(job, options.command, band, part, notes) | {"recorded": recorded_info(scene, recorded)}
-    info |= {"rows": [dataclasses.asdict(row) for row in rows], "keep_doubtful": options.keep_doubtful}
+    info = _info(job, options.command, part, notes) | {"recorded": recorded_info(scene, recorded)}
+    info["rows"] = [dataclasses.asdict(row) for row in rows]
     folder.finish({**info, "timings_s": watch.lap("write")})
     run = Run(folder.path, temporary)
     run.intervals = job.intervals
@@ -110,7 +102,7 @@ def simulate_ahead(
     """
     folder, job = _opened(scene, settings, options, models, Path(str(options.out)))
     with folder:
-        _run_all(job, Workers(1), max(VEHICLES_AHEAD // scene.vehicles, 1), None, enough=enough)
+        _run_all(job, Workers(1), None, batch=max(VEHICLES_AHEAD // scene.vehicles, 1), enough=enough)
 
 
 def _opened(
@@ -155,13 +147,7 @@ def checked_models(settings: RunSettings, options: RunOptions, extras: Sequence[
 def _assignment(scene: SeedScene, settings: RunSettings, models: ModelSet, *, keep: bool) -> IntArray:
     if keep:
         models.keep_images()
-    drawn = models.draw(
-        scene,
-        futures=settings.count if settings.until_band is None else 1,
-        seed=settings.seed,
-        design=settings.design,
-        keep=keep,
-    )
+    drawn = models.draw(scene, futures=settings.count, seed=settings.seed, keep=keep)
     settings.check_size(len(drawn), scene.vehicles)
     return drawn
 
@@ -197,14 +183,11 @@ def check_world(settings: RunSettings, models: ModelSet, *, gui: bool) -> None:
 def _identity(
     scene: SeedScene, settings: RunSettings, models: ModelSet, assignment: IntArray
 ) -> dict[str, Any]:
-    futures = {"futures": len(assignment)} if settings.until_band is None else {}
-    own = {**models.to_json(), **settings.to_json(), **futures}
+    own = {**models.to_json(), **settings.to_json(), "futures": len(assignment)}
     return {"version": __version__, "scene": digest(scene), **own}
 
 
-def _info(
-    job: Job, command: Sequence[str] | None, band: dict[str, Any] | None, part: Part, notes: list[str]
-) -> dict[str, Any]:
+def _info(job: Job, command: Sequence[str] | None, part: Part, notes: list[str]) -> dict[str, Any]:
     settings, scene = job.settings, job.scene
     info = {
         "scex_sumo": __version__,
@@ -213,7 +196,6 @@ def _info(
         **job.models.to_json(),
         **settings.to_json(),
         "futures": len(job.assignment),
-        "band": band,
         "thresholds": {**thresholds_of(settings.measured), **settings.thresholds},
         "net": job.road.name,
         "net_notes": [*job.net.notes, *(loss.note for loss in job.net.losses)],
@@ -222,7 +204,9 @@ def _info(
         "versions": versions(),
     }
     if scene.rules is not None:
-        info["precedence"] = RULES.load("precedence")(scene, job.road)
+        from scex_sumo.rules.precedence import precedence
+
+        info["precedence"] = precedence(scene, job.road)
     vehicles = settings.vehicles_that_count(scene)
     if settings.within is not None and vehicles is not None:
         words, inside = settings.within.words(), [int(scene.track_ids[v]) for v in vehicles]
@@ -259,7 +243,12 @@ def _part_of(progress: Progress | None, part: int, parts: int) -> Progress | Non
 
 
 def _run_all(
-    job: Job, workers: Workers, batch: int | None, progress: Progress | None, *, enough: Path | None = None
+    job: Job,
+    workers: Workers,
+    progress: Progress | None,
+    *,
+    batch: int | None = None,
+    enough: Path | None = None,
 ) -> None:
     done, total, steps = set(Parts(job.folder).futures.tolist()), len(job.assignment), job.settings.steps
     size = batch if batch is not None else batch_size(job, workers.free)

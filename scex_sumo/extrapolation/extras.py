@@ -28,7 +28,7 @@ class Work:
     """A run whose drawn futures are finished, for its extras.
 
     Attributes:
-        part: all futures, with their first step only, without plans.
+        part: all futures, with their first step only.
         begun: what `Extra.begin` returned.
         progress: counts the steps of a further run of this size, see `Extra.repeats`.
 

@@ -15,7 +15,6 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.errors import ScexError
-from scex_sumo.base.importing import Registry
 from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.converters.signals import signals_of
@@ -42,7 +41,6 @@ from scex_sumo.world.tiles import TILE_SLOTS
 
 OnStep = Callable[[int], None]
 
-RULES = Registry(group="scex_sumo.rules", kind="function of the rules of the road")
 QUEUED, STANDING_MPS = (
     4,
     0.5,
@@ -60,6 +58,7 @@ class Job:
         counted: (T, V) steps in which a vehicle counts in metrics; None: all.
         on_paths: measure TTC, PET and DRAC of encounters, too.
         conflicts: measure needed braking and time margins of all pairs, too.
+        with_plans: keep the plans of futures that `run_in_memory` runs.
         compared: compare a checked world with SUMO's.
     """
 
@@ -74,18 +73,13 @@ class Job:
     compared: bool = True
     on_paths: bool = True
     conflicts: bool = False
+    with_plans: bool = False
 
     @property
     def road(self) -> Road:
         """The map of the seed scene."""
         assert self.scene.road is not None
         return self.scene.road
-
-    def of(self, futures: int) -> Job:
-        """Return the same job with another number of futures."""
-        settings = self.settings
-        drawn = self.models.draw(self.scene, futures=futures, seed=settings.seed, design=settings.design)
-        return replace(self, assignment=drawn)
 
     @property
     def fixed(self) -> BoolArray:
@@ -96,8 +90,8 @@ class Job:
     @cached_property
     def intervals(self) -> DesignIntervals:
         """Intervals of the run's design."""
-        weights, design = [spec.weight for spec in self.models.drawn], self.settings.to_json()["design"]
-        return design_intervals(self.assignment, weights, self.fixed, design)
+        weights = [spec.weight for spec in self.models.drawn]
+        return design_intervals(self.assignment, weights, self.fixed, self.settings.design)
 
     @property
     def sumo_drives(self) -> bool:
@@ -122,7 +116,9 @@ def ruled(scene: SeedScene, net: SumoNet, settings: RunSettings) -> tuple[SeedSc
     scene = _looking_ahead(scene, STEP_S * settings.steps)
     if not settings.obeys or not has_rules(scene):
         return scene if scene.rules is None else replace(scene, rules=None), net
-    scene, notes = RULES.load("reading")(scene, net)
+    from scex_sumo.rules.net import with_rules
+
+    scene, notes = with_rules(scene, net)
     return scene, replace(net, notes=(*net.notes, *notes))
 
 
@@ -232,8 +228,8 @@ def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: On
         values=values.values,
         defined=values.defined,
         worst=worst_of(job.scene, values, futures, hits),
-        plan_x=rollout.plan_x if settings.keep_plans else None,
-        plan_y=rollout.plan_y if settings.keep_plans else None,
+        plan_x=rollout.plan_x if job.with_plans else None,
+        plan_y=rollout.plan_y if job.with_plans else None,
         fallbacks=_fallbacks(rollout, batch, ids),
         tested=_tested(job, rollout),
         collisions=collisions_table(

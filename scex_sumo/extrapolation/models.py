@@ -14,8 +14,8 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.base.sending import SentOnce
 from scex_sumo.behaviors.base import Behavior, layer_with
-from scex_sumo.behaviors.registry import (
-    MIXES,
+from scex_sumo.converters.tracks.road_users import PEOPLE
+from scex_sumo.drivers.registry import (
     ModelSpec,
     build,
     is_own,
@@ -23,7 +23,6 @@ from scex_sumo.behaviors.registry import (
     moved_by,
     refuse_namesake,
 )
-from scex_sumo.converters.tracks.road_users import PEOPLE
 from scex_sumo.extrapolation.assignments import (
     assignments,
     future_generator,
@@ -114,9 +113,7 @@ class ModelSet(SentOnce):
             if (layer := layer_with(model, attribute)) is not None:
                 yield spec, layer
 
-    def draw(
-        self, scene: SeedScene, *, futures: int | None, seed: int, design: str, keep: bool = False
-    ) -> IntArray:
+    def draw(self, scene: SeedScene, *, futures: int | None, seed: int, keep: bool = False) -> IntArray:
         """Return the model (C, V) of every vehicle in every future, as `assignments`.
 
         A vehicle under test takes part in the draw: the draw of the others does not depend on it.
@@ -134,7 +131,7 @@ class ModelSet(SentOnce):
         always = {ids[k]: min(self.people[scene.types[k]]) for k in people}
         always |= {track: model for track, model in self.fixed.items() if track not in self.tested}
         weights = [spec.weight for spec in self.drawn]
-        drawn = assignments(weights, ids, futures=futures, seed=seed, fixed=always, design=design, keep=keep)
+        drawn = assignments(weights, ids, futures=futures, seed=seed, fixed=always, keep=keep)
         if people:
             kinds = [scene.types[k] for k in people]
             drawn[:, people] = people_assignments(self.people, kinds, len(drawn), seed=seed)
@@ -194,7 +191,7 @@ def _of_people(settings: RunSettings, given: Sequence[ModelSpec]) -> list[ModelS
             raise UsageError(f"--models {given[0]}: moves people, which needs --vru model")
         return []
     known = {kind for spec in given if spec.weight > 0 for kind in moved_by(spec)}
-    usual = model_specs(MIXES.load("people"))
+    usual = model_specs("people")
     missing = [spec for spec in usual if not known.issuperset(moved_by(spec))]
     assert known.union(*map(moved_by, missing)).issuperset(PEOPLE)
     return [*given, *missing]

@@ -13,18 +13,18 @@ import numpy as np
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import last_of_list, numbers_by_name, option
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.behaviors.registry import DEFAULT_MODELS, ModelSpec, is_own, known_names, mixes, model_specs
-from scex_sumo.metrics.evaluate import PAPER_PRESET
+from scex_sumo.drivers.registry import DEFAULT_MODELS, ModelSpec, is_own, known_names, mixes, model_specs
 from scex_sumo.metrics.registry import (
+    BOTH,
     COLUMNS,
     Metric,
     column_named,
     columns_of,
     describe_metrics,
-    metrics_named,
+    metrics_asked,
+    rule_of,
 )
 from scex_sumo.scene import SeedScene
-from scex_sumo.statistics.designs import DEFAULT_DESIGN, check_design
 from scex_sumo.world.base import DEFAULT_WORLD, WORLDS
 
 if TYPE_CHECKING:
@@ -34,9 +34,6 @@ else:
 
 MAX_FUTURES, MAX_STEPS, MAX_STATES = 100_000, 6_000, 2 * 10**8
 """Limits: futures, steps of each (ten minutes), states of all vehicles in all steps."""
-
-MAX_GROWN: Final = 10_000
-"""Futures at which a run with ``until_band`` ends in any case."""
 
 Driver: TypeAlias = Any
 """A behaviour model in a form that `model_specs` takes: text, a `ModelSpec`, a class, function or object."""
@@ -48,8 +45,10 @@ FUTURES: Final = 385
 PAPER_MIX: Final = "paper"
 VRU: Final = ("none", "replay", "model")
 """What pedestrians and cyclists do: they are left out, move as recorded, or take part."""
-RUN_PRESETS: Final = {"paper": ("paper",), "path": ("path",), "both": ("paper", "path")}
-"""Sets of metrics that a run evaluates."""
+DRIVERS: Final = "Futures and drivers"
+PEOPLE: Final = "People"
+MEASURES: Final = "Metrics"
+"""Groups of the options in the help."""
 
 
 def complete_models(incomplete: str) -> list[str]:
@@ -93,16 +92,15 @@ class RunSettings:
         models: a list, too; an entry is text, a `ModelSpec`, or a driver's class, function or object.
         assign: by track id; an entry as of ``models``. A model of the user's is under test.
         under_test: by track id, as ``assign``; None for a vehicle that is driven as drawn.
-        futures: ``"all"`` runs every combination; 385, as in the paper, gives a 95 % interval of +-5 %
-            around a share of one half. With ``until_band`` it is the maximum.
-        until_band: half-width of the widest 95 % band at which the run ends.
+        futures: ``"all"`` runs every combination; 385, as in the paper, gives a 95 % interval of
+            at most +-5 %.
         world: ``plain`` has the same result to the bit if SUMO drives no vehicle; ``checked`` compares
             arrays with SUMO in two futures of each batch.
-        metrics: names, import paths, metrics or presets in the place of the preset's.
+        metrics: names, import paths, metrics, or sets of them: ``paper``, ``path``, ``both``.
         thresholds: by metric column, on top of the defaults.
-        reflect: False gives the paper's plain kernel.
-        region: in scenes of over 100 vehicles, those too far away to come near it are replayed.
-        keep_plans: write ``plans.parquet``, from which gap times can be evaluated again.
+        region: also the text ``X,Y,R``, or a track id. In scenes of over 100 vehicles, those too far away to
+            come near it are replayed.
+        rules: drivers obey lights and right of way; those of the mix ``paper`` never do.
 
     Raises:
         UsageError: a setting makes no sense.
@@ -112,15 +110,20 @@ class RunSettings:
         8
     """
 
-    futures: int | str | None = option(
-        "Number of futures: 385; at most 10000 with --until-band.", None, metavar="N|all", takes=str
+    futures: int | str = option(
+        "Number of futures (default: 385), or all assignments of a small scene.",
+        FUTURES,
+        metavar="N|all",
+        panel=DRIVERS,
+        takes=str,
     )
-    steps: int = option("Steps of 0.1 s per future.", 30)
-    replan: int = option("Steps between two plans.", 5)
+    steps: int = option("Steps of 0.1 s per future.", 30, panel=DRIVERS)
+    replan: int = option("Steps between two plans.", 5, panel=DRIVERS)
     models: Models = option(
         "Models to draw from; see 'scex-sumo models'.",
         DEFAULT_MODELS,
         metavar="MODEL[@WEIGHT],...",
+        panel=DRIVERS,
         takes=str,
         complete=complete_models,
     )
@@ -128,6 +131,7 @@ class RunSettings:
         "A vehicle's model; repeatable.",
         factory=dict,
         metavar="TRACK=MODEL",
+        panel=DRIVERS,
         several=True,
         read=read_assign,
     )
@@ -135,56 +139,52 @@ class RunSettings:
         "A driving function under test, measured apart; repeatable.",
         factory=dict,
         metavar="TRACK=MODEL",
+        panel=DRIVERS,
         several=True,
         read=read_under_test,
     )
-    design: str = option(
-        "How assignments are drawn: balanced (default) or random.", DEFAULT_DESIGN, metavar="NAME", takes=str
-    )
-    until_band: float | None = option("Go on until all 95 % bands are within +-W.", None, metavar="W")
-    region: Region | str | None = option(
-        "Only pairs with a vehicle in this circle, m.", None, metavar="X,Y,R", takes=str
-    )
-    around: int | None = option("Only pairs with a vehicle within 30 m of this one.", None, metavar="TRACK")
-    preset: str = option(
-        "Metrics: the paper's, those along paths, or both (default: main ones are shown).",
-        "both",
-        metavar="|".join(RUN_PRESETS),
+    region: Region | str | int | None = option(
+        "Only pairs with a vehicle in this circle, or within 30 m of this vehicle, m.",
+        None,
+        metavar="X,Y,R|TRACK",
+        panel=MEASURES,
         takes=str,
     )
-    metrics: str | Sequence[str | Metric] | None = option(
-        "Metrics, built-in or your own; default: the preset's.", None, metavar="NAME,...", takes=str
+    metrics: str | Sequence[str | Metric] = option(
+        "The paper's, those along paths, both (default; main ones are shown), or single ones.",
+        BOTH,
+        metavar="paper|path|both|NAME,...",
+        names=("--metrics", "--preset"),
+        panel=MEASURES,
+        takes=str,
     )
     thresholds: Mapping[str, float] = option(
         "Where a metric becomes critical; repeatable.",
         factory=dict,
         metavar="METRIC=VALUE",
         names=("--threshold",),
+        panel=MEASURES,
         several=True,
         read=read_thresholds,
     )
-    reflect: bool = option("Separate shared values and reflect densities at 0.", True)
-    seed: int = option("Random seed.", 0)
+    seed: int = option("Random seed.", 0, panel=DRIVERS)
     world: str = option(
         "plain: without SUMO; checked: plain, compared with SUMO; or an entry point.",
         DEFAULT_WORLD,
         metavar="sumo|plain|checked|NAME",
+        panel=DRIVERS,
     )
-    keep_plans: bool = option("Write plans.parquet, to evaluate gap times again.", False)
     vru: str = option(
         "Pedestrians and cyclists are left out, move as recorded, or decide for themselves.",
         "replay",
         metavar="|".join(VRU),
+        panel=PEOPLE,
         takes=str,
     )
-    rules: bool = option("Drivers obey lights and right of way; those of the mix paper never do.", True)
+    rules: bool = True
 
     def __post_init__(self) -> None:
         self._put_region()
-        if self.futures is None:
-            object.__setattr__(self, "futures", FUTURES if self.until_band is None else MAX_GROWN)
-        if isinstance(self.metrics, str):
-            object.__setattr__(self, "metrics", [name.strip() for name in self.metrics.split(",")])
         if self.steps < 1:
             raise UsageError(f"--steps: got {self.steps}, needs at least 1")
         if self.steps > MAX_STEPS:
@@ -208,33 +208,20 @@ class RunSettings:
             raise UsageError(f"--futures: got {self.count}, needs at least 1 (or 'all')")
         if self.count is not None and self.count > MAX_FUTURES:
             raise UsageError(f"--futures: got {self.count:,}, at most {MAX_FUTURES:,} are run")
-        check_design(self.design)
-        if self.until_band is not None:
-            if not 0 < self.until_band < 1:
-                raise UsageError(
-                    f"--until-band: got {self.until_band}, needs to be between 0 and 1, e.g. 0.05"
-                )
-            if self.count is None:
-                raise UsageError(
-                    "--until-band: not possible with --futures all, which leaves nothing to estimate"
-                )
-        if self.preset not in RUN_PRESETS:
-            raise UsageError(f"--preset: unknown {self.preset!r}; known: {', '.join(RUN_PRESETS)}")
         # Workers get metrics, not names: a metric registered in this process is unknown there.
-        object.__setattr__(self, "metrics", metrics_named(self.metrics or RUN_PRESETS[self.preset]))
+        object.__setattr__(self, "metrics", metrics_asked(self.metrics))
         object.__setattr__(self, "thresholds", checked_thresholds(self.thresholds or {}, self.columns))
 
     def _put_region(self) -> None:
-        if isinstance(self.region, str) or self.around is not None:
+        if isinstance(self.region, str | int):
             from scex_sumo.results.region import region_of
 
-            object.__setattr__(self, "region", region_of(self.region, self.around))
-            object.__setattr__(self, "around", None)
+            object.__setattr__(self, "region", region_of(self.region))
 
     @property
     def within(self) -> Region | None:
         """The region in which pairs count; None for everywhere."""
-        assert not isinstance(self.region, str)
+        assert not isinstance(self.region, str | int)
         return self.region
 
     def vehicles_that_count(self, scene: SeedScene) -> tuple[int, ...] | None:
@@ -269,13 +256,18 @@ class RunSettings:
 
     @cached_property
     def count(self) -> int | None:
-        """Number of futures, or with ``until_band`` the maximum; None for every combination."""
+        """Number of futures; None for every combination."""
         if self.futures == "all":
             return None
         try:
-            return None if self.futures is None else int(self.futures)
+            return int(self.futures)
         except ValueError:
             raise UsageError(f"--futures: got {self.futures!r}, needs a number or 'all'") from None
+
+    @property
+    def design(self) -> str:
+        """How assignments are drawn: ``balanced``, or ``all`` of them."""
+        return "all" if self.count is None else "balanced"
 
     def check_size(self, futures: int, vehicles: int) -> None:
         """Raise a `UsageError` if the states would not fit into memory."""
@@ -289,12 +281,12 @@ class RunSettings:
     @property
     def measured(self) -> tuple[Metric, ...]:
         """The metrics that are evaluated."""
-        return metrics_named(self.metrics)
+        return metrics_asked(self.metrics)
 
     @property
     def rule(self) -> str:
         """Car-following rule of the metrics that leave it open."""
-        return "path" if self.preset == "path" else PAPER_PRESET
+        return rule_of(self.measured)
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -309,15 +301,11 @@ class RunSettings:
             "futures": self.futures if self.count is None else self.count,
             "steps": self.steps,
             "replan": self.replan,
-            "design": self.design if self.count is not None else "all",
-            "until_band": self.until_band,
+            "design": self.design,
             "seed": self.seed,
             **({} if self.obeys else {"rules": False}),
             **({"vru": self.vru} if self.vru != "replay" else {}),
             **({"world": self.world} if self.world != DEFAULT_WORLD else {}),
-            "preset": self.preset,
-            "reflect": self.reflect,
-            "keep_plans": self.keep_plans,
             **({} if self.within is None else self.within.to_json()),
         }
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -46,13 +45,13 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
         workers: if there are any, one writes the tracks meanwhile.
 
     Returns:
-        All futures, with their first step only, without plans.
+        All futures, with their first step only.
     """
     these = folder, job.scene, len(job.assignment), job.settings
     written = workers.submit(partial(_write_tracks, *these), where="over the tracks")
-    parts = _write_each(*these) if written is None else _each(*these, plans=False)
+    parts = _write_each(*these) if written is None else _each(*these)
     part, intervals = joined_parts([_first_step(part) for part in parts]), job.intervals
-    columns, settings = job.settings.columns, job.settings
+    columns = job.settings.columns
     metrics = values_table(columns, part.values, part.defined, part.futures)
     assert part.collisions is not None and part.encounters is not None
     hit = collided(part.collisions, part.futures)
@@ -83,7 +82,7 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
     if part.fallbacks is not None:
         folder.write_table("fallbacks.parquet", part.fallbacks)
     folder.write_table("assignments.parquet", assignments_table(job.scene, job.assignment, job.models.names))
-    folder.write_table(DENSITIES, densities_table(metrics, columns, intervals, reflect=settings.reflect))
+    folder.write_table(DENSITIES, densities_table(metrics, columns, intervals))
     if recorded is not None:
         recorded_values = recorded.values
         folder.write_table(
@@ -99,33 +98,18 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
     return part
 
 
-def _each(
-    folder: ResultFolder, scene: SeedScene, futures: int, settings: RunSettings, *, plans: bool = True
-) -> Iterator[Part]:
+def _each(folder: ResultFolder, scene: SeedScene, futures: int, settings: RunSettings) -> Iterator[Part]:
     rows = scene.vehicles * (LOGGED_HISTORY + settings.steps)
-    return folder.in_order(futures, size=max(ROWS_AT_ONCE // rows, 1), plans=plans)
+    return folder.in_order(futures, size=max(ROWS_AT_ONCE // rows, 1))
 
 
 def _write_each(
     folder: ResultFolder, scene: SeedScene, futures: int, settings: RunSettings
 ) -> Iterator[Part]:
-    with ExitStack() as opened:
-        add_tracks = opened.enter_context(folder.writer("tracks.parquet"))
-        add_plans = _plan_writer(folder, scene, settings, opened) if settings.keep_plans else None
+    with folder.writer("tracks.parquet") as add_tracks:
         for part in _each(folder, scene, futures, settings):
             add_tracks(tracks_table(scene, part))
-            if add_plans is not None:
-                add_plans(part)
             yield part
-
-
-def _plan_writer(
-    folder: ResultFolder, scene: SeedScene, settings: RunSettings, opened: ExitStack
-) -> Callable[[Part], None]:
-    from scex_sumo.results.tables.plans import PLANS, plans_table
-
-    add = opened.enter_context(folder.writer(PLANS))
-    return lambda part: add(plans_table(scene, part, settings.replan))
 
 
 def _write_tracks(folder: ResultFolder, scene: SeedScene, futures: int, settings: RunSettings) -> None:
@@ -133,7 +117,7 @@ def _write_tracks(folder: ResultFolder, scene: SeedScene, futures: int, settings
 
 
 def _first_step(part: Part) -> Part:
-    return dataclasses.replace(part, states=part.states[:, :1].map(np.copy), plan_x=None, plan_y=None)
+    return dataclasses.replace(part, states=part.states[:, :1].map(np.copy))
 
 
 def handover_notes(job: Job, part: Part) -> list[str]:

@@ -16,9 +16,8 @@ import numpy as np
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats import recognition
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
-from scex_sumo.formats.recognition import AV2_BOXES, AV2_MAP, AV2_POSES
+from scex_sumo.formats.recognition import AV2_BOXES, AV2_MAP, AV2_POSES, is_argoverse, is_argoverse_map
 from scex_sumo.formats.samples.boxes import MAX_ITEMS, box_table, checked, one_line, yaw_of
 from scex_sumo.formats.samples.from_car import within_map
 from scex_sumo.geometry.polylines import wrap
@@ -43,14 +42,14 @@ _MOTION = ("position_x", "position_y", "velocity_x", "velocity_y", "heading")
 _COLUMNS = ("track_id", "object_type", "timestep", *_MOTION)
 
 
-def _read_road(path: Path, **options: Any) -> Road:
+def _read_road(path: Path, **_: Any) -> Road:
     """Read ``log_map_archive_*.json``; the speed limits are those of the United States."""
     with one_line(MapError, path, "map of Argoverse 2"):
         content = json.loads(path.read_bytes())
         segments, crossings = ([*content[key].values()] for key in ("lane_segments", "pedestrian_crossings"))
         drawn = DrawnMap(path=path, lanes=[_lane(segment) for segment in segments])
         drawn.crosswalks = [[*_points(one["edge1"]), *_points(one["edge2"])[::-1]] for one in crossings]
-        return drawn_road(drawn, name=_name(path), country=options.get("country") or "us")
+        return drawn_road(drawn, name=_name(path), country="us")
 
 
 def _lane(segment: Mapping[str, Any]) -> DrawnLane:
@@ -185,14 +184,14 @@ def _name(path: Path) -> str:
 
 
 ARGOVERSE_MAP = MapFormat(
-    is_mine=recognition.ARGOVERSE_MAP.is_mine,
+    is_mine=is_argoverse_map,
     read=_read_road,
     tracks=_tracks,
     name=_name,
     asks_for="--tracks scenario_*.parquet",
 )
 ARGOVERSE = Dataset(
-    is_mine=recognition.ARGOVERSE.is_mine,
+    is_mine=is_argoverse,
     read=_read,
     recordings=_recordings,
     name=lambda path, files: _name(path),

@@ -36,8 +36,7 @@ from scex_sumo.converters.tracks.check import MAX_VALUES
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, obstacle_size
 from scex_sumo.converters.tracks.rows import FORWARD_MPS, TrackTable
 from scex_sumo.converters.tracks.unknown_types import with_unknown_vehicles
-from scex_sumo.formats import recognition
-from scex_sumo.formats.recognition import LEVELX_META, LEVELX_TRACKS, is_levelx, levelx_file
+from scex_sumo.formats.recognition import LEVELX_META, LEVELX_TRACKS, is_highd_map, is_levelx, levelx_file
 from scex_sumo.formats.samples.boxes import one_line
 from scex_sumo.formats.samples.build import track_table
 from scex_sumo.geometry.polylines import wrap
@@ -343,4 +342,4 @@ def _carriageway(
     return lanes
 
 
-HIGHD = MapFormat(is_mine=recognition.HIGHD_MAP.is_mine, read=_read_road, tracks=_tracks, name=_name)
+HIGHD = MapFormat(is_mine=is_highd_map, read=_read_road, tracks=_tracks, name=_name)

@@ -16,10 +16,11 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.errors import MapError, TrackError
+from scex_sumo.converters.lanelet.tags import GERMANY
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats import recognition
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
+from scex_sumo.formats.recognition import is_opendd, is_opendd_map
 from scex_sumo.formats.samples.boxes import box_table, one_line
 from scex_sumo.road import Road
 
@@ -67,11 +68,9 @@ def _drawn(path: Path) -> DrawnMap:
     return drawn
 
 
-def _read_road(path: Path, **options: Any) -> Road:
+def _read_road(path: Path, **_: Any) -> Road:
     with one_line(MapError, path, "map of openDD"):
-        return drawn_road(
-            _drawn(path), name=_name(path), country=options.get("country") or "de", projection=UTM32
-        )
+        return drawn_road(_drawn(path), name=_name(path), country=GERMANY, projection=UTM32)
 
 
 def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
@@ -123,14 +122,14 @@ def _name(path: Path) -> str:
 
 
 OPENDD_MAP = MapFormat(
-    is_mine=recognition.OPENDD_MAP.is_mine,
+    is_mine=is_opendd_map,
     read=_read_road,
     tracks=_tracks,
     name=_name,
     asks_for="--tracks trajectories_rdbN_v3.sqlite/TABLE",
 )
 OPENDD = Dataset(
-    is_mine=recognition.OPENDD.is_mine,
+    is_mine=is_opendd,
     read=_read,
     recordings=_recordings,
     files=_files,

@@ -18,14 +18,13 @@ from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.lanelet.tags import GERMANY
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.net.xml import unpacked, xml_root
-from scex_sumo.converters.registries import Dataset, MapFormat, Recording
-from scex_sumo.converters.signals import SignalFormat
+from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.lane_maps.lane_map import FAR_M, DrawnMap, drawn_road
 from scex_sumo.formats.opendrive.lanes import opendrive_map
 from scex_sumo.formats.opendrive.reader import opendrive_road
 from scex_sumo.formats.osi_lanes import lanes_of, light_states, osi_map, signals_of
-from scex_sumo.formats.recognition import OPENDRIVE, is_osi
+from scex_sumo.formats.recognition import is_opendrive, is_osi
 from scex_sumo.formats.samples.boxes import MAX_ITEMS, box_table, one_line
 from scex_sumo.formats.samples.from_car import within_map
 from scex_sumo.formats.spat import lane_programme
@@ -101,18 +100,18 @@ def _bodies(path: Path, kind: str) -> Iterator[bytes]:
                 yield record.data
 
 
-def _read_road(path: Path, **options: Any) -> Road:
+def _read_road(path: Path, **_: Any) -> Road:
     """Read the OpenDRIVE map inside a trace, else that beside it, else OSI's lanes."""
     with _damage(MapError, path):
         inside = _opendrive(path)
         if inside is not None:
-            return opendrive_road(path, inside.encode(), options.get("country"))
+            return opendrive_road(path, inside.encode())
         if (beside := _map_beside(path)) is not None:
-            return opendrive_road(beside, beside.read_bytes(), options.get("country"))
+            return opendrive_road(beside, beside.read_bytes())
         drawn = _lane_map(path)
         if not drawn.lanes:
             raise MapError(f"{path}: has no map inside, and no .xodr is beside it; put its map there")
-        return drawn_road(drawn, name=map_name(path), country=options.get("country") or GERMANY)
+        return drawn_road(drawn, name=map_name(path), country=GERMANY)
 
 
 def map_text(path: Path) -> bytes | None:
@@ -170,7 +169,7 @@ def _read_signals(layout: NetLayout, road: Road, path: Path) -> tuple[Programme 
 
 def _opendrive_of(road: Road, path: Path) -> bytes | None:
     """Return the OpenDRIVE text of a road that lies in a file of its own, else that of a trace."""
-    if road.file is not None and OPENDRIVE.is_mine(road.file):
+    if road.file is not None and is_opendrive(road.file):
         return unpacked(road.file)
     return map_text(path)
 
@@ -242,5 +241,10 @@ OSI_MAP = MapFormat(
     asks_for="--tracks TRACE",
     opendrive=map_text,
 )
-OSI = Dataset(is_mine=is_osi, read=_read, recordings=_recordings, within=within_map)
-OSI_LIGHTS = SignalFormat(is_mine=is_osi, read=_read_signals)
+OSI = Dataset(
+    is_mine=is_osi,
+    read=_read,
+    recordings=_recordings,
+    within=within_map,
+    signals=SignalFormat(read=_read_signals),
+)

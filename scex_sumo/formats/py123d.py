@@ -17,10 +17,8 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.base.importing import extra_for
-from scex_sumo.converters.registries import Dataset, MapFormat, Recording
-from scex_sumo.converters.signals import SignalFormat
+from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats import recognition
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.recognition import PY123D_LOG, is_py123d, is_py123d_map
 from scex_sumo.formats.samples.boxes import box_table, checked, one_line, yaw_of
@@ -108,9 +106,9 @@ def _map_of(path: Path) -> Path:
     return file
 
 
-def _read_road(path: Path, **options: Any) -> Road:
+def _read_road(path: Path, **_: Any) -> Road:
     with one_line(MapError, path, "map of 123D"):
-        return drawn_road(_drawn(path), name=_name(path), country=options.get("country") or "us")
+        return drawn_road(_drawn(path), name=_name(path), country="us")
 
 
 def _drawn(path: Path) -> DrawnMap:
@@ -290,5 +288,5 @@ PY123D = Dataset(
     files=_files,
     name=lambda path, files: _name(files[0]),
     within=within_map,
+    signals=SignalFormat(read=_read_signals),
 )
-PY123D_LIGHTS = SignalFormat(is_mine=recognition.PY123D_LIGHTS.is_mine, read=_read_signals)

@@ -1,11 +1,10 @@
-"""Recognition of files by their names and first bytes; a format's reader is imported when it reads a file."""
+"""Recognition of files by their names and first bytes."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from scex_sumo.converters.naming import beginning, plain_or_packed, unpacked_name
-from scex_sumo.converters.registries import Declaration
 
 XML = (".xml", ".xml.gz")
 FCD_ENDINGS = (".fcd.xml", ".fcd.xml.gz", ".parquet")
@@ -17,28 +16,29 @@ PY123D_LOG = "sync.arrow"
 SIND_VEHICLES, SIND_WALKERS = "Veh_smoothed_tracks", "Ped_smoothed_tracks"
 
 
-def _ends(path: Path, *endings: str) -> bool:
+def ends_with(path: Path, *endings: str) -> bool:
+    """Whether a name has one of some endings, in any case."""
     return str(path).lower().endswith(endings)
 
 
 def is_sumo_net(path: Path) -> bool:
     """Whether a file is a SUMO net."""
-    return _ends(path, ".net.xml", ".net.xml.gz")
+    return ends_with(path, ".net.xml", ".net.xml.gz")
 
 
 def is_simulation(path: Path) -> bool:
     """Whether a file is a configuration of SUMO."""
-    return _ends(path, ".sumocfg", ".sumocfg.xml", ".sumo.cfg")
+    return ends_with(path, ".sumocfg", ".sumocfg.xml", ".sumo.cfg")
 
 
 def is_fcd(path: Path) -> bool:
     """Whether a file is SUMO's floating car data, by its name, or that of XML by its beginning."""
-    return _ends(path, *FCD_ENDINGS) or (_ends(path, *XML) and b"<fcd-export" in beginning(path))
+    return ends_with(path, *FCD_ENDINGS) or (ends_with(path, *XML) and b"<fcd-export" in beginning(path))
 
 
 def is_state(path: Path) -> bool:
     """Whether a file is a saved state of a SUMO simulation, by its beginning."""
-    return _ends(path, *XML) and not is_sumo_net(path) and b"<snapshot" in beginning(path)
+    return ends_with(path, *XML) and not is_sumo_net(path) and b"<snapshot" in beginning(path)
 
 
 def is_open_street_map(path: Path) -> bool:
@@ -51,7 +51,7 @@ def is_open_street_map(path: Path) -> bool:
 
 def is_commonroad(path: Path) -> bool:
     """Whether a file is a CommonRoad scenario: XML that is not one of SUMO's files, by name or beginning."""
-    if not _ends(path, *XML) or _ends(path, ".net.xml", ".net.xml.gz", ".fcd.xml", ".fcd.xml.gz"):
+    if not ends_with(path, *XML) or ends_with(path, ".net.xml", ".net.xml.gz", ".fcd.xml", ".fcd.xml.gz"):
         return False
     start = beginning(path)
     return b"<fcd-export" not in start and b"<snapshot" not in start
@@ -99,41 +99,42 @@ def is_osi(path: Path) -> bool:
     return path.suffix in (".mcap", ".osi")
 
 
-ARGOVERSE_MAP = Declaration(lambda path: path.match(AV2_MAP), "scex_sumo.formats.argoverse:ARGOVERSE_MAP")
-COMMONROAD_MAP = Declaration(is_commonroad, "scex_sumo.formats.commonroad.reader:COMMONROAD")
-HIGHD_MAP = Declaration(
-    lambda path: unpacked_name(path).endswith(LEVELX_META), "scex_sumo.formats.levelx:HIGHD"
-)
-OPENDD_MAP = Declaration(lambda path: path.match("map_rdb*.sqlite"), "scex_sumo.formats.opendd:OPENDD_MAP")
-OPENDRIVE = Declaration(
-    lambda path: _ends(path, ".xodr", ".xodr.gz"), "scex_sumo.formats.opendrive.reader:OPENDRIVE"
-)
-OPEN_STREET_MAP = Declaration(is_open_street_map, "scex_sumo.formats.sumo.imported:OPEN_STREET_MAP")
-OSI_MAP = Declaration(is_osi, "scex_sumo.formats.osi:OSI_MAP")
-PY123D_MAP = Declaration(is_py123d_map, "scex_sumo.formats.py123d:PY123D_MAP")
-SCENARIONET_MAP = Declaration(is_scenarionet, "scex_sumo.formats.scenarionet:SCENARIONET_MAP")
-SIMULATION_MAP = Declaration(is_simulation, "scex_sumo.formats.sumo.scenario:SCENARIO_MAP")
-SUMO_NET = Declaration(is_sumo_net, "scex_sumo.formats.sumo.net:SUMO_NET")
+def is_spat(path: Path) -> bool:
+    """Whether a file holds recorded signal phases, by its name, else by its header."""
+    csv = path.suffix == ".csv"
+    return csv and (path.name.startswith("signal_phases") or b"signal_group_id" in beginning(path))
 
-ARGOVERSE = Declaration(
-    lambda path: path.name in (*AV2_BOXES, AV2_POSES) or path.match("scenario_*.parquet"),
-    "scex_sumo.formats.argoverse:ARGOVERSE",
-)
-COMMONROAD = Declaration(is_commonroad_recording, "scex_sumo.formats.commonroad.tracks:COMMONROAD")
-FCD = Declaration(is_fcd, "scex_sumo.formats.sumo.fcd:FCD")
-LEVELX = Declaration(is_levelx, "scex_sumo.formats.levelx:LEVELX")
-OPENDD = Declaration(lambda path: any(map(path.match, OPENDD_FILES)), "scex_sumo.formats.opendd:OPENDD")
-OSI = Declaration(is_osi, "scex_sumo.formats.osi:OSI")
-PY123D = Declaration(is_py123d, "scex_sumo.formats.py123d:PY123D")
-SCENARIONET = Declaration(is_scenarionet, "scex_sumo.formats.scenarionet:SCENARIONET")
-SIMULATION = Declaration(is_simulation, "scex_sumo.formats.sumo.scenario:SCENARIO")
-SIND = Declaration(
-    lambda path: unpacked_name(path) in (f"{SIND_VEHICLES}.csv", f"{SIND_WALKERS}.csv"),
-    "scex_sumo.formats.sind:SIND",
-)
-STATE = Declaration(is_state, "scex_sumo.formats.sumo.fcd:STATE")
 
-OSI_LIGHTS = Declaration(is_osi, "scex_sumo.formats.osi:OSI_LIGHTS")
-PY123D_LIGHTS = Declaration(lambda path: path.name == PY123D_LOG, "scex_sumo.formats.py123d:PY123D_LIGHTS")
-SCENARIONET_LIGHTS = Declaration(is_scenarionet, "scex_sumo.formats.scenarionet:SCENARIONET_LIGHTS")
-SPAT = Declaration(lambda path: path.suffix == ".csv", "scex_sumo.formats.spat:SPAT")
+def is_argoverse_map(path: Path) -> bool:
+    """Whether a file is a map of Argoverse 2."""
+    return path.match(AV2_MAP)
+
+
+def is_argoverse(path: Path) -> bool:
+    """Whether a file is a scenario or the boxes of a log of Argoverse 2."""
+    return path.name in (*AV2_BOXES, AV2_POSES) or path.match("scenario_*.parquet")
+
+
+def is_highd_map(path: Path) -> bool:
+    """Whether a file is the ``NN_recordingMeta.csv`` of highD, which has the lanes."""
+    return unpacked_name(path).endswith(LEVELX_META)
+
+
+def is_opendd_map(path: Path) -> bool:
+    """Whether a file is a map of openDD."""
+    return path.match("map_rdb*.sqlite")
+
+
+def is_opendd(path: Path) -> bool:
+    """Whether a path is a recording of openDD."""
+    return any(map(path.match, OPENDD_FILES))
+
+
+def is_opendrive(path: Path) -> bool:
+    """Whether a file is OpenDRIVE."""
+    return ends_with(path, ".xodr", ".xodr.gz")
+
+
+def is_sind(path: Path) -> bool:
+    """Whether a file is a recording of SinD."""
+    return unpacked_name(path) in (f"{SIND_VEHICLES}.csv", f"{SIND_WALKERS}.csv")

@@ -22,8 +22,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, MapError, TrackError, reason_of
 from scex_sumo.converters.lanelet.tags import GERMANY
 from scex_sumo.converters.naming import map_name, open_binary
-from scex_sumo.converters.registries import Dataset, MapFormat, Recording
-from scex_sumo.converters.signals import SignalFormat
+from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road, polyline
@@ -209,12 +208,12 @@ def _scenario(path: Path, _changed_ns: int) -> dict[str, Any]:
     return dict(scenario) if isinstance(scenario, Mapping) else {}
 
 
-def _read_road(path: Path, **options: Any) -> Road:
+def _read_road(path: Path, **_: Any) -> Road:
     with one_line(MapError, path, "map of ScenarioNet"):
         scenario = read_scenario(path)
         # Singapore's limit in towns is Germany's.
         country = GERMANY if "singapore" in str(scenario["metadata"].get("map")) else "us"
-        return drawn_road(_drawn(path, scenario), name=_name(path), country=options.get("country") or country)
+        return drawn_road(_drawn(path, scenario), name=_name(path), country=country)
 
 
 def _drawn(path: Path, scenario: Mapping[str, Any]) -> DrawnMap:
@@ -417,5 +416,5 @@ SCENARIONET = Dataset(
     recordings=_recordings,
     name=lambda path, files: _name(files[0]),
     within=within_map,
+    signals=SignalFormat(read=_read_signals),
 )
-SCENARIONET_LIGHTS = SignalFormat(is_mine=is_scenarionet, read=_read_signals)

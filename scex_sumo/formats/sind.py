@@ -9,8 +9,7 @@ from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import Dataset, Recording, name_at, place_name
 from scex_sumo.converters.tracks.reader import read_tracks
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats import recognition
-from scex_sumo.formats.recognition import SIND_VEHICLES, SIND_WALKERS
+from scex_sumo.formats.recognition import SIND_VEHICLES, SIND_WALKERS, is_sind
 
 
 def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
@@ -43,4 +42,4 @@ def _only_map(folder: Path) -> Path:
     return folder.parent / "maps" / "map.osm"
 
 
-SIND = Dataset(is_mine=recognition.SIND.is_mine, read=_read, recordings=_recordings, name=_name)
+SIND = Dataset(is_mine=is_sind, read=_read, recordings=_recordings, name=_name)

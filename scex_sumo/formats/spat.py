@@ -12,16 +12,16 @@ import xml.etree.ElementTree as ET
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.errors import MapError
+from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.lanelet.projection import to_local
 from scex_sumo.converters.net.sumo_net import RECORDED
-from scex_sumo.converters.signals import SignalFormat
-from scex_sumo.formats import recognition
+from scex_sumo.converters.registries import Dataset, SignalFormat
+from scex_sumo.formats.recognition import is_spat
 from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
 from scex_sumo.lanelet2sumo.plan.elements import Connection, NetLayout, Programme
 from scex_sumo.lanelet2sumo.plan.lights import phase_state
@@ -136,7 +136,11 @@ def _programme(
     return Programme(name="tl_recorded", connections=tuple(links), phases=phases, programme=RECORDED)
 
 
-SPAT = SignalFormat(is_mine=recognition.SPAT.is_mine, read=recorded_programme)
+def _no_tracks(paths: Sequence[Path], **_: Any) -> NoReturn:
+    raise TrackError(f"{paths[0]}: signal phases, no tracks; give the recording of the vehicles")
+
+
+SPAT = Dataset(is_mine=is_spat, read=_no_tracks, signals=SignalFormat(read=recorded_programme))
 
 
 def _read_phases(signals: Path) -> dict[int, list[tuple[float, str]]]:

@@ -14,8 +14,7 @@ from typer import Option
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import check_output, output, write_output
 from scex_sumo.commands.console import progress_bar, warn
-from scex_sumo.commands.options import Origin, Overwrite, Seed, Speed
-from scex_sumo.commands.seed import MapPath
+from scex_sumo.commands.options import MapPath, Origin, Overwrite, Seed
 
 if TYPE_CHECKING:
     from scex_sumo.base.progress import Progress
@@ -35,14 +34,9 @@ def generate_command(
     vehicles: Annotated[
         int | None, Option(metavar="N", help="Vehicles of a scene; default: drawn as recorded.")
     ] = None,
-    speed: Speed = None,
     count: Annotated[int, Option(help="Number of scenes.")] = 20,
     scenes: Annotated[
         Path | None, Option(metavar="FILE", help="Scene model of 'train scenes'; default: the shipped one.")
-    ] = None,
-    region: Annotated[
-        str | None,
-        Option(metavar="X,Y,R", help="Vehicles in this circle only, m; default: on the whole map."),
     ] = None,
     origin: Origin = None,
     people: Annotated[
@@ -56,10 +50,6 @@ def generate_command(
             "of the scenes without this option that it stands for.",
         ),
     ] = False,
-    candidates: Annotated[
-        int | None,
-        Option(metavar="M", help="Of --critical: scenes to draw from; default: 5 for each of --count."),
-    ] = None,
     seed: Seed = 0,
     overwrite: Overwrite = False,
     out: Annotated[
@@ -74,17 +64,11 @@ def generate_command(
     from scex_sumo.converters.registries import map_format
     from scex_sumo.generators.generate import generated_scene
     from scex_sumo.generators.people import add_people
-    from scex_sumo.generators.scene_context import lane_cells
     from scex_sumo.generators.scene_model import SHIPPED, load_scenes
-    from scex_sumo.results.region import region_of
 
     if not 1 <= count <= MAX_COUNT:
         raise UsageError(f"--count: got {count:,}, needs 1 to {MAX_COUNT:,}")
-    if candidates is not None and not critical:
-        raise UsageError("--candidates: needs --critical")
-    if candidates is not None and not count <= candidates <= MAX_COUNT:
-        raise UsageError(f"--candidates: got {candidates:,}, needs {count:,} (--count) to {MAX_COUNT:,}")
-    number = candidates or (min(EACH * count, MAX_COUNT) if critical else count)
+    number = min(EACH * count, MAX_COUNT) if critical else count
     model = load_scenes(scenes or SHIPPED)
     road = read_map(map_path, origin=parse_origin(origin) if origin is not None else None, own_corner=True)
     warn(road.notes)
@@ -100,11 +84,7 @@ def generate_command(
     origins = [] if local or recorded_origin(target) == road.origin else [folder / META_DATA]
     for file in (cases, weights, *origins, *([target] if copied else [])):
         check_output(file, scenes)
-    drawn, cells, circle = [], None, region_of(region, None).circle
-    if circle is not None and road.vehicle_lanes:
-        x, y, _ = lane_cells(road).cell_pose
-        cells = np.hypot(x - circle[0], y - circle[1]) <= circle[2]
-    one = partial(generated_scene, road, model, vehicles=vehicles, speed=speed, seed=seed, cells=cells)
+    drawn, one = [], partial(generated_scene, road, model, vehicles=vehicles, seed=seed)
     with progress_bar(f"generating {road.name}") as tick:
         for k in range(number):
             if tick is not None:
@@ -140,7 +120,7 @@ def _drawn(
 
     scores = encounter_scores(candidates, seed=seed, progress=tick)
     if not scores.any():
-        warn(["warning: no candidate has a critical encounter, so all weights are equal; raise --candidates"])
+        warn(["warning: no candidate has a critical encounter, so all weights are equal; raise --count"])
     drawn, weight = sample_by_score(scores, count, np.random.default_rng(seed))
     means = {"candidates": scores.mean(), "cases": scores[drawn].mean(), "weighted": weight @ scores[drawn]}
     return [candidates[k] for k in drawn], {

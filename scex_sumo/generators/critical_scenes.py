@@ -11,10 +11,10 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.progress import Progress
-from scex_sumo.converters.net.convert import converted
 from scex_sumo.extrapolation.job import Job, run_in_memory
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.results.tables.encounters import answers_of
 from scex_sumo.results.tables.outcomes import encounters_of_rows
 from scex_sumo.scene import SeedScene
@@ -32,14 +32,14 @@ def encounter_scores(
     """
     road = scenes[0].road
     assert road is not None
-    settings = RunSettings(models=MODELS, futures=FUTURES, world="plain", preset="path", seed=seed)
+    settings = RunSettings(models=MODELS, futures=FUTURES, world="plain", metrics="path", seed=seed)
     models, scores = ModelSet.of(settings), np.zeros(len(scenes))
     with TemporaryFolder() as folder:
         net = converted(road, Path(folder) / "map.net.xml")
         for k, scene in enumerate(scenes):
             if progress is not None:
                 progress(k, len(scenes))
-            drawn = models.draw(scene, futures=FUTURES, seed=seed, design=settings.design)
+            drawn = models.draw(scene, futures=FUTURES, seed=seed)
             part = run_in_memory(Job(scene, net, settings, models, drawn, Path(folder)), range(FUTURES))
             assert part.encounters is not None
             scores[k] = answers_of(encounters_of_rows(part.encounters))["critical"].sum() / FUTURES

@@ -19,13 +19,13 @@ from scex_sumo.generators.scene_context import (
     place_features,
     states_of,
 )
-from scex_sumo.generators.scene_model import KINDS, SceneModel, load_scenes
+from scex_sumo.generators.scene_model import KINDS, SceneModel
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
-MAX_VEHICLES, MAX_SPEED_MPS = 500, 70.0
+MAX_VEHICLES = 500
 CANDIDATES, PARTS = 512, 8  # places that are compared, and parts of the chosen one's surroundings
 TRIES, AT_ONCE = 10, 12
 SWEEPS = 1  # in which each vehicle is drawn anew, given all others
@@ -34,19 +34,11 @@ FASTER = 1.1  # than it shall be, a scene may be
 CHECKED_S = np.array([-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0])
 
 
-def recorded_population(
-    road: Road, *, vehicles: int, speed: float | None = None, seed: int = 0, **_: object
-) -> SeedScene:
-    """Populate a road as the shipped scene model of recordings does."""
-    return generated_scene(road, load_scenes(), vehicles=vehicles, speed=speed, seed=seed)
-
-
 def generated_scene(
     road: Road,
     model: SceneModel,
     *,
     vehicles: int | None = None,
-    speed: float | None = None,
     seed: int = 0,
     number: int = 0,
     cells: BoolArray | None = None,
@@ -58,18 +50,15 @@ def generated_scene(
 
     Args:
         vehicles: None draws the number, too.
-        speed: mean speed, m/s; None draws that of a recorded scene with similar roads and density.
         number: of the scene, among those with one seed.
         cells: (K,) cells of `lane_cells` on which vehicles may be; None for all.
 
     Raises:
-        UsageError: no lanes for vehicles, a number below 1 or above 500, or a speed above 70 m/s.
+        UsageError: no lanes for vehicles, or a number below 1 or above 500.
         SimulationError: the lanes have no room for so many.
     """
     if vehicles is not None and not 1 <= vehicles <= MAX_VEHICLES:
         raise UsageError(f"--vehicles: got {vehicles:,}, needs 1 to {MAX_VEHICLES}")
-    if speed is not None and not 0 <= speed <= MAX_SPEED_MPS:
-        raise UsageError(f"--speed: got {speed:g}, needs 0 to {MAX_SPEED_MPS:g} m/s")
     if not road.vehicle_lanes:
         raise UsageError(f"{road.name}: the map has no lane for vehicles; give another map")
     if seed < 0:
@@ -80,9 +69,8 @@ def generated_scene(
     if ends[-1] <= 0:
         raise UsageError(f"{road.name}: no lane for vehicles in the region; give a larger one")
     count = vehicles or min(model.count(ends[-1], rng), MAX_VEHICLES)
-    if speed is None:
-        speed = model.pace(part @ table.fixed / ends[-1], 1000.0 * count / ends[-1], ends[-1], rng)
-    pace = max(speed, MIN_PACE_MPS)
+    speed_mps = model.pace(part @ table.fixed / ends[-1], 1000.0 * count / ends[-1], ends[-1], rng)
+    pace = max(speed_mps, MIN_PACE_MPS)
     scene, motion = NO_VEHICLES, _motion(table, NO_VEHICLES)
     for k in range(count * (1 + SWEEPS)):
         others, moving = (scene, motion) if k < count else (scene[1:], motion[1:])

@@ -10,10 +10,10 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
-from scex_sumo.generators.relations import LaneRelations, road_index
 from scex_sumo.geometry.polylines import arc_lengths, wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
+from scex_sumo.roads.relations import LaneRelations, road_index
 from scex_sumo.roads.routes import centreline
 from scex_sumo.scene import SeedScene, States
 

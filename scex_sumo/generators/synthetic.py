@@ -16,9 +16,9 @@ from scex_sumo.base.errors import SimulationError, UsageError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import version_of
-from scex_sumo.converters.net.convert import converted
 from scex_sumo.generators.drive import Drive, record
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene, States
 
@@ -41,14 +41,11 @@ def sumo_population(
     road: Road,
     *,
     vehicles: int,
-    speed: float | None = None,
     seed: int = 0,
     cache: bool = True,
     progress: Progress | bool | None = None,
 ) -> SeedScene:
     """Populate a road by SUMO's demand and car-following; ``cache`` keeps net and scene on the disk."""
-    if speed is not None:
-        raise UsageError("--speed: SUMO draws its own; give --as recorded")
     name = f"{road.name}_synthetic{vehicles}_s{seed}"
 
     def populated() -> SeedScene:

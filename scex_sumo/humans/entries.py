@@ -25,4 +25,3 @@ LIKELY_DRIVER = ModelEntry(
     is_own=False,
     place=40,
 )
-LIKELY_MIX = "likely_driver"

@@ -29,9 +29,9 @@ from scex_sumo.learned.network.layers import exact
 from scex_sumo.learned.network.networks import KINDS, GraphImageNet, Modes, Net
 from scex_sumo.learned.network.weights import load_weights
 from scex_sumo.learned.profiles import Profile
-from scex_sumo.learned.scene_graph.graph import scene_graph
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
+from scex_sumo.scene_graph.graph import scene_graph
 
 OUTPUT_GRID = 2.0**-10  # m/s² and m: rounds away effects of the order of sums, see `layers`
 DRAW_DIGITS = 2.0**20  # modes are drawn with digits of `route_draw` that paths do not use

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
-import subprocess
-import sys
 import time
 from collections import deque
 from pathlib import Path
@@ -33,30 +30,26 @@ def watch_command(
     ],
     gui: Annotated[bool, Option("--gui", help="Show it in sumo-gui, in real time.")] = False,
     every: Annotated[float, Option(metavar="S", help="Time between two moments, s.")] = 1.0,
-    around: Annotated[
-        str | None, Option(metavar="ID", help="Only pairs with a vehicle within 30 m of this one.")
-    ] = None,
     region: Annotated[
-        str | None, Option(metavar="X,Y,R", help="Only pairs with a vehicle in this circle, m.")
+        str | None,
+        Option(
+            metavar="X,Y,R|ID",
+            help="Only pairs with a vehicle in this circle, or within 30 m of this vehicle, m; default: the "
+            "25 vehicles in the busiest place.",
+        ),
     ] = None,
-    busiest: Annotated[
-        int | None, Option(metavar="N", help="Only the N vehicles in the busiest place; default: 25.")
-    ] = None,
-    follow: Annotated[bool, Option("--follow", help="The view follows the pair that leads.")] = False,
-    ghosts: Annotated[
-        bool, Option("--ghosts", help="Draw a typical critical future of the pair that leads.")
-    ] = False,
-    real_time: Annotated[
-        bool, Option("--real-time", help="Not faster than the clock, without a window, too.")
+    follow: Annotated[
+        bool,
+        Option(
+            "--follow",
+            help="Of --gui: the view follows the pair that leads, and shows a typical critical future of it.",
+        ),
     ] = False,
     first_s: Annotated[float | None, Option("--from", metavar="S", help="First moment, s.")] = None,
     last_s: Annotated[float | None, Option("--to", metavar="S", help="End, s.")] = None,
     futures: Annotated[int, Option(help="Futures of the stress test of each moment; 0: none.")] = 64,
     models: Annotated[str | None, Option(metavar="MIX", help="Models of the stress test.")] = None,
-    seed: Annotated[int, Option(help="Random seed of the stress test.")] = 0,
     workers: Annotated[int, Option(help="Processes.")] = 2,
-    ssm: Annotated[bool, Option(help="Let SUMO's SSM device work, for the lead times.")] = True,
-    reports: Annotated[int, Option(metavar="N", help="Make the reports of the N worst moments.")] = 0,
     out: Annotated[
         Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/watch.", show_default=False)
     ] = Path("out") / "watch",
@@ -68,25 +61,14 @@ def watch_command(
     from scex_sumo.live.risk import Question
     from scex_sumo.live.session import SSM, Session
 
-    if (follow or ghosts) and not gui:
-        raise UsageError(f"--{'follow' if follow else 'ghosts'}: needs --gui")
-    Focus(around=around, region=region, busiest=busiest)
-    question: dict[str, Any] = {"futures": futures, "seed": seed}
-    question |= {"models": models} if models else {}
+    if follow and not gui:
+        raise UsageError("--follow: needs --gui")
+    Focus(region=region)
+    question: dict[str, Any] = {"futures": futures, **({"models": models} if models else {})}
     Question(**question).check()
-    session = Session(
-        config=scenario,
-        out=out,
-        gui=gui,
-        real_time=gui or real_time,
-        begin_s=first_s,
-        end_s=last_s,
-        ssm=ssm,
-        follow=follow,
-        ghosts=ghosts,
-    )
+    session = Session(config=scenario, out=out, gui=gui, begin_s=first_s, end_s=last_s, follow=follow)
     teller = _Teller(out)
-    files = [out / name for name in (RISK, LEADS, PAGE, *([SSM] if ssm else []))]
+    files = [out / name for name in (RISK, LEADS, PAGE, SSM)]
     if out.resolve() != scenario.resolve().parent:
         files.append(out / scenario.name)
     for file in files:
@@ -94,24 +76,14 @@ def watch_command(
 
     def begin(watch: Watch, take: Any) -> None:
         teller.watch = watch
-        watch.every(
-            every,
-            take,
-            around=around,
-            region=region,
-            busiest=busiest,
-            wait=not session.real_time,
-            workers=workers,
-            **question,
-        )
+        watch.every(every, take, region=region, wait=not gui, workers=workers, **question)
 
     early = session.run(begin, teller)
-    page = teller.write(scenario, ssm=ssm)
+    page = teller.write(scenario)
     remember(*files)
     warn([f"{early}; what was watched until then is kept"] if early else [])
     print(f"result: {out / 'risk.parquet'}")
     print(f"look:   {page}")
-    teller.make_reports(scenario, reports)
     return lambda: teller.answer(page)
 
 
@@ -147,7 +119,7 @@ class _Teller:
         count = f"{len(risk.vehicles):3} vehicle{'s' if len(risk.vehicles) != 1 else ' '}"
         return f"{risk.time_s:8.1f} s  {factor:>7}  {count}  {_words(risk)}{behind}"
 
-    def write(self, config: Path, *, ssm: bool) -> Path:
+    def write(self, config: Path) -> Path:
         """Write tables and page, and return the page's path."""
         from scex_sumo.live.device import conflicts_of, leads_of
         from scex_sumo.live.folder import write_configuration, write_leads, write_page, write_risks
@@ -155,25 +127,11 @@ class _Teller:
 
         write_risks(self._out, self.risks)
         write_configuration(self._out, config)
-        leads = leads_of(conflicts_of(self._out / SSM), self.risks) if ssm else []
+        leads = leads_of(conflicts_of(self._out / SSM), self.risks)
         write_leads(self._out, leads)
         skipped = 0 if self.watch is None else self.watch.skipped
         about = f"{len(self.risks)} moments assessed, {skipped} skipped"
         return write_page(self._out, config, self.risks, leads, about)
-
-    def make_reports(self, config: Path, count: int) -> None:
-        """Make the reports of the worst moments."""
-        from scex_sumo.live.folder import command_of, worst_moments
-
-        for risk, pair in worst_moments(self.risks)[:count]:
-            words = command_of(config, self._out, risk, pair)
-            done = subprocess.run(
-                [sys.executable, "-m", "scex_sumo", *words, "-q"], capture_output=True, text=True, check=False
-            )
-            if done.returncode:
-                warn([f"scex-sumo {shlex.join(words)}: {done.stderr.strip()}"])
-            else:
-                print(f"report: {words[-1]}/report.html")
 
     def answer(self, page: Path) -> dict[str, Any]:
         """Return the answer in JSON."""

@@ -20,29 +20,27 @@ _MAX_INSIDE = 60
 
 @dataclass(frozen=True, kw_only=True)
 class Focus:
-    """Vehicles of a moment whose pairs count. One of the three is given.
+    """Vehicles of a moment whose pairs count.
 
     Attributes:
-        around: SUMO's name of a vehicle: within 30 m of it.
-        region: circle, x, y and radius in SUMO's coordinates, m; also the text ``X,Y,R``.
+        region: circle, x, y and radius in SUMO's coordinates, m, also as the text ``X,Y,R``; or SUMO's name
+            of a vehicle: within 30 m of it. None: as ``busiest``.
         busiest: number of vehicles, those around the one that has most others near it.
 
     Raises:
-        UsageError: several are given, or one makes no sense.
+        UsageError: one makes no sense.
     """
 
-    around: str | None = None
     region: tuple[float, float, float] | str | None = None
-    busiest: int | None = None
+    busiest: int = BUSIEST
 
     def __post_init__(self) -> None:
-        if sum(one is not None for one in (self.around, self.region, self.busiest)) > 1:
-            raise UsageError("--around, --region and --busiest exclude one another; give one of them")
-        if self.busiest is not None and self.busiest < 2:
-            raise UsageError(f"--busiest: got {self.busiest}, needs at least 2 vehicles")
-        if self.region is not None:
-            circle = self.region if isinstance(self.region, str) else Region(circle=self.region)
-            object.__setattr__(self, "region", region_of(circle, None).circle)
+        if self.busiest < 2:
+            raise UsageError(f"busiest: got {self.busiest}, needs at least 2 vehicles")
+        if isinstance(self.region, str) and "," in self.region:
+            object.__setattr__(self, "region", region_of(self.region).circle)
+        elif isinstance(self.region, tuple):
+            Region(circle=self.region)
 
     def of(self, names: list[str], xy: FloatArray) -> tuple[IntArray, IntArray]:
         """Return the indices of the vehicles that are extrapolated, and of those whose pairs count.
@@ -52,10 +50,9 @@ class Focus:
         """
         circle = self._circle(names, xy)
         if circle is None:
-            most = self.busiest or BUSIEST
-            if len(names) <= most:
+            if len(names) <= self.busiest:
                 return np.arange(len(names)), np.arange(len(names))
-            nearest = np.argsort(_apart(xy, xy[_middle(xy)]), kind="stable")[:most]
+            nearest = np.argsort(_apart(xy, xy[_middle(xy)]), kind="stable")[: self.busiest]
             return np.sort(nearest), np.sort(nearest)
         x, y, radius = circle
         apart = _apart(xy, np.array([x, y]))
@@ -64,12 +61,11 @@ class Focus:
         return np.sort(kept), np.sort(kept[apart[kept] <= radius])
 
     def _circle(self, names: list[str], xy: FloatArray) -> tuple[float, float, float] | None:
-        if self.around is None:
-            assert not isinstance(self.region, str)
+        if not isinstance(self.region, str):
             return self.region
-        if self.around not in names:
-            return 0.0, 0.0, -np.inf  # it is not there, so nobody is
-        x, y = xy[names.index(self.around)].tolist()
+        if self.region not in names:
+            return 0.0, 0.0, -np.inf  # it is not there, so no vehicle counts
+        x, y = xy[names.index(self.region)].tolist()
         return x, y, AROUND_M
 
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 from scex_sumo.base.colors import Rgb
 from scex_sumo.decision.words import once_in
 from scex_sumo.live.risk import PairRisk, Risk
-from scex_sumo.views.drawings import shown_text
+from scex_sumo.world.drawings import shown_text
 
 SCALE: Final[tuple[tuple[float, Rgb, str], ...]] = (
     (1e-3, (213, 94, 0), "collides once in 1 000 such moments or more"),
@@ -40,12 +40,11 @@ class Painter:
 
     Args:
         sumo: connection to sumo-gui.
-        follow: the view follows the leading pair.
-        ghosts: outlines of the leading pair in a typical critical future.
+        follow: the view follows the leading pair, with its outlines in a typical critical future.
     """
 
-    def __init__(self, sumo: Any, *, follow: bool = False, ghosts: bool = False) -> None:
-        self._sumo, self._follow, self._ghosts = sumo, follow, ghosts
+    def __init__(self, sumo: Any, *, follow: bool = False) -> None:
+        self._sumo, self._follow = sumo, follow
         self._own: dict[str, tuple[int, ...]] = {}  # colours before ours
         self._painted: dict[str, Rgb] = {}
         self._drawn: set[str] = set()  # polygons
@@ -108,7 +107,7 @@ class Painter:
 
     def _draw_ghosts(self, risk: Risk) -> None:
         wanted: dict[str, list[list[float]]] = {}
-        if self._ghosts and risk.worst is not None:
+        if self._follow and risk.worst is not None:
             color = color_of(risk.worst.human_like)
             for number, outlines in enumerate(risk.ghosts.values()):
                 wanted |= {f"ghost.{number}.{k}": shape.tolist() for k, shape in enumerate(outlines)}

@@ -14,14 +14,14 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.behaviors.registry import DEFAULT_MODELS
-from scex_sumo.converters.net.convert import converted
 from scex_sumo.decision.moment import human_part, pairs_of_part
 from scex_sumo.decision.pairs import any_of
+from scex_sumo.drivers.registry import DEFAULT_MODELS
 from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.geometry.rectangles import BOX, outlines
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.live.moment import Moment
 from scex_sumo.results.parts import Part
 from scex_sumo.results.tables.outcomes import first_contacts
@@ -145,7 +145,7 @@ def assess(moment: Moment, question: Question) -> Risk:
         people = pairs_of_part(scene, human_part(scene, net, seed=question.seed)).to_pylist()
         part = None
         if question.futures and scene.vehicles >= _MIN_VEHICLES:
-            drawn = models.draw(scene, futures=question.futures, seed=question.seed, design=settings.design)
+            drawn = models.draw(scene, futures=question.futures, seed=question.seed)
             job = Job(scene, net, settings, models, drawn, Path(folder), on_paths=False)
             part = run_in_memory(job, range(question.futures))
     pairs = _pairs(scene, names, people, part, question.futures)

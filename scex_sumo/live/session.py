@@ -20,7 +20,7 @@ from scex_sumo.formats.sumo.scenario import QUIET, PrivateRun, net_of
 from scex_sumo.live.painter import TEXT_PX, Painter
 from scex_sumo.live.risk import Risk
 from scex_sumo.live.watch import Watch
-from scex_sumo.views.drawings import WINDOW_SIZE, frame_of, write_view_settings
+from scex_sumo.world.drawings import WINDOW_SIZE, frame_of, write_view_settings
 from scex_sumo.world.session import load_sumo, silence
 from scex_sumo.world.tiles import template_of
 
@@ -41,22 +41,18 @@ class Session:
     """What a configuration is watched with.
 
     Attributes:
-        gui: in sumo-gui, over TraCI; else in libsumo.
-        real_time: not faster than the clock; moments are skipped where the extrapolation is slower.
+        gui: in sumo-gui, over TraCI, not faster than the clock; else in libsumo.
         begin_s: simulated without a watch until then; None: the begin.
         end_s: None: the configuration's, or the end of all traffic.
-        ssm: SUMO's SSM device works for all vehicles.
+        follow: the view follows the pair that leads, and shows a typical critical future of it.
     """
 
     config: Path
     out: Path
     gui: bool = False
-    real_time: bool = False
     begin_s: float | None = None
     end_s: float | None = None
-    ssm: bool = True
     follow: bool = False
-    ghosts: bool = False
 
     def __post_init__(self) -> None:
         for name in ("config", "out"):  # SUMO runs in another folder
@@ -105,7 +101,7 @@ class Session:
         if before_s > sumo.simulation.getTime():
             sumo.simulationStep(before_s)
         watch = Watch(sumo, net_of(self.config))
-        painter = Painter(sumo, follow=self.follow, ghosts=self.ghosts) if self.gui else None
+        painter = Painter(sumo, follow=self.follow) if self.gui else None
 
         def take(risk: Risk) -> None:
             told(risk)
@@ -137,7 +133,7 @@ class Session:
             sumo.simulationStep()
             if painter is not None:
                 painter.step()
-            if self.real_time:
+            if self.gui:
                 early_s = watch.time_s - first_s - (time.perf_counter() - start_s)
                 if early_s > 0:
                     time.sleep(early_s)
@@ -145,14 +141,14 @@ class Session:
                     start_s -= early_s
 
     def _outputs(self) -> list[str]:
-        options = {**_SSM_OPTIONS, "file": str(self.out / SSM)} if self.ssm else {}
+        options = {**_SSM_OPTIONS, "file": str(self.out / SSM)}
         return [word for name, value in options.items() for word in (f"--device.ssm.{name}", value)]
 
     def _window(self, folder: Path) -> list[str]:
         frame = frame_of(template_of(net_of(self.config)).bounds, [(0, 0)], [])
         settings = folder / "view.xml"
-        true_size = self.follow or self.ghosts  # the view is near, and ghosts have their size
-        write_view_settings(settings, frame, delay_ms=0, lights=True, text_px=TEXT_PX, true_size=true_size)
+        near = self.follow  # outlines of vehicles have their true size
+        write_view_settings(settings, frame, delay_ms=0, lights=True, text_px=TEXT_PX, true_size=near)
         return [
             "--gui-settings-file",
             str(settings),

@@ -13,13 +13,13 @@ from typing import Any
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import ScexError, SimulationError, UsageError, warn_notes
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.behaviors import registry as behaviors
 from scex_sumo.converters.naming import map_name
+from scex_sumo.drivers import registry as behaviors
 from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.extrapolation.processes.pool import Pool, WorkersDied
 from scex_sumo.formats.sumo.recorder import Recorder
 from scex_sumo.formats.sumo.scenario import refuse_mesoscopic
-from scex_sumo.live.focus import Focus
+from scex_sumo.live.focus import BUSIEST, Focus
 from scex_sumo.live.moment import Moment, road_of
 from scex_sumo.live.risk import Question, Risk
 from scex_sumo.live.ticker import Ticker
@@ -148,9 +148,8 @@ class Watch:
         seconds: float,
         callback: Callable[[Risk], object] | None = None,
         *,
-        around: str | None = None,
         region: tuple[float, float, float] | str | None = None,
-        busiest: int | None = None,
+        busiest: int = BUSIEST,
         wait: bool = False,
         workers: int = 1,
         **question: Any,
@@ -162,9 +161,9 @@ class Watch:
 
         Args:
             callback: called with each `Risk` after one of your steps; it may act on the simulation.
-            around: SUMO's name of a vehicle; only pairs with one within 30 m of it count.
-            region: circle in the place of it, x, y and radius, m.
-            busiest: number of vehicles in the place of it, in the busiest place; 25 by default.
+            region: circle, x, y and radius, m; only pairs with a vehicle in it count. Or SUMO's name of a
+                vehicle: within 30 m of it.
+            busiest: without a region, number of vehicles, in the busiest place.
             wait: no moment is skipped: the simulation waits; with one worker for each moment's risk.
             workers: processes.
             question: fields of `Question`: ``futures``, ``models``, ``seed``.
@@ -172,7 +171,7 @@ class Watch:
         Raises:
             UsageError: an option makes no sense.
         """
-        focus = Focus(around=around, region=region, busiest=busiest)
+        focus = Focus(region=region, busiest=busiest)
         asked = Question(**question)
         asked.check()
         self._end_ticker()

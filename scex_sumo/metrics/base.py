@@ -5,8 +5,8 @@ Axes: C (future), T (step), V (vehicle), R (replan), H (planned step), P (unorde
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -198,15 +198,10 @@ class PlannedPaths:
 
 @dataclass(frozen=True, kw_only=True)
 class MetricParameters:
-    """Parameters of the metrics; the defaults are the paper's.
-
-    Attributes:
-        max_acceleration_by_type: exceptions by vehicle type, e.g. ``{"truck": 4.0}``.
-    """
+    """Parameters of the metrics; the defaults are the paper's."""
 
     following_angle: float = np.pi / 6  # largest difference of headings of a car-following pair, rad
     max_acceleration: float = 6.9  # of one vehicle in any direction, for WTTC, m/s²
-    max_acceleration_by_type: Mapping[str, float] = field(default_factory=dict)
     standing_speed: float = 1e-4  # up to it a vehicle has no gap time and no time headway, m/s
     path_extension: float = 20.0  # least straight extension of planned paths in the search for leaders, m
     path_extension_time: float = 2.0  # the same as a time at present speed, s; the longer one counts
@@ -216,25 +211,14 @@ class MetricParameters:
             raise InputError(
                 f"metrics: following angle {self.following_angle} rad; choose one within 0 to pi"
             )
-        for name, limit in {"any": self.max_acceleration, **self.max_acceleration_by_type}.items():
-            if not (np.isfinite(limit) and limit >= 0):
-                raise InputError(
-                    f"metrics: largest acceleration of type {name!r} is {limit}; choose one >= 0"
-                )
+        if not (np.isfinite(self.max_acceleration) and self.max_acceleration >= 0):
+            raise InputError(f"metrics: largest acceleration {self.max_acceleration} m/s²; choose one >= 0")
         if not self.standing_speed >= 0:
             raise InputError(f"metrics: standing speed {self.standing_speed} m/s; choose one >= 0")
         if not (np.isfinite(self.path_extension) and self.path_extension > 0):
             raise InputError(f"metrics: path extension {self.path_extension} m; choose one above 0")
         if not (np.isfinite(self.path_extension_time) and self.path_extension_time >= 0):
             raise InputError(f"metrics: path extension {self.path_extension_time} s; choose one >= 0")
-
-    def accelerations(self, types: tuple[str, ...] | NDArray[np.str_] | None, vehicles: int) -> FloatArray:
-        """Return the largest acceleration of each vehicle, (V,) or (C, V), m/s²."""
-        if types is None:
-            return np.full(vehicles, self.max_acceleration)
-        names, which = np.unique(np.asarray(types), return_inverse=True)
-        limits = [self.max_acceleration_by_type.get(str(name), self.max_acceleration) for name in names]
-        return np.array(limits, dtype=float)[which.reshape(np.shape(types))]
 
 
 PAPER: Final = MetricParameters()

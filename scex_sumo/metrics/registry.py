@@ -209,8 +209,11 @@ PACKAGES: Final = Registry(group="scex_sumo.metrics", kind="metric")
 COLLISION: Final = "collision"
 """Column that is no metric: 1 if two vehicles of a future collide, else 0."""
 
+BOTH: Final = "both"
+"""Word for all of `SETS`."""
+
 # sets, and other columns of tables
-_TAKEN: Final = (*SETS, "both", "future", "case_id", COLLISION, "all")
+_TAKEN: Final = (*SETS, BOTH, "future", "case_id", COLLISION, "all")
 
 _registered: dict[str, Metric] = {}
 _COLLISIONS = {COLLISION: Metric.described({"name": COLLISION, "critical": "max", "threshold": 1.0})}
@@ -230,6 +233,19 @@ def metrics_named(names: Iterable[str | Metric] | None) -> tuple[Metric, ...]:
     if not metrics:
         raise UsageError("metrics: none is named; choose paper, path or single ones, e.g. ttc,wttc")
     return tuple(metrics.values())
+
+
+def metrics_asked(given: str | Iterable[str | Metric]) -> tuple[Metric, ...]:
+    """Return the metrics of a list of names and sets, also as the text of an option."""
+    names = [name.strip() for name in given.split(",")] if isinstance(given, str) else given
+    return metrics_named(one for name in names for one in (SETS if name == BOTH else (name,)))
+
+
+def rule_of(metrics: Iterable[Metric]) -> str:
+    """Return the car-following rule of metrics that leave it open: ``path`` with those along paths alone."""
+    names = {metric.name for metric in metrics}
+    along = {metric.name for metric in SETS["path"]}
+    return "path" if along <= names and not names & set(PAPER_METRICS) else "paper"
 
 
 def _metric(name: str) -> Metric:

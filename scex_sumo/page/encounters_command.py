@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.commands.options import Around, InRegion, Result, two_tracks
+from scex_sumo.commands.options import InRegion, Result, two_tracks
 from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:
@@ -20,15 +20,12 @@ EXAMPLE = "out/k733 --pair 17,23"
 def encounters_command(
     folder: Result,
     pair: Annotated[str | None, Option(metavar="A,B", help="Only these two vehicles, in full.")] = None,
-    most: Annotated[int, Option(metavar="N", help="How many pairs are listed.")] = 20,
     region: InRegion = None,
-    around: Around = None,
 ) -> Answer:
     """List which vehicles meet in a run, the most critical first."""
-    from scex_sumo.commands.answers import meeting_rows
     from scex_sumo.commands.console import output_console
     from scex_sumo.page.report.encounter_table import print_encounters, print_pair
-    from scex_sumo.reports.encounter_rows import meetings
+    from scex_sumo.reports.encounter_rows import meeting_rows, meetings
     from scex_sumo.results.info import as_written
     from scex_sumo.results.region import region_of
     from scex_sumo.results.run import open_run
@@ -36,13 +33,13 @@ def encounters_command(
     console = output_console(width=110)
     with as_written(folder):
         run = open_run(folder)
-        part = region_of(region, around)
+        part = region_of(region)
         encounters = meetings(run, part) if pair is None else _meetings(run, pair)
         if pair is None:
-            print_encounters(run, console, most=most, region=part)
+            print_encounters(run, console, region=part)
         for meeting in encounters if pair is not None else ():
             print_pair(meeting, console)
-        name, rows = run.info["seed_scene"]["name"], meeting_rows(encounters[:most])
+        name, rows = run.info["seed_scene"]["name"], meeting_rows(encounters)
     return lambda: {"scene": name, "futures": run.futures, "encounters": rows}
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from scex_sumo.base.options import option
 from scex_sumo.extrapolation.extras import Extra, Work
+from scex_sumo.extrapolation.options import OUTPUT
 from scex_sumo.extrapolation.settings import RunSettings
 
 if TYPE_CHECKING:
@@ -23,7 +24,9 @@ class ReportPage(Extra):
     files: ClassVar[tuple[str, ...]] = ("report.html",)
     nested: ClassVar[bool] = False
 
-    report: bool = option("Write report.html.", True, names=("--report/--no-report", "--plots/--no-plots"))
+    report: bool = option(
+        "Write report.html.", True, names=("--report/--no-report", "--plots/--no-plots"), panel=OUTPUT
+    )
 
     def is_on(self, settings: RunSettings) -> bool:
         """See `Extra`."""

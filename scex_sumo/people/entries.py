@@ -30,4 +30,3 @@ STEPS_OUT = _person(
     summary="a person that walks across the line of the vehicle that comes next",
     place=83,
 )
-PEOPLE_MIX = "keeps_way"

@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -16,12 +16,9 @@ from scex_sumo.behaviors.base import PLAN_STEPS, SingleVehicleBehavior, is_drive
 from scex_sumo.behaviors.objects import signature_of
 from scex_sumo.behaviors.spec import EMPTY, ModelEntry
 from scex_sumo.plug_in.inputs import Surroundings
-from scex_sumo.plug_in.own import behavior
 from scex_sumo.plug_in.predictor import INPUTS, Predictor, name_of, wanted_inputs
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, States, VehicleIndex
-
-F = TypeVar("F", bound=Callable[..., Any])
 
 
 def user_model(given: Any, name: str) -> ModelEntry:
@@ -89,35 +86,6 @@ def is_predictor(given: Any) -> bool:
 def _summary(given: Any) -> str:
     words = (inspect.getdoc(given) or "").strip().splitlines()
     return words[0] if words else "registered"
-
-
-def predictor(name: str | None = None, *, batched: bool = False, **surroundings: Any) -> Callable[[F], F]:
-    """Register a function that predicts trajectories: ``@predictor("my_driver")``.
-
-    Args:
-        name: None gives it no name except its import path.
-        batched: as in `Predictor`.
-        surroundings: fields of `Surroundings`; they become parameters of the model.
-
-    Raises:
-        UsageError: the name is taken, or the function asks for unknown inputs.
-
-    Example:
-        >>> @scex.predictor("straight")
-        ... def straight(history):
-        ...     way = 0.1 * history[:, -1, 4:] * np.arange(1, 31)
-        ...     return np.stack([way, np.zeros_like(way)], axis=-1)
-        >>> [str(model) for model in scex.parse_models("straight:radius=30")]
-        ['straight:radius=30']
-    """
-
-    def register(function: F) -> F:
-        model = predictor_model(function, batched=batched, **surroundings)
-        model.make()  # raises where the function is written, not where it is used
-        function.__scex_predictor__ = model  # type: ignore[attr-defined]
-        return function if name is None else behavior(name)(function)
-
-    return register
 
 
 class SingleVehicle:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from scex_sumo.behaviors.registry import mixes
+from scex_sumo.drivers.registry import mixes
 from scex_sumo.results.extras import NOTHING
 from scex_sumo.results.probability import Encounter
 from scex_sumo.results.run import Run
@@ -158,14 +158,14 @@ def worst_stress(run: Run) -> list[Meeting]:
     """Return the worst encounters of the stress test, without vehicles whose baseline is compared."""
     tested = [] if run.baseline is None else [int(track) for track in run.info.get("under_test") or {}]
     stress = [one for one in meetings(run) if one.futures == STRESS_TEST]
-    return worst_of(stress, without=tested, doubtful=run.keeps_doubtful)
+    return worst_of(stress, without=tested)
 
 
 def first_look(run: Run, encounters: list[Meeting]) -> Meeting | None:
     """Return the meeting to look at first: of the pair to be tested, else the worst one; None without any."""
     told = run.decision
     asked = set(told.pair or ()) if told is not None and told.kind != NOTHING else set()
-    worst = worst_of(encounters, doubtful=run.keeps_doubtful)
+    worst = worst_of(encounters)
     return next(
         (meeting for meeting in [*worst, *encounters] if set(meeting.pair) == asked),
         worst[0] if worst else None,
@@ -200,3 +200,8 @@ def _of_roles(meeting: Meeting) -> str:
     for name, role in zip(("track_id", "other_id"), roles, strict=True):
         text = re.sub(rf"\b{meeting.row[name]}\b(?= [a-z])", role, text)
     return text
+
+
+def meeting_rows(encounters: Sequence[Meeting]) -> list[dict[str, Any]]:
+    """Return encounters as rows."""
+    return [{"futures": meeting.futures, **meeting.row} for meeting in encounters]

@@ -32,7 +32,6 @@ from scex_sumo.results.tables.encounters import ENCOUNTERS
 from scex_sumo.results.tables.horizons import horizons_of
 from scex_sumo.statistics.density import Interval
 
-KEEP_DOUBTFUL: Final = "--keep-doubtful"
 SEVERITY: Final = "severe injuries [‰]"
 MAIN: Final[tuple[str, ...]] = ("gap", "ttc_path", "drac", "thw", "wttc_path")
 """Metrics of the table in its default form."""
@@ -49,15 +48,15 @@ _ALWAYS = 0.95  # share from which a metric tells no futures apart
 _MIN_FOLDED = 12  # characters of a folded column
 
 
-def print_summary(run: Run, console: Console, *, preset: str | None = None) -> None:
+def print_summary(run: Run, console: Console, *, every: bool = False) -> None:
     """Print the decision, the table, the answer, and how often a fallback planned.
 
     Args:
-        preset: metrics of the table, ``paper``, ``path`` or ``both``; None: the main ones.
+        every: all metrics, not the main ones alone.
     """
     if run.decision is not None:
         print_line(run.decision.sentence, console)
-    print_table(summary_table(run, preset), console, breaks=(" if", "-like", " test"))
+    print_table(summary_table(run, every=every), console, breaks=(" if", "-like", " test"))
     lines = answer_lines(run)
     if counts := run.info.get("fallbacks"):
         from scex_sumo.results.tables.fallbacks import fallback_lines
@@ -86,18 +85,17 @@ def answer_lines(run: Run) -> list[str]:
         lines.append(f"{head}; no {which}encounter of two vehicles is critical in any future")
     elif run.outcomes:
         lines.append(head)
-    return [*lines, *(f"  {sentence(group)}" for group in worst), *_left_out(run, encounters)]
+    return [*lines, *(f"  {sentence(group)}" for group in worst), *_left_out(encounters)]
 
 
 def _collides(run: Run) -> str:
     return f"a collision in {run.collision.percent} of futures, driven as {driven_as(run)}"
 
 
-def _left_out(run: Run, encounters: list[Meeting]) -> list[str]:
+def _left_out(encounters: list[Meeting]) -> list[str]:
     """Return which critical pairs are left out of the lists, and why."""
     doubts = dict.fromkeys(meeting.doubt for meeting in worst_of(encounters, doubtful=True) if meeting.doubt)
-    doubts = {} if run.keeps_doubtful else doubts
-    return [f"left out as doubtful ({KEEP_DOUBTFUL} keeps them): {listed(doubts)}"] if doubts else []
+    return [f"left out as doubtful: {listed(doubts)}"] if doubts else []
 
 
 def expected_injuries(run: Run) -> float | None:
@@ -173,7 +171,7 @@ def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -
     console.print(table)
 
 
-def summary_table(run: Run, preset: str | None = None) -> Table:
+def summary_table(run: Run, *, every: bool = False) -> Table:
     """Return recorded value, median, critical share and number of defined futures by metric."""
     scene, likely = run.info["seed_scene"], run.reference
     title = f"{scene['name']}: {participants(scene)}, {counted(run.futures, 'future')}"
@@ -200,7 +198,7 @@ def summary_table(run: Run, preset: str | None = None) -> Table:
     for name, values in extra_rows(run).items():
         cells = [row_cell(value) for value in values]
         rows.append((name, *("–",) * 3, *([] if likely is None else cells[1:]), cells[0], "–", "all"))
-    for part in shown_columns(run, preset):
+    for part in shown_columns(run, every=every):
         rows.append(None)
         for column in part:
             recorded = run.recorded_value(column)
@@ -234,13 +232,13 @@ def extra_rows(run: Run) -> dict[str, list[float | str | None]]:
     }
 
 
-def shown_columns(run: Run, preset: str | None) -> tuple[list[str], list[str]]:
+def shown_columns(run: Run, *, every: bool) -> tuple[list[str], list[str]]:
     """Return the metrics of the table, and the paper's six below them.
 
-    Without a ``preset``, those that are critical in nearly all futures are left out.
+    Without ``every``, those that are critical in nearly all futures are left out.
     """
     columns = critical_columns(run.columns)
-    if preset is None:
+    if not every:
         always = _always(run)
         columns = [column for column in columns if column not in always]
         if set(MAIN) <= set(run.columns) and not run.info.get("metrics"):

@@ -11,7 +11,7 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, numbers_in
 from scex_sumo.base.errors import ResultError
 from scex_sumo.metrics.registry import Metric
-from scex_sumo.statistics.density import BANDWIDTH, Density, density, mixed_density
+from scex_sumo.statistics.density import BANDWIDTH, Density, mixed_density
 from scex_sumo.statistics.intervals import DesignIntervals
 
 
@@ -73,19 +73,13 @@ DENSITIES_SCHEMA = pa.schema(
 )
 
 
-def metric_density(
-    values: FloatArray, half_width: float, *, reflect: bool, bandwidth: float = BANDWIDTH
-) -> Density:
+def metric_density(values: FloatArray, half_width: float, *, bandwidth: float = BANDWIDTH) -> Density:
     """Return density and cumulative density of a metric (C,), NaN where undefined, with its 95 % band.
 
     Args:
-        reflect: separate atoms, and reflect at 0 if no value is negative; False is the plain kernel.
         bandwidth: of the kernel, in the metric's unit.
     """
-    samples = values[~np.isnan(values)]
-    if reflect:
-        return mixed_density(samples, bandwidth, half_width=half_width)
-    return density(samples, bandwidth, half_width=half_width)
+    return mixed_density(values[~np.isnan(values)], bandwidth, half_width=half_width)
 
 
 def half_widths(metrics: pa.Table, columns: Sequence[str], intervals: DesignIntervals) -> dict[str, float]:
@@ -96,9 +90,7 @@ def half_widths(metrics: pa.Table, columns: Sequence[str], intervals: DesignInte
     return dict(zip(columns, intervals.half_widths(values).tolist(), strict=True))
 
 
-def densities_table(
-    metrics: pa.Table, columns: Sequence[str], intervals: DesignIntervals, *, reflect: bool
-) -> pa.Table:
+def densities_table(metrics: pa.Table, columns: Sequence[str], intervals: DesignIntervals) -> pa.Table:
     """Return the rows of ``densities.parquet``: metric, x, pdf, cdf, low, high, atom.
 
     ``atom`` is the share of the defined futures with exactly this x. A metric that is never defined has no
@@ -110,7 +102,7 @@ def densities_table(
         values = column_of(metrics, column)
         if np.isnan(values).all():
             continue
-        curve = metric_density(values, widths[column], reflect=reflect)
+        curve = metric_density(values, widths[column])
         atom = np.zeros(len(curve.x))
         atom[np.searchsorted(curve.x, [a.value for a in curve.atoms])] = [a.share for a in curve.atoms]
         low, high = curve.band

@@ -110,8 +110,8 @@ class ExtraResults:
         """Return what to test in the moment of the run; None if it does not tell."""
         return None
 
-    def print_above(self, run: Any, console: Console, preset: str | None) -> None:
-        """Print a table of its own above the summary."""
+    def print_above(self, run: Any, console: Console, every: bool) -> None:
+        """Print a table of its own above the summary; ``every``: with all metrics."""
 
     def lines(self, run: Any) -> Sequence[str]:
         """Return sentences of the summary."""

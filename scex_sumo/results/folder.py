@@ -160,7 +160,7 @@ class ResultFolder(OutputFolder):
         for name in names:
             remove(self.path / name)
 
-    def in_order(self, futures: int, *, size: int, plans: bool = True) -> Iterator[Part]:
+    def in_order(self, futures: int, *, size: int) -> Iterator[Part]:
         """Yield all futures in order, some at a time; raise a `ResultError` if some are missing."""
         parts = Parts(self.path)
         there = int((parts.futures < futures).sum())
@@ -169,7 +169,7 @@ class ResultFolder(OutputFolder):
                 f"{self.path}: {there} of {futures} futures are finished; run the same command again"
             )
         for first in range(0, futures, size):
-            yield parts.read(first, min(first + size, futures), plans=plans)
+            yield parts.read(first, min(first + size, futures))
 
     def write_table(self, name: str, table: pa.Table) -> None:
         """Write one of the folder's Parquet files."""
@@ -202,14 +202,11 @@ class ResultFolder(OutputFolder):
 
 
 def _parquet(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
-    # Floats in lists hardly repeat: their bytes sorted by significance compress better than a dictionary.
-    lists = [field.name for field in schema if pa.types.is_fixed_size_list(field.type)]
     return pq.ParquetWriter(
         path,
         schema,
         compression="zstd",
-        use_dictionary=[name for name in schema.names if name not in lists],
-        use_byte_stream_split=[f"{name}.list.element" for name in lists] or False,
+        use_dictionary=schema.names,
     )
 
 

@@ -25,6 +25,8 @@ _STATES = ("x", "y", "heading", "speed")
 class Part:
     """Some futures of a run, simulated and measured; states and plans as in `Rollout`.
 
+    Plans are kept in memory alone.
+
     Attributes:
         values: (C, M) metric values.
         defined: (C, M) False where a metric is defined in no scene of the future.
@@ -55,8 +57,7 @@ def save_part(folder: Path, part: Part) -> None:
     name = f"{int(part.futures[0]):08d}-{int(part.futures[-1]):08d}.npz"
     target = folder / PARTS / name
     tables = {name: table for name in TABLES if (table := getattr(part, name)) is not None}
-    given = {"plan_x": part.plan_x, "plan_y": part.plan_y, "tested": part.tested}
-    some: dict[str, Any] = {name: values for name, values in given.items() if values is not None}
+    some: dict[str, Any] = {} if part.tested is None else {"tested": part.tested}
     some |= {name: _packed(table) for name, table in tables.items()}
     some |= {name: getattr(part.states, name) for name in _STATES}
     with replacing(target) as temporary, temporary.open("wb") as file:
@@ -105,20 +106,14 @@ class Parts:
         self._file = np.repeat([index for _, index in rows], [len(futures) for futures, _ in rows])[first]
         self._row = np.concatenate([np.empty(0, np.int64), *(np.arange(len(c)) for c, _ in rows)])[first]
 
-    def values(self, futures: int) -> tuple[FloatArray, BoolArray]:
-        """Return the metric values (C, M) of the first futures, and where they are defined."""
-        some = self._taken(slice(0, futures), ("values", "defined"))
-        return some["values"], some["defined"]
-
     def states(self) -> States:
         """Return the states of all finished futures, (C, T, V)."""
         return States(**self._taken(slice(None), _STATES))
 
-    def read(self, first: int, stop: int, *, plans: bool = True) -> Part:
+    def read(self, first: int, stop: int) -> Part:
         """Return futures ``first`` to ``stop - 1`` in order; they must be there."""
         part = slice(*np.searchsorted(self.futures, (first, stop)))
-        names = (*_STATES, "values", "defined", *(("plan_x", "plan_y") if plans else ()), "tested")
-        some = self._taken(part, names)
+        some = self._taken(part, (*_STATES, "values", "defined", "tested"))
         tables: dict[str, list[pa.Table]] = {name: [] for name in TABLES}
         for file in np.unique(self._file[part]):
             mine = pa.array(self.futures[part][self._file[part] == file])
@@ -137,8 +132,6 @@ class Parts:
             conflicts=_in_order(tables["conflicts"]),
             values=some["values"],
             defined=some["defined"],
-            plan_x=some.get("plan_x"),
-            plan_y=some.get("plan_y"),
             tested=some.get("tested"),
         )
 

@@ -48,7 +48,7 @@ class Region:
 
     def __post_init__(self) -> None:
         if self.circle is not None and self.around is not None:
-            raise UsageError("--region and --around exclude one another; give one of them")
+            raise UsageError("region: give a circle or a vehicle")
         if self.circle is not None and not (all(map(math.isfinite, self.circle)) and self.circle[2] > 0):
             raise UsageError(f"--region {self.circle}: needs finite numbers and a radius above 0 m")
 
@@ -62,7 +62,7 @@ class Region:
         if self.around is not None:
             if self.around not in ids:
                 known = ", ".join(map(str, ids))
-                raise UsageError(f"--around {self.around}: not in the seed scene; its vehicles: {known}")
+                raise UsageError(f"--region {self.around}: not in the seed scene; its vehicles: {known}")
             centre = ids.index(self.around)
             circle = float(now.x[centre]), float(now.y[centre]), AROUND_M
         if circle is None:
@@ -117,26 +117,22 @@ class Region:
         )
 
 
-def region_of(region: Region | str | None, around: int | None) -> Region:
-    """Return the region of a circle, or around a vehicle.
-
-    Args:
-        region: also the text ``X,Y,R``.
-        around: track id.
+def region_of(given: str | int | None) -> Region:
+    """Return the region of a text ``X,Y,R``, or around a vehicle of this track id; of None: everywhere.
 
     Raises:
-        UsageError: both are given, or the text is another one.
+        UsageError: it is another text.
     """
-    if region is None or region == Region():
-        return Region(around=around)
-    if around is not None:
-        raise UsageError("--region and --around exclude one another; give one of them")
-    if not isinstance(region, str):
-        return region
+    if given is None or isinstance(given, int):
+        return Region(around=given)
+    if given.strip().removeprefix("-").isdecimal():
+        return Region(around=int(given))
     try:
-        x, y, radius = (float(part) for part in region.split(","))
+        x, y, radius = (float(part) for part in given.split(","))
     except ValueError:
-        raise UsageError(f"--region {region}: needs X,Y,R in m, e.g. --region 1010,985,40") from None
+        raise UsageError(
+            f"--region {given}: needs X,Y,R in m, or the track id of a vehicle, e.g. --region 1010,985,40"
+        ) from None
     return Region(circle=(x, y, radius))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Sequence
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -13,7 +14,6 @@ import numpy as np
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.base.importing import DRAWINGS
 from scex_sumo.metrics.registry import COLLISION, Metric, column_named, described_metrics, metric_of
 from scex_sumo.results.design import column_of, half_widths, intervals_of, is_critical, metric_density
 from scex_sumo.results.extras import BASELINE, REFERENCE, Decision, extras_results
@@ -28,8 +28,6 @@ from scex_sumo.statistics.density import BANDWIDTH, Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from scex_sumo.base.arrow import ArrowTable
     from scex_sumo.converters.net.sumo_net import SumoNet
     from scex_sumo.results.tables.states import StateBlocks
@@ -37,6 +35,7 @@ if TYPE_CHECKING:
 TABLES: Final = ("metrics", "assignments", "tracks", "worst", "collisions", "encounters")
 PAIR_OUTCOMES: Final = "pair_outcomes.parquet"
 UNDER_TEST: Final = "under_test.parquet"
+PAGE: Final = "report.html"
 
 
 class Run:
@@ -69,24 +68,12 @@ class Run:
         return f"Run({str(self.folder)!r}: {self.info['futures']} futures of {name}{collision}{decision})"
 
     def _repr_html_(self) -> str:
-        return str(DRAWINGS.load("run")(self))
-
-    def plot(
-        self,
-        path: str | Path | None = None,
-        *,
-        metric: str | None = None,
-        curve: str = "density",
-        ax: Axes | None = None,
-    ) -> list[Axes]:
-        """Draw the densities of one metric or of all that are defined; return the matplotlib axes.
-
-        Args:
-            path: SVG, PNG or PDF file to write.
-            curve: ``density`` or ``cumulative``.
-            ax: draw one metric in these axes; None makes a figure, of pyplot without a ``path``.
-        """
-        return list(DRAWINGS.load("densities")([self], curve, path, metric=metric, ax=ax))
+        """Return the page in a frame, whose sandbox keeps its script from the notebook."""
+        page = self.folder / PAGE
+        if not page.is_file():
+            return f"<p>{escape(repr(self))}</p>"
+        content = escape(page.read_text(encoding="utf-8"))
+        return f'<iframe srcdoc="{content}" sandbox="allow-scripts" width="100%" height="900"></iframe>'
 
     def to_pandas(self, table: str = "metrics") -> Any:
         """Return one of `TABLES` as a pandas data frame."""
@@ -181,11 +168,6 @@ class Run:
         """Verdict on this moment; None without human-like futures."""
         decisions = (extra.decision(self) for extra in extras_results(self.folder))
         return next((one for one in decisions if one is not None), None)
-
-    @property
-    def keeps_doubtful(self) -> bool:
-        """Whether encounters with doubtful data count in sentences and lists."""
-        return bool(self.info.get("keep_doubtful"))
 
     def encounter(self, one: int, other: int) -> Encounter:
         """Return the encounter of two vehicles.
@@ -319,28 +301,19 @@ class Run:
         values = self.values(column)
         return values[~np.isnan(values)]
 
-    def density(
-        self,
-        column: str,
-        *,
-        bandwidth: float = BANDWIDTH,
-        reflect: bool | None = None,
-        until_s: float | None = None,
-    ) -> Density:
+    def density(self, column: str, *, bandwidth: float = BANDWIDTH, until_s: float | None = None) -> Density:
         """Return density and cumulative density of a metric with its 95 % band.
 
         Args:
             bandwidth: of the kernel, in the metric's unit.
-            reflect: as of `metric_density`; None: as set in the run.
             until_s: as of `values`.
         """
-        folded = bool(self.info.get("reflect", True)) if reflect is None else reflect
         column = self.column(column)
         if column == COLLISION:
             raise UsageError(f"{column}: is 0 or 1 in each future and has no density; see its share instead")
         width = self._half_widths(until_s)[column]
         values = self.values(column, until_s=until_s)
-        return metric_density(values, width, reflect=folded, bandwidth=bandwidth)
+        return metric_density(values, width, bandwidth=bandwidth)
 
     def _half_widths(self, until_s: float | None) -> dict[str, float]:
         if until_s not in self._widths:

@@ -6,7 +6,6 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.behaviors.spec import ModelEntry
 from scex_sumo.rules.ruled import RuledDriver, RuledProfile
 
@@ -49,4 +48,3 @@ RUNS_RED = _violation("does not stop at lights", 71, lights=False)
 IGNORES_PRIORITY = _violation("gives way to nobody", 72, priority=False)
 CUTS_IN = _violation("changes to a lane beside it without looking", 73, sideways="cuts_in")
 DRIFTS = _violation("leaves its lane sideways", 74, sideways="drifts")
-VIOLATIONS = f"{DEFAULT_MODELS},runs_red,ignores_priority,cuts_in,drifts"

@@ -243,21 +243,21 @@ def mixed_density(
     samples: ArrayLike,
     bandwidth: float = BANDWIDTH,
     *,
-    reflect: bool | None = None,
     half_width: float | None = None,
     least: float = MIN_SHARE,
 ) -> Density:
     """Return atoms and the kernel density of the rest; arguments as of `density`.
 
+    The density below 0 is folded back if no sample is negative.
+
     Args:
-        reflect: fold the density below 0 back; by default if no sample is negative.
         least: share above which a value is an atom.
     """
     values = checked(samples, "density")
     if values.size == 0:
         raise InputError("density: no samples; the metric is defined in no future")
     atoms, rest = split_atoms(values, least)
-    folded = bool(values.min() >= 0) if reflect is None else reflect
+    folded = bool(values.min() >= 0)
     finite = values[np.isfinite(values)]
     grid = np.union1d(common_grid(finite, bandwidth), [atom.value for atom in atoms])
     grid = grid[grid >= 0] if folded else grid

@@ -1,11 +1,11 @@
-"""Designs of assignments: independent draws, and balanced ones, which need fewer futures.
+"""Balanced draw of assignments, which needs fewer futures than independent draws for the same certainty.
 
-A design gives every future (row) a level, a behaviour model, for each factor, a vehicle.
+It gives every future (row) a level, a behaviour model, for each factor, a vehicle.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -98,26 +98,6 @@ def _next_row(
             break
     best = next(start for start in range(starts) if added[start] <= min(added) + _TIE)
     return np.array([mine[best] for mine in levels], dtype=np.int64)
-
-
-def independent(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
-    """Return (R, F) independent draws of levels; arguments as of `balanced`."""
-    return _between(_edges(shares), rng.random((rows, len(shares))))
-
-
-DESIGNS: Final[Mapping[str, Callable[[Shares, int, np.random.Generator], IntArray]]] = {
-    "random": independent,
-    "balanced": balanced,
-}
-"""Designs by name. The rows of a shorter design begin a longer one."""
-
-DEFAULT_DESIGN: Final = "balanced"
-
-
-def check_design(name: str) -> None:
-    """Raise a `UsageError` for an unknown design."""
-    if name not in DESIGNS:
-        raise UsageError(f"--design: unknown design {name!r}; known: {', '.join(DESIGNS)}")
 
 
 def _edges(shares: Shares) -> list[FloatArray]:

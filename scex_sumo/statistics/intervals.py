@@ -14,11 +14,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import combinations
 from math import comb
-from tempfile import TemporaryFile
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import InputError
@@ -34,8 +32,8 @@ _FORMS_FOR: Final = (0.5, 0.2, 0.1, 0.2)  # components by order, then the rest, 
 _TYPICAL: Final = (0.6, 0.2, 0.1, 0.1)  # prior components of shares
 _PRIOR_FUTURES: Final = 30  # weight of the typical components
 _BLOCK_ROWS: Final = 1024
-MAX_DOUBLE: Final = 4096
-"""Futures up to which memory keeps the matrices of blocks; for more, a file does, in single precision."""
+MAX_FUTURES: Final = 4096
+"""With more, the interval is that of independent draws: it is narrow, and the matrices need memory."""
 
 _THRESHOLDS: Final = 33
 _WIDEST: Final = 0.9  # quantile over thresholds
@@ -60,21 +58,19 @@ class DesignIntervals:
 
         Args:
             levels: (C, V) model of each vehicle in each future, whole numbers from 0.
-            design: how the assignments were drawn; ``all`` are all assignments.
+            design: how the assignments were drawn: ``balanced``, ``all`` of them, or ``random``.
             shares: per vehicle, the intended share of each level; by default equal for all that occur.
         """
         self.count = len(levels)
         factors = _factors(np.asarray(levels, dtype=np.int64), shares)
         self.whole = design == "all"
-        self.balanced = design not in ("random", "all") and bool(factors) and self.count >= MIN_FUTURES
+        some = MIN_FUTURES <= self.count <= MAX_FUTURES
+        self.balanced = design not in ("random", "all") and bool(factors) and some
         self._blocks: list[_Block] = []
         if self.balanced:
             starts = range(0, self.count, _BLOCK_ROWS)
             parts = [slice(start, start + _BLOCK_ROWS) for start in starts]
-            compact = self.count > MAX_DOUBLE
-            self._blocks = [
-                _Block([(level[p], share) for level, share in factors], p, compact=compact) for p in parts
-            ]
+            self._blocks = [_Block([(level[p], share) for level, share in factors], p) for p in parts]
 
     def variance(self, values: FloatArray) -> FloatArray:
         """Return (M,) variances of the means of values (C, M) over the futures under the design."""
@@ -181,9 +177,7 @@ class _Block:
         design: (K + 1, K + 1) the quadratic forms for components of 1.
     """
 
-    def __init__(
-        self, factors: Sequence[tuple[IntArray, FloatArray]], rows: slice, *, compact: bool = False
-    ) -> None:
+    def __init__(self, factors: Sequence[tuple[IntArray, FloatArray]], rows: slice) -> None:
         self.rows, self.size = rows, len(factors[0][0])
         every = _kernels(factors)
         kernels = [*every[:ORDERS], np.eye(self.size)]
@@ -199,12 +193,7 @@ class _Block:
         inverse -= np.outer(sums, sums) / sums.sum()
         parts = [inverse @ kernel for kernel in kernels]
         self.design = np.array([[np.sum(a * b.T) for b in parts] for a in parts])
-        self._matrices: Sequence[NDArray[np.floating]] = [inverse, *kernels[:-1]]
-        self._file = TemporaryFile() if compact else None  # noqa: SIM115 - open as long as the block
-        if self._file is not None:
-            for matrix in self._matrices:
-                matrix.astype(np.float32).tofile(self._file)
-            self._matrices = ()
+        self._matrices = [inverse, *kernels[:-1]]
 
     def of_orders(self, components: Sequence[float]) -> FloatArray:
         """Return (K + 1,) components of the orders that occur, and of the rest."""
@@ -212,12 +201,8 @@ class _Block:
 
     def forms(self, values: FloatArray) -> FloatArray:
         """Return (K + 1, M) quadratic forms of the residuals of values (R, M)."""
-        matrices = self._matrices
-        if self._file is not None:
-            self._file.seek(0)
-            matrices = list(np.fromfile(self._file, np.float32).reshape(-1, self.size, self.size))
-        residuals = matrices[0] @ values
-        alike = [kernel @ residuals for kernel in matrices[1:]]  # the rest has the identity
+        residuals = self._matrices[0] @ values
+        alike = [kernel @ residuals for kernel in self._matrices[1:]]  # the rest has the identity
         return np.stack([(residuals * part).sum(axis=0) for part in (*alike, residuals)])
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from scex_sumo.commands.console import progress_bar, resumable, warn
-from scex_sumo.commands.options import Every, MinVehicles, Processes, Roots, Seed
+from scex_sumo.commands.options import Every, Processes, Roots
 from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:
@@ -22,12 +22,10 @@ def catalogue_command(
     roots: Roots,
     count: Annotated[int, Option(help="Cases.")] = 50,
     every: Every = 1.0,
-    min_vehicles: MinVehicles = 2,
     to: Annotated[
         str, Option(metavar="FORMAT,...", help="Files of each case for simulators; none: no files.")
     ] = "openscenario,commonroad,sumo",
     licence: Annotated[str, Option(metavar="TEXT", help="Sentence on what the recordings allow.")] = "",
-    seed: Seed = 0,
     workers: Processes = "auto",
     overwrite: Annotated[bool, Option("--overwrite", help="Replace another suite.")] = False,
     out: Annotated[Path, Option("-o", "--out", metavar="OUT", help="Folder of the suite.")] = Path("suite"),
@@ -40,9 +38,7 @@ def catalogue_command(
             roots,
             out=out,
             count=count,
-            seed=seed,
             every=every,
-            min_vehicles=min_vehicles,
             formats=() if to == "none" else tuple(name.strip() for name in to.split(",")),
             licence=licence,
             workers=workers,

@@ -16,10 +16,10 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import ScexError
-from scex_sumo.behaviors.registry import ModelSpec, build, parse_models
 from scex_sumo.conflicts.pairs import Conflicts
 from scex_sumo.decision.law import law, over_futures
 from scex_sumo.decision.pairs import pair_table
+from scex_sumo.drivers.registry import ModelSpec, build, parse_models
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
 from scex_sumo.extrapolation.loop.measure import measure_conflicts
 from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out

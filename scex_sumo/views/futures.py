@@ -17,31 +17,13 @@ from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import precedence_words, share_of
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
-from scex_sumo.views.drawings import FutureView
 from scex_sumo.views.replay import write_view
+from scex_sumo.world.drawings import FutureView
 
 
 def write_future(run: Run, number: int) -> Path:
     """Write the view of one future, and return the file to open."""
     return _write(run, [_future_view(run, number)])
-
-
-def event_of(
-    run: Run, number: int, *, critical: str | None = None, encounter: tuple[int, int] | None = None
-) -> tuple[list[int], str]:
-    """Return the track ids of a future's event, none for all vehicles, and the event in words.
-
-    Args:
-        critical: metric whose extremum is the event.
-        encounter: two track ids.
-    """
-    if encounter is not None:
-        return list(encounter), _named(encounter)
-    if critical is None:
-        return [], ""
-    column = run.column(critical)
-    row = _worst_row(run, number, column)
-    return _tracks(row), f"{_value(run, number, column)} · {_named(_tracks(row))}".rstrip(" ·")
 
 
 def _worst_row(run: Run, number: int, column: str) -> dict[str, Any]:

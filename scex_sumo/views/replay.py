@@ -25,7 +25,8 @@ from scex_sumo.converters.net.text import points_of
 from scex_sumo.converters.net.xml import net_root
 from scex_sumo.converters.tracks.road_users import PEOPLE, obstacle_kinds, road_user
 from scex_sumo.scene import STEP_S, SeedScene
-from scex_sumo.views.drawings import (
+from scex_sumo.views.fcd import FcdTracks, LaneFinder, write_fcd
+from scex_sumo.world.drawings import (
     WINDOW_SIZE,
     Frame,
     FutureView,
@@ -40,7 +41,6 @@ from scex_sumo.views.drawings import (
     readable,
     write_view_settings,
 )
-from scex_sumo.views.fcd import FcdTracks, LaneFinder, write_fcd
 from scex_sumo.world.tiles import TileLayout, TileTemplate, template_of
 from scex_sumo.world.vehicle_types import given_type
 

@@ -17,15 +17,7 @@ if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
 
 DEFAULT_WORLD = "sumo"
-WORLDS = Registry(
-    group="scex_sumo.worlds",
-    kind="world",
-    builtin={
-        "sumo": "scex_sumo.world.sumo:SumoSimulator",
-        "plain": "scex_sumo.world.plain:PlainSimulator",
-        "checked": "scex_sumo.world.checked:CheckedSimulator",
-    },
-)
+WORLDS = Registry(group="scex_sumo.worlds", kind="world")
 
 
 class World(Protocol):

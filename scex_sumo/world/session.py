@@ -11,11 +11,10 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass, fields
 from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import writing
-from scex_sumo.base.importing import Registry
 from scex_sumo.base.sumo.programs import checked_path, program
 from scex_sumo.scene import STEP_S
 from scex_sumo.world.tiles import TILE_SLOTS, template_of, tile_id
@@ -23,7 +22,6 @@ from scex_sumo.world.vehicle_types import TypeBook
 
 if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
-    from scex_sumo.world.tiles import TileLayout, TileTemplate
 
 ANY_ROUTE = "anywhere"  # moved vehicles never follow it
 
@@ -42,19 +40,6 @@ _OPTIONS = (
 _open = False
 one_at_a_time = threading.RLock()
 """Held by a thread that uses what a process has once: libsumo, its current folder, standard error."""
-
-WINDOWS = Registry(group="scex_sumo.windows", kind="live window")
-"""Functions ``write(folder, tiles, delay_ms=...)`` that return additional files and options of SUMO."""
-
-
-class Tiles(NamedTuple):
-    """Tiles that a live window shows, with the drawing of the net, and the models that its legend names."""
-
-    template: TileTemplate
-    layout: TileLayout
-    slots: Sequence[int]
-    extras: Path | None
-    models: Sequence[str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,8 +162,10 @@ class SumoSession:
         self._types.write(types)
         additional, options = [types], ["-n", checked_path(net)]
         if self._gui:
+            from scex_sumo.world.window import Tiles, write_window
+
             tiles = Tiles(self._template, self.layout, self.slots, self._extras, self._models)
-            drawn, settings = WINDOWS.load("sumo-gui")(self._folder, tiles, delay_ms=self._delay_ms)
+            drawn, settings = write_window(self._folder, tiles, delay_ms=self._delay_ms)
             additional += drawn
             options += [*settings, "--start", "true", "--quit-on-end", "true"]
         return [*options, "-a", ",".join(str(path) for path in additional)]

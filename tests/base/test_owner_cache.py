@@ -12,8 +12,8 @@ from scex_sumo.behaviors.models.idm import desired_speeds
 from scex_sumo.humans.guard.corridors import expected
 from scex_sumo.learned.inputs.raster import raster_of
 from scex_sumo.learned.inputs.surface import path_room
-from scex_sumo.learned.scene_graph.graph import scene_graph
 from scex_sumo.plug_in.inputs import lane_pieces
+from scex_sumo.scene_graph.graph import scene_graph
 from tests.behaviors import roads
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.listing import known_entries
-from scex_sumo.behaviors.registry import build, entry_of, parse_models
+from scex_sumo.drivers.listing import known_entries
+from scex_sumo.drivers.registry import build, entry_of, parse_models
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 from tests.behaviors import roads
 from tests.learned import nets

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from scex_sumo.behaviors.registry import entry_of
+from scex_sumo.drivers.registry import entry_of
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,8 @@
 import pytest
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.commands import options
 from scex_sumo.commands.options import processes
-from scex_sumo.extrapolation import options
 
 
 def test_auto_is_one_process_for_each_core(monkeypatch: pytest.MonkeyPatch) -> None:

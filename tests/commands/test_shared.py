@@ -121,7 +121,6 @@ def test_quiet_leaves_warnings_and_verbose_says_where_an_error_comes_from(tmp_pa
 @pytest.mark.parametrize(
     ("option", "said"),
     [
-        (("--batch", 0), "--batch"),
         (("--under-test", "3=nope"), "unknown behavior 'nope'"),
         (("--time", "nan"), "--time"),
         (("--world", "plain", "--gui"), "--gui shows SUMO"),

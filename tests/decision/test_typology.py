@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from scex_sumo.conflicts.ways import Ways
-from scex_sumo.converters.net.convert import converted
 from scex_sumo.decision.moment import human_part, pairs_of_part
 from scex_sumo.decision.typology import conflict_of, kinds_of
 from scex_sumo.extrapolation.job import ruled
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.road import Lane, Road
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 from tests.decision import families

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 import scex_sumo as scex
+from tests.environment.drivers import as_in_a_run
 from tests.runs import extrapolate
 
 gymnasium = pytest.importorskip("gymnasium")
 
-from scex_sumo.environment import SEED_ENV  # noqa: E402
+from scex_sumo.environment import SEED_ENV, vector_env  # noqa: E402
 from scex_sumo.environment.policy import PolicyDriver  # noqa: E402
 
 AGENT = 6
@@ -46,14 +47,13 @@ def straight(seen: Any) -> Any:
 
 @pytest.mark.parametrize(("policy", "action"), [(Predicts(), "control"), (straight, "plan")])
 def test_it_drives_as_in_its_environment(
-    scene: scex.SeedScene, policy: Any, action: Any, tmp_path: Path
+    scene: scex.SeedScene, policy: Any, action: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Same drivers of the others, actions held for 0.5 s in both."""
+    monkeypatch.setattr(vector_env, "random_assignments", as_in_a_run())
     driver = PolicyDriver(policy, action=action, observation="dict")
     options: dict[str, Any] = {"models": "rules", "steps": 30}
-    run = extrapolate(
-        scene, futures=4, design="random", seed=3, assign={AGENT: driver}, out=tmp_path / "run", **options
-    )
+    run = extrapolate(scene, futures=4, seed=3, assign={AGENT: driver}, out=tmp_path / "run", **options)
     place = scene.track_ids.tolist().index(AGENT)
     envs = gymnasium.make_vec(
         SEED_ENV,

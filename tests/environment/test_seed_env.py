@@ -13,13 +13,14 @@ import pytest
 import scex_sumo as scex
 from scex_sumo.base.errors import UsageError
 from scex_sumo.scene import States
+from tests.environment.drivers import as_in_a_run
 from tests.runs import extrapolate
 
 gymnasium = pytest.importorskip("gymnasium")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
-from scex_sumo.environment import SEED_ENV  # noqa: E402
+from scex_sumo.environment import SEED_ENV, vector_env  # noqa: E402
 from scex_sumo.environment.agent import controlled  # noqa: E402
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -39,20 +40,22 @@ def test_gymnasium_accepts_it(scene: scex.SeedScene, options: dict[str, Any]) ->
         check_env(gymnasium.make(SEED_ENV, seed_scene=scene, **options).unwrapped)
 
 
-def test_the_others_drive_as_in_a_run(scene: scex.SeedScene, tmp_path: Path) -> None:
+def test_the_others_drive_as_in_a_run(
+    scene: scex.SeedScene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """An agent that repeats a run's driver: the others end where they end in that run's futures."""
     count, agent = 24, 6
+    place = scene.track_ids.tolist().index(agent)
+    monkeypatch.setattr(vector_env, "random_assignments", as_in_a_run(place))
     run = extrapolate(
         scene,
         futures=count,
-        design="random",
         seed=3,
         models="rules",
         assign={agent: "constant_velocity"},
         out=tmp_path / "run",
     )
     states = States.stack([run.states(future) for future in range(count)], axis=0)[:, :, -30:]
-    place = scene.track_ids.tolist().index(agent)
     track, now = states[:, place], scene.now[place]
     envs = gymnasium.make_vec(
         SEED_ENV, num_envs=count, seed_scene=scene, agent=agent, models="rules", action="plan", hold=1

@@ -49,23 +49,12 @@ def test_a_result_folder_is_evaluated_after_its_history(
     assert table["distance_mean"].to_pylist() == [pytest.approx(19.5)]
 
 
-def test_limits_by_type_reach_wttc(tracks: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = []
-    for extra in ((), ("--wttc-limits", "car=1.0,truck=3")):
-        out = tmp_path / "out.csv"
-        assert call(monkeypatch, tracks, "--metrics", "wttc", "-o", out, *extra) == 0
-        found.append(csv.read_csv(out)["wttc"][0].as_py())
-    assert found[0] < found[1] < 14.5 / 10 * 1.1
-
-
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [
         (["--level", "pairs"], 2, "unknown level 'pairs'; known: pair, scene, scenario, worst"),
-        (["--preset", "best"], 2, "unknown preset 'best'; known: paper, path"),
+        (["--preset", "best"], 2, "unknown metric 'best'; nearest: "),
         (["--metrics", "ttc,speed"], 2, "unknown metric 'speed'; nearest: "),
-        (["--wttc-limits", "car"], 2, "car: needs TYPE=M/S2"),
-        (["--wttc-limits", "car=-1"], 1, "largest acceleration of type 'car' is -1.0"),
         (["-o", "out.xlsx"], 2, "unknown format '.xlsx'"),
     ],
 )

@@ -7,9 +7,9 @@ import subprocess
 import pytest
 
 from scex_sumo.base.sumo.programs import environment, program
+from scex_sumo.generators.populated import synthetic_seed
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
-from scex_sumo.scenarios.populated import synthetic_seed
 from scex_sumo.scenarios.seeds import read_seed
 from tests.runs import extrapolate
 

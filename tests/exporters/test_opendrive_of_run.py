@@ -10,9 +10,9 @@ import pytest
 from scex_sumo.converters.maps import read_map
 from scex_sumo.exporters.opendrive.file import opendrive_text
 from scex_sumo.exporters.request import EXPORTERS, Request
+from scex_sumo.generators.populated import synthetic_seed
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
-from scex_sumo.scenarios.populated import synthetic_seed
 from tests.runs import extrapolate
 
 

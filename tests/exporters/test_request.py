@@ -10,20 +10,11 @@ from pyarrow import csv
 
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.converters.datasets.interaction import marked_vehicles
-from scex_sumo.exporters.request import EXPORTERS, Request, critical_futures
+from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 from tests.runs import extrapolate
-
-
-def test_the_most_critical_futures_come_worst_first(run: Run) -> None:
-    futures = critical_futures(run, "wttc", 3)
-    values = run.metrics["wttc"].to_numpy()
-    assert futures[0] == run.most_critical("wttc")
-    assert list(values[list(futures)]) == sorted(values)[:3]
-    with pytest.raises(UsageError, match="unknown metric 'nonsense'; nearest: "):
-        critical_futures(run, "nonsense", 1)
 
 
 def test_six_futures_are_the_modalities_of_an_interpret_case(run: Run, tmp_path: Path) -> None:

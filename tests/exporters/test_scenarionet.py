@@ -11,9 +11,9 @@ import pytest
 
 from scex_sumo.converters.datasets.reader import read_recorded
 from scex_sumo.converters.maps import read_map
-from scex_sumo.converters.net.convert import convert
 from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.formats.scenarionet import unpickle
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.results.run import Run
 

@@ -38,7 +38,9 @@ def test_a_gif_shows_every_frame_for_a_tenth_of_a_second(run: Run, tmp_path: Pat
 
 def test_an_mp4_plays_in_real_time_and_rings_the_critical_pair(run: Run, tmp_path: Path) -> None:
     av = pytest.importorskip("av")
-    export_command(run.folder, critical="ttc", to="mp4", out=tmp_path / "ringed.mp4")
+    met = run.encounters.slice(0, 1).to_pylist()[0]
+    pair = f"{met['track_id']},{met['other_id']}"
+    export_command(run.folder, encounter=pair, to="mp4", out=tmp_path / "ringed.mp4")
     with av.open(tmp_path / "ringed.mp4") as film:
         stream = film.streams.video[0]
         assert (stream.width, stream.height, stream.average_rate) == (1280, 720, 30)
@@ -46,7 +48,7 @@ def test_an_mp4_plays_in_real_time_and_rings_the_critical_pair(run: Run, tmp_pat
         assert len(pictures) == 39 * 3 + 1 + 30
         last = pictures[-1].to_image()
     assert pixels(last, RING, 24) > 300  # no model's colour is near it
-    for model in set(run.models_of(run.most_critical("ttc"))):
+    for model in set(run.models_of(met["future"])):
         assert pixels(last, colors_of(run)[model], 24) > 200
 
 

@@ -60,7 +60,12 @@ def test_a_declared_map_format_is_imported_for_its_own_maps_alone(tmp_path: Path
     code = """
 from scex_sumo.converters.registries import Declaration
 
-DECLARED = Declaration(lambda path: path.suffix == ".xyz", "xyz_reader")
+DECLARED = def _reader():
+    import xyz_reader
+
+    return xyz_reader
+
+DECLARED = Declaration(lambda path: path.suffix == ".xyz", _reader)
 """
     (tmp_path / "xyz_reader.py").write_text(f"print('imported')\n{CODE}")
     install(tmp_path, group="scex_sumo.maps", name="xyz", target="stranger:DECLARED", code=code)

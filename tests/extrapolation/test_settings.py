@@ -14,10 +14,10 @@ from scex_sumo import extrapolate
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import options_of
 from scex_sumo.behaviors.spec import ModelSpec
-from scex_sumo.commands.run import run_command
 from scex_sumo.extrapolation.extras import run_options
 from scex_sumo.extrapolation.options import RunOptions
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.steps.run_command import run_command
 from tests.seeds import straight_seed
 
 
@@ -33,8 +33,6 @@ from tests.seeds import straight_seed
         ({"futures": 10**8}, "--futures: got 100,000,000, at most 100,000 are run"),
         ({"steps": 10**5}, "--steps: got 100,000, at most 6,000 are run"),
         ({"futures": "some"}, "--futures: got 'some', needs a number or 'all'"),
-        ({"design": "best"}, "unknown design 'best'"),
-        ({"until_band": 0.05, "futures": "all"}, "--until-band: not possible with --futures all"),
         ({"thresholds": {"speed": 3.0}}, "--threshold: unknown metric 'speed'; nearest: "),
         ({"thresholds": {"ttc": float("nan")}}, "--threshold ttc=nan: not a finite number"),
     ],
@@ -56,10 +54,8 @@ def test_more_states_than_a_machine_holds_are_refused_with_their_number() -> Non
         ({"futures": 0}, "futures: got 0, needs at least 1"),
         ({"under_test": {7: "parked"}, "assign": {7: "replay"}}, "under_test 7: assign names this vehicle"),
         ({"thresholds": {"nope": 1.0}}, "thresholds: unknown metric 'nope'"),
-        ({"until_band": 2.0}, "until_band: got 2.0, needs to be between 0 and 1"),
         ({"worker": 2}, "unknown option 'worker'; nearest: workers"),
         ({"seed": 1.5}, "^seed: got 1.5, needs int"),
-        ({"until_band": "x"}, r"^until_band: got 'x', needs float \| None"),
         ({"assign": 3}, r"^assign: got 3, needs Mapping\[int"),
         ({"reference": "nope"}, "unknown behavior 'nope'"),
         ({"out": Path(__file__)}, r"out .*test_settings.py: is a file"),
@@ -81,7 +77,7 @@ def test_the_command_line_has_the_options_of_python_and_their_defaults() -> None
     shown = {name: p.default for name, p in inspect.signature(run_command).parameters.items()}
     options = {name: one for kind in run_options() for name, one in options_of(kind).items()}
     assert set(options) <= set(shown)
-    assert {"models", "out", "reference", "report", "baseline"} <= set(options)
+    assert {"models", "out", "reference", "report"} <= set(options)
     defaults = {field.name: field.default for kind in run_options() for field in dataclasses.fields(kind)}
     given = [name for name, one in options.items() if not (one.takes or one.several)]
     assert all(shown[name] == defaults[name] for name in given)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from scex_sumo import find_recordings, load_recording, read_seed
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.lanelet2sumo.judge.report import check_net
 from tests.formats import streets
 from tests.runs import extrapolate

@@ -9,7 +9,7 @@ import pytest
 
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.projection import to_local
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.road import Road
 from tests.converters.sumo_roads import NetFile, lane, load, road
 

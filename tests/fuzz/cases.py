@@ -194,7 +194,7 @@ def _simulation(sources: Sources, work: Path, rng: Random) -> tuple[str, list[st
     wanted = {
         "g.net.xml": rng.choice((["--synthetic", "4"], ["--fcd", "g.fcd.xml"])),
         "g.fcd.xml": ["--fcd", "g.fcd.xml"],
-        "s.xml": ["--state", "s.xml"],
+        "s.xml": ["--tracks", "s.xml"],
     }
     return f"{file.name}: {how}", ["run", "g.net.xml", *wanted[file.name], *RUN]
 
@@ -278,7 +278,7 @@ def _detectors(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str
     commands = (
         ["run", net.name, "--synthetic", "4", *RUN],
         ["convert", net.name, "-o", "new.net.xml"],
-        ["convert", "--check", net.name, "--map", net.name],
+        ["convert", net.name, "--check", net.name],
     )
     return how, rng.choice(commands)
 
@@ -345,7 +345,7 @@ def _options(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]
 
 _OPTIONS: Final = (
     *("--futures", "--steps", "--replan", "--time", "--case", "--synthetic", "--origin", "--models"),
-    *("--assign", "--until-band", "--threshold", "--metrics", "--seed", "--workers", "--batch", "--design"),
+    *("--assign", "--threshold", "--metrics", "--seed", "--workers", "--region"),
     "--tracks",
 )
 

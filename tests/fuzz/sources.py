@@ -18,7 +18,7 @@ from tests.formats.sumo.simulations import write_grid
 EXAMPLES = Path(scex_sumo.__file__).parent / "scenarios/data"
 RUN: Final = ("--futures", "3", "--steps", "5", "--no-plots", "--reference", "none")
 KEPT: Final = {
-    "run": ("run", "data/urban_intersection.osm", *RUN, "--batch", "1", "-o", "out"),
+    "run": ("run", "data/urban_intersection.osm", *RUN, "-o", "out"),
     "rank": ("rank", "data", "--every", "4", "--futures", "4", "--top", "1", "-o", "out"),
     "validate": ("validate", "data", "--every", "4", "--futures", "4", "-o", "out"),
 }

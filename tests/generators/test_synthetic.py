@@ -16,11 +16,11 @@ from shapely.geometry import LineString, Point, Polygon
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.generators import synthetic
 from scex_sumo.generators.drive import Drive
 from scex_sumo.generators.synthetic import synthetic_scene
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.road import Road
 from scex_sumo.scenarios import example_path
 from scex_sumo.scene import SeedScene, States

@@ -11,7 +11,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths
-from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.humans.attention import Attention, _bounds, kept_clear, looks_away, yielding
 from scex_sumo.humans.driver import LikelyDriver, LikelyProfile
 from scex_sumo.humans.guard.conflicts import StopLines

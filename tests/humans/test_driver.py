@@ -13,7 +13,7 @@ from scex_sumo.base.draws import uniforms
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.paths import seed_paths
-from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.humans.driver import LikelyDriver, LikelyProfile, effective_headway, human_of
 from scex_sumo.humans.observed.observations import (
     acceleration_around,

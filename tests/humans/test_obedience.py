@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.humans.obedience import RULE_PARAMETERS, manner_of
 from scex_sumo.road import Passage, Rules
 from scex_sumo.scene import States

@@ -9,7 +9,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -19,8 +18,10 @@ from scex_sumo.metrics.registry import COLUMNS, columns_of, metrics_named
 from tests.command import ALONE, scex
 
 BOTH = columns_of(metrics_named(["paper", "path"]))
+DRIVEN = [name for name in columns_of(metrics_named(["paper"])) if not name.startswith("gap_time")]
+"""Columns that no plan changes."""
 TABLES = (
-    *("tracks", "plans", "metrics", "assignments", "densities"),
+    *("tracks", "metrics", "assignments", "densities"),
     *("worst", "collisions", "encounters", "recorded"),
 )
 ROUNDABOUT = scex_sumo.example_path("roundabout")
@@ -32,7 +33,7 @@ MAP_HEAD = '<?xml version="1.0"?>\n<osm version="0.6">\n'
 def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small run of an example seed."""
     out = tmp_path_factory.mktemp("run") / "out"
-    done = scex("run", ROUNDABOUT, "--futures", 12, *QUICK, "--keep-plans", "-o", out)
+    done = scex("run", ROUNDABOUT, "--futures", 12, *QUICK, "-o", out)
     assert done.returncode == 0, done.stderr
     return out
 
@@ -80,50 +81,33 @@ def test_one_vehicle_is_run_and_its_metrics_of_pairs_are_shown_as_undefined(tmp_
 def test_the_same_seed_gives_the_same_bytes_whatever_the_batches_and_workers(
     result: Path, tmp_path: Path
 ) -> None:
-    for options in (["--batch", "5"], ["--workers", "2", "--batch", "4"]):
-        out = tmp_path / options[0].strip("-")
-        done = scex("run", ROUNDABOUT, "--futures", 12, *QUICK, "--keep-plans", "-o", out, *options)
+    for workers, vehicles in ((1, 70), (2, 28)):
+        out, options = tmp_path / str(workers), ("--futures", 12, "--workers", workers, *QUICK)
+        done = scex("run", ROUNDABOUT, *options, "-o", out, vehicles=vehicles)
         assert done.returncode == 0, done.stderr
         for table in TABLES:
             name = f"{table}.parquet"
             assert (out / name).read_bytes() == (result / name).read_bytes(), (options, name)
 
 
-def same_values(result: Path, evaluated: Path) -> pa.Table:
-    """The run's own metrics, which the evaluated ones equal to the last digits, gap times included."""
+def same_values(result: Path, evaluated: Path) -> None:
+    """The run's own metrics of tracks alone, which the evaluated ones equal to the last digits."""
     mine, again = pq.read_table(result / "metrics.parquet"), pq.read_table(evaluated)
     assert again["case_id"].to_pylist() == mine["future"].to_pylist()
     assert again["collision"].equals(mine["collision"])
-    for column in BOTH:
+    for column in DRIVEN:
         assert again[column].is_null().equals(mine[column].is_null()), column
         known = mine[column].drop_null().to_pylist()
         assert again[column].drop_null().to_pylist() == pytest.approx(known, rel=1e-9, abs=1e-9), column
-    return mine
 
 
-def test_long_futures_with_few_plans_are_evaluated_again_whole(tmp_path: Path) -> None:
-    """Recordings of 200 steps and more are cut into windows; futures are not, history included."""
-    options = ("--futures", 2, "--steps", 195, "--replan", 17, *QUICK, "--keep-plans")
+def test_long_futures_are_evaluated_again_in_windows(tmp_path: Path) -> None:
+    """Tracks of 200 steps and more are cut, history included."""
+    options = ("--futures", 2, "--steps", 195, "--replan", 17, *QUICK)
     done = scex("run", ROUNDABOUT, *options, "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert scex("metrics", tmp_path / "out", "-o", tmp_path / "again.parquet").returncode == 0
-    mine = same_values(tmp_path / "out", tmp_path / "again.parquet")
-    assert mine["gap_time"].null_count < 2
-
-
-def test_without_plans_gap_times_are_of_the_tracks_driven_and_that_is_said(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    done = scex("run", ROUNDABOUT, "--futures", 2, *QUICK, "-o", out)
-    assert done.returncode == 0, done.stderr
-    assert not (out / "plans.parquet").exists()
-    done = scex("metrics", out, "-o", tmp_path / "again.parquet")
-    assert done.returncode == 0
-    (line,) = done.stderr.splitlines()
-    assert line.startswith("note: ")
-    assert "has no plans.parquet" in line
-    mine, again = (pq.read_table(file) for file in (out / "metrics.parquet", tmp_path / "again.parquet"))
-    assert again["wttc"].to_pylist() == pytest.approx(mine["wttc"].to_pylist())
-    assert again["gap_time"].to_pylist() != mine["gap_time"].to_pylist()
+    same_values(tmp_path / "out", tmp_path / "again.parquet")
 
 
 def test_an_interrupted_run_is_resumed_to_the_same_bytes(result: Path, tmp_path: Path) -> None:
@@ -133,7 +117,9 @@ def test_an_interrupted_run_is_resumed_to_the_same_bytes(result: Path, tmp_path:
         "def stop(done, total):\n"
         "    if done >= 6 * 30 + 5: raise KeyboardInterrupt\n"
         f"seed = scex_sumo.read_seed({str(ROUNDABOUT)!r})\n"
-        f"options = dict(keep_plans=True, batch=4, out={str(out)!r}, progress=stop)\n"
+        "import scex_sumo.extrapolation.job as job\n"
+        "job.VEHICLES_AT_ONCE = 4 * seed.vehicles\n"
+        f"options = dict(out={str(out)!r}, progress=stop)\n"
         "scex_sumo.extrapolate(seed, futures=12, reference=None, report=False, **options)\n"
     )
     stopped = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
@@ -141,7 +127,7 @@ def test_an_interrupted_run_is_resumed_to_the_same_bytes(result: Path, tmp_path:
     assert (out / "incomplete.json").exists()
     assert not (out / "run.json").exists()
     assert "interrupted" in refused("view", out, "--future", 0)
-    done = scex("run", ROUNDABOUT, "--futures", 12, *QUICK, "--keep-plans", "-o", out)
+    done = scex("run", ROUNDABOUT, "--futures", 12, *QUICK, "-o", out)
     assert done.returncode == 0, done.stderr
     for table in TABLES:
         name = f"{table}.parquet"
@@ -235,7 +221,6 @@ def test_what_is_no_map_is_said(tmp_path: Path, content: str, words: str) -> Non
         (["--synthetic", "3", "--case", "1"], "--case"),
         (["--origin", "here"], "here"),
         (["--workers", "0"], "--workers"),
-        (["--batch", "0"], "--batch"),
         (["--seed", "-1"], "--seed"),
     ],
 )
@@ -285,7 +270,7 @@ def test_a_run_interrupted_while_it_reads_says_so_and_fails(tmp_path: Path, numb
 def test_a_disk_that_is_full_is_said_in_one_line(tmp_path: Path, workers: int) -> None:
     """A limit on the size of files stands for the disk: the tables of 40 futures are larger."""
     limited = f"ulimit -f 100; exec {sys.executable} -m scex_sumo run {ROUNDABOUT} --no-plots"
-    command = ["bash", "-c", f"{limited} --futures 40 --batch 20 --workers {workers} -o {tmp_path}/out"]
+    command = ["bash", "-c", f"{limited} --futures 40 --workers {workers} -o {tmp_path}/out"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 1, done.stdout
     lines = [line for line in done.stderr.splitlines() if not line.startswith("note: ")]
@@ -320,7 +305,7 @@ def test_a_result_with_a_colon_in_its_relative_name_is_read_and_evaluated(name: 
         return scex(*arguments, cwd=tmp_path)
 
     for arguments in (
-        ("run", ROUNDABOUT, "--futures", 2, "--steps", 5, "--keep-plans", "-o", name),
+        ("run", ROUNDABOUT, "--futures", 2, "--steps", 5, "-o", name),
         ("report", name),
         ("metrics", name, "-o", "again:1.parquet"),
         ("metrics", f"{name}/tracks.parquet", "-o", "again:2.parquet"),

@@ -8,6 +8,7 @@ import pytest
 
 import scex_sumo as scex
 from scex_sumo.base.files import sha256_of
+from scex_sumo.extrapolation import job
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from tests.learned import nets
@@ -37,18 +38,19 @@ def models(tmp_path_factory: pytest.TempPathFactory, scene: SeedScene) -> list[s
     ]
 
 
-def ran(scene: SeedScene, models: list[str], out: Path, *, batch: int, workers: int) -> Run:
-    return extrapolate(
-        scene, models=models, futures=FUTURES, steps=10, batch=batch, workers=workers, seed=3, out=out
-    )
+def ran(scene: SeedScene, models: list[str], out: Path, *, workers: int = 1) -> Run:
+    return extrapolate(scene, models=models, futures=FUTURES, steps=10, workers=workers, seed=3, out=out)
 
 
-def test_batches_and_workers_change_no_byte(tmp_path: Path, scene: SeedScene, models: list[str]) -> None:
-    first = ran(scene, models, tmp_path / "first", batch=64, workers=1)
+def test_batches_and_workers_change_no_byte(
+    tmp_path: Path, scene: SeedScene, models: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = ran(scene, models, tmp_path / "first")
     tables = sorted(path.name for path in first.folder.glob("*.parquet"))
     assert "tracks.parquet" in tables
     for batch, workers in ((1, 1), (7, 1), (4, 2)):
-        other = ran(scene, models, tmp_path / f"{batch}-{workers}", batch=batch, workers=workers)
+        monkeypatch.setattr(job, "VEHICLES_AT_ONCE", batch * scene.vehicles)
+        other = ran(scene, models, tmp_path / f"{batch}-{workers}", workers=workers)
         for name in tables:
             assert (other.folder / name).read_bytes() == (first.folder / name).read_bytes(), name
 
@@ -56,7 +58,7 @@ def test_batches_and_workers_change_no_byte(tmp_path: Path, scene: SeedScene, mo
 def test_the_result_says_which_weights_drove_and_who_fell_back(
     tmp_path: Path, scene: SeedScene, models: list[str]
 ) -> None:
-    run = ran(scene, models, tmp_path / "out", batch=64, workers=1)
+    run = ran(scene, models, tmp_path / "out")
     files = {name: Path(name.rpartition("weights=")[2]) for name in models[:3]}
     assert run.info["weights"] == {name: sha256_of(file) for name, file in files.items()}
     assert run.info["fallbacks"] == []  # everybody is on the map

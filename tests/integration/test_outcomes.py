@@ -74,13 +74,10 @@ def test_futures_of_replay_are_the_recorded_row(tmp_path: Path) -> None:
             assert recorded is None or value == pytest.approx(recorded, rel=1e-6, abs=1e-9), column
 
 
-def test_presets_choose_the_columns_and_the_kernel_may_be_plain(tmp_path: Path) -> None:
+def test_presets_choose_the_columns(tmp_path: Path) -> None:
     scene = scex_sumo.read_seed(ROUNDABOUT)
-    path = extrapolate(scene, preset="path", futures=3, reflect=False, out=tmp_path / "path")
+    path = extrapolate(scene, metrics="path", futures=3, out=tmp_path / "path")
     assert path.columns[:2] == ["gap", "gap_mean"] and len(path.columns) == 14
-    wide = [path.density("gap", bandwidth=2.0, reflect=reflect).x[0] for reflect in (None, True)]
-    assert wide[0] < 0 <= wide[1]
-    assert path.density("gap").atoms == ()
-    paper = extrapolate(scene, preset="paper", futures=3, out=tmp_path / "paper")
+    paper = extrapolate(scene, metrics="paper", futures=3, out=tmp_path / "paper")
     assert len(paper.columns) == 12
-    assert "unknown 'lane'" in refused("run", ROUNDABOUT, "--preset", "lane", status=2)
+    assert "unknown metric 'lane'" in refused("run", ROUNDABOUT, "--preset", "lane", status=2)

@@ -10,10 +10,10 @@ import pyarrow.parquet as pq
 import pytest
 from rich.console import Console
 
-from scex_sumo.humans.reference import REFERENCE_FUTURES, reference_futures
 from scex_sumo.reports.run_table import print_summary, summary_table
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
+from scex_sumo.steps.reference import REFERENCE_FUTURES, reference_futures
 from tests.runs import extrapolate
 
 

@@ -54,7 +54,7 @@ def test_only_pairs_of_the_region_count_and_nothing_else_changes(tmp_path: Path)
     title = str(summary_table(part).title)
     assert f"only pairs with one of {len(inside)} vehicles within 30 m of 16" in title
     console = Console(file=io.StringIO(), width=120)
-    print_encounters(whole, console, most=3, region=Region(around=16))
+    print_encounters(whole, console, region=Region(around=16))
     assert isinstance(console.file, io.StringIO)
     said = console.file.getvalue()
     assert f"one of them collides in {part.collision.percent} of the futures" in said
@@ -63,16 +63,16 @@ def test_only_pairs_of_the_region_count_and_nothing_else_changes(tmp_path: Path)
 
 def test_a_region_is_checked() -> None:
     scene = read_seed(example_path("roundabout"))
-    assert region_of("1010,985,40", None) == Region(circle=(1010.0, 985.0, 40.0))
-    assert region_of(None, None).vehicles(scene) is None
-    for text, around, words in (
-        ("1,2", None, "--region 1,2: needs X,Y,R in m"),
-        ("1,2,-3", None, "a radius above 0 m"),
-        ("1,2,3", 16, "exclude one another"),
+    assert region_of("1010,985,40") == Region(circle=(1010.0, 985.0, 40.0))
+    assert region_of("16") == region_of(16) == Region(around=16)
+    assert region_of(None).vehicles(scene) is None
+    for text, words in (
+        ("1,2", "--region 1,2: needs X,Y,R in m, or the track id of a vehicle"),
+        ("1,2,-3", "a radius above 0 m"),
     ):
         with pytest.raises(UsageError, match=words):
-            region_of(text, around)
-    with pytest.raises(UsageError, match="--around 999: not in the seed scene; its vehicles: 3"):
+            region_of(text)
+    with pytest.raises(UsageError, match="--region 999: not in the seed scene; its vehicles: 3"):
         Region(around=999).vehicles(scene)
     with pytest.raises(UsageError, match="no vehicle there at the seed moment"):
         Region(circle=(1e6, 0.0, 5.0)).vehicles(scene)

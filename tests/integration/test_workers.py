@@ -23,6 +23,7 @@ import os, signal, sys, time
 from pathlib import Path
 import numpy as np
 import scex_sumo
+import scex_sumo.extrapolation.job as job
 
 FIRST, FLAG = os.getpid(), Path(sys.argv[1]) / "flag"
 
@@ -51,15 +52,14 @@ class Straight:
 
 if __name__ == "__main__":
     seed = scex_sumo.read_seed({seed!r})
+    job.VEHICLES_AT_ONCE = 2 * seed.vehicles
     out = Path(sys.argv[1]) / sys.argv[2]
     scex_sumo.extrapolate(
         seed,
         models=["straight"],
         futures=6,
-        batch=2,
         workers=int(sys.argv[2]),
         replan=15,
-        keep_plans=True,
         reference=None,
         report=False,
         out=out,
@@ -88,7 +88,7 @@ def test_a_script_needs_no_guard_and_its_worker_that_dies_is_replaced_which_chan
     assert (tmp_path / "flag").exists()  # a helper has planned
     info = json.loads((tmp_path / "2" / "run.json").read_text())
     assert [note for note in info["run_notes"] if "died" in note and "signal 9" in note]
-    for name in ("tracks", "metrics", "plans"):
+    for name in ("tracks", "metrics"):
         assert (tmp_path / "1" / f"{name}.parquet").read_bytes() == (
             tmp_path / "2" / f"{name}.parquet"
         ).read_bytes()
@@ -100,15 +100,13 @@ def test_a_run_that_is_over_before_its_workers_are_ready_ends_them_and_says_noth
     code = (
         "import scex_sumo\n"
         "from scex_sumo.extrapolation.engine import run_scene\n"
-        "from scex_sumo.extrapolation.options import RunOptions\n"
         "from scex_sumo.extrapolation.settings import RunSettings\n"
         "from scex_sumo.extrapolation.processes.workers import Workers\n"
         f"seed = scex_sumo.read_seed({str(ROUNDABOUT)!r})\n"
         "with Workers(2) as workers:\n"
         "    for number in range(2):\n"
         "        settings = RunSettings(futures=2, steps=1, seed=number)\n"
-        "        options = RunOptions(batch=1)\n"
-        "        run = run_scene(seed, settings, workers=workers, options=options)\n"
+        "        run = run_scene(seed, settings, workers=workers)\n"
         "        assert run.futures == 2\n"
         "        assert run.info['run_notes'] == [], run.info['run_notes']\n"
         "assert workers.deaths == []\n"
@@ -139,8 +137,10 @@ def test_too_little_address_space_is_one_line(tmp_path: Path, workers: int) -> N
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="finds processes in /proc")
 def test_ctrl_c_ends_all_processes_and_leaves_what_was_finished(tmp_path: Path) -> None:
     out = tmp_path / "out"
-    options = ["--futures", "2000", "--batch", "8", "--workers", "2", "--no-plots", "--design", "random"]
-    command = [sys.executable, "-m", "scex_sumo", "run", str(ROUNDABOUT), *options, "-o", str(out)]
+    options = ["--futures", "1000", "--workers", "2", "--no-plots"]
+    code = "import scex_sumo.extrapolation.job as job; job.VEHICLES_AT_ONCE = 112\n"
+    code += "from scex_sumo.cli import main; main()"
+    command = [sys.executable, "-c", code, "run", str(ROUNDABOUT), *options, "-o", str(out)]
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as run:
         until = time.monotonic() + 60
         while len(list(out.glob(".parts/*.npz"))) < 3 and time.monotonic() < until:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.road import Lane
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.world.sumo import SumoDriven, SumoWorld

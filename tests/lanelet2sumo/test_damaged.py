@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import MapError
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.lanelet2sumo.judge.conflicts import find_conflicts
 from scex_sumo.lanelet2sumo.topology.graph import MAX_LINKS
 from scex_sumo.road import Regulation, Road

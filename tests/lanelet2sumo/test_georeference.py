@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.converters.lanelet.projection import georeference
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.lanelet2sumo.judge.report import check_net
 from tests.converters.sumo_roads import NetFile, lane, road
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.sumo_net import SumoNet
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.lanelet2sumo.judge import report as judge
 from scex_sumo.road import Road
 from tests.converters.sumo_roads import NetFile, load

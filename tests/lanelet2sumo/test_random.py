@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from shapely import LineString, Point
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Lane, Road
 from tests.converters.sumo_roads import NetFile, arc, lane, load, road

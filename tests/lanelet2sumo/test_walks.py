@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from scex_sumo import example_path, read_map
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.lanelet2sumo.reader import read_net
 from scex_sumo.road import Lane, Regulation, Road
 from tests.converters.sumo_roads import SUMO, NetFile, lane, load, road

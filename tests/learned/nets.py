@@ -13,9 +13,9 @@ from scex_sumo.learned.network.architecture import Architecture, shapes
 from scex_sumo.learned.network.layers import exact
 from scex_sumo.learned.network.networks import KINDS, Net
 from scex_sumo.learned.network.weights import save_weights
-from scex_sumo.learned.scene_graph.graph import scene_graph
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
+from scex_sumo.scene_graph.graph import scene_graph
 from tests.behaviors import roads
 
 KIND_OF = {"graph_predictor": "graph", "graph_image_predictor": "hybrid", "joint_predictor": "joint"}

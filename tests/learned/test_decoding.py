@@ -10,7 +10,7 @@ import pytest
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.driving.paths import chosen_paths
-from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.humans.guard.guarded import Guarded
 from scex_sumo.learned.decoding import EDGE_MARGIN_M, plan_along, plan_freely

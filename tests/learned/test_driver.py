@@ -11,7 +11,7 @@ import pytest
 
 from scex_sumo.base.errors import InputError
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.humans.lines.nearest_path import follow_path
 from scex_sumo.learned.driver import choice_of, loaded
 from scex_sumo.learned.inputs.surface import surface_of

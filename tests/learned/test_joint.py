@@ -10,7 +10,7 @@ import pytest
 
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.driving.paths import chosen_paths, seed_paths
-from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.humans.observed.observations import path_edges

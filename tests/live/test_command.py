@@ -23,7 +23,7 @@ def grid(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
 def test_a_configuration_is_watched_to_its_end_and_none_of_its_files_is_written(
     grid: Simulation, tmp_path: Path
 ) -> None:
-    own = ["--from", 20, "--to", 23.05, "--futures", 2, "--models", "constant_velocity", "--busiest", 4]
+    own = ["--from", 20, "--to", 23.05, "--futures", 2, "--models", "constant_velocity"]
     config = os.path.relpath(grid.config, tmp_path)
     done = scex("watch", config, *own, "--workers", 1, "-o", "w", "--json", cwd=tmp_path)
     assert not done.returncode and not done.stderr, done.stderr
@@ -45,7 +45,6 @@ def test_what_cannot_be_watched_is_told_in_one_line(grid: Simulation, tmp_path: 
         (["nowhere.sumocfg"], "nowhere.sumocfg"),
         ([broken], "nowhere.net.xml: no such file"),
         ([grid.config, "--follow"], "--follow: needs --gui"),
-        ([grid.config, "--around", "a", "--busiest", 3], "exclude one another"),
         ([grid.config, "--models", "nonsense"], "unknown behavior 'nonsense'"),
         ([grid.config, "--every", 0], "--every: got 0"),
     ):
@@ -60,8 +59,8 @@ def test_a_window_of_its_own_steps_of_a_second_and_teleports_lose_nothing(tmp_pa
     processing = '<time-to-teleport value="2"/><collision.action value="teleport"/>'
     grid = write_grid(tmp_path, files=files, step_s=1.0, processing=processing)
     (tmp_path / "view.xml").write_text("<viewsettings/>")
-    own = ["--from", 12, "--to", 14, "--futures", 2, "--models", "constant_velocity", "--busiest", 4]
-    done = scex("watch", grid.config, *own, "--workers", 1, "--no-ssm", "-o", "w", "--json", cwd=tmp_path)
+    own = ["--from", 12, "--to", 14, "--futures", 2, "--models", "constant_velocity"]
+    done = scex("watch", grid.config, *own, "--workers", 1, "-o", "w", "--json", cwd=tmp_path)
     assert not done.returncode and not done.stderr, done.stderr
     answer = json.loads(done.stdout)
     assert (answer["moments"], answer["skipped"]) == (3, 0)

@@ -199,5 +199,5 @@ def test_what_does_not_fit_is_refused() -> None:
         evaluate(tracks, planned, preset="best")
     with pytest.raises(UsageError, match="unknown metric 'speed'; nearest: "):
         evaluate(tracks, planned, metrics=("speed",))
-    with pytest.raises(InputError, match="type 'truck' is -1"):
-        MetricParameters(max_acceleration_by_type={"truck": -1.0})
+    with pytest.raises(InputError, match="largest acceleration -1"):
+        MetricParameters(max_acceleration=-1.0)

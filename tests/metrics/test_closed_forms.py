@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from scex_sumo.evaluation.pair_values import evaluate_pairs
-from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
+from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate
 from tests.metrics.scenes import one_scene, paths_of, with_speeds
 
@@ -114,16 +114,6 @@ def test_wttc_head_on_fleeing_and_side_by_side(d: float, speed: float) -> None:
     assert pair("wttc", away) == pytest.approx(head_on(d, -2 * speed, RADII), rel=EXACT)
     abreast = one_scene([{"x": 0, "v": speed}, {"y": d, "v": speed}])
     assert pair("wttc", abreast) == pytest.approx(head_on(d, 0.0, RADII), rel=EXACT)
-
-
-def test_wttc_limits_can_depend_on_the_type() -> None:
-    tracks = one_scene([{"x": 0}, {"x": 6.9}], length=0.0, width=0.0)
-    typed = SceneTracks(
-        states=tracks.states, length=tracks.length, width=tracks.width, first=1, types=("car", "truck")
-    )
-    parameters = MetricParameters(max_acceleration_by_type={"truck": 2.0})
-    value = evaluate(typed, None, metrics=("wttc",), parameters=parameters).values[0, 0]
-    assert value == pytest.approx(math.sqrt(2 * 6.9 / 8.9), rel=EXACT)
 
 
 def test_gap_time_at_a_right_angle() -> None:

@@ -133,7 +133,7 @@ def test_files_that_do_not_fit_together_are_one_line(folder: Path, tmp_path: Pat
     metrics = pq.read_table(copy / "metrics.parquet")
     pq.write_table(metrics.drop_columns(["collision"]), copy / "metrics.parquet")
     pq.write_table(pq.read_table(copy / "worst.parquet").drop_columns(["metric"]), copy / "worst.parquet")
-    words = {"export": ["--critical", "ttc", "--to", "gif", "-o", tmp_path / "x.gif"]}.get(command, [])
+    words = {"export": ["--future", 0, "--to", "gif", "-o", tmp_path / "x.gif"]}.get(command, [])
     done = scex(command, copy, *words)
     if command == "plot":  # needs none of these files
         assert done.returncode == 0

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import InputError, MissingExtraError, ScexError
-from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.scene import Plan
 from tests.behaviors import roads
 from tests.plug_in.onnx_export import write_onnx

@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.listing import known_models
-from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.drivers.listing import known_models
+from scex_sumo.drivers.own import predictor
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.learned.scene_graph.graph import SceneGraph, scene_graph
 from scex_sumo.plug_in.predictor import (
     Predictor,
     completed,
     graph_of_future,
 )
-from scex_sumo.plug_in.user_model import is_predictor, predictor
+from scex_sumo.plug_in.user_model import is_predictor
+from scex_sumo.scene_graph.graph import SceneGraph, scene_graph
 from tests.behaviors import roads
 
 # One along +y, one along -x.

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import ScexError, UsageError
-from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.plug_in.files import ProcessDriver, split_command
 from scex_sumo.road import Road
 from scex_sumo.scenarios import example_path

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.listing import known_models
-from scex_sumo.behaviors.registry import build, known_names, parse_models
+from scex_sumo.drivers.listing import known_models
+from scex_sumo.drivers.registry import build, known_names, parse_models
 from scex_sumo.plug_in.predictor import Predictor
 
 DRIVERS = '''

@@ -76,8 +76,8 @@ def test_what_is_nearly_always_critical_has_a_row_only_if_it_is_asked_for(tmp_pa
     values: dict[str, list[float | None]] = {"distance": [3.0] * 19 + [9.0], "wttc": [0.1] * 18 + [0.9] * 2}
     run = open_run(result(tmp_path, values))
     assert always_critical(run) == ["distance"]  # 95 and 90 %
-    assert shown_columns(run, None) == ([], ["wttc"])
-    assert shown_columns(run, "paper") == ([], ["distance", "wttc"])
+    assert shown_columns(run, every=False) == ([], ["wttc"])
+    assert shown_columns(run, every=True) == ([], ["distance", "wttc"])
     recorded = pa.table({"distance": [5.5], "wttc": [0.1]})
     pq.write_table(recorded, tmp_path / "recorded.parquet")
     assert always_critical(open_run(tmp_path)) == []  # the recording was not critical
@@ -89,8 +89,8 @@ def test_what_is_nearly_always_critical_has_a_row_only_if_it_is_asked_for(tmp_pa
 def test_the_main_metrics_are_the_table_and_the_papers_are_folded_below_them(tmp_path: Path) -> None:
     names = [name for name in METRICS if name != "distance"]
     run = open_run(result(tmp_path, {name: [2.0, 3.0] for name in names}))
-    assert shown_columns(run, None) == (list(MAIN), [])
-    main, folded = shown_columns(run, "both")
+    assert shown_columns(run, every=False) == (list(MAIN), [])
+    main, folded = shown_columns(run, every=True)
     assert main == [*MAIN, "pttc_path", "pet"] and folded == [
         "tq",
         "gap_time",
@@ -101,7 +101,7 @@ def test_the_main_metrics_are_the_table_and_the_papers_are_folded_below_them(tmp
 
 
 def cells(run: Run, metric: str) -> list[str]:
-    made = summary_table(run, "both")
+    made = summary_table(run, every=True)
     rows = list(zip(*(column.cells for column in made.columns), strict=True))
     (row,) = (row for row in rows if str(row[0]).startswith(metric))
     return [str(cell) for cell in row[1:]]
@@ -191,14 +191,13 @@ def test_pairs_that_say_the_same_have_one_line(tmp_path: Path) -> None:
     assert sentence(groups[0][:2]).startswith("2 pairs of a queue, 20 → 21, 21 → 22 (rear-end, 21.0–22.0 s)")
 
 
-def test_doubtful_pairs_are_left_out_and_named_unless_they_are_kept(tmp_path: Path) -> None:
+def test_doubtful_pairs_are_left_out_and_named(tmp_path: Path) -> None:
     doubt = "1 is off the mapped lanes"
-    for keep in (False, True):
-        result(tmp_path, {"collision": [1.0, 0.0]}, keep_doubtful=keep)
-        encounters(tmp_path, CRITICAL | {"track_id": 1, "other_id": 2, "doubt": doubt})
-        lines = answer_lines(open_run(tmp_path))
-        assert lines[-1].endswith(f"; doubtful: {doubt}" if keep else f"--keep-doubtful keeps them): {doubt}")
-        assert any("1 → 2" in line for line in lines) == keep
+    result(tmp_path, {"collision": [1.0, 0.0]})
+    encounters(tmp_path, CRITICAL | {"track_id": 1, "other_id": 2, "doubt": doubt})
+    lines = answer_lines(open_run(tmp_path))
+    assert lines[-1].endswith(f"left out as doubtful: {doubt}")
+    assert not any("1 → 2" in line for line in lines)
 
 
 @pytest.mark.parametrize(

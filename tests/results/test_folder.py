@@ -34,20 +34,6 @@ def part_of(futures: list[int], steps: int = 3, vehicles: int = 2) -> Part:
     return Part(futures=numbers, states=states, values=values, defined=defined, worst=worst)
 
 
-def test_plans_are_collected_like_the_futures_that_made_them(tmp_path: Path) -> None:
-    folder = ResultFolder(tmp_path / "out", {"seed": 1})
-    for numbers in ([3, 4], [0, 1, 2]):
-        plan = np.broadcast_to(np.array(numbers, float)[:, None, None, None], (len(numbers), 2, 2, 30))
-        save_part(folder.path, dataclasses.replace(part_of(numbers), plan_x=plan, plan_y=plan + 0.5))
-    whole = next(folder.in_order(5, size=5))
-    assert whole.plan_x is not None
-    assert whole.plan_y is not None
-    assert whole.plan_x.shape == (5, 2, 2, 30)
-    assert whole.plan_x[:, 1, 1, 29].tolist() == [0, 1, 2, 3, 4]
-    assert whole.plan_y[:, 0, 0, 0].tolist() == [0.5, 1.5, 2.5, 3.5, 4.5]
-    assert next(folder.in_order(5, size=5, plans=False)).plan_x is None
-
-
 def test_futures_are_read_some_at_a_time_in_order_from_parts_that_interlock(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "out", {"seed": 1})
     for numbers in ([0, 2, 6], [1, 4], [3, 5]):

@@ -9,9 +9,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 import scex_sumo as scex
-from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.net.sumo_net import LaneTable
 from scex_sumo.extrapolation.job import has_rules
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.road import Area, Road
 from scex_sumo.rules.net import read_rules, with_rules
 from tests.behaviors.roads import scene_of, straight

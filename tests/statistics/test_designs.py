@@ -10,8 +10,7 @@ import pytest
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.extrapolation.assignments import assignments
-from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.statistics.designs import DESIGNS, balanced
+from scex_sumo.statistics.designs import balanced
 
 SIX = [1 / 6] * 6
 
@@ -46,7 +45,7 @@ def test_pairs_of_models_are_ten_times_as_even_as_independent_draws() -> None:
     rows = balanced([SIX] * 5, 180, np.random.default_rng(1))
     variances = [counts(rows, pair, 6).var() for pair in combinations(range(5), 2)]
     assert np.mean(variances) < 0.5
-    independent = DESIGNS["random"]([SIX] * 5, 180, np.random.default_rng(1))
+    independent = np.random.default_rng(1).integers(0, 6, (180, 5))
     assert np.mean([counts(independent, pair, 6).var() for pair in combinations(range(5), 2)]) > 4
 
 
@@ -66,33 +65,24 @@ def test_every_single_row_of_a_balanced_design_is_as_likely_as_in_independent_dr
     assert np.abs(counts(rows, (0, 1), 2) - 150).max() < 53
 
 
-@pytest.mark.parametrize("design", DESIGNS)
 @pytest.mark.parametrize(("vehicles", "futures"), [(1, 1), (1, 7), (3, 1), (9, 40)])
-def test_every_design_gives_as_many_futures_as_asked_for(design: str, vehicles: int, futures: int) -> None:
-    picked = assignments([1, 0, 2], range(vehicles), futures=futures, seed=0, design=design)
+def test_there_are_as_many_futures_as_asked_for(vehicles: int, futures: int) -> None:
+    picked = assignments([1, 0, 2], range(vehicles), futures=futures, seed=0)
     assert picked.shape == (futures, vehicles)
     assert set(np.unique(picked)) <= {0, 2}
-    again = assignments([1, 0, 2], range(vehicles), futures=futures, seed=0, design=design)
+    again = assignments([1, 0, 2], range(vehicles), futures=futures, seed=0)
     assert np.array_equal(picked, again)
     if futures * vehicles > 300:
-        other = assignments([1, 0, 2], range(vehicles), futures=futures, seed=1, design=design)
+        other = assignments([1, 0, 2], range(vehicles), futures=futures, seed=1)
         assert not np.array_equal(picked, other)
 
 
-@pytest.mark.parametrize("design", DESIGNS)
-def test_a_fixed_vehicle_takes_no_part_in_a_design(design: str) -> None:
-    picked = assignments([1, 1], [4, 9, 2], futures=20, seed=0, fixed={9: 2}, design=design)
+def test_a_fixed_vehicle_takes_no_part_in_the_draw() -> None:
+    picked = assignments([1, 1], [4, 9, 2], futures=20, seed=0, fixed={9: 2})
     assert (picked[:, 1] == 2).all()
-    alone = assignments([1, 1], [4, 2], futures=20, seed=0, design=design)
-    if design != "random":  # there, a vehicle's draw must not depend on which others are fixed
-        assert np.array_equal(picked[:, [0, 2]], alone)
-    all_fixed = assignments([1, 1], [4], futures=3, seed=0, fixed={4: 1}, design=design)
+    assert np.array_equal(picked[:, [0, 2]], assignments([1, 1], [4, 2], futures=20, seed=0))
+    all_fixed = assignments([1, 1], [4], futures=3, seed=0, fixed={4: 1})
     assert all_fixed.tolist() == [[1]] * 3
-
-
-def test_an_unknown_design_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(UsageError, match="unknown design 'best'; known: random, balanced"):
-        RunSettings(design="best")
 
 
 def test_a_decay_outside_0_to_1_is_refused() -> None:

@@ -113,6 +113,7 @@ def test_all_assignments_know_the_share() -> None:
 
 def test_few_futures_and_fixed_vehicles_have_the_ordinary_intervals() -> None:
     assert not DesignIntervals(drawn(20, 0), design="balanced").balanced
+    assert not DesignIntervals(np.tile(ALL, (5, 1)), design="balanced").balanced  # over 4096
     assert not DesignIntervals(np.zeros((100, 3), dtype=np.int64), design="balanced").balanced
     assert not DesignIntervals(np.empty((0, 3), dtype=np.int64), design="balanced").balanced
 

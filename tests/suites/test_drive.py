@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import ScexError
-from scex_sumo.behaviors.registry import model_specs
+from scex_sumo.drivers.registry import model_specs
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 from scex_sumo.suites.drive import PEOPLE, Driven, drive

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from scex_sumo.base.errors import TrackError, listed
-from scex_sumo.converters.datasets.repairs import doubt_place, explain_mismatch
+from scex_sumo.converters.cleaning.mismatch import doubt_place, explain_mismatch
 from scex_sumo.converters.tracks.evidence import Evidence, on_lanes, thinned
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
@@ -31,7 +31,7 @@ def explain_off_lanes(
         why = f"though {share:.0%} of the recording's driving is; choose another moment with --time S"
     else:
         why = doubt.removeprefix("warning: ") if doubt else explain_mismatch(samples, road)
-    forced = "; --force runs it all the same" if len(off) < scene.vehicles else ""
+    forced = "; read_seed(..., force=True) runs it all the same" if len(off) < scene.vehicles else ""
     beside = f"{len(off)} of {scene.vehicles} vehicles are on no mapped lane"
     return TrackError(f"{scene.name}: {beside}; {why}{forced}")
 

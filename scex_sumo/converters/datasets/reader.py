@@ -10,8 +10,10 @@ from pathlib import Path
 
 from scex_sumo.base.errors import ScexError
 from scex_sumo.base.progress import Progress
-from scex_sumo.converters.datasets.checks import Check, lost_vehicles, without_explained
-from scex_sumo.converters.datasets.repairs import align_tracks, check_recording, repair_tracks
+from scex_sumo.converters.cleaning.align import align_tracks
+from scex_sumo.converters.cleaning.checks import Check, lost_vehicles, without_explained
+from scex_sumo.converters.cleaning.plausibility import plausibility
+from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.scene import CleanRecording
 from scex_sumo.converters.naming import refuse_pointer
 from scex_sumo.converters.registries import Dataset, Window, dataset_of
@@ -66,7 +68,7 @@ def read_clean(
     dataset = dataset_of(paths[0])
     checks: tuple[Check, ...] = ()
     if repair:
-        checks = () if dataset.simulated else check_recording(table.vehicles, road)
+        checks = () if dataset.simulated else plausibility(table.vehicles, road)
         raw = table
         table, findings = repaired(table, findings, dataset)
         checks = (lost_vehicles(raw, table), *checks)

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from scex_sumo.base.errors import listed
 from scex_sumo.base.progress import Progress
-from scex_sumo.converters.datasets.checks import doubts, refuse_implausible
+from scex_sumo.converters.cleaning.checks import doubts, refuse_implausible
+from scex_sumo.converters.cleaning.mismatch import doubt_place
 from scex_sumo.converters.datasets.interaction import find_tracks
 from scex_sumo.converters.datasets.reader import read_clean
-from scex_sumo.converters.datasets.repairs import doubt_place
 from scex_sumo.converters.datasets.scene import FUTURE_STEPS, take_scene
 from scex_sumo.converters.registries import Recording, Window, dataset_of, place_name
 from scex_sumo.converters.tracks.evidence import Evidence, evidence
@@ -65,7 +65,9 @@ def recorded_scene(
         progress=progress,
     )
     if not force:
-        refuse_implausible(recording.track_paths[0], clean.checks, "--force runs it all the same")
+        refuse_implausible(
+            recording.track_paths[0], clean.checks, "read_seed(..., force=True) runs it all the same"
+        )
     scene = take_scene(
         clean,
         name=recording.name,

@@ -11,10 +11,10 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.datasets.checks import Check, doubts, lost_vehicles
+from scex_sumo.converters.cleaning.checks import Check, doubts, lost_vehicles
+from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.interaction import marked_vehicles
 from scex_sumo.converters.datasets.moment import CASE_FRAME, STAMP_MS, busiest, find_moments
-from scex_sumo.converters.datasets.repairs import repair_tracks
 from scex_sumo.converters.datasets.sample import Sampled, sample_tracks
 from scex_sumo.converters.tracks.check import MISSING
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, number_of

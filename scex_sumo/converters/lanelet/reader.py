@@ -12,9 +12,10 @@ import numpy as np
 from lanelet2 import io, projection, traffic_rules
 
 from scex_sumo.base.arguments import checked
-from scex_sumo.base.errors import MapError, UsageError, one_line
+from scex_sumo.base.errors import MapError, one_line
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.base.importing import Registry
+from scex_sumo.converters.lanelet.attach import attach
+from scex_sumo.converters.lanelet.between import missing_lanelets
 from scex_sumo.converters.lanelet.drawing import areas, markings
 from scex_sumo.converters.lanelet.file import (
     Findings,
@@ -34,15 +35,14 @@ from scex_sumo.converters.lanelet.lanes import (
 )
 from scex_sumo.converters.lanelet.origin import STRAY_M, Place, distance_m, map_origin, recorded_origin
 from scex_sumo.converters.lanelet.regulations import regulations, unnamed
+from scex_sumo.converters.lanelet.repair import repair
 from scex_sumo.converters.lanelet.tags import COUNTRIES, lane_speed_mps, map_country, says_limit
+from scex_sumo.converters.lanelet.unknown import unknown_subtypes
 from scex_sumo.converters.naming import map_name
 from scex_sumo.geometry.polylines import bounds_cross
 from scex_sumo.road import Georeference, Lane, MapLoss, Regulation, Road
 from scex_sumo.roads.dead_ends import DEAD_ENDS, dead_ends
 
-REPAIRS = Registry(group="scex_sumo.map_repairs", kind="repair of Lanelet2 maps")
-"""``elements`` that Lanelet2 would drop, misread or crash on; ``subtypes`` that it does not know; ``stops``
-and lights that no lanelet names."""
 MAX_FROM_ORIGIN_M = 100_000.0
 _LOAD_ERROR = re.compile(
     r"Error (?:parsing primitive|reading primitive with id) (-?\d+)(?: from file)?: (.*)"
@@ -55,7 +55,6 @@ def read_road(
     *,
     origin: Place | None = None,
     own_corner: bool = True,
-    country: str | None = None,
 ) -> Road:
     """Read a Lanelet2 map: its lanelets, how they connect, and the rules between them.
 
@@ -71,7 +70,6 @@ def read_road(
         map_path: an ``.osm`` or ``.osm.gz`` file.
         origin: latitude and longitude in degrees; None looks beside the map and at its coordinates.
         own_corner: whether a map without a known origin begins at its south-west corner.
-        country: whose default speed limits apply, e.g. ``us``; None: by the ``region`` tags, else Germany.
 
     Raises:
         MapError: the file is missing, no Lanelet2 map, far from its origin, without a known one, or has no
@@ -88,14 +86,12 @@ def read_road(
     drawn, unread = map_file.of_type("lanelet").keys(), map_file.unread
     mended = bool(map_file.notes)
     if not is_whole(map_file):
-        map_file, mended = REPAIRS.load("elements")(map_file)
+        map_file, mended = repair(map_file)
     notes = list(map_file.notes)
     origin = _origin(path, map_file, origin, own_corner, notes)
     traffic = traffic_rules.create(traffic_rules.Locations.Germany, traffic_rules.Participants.VehicleCar)
     lanelet_map, vertices, map_file, losses = _load(map_file, origin, traffic, mended, notes)
-    country = country or map_country(map_file)
-    if country not in COUNTRIES:
-        raise UsageError(f"country: got {country!r}, needs one of {', '.join(COUNTRIES)}")
+    country = map_country(map_file)
     lanes = related_lanes(lanelet_map, vertices, traffic, map_file, country)
     lanes, linked, inside = join_lanes(lanes)
     lines = _lines(lanelet_map)
@@ -153,9 +149,7 @@ def _regulations(
     loose, bare = unnamed(rules, map_file, lines)
     if not loose and not bare:
         return rules, [], []
-    attached: tuple[tuple[Regulation, ...], list[int], list[int]]
-    attached = REPAIRS.load("stops")(rules, loose, bare, lanes, map_file, lines)
-    return attached
+    return attach(rules, loose, bare, lanes, map_file, lines)
 
 
 def _georeference(origin: Place) -> Georeference | None:
@@ -214,8 +208,8 @@ def _load(
     roads, undriven = dict[str, set[int]](), dict[str, set[int]]()
     changed = replace(map_file, relations={i: r for i, r in map_file.relations.items() if i not in flat})
     if not all(rules.canPass(v.lanelet) for v in usable):
-        roads, undriven, changed = REPAIRS.load("subtypes")(usable, rules, map_file, changed)
-    if missing := REPAIRS.load("between")(usable, rules, changed):
+        roads, undriven, changed = unknown_subtypes(usable, rules, map_file, changed)
+    if missing := missing_lanelets(usable, rules, changed):
         changed = replace(changed, relations=changed.relations | missing)
         notes.append(f"lanelets missing between two others, added between their bounds: {list_ids(missing)}")
     if flat or roads or missing:

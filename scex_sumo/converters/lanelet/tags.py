@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.lanelet.file import MapFile, Relation
 
 MPH = 0.44704  # m/s, by definition (1609.344 m in 3600 s)
@@ -125,13 +124,6 @@ def default_speed_mps(tags: Mapping[str, str], kind: str, country: str = GERMANY
     by_subtype["play_street"] = rules.living_street
     by_place = rules.rural if tags.get("location") == "nonurban" else rules.urban
     return (_BY_KIND.get(kind) or by_subtype.get(tags.get("subtype", ""), by_place)) * KMH
-
-
-def parse_country(text: str) -> str:
-    """Parse ``--country``, a code such as ``us`` in any case; raises `UsageError` if it is unknown."""
-    if text.lower() not in COUNTRIES:
-        raise UsageError(f"--country: unknown country {text!r}; known: {', '.join(COUNTRIES)}")
-    return text.lower()
 
 
 def map_country(map_file: MapFile) -> str:

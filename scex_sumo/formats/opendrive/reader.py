@@ -8,26 +8,26 @@ from scex_sumo.converters.lanelet.tags import COUNTRIES, GERMANY
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.net.xml import unpacked, xml_root
 from scex_sumo.converters.registries import MapFormat
-from scex_sumo.formats import recognition
 from scex_sumo.formats.lane_maps.lane_map import drawn_road
 from scex_sumo.formats.opendrive.lanes import opendrive_map
+from scex_sumo.formats.recognition import is_opendrive
 from scex_sumo.road import Road
 
 
-def read_opendrive(path: str | Path, *, country: str | None = None, **_: object) -> Road:
+def read_opendrive(path: str | Path, **_: object) -> Road:
     """Read an OpenDRIVE file; its coordinates stay the file's."""
     path = Path(path)
-    return opendrive_road(path, unpacked(path), country)
+    return opendrive_road(path, unpacked(path))
 
 
-def opendrive_road(path: Path, content: bytes, country: str | None = None) -> Road:
+def opendrive_road(path: Path, content: bytes) -> Road:
     """Return the road of an OpenDRIVE text that stands in a file."""
     root = xml_root(path, content)
     signed = next((x.get("country", "").lower() for x in root.iterfind("road/type") if x.get("country")), "")
-    country = country or (signed if signed in COUNTRIES else GERMANY)
+    country = signed if signed in COUNTRIES else GERMANY
     projection = (root.findtext("header/geoReference") or "").strip()
     projection = projection if projection.startswith("+proj") else ""
     return drawn_road(opendrive_map(path, root), name=map_name(path), country=country, projection=projection)
 
 
-OPENDRIVE = MapFormat(is_mine=recognition.OPENDRIVE.is_mine, read=read_opendrive, opendrive=unpacked)
+OPENDRIVE = MapFormat(is_mine=is_opendrive, read=read_opendrive, opendrive=unpacked)

@@ -357,5 +357,5 @@ SUMO_NET = MapFormat(
     is_mine=is_sumo_net,
     read=read_sumo_road,
     tracks=_tracks,
-    asks_for="--fcd FILE (floating car data), --state FILE (a saved state) or --tracks CSV",
+    asks_for="--tracks FILE (floating car data, a saved state or a CSV)",
 )

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from scex_sumo.base.errors import MapError, UsageError
+from scex_sumo.base.errors import MapError
 from scex_sumo.commands.console import warn
 from scex_sumo.commands.options import Origin
+from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:
     from scex_sumo.converters.net.sumo_net import SumoNet
@@ -23,9 +23,7 @@ EXAMPLE = "DR_DEU_Roundabout_OF.osm -o roundabout.net.xml"
 
 
 def convert_command(
-    map_path: Annotated[
-        Path | None, Argument(metavar="MAP.osm", help="Lanelet2 map (CommonRoad: .xml).")
-    ] = None,
+    map_path: Annotated[Path, Argument(metavar="MAP.osm", help="Lanelet2 map (CommonRoad: .xml).")],
     out: Annotated[
         Path | None, Option("-o", "--out", metavar="NET.net.xml", help="SUMO net to write.")
     ] = None,
@@ -34,33 +32,18 @@ def convert_command(
         Path | None, Option(metavar="CSV", help="Recorded signal phases (SPaT csv; its kml beside it).")
     ] = None,
     check: Annotated[
-        Path | None, Option(metavar="NET", help="Judge this net against --map instead of converting.")
+        Path | None, Option(metavar="NET", help="Judge this net of the map instead of converting.")
     ] = None,
-    check_map: Annotated[
-        Path | None, Option("--map", metavar="MAP.osm", help="Map that --check compares with.")
-    ] = None,
-    json_report: Annotated[bool, Option("--json-report", help="Print the fidelity figures as JSON.")] = False,
     strict: Annotated[bool, Option("--strict", help="Fail if anything of the map is lost.")] = False,
-    country: Annotated[
-        str | None,
-        Option(metavar="CODE", help="Country whose speed limits hold where the map gives none, e.g. us."),
-    ] = None,
-) -> None:
+) -> Answer:
     """Convert a map to a SUMO net and judge it, or judge a net."""
-    source = check_map or map_path
-    if check is not None and source is None:
-        raise UsageError("--check: needs the map too, with --map MAP.osm")
-    if source is None:
-        raise UsageError("convert: needs MAP.osm, or --check NET --map MAP.osm")
     from scex_sumo.converters.lanelet.origin import parse_origin
-    from scex_sumo.converters.lanelet.tags import parse_country
     from scex_sumo.converters.maps import read_map
     from scex_sumo.lanelet2sumo.judge.report import check_net
 
     started = time.perf_counter()
     place = parse_origin(origin) if origin is not None else None
-    limits = parse_country(country) if country is not None else None
-    road = read_map(source, origin=place, country=limits)
+    road = read_map(map_path, origin=place)
     if check is not None:
         report, losses, lines = _check(check, road), road.losses, []
     else:
@@ -73,26 +56,28 @@ def convert_command(
         ]
         lines += [f"look: sumo-gui -n {net.path} -a {net.extras}"] if net.extras is not None else []
     problems = report.problems()
-    if json_report:
-        timing = {} if check is not None else {"seconds": round(seconds, 3)}
-        print(json.dumps({**report.figures, **timing}, indent=2))
-    else:
-        if check is not None:
-            _print_figures(report)
-        lines += [f"- {problem}" for problem in problems]
-        lines += [f"{'warning: ' if loss.large else ''}lost: {loss}" for loss in losses]
-        faithful = "faithful: nothing of the map is lost, all figures are within their bounds"
-        print("\n".join(lines if problems or losses else [*lines, faithful]))
-    judged = check or net.path
+    if check is not None:
+        _print_figures(report)
+    lines += [f"- {problem}" for problem in problems]
+    lines += [f"{'warning: ' if loss.large else ''}lost: {loss}" for loss in losses]
+    faithful = "faithful: nothing of the map is lost, all figures are within their bounds"
+    print("\n".join(lines if problems or losses else [*lines, faithful]))
+    judged, failure = check or net.path, None
+    answer = {**report.figures, **({} if check is not None else {"seconds": round(seconds, 3)})}
     if problems:
-        raise MapError(f"{judged}: not faithful to the map: {len(problems)} figures are out of bounds")
-    if strict and losses:
+        failure = f"{judged}: not faithful to the map: {len(problems)} figures are out of bounds"
+    elif strict and losses:
         lost = ", ".join(f"{len(loss.elements)} {loss.kind} {loss.why}" for loss in losses)
-        raise MapError(f"{judged}: --strict, and the map lost {lost}; mend the map, or leave --strict out")
+        failure = f"{judged}: --strict, and the map lost {lost}; mend the map, or leave --strict out"
+    if failure is not None:
+        error = MapError(failure)
+        error.answer = answer
+        raise error
+    return lambda: answer
 
 
 def _convert(road: Road, out: Path | None, signals: Path | None) -> SumoNet:
-    from scex_sumo.converters.net.convert import convert
+    from scex_sumo.lanelet2sumo.convert import convert
 
     warn(road.notes)
     net = convert(road, out if out is not None else Path(f"{road.name}.net.xml"), signals=signals)

@@ -24,8 +24,8 @@ from scex_sumo.learned.network.architecture import (
 from scex_sumo.learned.network.image_encoder import ImageEncoder, MapImage
 from scex_sumo.learned.network.layers import Linear, Mlp, Scaler, State, relu
 from scex_sumo.learned.network.scene_encoder import SceneEncoder
-from scex_sumo.learned.scene_graph.graph import SceneGraph
 from scex_sumo.scene import STEP_S
+from scex_sumo.scene_graph.graph import SceneGraph
 
 
 class GraphNet:

@@ -19,7 +19,7 @@ from scex_sumo.base.version import __version__
 from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS
 from scex_sumo.learned.network.architecture import Architecture, shapes
 from scex_sumo.learned.network.layers import State
-from scex_sumo.learned.scene_graph.graph import EDGE_COLUMNS, NODE_COLUMNS
+from scex_sumo.scene_graph.graph import EDGE_COLUMNS, NODE_COLUMNS
 
 MAX_NUMBER = 1024  # of an architecture: a false header must not cost memory
 _SWITCHES = ("edges", "free")

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.geometry.rectangles import outlines
 from scex_sumo.page.figures.drawing import draw_road, look_at, save, sheet
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex

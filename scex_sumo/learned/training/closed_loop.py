@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
-from scex_sumo.behaviors.registry import ModelSpec, build
 from scex_sumo.converters.registries import Recording
+from scex_sumo.drivers.registry import ModelSpec, build
 from scex_sumo.evaluation.recordings import load_recording
 from scex_sumo.extrapolation.loop.rollout import Batch, roll_out
 from scex_sumo.learned.network.weights import MODELS

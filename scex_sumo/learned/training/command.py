@@ -48,11 +48,6 @@ def train_command(
     ] = None,
     seed: Seed = 0,
     epochs: Annotated[int | None, Option(help="Passes over all samples; default: as shipped.")] = None,
-    rounds: Annotated[int | None, Option(help="Rounds in closed loop; default: as shipped.")] = None,
-    minutes: Annotated[float, Option(help="Time limit in minutes; 0: none.")] = 0.0,
-    moments: Annotated[
-        int, Option(metavar="N", help="Moments of each site, evenly spread over its recordings.")
-    ] = MOMENTS,
     leave_out: Annotated[
         list[str] | None, Option(metavar="NAME", help="Do not train on this site or recording; repeatable.")
     ] = None,
@@ -60,33 +55,17 @@ def train_command(
         list[str] | None,
         Option(metavar="NAME", help="Validate on this short recording (under 20 s); repeatable."),
     ] = None,
-    edges: Annotated[bool, Option(help="Vehicles see each other through the graph.")] = True,
-    device: Annotated[str, Option(metavar="auto|cpu|cuda", help="Where to train.")] = "auto",
-    resume: Annotated[bool, Option("--resume", help="Go on from the checkpoint beside --out.")] = False,
-    cache: Annotated[
-        Path | None, Option(metavar="FOLDER", help="Folder for samples; default: ~/.cache/scex-sumo.")
-    ] = None,
-    overwrite: Annotated[bool, Option("--overwrite", help="Replace the weights.")] = False,
+    overwrite: Annotated[
+        bool, Option("--overwrite", help="Replace the weights, from the beginning; else a training goes on.")
+    ] = False,
 ) -> None:
     """Train a learned driver, or a model of scenes, on recordings."""
-    weights = _check(kind, data or [], out, resume=resume, overwrite=overwrite)
+    weights = _check(kind, data or [], out, overwrite=overwrite)
     absent = [path for path in simulated or () if not path.is_file()]
     if absent:
         raise UsageError(f"--simulated {absent[0]}: no such map")
-    if moments < 1 or minutes < 0:
-        raise UsageError("train: --moments needs at least 1, --minutes none below 0")
-    of_networks = {
-        "--simulated": bool(simulated),
-        "--rounds": rounds is not None,
-        "--minutes": minutes > 0,
-        "--no-edges": not edges,
-        "--device": device != "auto",
-        "--resume": resume,
-        "--cache": cache is not None,
-    }
-    if kind == SCENES and any(of_networks.values()):
-        given = ", ".join(name for name, is_given in of_networks.items() if is_given)
-        raise UsageError(f"train scenes: has no {given}; only {', '.join(NETWORKS)} do")
+    if kind == SCENES and simulated:
+        raise UsageError(f"train scenes: has no --simulated; only {', '.join(NETWORKS)} do")
     if find_spec("torch") is None:
         raise MissingExtraError("train: needs torch; install with: pip install 'scex-sumo[learned]'")
     from scex_sumo.evaluation.split import Split
@@ -97,55 +76,49 @@ def train_command(
         *(f"--simulated {path.name}" for path in simulated or ()),
         f"--seed {seed}",
         *([f"--epochs {epochs}"] if epochs is not None else []),
-        *([f"--rounds {rounds}"] if rounds is not None else []),
         *(f"--leave-out {name}" for name in leave_out or ()),
         *(f"--validation {name}" for name in validation or ()),
-        *(["--no-edges"] if not edges else []),
-        f"--moments {moments}",
     ]
     command = " ".join(words)
     if kind == SCENES:
         kept = Split(kept_validation=tuple(validation or ()))
         recordings = _recordings(data or [], leave_out or [], validation or [])
-        _train_scenes(recordings, kept, weights, command, seed=seed, epochs=epochs, moments=moments)
+        _train_scenes(recordings, kept, weights, command, seed=seed, epochs=epochs)
         return
     from scex_sumo.learned.training.closed_loop import closed_loop
     from scex_sumo.learned.training.data.dataset import SampleOptions, make_dataset
     from scex_sumo.learned.training.options import EPOCHS, TrainOptions
     from scex_sumo.learned.training.train import Trainer, device_of
 
+    count = EPOCHS[kind] if epochs is None else epochs
     options = TrainOptions(
         kind=kind,  # type: ignore[arg-type]  # checked above
         seed=seed,
-        minutes=minutes,
-        epochs=EPOCHS[kind] if epochs is None else epochs,
-        rounds=TrainOptions.rounds if rounds is None else rounds,
-        sizes={} if edges else {"edges": False},
+        epochs=count,
+        rounds=min(TrainOptions.rounds, max(count - 1, 0)),
     )
-    where = device_of(device)
     recordings = _recordings(data or [], leave_out or [], validation or [])
-    sampling = SampleOptions(moments=moments, split=Split(kept_validation=tuple(validation or ())))
+    sampling = SampleOptions(split=Split(kept_validation=tuple(validation or ())))
     with progress_bar("samples") as tick:
         maps = tuple(simulated or ())
-        dataset = make_dataset(recordings, sampling, maps=maps, cache=cache or cache_folder(), tick=tick)
+        dataset = make_dataset(recordings, sampling, maps=maps, cache=cache_folder(), tick=tick)
     folder = _checkpoints(weights)
     drift = closed_loop(recordings, sampling, dataset, options)
-    run = Trainer(dataset, options, device=where, drift=drift, folder=folder)
-    if resume:
-        if not run.resume():
-            warn([f"{folder}: no checkpoint in it; training from the beginning"])
-    elif folder.exists():
+    run = Trainer(dataset, options, device=device_of("auto"), drift=drift, folder=folder)
+    if overwrite and folder.exists():
         shutil.rmtree(folder)
+    if run.resume():
+        print(f"{folder}: goes on after epoch {run.epoch}")
     try:
         _train(run)
     except KeyboardInterrupt:
-        warn([f"{folder}: has the checkpoint after epoch {run.epoch}; go on with --resume"])
+        warn([f"{folder}: has the checkpoint after epoch {run.epoch}; the same command goes on"])
         raise
     _finish(run, weights, command)
     shutil.rmtree(folder)
 
 
-def _check(kind: str, roots: Sequence[Path], out: Path | None, *, resume: bool, overwrite: bool) -> Path:
+def _check(kind: str, roots: Sequence[Path], out: Path | None, *, overwrite: bool) -> Path:
     if kind not in (*NETWORKS, SCENES):
         raise UsageError(f"train {kind}: unknown network; known: {', '.join((*NETWORKS, SCENES))}")
     if out is None:
@@ -157,8 +130,7 @@ def _check(kind: str, roots: Sequence[Path], out: Path | None, *, resume: bool, 
     missing = next((root for root in roots if not root.exists()), None)
     if missing is not None:
         raise UsageError(f"--data {missing}: no such folder")
-    goes_on = resume and _checkpoints(out).exists()  # a finished training has no checkpoints
-    if out.exists() and not (overwrite or goes_on):
+    if out.exists() and not overwrite and not _checkpoints(out).exists():  # only a finished one has none
         raise ResultError(f"{out}: exists; --overwrite replaces it")
     if not out.parent.is_dir():
         raise ResultError(f"{out}: folder {out.parent} does not exist; make it first")
@@ -173,7 +145,6 @@ def _train_scenes(
     *,
     seed: int,
     epochs: int | None,
-    moments: int,
 ) -> None:
     import torch
 
@@ -185,9 +156,9 @@ def _train_scenes(
 
     torch.set_num_threads(1)  # its products are small
     tensors, meta = train_scenes(
-        recordings, split=split, moments=moments, seed=seed, epochs=epochs or EPOCHS, report=report
+        recordings, split=split, moments=MOMENTS, seed=seed, epochs=epochs or EPOCHS, report=report
     )
-    save_scenes(out, tensors, {"command": command, **meta, "seed": seed, "moments": moments})
+    save_scenes(out, tensors, {"command": command, **meta, "seed": seed, "moments": MOMENTS})
     print(
         f"{out}: {meta['scenes']} scenes of {len(meta['sites'])} sites, "
         f"validation loss {meta['validation_loss']}"

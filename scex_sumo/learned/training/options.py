@@ -37,7 +37,6 @@ class TrainOptions:
     kind: Kind
     seed: int = 0  # of the first weights, the order of batches and all draws
     epochs: int = 6
-    minutes: float = 0.0  # stop before the epoch that would end later than this; 0 does not
     rounds: int = 1  # in closed loop, evenly spread over the epochs
     patience: int = 6  # stop after so many epochs without a better validation
     nodes: int = 800  # vehicles per batch, about
@@ -57,7 +56,7 @@ class TrainOptions:
     def __post_init__(self) -> None:
         if self.epochs < 1 or self.rounds < 0 or self.rounds >= self.epochs:
             raise UsageError(
-                f"train: --epochs needs at least 1 and more than --rounds, --rounds at least 0; "
+                f"train: --epochs needs at least 1 and more than the rounds in closed loop; "
                 f"got {self.epochs} and {self.rounds}"
             )
 

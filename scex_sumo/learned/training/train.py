@@ -133,8 +133,6 @@ class Trainer:
                             score=score, better=better))  # fmt: skip
             if self.epoch - self.best_epoch >= options.patience:
                 return
-            if options.minutes and self.seconds * (1 + 1 / self.epoch) > 60 * options.minutes:
-                return
 
     def _round(self) -> None:
         options = self.options
@@ -250,7 +248,7 @@ class Trainer:
     def identity(self) -> dict[str, Any]:
         """Return what a checkpoint and the run that goes on from it have in common."""
         code = hashlib.sha256(code_key()).hexdigest()
-        return {"dataset": self.dataset.digest, "code": code, **asdict(self.options), "minutes": 0.0}
+        return {"dataset": self.dataset.digest, "code": code, **asdict(self.options)}
 
     def _state(self) -> dict[str, Any]:
         modules = {name: getattr(self, name).state_dict() for name in _MODULES}
@@ -288,19 +286,19 @@ def _read_checkpoint(
     whole = file.read_bytes()
     digest, content = whole[:_DIGEST], whole[_DIGEST:]
     if hashlib.sha256(content).digest() != digest:
-        raise ResultError(f"{file}: not a whole checkpoint of this version; train without --resume")
+        raise ResultError(f"{file}: not a whole checkpoint of this version; --overwrite begins anew")
     state: dict[str, Any] = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
     other = sorted(key for key in identity if state["identity"].get(key) != identity[key])
     if other:
         raise ResultError(
             f"{file}: a checkpoint of a run with another {', '.join(other)}; give the same options and data, "
-            "or train without --resume"
+            "or --overwrite, which begins anew"
         )
     drifted = []
     for number, known in enumerate(state["rounds"]):
         file = _round_file(folder, number)
         samples = load_samples(file) if file.exists() and sha256_of(file) == known else None
         if samples is None:
-            raise ResultError(f"{file}: is not that of the checkpoint; train without --resume")
+            raise ResultError(f"{file}: is not that of the checkpoint; --overwrite begins anew")
         drifted.append(samples)
     return state, drifted

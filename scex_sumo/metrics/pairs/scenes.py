@@ -178,9 +178,8 @@ class Scenes:
 
     @cached_property
     def max_acceleration(self) -> FloatArray:
-        """(V, C or 1, 1) by type, m/s²."""
-        limit = self.parameters.accelerations(self.tracks.types, self.vehicles)
-        return np.atleast_2d(limit).T[:, :, None]
+        """(V, 1, 1) m/s²."""
+        return np.full((self.vehicles, 1, 1), self.parameters.max_acceleration)
 
     @cached_property
     def pairs(self) -> tuple[IntArray, IntArray]:

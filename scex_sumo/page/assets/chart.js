@@ -25,7 +25,7 @@ function bottomAxis({ paint, write, width, height }, ticks, toX) {
 
 function makeChart(run, state, element) {
   const m = Number(element.dataset.metric), metric = run.info.metrics[m], column = run.columns[m], [limit, canvas] = all("input, canvas", element);
-  const { view: [low, high] } = metric, line = byId("shares").children[m], isFolded = run.info.reflect && column.every((value) => !(value < 0));
+  const { view: [low, high] } = metric, line = byId("shares").children[m], isFolded = column.every((value) => !(value < 0));
   const key = `m${m}`;
   let drag = null, known = null;
 

@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.metrics.registry import COLLISION, critical_columns
@@ -33,6 +34,38 @@ _ACROSS = 2
 _EDGE = 0.01  # room for a stem at the left end, in panel widths
 _LABEL_SHARE, _LABELS = 0.14, 4  # width of a label, in panel widths; labels of a panel
 _SMALL: dict[Any, Any] = {"font.size": 6, "axes.titlesize": 6.5, "axes.linewidth": 0.6}
+
+
+@checked
+def plot(
+    runs: Run | Sequence[Run],
+    path: str | Path | None = None,
+    *,
+    metric: str | None = None,
+    curve: str = "density",
+    ax: Any = None,
+) -> list[Axes]:
+    """Draw the densities of one metric, or of all that are defined, of one or several runs on common axes.
+
+    Args:
+        path: SVG, PNG or PDF file to write.
+        curve: ``density`` or ``cumulative``.
+        ax: matplotlib's axes for one metric; None makes a figure, of pyplot without a ``path``.
+
+    Returns:
+        The axes.
+
+    Raises:
+        UsageError: the metric has no density, or is defined in no future; too many runs.
+
+    Example:
+        >>> (axes,) = scex.plot(run, "ttc.svg", metric="ttc")
+        >>> axes.get_title(loc="left")
+        '1/TTC'
+    """
+    some = [runs] if isinstance(runs, Run) else list(runs)
+    labels = ("stress test",) if len(some) == 1 else [run.folder.name for run in some]
+    return draw_figure(some, curve, path, labels=labels, metric=metric, ax=ax)
 
 
 def draw_figure(

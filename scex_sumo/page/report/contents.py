@@ -115,7 +115,6 @@ def _words(
         "metrics": metrics,
         "ticks": [(value, f"{words} s") for value, words in ticks(0, int(run.info["steps"]) * STEP_S)],
         "bandwidth": BANDWIDTH,
-        "reflect": reflects(run),
         "collision": collision_share(run),
         "collisions": collision_places([run] if run.reference is None else [run, run.reference], track_ids),
         "encounters": encounter_table(run, track_ids),
@@ -209,12 +208,7 @@ def metric_words(run: Run, column: str) -> dict[str, Any]:
 
 def _atoms(run: Run, column: str) -> list[float]:
     samples = run.samples(column)
-    return [atom.value for atom in split_atoms(samples)[0]] if reflects(run) and samples.size else []
-
-
-def reflects(run: Run) -> bool:
-    """Return whether densities of a run separate shared values and are reflected at 0."""
-    return bool(run.info.get("reflect", True))
+    return [atom.value for atom in split_atoms(samples)[0]] if samples.size else []
 
 
 def _worst_tenth(samples: FloatArray, side: str) -> float | None:

@@ -32,11 +32,12 @@ HEADS: Final[tuple[Head, ...]] = (
     ("driven by", "words", "Models in the typical future"),
 )
 """Columns of encounters in the terminal; the page has them too."""
+MOST_LINES = 20
 _ASKED = ("collision", *(event.name for event in MEASURED), "critical")
 
 
-def print_encounters(run: Run, console: Console, *, most: int, region: Region | None = None) -> None:
-    """Print at most ``most`` lines of both sets of futures, the most critical pair first."""
+def print_encounters(run: Run, console: Console, *, region: Region | None = None) -> None:
+    """Print at most `MOST_LINES` lines of both sets of futures, the most critical pair first."""
     scene, encounters = run.info["seed_scene"]["name"], meetings(run, region)
     indices = None if region is None else region.vehicles(run.scene)
     if region is not None and indices is not None:
@@ -59,7 +60,7 @@ def print_encounters(run: Run, console: Console, *, most: int, region: Region | 
     heads = [(name, "text" if form == "percent" else form, hint) for name, form, hint in HEADS]
     rows = [
         [words or cell for cell, words in zip(*encounter_cells(one), strict=True)]
-        for one in encounters[:most]
+        for one in encounters[:MOST_LINES]
     ]
     print_table(console_table(title, heads, rows, caption=caption), console)
 

@@ -13,10 +13,9 @@ from scex_sumo.page.parts import PagePart
 from scex_sumo.page.report.contents import report_contents
 from scex_sumo.reports.run_table import counted, row_cell
 from scex_sumo.results.extras import extras_results
-from scex_sumo.results.run import Run
+from scex_sumo.results.run import PAGE, Run
 from scex_sumo.scene import STEP_S, SeedScene
 
-REPORT = "report.html"
 _WARNING = "warning: "
 SCRIPTS = (
     *BASE,
@@ -27,7 +26,7 @@ SCRIPTS = (
 
 def write_report(run: Run, scene: SeedScene | None = None) -> Path:
     """Write the report of a finished run into its folder and return its path."""
-    path = run.folder / REPORT
+    path = run.folder / PAGE
     write_atomic(path, report_html(run, scene).encode())
     return path
 

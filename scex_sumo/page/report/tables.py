@@ -167,7 +167,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
         column |= {"selected": _SELECTED[name]} if (name := HEADS[place][0]) in _SELECTED else {}
     pairs: dict[tuple[int, int], int] = {}
     rows = []
-    kept = worst_of(encounters, doubtful=run.keeps_doubtful)
+    kept = worst_of(encounters)
     groups = {id(group[0]): group for group in grouped(kept)[:_WORST]}
     for one, (mine, said) in zip(encounters, both_of, strict=True):
         row, is_human = one.row, one.futures == HUMAN_LIKE

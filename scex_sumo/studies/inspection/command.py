@@ -11,8 +11,7 @@ from typer import Option
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.console import warn
-from scex_sumo.commands.options import Case, Origin, Time, Tracks
-from scex_sumo.commands.seed import MapPath
+from scex_sumo.commands.options import Case, MapPath, Origin, Time, Tracks
 from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:
@@ -33,7 +32,6 @@ def inspect_command(
     case: Case = None,
     time: Time = None,
     origin: Origin = None,
-    every: Annotated[float, Option(metavar="S", help="Least time between two moments, s.")] = EVERY_S,
     out: Annotated[
         Path | None, Option("-o", "--out", metavar="FILE.html", help="Write a page with the map as well.")
     ] = None,
@@ -49,8 +47,6 @@ def inspect_command(
     from scex_sumo.scene import STEP_S
     from scex_sumo.studies.inspection.answer import inspect_answer
 
-    if every <= 0:
-        raise UsageError(f"--every {every:g}: give a time above 0 s, e.g. --every 1")
     if out is not None and out.suffix != ".html":
         raise UsageError(f"-o {out}: unknown ending; known: .html")
     warn(left_out([map_path] if map_path.is_dir() else []))
@@ -72,7 +68,7 @@ def inspect_command(
         console.print(_checks_table(loaded))
     words = ["scex-sumo", "run", str(map_path), *(["--tracks", str(tracks)] if tracks else [])]
     words += ["--origin", origin] if origin is not None else []
-    moments, each = (recording_moments(loaded, every_s=step) for step in (every, STEP_S))
+    moments, each = (recording_moments(loaded, every_s=step) for step in (EVERY_S, STEP_S))
     best = busiest(each) if each else None  # the moment that run takes
     full = max([best, *each], key=lambda moment: moment.vehicles) if best is not None else None
     marked = {moment for moment in (best, full) if moment is not None}

@@ -13,9 +13,9 @@ from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import TrackError
 from scex_sumo.base.files import write_output
 from scex_sumo.base.version import __version__
-from scex_sumo.behaviors.listing import known_models
 from scex_sumo.converters.datasets.moment import STAMP_MS, Moment, busiest, recorded_throughout
 from scex_sumo.converters.tracks.rows import STANDING_MPS
+from scex_sumo.drivers.listing import known_models
 from scex_sumo.evaluation.recordings import LoadedRecording
 from scex_sumo.page.html import BASE, Html, asset, element, joined, page_html
 from scex_sumo.page.packing import UNITS, quantized

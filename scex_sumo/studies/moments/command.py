@@ -5,11 +5,23 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Annotated, Any, Protocol, TypeVar
+
+from typer import Option
 
 from scex_sumo.commands.console import progress_bar, resumable, warn
+from scex_sumo.extrapolation.settings import complete_models
 
 Done = TypeVar("Done", bound="HasInfo")
+
+Models = Annotated[
+    str | None,
+    Option(
+        metavar="MODEL[@WEIGHT],...",
+        help="Models to draw from; see 'scex-sumo models'.",
+        autocompletion=complete_models,
+    ),
+]
 
 
 class HasInfo(Protocol):

@@ -16,11 +16,11 @@ from scex_sumo.base.errors import OutOfTimeError, TrackError, UsageError, reason
 from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.spec import ModelSpec
-from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.converters.registries import Recording
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import Models, RunSettings
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.metrics.registry import describe_metrics, thresholds_of
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
@@ -52,13 +52,13 @@ class StudySettings:
             raise UsageError(f"--every: got {self.every:g}, needs seconds above 0")
         self.check_positive("min_vehicles")
         run = self.run
-        if run.count is None or run.until_band is not None or run.assign or run.under_test:
+        if run.count is None or run.assign or run.under_test:
             raise UsageError(
                 "a study draws the models of all vehicles in a fixed number of futures; "
-                "leave out futures='all', until_band, assign and under_test"
+                "leave out futures='all', assign and under_test"
             )
         models = written(run.models)
-        run = dataclasses.replace(run, models=models, keep_plans=False, world="checked")
+        run = dataclasses.replace(run, models=models, world="checked")
         object.__setattr__(self, "run", run)
         object.__setattr__(self, "weights", built(models).weights)
 
@@ -100,7 +100,6 @@ class StudySettings:
             "steps": run.steps,
             "replan": run.replan,
             "design": run.design,
-            "preset": run.preset,
             **({"metrics": described} if described else {}),
             "seed": run.seed,
             "thresholds": dict(self.thresholds),

@@ -58,9 +58,9 @@ class MomentWorkers(Protocol):
         """End the workers."""
 
 
-def moment_workers(work: Work, count: int, cluster: str | None) -> MomentWorkers:
-    """Return ``count`` processes of this machine, or the workers of a Dask scheduler."""
-    return LocalWorkers(count, work) if cluster is None else DaskWorkers(cluster, work)
+def moment_workers(work: Work, workers: int | str) -> MomentWorkers:
+    """Return so many processes of this machine, or the workers of the Dask scheduler at this address."""
+    return LocalWorkers(workers, work) if isinstance(workers, int) else DaskWorkers(workers, work)
 
 
 class LocalWorkers:
@@ -115,7 +115,7 @@ class DaskWorkers:
             from distributed import Client, Security
         except ImportError:
             raise MissingExtraError(
-                "--cluster: distributed is not installed; pip install 'scex-sumo[cluster]'"
+                "--workers: distributed is not installed; pip install 'scex-sumo[cluster]'"
             ) from None
         _check_reachable(address)
         for name in _LOGGERS:
@@ -124,7 +124,7 @@ class DaskWorkers:
             secured = Security().get_connection_args("client").get("ssl_context") is not None
             if address.startswith("tls://") and not secured:
                 raise UsageError(
-                    f"--cluster {address}: no certificate for TLS; name ca-file, cert and key in Dask's "
+                    f"--workers {address}: no certificate for TLS; name ca-file, cert and key in Dask's "
                     "configuration, see docs/cluster.md"
                 )
             self._client: Client = Client(address, timeout=_CONNECT_S, set_as_default=False)
@@ -135,7 +135,7 @@ class DaskWorkers:
         except TimeoutError:
             self.close()
             raise UsageError(
-                f"--cluster {address}: no worker has joined it; start some with "
+                f"--workers {address}: no worker has joined it; start some with "
                 f"'dask worker {address} --nthreads 1'"
             ) from None
         several = sum(count > 1 for count in self._client.nthreads().values())
@@ -198,7 +198,7 @@ class DaskWorkers:
 def _check_reachable(address: str) -> None:
     host, _, port = address.rpartition("://")[2].rpartition(":")
     if not host or not port.isdigit():
-        raise UsageError(f"--cluster {address}: needs the address of a Dask scheduler, e.g. tcp://host:8786")
+        raise UsageError(f"--workers {address}: needs the address of a Dask scheduler, e.g. tcp://host:8786")
     try:
         socket.create_connection((host.strip("[]"), int(port)), timeout=_CONNECT_S).close()
     except (OSError, OverflowError) as error:
@@ -207,7 +207,7 @@ def _check_reachable(address: str) -> None:
 
 def _no_scheduler(address: str, error: Exception) -> UsageError:
     return UsageError(
-        f"--cluster {address}: no Dask scheduler answers: {one_line(error)}; start one with "
+        f"--workers {address}: no Dask scheduler answers: {one_line(error)}; start one with "
         "'dask scheduler' and give the address that it prints"
     )
 

@@ -9,17 +9,12 @@ from typer import Option
 
 from scex_sumo.commands.console import warn
 from scex_sumo.commands.options import (
-    Cache,
-    Cluster,
+    AnyWorkers,
     Every,
-    MinVehicles,
-    Models,
-    Processes,
     Roots,
-    Seed,
 )
 from scex_sumo.commands.shared import Answer
-from scex_sumo.studies.moments.command import run_study
+from scex_sumo.studies.moments.command import Models, run_study
 
 if TYPE_CHECKING:
     from scex_sumo.studies.rank.rank import Ranking
@@ -39,22 +34,15 @@ def rank_command(
     first_s: Annotated[float | None, Option("--from", metavar="S", help="First moment, s.")] = None,
     last_s: Annotated[float | None, Option("--to", metavar="S", help="Last moment, s.")] = None,
     futures: Annotated[int, Option(help="Futures of each seed scene on the page.")] = 96,
-    min_vehicles: MinVehicles = 2,
     models: Models = None,
     top: Annotated[int, Option(help="Encounters on the page.")] = 10,
     by: Annotated[
         str, Option(metavar="COLUMN", help="Column by which encounters are ordered.")
     ] = "probability",
-    keep_doubtful: Annotated[
-        bool, Option("--keep-doubtful", help="Rank encounters whose data are doubtful, too.")
-    ] = False,
     triage: Annotated[
         Path | None, Option(metavar="CSV", help="Verdicts saved on the page of a ranking.")
     ] = None,
-    seed: Seed = 0,
-    workers: Processes = "auto",
-    cluster: Cluster = None,
-    cache: Cache = True,
+    workers: AnyWorkers = "auto",
     overwrite: Annotated[bool, Option("--overwrite", help="Replace another ranking.")] = False,
     out: Annotated[
         Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/ranking.", show_default=False)
@@ -62,7 +50,7 @@ def rank_command(
 ) -> Answer:
     """Rank the encounters of a dataset: which are worth testing."""
     options = {**locals()}
-    from scex_sumo.behaviors.registry import DEFAULT_MODELS
+    from scex_sumo.drivers.registry import DEFAULT_MODELS
     from scex_sumo.studies.rank.rank import rank
 
     options["window"] = options.pop("first_s"), options.pop("last_s")

@@ -43,12 +43,10 @@ class Order:
 
     Attributes:
         by: column; large values are first, but small ones of distances, times and places.
-        keep_doubtful: rank encounters whose data are doubtful, too; else they are last and have no rank.
         triage: verdicts as of `read_triage`; data errors are doubtful.
     """
 
     by: str = PROBABILITY
-    keep_doubtful: bool = False
     triage: Sequence[Mapping[str, str]] = ()
 
     def __post_init__(self) -> None:
@@ -57,10 +55,10 @@ class Order:
             raise UsageError(f"--by: got {self.by!r}; known: {', '.join(known)}")
 
     def ranked(self, encounters: pa.Table) -> pa.Table:
-        """Return encounters in this order, with ranks; equal ones by P."""
+        """Return encounters in this order, with ranks; equal ones by P. Doubtful ones are last, without."""
         encounters = self._judged(_whole(encounters))
         up = self.by in _NEAR or pa.types.is_string(RANKED.field(self.by).type)
-        table = encounters.append_column("out", self._is_out(encounters))
+        table = encounters.append_column("out", pc.is_valid(encounters["doubt"]))
         order = [
             ("out", "ascending"),
             (self.by, "ascending" if up else "descending"),
@@ -79,10 +77,6 @@ class Order:
         ]
         columns = {name: [one[name] or None if one else None for one in verdicts] for name in TRIAGE}
         return with_columns(encounters, {"doubt": doubts, **columns}) if self.triage else encounters
-
-    def _is_out(self, encounters: pa.Table) -> pa.ChunkedArray:
-        is_doubtful = pc.is_valid(encounters["doubt"])
-        return pc.and_(is_doubtful, not self.keep_doubtful)
 
 
 BY_PROBABILITY: Final = Order()

@@ -12,12 +12,12 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scex_sumo.base.files import TemporaryFolder, write_atomic
-from scex_sumo.behaviors.registry import DEFAULT_MODELS
 from scex_sumo.decision.decide import arrow, disagrees, span
 from scex_sumo.decision.extra import write_decision
 from scex_sumo.decision.moment import FUTURES as HUMAN_FUTURES
 from scex_sumo.decision.moment import human_part
 from scex_sumo.decision.words import once_in
+from scex_sumo.drivers.registry import DEFAULT_MODELS
 from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.job import ruled
 from scex_sumo.extrapolation.options import RunOptions

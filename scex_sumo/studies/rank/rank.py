@@ -56,15 +56,13 @@ def rank(
     roots: str | Path | Sequence[str | Path],
     *,
     out: str | Path,
-    workers: int = 1,
-    cluster: str | None = None,
+    workers: int | str = 1,
     every: float = 1.0,
     window: Window = (None, None),
     min_vehicles: int = 2,
     futures: int = 96,
     top: int = 10,
     by: str = PROBABILITY,
-    keep_doubtful: bool = False,
     triage: str | Path | None = None,
     cache: bool = True,
     overwrite: bool = False,
@@ -77,13 +75,11 @@ def rank(
     Args:
         roots: folders of recordings, or single files.
         out: folder of the ranking; an interrupted one goes on.
-        workers: processes of this machine.
-        cluster: address of a Dask scheduler, whose workers are used instead.
+        workers: processes of this machine, or the address of a Dask scheduler for its workers.
         every: as of `StudySettings`, like ``min_vehicles`` and ``cache``.
         futures: of each moment on the page.
         top: encounters on the page.
         by: column by which encounters are ordered.
-        keep_doubtful: rank encounters whose data are doubtful, too.
         triage: file of verdicts that the page of a ranking has saved.
         window: first and last moment, s; None is where a recording begins or ends.
         overwrite: replace another ranking in ``out``.
@@ -110,7 +106,7 @@ def rank(
         cache=cache,
     )
     verdicts = () if triage is None else read_triage(Path(triage))
-    order = Order(by=by, keep_doubtful=keep_doubtful, triage=verdicts)
+    order = Order(by=by, triage=verdicts)
     if window[0] is not None and window[1] is not None and window[0] > window[1]:
         raise UsageError(f"--from {window[0]:g} --to {window[1]:g}: ends before it begins")
     places = [roots] if isinstance(roots, str | Path) else roots
@@ -118,7 +114,7 @@ def rank(
     recordings = tuple(recording.within(window) for recording in recordings_found)
     identity = settings.identity(recordings)
     with (
-        closing(moment_workers(run_moment, workers, cluster)) as pool,
+        closing(moment_workers(run_moment, workers)) as pool,
         RankFolder(Path(out), identity, overwrite=overwrite) as folder,
         progress_of(progress, "rank") as tick,
     ):

@@ -32,7 +32,6 @@ class BaselineExtra(Baseline):
             job.settings,
             futures="all" if job.settings.count is None else len(job.assignment),
             under_test=dict.fromkeys(job.settings.under_test),
-            until_band=None,
         )
         options = dataclasses.replace(
             work.options, gui=False, out=job.folder / BASELINE, overwrite=True, bar=work.bar_of_repeat
@@ -40,10 +39,10 @@ class BaselineExtra(Baseline):
         run_scene(job.scene, settings, workers=work.workers, options=options)
         return ()
 
-    def print_above(self, run: Run, console: Console, preset: str | None) -> None:
+    def print_above(self, run: Run, console: Console, every: bool) -> None:
         """Print the verdict, the vehicle's own encounters, and the comparison with the baseline."""
         if run.info.get("under_test"):
-            print_under_test(run, console, preset=preset)
+            print_under_test(run, console, every=every)
 
     def page(self, run: Run) -> Any:
         """Return the card of the driver under test."""

@@ -1,11 +1,10 @@
-"""Driving functions under test as an extra of a run: its option and files."""
+"""Driving functions under test as an extra of a run: its files."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import ClassVar
 
-from scex_sumo.base.options import option
 from scex_sumo.extrapolation.extras import Extra
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.extras import BASELINE
@@ -19,8 +18,6 @@ class Baseline(Extra):
     files: ClassVar[tuple[str, ...]] = (BASELINE,)
     methods: ClassVar[str] = "scex_sumo.studies.under_test.baseline:BaselineExtra"
 
-    baseline: bool = option("Run the futures without the models under test, too.", True)
-
     def is_on(self, settings: RunSettings) -> bool:
         """See `Extra`."""
-        return self.baseline and any(model is not None for model in settings.under_test.values())
+        return any(model is not None for model in settings.under_test.values())

@@ -81,12 +81,11 @@ class UnderTest:
         intervals: DesignIntervals,
         *,
         without: DesignIntervals | None = None,
-        reflect: bool = True,
         injuries: Mapping[Driven, FloatArray] | None = None,
         own: Mapping[str, Metric] = MappingProxyType({}),
     ) -> None:
         self.vehicles, self.metrics, self.baseline = dict(vehicles), metrics, baseline
-        self.thresholds, self.reflect, self.injuries, self.own_metrics = thresholds, reflect, injuries, own
+        self.thresholds, self.injuries, self.own_metrics = thresholds, injuries, own
         self.intervals = {"under_test": intervals, "baseline": without or intervals}
         self.columns = [name for name in metrics.column_names if name != "future"]
 
@@ -100,7 +99,7 @@ class UnderTest:
                 "or --assign TRACK=package.module:Class"
             )
         if run.baseline is None:
-            raise ResultError(f"{run.folder}: its baseline was not run; run again without --no-baseline")
+            raise ResultError(f"{run.folder}: its baseline was not run; run again")
         driven: dict[Driven, Run] = {"under_test": run, "baseline": run.baseline}
         tested, without = (
             _with_own_collisions(one.table(UNDER_TEST), first_contacts(one.collisions), known)
@@ -121,7 +120,6 @@ class UnderTest:
             run.thresholds | {COLLISION: 1.0},
             run.intervals,
             without=run.baseline.intervals,
-            reflect=bool(run.info.get("reflect", True)),
             injuries=injuries,
             own=run.own_metrics,
         )
@@ -152,7 +150,7 @@ class UnderTest:
         values, defined = self.values(column, driven)
         known = np.where(defined, values, np.nan)
         width = self.intervals[driven].half_width(known)
-        return metric_density(known, width, reflect=self.reflect, bandwidth=bandwidth)
+        return metric_density(known, width, bandwidth=bandwidth)
 
     def p_critical(self, column: str, driven: Driven = "under_test") -> Interval | None:
         """Return the share of critical futures with its 95 % interval; None without a threshold."""

@@ -40,11 +40,11 @@ _CHANCE = 0.05  # p-value from which on a difference may be chance
 _MOST = 3  # encounters in words
 
 
-def print_under_test(run: Run, console: Console, *, preset: str | None = None) -> None:
+def print_under_test(run: Run, console: Console, *, every: bool = False) -> None:
     """Print the verdict, the vehicle's own encounters, and the comparison with the baseline.
 
     Args:
-        preset: metrics of the table, as of `run_table.print_summary`.
+        every: print all metrics, as of `run_table.print_summary`.
     """
     tested = UnderTest.of(run)
     print_line(verdict(tested), console)
@@ -52,7 +52,7 @@ def print_under_test(run: Run, console: Console, *, preset: str | None = None) -
         print_line("its encounters, as drawn → under test:", console)
     for line in own:
         print_line(f"  {line}", console)
-    main, folded = shown_columns(run, preset)
+    main, folded = shown_columns(run, every=every)
     print_table(under_test_table(tested, [*main, *folded]), console, breaks=(" better",))
     for line in (
         "only pairs that involve a vehicle under test; before: the same futures, as drawn; P: critical",

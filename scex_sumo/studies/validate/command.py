@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Option
 
 from scex_sumo.commands.console import warn
-from scex_sumo.commands.options import Cluster, Every, MinVehicles, Models, Processes, Roots, Seed
+from scex_sumo.commands.options import AnyWorkers, Every, Roots
 from scex_sumo.commands.shared import Answer
-from scex_sumo.studies.moments.command import run_study
+from scex_sumo.studies.moments.command import Models, run_study
 
 if TYPE_CHECKING:
     from scex_sumo.studies.validate.validate import Validation
@@ -25,14 +25,11 @@ def validate_command(
     models: Models = None,
     every: Every = 1.0,
     futures: Annotated[int, Option(help="Futures of a seed scene.")] = 96,
-    min_vehicles: MinVehicles = 2,
     part: Annotated[
         str, Option(metavar="all|train|validation|test", help="Part of each recording's time.")
     ] = "all",
     steps: Annotated[int, Option(help="Steps of 0.1 s of a future: 30, or 50, 80.")] = 30,
-    seed: Seed = 0,
-    workers: Processes = "auto",
-    cluster: Cluster = None,
+    workers: AnyWorkers = "auto",
     overwrite: Annotated[bool, Option("--overwrite", help="Replace another validation.")] = False,
     out: Annotated[
         Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/validation.", show_default=False)

@@ -102,8 +102,8 @@ class Forecast:
 
 
 def asked_of(settings: StudySettings) -> RunSettings:
-    """Return the settings of a moment's run: all metrics, and plans."""
-    return dataclasses.replace(settings.run, preset="both", metrics=None, keep_plans=True)
+    """Return the settings of a moment's run: all metrics."""
+    return dataclasses.replace(settings.run, metrics="both")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,9 +130,7 @@ def _forecast(task: ForecastTask, scene: SeedScene, packed: bytes) -> Forecast:
     judged = _recorded_to_end(scene, steps)
     if not judged.any():
         raise TrackError(f"no vehicle is recorded for {steps} steps after the moment; choose another moment")
-    plain = RunSettings(
-        models="constant_velocity", futures=1, steps=steps, keep_plans=False, world=asked.world
-    )
+    plain = RunSettings(models="constant_velocity", futures=1, steps=steps, world=asked.world)
     # Vehicles leave the futures at the step at which they leave the recording.
     net = net_of(packed, task.settings.cache)
     run = partial(_run, scene, net, compared(net, task.ref))
@@ -178,18 +176,28 @@ def _run(
 ) -> _Futures:
     models.try_on(scene, seed=settings.seed)
     scene, net = ruled(scene, net, settings)
-    drawn = models.draw(scene, futures=count, seed=settings.seed, design=settings.design)
+    drawn = models.draw(scene, futures=count, seed=settings.seed)
     counted = recorded_steps_of(scene, settings.steps)
-    job = Job(scene, net, settings, models, drawn, net.path.parent, counted=counted, compared=compared)
-    part, no_plans = run_in_memory(job, range(count)), np.empty(0)
-    assert part.collisions is not None
+    job = Job(
+        scene,
+        net,
+        settings,
+        models,
+        drawn,
+        net.path.parent,
+        counted=counted,
+        compared=compared,
+        with_plans=True,
+    )
+    part = run_in_memory(job, range(count))
+    assert part.collisions is not None and part.plan_x is not None and part.plan_y is not None
     return _Futures(
         collided=collided(part.collisions, part.futures),
         driven=Rollout(
             futures=part.futures,
             states=part.states,
-            plan_x=no_plans if part.plan_x is None else part.plan_x,
-            plan_y=no_plans if part.plan_y is None else part.plan_y,
+            plan_x=part.plan_x,
+            plan_y=part.plan_y,
             replan=settings.replan,
         ),
         values=np.where(part.defined, part.values, np.nan),

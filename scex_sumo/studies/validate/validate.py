@@ -83,8 +83,7 @@ def validate(
     part: str = ALL,
     steps: int = 30,
     seed: int = 0,
-    workers: int = 1,
-    cluster: str | None = None,
+    workers: int | str = 1,
     overwrite: bool = False,
     command: Sequence[str] | None = None,
     progress: Progress | bool | None = None,
@@ -96,8 +95,7 @@ def validate(
         out: folder of the validation; an interrupted one goes on.
         every: as of `scex_sumo.studies.validate.moment.ValidationSettings`, like the next two.
         steps: of 0.1 s of each future.
-        workers: processes of this machine.
-        cluster: address of a Dask scheduler, whose workers are used instead.
+        workers: processes of this machine, or the address of a Dask scheduler for its workers.
         overwrite: replace another validation in ``out``, or a finished one.
         command: the command line, for ``validate.json``.
         progress: True for a bar; or called with (moments done, moments known).
@@ -124,7 +122,7 @@ def validate(
     identity = settings.to_json(recordings)
     again = overwrite and (Path(out) / ForecastFolder.info).is_file()  # an interrupted one goes on
     with (
-        closing(moment_workers(validate_moment, workers, cluster)) as pool,
+        closing(moment_workers(validate_moment, workers)) as pool,
         ForecastFolder(Path(out), identity, overwrite=overwrite) as folder,
     ):
         if again:

@@ -9,7 +9,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from scex_sumo.commands.console import progress_bar, resumable
-from scex_sumo.commands.options import Cluster, Processes
+from scex_sumo.commands.options import AnyWorkers
 from scex_sumo.commands.shared import Answer
 
 EXAMPLE = 'suite --under-test my_driver:Driver --fail-if "worse > 0" --junit out/junit.xml'
@@ -35,9 +35,7 @@ def test_command(
     against: Annotated[
         Path | None, Option(metavar="JSON", help="test.json of another or an older function.")
     ] = None,
-    time_limit: Annotated[float, Option("--time-limit", metavar="S", help="Time of a case, s.")] = 60.0,
-    workers: Processes = "auto",
-    cluster: Cluster = None,
+    workers: AnyWorkers = "auto",
     overwrite: Annotated[bool, Option("--overwrite", help="Replace another test.")] = False,
     out: Annotated[
         Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/test.", show_default=False)
@@ -60,8 +58,6 @@ def test_command(
             futures=futures,
             cases=None if cases is None else [name.strip() for name in cases.split(",")],
             workers=workers,
-            cluster=cluster,
-            time_limit=time_limit,
             against=against,
             junit=junit,
             overwrite=overwrite,
@@ -76,8 +72,12 @@ def test_command(
     failed = [
         f"{text} (it is {one.value(done.result):g})" for text, one in conditions if one.holds(done.result)
     ]
-    if failed:
-        raise ScexError(f"{under_test}: fails by --fail-if {', '.join(failed)}")
-    if done.result["number"] is None:
-        raise ScexError(f"{under_test}: every case failed; the reasons stand above")
-    return lambda: {"report": out / PAGE, **done.result}
+    reason = f"fails by --fail-if {', '.join(failed)}" if failed else ""
+    if not failed and done.result["number"] is None:
+        reason = "every case failed; the reasons stand above"
+    answer = {"report": out / PAGE, **done.result}
+    if reason:
+        error = ScexError(f"{under_test}: {reason}")
+        error.answer = answer
+        raise error
+    return lambda: answer

@@ -15,7 +15,7 @@ from scex_sumo.base.files import check_output, sha256_of, write_atomic, write_ou
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.base import is_driven_by_sumo, layer_with
-from scex_sumo.behaviors.registry import ModelSpec, build, model_specs
+from scex_sumo.drivers.registry import ModelSpec, build, model_specs
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.folder import Failure, StudyFolder
 from scex_sumo.studies.moments.workers import moment_workers
@@ -86,8 +86,7 @@ def test_suite(
     out: str | Path,
     futures: int | None = None,
     cases: Sequence[str] | None = None,
-    workers: int = 1,
-    cluster: str | None = None,
+    workers: int | str = 1,
     time_limit: float = LIMIT_S,
     against: str | Path | None = None,
     junit: str | Path | None = None,
@@ -103,7 +102,7 @@ def test_suite(
         out: folder of the result; an interrupted test goes on.
         futures: of each case; None: those of the suite.
         cases: names; None: all.
-        workers: processes of this machine; ``cluster``: a Dask scheduler instead.
+        workers: processes of this machine, or the address of a Dask scheduler.
         time_limit: of a case, s.
         against: ``test.json`` of another function, or an older one, on the same suite.
         junit: file to write.
@@ -141,7 +140,7 @@ def test_suite(
         progress_of(progress, "cases") as tick,
     ):
         tasks = [task_of(case, spec, futures, limit_s=time_limit) for case in chosen]
-        records = _run(tasks, folder, (workers, cluster), tick)
+        records = _run(tasks, folder, workers, tick)
         rows = with_verdicts([_about(case, records[case.name]) for case in chosen])
         result = {
             "scex_sumo": __version__,
@@ -193,7 +192,7 @@ def _chosen(suite: Suite, names: Sequence[str] | None) -> list[Case]:
 
 
 def _run(
-    tasks: Sequence[CaseTask], folder: TestFolder, where: tuple[int, str | None], tick: Progress | None
+    tasks: Sequence[CaseTask], folder: TestFolder, workers: int | str, tick: Progress | None
 ) -> dict[str, dict[str, Any]]:
     """Return the records by case; those that are kept do not run again."""
     kept = {task.ref.moment: folder.record(task.ref.moment) for task in tasks}
@@ -202,7 +201,7 @@ def _run(
     if not left:
         return records
     began = time.perf_counter()
-    with closing(moment_workers(run_case, *where)) as pool:
+    with closing(moment_workers(run_case, workers)) as pool:
         for task, found in pool.run(left):
             now, name = time.perf_counter(), task.ref.moment
             record = {"reason": found.reason} if isinstance(found, Failure) else dict(found)

@@ -12,7 +12,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, drive
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile
-from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene, States, VehicleIndex

@@ -9,7 +9,7 @@ import pytest
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.models.idm import IdmDriver, IdmProfile, idm_acceleration
-from scex_sumo.behaviors.registry import entry_of
+from scex_sumo.drivers.registry import entry_of
 from scex_sumo.scene import Obstacles, States
 from tests.behaviors import roads
 

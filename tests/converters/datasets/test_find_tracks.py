@@ -49,7 +49,7 @@ def test_without_tracks_the_error_says_where_it_looked_and_what_to_do(tmp_path: 
 
 def test_a_sumo_net_asks_for_what_sumo_writes(tmp_path: Path) -> None:
     net = _touch(tmp_path / "a.net.xml")
-    with pytest.raises(TrackError, match=r"give --fcd FILE .*, --state FILE .* or --tracks CSV, or --synth"):
+    with pytest.raises(TrackError, match=r"give --tracks FILE .*, or --synth"):
         find_tracks(net)
     beside = _touch(tmp_path / "a.fcd.xml.gz")
     assert find_tracks(net) == beside

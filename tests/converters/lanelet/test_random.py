@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 
 from scex_sumo.converters.lanelet.file import read_map_file
 from scex_sumo.converters.lanelet.reader import is_whole
-from scex_sumo.formats.lanelet.repair import repair
+from scex_sumo.converters.lanelet.repair import repair
 from tests.converters.maps import DASHED, ROAD, Lanelet, Line, area, draw_map, rule, straight
 
 MAPS = 150

@@ -11,8 +11,8 @@ import pytest
 from scex_sumo.base.errors import MapError, SimulationError
 from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.converters.maps import read_map
-from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.reading import allowed_content, open_net, refuse_outputs
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.world.tiles import TileTemplate
 from tests.command import ALONE, scex
 
@@ -106,11 +106,11 @@ def test_no_command_lets_a_foreign_net_write(grid: str, tmp_path: Path) -> None:
     small = ("--futures", 2, "--models", "constant_velocity", *ALONE)
     for words in (
         ("run", net, "--fcd", tracks, "--time", 2, *small, "-o", tmp_path / "fcd"),
-        ("run", net, "--state", state, *small, "-o", tmp_path / "state"),
+        ("run", net, "--tracks", state, *small, "-o", tmp_path / "state"),
         ("run", net, "--synthetic", 2, *small, "-o", tmp_path / "synthetic"),
         ("inspect", net, "--tracks", tracks),
         ("convert", net, "-o", tmp_path / "c.net.xml"),
-        ("convert", "--check", net, "--map", net),
+        ("convert", net, "--check", net),
     ):
         done = scex(*words)
         assert "Traceback" not in done.stderr, (words, done.stderr)

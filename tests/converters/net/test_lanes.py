@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.reading import read_lane_table
 from scex_sumo.converters.net.sumo_net import LaneTable
+from scex_sumo.lanelet2sumo.convert import convert
 from tests.converters.sumo_roads import lane, road
 
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from scex_sumo.behaviors.base import Behavior
-from scex_sumo.behaviors.listing import known_entries
 from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile
-from scex_sumo.behaviors.registry import build, entry_of, parse_models
+from scex_sumo.drivers.listing import known_entries
+from scex_sumo.drivers.registry import build, entry_of, parse_models
 from scex_sumo.extrapolation.loop.situations import plan_once, plans_of
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings

@@ -20,12 +20,12 @@ from scex_sumo.extrapolation.options import RunOptions
 from scex_sumo.extrapolation.processes.pool import Pool, in_other_process, succeeded
 from scex_sumo.extrapolation.processes.workers import Workers, kept_workers
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.humans.extra import HumanReference
 from scex_sumo.results.parts import Parts
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
+from scex_sumo.steps.reference_options import HumanReference
 
 NEW_PROCESSES = True
 
@@ -61,7 +61,7 @@ def test_run_and_reference_of_two_processes_have_the_same_bytes(
         simulated.append(len(Parts(Path(str(options.out))).futures))
         return run_scene(scene, settings, options=options, **others)
 
-    monkeypatch.setattr("scex_sumo.humans.reference.run_scene", finish)
+    monkeypatch.setattr("scex_sumo.steps.reference.run_scene", finish)
     scene = read_seed(example_path("motorway_merge"))
     settings = RunSettings(models="rules", futures=117, steps=3)
     for processes in (1, 2):

@@ -16,8 +16,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from scex_sumo.base.errors import MapError, MissingExtraError
 from scex_sumo.converters.maps import read_map
-from scex_sumo.converters.net.convert import convert
 from scex_sumo.formats.commonroad.reader import read_commonroad_road
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Road
 from tests.formats.commonroad.commonroad_maps import (

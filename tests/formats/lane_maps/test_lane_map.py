@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.converters.net.convert import convert
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Road
 from tests.formats import streets

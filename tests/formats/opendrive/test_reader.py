@@ -9,9 +9,9 @@ import pytest
 
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.maps import read_map
-from scex_sumo.converters.net.convert import convert
 from scex_sumo.exporters.opendrive.file import opendrive_text
 from scex_sumo.geometry.polylines import distances, samples
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Road
 from scex_sumo.scenarios import example_path

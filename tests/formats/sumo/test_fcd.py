@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo.base.errors import TrackError
-from scex_sumo.formats.cleaning.repair import repair_tracks
+from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.formats.sumo.fcd import read_fcd
 
 

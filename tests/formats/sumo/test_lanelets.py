@@ -9,13 +9,13 @@ import pytest
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.maps import read_map
-from scex_sumo.converters.net.convert import convert
 from scex_sumo.formats.sumo.net import CHANGED
+from scex_sumo.generators.populated import synthetic_seed
 from scex_sumo.geometry.polylines import distances, length_of, samples
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
 from scex_sumo.scenarios import example_path
-from scex_sumo.scenarios.populated import synthetic_seed
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
 from tests.runs import extrapolate

@@ -11,12 +11,12 @@ import pytest
 from scex_sumo.base.errors import MapError
 from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.converters.maps import read_map
-from scex_sumo.converters.net.convert import convert
 from scex_sumo.converters.net.reading import open_net
+from scex_sumo.generators.populated import synthetic_seed
 from scex_sumo.geometry.polylines import distances, samples
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.road import Regulation, Road
 from scex_sumo.scenarios import example_path
-from scex_sumo.scenarios.populated import synthetic_seed
 from tests.converters import sumo_roads
 from tests.runs import extrapolate
 

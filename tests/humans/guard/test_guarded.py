@@ -12,8 +12,9 @@ import pytest
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile, Replay, ReplayProfile
-from scex_sumo.behaviors.registry import ModelSpec, build, parse_models
 from scex_sumo.converters.datasets.find import find_recordings
+from scex_sumo.drivers.own import behavior
+from scex_sumo.drivers.registry import ModelSpec, build, parse_models
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
@@ -22,7 +23,6 @@ from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.humans.guard.corridors import GuardProfile, planned_paths
 from scex_sumo.humans.guard.guarded import Guarded, safe_speed
 from scex_sumo.plug_in.fallback import Fallible
-from scex_sumo.plug_in.own import behavior
 from scex_sumo.road import Road
 from scex_sumo.scene import Obstacles, Plan, SceneHistory, SeedScene, States, VehicleIndex
 from tests.behaviors import roads

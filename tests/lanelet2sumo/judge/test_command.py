@@ -10,7 +10,7 @@ import pytest
 from scex_sumo.cli import main
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.lanelet.writer import write_map_file
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.convert import convert
 from tests.converters.maps import ROAD, straight, write_map
 from tests.converters.sumo_roads import NetFile
 from tests.lanelet2sumo.mutated.mutations import example, renamed
@@ -38,7 +38,7 @@ def way_of(way: str, lossy: Path, folder: Path) -> list[str | Path]:
     net = folder / "n.net.xml"
     if way == "check":
         convert(read_road(lossy), net)
-    return {"convert": ["-o", net], "json": ["-o", net, "--json-report"], "check": ["--check", net]}[way]
+    return {"convert": ["-o", net], "json": ["-o", net, "--json"], "check": ["--check", net]}[way]
 
 
 def test_losses_are_said_last_one_line_for_each_kind(
@@ -52,11 +52,11 @@ def test_losses_are_said_last_one_line_for_each_kind(
 
 @pytest.mark.parametrize("way", ["convert", "json", "check"])
 def test_losses_are_an_error_where_the_user_is_strict(
-    way: str, lossy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    way: str, lossy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     asked = way_of(way, lossy, tmp_path)
     assert call(monkeypatch, lossy, *asked, "--strict") == 1
-    said = capsys.readouterr()
+    said = capfd.readouterr()
     assert "--strict, and the map lost 1 lanelets not driven, subtype moving_walkway" in said.err
     if way == "json":
         assert json.loads(said.out)["lost_lanelets"] == [30040]
@@ -73,17 +73,14 @@ def test_an_unfaithful_net_fails_whatever_is_asked(
     assert call(monkeypatch, lossy, *asked) == 1
 
 
-def test_the_limits_of_the_maps_or_another_country_hold_where_the_map_gives_none(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_the_limits_of_the_maps_country_hold_where_the_map_gives_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     german = write_map(tmp_path / "de.osm", [straight(1, 0, 50)])
     american = write_map(tmp_path / "us.osm", [straight(1, 0, 50, tags={**ROAD, "region": "us_ca"})])
     speeds = []
-    for path, *asked in ([german], [german, "--country", "us"], [american], [american, "--country", "DE"]):
-        assert call(monkeypatch, path, "-o", tmp_path / "n.net.xml", *asked) == 0
+    for path in (german, american):
+        assert call(monkeypatch, path, "-o", tmp_path / "n.net.xml") == 0
         [lane] = NetFile(tmp_path / "n.net.xml").lanes.values()
         speeds.append(float(lane.get("speed", "")))
-    kmh = pytest.approx([50 / 3.6, 40.2 / 3.6, 40.2 / 3.6, 50 / 3.6], abs=0.01)  # 25 mph in towns of the US
-    assert speeds == kmh
-    assert call(monkeypatch, german, "--country", "atlantis") == 2
-    assert "unknown country 'atlantis'; known: de, at, " in capsys.readouterr().err
+    assert speeds == pytest.approx([50 / 3.6, 40.2 / 3.6], abs=0.01)  # 25 mph in towns of the US

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import ClassVar
 
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.convert import convert
 from tests.converters.plain_net import Table, crossing, write_net
 from tests.converters.sumo_roads import lane, road
 from tests.lanelet2sumo.judge.loading import check_net

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.convert import convert
 from tests.converters.maps import write_map
 from tests.lanelet2sumo.judge.adversarial import MAPS
 from tests.lanelet2sumo.judge.driving import drive_net

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import InputError
-from scex_sumo.converters.net.convert import convert
 from scex_sumo.formats.sumo.net import read_sumo_road
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.lanelet2sumo.judge.report import FidelityReport, check_net
 from tests.converters.plain_net import Table, crossing, lane, write_net
 

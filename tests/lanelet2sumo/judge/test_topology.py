@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.lanelet2sumo.judge.matching import match_lanelets
 from scex_sumo.lanelet2sumo.judge.topology import Moves
 from scex_sumo.lanelet2sumo.reader import read_net

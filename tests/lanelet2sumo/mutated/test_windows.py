@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.converters.net.convert import convert
+from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.lanelet2sumo.reader import read_net
 from tests.converters.sumo_roads import NetFile, lane, road

@@ -12,7 +12,7 @@ import safetensors.numpy
 
 from scex_sumo.base.errors import InputError
 from scex_sumo.base.files import sha256_of
-from scex_sumo.behaviors.registry import build, parse_models
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.learned.network.layers import exact
 from scex_sumo.learned.network.weights import ABOUT, load_weights, save_weights
 from scex_sumo.learned.profiles import SHIPPED

@@ -13,7 +13,7 @@ from rich.console import Console
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.metrics.registry import COLUMNS, THRESHOLDS
-from scex_sumo.page.figures.figure import COLORS, draw_figure
+from scex_sumo.page.figures.figure import COLORS, draw_figure, plot
 from scex_sumo.reports.run_table import summary_table
 from scex_sumo.results.folder import ResultFolder, tracks_table, values_table
 from scex_sumo.results.run import Run, open_run
@@ -107,14 +107,14 @@ def test_the_same_run_is_drawn_in_the_same_bytes(run: Run, tmp_path: Path) -> No
 
 def test_runs_and_densities_are_drawn_into_axes_of_the_user(run: Run) -> None:
     axes = Figure().subplots()
-    assert run.plot(metric="distance", ax=axes) == [axes] and axes.lines
+    assert plot(run, metric="distance", ax=axes) == [axes] and axes.lines
     own = Figure().subplots()
     density = run.density("distance")
     assert density.plot(own) is own
     assert own.lines[0].get_ydata().tolist() == density.pdf.tolist()
     assert density.plot(own, curve="cumulative").lines[1].get_ydata().tolist() == density.cdf.tolist()
     with pytest.raises(UsageError, match="gap_time: defined in no future"):
-        run.plot(metric="gap_time", ax=axes)
+        plot(run, metric="gap_time", ax=axes)
 
 
 def test_the_summary_shows_shares_and_dashes(run: Run) -> None:

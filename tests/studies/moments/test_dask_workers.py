@@ -85,9 +85,9 @@ def test_a_validation_over_the_cluster_is_that_of_this_machine(
     cluster: Cluster, dataset: Path, tmp_path: Path
 ) -> None:
     told = {}
-    for name, option in (("cluster", ("--cluster", cluster.address)), ("alone", ())):
+    for name, option in (("cluster", ("--workers", cluster.address)), ("alone", ())):
         folder = tmp_path / name
-        words = ("--every", "8", "--futures", "2", "--seed", "3", *option, "-o", folder)
+        words = ("--every", "8", "--futures", "2", *option, "-o", folder)
         done = scex("validate", dataset, *words)
         assert done.returncode == 0, done.stderr
         told[name] = {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*.parquet")}
@@ -97,7 +97,7 @@ def test_a_validation_over_the_cluster_is_that_of_this_machine(
 def test_a_worker_killed_in_the_middle_changes_no_byte(
     cluster: Cluster, dataset: Path, tmp_path: Path
 ) -> None:
-    ranking = started("rank", dataset, *OPTIONS, "--cluster", cluster.address, "-o", tmp_path / "cluster")
+    ranking = started("rank", dataset, *OPTIONS, "--workers", cluster.address, "-o", tmp_path / "cluster")
     begun(tmp_path / "cluster")
     cluster.workers[0].kill()
     done = ranking.wait()
@@ -114,7 +114,7 @@ def test_a_worker_killed_in_the_middle_changes_no_byte(
 def test_when_the_scheduler_goes_away_one_line_says_how_to_go_on(
     cluster: Cluster, dataset: Path, tmp_path: Path
 ) -> None:
-    ranking = started("rank", dataset, *OPTIONS, "--cluster", cluster.address, "-o", tmp_path / "out")
+    ranking = started("rank", dataset, *OPTIONS, "--workers", cluster.address, "-o", tmp_path / "out")
     begun(tmp_path / "out")
     cluster.scheduler.kill()
     done = ranking.wait()
@@ -125,14 +125,14 @@ def test_when_the_scheduler_goes_away_one_line_says_how_to_go_on(
 
 @pytest.mark.parametrize(
     ("address", "words"),
-    [("nonsense", "needs the address"), (f"tcp://127.0.0.1:{free_port()}", "no Dask scheduler answers")],
+    [("nonsense", "needs a number or auto"), (f"tcp://127.0.0.1:{free_port()}", "no Dask scheduler answers")],
     ids=["no address", "a free port"],
 )
 def test_an_address_where_nobody_answers_is_refused(tmp_path: Path, address: str, words: str) -> None:
-    done = scex("rank", scex_sumo.example_path("roundabout"), "--cluster", address, "-o", tmp_path / "out")
+    done = scex("rank", scex_sumo.example_path("roundabout"), "--workers", address, "-o", tmp_path / "out")
     assert done.returncode == 2, done.stderr
     (line,) = done.stderr.splitlines()
-    assert line.startswith(f"error: --cluster {address}: ")
+    assert line.startswith(f"error: --workers {address}: ")
     assert words in line
 
 

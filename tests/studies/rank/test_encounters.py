@@ -32,15 +32,13 @@ def test_the_order_is_by_probability_then_by_any_column() -> None:
     assert pairs(Order(by="time_margin")) == [(2, 3), (1, 2), (3, 1)]  # small margins first, none last
 
 
-def test_doubtful_encounters_are_last_and_without_rank_unless_they_are_kept() -> None:
+def test_doubtful_encounters_are_last_and_without_rank() -> None:
     both = moment(
         1.0,
         pairs_table((1, 2), probability=1e-1, doubt="boxes touch"),
         pairs_table((1, 3), probability=1e-4),
     )
     assert [(row["rank"], row["doubt"]) for row in found(both)] == [(1, None), (None, "boxes touch")]
-    kept = found(both, order=Order(keep_doubtful=True))
-    assert [(row["rank"], row["doubt"]) for row in kept] == [(1, "boxes touch"), (2, None)]
 
 
 def test_a_verdict_is_of_the_encounter_at_its_time_and_a_data_error_is_doubtful() -> None:

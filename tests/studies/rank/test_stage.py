@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.converters.net.convert import converted
 from scex_sumo.decision.moment import human_part, pairs_of_part
 from scex_sumo.extrapolation.job import ruled
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.scene import HISTORY_STEPS, SeedScene
 from scex_sumo.studies.rank.stage import Stage, stage_of_future
 from tests.decision.families import behind_standing, person

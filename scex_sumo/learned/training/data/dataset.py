@@ -17,11 +17,11 @@ from scex_sumo.base.errors import MapError, SimulationError, TrackError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.datasets.moment import Moment
 from scex_sumo.converters.maps import read_map
-from scex_sumo.converters.net.convert import converted
 from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import LoadedRecording, load_recording, recording_moments, seed_at
 from scex_sumo.evaluation.split import Part, Split, split_moments
 from scex_sumo.generators.synthetic import simulated_scenes
+from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.learned.training.data.obstacles import add_obstacles
 from scex_sumo.learned.training.data.perturb import Perturbation, measured, perturbed
 from scex_sumo.learned.training.data.samples import (

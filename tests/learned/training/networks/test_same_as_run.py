@@ -19,10 +19,10 @@ from scex_sumo.learned.network.layers import exact, snapped  # noqa: E402
 from scex_sumo.learned.network.networks import KINDS as RUN  # noqa: E402
 from scex_sumo.learned.network.networks import GraphNet, JointNet, Modes, Tokens  # noqa: E402
 from scex_sumo.learned.network.weights import load_weights  # noqa: E402
-from scex_sumo.learned.scene_graph.graph import scene_graph  # noqa: E402
 from scex_sumo.learned.training.networks.graph import PathBatch, SceneBatch  # noqa: E402
 from scex_sumo.learned.training.networks.graph_image import NETWORKS, ImageBatch, MapTensors, Net, save_net  # noqa: E402
 from scex_sumo.scene import SceneHistory  # noqa: E402
+from scex_sumo.scene_graph.graph import scene_graph  # noqa: E402
 from tests.behaviors import roads  # noqa: E402
 from tests.learned import nets  # noqa: E402
 

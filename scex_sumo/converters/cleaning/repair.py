@@ -1,0 +1,121 @@
+"""Repair of recordings: counts defects, and repairs those that are unambiguous."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from scex_sumo.base.arrays import BoolArray
+from scex_sumo.base.errors import listed
+from scex_sumo.converters.cleaning.heading import repair_headings
+from scex_sumo.converters.cleaning.motion import JUMP_M, renew_motion
+from scex_sumo.converters.tracks.rows import FORWARD_MPS, STANDING_MPS, TrackRows, TrackTable
+
+# A tracker warms up if two of a track's first five steps have the same position at a rising speed.
+FROZEN_STEPS, WARM_UP_RISE_MPS = 2, 0.5
+WARM_UP_S = 2.0  # dropped then
+MAX_LENGTH_M, MAX_WIDTH_M = 60.0, 8.0  # trams reach 54 m
+MIN_SIZE_M = 0.1
+MAX_SPEED_MPS = 100.0  # 360 km/h
+
+
+def repair_tracks(table: TrackTable, *, exact: bool = False) -> tuple[TrackTable, tuple[str, ...]]:
+    """Repair a recording, or one case of a file of cases.
+
+    In order: duplicates, tracker warm-up, jumps, velocities and noise, headings, implausible sizes or speeds.
+    Exact recordings, from a simulation, are only cut at jumps and cleared of what is implausible.
+
+    Returns a phrase for each kind of defect, too; the first one says what is left out.
+    """
+    vehicles, findings = _repair(table.vehicles, table, FORWARD_MPS, exact=exact)
+    # Pedestrians and cyclists face where they go.
+    others, more = _repair(table.others, table, STANDING_MPS, exact=exact)
+    if more:
+        both = "repaired in the same way" if findings else "; ".join(more)
+        findings.append(f"pedestrians and cyclists: {both}")
+    repaired = replace(table, vehicles=vehicles, others=others)
+    return repaired, (*_cost(table, repaired), *findings)
+
+
+def _cost(before: TrackTable, after: TrackTable) -> tuple[str, ...]:
+    """Say which part of a recording is left out."""
+    rows, kept = (len(table.vehicles) + len(table.others) for table in (before, after))
+    tracks = before.vehicles.tracks
+    lost = tracks - after.vehicles.tracks
+    vehicles = f"{lost} of {tracks} vehicles and " if lost else ""
+    return (f"{vehicles}{rows - kept} of {rows} rows left out",) if rows > kept else ()
+
+
+def _repair(
+    rows: TrackRows, table: TrackTable, forward_mps: float, *, exact: bool
+) -> tuple[TrackRows, list[str]]:
+    findings: list[str] = []
+    if not len(rows):
+        return rows, findings
+    steps: tuple[Callable[[TrackRows], tuple[TrackRows, list[str]]], ...] = (
+        _drop_duplicates,
+        lambda rows: (rows, []) if table.has_cases else _drop_warm_up(rows),
+        _cut_jumps,
+        renew_motion,
+        lambda rows: repair_headings(rows, forward_mps),
+        _drop_implausible,
+    )
+    for step in (_cut_jumps, _drop_implausible) if exact else steps:
+        rows, phrases = step(rows)
+        findings += phrases
+        if not len(rows):
+            break
+    return rows, findings
+
+
+def _drop_duplicates(rows: TrackRows) -> tuple[TrackRows, list[str]]:
+    if not ((np.diff(rows.track) == 0) & (np.diff(rows.timestamp_ms) == 0)).any():
+        return rows, []
+    from scex_sumo.converters.cleaning.outliers import drop_duplicates
+
+    return drop_duplicates(rows)
+
+
+def _cut_jumps(rows: TrackRows) -> tuple[TrackRows, list[str]]:
+    if not (np.hypot(np.diff(rows.x), np.diff(rows.y))[np.diff(rows.segment) == 0] > JUMP_M).any():
+        return rows, []
+    from scex_sumo.converters.cleaning.outliers import cut_jumps
+
+    return cut_jumps(rows)
+
+
+def _drop_warm_up(rows: TrackRows) -> tuple[TrackRows, list[str]]:
+    """Drop the start of tracks whose filter had not yet converged."""
+    start, piece = rows.pieces[0], rows.piece
+    since = np.arange(len(rows)) - start[piece]
+    still = (np.diff(rows.x) == 0.0) & (np.diff(rows.y) == 0.0) & (since[1:] > 0) & (since[1:] <= 5)
+    faster = np.diff(rows.speed) > 0.0
+    moving = (rows.speed[1:] + rows.speed[:-1]) / 2.0 > 0.15
+    frozen = np.bincount(piece[1:][still & faster & moving], minlength=piece[-1] + 1) >= FROZEN_STEPS
+    age_ms = rows.timestamp_ms - rows.timestamp_ms[start][piece]
+    soon = np.maximum.reduceat(np.where(age_ms <= 1000.0, rows.speed, 0.0), start)
+    frozen &= soon - rows.speed[start] > WARM_UP_RISE_MPS
+    if not frozen.any():
+        return rows, []
+    keep = ~frozen[piece] | (age_ms >= 1000.0 * WARM_UP_S)
+    cold = len(np.unique(rows.track[start][frozen]))
+    return rows.take(keep), [
+        f"tracker warm-up: first {WARM_UP_S:g} s of {cold} of {rows.tracks} tracks dropped"
+    ]
+
+
+def _drop_implausible(rows: TrackRows) -> tuple[TrackRows, list[str]]:
+    size: BoolArray = (np.maximum(rows.length / MAX_LENGTH_M, rows.width / MAX_WIDTH_M) > 1.0) | (
+        np.minimum(rows.length, rows.width) < MIN_SIZE_M
+    )
+    wrong_size = np.bincount(rows.track, size, rows.tracks) > 0
+    too_fast = (np.bincount(rows.track, rows.speed > MAX_SPEED_MPS, rows.tracks) > 0) & ~wrong_size
+    phrases = []
+    sizes = f"longer than {MAX_LENGTH_M:g} m, wider than {MAX_WIDTH_M:g} m or under {MIN_SIZE_M:g} m"
+    for wrong, what in ((wrong_size, sizes), (too_fast, f"faster than {MAX_SPEED_MPS:g} m/s")):
+        if wrong.any():
+            labels = [rows.labels[k] for k in np.flatnonzero(wrong)]
+            phrases.append(f"tracks {what} left out: {listed(labels)}")
+    return (rows.take(~(wrong_size | too_fast)[rows.track]) if phrases else rows), phrases

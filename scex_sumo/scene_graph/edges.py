@@ -1,0 +1,199 @@
+"""Edges of the semantic scene graph: lane relations of vehicle pairs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray, IntArray, least_of
+from scex_sumo.roads.relations import BESIDE_M, CONFLICT_M, LaneRelations
+from scex_sumo.scene import States
+
+KINDS = ("ahead", "behind", "lateral", "intersecting")
+AHEAD, BEHIND, LATERAL, INTERSECTING = range(4)
+EDGE_COLUMNS = (
+    *(f"is_{kind}" for kind in KINDS),
+    "path_distance",  # m, of the source from the target along the lanes, positive ahead; 0 if intersecting
+    "target_offset",  # m, from the centreline, left positive
+    "source_offset",
+    "target_to_crossing",  # m, along the lanes; 0 unless intersecting
+    "source_to_crossing",
+    "target_probability",  # of the match with the lane
+    "source_probability",
+    "speed_difference",  # m/s, source minus target
+    "x",  # m, of the source in the target's frame: ahead
+    "y",  # to the left
+    "cos",  # of the source's heading in the target's frame
+    "sin",
+)
+WAY_M = 100.0  # along the lanes, for vehicles ahead or behind
+SECOND_MATCH = 0.2  # from this probability on
+MATCHES = 2  # lanes per vehicle
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Located:
+    """Lanes of N vehicles: the most probable one in row 0, the second in row 1."""
+
+    lane: IntArray  # (MATCHES, N) number in the road index; arbitrary at probability 0
+    s: FloatArray  # (MATCHES, N) arc length on it, m
+    offset: FloatArray  # (MATCHES, N) from its centreline, m, left positive
+    heading_error: FloatArray  # (MATCHES, N) vehicle minus lane, rad
+    probability: FloatArray  # (MATCHES, N) 0 without a match
+
+    @classmethod
+    def nowhere(cls, count: int) -> Located:
+        """Return vehicles off the road, to be filled."""
+        tables = {
+            name: np.zeros((MATCHES, count)) for name in ("s", "offset", "heading_error", "probability")
+        }
+        return cls(lane=np.zeros((MATCHES, count), dtype=np.int64), **tables)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Edges:
+    """Related pairs: the source influences the target."""
+
+    source: IntArray  # (E,) node
+    target: IntArray  # (E,) node
+    kind: IntArray  # (E,) index into `KINDS`
+    features: FloatArray  # (E, G) columns as in `EDGE_COLUMNS`
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Relation:
+    kind: IntArray
+    path_distance: FloatArray
+    target_to_crossing: FloatArray
+    source_to_crossing: FloatArray
+
+
+def scene_edges(
+    target: IntArray,
+    source: IntArray,
+    now: States,
+    length: FloatArray,
+    place: Located,
+    relations: LaneRelations,
+) -> Edges:
+    """Find the relations of M pairs of vehicles that are on the road; of two lanes, the likeliest counts.
+
+    Args:
+        target: (M,) node; ``source`` too.
+        now: (N,) present states.
+        length: (N,) m.
+    """
+    pair, on_target, on_source = _combinations(target, source, place)
+    t, s = target[pair], source[pair]
+    joint = place.probability[on_target, t] * place.probability[on_source, s]
+    relation = _relate(
+        place.lane[on_target, t],
+        place.s[on_target, t],
+        place.lane[on_source, s],
+        place.s[on_source, s],
+        length[t] / 2,
+        length[s] / 2,
+        relations,
+    )
+    row = np.flatnonzero(relation.kind >= 0)
+    # Of equals the first kind, then the first match.
+    row = row[least_of(pair[row], -joint[row], relation.kind[row])]
+    features = _features(relation, row, (on_target[row], t[row]), (on_source[row], s[row]), now, place)
+    return Edges(source=s[row], target=t[row], kind=relation.kind[row], features=features)
+
+
+def _features(
+    relation: _Relation,
+    row: IntArray,
+    at_target: tuple[IntArray, IntArray],
+    at_source: tuple[IntArray, IntArray],
+    now: States,
+    place: Located,
+) -> FloatArray:
+    target, source = at_target[1], at_source[1]
+    columns = (
+        relation.path_distance[row],
+        place.offset[at_target],
+        place.offset[at_source],
+        relation.target_to_crossing[row],
+        relation.source_to_crossing[row],
+        place.probability[at_target],
+        place.probability[at_source],
+        now.speed[source] - now.speed[target],
+        *_relative(now, target, source),
+    )
+    features = np.empty((len(row), len(EDGE_COLUMNS)))
+    features[:, : len(KINDS)] = relation.kind[row, None] == np.arange(len(KINDS))
+    for k, column in enumerate(columns, start=len(KINDS)):
+        features[:, k] = column
+    return features
+
+
+def _combinations(target: IntArray, source: IntArray, place: Located) -> tuple[IntArray, IntArray, IntArray]:
+    second = place.probability[1] >= SECOND_MATCH
+    of_target, of_source = np.flatnonzero(second[target]), np.flatnonzero(second[source])
+    of_both = of_target[second[source[of_target]]]
+    parts = (np.arange(len(target)), of_target, of_source, of_both)
+    count = [len(part) for part in parts]
+    return np.concatenate(parts), np.repeat([0, 1, 0, 1], count), np.repeat([0, 0, 1, 1], count)
+
+
+def _relate(
+    lane_t: IntArray,
+    s_t: FloatArray,
+    lane_s: IntArray,
+    s_s: FloatArray,
+    half_t: FloatArray,
+    half_s: FloatArray,
+    relations: LaneRelations,
+) -> _Relation:
+    ahead, behind = _along(lane_t, lane_s, s_s - s_t, relations)
+    kind = np.where(np.minimum(ahead, behind) <= WAY_M, np.where(ahead <= behind, AHEAD, BEHIND), -1)
+    distance = np.where(kind == AHEAD, ahead, np.where(kind == BEHIND, -behind, 0.0))
+
+    rest = np.flatnonzero((kind < 0) & (relations.side[lane_t, lane_s] != 0))
+    at = (lane_t[rest], lane_s[rest])
+    lead = relations.lead[at] + relations.stretch_b[at] * s_s[rest] - relations.stretch_a[at] * s_t[rest]
+    near = np.abs(lead) - half_t[rest] - half_s[rest] <= BESIDE_M
+    kind[rest[near]], distance[rest[near]] = LATERAL, lead[near]
+
+    crossing = np.zeros((2, len(kind)))
+    rest = np.flatnonzero(kind < 0)
+    to_place = relations.meeting[lane_t[rest], lane_s[rest]]
+    to_t, to_s = to_place[:, :, 0] - s_t[rest, None], to_place[:, :, 1] - s_s[rest, None]
+    # A vehicle is before the place until its rear has cleared it.
+    before = (to_t >= -half_t[rest, None]) & (to_s >= -half_s[rest, None])
+    before &= (to_t <= CONFLICT_M) & (to_s <= CONFLICT_M)
+    some = np.flatnonzero(before.any(axis=1))
+    first = before[some].argmax(axis=1)
+    kind[rest[some]] = INTERSECTING
+    crossing[0, rest[some]], crossing[1, rest[some]] = to_t[some, first], to_s[some, first]
+    return _Relation(
+        kind=kind, path_distance=distance, target_to_crossing=crossing[0], source_to_crossing=crossing[1]
+    )
+
+
+def _along(
+    lane_t: IntArray, lane_s: IntArray, lead: FloatArray, relations: LaneRelations
+) -> tuple[FloatArray, FloatArray]:
+    """Return (M,) ways from target to source and back, m; inf without one."""
+    ahead = relations.ahead[lane_t, lane_s] + lead
+    behind = relations.ahead[lane_s, lane_t] - lead
+    same = np.flatnonzero(lane_t == lane_s)
+    round_again = relations.loop[lane_t[same]]
+    ahead[same] += np.where(ahead[same] < 0, round_again, 0.0)
+    behind[same] += np.where(behind[same] < 0, round_again, 0.0)
+    return ahead, behind
+
+
+def _relative(now: States, target: IntArray, source: IntArray) -> tuple[FloatArray, ...]:
+    dx, dy = now.x[source] - now.x[target], now.y[source] - now.y[target]
+    cos, sin = np.cos(now.heading), np.sin(now.heading)
+    cos_t, sin_t, cos_s, sin_s = cos[target], sin[target], cos[source], sin[source]
+    return (
+        cos_t * dx + sin_t * dy,
+        cos_t * dy - sin_t * dx,
+        cos_s * cos_t + sin_s * sin_t,
+        sin_s * cos_t - cos_s * sin_t,
+    )

@@ -1,0 +1,71 @@
+"""Answers of the commands as JSON; docs/json.md lists their keys."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scex_sumo.metrics.registry import critical_columns
+from scex_sumo.reports.encounter_rows import grouped, meeting_rows, meetings, sentence, worst_stress
+from scex_sumo.reports.run_table import extra_rows
+from scex_sumo.results.extras import extras_results
+from scex_sumo.results.run import Run
+
+if TYPE_CHECKING:
+    from scex_sumo.statistics.density import Interval
+
+
+def run_answer(run: Run) -> dict[str, Any]:
+    """Return the answer of ``run --json``."""
+    scene, recorded = run.info["seed_scene"], run.info.get("recorded")
+    return {
+        "decision": None if run.decision is None else asdict(run.decision),
+        "result": run.folder,
+        **{name: path for name, path in {"report": None, **run.written}.items()},
+        "scene": {key: scene.get(key) for key in ("name", "time_s", "vehicles", "track_ids")},
+        "futures": run.futures,
+        "notes": [*scene.get("notes", ()), *run.info["net_notes"], *run.info["run_notes"]],
+        "collision": {
+            "recorded": None if recorded is None else len(recorded["overlaps"]),
+            **_both(run, lambda one: one.collision if one.outcomes else None),
+            "words": {"stress_test": _in_words(run), "human_like": _in_words(run.reference)},
+        },
+        "metrics": [_metric(run, column) for column in critical_columns(run.columns)],
+        "rows": extra_rows(run),
+        "stress_test": [
+            {"pairs": [(one.row["track_id"], one.row["other_id"]) for one in group], "words": sentence(group)}
+            for group in grouped(worst_stress(run))
+        ],
+        "encounters": meeting_rows(meetings(run)),
+        **{key: value for extra in extras_results(run.folder) for key, value in extra.answer(run).items()},
+    }
+
+
+def _both(run: Run, share: Any) -> dict[str, Any]:
+    ones = {"stress_test": run, "human_like": run.reference}
+    return {name: None if one is None else interval(share(one)) for name, one in ones.items()}
+
+
+def _in_words(run: Run | None) -> str | None:
+    return run.collision.percent if run is not None and run.outcomes else None
+
+
+def _metric(run: Run, column: str) -> dict[str, Any]:
+    metric, samples, limit = run.metric(column), run.samples(column), run.thresholds.get(column)
+    return {
+        "name": column,
+        "unit": metric.unit,
+        "critical": "at most" if metric.side == "left" else "at least",
+        "threshold": limit,
+        "recorded": run.recorded_value(column),
+        "median": float(np.median(samples)) if len(samples) else None,
+        "defined": len(samples),
+        **_both(run, lambda one: None if limit is None else one.p_critical(column, threshold=limit)),
+    }
+
+
+def interval(share: Interval | None) -> dict[str, float] | None:
+    """Return a share and its 95 % interval."""
+    return None if share is None else {"value": share.value, "low": share.low, "high": share.high}

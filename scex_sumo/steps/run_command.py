@@ -1,0 +1,95 @@
+"""``scex-sumo run``: from a map and a moment to a result folder."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scex_sumo.base.options import from_command_line, split_options
+from scex_sumo.base.processes import AUTO, read_workers
+from scex_sumo.commands.console import output_console, progress_bar, resumable, warn
+from scex_sumo.commands.generated import with_options
+from scex_sumo.commands.options import MapPath
+from scex_sumo.commands.shared import COMMANDS, Answer
+from scex_sumo.extrapolation.extras import extras_of, run_options
+from scex_sumo.extrapolation.options import RunOptions
+from scex_sumo.extrapolation.processes.workers import Workers
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.scenarios.options import SeedOptions
+from scex_sumo.steps.seed import seed_scene
+
+if TYPE_CHECKING:
+    from scex_sumo.results.run import Run
+
+EXAMPLE = "k733.osm --tracks vehicle_tracks_000.csv --time 60 -o out/k733"
+
+
+def _kinds() -> tuple[type, ...]:
+    return SeedOptions, *run_options()
+
+
+@with_options(_kinds)
+def run_command(map_path: MapPath, **given: Any) -> Answer:
+    """Simulate futures of one moment of traffic, and measure how critical they become."""
+    kinds = _kinds()
+    own = zip(kinds, split_options(given, kinds), strict=True)
+    values = [from_command_line(kind, options) for kind, options in own]
+    values[2].setdefault("workers", read_workers(os.environ.get("SCEX_WORKERS", AUTO)))
+    source, settings = SeedOptions(**values[0]), RunSettings(**values[1])
+    options = RunOptions(bar=progress_bar, command=["scex-sumo", *sys.argv[1:]], **values[2])
+    extras = extras_of(values[3:])
+    if options.extra:
+        from scex_sumo.extrapolation.own_extra import extra_named
+
+        extras += map(extra_named, options.extra)
+    with Workers(options.processes(settings)) as pool:
+        from scex_sumo.extrapolation.engine import checked_models, run_scene  # while workers start
+
+        models = checked_models(settings, options, extras)
+        scene = seed_scene(map_path, source, seed=settings.seed, cache=options.cache)
+        folder = Path(options.out) if options.out is not None else Path("out") / scene.name
+        options = replace(options, out=folder)
+        with resumable("futures", folder):
+            run = run_scene(scene, settings, workers=pool, options=options, extras=extras, models=models)
+    _tell(run, every=given["metrics"] is not None)
+    shown, option = _worst_option(run)
+    words = " ".join(f"--{name} {value}" for name, value in option.items())
+    print(f"look:   scex-sumo view {shlex.quote(str(shown))} {words}")
+    if options.gui:
+        COMMANDS.load("view")(shown, **option)
+    return partial(_answer, run)
+
+
+def _answer(run: Run) -> dict[str, Any]:
+    from scex_sumo.steps.answers import run_answer
+
+    return run_answer(run)
+
+
+def _tell(run: Run, *, every: bool) -> None:
+    from scex_sumo.reports.run_table import print_summary
+    from scex_sumo.results.extras import extras_results
+
+    warn([*run.info["net_notes"], *run.info["run_notes"]])
+    console = output_console(width=110)
+    for extra in extras_results(run.folder):
+        extra.print_above(run, console, every)
+    print_summary(run, output_console(width=110), every=every)
+    print(f"result: {run.folder}")
+    for what, path in run.written.items():
+        print(f"{what + ':':<7} {path}")
+
+
+def _worst_option(run: Run) -> tuple[Path, dict[str, Any]]:
+    """Return folder and option of ``view``: the worst encounter, else the most critical, else any future."""
+    from scex_sumo.reports.encounter_rows import first_look, meetings
+
+    if (one := first_look(run, meetings(run))) is not None:
+        return one.run.folder, {"encounter": f"{one.row['track_id']},{one.row['other_id']}"}
+    defined = [name for name in ("ttc", "wttc") if name in run.columns and len(run.samples(name))]
+    return run.folder, {"critical": defined[0]} if defined else {"future": 0}

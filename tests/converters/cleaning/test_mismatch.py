@@ -1,0 +1,56 @@
+"""A wrong origin is told from the tracks of another map."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scex_sumo.converters.cleaning.mismatch import doubt_place, explain_mismatch
+from scex_sumo.converters.tracks.evidence import Evidence
+from scex_sumo.road import Road
+from tests.converters.sumo_roads import arc, lane, road
+
+
+@pytest.fixture
+def bend() -> Road:
+    """Three quarters of a circle of radius 30 m, and a straight lane away from its end."""
+    return road([lane(1, arc((0, 0), 30.0, 0.0, 270.0), to=(2,)), lane(2, [(0, -30), (120, -30)])])
+
+
+def driven(a_road: Road, tracks: int = 5) -> Evidence:
+    """Poses a few metres apart along the road's lanes."""
+    lines = [one.centreline for one in a_road.lanes.values()]
+    points = np.concatenate([line[:-1] for line in lines])
+    headings = np.concatenate([np.arctan2(*np.diff(line, axis=0).T[::-1]) for line in lines])
+    return Evidence(x=points[:, 0], y=points[:, 1], heading=headings, track=np.arange(len(points)) % tracks)
+
+
+def test_tracks_that_a_shift_brings_onto_lanes_have_a_wrong_origin(bend: Road) -> None:
+    away = driven(bend)
+    away = replace(away, x=away.x + 200.0, y=away.y - 80.0)
+    moved = "moved by -200 m, +80 m, 100% of its driving is on lanes"
+    assert f"{moved}; give --origin LAT,LON" in explain_mismatch(away, bend)
+    # Coordinates of a SUMO net have no origin to choose.
+    assert f"{moved}; give the map of these tracks" in explain_mismatch(
+        away, replace(bend, net=Path("a.net.xml"))
+    )
+
+
+def test_tracks_a_few_metres_off_are_doubted_with_the_shift_and_an_origin_that_fits(bend: Road) -> None:
+    there, bend = driven(bend), replace(bend, origin=(49.0, 8.4))
+    assert doubt_place(there, bend) is None
+    assert doubt_place(replace(there, x=there.x + 2.0), bend) is None  # within what the tracks are aligned by
+    assert "moved by -4 m, " in (doubt_place(replace(there, x=there.x + 4.0), bend) or "")
+    doubt = doubt_place(replace(there, x=there.x + 12.0), bend)
+    assert doubt is not None and doubt.startswith("warning: only ")
+    assert "moved by -12 m, +0 m it is 100%" in doubt or "moved by -12 m, -0 m it is 100%" in doubt
+    assert "one near 49.00000,8.39984 fits better" in doubt  # 12 m west, at 73.0 km per degree
+
+
+def test_tracks_that_no_shift_brings_onto_lanes_are_of_another_map(bend: Road) -> None:
+    star = [lane(k, [(0, 0), (90 * np.cos(k), 90 * np.sin(k))]) for k in range(1, 7)]
+    dense = [replace(one, centreline=np.linspace(*one.centreline, 46)) for one in star]
+    assert "the tracks belong to another map" in explain_mismatch(driven(road(dense)), bend)
