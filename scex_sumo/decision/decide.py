@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
-from scex_sumo.decision.words import NARROW, once_in, one_in
-from scex_sumo.results.extras import DISAGREE, DOUBTFUL, NOTHING, TEST, Decision
+from scex_sumo.results.extras import DISAGREE, DOUBTFUL, NOTHING, TEST, VERDICTS, Decision
+from scex_sumo.results.tables.pairs import NARROW, arrow, once_in, one_in
 
 TEST_FROM: Final = 1e-4
 """P of a contact from which a pair is tested."""
@@ -51,11 +51,6 @@ def decide(rows: Iterable[Mapping[str, Any]], *, futures: int) -> Decision:
     return Decision(kind=NOTHING, sentence="Nothing to test: no two vehicles are near each other.")
 
 
-def arrow(row: Mapping[str, Any]) -> str:
-    """Return a pair in words: the vehicle that hits or follows, and the other one."""
-    return f"{row['track_id']} → {row['person'] or row['other_id']}"
-
-
 def span(row: Mapping[str, Any]) -> str:
     """Return the range of P in words."""
     if row["probability"] >= 0.5:
@@ -81,13 +76,11 @@ def _decision(kind: str, row: Mapping[str, Any], futures: int) -> Decision:
 
 
 def _sentence(kind: str, row: Mapping[str, Any], futures: int) -> str:
-    often = f"people collide {once_in(row['probability'])} ({span(row)})"
-    told = f"{arrow(row)}: {row['how'] or row['what']}"
-    if kind == TEST:
-        return f"Test {told}; {often}."
+    place = f" ({row['place']})" if row["place"] else ""
+    told = f"{arrow(row)}{place}: {row['how'] or row['what']}"
     if kind == DISAGREE:
-        hit = round(row["collide"] * futures)
-        return f"The models disagree, {told}; {hit} of {futures} human-like futures collide, {often}."
+        told += f"; {round(row['collide'] * futures)} of {futures} human-like futures collide"
     if kind == DOUBTFUL:
-        return f"Doubtful data, {arrow(row)}: {row['doubt']}; as recorded, {often}."
-    return f"Nothing to test. Most probable is {told}; {often}."
+        told = f"{arrow(row)}: {row['doubt']}"
+    limit = f"to test from {one_in(TEST_FROM)} on"
+    return f"{VERDICTS[kind]}: {told}; people collide {once_in(row['probability'])} ({span(row)}; {limit})."

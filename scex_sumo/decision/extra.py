@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Final
@@ -15,6 +15,7 @@ from scex_sumo.extrapolation.extras import Extra, Work
 from scex_sumo.results.extras import Decision
 from scex_sumo.results.participants import with_everybody
 from scex_sumo.results.tables.conflicts import CONFLICTS, conflicts_of
+from scex_sumo.results.tables.pairs import PAIRS_FILE, any_of
 from scex_sumo.scene import HISTORY_STEPS, LOGGED_HISTORY, States
 
 if TYPE_CHECKING:
@@ -22,9 +23,7 @@ if TYPE_CHECKING:
 
     from scex_sumo.results.run import Run
 
-PAIRS_FILE: Final = "pairs.parquet"
 DECISION_FILE: Final = "decision.json"
-_WORST = 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,28 +64,11 @@ class DecisionStep(Extra):
         except (OSError, ValueError, KeyError, TypeError, AssertionError) as error:
             raise ResultError(f"{file}: cannot be read ({str(error)[:80]}); run again") from None
 
-    def lines(self, run: Run) -> Sequence[str]:
-        """Return the most probable pairs in words."""
-        from scex_sumo.decision.decide import arrow, span
-        from scex_sumo.decision.words import TOLD, once_in
-
-        table = pairs_of_run(run)
-        rows = [] if table is None else table.to_pylist()
-        told = [row for row in rows if row["probability"] >= TOLD and not row["doubt"]]
-        lines = [
-            f"  {arrow(row)} ({row['what']}, {row['conflict_s']:.1f} s): {row['how']}; "
-            f"{once_in(row['probability'])} ({span(row)})"
-            for row in told[:_WORST]
-        ]
-        return ["human-like, a contact of two within 3 s:", *lines] if lines else []
-
     def answer(self, run: Run) -> Mapping[str, Any]:
         """Return ``human_like``: the pairs, and P of a contact of any two without doubt."""
         table = pairs_of_run(run)
         if table is None:
             return {"human_like": None}
-        from scex_sumo.decision.pairs import any_of
-
         sure = [row for row in table.to_pylist() if not row["doubt"]]
         return {
             "human_like": {
@@ -101,7 +83,7 @@ def write_decision(folder: Path, table: pa.Table, *, futures: int) -> None:
     """Write the pairs of a moment and the verdict into the folder of its run.
 
     Args:
-        table: see `scex_sumo.decision.pairs.PAIRS`.
+        table: see `scex_sumo.results.tables.pairs.PAIRS`.
         futures: number of human-like futures.
     """
     import pyarrow.parquet as pq
@@ -119,5 +101,5 @@ LISTED: Final = 1e-9
 
 
 def pairs_of_run(run: Run) -> pa.Table | None:
-    """Return the pairs of a finished run, see `scex_sumo.decision.pairs.PAIRS`; None without a reference."""
+    """Return the pairs of a finished run, see `tables.pairs.PAIRS`; None without a reference."""
     return run.table(PAIRS_FILE) if (run.folder / PAIRS_FILE).is_file() else None

@@ -6,8 +6,8 @@ One function gives the number that the headline, the list, the page, ``rank``, `
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Final
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -16,37 +16,12 @@ from scex_sumo.base.arrays import IntArray
 from scex_sumo.conflicts.pairs import Conflicts
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.decision.law import Law, at_level, law, over_futures
-from scex_sumo.decision.words import BESIDE, REAR_END, TOLD, how, what
+from scex_sumo.decision.words import BESIDE, REAR_END, how, what
 from scex_sumo.results.participants import everybody
+from scex_sumo.results.tables.pairs import PAIRS, TOLD
 from scex_sumo.roads.doubts import doubts_of
 from scex_sumo.roads.places import places_of
 from scex_sumo.scene import STEP_S, SeedScene, States
-
-PAIRS: Final = pa.schema(
-    [
-        ("track_id", pa.int64()),  # of the vehicle that has to brake, or enters later: it hits or follows
-        ("other_id", pa.int64()),
-        ("person", pa.string()),  # kind and name of a pedestrian or cyclist as the other one
-        ("probability", pa.float64()),  # of a contact within 3 s
-        ("least", pa.float64()),  # with contacts a tenth as frequent; so ``most``, ten times
-        ("most", pa.float64()),
-        ("what", pa.string()),  # one of `words.WHAT`
-        ("how", pa.string()),
-        ("place", pa.string()),  # one of `roads.places.PLACES`; null off the lanes
-        ("future", pa.int32()),  # with the largest share of P
-        ("futures", pa.int32()),  # with a tenth of its P or more
-        ("collide", pa.float64()),  # share of the futures with a contact
-        ("needed_braking", pa.float64()),  # in that future, m/s²; 0: none
-        ("time_margin", pa.float64()),  # in that future, s; null: they do not cross
-        ("gap_m", pa.float64()),  # least distance in that future, m
-        ("conflict_s", pa.float64()),  # after the moment
-        ("speed_mps", pa.float64()),  # between the two then
-        ("x", pa.float64()),  # of the first one then, m; so ``y``
-        ("y", pa.float64()),
-        ("doubt", pa.string()),
-    ]
-)
-"""Columns of ``pairs.parquet``."""
 
 _ALIKE = 0.1  # of the largest P of one future
 
@@ -176,13 +151,6 @@ class _Told:
         if future not in self._states:
             self._states[future] = self._states_of(future)
         return self._states[future]
-
-
-def any_of(probabilities: Iterable[float]) -> float:
-    """Return 1 - Π (1 - P): as if independent."""
-    return float(
-        0.0 - np.expm1(np.log1p(-np.minimum(np.fromiter(probabilities, np.float64), 1 - 1e-12)).sum())
-    )
 
 
 def indices_of(whole: SeedScene, track_ids: Sequence[int]) -> IntArray:

@@ -15,10 +15,10 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.conflicts.ways import Ways
 from scex_sumo.converters.tracks.road_users import road_user
-from scex_sumo.decision.words import TOLD
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.results.participants import everybody, with_everybody
 from scex_sumo.results.parts import Part
+from scex_sumo.results.tables.pairs import TOLD
 from scex_sumo.roads.places import places_of
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 

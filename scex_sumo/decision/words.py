@@ -1,4 +1,4 @@
-"""Conflicts in words: what happens, how it comes to it, how often."""
+"""Conflicts in words: what happens, and how it comes to it."""
 
 from __future__ import annotations
 
@@ -9,16 +9,13 @@ from typing import Any, Final
 import numpy as np
 
 from scex_sumo.geometry.polylines import wrap
+from scex_sumo.results.tables.pairs import NARROW
 from scex_sumo.scene import STEP_S, SeedScene, States
 
 REAR_END, MERGING, CROSSING, ONCOMING, BESIDE = "rear-end", "merging", "crossing", "oncoming", "beside"
 WHAT: Final = (REAR_END, MERGING, CROSSING, ONCOMING, BESIDE, "person")
 """Kinds of conflicts: one follows; ways join, cross, are opposed, or do not touch; with a person."""
 
-TOLD: Final = 1e-7
-"""P below which nobody asks how it comes to it."""
-
-NARROW: Final = "\u202f"  # no-break space within a number
 _ALONG_RAD, _OPPOSED_RAD, _TURNS_RAD = np.deg2rad(30.0), np.deg2rad(150.0), np.deg2rad(25.0)
 _IN_LINE_RAD = np.deg2rad(45.0)
 _STANDS_MPS, _STARTS_MPS = 0.5, 1.5
@@ -84,21 +81,3 @@ def _does(states: States, kind: str) -> str:
         return "is slower"
     moves = {CROSSING: "crosses", MERGING: "merges", ONCOMING: "comes towards it", "person": "crosses"}
     return moves.get(kind, "goes on")
-
-
-def once_in(probability: float) -> str:
-    """Return a probability as one of so many, with one digit."""
-    if probability >= 0.5:
-        return f"in {100 * probability:.0f}{NARROW}% of such moments"
-    return f"once in {one_in(probability)} such moments"
-
-
-def one_in(probability: float) -> str:
-    """Return the number of moments of which one has it, with one digit; over 1 000 million at most."""
-    return rounded(1 / max(probability, 1e-9))
-
-
-def rounded(number: float) -> str:
-    """Return a number with one digit; its thousands stay together."""
-    size = 10 ** math.floor(math.log10(max(number, 1.0)))
-    return f"{round(number / size) * size:,}".replace(",", NARROW)

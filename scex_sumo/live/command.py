@@ -156,7 +156,7 @@ class _Teller:
 
 
 def _words(risk: Risk) -> str:
-    from scex_sumo.decision.words import once_in
+    from scex_sumo.results.tables.pairs import once_in
 
     pair = risk.worst
     if pair is None:

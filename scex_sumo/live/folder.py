@@ -15,7 +15,6 @@ import pyarrow as pa
 
 from scex_sumo.base.files import write_output
 from scex_sumo.commands.tables import write_table
-from scex_sumo.decision.words import once_in
 from scex_sumo.formats.sumo.scenario import RISK, options_of
 from scex_sumo.live.device import SEEN, Lead
 from scex_sumo.live.focus import BUSIEST
@@ -24,6 +23,7 @@ from scex_sumo.page.figures.charts import Plane, line_legend
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.study import Column as Head
 from scex_sumo.page.study import card, page_table, table_place, write_study
+from scex_sumo.results.tables.pairs import once_in
 
 LEADS: Final = "leads.parquet"
 PAGE: Final = "watch.html"

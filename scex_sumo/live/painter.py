@@ -6,8 +6,8 @@ from contextlib import suppress
 from typing import Any, Final
 
 from scex_sumo.base.colors import Rgb
-from scex_sumo.decision.words import once_in
 from scex_sumo.live.risk import PairRisk, Risk
+from scex_sumo.results.tables.pairs import once_in
 from scex_sumo.world.drawings import shown_text
 
 SCALE: Final[tuple[tuple[float, Rgb, str], ...]] = (

@@ -15,7 +15,6 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.decision.moment import human_part, pairs_of_part
-from scex_sumo.decision.pairs import any_of
 from scex_sumo.drivers.registry import DEFAULT_MODELS
 from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
 from scex_sumo.extrapolation.models import ModelSet
@@ -25,6 +24,7 @@ from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.live.moment import Moment
 from scex_sumo.results.parts import Part
 from scex_sumo.results.tables.outcomes import first_contacts
+from scex_sumo.results.tables.pairs import any_of
 from scex_sumo.scene import SeedScene
 
 FUTURES: Final = 64

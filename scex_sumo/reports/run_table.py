@@ -1,4 +1,4 @@
-"""Terminal summary of a run: table and answer in words."""
+"""Details of a run in the terminal: the table of metrics and the stress test in words."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from rich.text import Text
 from scex_sumo.base.errors import listed
 from scex_sumo.metrics.registry import COLLISION, PAPER_METRICS, critical_columns
 from scex_sumo.reports.encounter_rows import (
-    HUMAN_LIKE,
     STRESS_TEST,
     Meeting,
     driven_as,
@@ -26,7 +25,6 @@ from scex_sumo.reports.encounter_rows import (
     worst_stress,
 )
 from scex_sumo.results.design import is_critical
-from scex_sumo.results.extras import extras_results
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import ENCOUNTERS
 from scex_sumo.results.tables.horizons import horizons_of
@@ -48,16 +46,14 @@ _ALWAYS = 0.95  # share from which a metric tells no futures apart
 _MIN_FOLDED = 12  # characters of a folded column
 
 
-def print_summary(run: Run, console: Console, *, every: bool = False) -> None:
-    """Print the decision, the table, the answer, and how often a fallback planned.
+def print_details(run: Run, console: Console, *, every: bool = False) -> None:
+    """Print the table of metrics, the stress test in words, and how often a fallback planned.
 
     Args:
         every: all metrics, not the main ones alone.
     """
-    if run.decision is not None:
-        print_line(run.decision.sentence, console)
     print_table(summary_table(run, every=every), console, breaks=(" if", "-like", " test"))
-    lines = answer_lines(run)
+    lines = stress_lines(run)
     if counts := run.info.get("fallbacks"):
         from scex_sumo.results.tables.fallbacks import fallback_lines
 
@@ -66,26 +62,19 @@ def print_summary(run: Run, console: Console, *, every: bool = False) -> None:
         print_line(line, console)
 
 
-def answer_lines(run: Run) -> list[str]:
-    """Return what people do, then the stress test: collision shares and the worst encounters in words."""
-    lines = [line for extra in extras_results(run.folder) for line in extra.lines(run)]
-    encounters, human = meetings(run), run.reference
-    hits = [
-        meeting for meeting in encounters if meeting.futures == HUMAN_LIKE and meeting.row["collision"] > 0
-    ]
-    if human is not None and human.outcomes and (hits or not lines):
-        lines.append(f"{HUMAN_LIKE}: {_collides(human)}")
-        lines += [f"  {sentence(group)}" for group in grouped(worst_of(hits, doubtful=True))[:_WORST]]
+def stress_lines(run: Run) -> list[str]:
+    """Return the stress test: share of collisions and the worst encounters in words."""
     worst = grouped(worst_stress(run))[:_WORST]
     which = "other " if run.baseline is not None else ""
     head = f"{STRESS_TEST}: {_collides(run)}" if run.outcomes else f"{STRESS_TEST}:"
+    lines = []
     if worst:
         lines.append(f"{head}; a vehicle hits or follows → another (how, where, after what time):")
     elif (run.folder / ENCOUNTERS).is_file():
         lines.append(f"{head}; no {which}encounter of two vehicles is critical in any future")
     elif run.outcomes:
         lines.append(head)
-    return [*lines, *(f"  {sentence(group)}" for group in worst), *_left_out(encounters)]
+    return [*lines, *(f"  {sentence(group)}" for group in worst), *_left_out(meetings(run))]
 
 
 def _collides(run: Run) -> str:

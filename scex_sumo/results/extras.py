@@ -32,6 +32,13 @@ TEST: Final = "test"
 NOTHING: Final = "nothing"
 DISAGREE: Final = "disagree"
 DOUBTFUL: Final = "doubtful"
+VERDICTS: Final[Mapping[str, str]] = {
+    TEST: "Test",
+    NOTHING: "Nothing to test",
+    DISAGREE: "The models disagree",
+    DOUBTFUL: "Doubtful data",
+}
+"""Word of a verdict by its kind: a sentence begins with it."""
 
 
 @dataclass(frozen=True, kw_only=True)

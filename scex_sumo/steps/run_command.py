@@ -8,7 +8,9 @@ import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+from typer import Option
 
 from scex_sumo.base.options import from_command_line, split_options
 from scex_sumo.base.processes import AUTO, read_workers
@@ -26,6 +28,8 @@ from scex_sumo.steps.seed import seed_scene
 if TYPE_CHECKING:
     from scex_sumo.results.run import Run
 
+Details = Annotated[bool, Option("--details", help="Print the metrics and the stress test, too.")]
+
 EXAMPLE = "k733.osm --tracks vehicle_tracks_000.csv --time 60 -o out/k733"
 
 
@@ -34,7 +38,7 @@ def _kinds() -> tuple[type, ...]:
 
 
 @with_options(_kinds)
-def run_command(map_path: MapPath, **given: Any) -> Answer:
+def run_command(map_path: MapPath, details: Details = False, **given: Any) -> Answer:
     """Simulate futures of one moment of traffic, and measure how critical they become."""
     kinds = _kinds()
     own = zip(kinds, split_options(given, kinds), strict=True)
@@ -56,12 +60,9 @@ def run_command(map_path: MapPath, **given: Any) -> Answer:
         options = replace(options, out=folder)
         with resumable("futures", folder):
             run = run_scene(scene, settings, workers=pool, options=options, extras=extras, models=models)
-    _tell(run, every=given["metrics"] is not None)
-    shown, option = _worst_option(run)
-    words = " ".join(f"--{name} {value}" for name, value in option.items())
-    print(f"look:   scex-sumo view {shlex.quote(str(shown))} {words}")
+    _tell(run, details=details, every=given["metrics"] is not None)
     if options.gui:
-        COMMANDS.load("view")(shown, **option)
+        COMMANDS.load("view")(run.folder)
     return partial(_answer, run)
 
 
@@ -71,25 +72,22 @@ def _answer(run: Run) -> dict[str, Any]:
     return run_answer(run)
 
 
-def _tell(run: Run, *, every: bool) -> None:
-    from scex_sumo.reports.run_table import print_summary
+def _tell(run: Run, *, details: bool, every: bool) -> None:
+    from scex_sumo.reports.card import print_card, print_closing
+    from scex_sumo.reports.run_table import print_details
     from scex_sumo.results.extras import extras_results
 
     warn([*run.info["net_notes"], *run.info["run_notes"]])
-    console = output_console(width=110)
+    console = output_console(width=80)
     for extra in extras_results(run.folder):
         extra.print_above(run, console, every)
-    print_summary(run, output_console(width=110), every=every)
-    print(f"result: {run.folder}")
-    for what, path in run.written.items():
-        print(f"{what + ':':<7} {path}")
-
-
-def _worst_option(run: Run) -> tuple[Path, dict[str, Any]]:
-    """Return folder and option of ``view``: the worst encounter, else the most critical, else any future."""
-    from scex_sumo.reports.encounter_rows import first_look, meetings
-
-    if (one := first_look(run, meetings(run))) is not None:
-        return one.run.folder, {"encounter": f"{one.row['track_id']},{one.row['other_id']}"}
-    defined = [name for name in ("ttc", "wttc") if name in run.columns and len(run.samples(name))]
-    return run.folder, {"critical": defined[0]} if defined else {"future": 0}
+    print_card(run, console)
+    if details or every:
+        print_details(run, output_console(width=110), every=every)
+    for what, path in {"result": run.folder, **run.written}.items():
+        if what != "result" or "report" not in run.written:
+            print(f"{what:<7} {path}")
+    print(
+        f"look    scex-sumo view {shlex.quote(str(run.folder))}{'' if details else '      more: --details'}"
+    )
+    print_closing(run, console)

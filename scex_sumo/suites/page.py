@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from scex_sumo.decision.words import once_in
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.study import Column, card, page_table, table_place, write_study
 from scex_sumo.reports.run_table import counted
+from scex_sumo.results.tables.pairs import once_in
 from scex_sumo.suites.population import RISK_WORDS
 
 SCRIPTS: Final = ("loop.js", "stage.js", "cases.js")

@@ -34,10 +34,10 @@ def view_command(
         bool, Option("--write-only", help="Write the files, print the path, open nothing.")
     ] = False,
 ) -> None:
-    """Open futures in sumo-gui."""
+    """Open futures in sumo-gui: without an option, the pair of the verdict."""
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
-    from scex_sumo.views.futures import write_encounter, write_future, write_grid, write_worst
+    from scex_sumo.views.futures import write_encounter, write_first, write_future, write_grid, write_worst
 
     if sum(option is not None for option in (future, grid or critical, encounter)) > 1:
         raise UsageError("view: --future, --critical and --encounter exclude one another; give one of them")
@@ -49,8 +49,10 @@ def view_command(
             file = write_worst(run, critical)
         elif encounter is not None:
             file = write_encounter(run, *two_tracks(encounter))
+        elif future is not None:
+            file = write_future(run, future)
         else:
-            file = write_future(run, 0 if future is None else future)
+            file = write_first(run)
     if write_only:
         print(file)
     else:

@@ -15,7 +15,7 @@ from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import writing
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.run import Run
-from scex_sumo.results.tables.encounters import precedence_words, share_of
+from scex_sumo.results.tables.encounters import ENCOUNTERS, precedence_words, share_of
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 from scex_sumo.views.replay import write_view
 from scex_sumo.world.drawings import FutureView
@@ -24,6 +24,23 @@ from scex_sumo.world.drawings import FutureView
 def write_future(run: Run, number: int) -> Path:
     """Write the view of one future, and return the file to open."""
     return _write(run, [_future_view(run, number)])
+
+
+def write_first(run: Run) -> Path:
+    """Write what to look at first, and return the file to open.
+
+    It is the human-like future of the pair of the verdict, else the worst pair of the stress test, else a
+    future.
+    """
+    told, human = run.decision, run.reference
+    if told is not None and human is not None and told.pair is not None and told.future is not None:
+        step = round((told.time_s or 0.0) / STEP_S)
+        return _write(human, [_event_view(human, told.future, told.pair, step, told.how or told.what or "")])
+    there = (run.folder / ENCOUNTERS).is_file()
+    met = [row for row in run.encounters.to_pylist() if row["critical"] > 0] if there else []
+    if met:
+        return write_encounter(run, met[0]["track_id"], met[0]["other_id"])
+    return write_future(run, 0)
 
 
 def _worst_row(run: Run, number: int, column: str) -> dict[str, Any]:
@@ -145,7 +162,7 @@ def _event_view(
 ) -> FutureView:
     ids = list(run.info["seed_scene"]["track_ids"])
     title = f"{what} · {_named(tracks)} after {step * STEP_S:.1f} s{precedence_words(run.info, tracks)}"
-    event = [ids.index(track) for track in tracks]
+    event = [ids.index(track) for track in tracks if track in ids]  # people who are replayed have none
     return _future_view(run, number, title=title, states=states, event=event, stop=LOGGED_HISTORY - 1 + step)
 
 

@@ -12,11 +12,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scex_sumo.base.files import TemporaryFolder, write_atomic
-from scex_sumo.decision.decide import arrow, disagrees, span
+from scex_sumo.decision.decide import disagrees, span
 from scex_sumo.decision.extra import write_decision
 from scex_sumo.decision.moment import FUTURES as HUMAN_FUTURES
 from scex_sumo.decision.moment import human_part
-from scex_sumo.decision.words import once_in
 from scex_sumo.drivers.registry import DEFAULT_MODELS
 from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.job import ruled
@@ -29,6 +28,7 @@ from scex_sumo.page.study import card, failure_card, page_table, table_place, wr
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.probability import Encounter
 from scex_sumo.results.tables.fallbacks import fallback_lines
+from scex_sumo.results.tables.pairs import arrow, once_in
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.moments.run import MomentTask, attempt, net_of, written

@@ -1,0 +1,261 @@
+"""The answer of a run on one card: verdict, the pairs that matter, people beside the stress test.
+
+The terminal prints it in at most 14 lines, and the page shows the same lines.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from scex_sumo.reports.encounter_rows import Meeting, driven_as, worst_stress
+from scex_sumo.reports.run_table import MAIN, counted, participants
+from scex_sumo.results.extras import DISAGREE, DOUBTFUL, NOTHING, TEST, VERDICTS, extras_results
+from scex_sumo.results.run import Run
+from scex_sumo.results.tables.cut_sets import cut_set_words
+from scex_sumo.results.tables.encounters import ENCOUNTERS
+from scex_sumo.results.tables.pairs import NARROW, any_of, arrow, once_in, one_in, told_pairs
+
+LINES: Final = 14  # of the answer
+COLUMNS: Final = 80
+_MOST, _LEAST = 5, 2  # pairs
+_FROM_PEOPLE = 3  # pairs of people before those of the stress test
+_STYLES: Final[Mapping[str, str]] = {
+    TEST: "bold red",
+    NOTHING: "bold green",
+    DISAGREE: "bold yellow",
+    DOUBTFUL: "bold yellow",
+}
+_OFTEN = "; people collide "  # where the second line of the verdict begins
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairLine:
+    """One pair of the card.
+
+    Attributes:
+        label: an arrow from the vehicle that hits or follows to the other one.
+        what: kind of the conflict; ``how`` it comes to it, in words.
+        people: P of a contact between people; None: below what is told.
+        stress: share of the futures of the stress test that collide; None without a stress test.
+        after_s: when it happens, after the moment.
+    """
+
+    label: str
+    pair: tuple[int, int]
+    what: str
+    how: str
+    people: float | None
+    stress: float | None
+    after_s: float
+
+    @property
+    def cells(self) -> tuple[str, str, str, str, str]:
+        """Pair, what happens, people, stress test and time, in words."""
+        stress = "–" if self.stress is None else percent(self.stress)
+        people = "–" if self.people is None else chance(self.people)
+        return self.label, self.how or self.what, people, stress, f"{self.after_s:.1f}{NARROW}s"
+
+
+def percent(share: float) -> str:
+    """Return a share in percent: two digits, and none that is not 0 as 0."""
+    if 0 < share < 0.005:
+        return f"<{NARROW}1{NARROW}%"
+    return f"{100 * share:.0f}{NARROW}%"
+
+
+def chance(probability: float) -> str:
+    """Return a probability in a column: one of so many, from a half on in percent."""
+    return percent(probability) if probability >= 0.5 else f"1 in {one_in(probability)}".replace(" ", NARROW)
+
+
+def pair_lines(run: Run, most: int = _MOST) -> list[PairLine]:
+    """Return the pairs of the card: those most probable between people, and the worst of the stress test."""
+    people = told_pairs(run)
+    stress = worst_stress(run) if (run.folder / ENCOUNTERS).is_file() else []
+    stress = [one for one in stress if one.row["collision"] > 0]
+    shares = {frozenset(one.pair): float(one.row["collision"]) for one in stress}
+    known = {frozenset((row["track_id"], row["other_id"])): row for row in people}
+    chosen = dict.fromkeys([*known][:_FROM_PEOPLE])
+    chosen |= dict.fromkeys(frozenset(one.pair) for one in stress)
+    chosen |= dict.fromkeys(known)
+    places = {pair: place for place, pair in enumerate(known)}
+    kept = sorted([*chosen][:most], key=lambda pair: places.get(pair, len(places)))
+    meeting = {frozenset(one.pair): one for one in stress}
+    has_stress = bool(run.outcomes)
+    return [
+        _of_people(known[pair], shares.get(pair, 0.0) if has_stress else None)
+        if pair in known
+        else _of_stress(meeting[pair])
+        for pair in kept
+    ]
+
+
+def _of_people(row: Mapping[str, Any], stress: float | None) -> PairLine:
+    return PairLine(
+        label=arrow(row),
+        pair=(row["track_id"], row["other_id"]),
+        what=row["what"],
+        how=row["how"] or "",
+        people=row["probability"],
+        stress=stress,
+        after_s=row["conflict_s"],
+    )
+
+
+def _of_stress(meeting: Meeting) -> PairLine:
+    row = meeting.row
+    words = cut_set_words(row.get("cut_sets") or ())
+    how = f"if {words[0].partition(' in which ')[2]}" if words and " in which " in words[0] else ""
+    return PairLine(
+        label=f"{row['track_id']} → {row['other_id']}",
+        pair=(row["track_id"], row["other_id"]),
+        what=row["kind"] or "collision",
+        how=how,
+        people=None,
+        stress=float(row["collision"]),
+        after_s=row["time_s"],
+    )
+
+
+def print_card(run: Run, console: Console) -> None:
+    """Print the answer on at most `LINES` lines of `COLUMNS` columns."""
+    wide = max(min(console.width, 110), COLUMNS) if not console.is_terminal else console.width
+    above = [*_wrapped(title(run), wide), *verdict_lines(run, wide)]
+    below = [*_doubts(run, wide), *metric_lines(run, wide), *_own_lines(run, wide)]
+    closing = 3  # report, look, verdict
+    for most in range(_MOST, _LEAST - 1, -1):
+        rows = _table(run, most, wide)
+        if len(above) + len(rows) + len(below) + closing <= LINES:
+            break
+    for line in [*above, *rows, *below]:
+        console.print(line, soft_wrap=True)
+
+
+def print_closing(run: Run, console: Console) -> None:
+    """Print the verdict again, as the last line."""
+    if (told := run.decision) is None:
+        return
+    text = Text(VERDICTS[told.kind].upper(), style=_STYLES[told.kind])
+    if told.pair is not None:
+        text.append(f"  {_label(run)}: {once_in(told.probability)}", style="default")
+    console.print(text, soft_wrap=True)
+
+
+def title(run: Run) -> str:
+    """Return the moment, who takes part, and how many futures there are."""
+    scene, human = run.info["seed_scene"], run.reference
+    place, _, seconds = scene["name"].rpartition("_t")
+    moment = f"{place} at {seconds}{NARROW}s" if place and scene.get("time_s") is not None else scene["name"]
+    text = f"{moment}: {participants(scene)}, {counted(run.futures, 'future')}"
+    if human is not None:
+        text += f" and {human.futures} human-like ones"
+    text += f" of {run.info['steps'] / 10:g}{NARROW}s"
+    if region := run.info.get("region"):
+        text += f"; only pairs with one of {counted(len(region['vehicles']), 'vehicle')} {region['words']}"
+    return text
+
+
+def verdict_lines(run: Run, wide: int) -> list[Text]:
+    """Return the verdict, its pair, how often and the limit, in words."""
+    told = run.decision
+    if told is None:
+        return [Text(line) for line in _wrapped(f"stress test: driven as {driven_as(run)}", wide)]
+    word, (first, _, often) = VERDICTS[told.kind].upper(), told.sentence.rstrip(".").partition(_OFTEN)
+    lines = _wrapped(f"{word}  {first.partition(': ')[2]}", wide)
+    if often:
+        short = often.replace(" such moments", "").replace("to test from", "test from").replace(" on)", ")")
+        lines += _wrapped(f"  people collide {short}", wide)
+    return [Text.assemble((word, _STYLES[told.kind]), lines[0][len(word) :]), *map(Text, lines[1:])]
+
+
+def metric_lines(run: Run, wide: int) -> list[Text]:
+    """Return the main metrics of the stress test: how often they are critical, else their median."""
+    parts = []
+    for column in MAIN:
+        if column not in run.columns or not len(run.samples(column)):
+            continue
+        metric, limit = run.metric(column), run.thresholds.get(column)
+        name = metric.words.partition(" on ")[0].partition(" of ")[0]
+        if limit is None:
+            median = float(np.median(run.samples(column)))
+            parts.append(f"{name} {median:.2g}{NARROW}{metric.column_unit or ''}")
+        else:
+            share = percent(run.p_critical(column).value)
+            parts.append(f"{name}{NARROW}{metric.sign}{NARROW}{limit:.2g} in {share}")
+    return [Text(line, style="dim") for line in _wrapped(", ".join(parts), wide)]
+
+
+def _own_lines(run: Run, wide: int) -> list[Text]:
+    lines = [line for extra in extras_results(run.folder) for line in extra.lines(run)]
+    return [Text(part) for line in lines for part in _wrapped(line, wide)]
+
+
+def _doubts(run: Run, wide: int) -> list[Text]:
+    doubtful = told_pairs(run, doubtful=True)
+    if not doubtful:
+        return []
+    first = doubtful[0]
+    more = f"; {len(doubtful) - 1} more" if len(doubtful) > 1 else ""
+    text = f"left out as doubtful: {arrow(first)}, {first['doubt']}{more}"
+    return [Text(textwrap.shorten(text, wide, placeholder=" …"), style="bright_black")]
+
+
+def _label(run: Run) -> str:
+    told = run.decision
+    assert told is not None and told.pair is not None
+    rows = [*told_pairs(run), *told_pairs(run, doubtful=True)]
+    row = next((row for row in rows if (row["track_id"], row["other_id"]) == told.pair), {"person": None})
+    return arrow({**row, "track_id": told.pair[0], "other_id": told.pair[1]})
+
+
+def _table(run: Run, most: int, wide: int) -> list[Text]:
+    """Return the lines of the table of pairs."""
+    lines = pair_lines(run, most)
+    if not lines:
+        return []
+    table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, show_edge=False)
+    people = run.reference is not None
+    heads = [("pair", "left"), ("what happens", "left"), ("people", "right")]
+    heads += [("stress test", "right"), ("after", "right")]
+    shown = [k for k, (name, _) in enumerate(heads) if people or name != "people"]
+    for k in shown:
+        name, justify = heads[k]
+        folds: dict[str, Any] = {"overflow": "fold"} if k == 1 else {"no_wrap": True}
+        table.add_column(Text(name, style="dim"), justify=justify, **folds)  # type: ignore[arg-type]
+    decided = set(run.decision.pair or ()) if run.decision is not None else set()
+    for one in lines:
+        style = "bold" if set(one.pair) == decided else None
+        table.add_row(*(one.cells[k] for k in shown), style=style)
+    told = [row["probability"] for row in told_pairs(run)]
+    total = ["any", "", chance(any_of(told)) if told else "–", _collides(run), ""]
+    table.add_row(*(total[k] for k in shown))
+    return _lines_of(table, wide)
+
+
+def _lines_of(table: Table, wide: int) -> list[Text]:
+    console = Console(width=wide, file=None, force_terminal=False, legacy_windows=False)
+    lines = console.render_lines(table, console.options.update(max_width=wide), pad=False)
+    texts = [Text.assemble(*((part.text, part.style or "") for part in line)) for line in lines]
+    for text in texts:
+        text.rstrip()
+    return texts
+
+
+def _collides(run: Run) -> str:
+    if not run.outcomes:
+        return "–"
+    found = run.collision
+    half = 100 * max(found.high - found.value, found.value - found.low)
+    return percent(found.value) if half < 0.05 else f"{100 * found.value:.0f} ± {half:.0f}{NARROW}%"
+
+
+def _wrapped(text: str, wide: int) -> list[str]:
+    return textwrap.wrap(text, wide, subsequent_indent="  ", break_on_hyphens=False, break_long_words=False)

@@ -1,0 +1,88 @@
+"""``pairs.parquet``: P of a contact of each pair between people, and how it is said."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import pyarrow as pa
+
+if TYPE_CHECKING:
+    from scex_sumo.results.run import Run
+
+PAIRS_FILE: Final = "pairs.parquet"
+
+TOLD: Final = 1e-7
+"""P below which nobody asks how it comes to it."""
+
+NARROW: Final = "\u202f"  # no-break space within a number
+
+PAIRS: Final = pa.schema(
+    [
+        ("track_id", pa.int64()),  # of the vehicle that has to brake, or enters later: it hits or follows
+        ("other_id", pa.int64()),
+        ("person", pa.string()),  # kind and name of a pedestrian or cyclist as the other one
+        ("probability", pa.float64()),  # of a contact within 3 s
+        ("least", pa.float64()),  # with contacts a tenth as frequent; so ``most``, ten times
+        ("most", pa.float64()),
+        ("what", pa.string()),  # kind of conflict, `scex_sumo.decision.words.WHAT`
+        ("how", pa.string()),
+        ("place", pa.string()),  # one of `roads.places.PLACES`; null off the lanes
+        ("future", pa.int32()),  # with the largest share of P
+        ("futures", pa.int32()),  # with a tenth of its P or more
+        ("collide", pa.float64()),  # share of the futures with a contact
+        ("needed_braking", pa.float64()),  # in that future, m/s²; 0: none
+        ("time_margin", pa.float64()),  # in that future, s; null: they do not cross
+        ("gap_m", pa.float64()),  # least distance in that future, m
+        ("conflict_s", pa.float64()),  # after the moment
+        ("speed_mps", pa.float64()),  # between the two then
+        ("x", pa.float64()),  # of the first one then, m; so ``y``
+        ("y", pa.float64()),
+        ("doubt", pa.string()),
+    ]
+)
+"""Columns of ``pairs.parquet``."""
+
+
+def told_pairs(run: Run, *, doubtful: bool = False) -> list[dict[str, Any]]:
+    """Return the rows of a finished run with a P that is told, the most probable first; [] without any.
+
+    Args:
+        doubtful: those whose data are doubtful, not the others.
+    """
+    if not (run.folder / PAIRS_FILE).is_file():
+        return []
+    rows = run.table(PAIRS_FILE).to_pylist()
+    return [row for row in rows if row["probability"] >= TOLD and (row["doubt"] is not None) == doubtful]
+
+
+def arrow(row: Mapping[str, Any]) -> str:
+    """Return a pair in words: the vehicle that hits or follows, and the other one."""
+    return f"{row['track_id']} → {row['person'] or row['other_id']}"
+
+
+def any_of(probabilities: Iterable[float]) -> float:
+    """Return P of any of several events: 1 - Π (1 - P), as if independent."""
+    return float(
+        0.0 - np.expm1(np.log1p(-np.minimum(np.fromiter(probabilities, np.float64), 1 - 1e-12)).sum())
+    )
+
+
+def once_in(probability: float) -> str:
+    """Return a probability as one of so many, with one digit."""
+    if probability >= 0.5:
+        return f"in about {100 * probability:.0f}{NARROW}% of such moments"
+    return f"about once in {one_in(probability)} such moments"
+
+
+def one_in(probability: float) -> str:
+    """Return the number of moments of which one has it, with one digit; over 1 000 million at most."""
+    return rounded(1 / max(probability, 1e-9))
+
+
+def rounded(number: float) -> str:
+    """Return a number with one digit; its thousands stay together."""
+    size = 10 ** math.floor(math.log10(max(number, 1.0)))
+    return f"{round(number / size) * size:,}".replace(",", NARROW)
