@@ -60,7 +60,7 @@ def test_a_declared_map_format_is_imported_for_its_own_maps_alone(tmp_path: Path
     code = """
 from scex_sumo.converters.registries import Declaration
 
-DECLARED = def _reader():
+def _reader():
     import xyz_reader
 
     return xyz_reader

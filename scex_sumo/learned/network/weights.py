@@ -16,10 +16,10 @@ import safetensors.numpy
 from scex_sumo.base.errors import InputError
 from scex_sumo.base.files import sha256_of, write_atomic
 from scex_sumo.base.version import __version__
+from scex_sumo.graphs.graph import EDGE_COLUMNS, NODE_COLUMNS
 from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS
 from scex_sumo.learned.network.architecture import Architecture, shapes
 from scex_sumo.learned.network.layers import State
-from scex_sumo.scene_graph.graph import EDGE_COLUMNS, NODE_COLUMNS
 
 MAX_NUMBER = 1024  # of an architecture: a false header must not cost memory
 _SWITCHES = ("edges", "free")
