@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from scex_sumo.base.errors import OwnCodeError, ScexError, reason_of
-from scex_sumo.base.importing import staying
+from scex_sumo.base.staying import staying
 
 MAX_REASON = 200  # characters
 _PACKAGE = Path(__file__).resolve().parents[1]

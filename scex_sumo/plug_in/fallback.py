@@ -15,7 +15,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.blame import own_error_reason
 from scex_sumo.base.errors import OutOfTimeError, ScexError
-from scex_sumo.base.importing import staying
+from scex_sumo.base.staying import staying
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior, Sight, clear_of_others, sight_of
 from scex_sumo.behaviors.driving.motion import Intent
 from scex_sumo.humans.lines.nearest_path import follow_path
