@@ -27,6 +27,8 @@ from .extrapolation.extras import Work as Work
 from .extrapolation.settings import RunSettings as RunSettings
 from .formats.samples.build import track_rows as track_rows
 from .generators.populated import synthetic_seed as synthetic_seed
+from .graphs.graph import SceneGraph as SceneGraph
+from .graphs.graph import scene_graph as scene_graph
 from .lanelet2sumo.convert import convert as convert
 from .learned.training.attention import plot_attention as plot_attention
 from .live.watch import Watch as Watch
@@ -51,8 +53,6 @@ from .scene import SceneHistory as SceneHistory
 from .scene import SeedScene as SeedScene
 from .scene import States as States
 from .scene import VehicleIndex as VehicleIndex
-from .scene_graph.graph import SceneGraph as SceneGraph
-from .scene_graph.graph import scene_graph as scene_graph
 from .studies.rank.rank import Ranking as Ranking
 from .studies.rank.rank import rank as rank
 from .studies.under_test.results import UnderTest as UnderTest

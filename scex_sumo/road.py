@@ -180,6 +180,7 @@ class Road(SentOnce):
         net: SUMO net of the road, used unchanged; None for maps of other formats.
         phases: the lights of ``net`` have phases of their own; those of OpenStreetMap have none.
         sumo_lanes: the lanes are SUMO's; their curves may be too tight for the limits.
+        left_hand: traffic drives on the left.
         file: of the map; None if there is none.
 
     Example:
@@ -200,6 +201,7 @@ class Road(SentOnce):
     net: Path | None = None
     phases: bool = True
     sumo_lanes: bool = False
+    left_hand: bool = False
     file: Path | None = None
 
     @property

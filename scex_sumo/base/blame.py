@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import traceback
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-from scex_sumo.base.errors import ScexError, reason_of
+from scex_sumo.base.errors import OwnCodeError, ScexError, reason_of
+from scex_sumo.base.staying import staying
 
 MAX_REASON = 200  # characters
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -19,6 +23,34 @@ def own_error_reason(error: BaseException) -> str:
     frame = _own_frame(error)
     place = f" ({Path(frame.filename).name}, line {frame.lineno})" if frame is not None else ""
     return _short(f"raised {reason_of(error)}") + place
+
+
+def own_call(said: str, function: Callable[..., Any], needs: type = object) -> Callable[..., Any]:
+    """Return a function of the user's whose errors are one line.
+
+    Args:
+        said: what it is, for messages, e.g. ``map format polyline: read``.
+        needs: type of what it has to return; a list is made of any iterable.
+
+    Raises:
+        OwnCodeError: it raised, or returned something else. Errors of this package pass.
+    """
+
+    @functools.wraps(function)
+    def call(*arguments: Any, **options: Any) -> Any:
+        try:
+            with staying():
+                made = function(*arguments, **options)
+                made = list(made) if needs is list else made
+        except ScexError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise OwnCodeError(f"{said} {own_error_reason(error)}") from error
+        if not isinstance(made, needs):
+            raise OwnCodeError(f"{said} returned {type(made).__name__}, needs {needs.__name__}")
+        return made
+
+    return call
 
 
 def _own_frame(error: BaseException) -> traceback.FrameSummary | None:

@@ -36,6 +36,10 @@ class InputError(ScexError):
     """A file, column or value that cannot be used."""
 
 
+class OwnCodeError(InputError):
+    """An error in code of the user's, with its line."""
+
+
 class MapError(InputError):
     """A map that cannot be read or converted."""
 

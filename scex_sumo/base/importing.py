@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import importlib.metadata
-import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,12 +11,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib.abc import MetaPathFinder
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from scex_sumo.base.errors import MissingExtraError, UsageError
+from scex_sumo.base.staying import staying
 
 _PACKAGE = Path(__file__).resolve().parents[1]
-end_process = os._exit  # which `staying` replaces
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,23 +108,6 @@ def import_arrow() -> None:
             pa.array([1])
         finally:
             sys.meta_path.remove(finder)
-
-
-@contextmanager
-def staying() -> Iterator[None]:
-    """Turn ``os._exit`` of others' code into SystemExit: it would end the process without a line."""
-    before, process = os._exit, os.getpid()
-
-    def refuse(status: int) -> NoReturn:
-        if os.getpid() != process:  # one that the code has forked
-            end_process(status)
-        raise SystemExit(f"os._exit({status})")
-
-    os._exit = refuse
-    try:
-        yield
-    finally:
-        os._exit = before
 
 
 def import_object(path: str, *, hint: str = "", own: bool = False) -> Any:

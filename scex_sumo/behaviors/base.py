@@ -81,6 +81,13 @@ def layer_with(model: Any, attribute: str) -> Any:
     return model
 
 
+def is_built_in(model: Any) -> bool:
+    """Return whether a model is a driver of this package, below all adapters, and not one of a user's."""
+    while _is_ours(model) and hasattr(model, "inner"):
+        model = model.inner
+    return _is_ours(model) and ".plug_in." not in type(model).__module__
+
+
 class DrivenBySumo(Protocol):
     """Model whose vehicles SUMO moves, by one of its own car-following models."""
 

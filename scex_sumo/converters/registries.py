@@ -203,9 +203,7 @@ def _entries(kind: type[Any]) -> tuple[Any, ...]:
     entries: list[Any] = []
     for name in order:
         try:
-            entry = import_object(paths[name])
-            declared = isinstance(entry, Declaration)
-            entries.append(entry if declared else _checked(kind, f"{registry.kind} {name}", entry))
+            entries.append(_checked(kind, name, import_object(paths[name]), ours=registry.is_ours(name)))
         except UsageError as error:
             print(f"warning: {registry.kind} {name} is left out: {error}", file=sys.stderr)
     return tuple(entries)
@@ -215,14 +213,25 @@ def _entries(kind: type[Any]) -> tuple[Any, ...]:
 def _read_by(kind: type[Any], entry: Any) -> Any:
     if not isinstance(entry, Declaration):
         return entry
-    made = entry.reader()
-    return _checked(kind, f"{kind.registry.kind} {made!r}", made)
+    ours = entry.reader.__module__.startswith(f"{__package__.partition('.')[0]}.")
+    return _checked(kind, entry.reader.__module__, entry.reader(), ours=ours)
 
 
-def _checked(kind: type[Format], said: str, entry: Any) -> Format:
-    for part in fields(kind):
+def _checked(kind: type[Any], name: str, entry: Any, *, ours: bool) -> Any:
+    """Return a format, or a declaration of one; errors of another package's functions are one line."""
+    said, made = f"{kind.registry.kind} {name}", Declaration if isinstance(entry, Declaration) else kind
+    own: dict[str, Any] = {}
+    for part in fields(made):
         if part.default is MISSING and not hasattr(entry, part.name):
             raise UsageError(f"{said}: {entry!r} has no function {part.name}")
-    own = {part.name: getattr(entry, part.name) for part in fields(kind) if hasattr(entry, part.name)}
-    checked: Format = kind(**own)
-    return checked
+        if hasattr(entry, part.name):
+            value = getattr(entry, part.name)
+            own[part.name] = value if ours or not callable(value) else _own(kind, said, part.name, value)
+    return made(**own)
+
+
+def _own(kind: type[Any], said: str, name: str, function: Any) -> Any:
+    from scex_sumo.base.blame import own_call
+
+    needs = {(MapFormat, "read"): Road, (Dataset, "read"): tuple, (Dataset, "recordings"): list}
+    return own_call(f"{said}: {name}", function, needs.get((kind, name), object))

@@ -9,7 +9,8 @@ from typing import Any, Final
 
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import ScexError, UsageError, nearest
-from scex_sumo.base.importing import Registry, import_object, staying
+from scex_sumo.base.importing import Registry, import_object
+from scex_sumo.base.staying import staying
 from scex_sumo.behaviors.base import Behavior, SingleVehicleBehavior
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver
 from scex_sumo.behaviors.models.simple import (

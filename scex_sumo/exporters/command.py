@@ -66,11 +66,15 @@ def export_command(
     ] = None,
 ) -> None:
     """Write futures in another tool's format."""
+    from scex_sumo.base.blame import own_call
     from scex_sumo.exporters.request import EXPORTERS, RECORDED, Exporter, Request
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
 
     write: Exporter = EXPORTERS.load(to)
+    own = EXPORTERS.is_ours(to)
+    if not own:
+        write = own_call(f"export format {to}: it", write, list)
     if sum((future is not None, encounter is not None, every, recorded)) != 1:
         raise UsageError("export: give one of --future N, --encounter A,B, --all and --recorded")
     if recorded and to in WITHOUT_RECORDED:
@@ -86,14 +90,13 @@ def export_command(
             encounter=pair,
         )
         request.ego_index()
-    own = EXPORTERS.is_ours(to)
     if out is not None and out.is_file() and not own:
         check_output(out, *request.inputs)
     # Another package's errors are no errors of the folder.
     with writing(out or Path()), as_written(folder) if own else nullcontext():
         files = write(request)
     if not own:
-        remember(*files)
+        remember(*(Path(file) for file in files))
     for file in files:
         print(file)
 

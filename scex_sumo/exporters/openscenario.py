@@ -20,7 +20,7 @@ from scex_sumo.exporters.opendrive.of_run import opendrive_of
 from scex_sumo.exporters.request import Participant, Request
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
-_DELAY, _SCALE = "{}_delay", "{}_time_scale"  # parameters of a vehicle
+_DELAY = "{}_delay"  # parameter of a vehicle
 _WHEELBASE = 0.58  # of the length, around the centre
 _KINDS = {  # OpenSCENARIO's category, height in m, mass in kg
     "motorcycle": ("motorbike", 1.5, 250.0),
@@ -47,8 +47,8 @@ _README = """# {name}: {count} future(s) for OpenSCENARIO players
   heights and masses are usual ones.
 - An entity `vehicle17`, `pedestrian17` or `bicycle17` is track 17; its property `model`
   says which behaviour model drove it.
-- Parameters `vehicle17_delay` (s, 0) and `vehicle17_time_scale` (1; 0.9 is faster) shift the trajectories of
-  {pair}.
+- A parameter `vehicle17_delay` (s, 0 or more) lets the trajectory begin later: those of {pair}. Until then
+  the vehicle stands at its start.
 {ego}- Pedestrians and cyclists stand where they appear first until they do, and are deleted after they were
   last seen.
 """
@@ -62,7 +62,8 @@ def write_openscenario(request: Request) -> list[Path]:
     """Write the road, a scenario of version 1.2 for each future, and a README.
 
     With an ego time 0 is the seed scene, and the ego has its start and its goal, but no trajectory. The
-    trajectories of the pair that leads can be delayed and stretched by parameters.
+    trajectories of the pair that leads can be delayed by parameters: their times count from the event's
+    start, because players disagree on what scale and offset of a timing do.
     """
     return _write(request, minor=2)
 
@@ -134,18 +135,19 @@ def _scenario_text(xosc: Any, request: Request, future: int, road_file: str, fla
         times = STEP_S * there.astype(np.float64)
         last = max(last, float(times[-1]))
         init.add_init_action(name, xosc.TeleportAction(places[0]))
-        speed = xosc.AbsoluteSpeedAction(round(float(states.speed[there[0]]), 6), at_once)
-        init.add_init_action(name, speed)
+        varies = participant.label in pair and not there[0]
+        speed = 0.0 if varies else round(float(states.speed[there[0]]), 6)
+        init.add_init_action(name, xosc.AbsoluteSpeedAction(speed, at_once))
         if participant.label == request.ego:
             init.add_init_action(name, xosc.AcquirePositionAction(places[-1]))
             continue
-        timing: tuple[Any, Any] = (1, 0)
-        if participant.label in pair:
-            timing = f"${_SCALE.format(name)}", f"${_DELAY.format(name)}"
-            for parameter, value in zip((_SCALE, _DELAY), ("1", "0"), strict=True):
-                varied.add_parameter(xosc.Parameter(parameter.format(name), xosc.ParameterType.double, value))
+        begins: float | str = float(times[0])
+        if varies:
+            begins = f"${_DELAY.format(name)}"
+            delay = xosc.Parameter(_DELAY.format(name), xosc.ParameterType.double, "0")
+            varied.add_parameter(delay)
         leaves = int(there[-1]) + 1 < steps
-        act.add_maneuver_group(_follow(xosc, name, times, places, timing, ends=leaves))
+        act.add_maneuver_group(_follow(xosc, name, times, places, begins, ends=leaves))
     if not act.maneuvergroup:
         raise UsageError(f"--ego {request.ego}: nobody else is there; leave it out")
     story = xosc.Story("future")
@@ -227,17 +229,16 @@ def _vertices(xosc: Any, participant: Participant, states: States, *, level: flo
 
 
 def _follow(
-    xosc: Any, name: str, times: FloatArray, places: list[Any], timing: tuple[Any, Any], *, ends: bool
+    xosc: Any, name: str, times: FloatArray, places: list[Any], begins: float | str, *, ends: bool
 ) -> Any:
     maneuver = xosc.Maneuver(f"{name} moves")
     if len(places) > 1:
         line = xosc.Trajectory(f"{name} trajectory", False)
         line.add_shape(xosc.Polyline([round(t, 6) for t in times.tolist()], places))
-        action = xosc.FollowTrajectoryAction(
-            line, xosc.FollowingMode.position, xosc.ReferenceContext.absolute, *timing
-        )
+        domain = xosc.ReferenceContext[("absolute", "relative")[isinstance(begins, str)]]
+        action = xosc.FollowTrajectoryAction(line, xosc.FollowingMode.position, domain, 1, 0)
         event = xosc.Event(f"{name} follows", xosc.Priority.override)
-        event.add_trigger(_at(xosc, f"{name} starts", float(times[0])))
+        event.add_trigger(_at(xosc, f"{name} starts", begins))
         event.add_action(f"{name} follows trajectory", action)
         maneuver.add_event(event)
     if ends:
@@ -251,6 +252,7 @@ def _follow(
     return group
 
 
-def _at(xosc: Any, name: str, time_s: float, *, point: str = "start") -> Any:
-    condition = xosc.SimulationTimeCondition(round(time_s, 6), xosc.Rule.greaterOrEqual)
+def _at(xosc: Any, name: str, time_s: float | str, *, point: str = "start") -> Any:
+    value = time_s if isinstance(time_s, str) else round(time_s, 6)
+    condition = xosc.SimulationTimeCondition(value, xosc.Rule.greaterOrEqual)
     return xosc.ValueTrigger(name, 0, xosc.ConditionEdge.none, condition, point)

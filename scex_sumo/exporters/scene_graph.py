@@ -14,10 +14,10 @@ from matplotlib.patches import FancyArrowPatch
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import MissingExtraError, UsageError
 from scex_sumo.geometry.rectangles import outlines
+from scex_sumo.graphs.graph import KINDS, RADIUS_M, SceneGraph, scene_graph
 from scex_sumo.page.figures.drawing import draw_road, draw_vehicles, look_at, save, sheet
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
-from scex_sumo.scene_graph.graph import KINDS, RADIUS_M, SceneGraph, scene_graph
 
 if TYPE_CHECKING:
     from networkx import DiGraph

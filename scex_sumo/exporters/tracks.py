@@ -127,7 +127,16 @@ def _with_other_cases(path: Path, table: pa.Table, case: float) -> pa.Table:
 
 
 def write_fcd_files(request: Request) -> list[Path]:
-    """Write each future as SUMO's floating car data; several into a folder."""
-    return request.write_each(
-        ".fcd.xml", lambda future: write_future(request.run, future).with_suffix(".fcd.xml").read_bytes()
-    )
+    """Write each future as SUMO's floating car data, and its vehicle types beside it; several into a folder.
+
+    SUMO replays them with ``-a X.types.add.xml --device.fcd-replay.files X.fcd.xml``.
+    """
+    files = []
+    for future, path in zip(request.futures, request.files(".fcd.xml"), strict=True):
+        view = write_future(request.run, future)
+        types = [line for line in view.with_suffix(".add.xml").read_text().splitlines() if "<vType " in line]
+        beside = path.with_name(f"{path.name.removesuffix('.xml').removesuffix('.fcd')}.types.add.xml")
+        request.write(path, view.with_suffix(".fcd.xml").read_bytes())
+        request.write(beside, "\n".join(["<additional>", *types, "</additional>\n"]).encode())
+        files += [path, beside]
+    return files

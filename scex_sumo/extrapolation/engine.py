@@ -11,13 +11,13 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from scex_sumo.base.arrays import IntArray
-from scex_sumo.base.errors import UsageError
+from scex_sumo.base.errors import OwnCodeError, UsageError
 from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.converters.signals import signals_of
-from scex_sumo.extrapolation.extras import Extra, Work, working
+from scex_sumo.extrapolation.extras import Extra, Work, rows_of, working
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, ruled
 from scex_sumo.extrapolation.loop.measure import Recorded, measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
@@ -78,11 +78,15 @@ def run_scene(
         watch.lap("tables")
         work = Work(job=job, part=part, workers=workers, options=options, extras=extras)
         rows: list[Row] = []
+        failed: list[str] = []
         for number, extra in enumerate(active):
             progress = parts[1 + sum(repeats[:number])] if repeats[number] else None
-            rows += extra.after(dataclasses.replace(work, progress=progress, begun=begun[number]))
+            try:
+                rows += rows_of(extra, dataclasses.replace(work, progress=progress, begun=begun[number]))
+            except OwnCodeError as error:  # the run's other results stay
+                failed.append(f"warning: {error}; its rows are left out")
     watch.lap("extras")
-    notes = [*handover_notes(job, part), *outcome_notes(scene, recorded), *workers.deaths]
+    notes = [*failed, *handover_notes(job, part), *outcome_notes(scene, recorded), *workers.deaths]
     info = _info(job, options.command, part, notes) | {"recorded": recorded_info(scene, recorded)}
     info["rows"] = [dataclasses.asdict(row) for row in rows]
     folder.finish({**info, "timings_s": watch.lap("write")})

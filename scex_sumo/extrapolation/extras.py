@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
+from scex_sumo.base.errors import OwnCodeError
 from scex_sumo.base.progress import Progress
 from scex_sumo.extrapolation.options import RunOptions
 from scex_sumo.extrapolation.processes.workers import Workers
@@ -118,6 +119,21 @@ def run_options() -> tuple[type, ...]:
 def working(extras: Sequence[Extra], settings: RunSettings) -> list[Extra]:
     """Return the extras that are on, with all their methods."""
     return [extra.loaded() for extra in extras if extra.is_on(settings)]
+
+
+def rows_of(extra: Extra, work: Work) -> list[Row]:
+    """Return the rows of an extra.
+
+    Raises:
+        OwnCodeError: what its ``after`` returns are no rows.
+    """
+    rows = extra.after(work)
+    wrong = [row for row in rows if not isinstance(row, Row)] if isinstance(rows, Sequence) else [rows]
+    if wrong:
+        raise OwnCodeError(
+            f"extra {type(extra).__name__}: after returned {type(wrong[0]).__name__}, needs rows"
+        )
+    return list(rows)
 
 
 def extras_of(given: Sequence[Mapping[str, Any]]) -> list[Extra]:

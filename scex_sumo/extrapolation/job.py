@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pyarrow as pa
@@ -34,9 +35,11 @@ from scex_sumo.results.tables.conflicts import conflicts_table
 from scex_sumo.results.tables.horizons import horizons_table
 from scex_sumo.results.tables.outcomes import collisions_table, encounter_rows
 from scex_sumo.road import Road
+from scex_sumo.roads.mirror import mirrored_road, mirrored_scene
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.world.base import WORLDS, BatchStart, Simulator, SumoDriven, WorldRequest
+from scex_sumo.world.mirror import MirroredSimulator
 from scex_sumo.world.tiles import TILE_SLOTS
 
 OnStep = Callable[[int], None]
@@ -194,8 +197,11 @@ def _simulator(job: Job, slots: Sequence[int]) -> Simulator:
         gui=job.gui,
         compared=job.compared,
     )
-    simulator: Simulator = WORLDS.load(job.settings.world)(request)
-    return simulator
+    simulator = WORLDS.load(job.settings.world)
+    # sumo-gui shows the map as it is.
+    in_mirror = job.road.left_hand and simulator.has_sumo and not job.gui
+    opened: Any = MirroredSimulator(simulator, request) if in_mirror else simulator(request)
+    return cast("Simulator", opened)
 
 
 def _run_and_save(job: Job, simulator: Simulator, futures: IntArray, on_step: OnStep) -> IntArray:
@@ -281,11 +287,13 @@ def _batch(job: Job, futures: IntArray) -> Batch:
 
 def _driven_by_sumo(job: Job, batch: Batch) -> list[SumoDriven]:
     driven = []
+    scene = mirrored_scene(job.scene) if job.road.left_hand else job.scene
+    road = mirrored_road(job.road) if job.road.left_hand else job.road
     for index, model in enumerate(batch.models):
         if not is_driven_by_sumo(model):
             continue
         future, vehicle = np.nonzero(batch.assignment == index)
-        routes = model.routes(job.scene, job.road, vehicle, batch.route_draw[future, vehicle])
+        routes = model.routes(scene, road, vehicle, batch.route_draw[future, vehicle])
         for c, v, lanes in zip(future.tolist(), vehicle.tolist(), routes, strict=True):
             intention = job.scene.intention(v) if model.path in ("straight", "random") else None
             edges = job.net.lanes.edges(lanes) if intention is None else intention.edges

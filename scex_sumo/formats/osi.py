@@ -15,7 +15,6 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.base.importing import extra_for
-from scex_sumo.converters.lanelet.tags import GERMANY
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.net.xml import unpacked, xml_root
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
@@ -111,7 +110,7 @@ def _read_road(path: Path, **_: Any) -> Road:
         drawn = _lane_map(path)
         if not drawn.lanes:
             raise MapError(f"{path}: has no map inside, and no .xodr is beside it; put its map there")
-        return drawn_road(drawn, name=map_name(path), country=GERMANY)
+        return drawn_road(drawn, name=map_name(path))
 
 
 def map_text(path: Path) -> bytes | None:

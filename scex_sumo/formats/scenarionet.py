@@ -20,7 +20,6 @@ import shapely
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, MapError, TrackError, reason_of
-from scex_sumo.converters.lanelet.tags import GERMANY
 from scex_sumo.converters.naming import map_name, open_binary
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
 from scex_sumo.converters.tracks.road_users import road_user
@@ -212,7 +211,7 @@ def _read_road(path: Path, **_: Any) -> Road:
     with one_line(MapError, path, "map of ScenarioNet"):
         scenario = read_scenario(path)
         # Singapore's limit in towns is Germany's.
-        country = GERMANY if "singapore" in str(scenario["metadata"].get("map")) else "us"
+        country = "sg" if "singapore" in str(scenario["metadata"].get("map")) else "us"
         return drawn_road(_drawn(path, scenario), name=_name(path), country=country)
 
 

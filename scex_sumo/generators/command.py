@@ -65,6 +65,7 @@ def generate_command(
     from scex_sumo.generators.generate import generated_scene
     from scex_sumo.generators.people import add_people
     from scex_sumo.generators.scene_model import SHIPPED, load_scenes
+    from scex_sumo.roads.mirror import drawn_on
 
     if not 1 <= count <= MAX_COUNT:
         raise UsageError(f"--count: got {count:,}, needs 1 to {MAX_COUNT:,}")
@@ -84,12 +85,13 @@ def generate_command(
     origins = [] if local or recorded_origin(target) == road.origin else [folder / META_DATA]
     for file in (cases, weights, *origins, *([target] if copied else [])):
         check_output(file, scenes)
-    drawn, one = [], partial(generated_scene, road, model, vehicles=vehicles, seed=seed)
+    drawn, one = [], partial(generated_scene, model=model, vehicles=vehicles, seed=seed)
     with progress_bar(f"generating {road.name}") as tick:
         for k in range(number):
             if tick is not None:
                 tick(k, number)
-            drawn.append(add_people(one(number=k), people, seed=seed + k))
+            scene = drawn_on(road, partial(one, number=k))
+            drawn.append(add_people(scene, people, seed=seed + k))
     warn(sorted({note for scene in drawn for note in scene.notes}))
     about: dict[str, Any] = {}
     if critical:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from scex_sumo.base.arguments import checked
@@ -13,6 +14,7 @@ from scex_sumo.generators.generate import generated_scene
 from scex_sumo.generators.people import add_people
 from scex_sumo.generators.scene_model import load_scenes
 from scex_sumo.generators.synthetic import sumo_population
+from scex_sumo.roads.mirror import drawn_on
 from scex_sumo.scene import SeedScene
 
 SUMO, RECORDED = "sumo", "recorded"
@@ -55,11 +57,11 @@ def synthetic_seed(
     if like not in (SUMO, RECORDED):
         raise UsageError(f"--as: unknown population {like!r}; known: {SUMO}, {RECORDED}")
     road = read_map(map_path, origin=origin, own_corner=True, keep=cache)
+    draw = partial(generated_scene, model=load_scenes(), vehicles=vehicles, seed=seed)
     if like == SUMO:
-        scene = sumo_population(road, vehicles=vehicles, seed=seed, cache=cache, progress=progress)
-    else:
-        scene = generated_scene(road, load_scenes(), vehicles=vehicles, seed=seed)
-    scene = replace(scene, road=road)
+        draw = partial(sumo_population, vehicles=vehicles, seed=seed, cache=cache, progress=progress)
+    # SUMO's own nets say on which side they are driven.
+    scene = replace(drawn_on(road, draw) if road.net is None else draw(road), road=road)
     if people:
         scene = add_people(scene, people, seed=seed)
     warn_notes([*road.notes, *scene.notes])

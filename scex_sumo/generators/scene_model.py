@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,17 +9,17 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import safetensors
-import safetensors.numpy
+from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import InputError
-from scex_sumo.base.files import sha256_of, write_atomic
+from scex_sumo.base.files import sha256_of
+from scex_sumo.base.schema import record
+from scex_sumo.base.tensors import Shape, read_about, read_tensors, save_tensors
 from scex_sumo.base.version import __version__
 from scex_sumo.generators.scene_context import COLUMNS, ROAD_COLUMNS, SCENE_COLUMNS
 
 FORMAT: Final = "scex-sumo scenes 3"
-ABOUT: Final = "scex_sumo"
 DRAWN: Final = ("length", "speed", "acceleration", "offset", "turn")
 """Quantities of a vehicle in the order of their draws, each given those before; speed over the mean one."""
 MOTION: Final = np.flatnonzero(
@@ -49,7 +48,7 @@ class SceneModel:
         meta: training command, data, bounds of what counts as about to collide.
     """
 
-    tensors: Mapping[str, FloatArray]
+    tensors: Mapping[str, NDArray[Any]]
     meta: Mapping[str, Any]
 
     def network(self, name: str, inputs: FloatArray) -> FloatArray:
@@ -125,7 +124,7 @@ class SceneModel:
     def count(self, total_m: float, rng: np.random.Generator) -> int:
         """Draw the number of vehicles on a length of lanes; at least 2, as recorded scenes have."""
         density = np.quantile(self.tensors["density"], rng.random())
-        return max(2, round(density * total_m / 1000.0))
+        return max(2, round(float(density) * total_m / 1000.0))
 
 
 def usual_pace(scenes: FloatArray, slopes: FloatArray) -> FloatArray:
@@ -154,8 +153,7 @@ def _choose(logits: FloatArray, rng: np.random.Generator) -> IntArray:
 def save_scenes(path: Path, tensors: Mapping[str, FloatArray], meta: Mapping[str, Any]) -> None:
     """Write a scene model; ``meta`` holds plain values."""
     about = {"format": FORMAT, "version": __version__, "columns": COLUMNS, "meta": dict(meta)}
-    arrays = {k: np.ascontiguousarray(v, np.float32) for k, v in tensors.items()}
-    write_atomic(path, safetensors.numpy.save(arrays, {ABOUT: json.dumps(about)}))
+    save_tensors(path, tensors, about)
 
 
 @lru_cache(maxsize=2)
@@ -165,24 +163,32 @@ def load_scenes(path: Path = SHIPPED) -> SceneModel:
     Raises:
         InputError: the file is missing, no scene model, or one for other features.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; {AGAIN}")
-    try:
-        with safetensors.safe_open(path, framework="numpy") as opened:
-            about = json.loads((opened.metadata() or {}).get(ABOUT, "{}"))
-            tensors = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118
-    except (safetensors.SafetensorError, ValueError, OSError):
-        raise InputError(f"{path}: not a file that 'scex-sumo train scenes' wrote; {AGAIN}") from None
-    if (
-        not isinstance(about, dict)
-        or about.get("format") != FORMAT
-        or tuple(about.get("columns", ())) != COLUMNS
-    ):
-        held = about.get("format", "other tensors") if isinstance(about, dict) else "other tensors"
-        raise InputError(f"{path}: holds {held!r} of another version, needs {FORMAT!r}; {AGAIN}")
-    needed = {"place.0.weight", "mean", "spread", "width", "kind", "density", "scenes", "slopes"}
-    needed |= {f"bins.{name}" for name in DRAWN}
-    wrong = sorted(needed - tensors.keys()) or [k for k, v in tensors.items() if not np.isfinite(v).all()]
-    if wrong:
-        raise InputError(f"{path}: {wrong[0]} is missing or not finite; {AGAIN}")
+    about = read_about(path, _ABOUT, AGAIN)
+    tensors = read_tensors(path, _shapes, AGAIN)
+    for name, least in _LEAST.items():
+        if not (tensors[name] >= least).all():
+            raise InputError(f"{path}: {name} has values below {least:g}; {AGAIN}")
     return SceneModel(tensors=tensors, meta={**about["meta"], "sha256": sha256_of(path)})
+
+
+_ABOUT: Final = record(
+    {"format": {"const": FORMAT}, "columns": {"const": [*COLUMNS]}, "meta": {"type": "object"}}
+)
+_LEAST: Final = dict.fromkeys(("kind", "density", "bins.speed"), 0.0) | {"spread": 1e-6}
+
+
+def _shapes(given: Mapping[str, Shape]) -> dict[str, Shape]:
+    """Return the shapes of all tensors; as many bins, quantiles and numbers within a network as in a file."""
+    inputs = {"place": len(COLUMNS)} | {name: len(MOTION) + k for k, name in enumerate(DRAWN)}
+    bins = {name: given[f"bins.{name}"][0] for name in DRAWN}
+    shapes: dict[str, Shape] = {f"bins.{name}": (count, 2) for name, count in bins.items()}
+    for name, size in inputs.items():
+        layers = sum(part.startswith(f"{name}.") and part.endswith(".bias") for part in given)
+        for k in range(layers):
+            last = k == layers - 1
+            outputs = bins.get(name, 1) if last else given[f"{name}.{k}.bias"][0]
+            shapes |= {f"{name}.{k}.weight": (outputs, size), f"{name}.{k}.bias": (outputs,)}
+            size = outputs
+    shapes |= {"mean": (len(COLUMNS),), "spread": (len(COLUMNS),), "slopes": (2,)}
+    shapes |= {"kind": (bins["length"], len(KINDS)), "width": (bins["length"], given["width"][-1])}
+    return shapes | {"density": given["density"], "scenes": (given["scenes"][0], 3 + len(ROAD_COLUMNS))}

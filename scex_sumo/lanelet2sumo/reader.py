@@ -21,6 +21,7 @@ from scex_sumo.base.errors import MapError
 from scex_sumo.converters.net.text import points_of
 from scex_sumo.converters.net.xml import net_root
 from scex_sumo.road import Road
+from scex_sumo.roads.mirror import mirrored_line
 
 DEFAULT_WIDTH_M = 3.2  # SUMO's own for lanes without a width
 MAX_M = 1e8  # of coordinates
@@ -133,6 +134,11 @@ class NetContent:
             offset = offset + np.array([place.east_m, place.north_m])
         lanes = {i: replace(lane, shape=lane.shape - offset) for i, lane in self.lanes.items()}
         return replace(self, lanes=lanes, offset=offset)
+
+    def mirrored(self) -> NetContent:
+        """Return the mirror image: the lanes of a net with traffic on the left count from the right."""
+        lanes = {i: replace(lane, shape=mirrored_line(lane.shape)) for i, lane in self.lanes.items()}
+        return replace(self, lanes=lanes)
 
 
 def read_net(path: Path) -> NetContent:

@@ -19,6 +19,7 @@ from scex_sumo.base.errors import InputError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.behaviors.driving.motion import Intent, driven
 from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths
+from scex_sumo.graphs.graph import scene_graph
 from scex_sumo.humans.lines.nearest_path import follow_path
 from scex_sumo.learned.decoding import intent_along, plan_freely, way_of
 from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS, STANDING_MPS, PathInputs, path_inputs
@@ -31,7 +32,6 @@ from scex_sumo.learned.network.weights import load_weights
 from scex_sumo.learned.profiles import Profile
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
-from scex_sumo.scene_graph.graph import scene_graph
 
 OUTPUT_GRID = 2.0**-10  # m/s² and m: rounds away effects of the order of sums, see `layers`
 DRAW_DIGITS = 2.0**20  # modes are drawn with digits of `route_draw` that paths do not use

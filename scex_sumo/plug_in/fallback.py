@@ -15,7 +15,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.blame import own_error_reason
 from scex_sumo.base.errors import OutOfTimeError, ScexError
-from scex_sumo.base.importing import staying
+from scex_sumo.base.staying import staying
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior, Sight, clear_of_others, sight_of
 from scex_sumo.behaviors.driving.motion import Intent
 from scex_sumo.humans.lines.nearest_path import follow_path
@@ -27,8 +27,8 @@ from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 MAX_CALL_S, MAX_VEHICLE_S = 60.0, 0.1  # of a call, and of each of its vehicles in addition
 MAX_NAME = 80  # characters of a model's name in an error
 JUMP_M = 5.0  # from the straight motion within one step: 500 m/s², beyond any vehicle
-SHARE = 0.5  # of its way by which speed or heading of a plan may contradict it, if it is 5 m or more
-RANGES = {"speed": (-1.0, 120.0), "heading": (-1e4, 1e4)}  # m/s, a little below 0 by rounding; rad
+SHARE = 0.5  # of its way by which speed and heading of a plan may contradict its positions, beyond 5 m
+RANGES = {"speed": (-20.0, 120.0), "heading": (-1e4, 1e4)}  # m/s, below 0 in reverse; rad
 STATES = ("x", "y", "heading", "speed")
 
 Answer = tuple[Plan, list[str], BoolArray]  # plans, why each fell back, whether it must be replaced
@@ -179,17 +179,14 @@ def plan_defects(plan: Plan, history: SceneHistory, who: VehicleIndex) -> list[s
         for row, step in _first(~(finite & (values >= least) & (values <= most)), reasons):
             needs = f"{values[row, step]:g} at step {step + 1}; needs {least:g} to {most:g}"
             reasons[row] = f"plan.{key} is {needs if finite[row, step] else 'not finite'}"
-    off, moved, told, along = _motion(plan, history, who)
+    off, moved, told = _motion(plan, history, who)
     for row, step in _first(off > JUMP_M, reasons):
         where = "starts" if step == 0 else f"jumps at step {step + 1} to"
         reasons[row] = f"plan {where} {off[row, step]:.1f} m from where the vehicle's motion leads"
-    for row, _ in _first(
-        (np.abs(moved - told) > np.maximum(JUMP_M, SHARE * np.maximum(moved, told)))[:, None], reasons
-    ):
-        far = f"leads {told[row]:.1f} m far, its positions {moved[row]:.1f} m"
-        reasons[row] = f"plan.speed {far}; needs m/s"
-    for row, _ in _first(((moved > JUMP_M) & (along < SHARE * moved))[:, None], reasons):
-        reasons[row] = f"plan.heading is across {moved[row]:.1f} m of motion; needs rad, 0 along x"
+    apart = np.abs(moved - told) > np.maximum(JUMP_M, SHARE * np.maximum(np.abs(moved), np.abs(told)))
+    for row, _ in _first(apart[:, None], reasons):
+        ways = f"leads {told[row]:.1f} m ahead, its positions {moved[row]:.1f} m along plan.heading"
+        reasons[row] = f"plan.speed {ways}; needs m/s, and rad, 0 along x"
     return reasons
 
 
@@ -200,7 +197,7 @@ def _first(bad: BoolArray, reasons: Sequence[str]) -> list[tuple[int, int]]:
 
 
 def _motion(plan: Plan, history: SceneHistory, who: VehicleIndex) -> tuple[FloatArray, ...]:
-    """Return deviations (n, H) from the straight motion; ways (n,) by positions, speed and heading, m."""
+    """Return deviations (n, H) from the straight motion, and ways ahead (n,) by positions and by speed, m."""
     now = history.now[who.future, who.vehicle]
     step = now.speed * STEP_S
     x = np.concatenate([(now.x - step * np.cos(now.heading))[:, None], now.x[:, None], plan.x], axis=1)
@@ -208,8 +205,8 @@ def _motion(plan: Plan, history: SceneHistory, who: VehicleIndex) -> tuple[Float
     with np.errstate(invalid="ignore", over="ignore"):
         off = np.hypot(np.diff(x, 2, axis=1), np.diff(y, 2, axis=1))
         dx, dy, heading = np.diff(plan.x, axis=1), np.diff(plan.y, axis=1), plan.heading[:, :-1]
-        along = np.abs((dx * np.cos(heading) + dy * np.sin(heading)).sum(axis=1))
-        return off, np.hypot(dx, dy).sum(axis=1), plan.speed[:, :-1].sum(axis=1) * STEP_S, along
+        moved = (dx * np.cos(heading) + dy * np.sin(heading)).sum(axis=1)
+        return off, moved, plan.speed[:, :-1].sum(axis=1) * STEP_S
 
 
 def describe_source(model: Any) -> str:

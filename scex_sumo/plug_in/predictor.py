@@ -19,7 +19,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
 
 if TYPE_CHECKING:
-    from scex_sumo.scene_graph.graph import SceneGraph
+    from scex_sumo.graphs.graph import SceneGraph
 
 INPUTS: Final = (*ARRAYS, "graph", "node", "rng")
 """Parameters that a function may have: arrays, the scene graph, the vehicles' nodes, a generator."""
@@ -79,7 +79,7 @@ class Predictor:
         )
         graph: SceneGraph | None = None
         if "graph" in self.inputs:
-            from scex_sumo.scene_graph.graph import scene_graph  # few runs need it
+            from scex_sumo.graphs.graph import scene_graph  # few runs need it
 
             graph = scene_graph(history, road)
         vehicles = history.now.shape[1]

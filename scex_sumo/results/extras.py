@@ -105,6 +105,15 @@ class ExtraResults:
     files: ClassVar[tuple[str, ...]] = ()
     """Names of the files and folders that it writes into a result folder; removed if it is off."""
 
+    def __init_subclass__(cls) -> None:
+        """Make errors of another package's methods one line with its line."""
+        if cls.__module__.partition(".")[0] != __package__.partition(".")[0]:
+            from scex_sumo.base.blame import own_call
+
+            for name, value in list(vars(cls).items()):
+                if callable(value) and not name.startswith("_") and hasattr(super(cls, cls), name):
+                    setattr(cls, name, own_call(f"extra {cls.__name__}: {name}", value))
+
     methods: ClassVar[str] = ""
     """Import path of a class derived from it that has all methods, ``package.module:Class``; or none."""
 

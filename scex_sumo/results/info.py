@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import json
-import math
 import platform
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -16,11 +14,9 @@ import pyarrow as pa
 
 from scex_sumo.base.errors import ResultError, reason_of
 from scex_sumo.base.files import refuse_special_files
+from scex_sumo.base.schema import COUNT, NUMBER, PLAIN_NAME, TEXT, TRACK, listed, or_null, read_json, record
 from scex_sumo.base.version import version_of
 from scex_sumo.scene import SeedScene
-
-MAX_COUNT: Final = 10**9
-"""Limit of numbers of futures, steps and vehicles."""
 
 
 class Info(dict[str, Any]):
@@ -54,86 +50,40 @@ def read_info(folder: Path) -> Info:
             raise ResultError(f"{folder}: the run was interrupted; the same command resumes it")
         missing = "no such folder" if not folder.exists() else "no run.json in it"
         raise ResultError(f"{folder}: {missing}; give the folder that 'scex-sumo run -o' wrote")
-    try:
-        refuse_special_files(folder)
-        content = json.loads(file.read_bytes())
-    except (ValueError, RecursionError) as error:
-        raise ResultError(f"{file}: not JSON: {str(error)[:120]}; run again") from None
-    except OSError as error:
-        raise ResultError(f"{file}: cannot be read: {error.strerror or error}") from None
-    if not isinstance(content, dict):
-        raise ResultError(f"{file}: holds no object; run again")
+    refuse_special_files(folder)
+    content = read_json(file, _RUN, "it was edited or is of another program: run again")
     if "children" in content:
         raise ResultError(f"{file}: of a version whose results have other names; run the same command again")
     info = Info(content, file)
-    for key, fits in _CHECKS.items():
-        holder, _, name = key.rpartition(".")
-        values = info.get(holder, {}) if holder else info
-        if not isinstance(values, dict) or (name in values and not fits(values[name])):
-            got = json.dumps(values[name] if isinstance(values, dict) else values)[:40]
-            raise ResultError(f"{file}: {key} is {got}; it was edited or is of another program: run again")
     scene = info.get("seed_scene", {})
-    if len(scene.get("track_ids", ())) not in (0, scene.get("vehicles")):
-        raise ResultError(f"{file}: has not as many track_ids as vehicles; it was edited: run again")
+    tracks = scene.get("track_ids", ())
+    if len(tracks) not in (0, scene.get("vehicles")) or len({*tracks}) < len(tracks):
+        raise ResultError(f"{file}: track_ids are not one for each of the vehicles; it was edited: run again")
     return info
 
 
-def _is_count(value: Any) -> bool:
-    return type(value) is int and 0 <= value < MAX_COUNT
-
-
-def _is_name(value: Any) -> bool:
-    return isinstance(value, str) and value not in ("", ".", "..") and "/" not in value and "\0" not in value
-
-
-def _is_ids(value: Any) -> bool:
-    return (
-        isinstance(value, list)
-        and all(type(i) is int and abs(i) < 2**63 for i in value)
-        and len(set(value)) == len(value)
-    )
-
-
-def _is_numbers(value: Any) -> bool:
-    return isinstance(value, dict) and all(
-        type(v) in (int, float) and math.isfinite(v) for v in value.values()
-    )
-
-
-def _is_tracks(value: Any) -> bool:
-    return isinstance(value, dict) and all(k.removeprefix("-").isdecimal() for k in value)
-
-
-def _is_texts(value: Any) -> bool:
-    return isinstance(value, list) and all(isinstance(text, str) for text in value)
-
-
-def _is_metrics(value: Any) -> bool:
-    return isinstance(value, list) and all(
-        isinstance(m, dict)
-        and all(isinstance(m.get(key, ""), str) for key in ("label", "unit"))
-        and isinstance(m.get("name"), str)
-        and m.get("critical") in ("min", "max")
-        for m in value
-    )
-
-
-_CHECKS: Final[dict[str, Callable[[Any], bool]]] = {
-    "futures": _is_count,
-    "steps": _is_count,
-    "replan": _is_count,
-    "net": _is_name,
-    "thresholds": _is_numbers,
-    "under_test": _is_tracks,
-    "metrics": _is_metrics,
-    "net_notes": _is_texts,
-    "run_notes": _is_texts,
-    "models": lambda value: isinstance(value, list),
-    "seed_scene": lambda value: isinstance(value, dict),
-    "seed_scene.name": _is_name,
-    "seed_scene.vehicles": _is_count,
-    "seed_scene.track_ids": _is_ids,
-}
+_METRIC = record(
+    {"name": TEXT, "critical": {"enum": ["min", "max"]}},
+    {
+        **dict.fromkeys(("label", "unit"), TEXT),
+        **{name: {"type": "boolean"} for name in ("inverse", "finite", "harmonic", "pairwise")},
+        "threshold": or_null(NUMBER),
+    },
+)
+_SEED_SCENE = {"name": PLAIN_NAME, "vehicles": COUNT, "track_ids": listed(TRACK)}
+_RUN: Final = record(
+    {},
+    {
+        **dict.fromkeys(("futures", "steps", "replan"), COUNT),
+        "net": PLAIN_NAME,
+        "thresholds": {"type": "object", "additionalProperties": NUMBER},
+        "under_test": {"type": "object", "propertyNames": {"pattern": r"^-?\d+$"}},
+        "metrics": listed(_METRIC),
+        **dict.fromkeys(("net_notes", "run_notes"), listed(TEXT)),
+        "models": {"type": "array"},
+        "seed_scene": record({}, _SEED_SCENE),
+    },
+)
 
 
 def digest(scene: SeedScene) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.text import points_of
-from scex_sumo.converters.net.xml import net_root
+from scex_sumo.converters.net.xml import is_left_hand, net_root
 from scex_sumo.rules.net import links_of, signals_of_links
 from scex_sumo.scene import STEP_S
 
@@ -48,8 +48,8 @@ def light_bars(net: Path, steps: int, *, known: bool) -> list[LightBar]:
     for name, of in shown.items():
         end, width = shapes[name][-1], float(lanes[name].get("width", LANE_M))
         along = (end - shapes[name][-2]) / np.hypot(*(end - shapes[name][-2]))
-        right = np.array([along[1], -along[0]])
-        # Links of a lane are numbered from the right.
+        # Links of a lane are numbered from the kerb.
+        right = np.array([along[1], -along[0]]) * (-1.0 if is_left_hand(root) else 1.0)
         edges = width * (0.5 - np.arange(len(of) + 1) / len(of))
         for k, index in enumerate(sorted(of)):
             bars.append(LightBar(end + edges[k : k + 2, None] * right, of[index]))

@@ -33,8 +33,6 @@ _OPTIONS = (
     # SUMO must not remove, stop or push moved vehicles.
     *("--collision.action", "none", "--time-to-teleport", "-1", "--max-depart-delay", "-1"),
     *("--default.speeddev", "0"),
-    # Seconds; else SUMO's drivers jump sideways.
-    *("--lanechange.duration", "3"),
 )
 
 _open = False
@@ -103,14 +101,21 @@ class SumoSession:
         gui: bool,
         delay_ms: int,
         models: Sequence[str],
+        lateral_m: float = 0.0,
     ) -> None:
-        """Read the net; ``folder`` is for SUMO's files, drivers may be entered into ``types`` later."""
+        """Read the net; ``folder`` is for SUMO's files, drivers may be entered into ``types`` later.
+
+        ``lateral_m``: resolution of the sublane model; 0: SUMO's drivers change lanes within 3 s.
+        """
         self.slots = sorted({int(slot) for slot in slots})
         self._types = types
         self._folder = folder
         self._gui = gui
         self._delay_ms = delay_ms
         self._models = models
+        # Without either, they jump sideways.
+        sideways = ("lateral-resolution", lateral_m) if lateral_m else ("lanechange.duration", 3)
+        self._sideways = f"--{sideways[0]}", str(sideways[1])
         self._template = template_of(net.path)
         self._extras = net.extras
         count = max(self.slots, default=0) + 1
@@ -180,7 +185,9 @@ class SumoSession:
         self.errors = (module.TraCIException, module.FatalTraCIError)
         with silence() as messages:
             try:
-                (module if self._gui else module.simulation).start([binary, *options, *_OPTIONS])
+                (module if self._gui else module.simulation).start(
+                    [binary, *options, *_OPTIONS, *self._sideways]
+                )
             except self.errors as error:
                 reason = next((line for line in messages() if line.startswith("Error: ")), f"Error: {error}")
                 raise SimulationError(f"SUMO does not start: {reason.removeprefix('Error: ')}") from error

@@ -68,7 +68,14 @@ class SumoWorld:
         self._temporary = TemporaryFolder()
         self._types = TypeBook(scene)
         self._session = SumoSession(
-            net, slots, self._types, Path(self._temporary.name), gui=gui, delay_ms=delay_ms, models=models
+            net,
+            slots,
+            self._types,
+            Path(self._temporary.name),
+            gui=gui,
+            delay_ms=delay_ms,
+            models=models,
+            lateral_m=float(scene.source.get("lateral_m", 0.0)),
         )
         self._gui = gui
         self._length = np.asarray(scene.length, dtype=np.float64)

@@ -77,6 +77,6 @@ def test_first_argument_of_another_type_is_one_line(name: str) -> None:
 
 def test_options_of_a_run_are_checked_before_it_starts() -> None:
     scene = scex.read_seed(scex.example_path("roundabout"))
-    for option in ({"out": 3}, {"region": 3}, {"workers": True}, {"settings": 3}, {"progress": 3}):
+    for option in ({"out": 3}, {"region": [3]}, {"workers": True}, {"settings": 3}, {"progress": 3}):
         with pytest.raises(UsageError, match=f"{next(iter(option))}: got"):
             scex.extrapolate(scene, **option)  # type: ignore[arg-type]

@@ -9,11 +9,11 @@ from scex_sumo.base import cache as module
 from scex_sumo.behaviors.driving.motion import curve_speeds
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.models.idm import desired_speeds
+from scex_sumo.graphs.graph import scene_graph
 from scex_sumo.humans.guard.corridors import expected
 from scex_sumo.learned.inputs.raster import raster_of
 from scex_sumo.learned.inputs.surface import path_room
 from scex_sumo.plug_in.inputs import lane_pieces
-from scex_sumo.scene_graph.graph import scene_graph
 from tests.behaviors import roads
 
 

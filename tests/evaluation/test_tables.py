@@ -155,7 +155,7 @@ def test_planned_paths_of_a_recording_are_the_driven_tracks(tmp_path: Path) -> N
 def test_files_are_written_by_their_ending(
     tmp_path: Path, two_cars: TrackTable, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    options = {"level": "pair", "preset": "paper"}
+    options = {"level": "pair", "metrics": "paper"}
     for name in ("out.parquet", "out.csv"):
         metrics_command(two_cars.path, out=tmp_path / name, **options)
     read = pq.read_table(tmp_path / "out.parquet")

@@ -50,7 +50,7 @@ def test_commonroad_io_reads_people(run: Run, tmp_path: Path) -> None:
 
 
 def test_floating_car_data_read_back_have_people(run: Run, tmp_path: Path) -> None:
-    (file,) = write_fcd_files(Request(run=run, futures=(1,), out=tmp_path / "one.fcd.xml"))
+    (file, _) = write_fcd_files(Request(run=run, futures=(1,), out=tmp_path / "one.fcd.xml"))
     assert Counter(one.tag for one in ET.parse(file).getroot()[0]) == {"vehicle": 4, "person": 3}
     tracks, _ = read_fcd(file)
     assert len(tracks.vehicles.labels) == 3

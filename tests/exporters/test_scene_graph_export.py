@@ -10,7 +10,7 @@ import pytest
 
 import scex_sumo as scex
 from scex_sumo.base.errors import MissingExtraError
-from scex_sumo.scene_graph.graph import KINDS
+from scex_sumo.graphs.graph import KINDS
 from tests.behaviors.roads import lane, present, road, scene_of
 
 PARALLEL = road(lane(1, [(0.0, 0.0), (200.0, 0.0)], left=2), lane(2, [(0.0, 3.5), (200.0, 3.5)], right=1))

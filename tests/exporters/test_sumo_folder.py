@@ -34,6 +34,25 @@ def test_sumo_goes_on_from_the_future_s_last_step(run: Run, tmp_path: Path) -> N
     assert "EIDM" in (tmp_path / "README.md").read_text()
 
 
+def test_floating_car_data_are_replayed_by_sumo_with_the_types_beside_them(run: Run, tmp_path: Path) -> None:
+    files = EXPORTERS.load("fcd")(Request(run=run, futures=(1,), out=tmp_path / "one.fcd.xml"))
+    assert [file.name for file in files] == ["one.fcd.xml", "one.types.add.xml"]
+    command = [program("sumo"), "-n", str(run.net.path), "-a", str(files[1]), "--fcd-output", "seen.xml"]
+    command += ["--device.fcd-replay.files", str(files[0]), "--step-length", "0.1", "--end", "3"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, env=environment())
+    given, seen = (
+        {
+            (one.get("time"), v.get("id")): float(v.get("x", "nan"))
+            for one in ET.parse(file).iter("timestep")
+            for v in one
+        }
+        for file in (files[0], tmp_path / "seen.xml")
+    )
+    both = [(given[key], x) for key, x in seen.items() if key in given]
+    assert len(both) > 20 * run.scene.vehicles
+    assert np.median(np.abs(np.diff(both))) < 0.5
+
+
 def test_a_future_that_ends_in_a_deadlock_is_dissolved(tmp_path: Path) -> None:
     """Vehicles that braked within the intersection stand in each other's way: ten of twelve stood."""
     scene = read_seed(example_path("urban_intersection"))

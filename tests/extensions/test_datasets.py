@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from tests.converters.maps import straight, write_map
 from tests.extensions.package import install, scex
 
@@ -60,3 +62,14 @@ def test_a_folder_of_another_packages_dataset_is_ranked(tmp_path: Path) -> None:
     done = scex(tmp_path, "rank", a_street(tmp_path), *options)
     assert done.returncode == 0, done.stderr
     assert "morning" in (tmp_path / "out/moments.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    ("line", "function"), [("    car, time", "read"), ("    for path in files", "recordings")]
+)
+def test_an_error_of_a_dataset_is_one_line_with_its_line(line: str, function: str, tmp_path: Path) -> None:
+    code = CODE.replace(line, f"    {{}}['line']\n{line}")
+    install(tmp_path, group="scex_sumo.datasets", name="cars", target="stranger", code=code)
+    done = scex(tmp_path, "rank", a_street(tmp_path), "-o", tmp_path / "out")
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert f"dataset cars: {function} raised KeyError: 'line' (stranger.py, line" in done.stderr

@@ -42,3 +42,21 @@ def test_an_exporter_that_cannot_be_imported_is_one_line(result: Path, tmp_path:
     done = scex(tmp_path, "export", result, "--future", 0, "--to", "places")
     assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
     assert "nowhere" in done.stderr
+
+
+def test_an_error_of_an_exporter_is_one_line_with_its_line(result: Path, tmp_path: Path) -> None:
+    for changed, says in (
+        (
+            CODE.replace("    end = ", "    end = {}['end']\n    end = "),
+            "raised KeyError: 'end' (stranger.py, line 5)",
+        ),
+        (CODE.replace("return [path]", "return 3"), "raised TypeError: 'int' object is not iterable"),
+    ):
+        folder = tmp_path / str(len(changed))
+        folder.mkdir()
+        install(
+            folder, group="scex_sumo.exporters", name="places", target="stranger:write_places", code=changed
+        )
+        done = scex(folder, "export", result, "--future", 0, "--to", "places", "-o", folder / "mine")
+        assert done.returncode == 1 and f"export format places: it {says}" in done.stderr, done.stderr
+        assert "Traceback" not in done.stderr

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
+
 from scex_sumo import example_path
 from tests.command import ALONE
 from tests.extensions.package import install, scex
@@ -69,3 +71,22 @@ def test_an_extra_that_cannot_be_imported_is_left_out_with_a_word(tmp_path: Path
     install(tmp_path, group="scex_sumo.extras", name="bad", target="stranger:no", code="import nothing_here")
     done = scex(tmp_path, *command(tmp_path, *ALONE, "--no-report"))
     assert done.returncode == 0 and "warning: extra bad is left out" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "says"),
+    [
+        ("speed = ", "{}['speed'];  speed = ", "after raised KeyError: 'speed' (stranger.py, line 15)"),
+        ("return [scex", "return [1] or [scex", "after returned int, needs rows"),
+    ],
+)
+def test_a_run_is_finished_without_the_rows_of_an_extra_that_fails(
+    line: str, instead: str, says: str, tmp_path: Path
+) -> None:
+    code = CODE.replace(line, instead)
+    install(tmp_path, group="scex_sumo.extras", name="speeding", target="stranger:Speeding", code=code)
+    done = scex(tmp_path, *command(tmp_path, *ALONE, "--no-report"))
+    assert done.returncode == 0, done.stderr
+    assert f"warning: extra Speeding: {says}; its rows are left out" in done.stderr
+    info = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert "fast vehicles" not in {row["name"] for row in info["rows"]}

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
+
 from scex_sumo import example_path
 from tests.command import ALONE
 from tests.converters.track_files import straight, write_rows
@@ -56,11 +58,32 @@ def test_a_map_format_that_cannot_be_used_is_left_out_with_a_warning(tmp_path: P
     assert "warning: map format xyz is left out" in done.stderr and "has no function read" in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("line", "instead", "says"),
+    [
+        ("lanes = {}", "lanes = {}['line']", "read raised KeyError: 'line' (stranger.py, line 12)"),
+        ("return Road(name=path.stem, lanes=lanes)", "return lanes", "read returned dict, needs Road"),
+        (
+            'return path.suffix == ".xyz"',
+            'raise OSError("x")',
+            "is_mine raised OSError: x (stranger.py, line 7)",
+        ),
+    ],
+)
+def test_an_error_of_a_map_format_is_one_line_with_its_line(
+    line: str, instead: str, says: str, tmp_path: Path
+) -> None:
+    code = CODE.replace(line, instead)
+    install(tmp_path, group="scex_sumo.maps", name="xyz", target="stranger", code=code)
+    done = scex(tmp_path, "convert", a_map(tmp_path), "-o", tmp_path / "n.net.xml")
+    assert (done.returncode, done.stderr) == (1, f"error: map format xyz: {says}\n")
+
+
 def test_a_declared_map_format_is_imported_for_its_own_maps_alone(tmp_path: Path) -> None:
     code = """
 from scex_sumo.converters.registries import Declaration
 
-DECLARED = def _reader():
+def _reader():
     import xyz_reader
 
     return xyz_reader

@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 import safetensors.numpy
 
+from scex_sumo.base.tensors import ABOUT
 from scex_sumo.learned.network.architecture import Architecture, shapes
-from scex_sumo.learned.network.weights import ABOUT, save_weights
+from scex_sumo.learned.network.weights import save_weights
 from tests.fuzz.mutations import VALUES, mutated
 
 EXECUTED = "executed"

@@ -100,16 +100,13 @@ def test_the_script_with_objects_of_the_page_drives(plug_in: Path) -> None:
     assert run(["python", "in_python.py"], plug_in).endswith("{'8': 'Braking:deceleration=4.0'}\n")
 
 
-def test_the_entry_and_the_mix_of_the_page_drive_by_their_names(plug_in: Path) -> None:
+def test_the_entry_of_the_page_drives_by_its_name(plug_in: Path) -> None:
     info = plug_in / "acme_drivers-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme-drivers\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(
-        "[scex_sumo.behaviors]\nacme = acme_drivers:CAUTIOUS\n"
-        "[scex_sumo.mixes]\nacme_mix = acme_drivers:MIX\n"
-    )
+    (info / "entry_points.txt").write_text("[scex_sumo.behaviors]\nacme = acme_drivers:CAUTIOUS\n")
     listed = scex("models", cwd=plug_in, path=plug_in).stdout
-    assert "acme_mix stands for acme, standard_driver@3" in listed and "time_headway=4.0" in listed
+    assert "acme " in listed and "time_headway=4.0" in listed
 
 
 def test_the_driving_function_of_the_page_is_tested_and_read_back(tmp_path: Path) -> None:

@@ -70,5 +70,5 @@ def test_sumo_drives_nobody_in_the_plain_world() -> None:
     scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
     with pytest.raises(UsageError, match=r"^world plain: sumo:EIDM is driven by SUMO"):
         extrapolate(scene, models="sumo:EIDM", world="plain", futures=2)
-    with pytest.raises(UsageError, match=r"^world: got 'moon', needs sumo, plain, checked$"):
+    with pytest.raises(UsageError, match=r"^world: got 'moon', needs checked, plain, sumo$"):
         extrapolate(scene, world="moon", futures=2)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.behaviors.driving.paths import chosen_paths
+from scex_sumo.graphs.graph import scene_graph
 from scex_sumo.learned.inputs.path_inputs import path_inputs
 from scex_sumo.learned.network.architecture import Architecture, shapes
 from scex_sumo.learned.network.layers import exact
@@ -15,7 +16,6 @@ from scex_sumo.learned.network.networks import KINDS, Net
 from scex_sumo.learned.network.weights import save_weights
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
-from scex_sumo.scene_graph.graph import scene_graph
 from tests.behaviors import roads
 
 KIND_OF = {"graph_predictor": "graph", "graph_image_predictor": "hybrid", "joint_predictor": "joint"}

@@ -67,8 +67,6 @@ def test_several_results_are_one_figure_and_a_table_of_their_p(folder: Path, tmp
         "--seed",
         1,
         "--no-report",
-        "--response",
-        "none",
         "-o",
         other,
     )

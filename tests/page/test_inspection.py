@@ -23,7 +23,7 @@ MAP = Path(example_path("roundabout"))
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     """The page of the example roundabout."""
-    inspect_command(MAP, every=0.5, out=tmp_path / "page.html")
+    inspect_command(MAP, out=tmp_path / "page.html")
     return tmp_path / "page.html"
 
 

@@ -94,24 +94,24 @@ def keys(**values: float) -> Callable[[Plan, VehicleIndex], Plan]:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (keys(speed=1e308), "plan.speed is 1e+308 at step 1; needs -1 to 120"),
-        (keys(speed=-5.0), "plan.speed is -5 at step 1; needs -1 to 120"),
+        (keys(speed=1e308), "plan.speed is 1e+308 at step 1; needs -20 to 120"),
         (keys(heading=1e300), "plan.heading is 1e+300 at step 1; needs -10000 to 10000"),
-        (keys(speed=18.0), "plan.speed leads 52.2 m far, its positions 14.5 m; needs m/s"),  # km/h
-        (keys(heading=90.0), "plan.heading is across 14.5 m of motion; needs rad, 0 along x"),  # degrees
+        (keys(speed=-5.0), "plan.speed leads -14.5 m ahead, its positions 14.5 m along plan.heading; needs"),
+        (keys(speed=18.0), "plan.speed leads 52.2 m ahead, its positions 14.5 m along plan.heading; needs"),
+        (keys(heading=90.0), "plan.speed leads 14.5 m ahead, its positions -6.5 m along plan.heading; needs"),
     ],
 )
 def test_a_plan_beyond_what_a_vehicle_can_do_falls_back(
     change: Callable[[Plan, VehicleIndex], Plan], words: str
 ) -> None:
     made, path = asked(Forward(change))
-    assert made.reasons == ("", words)
+    assert made.reasons[0] == "" and made.reasons[1].startswith(words)
     assert np.array_equal(made.speed[1], path.speed[1])
 
 
 def test_turns_beyond_a_whole_one_and_reversing_are_plans() -> None:
     def backwards(made: Plan, who: VehicleIndex) -> Plan:
-        return replace(made, heading=made.heading + 5 * np.pi)
+        return replace(made, heading=made.heading + 5 * np.pi, speed=-made.speed)
 
     made, _ = asked(Forward(backwards))
     assert made.reasons == ("", "")

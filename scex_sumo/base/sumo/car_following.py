@@ -27,6 +27,8 @@ RANDOM_PARAMETERS = (
     "jmIgnoreFoeProb",
     "jmIgnoreJunctionFoeProb",
 )
+WORDS = {"latAlignment": ("left", "right", "center", "arbitrary", "nice", "compact")}
+"""Parameters that need not be numbers."""
 # A driver state adds random errors; a time between actions depends on the clock.
 REFUSED = frozenset(
     {"hasDriverState", "applyDriverState", "actionStepLength", "id", "length", "width", "carFollowModel"}
@@ -49,7 +51,8 @@ def check_driver(model: str, parameters: Mapping[str, str]) -> None:
         if key in REFUSED or key not in known_parameters():
             raise UsageError(f"sumo:{model}: unknown parameter {key!r}; SUMO's own names are meant, e.g. tau")
         try:
-            float(value)
+            if value not in WORDS.get(key, ()):
+                float(value)
         except ValueError:
             raise UsageError(f"sumo:{model}: {key}={value} is not a number") from None
 

@@ -34,6 +34,7 @@ from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
 REAR_AXLE_SHARE = 0.3  # of the length, behind the centre
 CURVATURE_LIMIT = 0.2  # 1/m, a turning radius of 5 m
+SHARPEST = 0.9  # 1/m, of a path's own bend, as SUMO's nets have it where vehicles turn round
 USUAL_BEND = 0.03  # 1/m, of recorded motion beyond the curvature of the path
 JOIN_TIME_S = 0.67
 JOIN_LENGTH_M = 3.0
@@ -80,7 +81,7 @@ def _present_bend(
     turned = wrap(now.heading - before.heading)
     way = chord * (1 + turned**2 / 24)  # arc over a chord
     then, _, _ = refine(paths, row, s - way, px, py, 2)
-    bend = turned / np.maximum(way, 0.02) - _bend_beside(bend_at(paths, row, then + way / 2), aside)
+    bend = turned / np.maximum(way, 0.02) - _bend_beside(bend_at(paths, row, then + way / 2), aside, v)
     # A padded history is straight in a curve; a standing vehicle can turn its wheels first.
     most = _bend_limit(v, _urgency(wrap(now.heading - heading)))
     if doubt is not None and history.step == 0:
@@ -139,8 +140,9 @@ def drive(
             lead = _lead(wanted, step, moved)
             beside = wanted[step] if parallel else None
         bend = _steer(bend, offset, heading - path_heading, v, moved, lead)
-        curvature = _bend_beside(bend_at(paths, row, s + moved / 2), beside)
-        turn = clipped(curvature + bend, -CURVATURE_LIMIT, CURVATURE_LIMIT)
+        curvature = _bend_beside(bend_at(paths, row, s + moved / 2), beside, v)
+        most = np.maximum(np.abs(curvature), CURVATURE_LIMIT)
+        turn = clipped(curvature + bend, -most, most)
         bend = turn - curvature
         x, y, heading = _along_arc(x, y, heading, turn * moved, moved)
         s, v = s + moved, np.maximum(following, 0.0)
@@ -176,13 +178,16 @@ def _along_arc(
     return x + chord * np.cos(middle), y + chord * np.sin(middle), heading + angle
 
 
-def _bend_beside(bend: FloatArray, aside: FloatArray | None) -> FloatArray:
+def _bend_beside(bend: FloatArray, aside: FloatArray | None, v: FloatArray) -> FloatArray:
     """Return (n,) curvatures of lines at constant offsets from paths with curvatures (n,), 1/m.
 
     They are at most those that vehicles can drive: what a line bends more is no steering to take back later.
+    Slow vehicles turn as sharply as the lane does, else they would leave it.
     """
     line = bend if aside is None else bend / np.maximum(1 - bend * aside, 0.5)
-    return clipped(line, -CURVATURE_LIMIT, CURVATURE_LIMIT)
+    most = np.minimum(CURVE_ACCELERATION / np.maximum(v * v, 1.0), SHARPEST)
+    most = np.maximum(most, CURVATURE_LIMIT)
+    return clipped(line, -most, most)
 
 
 def _lead(wanted: FloatArray, step: int, moved: FloatArray) -> tuple[FloatArray, FloatArray]:

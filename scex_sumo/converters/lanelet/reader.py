@@ -14,6 +14,7 @@ from lanelet2 import io, projection, traffic_rules
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import MapError, one_line
 from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.converters.lanelet import left_hand
 from scex_sumo.converters.lanelet.attach import attach
 from scex_sumo.converters.lanelet.between import missing_lanelets
 from scex_sumo.converters.lanelet.drawing import areas, markings
@@ -36,12 +37,13 @@ from scex_sumo.converters.lanelet.lanes import (
 from scex_sumo.converters.lanelet.origin import STRAY_M, Place, distance_m, map_origin, recorded_origin
 from scex_sumo.converters.lanelet.regulations import regulations, unnamed
 from scex_sumo.converters.lanelet.repair import repair
-from scex_sumo.converters.lanelet.tags import COUNTRIES, lane_speed_mps, map_country, says_limit
+from scex_sumo.converters.lanelet.tags import COUNTRIES, GERMANY, lane_speed_mps, map_country, says_limit
 from scex_sumo.converters.lanelet.unknown import unknown_subtypes
 from scex_sumo.converters.naming import map_name
 from scex_sumo.geometry.polylines import bounds_cross
 from scex_sumo.road import Georeference, Lane, MapLoss, Regulation, Road
 from scex_sumo.roads.dead_ends import DEAD_ENDS, dead_ends
+from scex_sumo.roads.side import side_of
 
 MAX_FROM_ORIGIN_M = 100_000.0
 _LOAD_ERROR = re.compile(
@@ -91,7 +93,8 @@ def read_road(
     origin = _origin(path, map_file, origin, own_corner, notes)
     traffic = traffic_rules.create(traffic_rules.Locations.Germany, traffic_rules.Participants.VehicleCar)
     lanelet_map, vertices, map_file, losses = _load(map_file, origin, traffic, mended, notes)
-    country = map_country(map_file)
+    region = map_country(map_file)
+    country = region if region in COUNTRIES else GERMANY
     lanes = related_lanes(lanelet_map, vertices, traffic, map_file, country)
     lanes, linked, inside = join_lanes(lanes)
     lines = _lines(lanelet_map)
@@ -105,6 +108,8 @@ def read_road(
     losses += [MapLoss(kind="lanelets", why="left out, broken", elements=broken)] if broken else []
     losses = [replace(loss, of=len(drawn) + len(unread)) for loss in losses]
     losses += [MapLoss(kind="lights", why="without a lane", elements=tuple(lost))] if lost else []
+    told = (region in left_hand.CODES) if region else None
+    side, unknown = side_of(lanes, told, left_hand.drives_left_at(map_file.middle))
     return Road(
         name=map_name(path),
         lanes=lanes,
@@ -112,9 +117,10 @@ def read_road(
         markings=markings(map_file, lines),
         areas=areas(map_file, lanes, lines),
         origin=origin,
-        notes=(*notes, *doubts.notes()),
+        notes=(*notes, *doubts.notes(), *unknown),
         losses=tuple(losses),
         georeference=_georeference(origin),
+        left_hand=side,
     )
 
 

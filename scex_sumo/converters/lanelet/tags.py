@@ -45,6 +45,7 @@ GERMANY = "de"
 COUNTRIES = {
     GERMANY: _Country("Germany", 50, 100, 130, 7),
     "at": _Country("Austria", 50, 100, 130),
+    "au": _Country("Australia", 50, 100, 110),
     "be": _Country("Belgium", 50, 90, 120),
     "bg": _Country("Bulgaria", 50, 90, 140),
     "ch": _Country("Switzerland", 50, 80, 120),
@@ -53,11 +54,17 @@ COUNTRIES = {
     "es": _Country("Spain", 50, 90, 120),
     "fr": _Country("France", 50, 80, 130),
     "gb": _Country("Great Britain", 30 * _MPH, 60 * _MPH, 70 * _MPH),
+    "ie": _Country("Ireland", 50, 80, 120),
+    "in": _Country("India", 70, 70, 120),
     "it": _Country("Italy", 50, 90, 130),
+    "jp": _Country("Japan", 60, 60, 100),
     "nl": _Country("the Netherlands", 50, 80, 100, 15),
+    "nz": _Country("New Zealand", 50, 100, 100),
     "pl": _Country("Poland", 50, 90, 140),
     "ru": _Country("Russia", 60, 90, 110),
+    "sg": _Country("Singapore", 50, 70, 90),
     "us": _Country("the United States", 25 * _MPH, 55 * _MPH, 65 * _MPH),
+    "za": _Country("South Africa", 60, 100, 120),
 }
 _SPEED_KEYS = (
     "speed_limit",
@@ -127,10 +134,10 @@ def default_speed_mps(tags: Mapping[str, str], kind: str, country: str = GERMANY
 
 
 def map_country(map_file: MapFile) -> str:
-    """Return the country that most lanelets' ``region`` tags name, e.g. ``us_ca``; Germany if none does."""
+    """Return the country that most lanelets' ``region`` tags name, e.g. ``us_ca``; empty if none does."""
     regions = (r.tags.get("region", "").lower()[:2] for r in map_file.of_type("lanelet").values())
-    known = Counter(region for region in regions if region in COUNTRIES)
-    return known.most_common(1)[0][0] if known else GERMANY
+    known = Counter(filter(str.isalpha, regions))
+    return known.most_common(1)[0][0] if known else ""
 
 
 def lane_kind(tags: Mapping[str, str], *, vehicle: bool) -> str:

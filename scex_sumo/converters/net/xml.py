@@ -30,6 +30,11 @@ def xml_root(path: Path, content: bytes) -> Element:
         raise MapError(f"{path}: not XML ({error}); build the net again with netconvert") from None
 
 
+def is_left_hand(root: Element) -> bool:
+    """Return whether traffic drives on the left in a net."""
+    return root.get("lefthand") in ("true", "1")
+
+
 def net_root(path: Path) -> Element:
     """Return the XML root element of a net."""
     root = xml_root(path, unpacked(path))

@@ -9,9 +9,10 @@ import numpy as np
 
 from scex_sumo.base.arrays import IntArray, distinct
 from scex_sumo.base.cache import owner_cache
-from scex_sumo.behaviors.base import PLAN_STEPS, Behavior, sight_of
+from scex_sumo.behaviors.base import PLAN_STEPS, Behavior, is_built_in, sight_of
 from scex_sumo.behaviors.driving.motion import DrivesAlong, Intent, driven, handed_out, own_motion
 from scex_sumo.road import Road
+from scex_sumo.roads.mirror import mirrored_history, mirrored_road, mirrored_states
 from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 
 
@@ -27,12 +28,35 @@ def plans_of(
 
     Path-following models plan together, and ``steps`` only.
     """
+    if road.left_hand:
+        yield from _mirrored_plans(models, groups, history, road, rng, steps)
+        return
     some = [index for index, who in enumerate(groups) if len(who)]
     along = _intents({index: models[index] for index in some}, history, road, groups)
     together = dict(zip(along, driven(history, list(along.values()), steps), strict=True))
     for index in some:
         plan = together.get(index)
         yield index, plan_once(models[index], history, road, groups[index], rng) if plan is None else plan
+
+
+def _mirrored_plans(
+    models: Sequence[Behavior],
+    groups: Sequence[VehicleIndex],
+    history: SceneHistory,
+    road: Road,
+    rng: Sequence[np.random.Generator],
+    steps: int,
+) -> Iterator[tuple[int, Plan]]:
+    """Yield the plans on a road with traffic on the left: our models see its mirror image, others itself."""
+    nobody = VehicleIndex(future=np.empty(0, dtype=np.int64), vehicle=np.empty(0, dtype=np.int64))
+    own = [is_built_in(model) for model in models]
+    ours = [who if mine else nobody for who, mine in zip(groups, own, strict=True)]
+    image = mirrored_history(history), mirrored_road(road)
+    for index, plan in plans_of(models, ours, *image, rng, steps):
+        yield index, mirrored_states(plan)
+    for index, who in enumerate(groups):
+        if len(who) and not own[index]:
+            yield index, plan_once(models[index], history, road, who, rng)
 
 
 def _intents(

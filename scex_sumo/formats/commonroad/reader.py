@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 
 from scex_sumo.base.errors import MapError
 from scex_sumo.base.importing import extra_for
+from scex_sumo.converters.lanelet.left_hand import CODES, drives_left_at
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.formats.commonroad.file import CommonRoadFile, open_commonroad, read_lanelets
@@ -29,6 +30,7 @@ from scex_sumo.formats.lane_maps.lane_links import Links, connected
 from scex_sumo.formats.lane_maps.overlaps import overlapping
 from scex_sumo.formats.recognition import is_commonroad
 from scex_sumo.road import Road
+from scex_sumo.roads.side import side_of
 
 ReadSign: TypeAlias = Callable[[ElementTree.Element, str], str]
 
@@ -61,6 +63,8 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
     lanes = connected(file, links, lanes_of(file, lanelets, signs), partial(may_change, lanelets))
     lanes = with_reverse(lanes, driven_both_ways(lanelets, lanes))
     lanes = overlapping(lanes, {i: lanelets[lane.reverse_of or i].centre for i, lane in lanes.items()})
+    told = None if file.country in ("", "ZAM") else file.country in CODES
+    side, unknown = side_of(lanes, told, None if file.origin is None else drives_left_at(file.origin))
     return Road(
         name=map_name(path),
         lanes=lanes,
@@ -68,7 +72,8 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
         markings=drawn_markings(lanelets),
         areas=drawn_areas(lanes),
         origin=origin or file.origin or (0.0, 0.0),
-        notes=file.notes(),
+        notes=(*file.notes(), *unknown),
+        left_hand=side,
     )
 
 

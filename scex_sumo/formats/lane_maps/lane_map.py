@@ -13,6 +13,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import MapError
+from scex_sumo.converters.lanelet import left_hand
 from scex_sumo.converters.lanelet.file import Findings
 from scex_sumo.converters.lanelet.tags import GERMANY, default_speed_mps
 from scex_sumo.formats.lane_maps.lane_links import Links, connected
@@ -29,6 +30,7 @@ from scex_sumo.geometry.polylines import (
     wrap,
 )
 from scex_sumo.road import Area, Georeference, Lane, Marking, Regulation, Road
+from scex_sumo.roads.side import side_of
 
 MAX_M = 1e8
 FAR_M = 1e5  # coordinates beyond this are moved by whole kilometres
@@ -85,6 +87,7 @@ class DrawnMap(Findings):
         stops: lanes with a stop or yield sign, by name: ``stop`` or ``yield``.
         priority: lanes that give way, and those that go before them.
         moved: coordinates beyond 100 km are moved by whole kilometres.
+        left_hand: traffic drives on the left; None if the map does not say so.
     """
 
     path: Path
@@ -96,6 +99,7 @@ class DrawnMap(Findings):
     priority: list[tuple[Sequence[Hashable], Sequence[Hashable]]] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     moved: bool = True
+    left_hand: bool | None = None
 
     def lane_ids(self) -> dict[Hashable, int]:
         """Lane ids by name: the names if all are positive numbers, else 1, 2, ... in the map's order."""
@@ -124,16 +128,18 @@ def polyline(points: Any, frame: FloatArray | float = 0.0) -> FloatArray:
     return without_repeats(line[:, :2] - frame)
 
 
-def drawn_road(drawn: DrawnMap, *, name: str, country: str = GERMANY, projection: str = "") -> Road:
+def drawn_road(drawn: DrawnMap, *, name: str, country: str | None = None, projection: str = "") -> Road:
     """Build the road of a map of lane polylines.
 
-    ``projection``: of the coordinates, as PROJ; empty if it is unknown.
+    Args:
+        country: whose limits hold where the map has none; None: Germany.
+        projection: of the coordinates, as PROJ; empty if it is unknown.
 
     Raises:
         MapError: no lane for cars is usable.
     """
     ids, frame = drawn.lane_ids(), drawn.frame
-    lanes = _lanes(drawn, ids, country)
+    lanes = _lanes(drawn, ids, country or GERMANY)
     if not any(lane.kind == "vehicle" for lane in lanes.values()):
         why = "; ".join(drawn.notes()) or "it holds no lane for cars"
         raise MapError(f"{drawn.path}: no usable lane for cars ({why}); name another map")
@@ -154,6 +160,7 @@ def drawn_road(drawn: DrawnMap, *, name: str, country: str = GERMANY, projection
     if frame.any():
         said = f"x = {frame[0]:.0f} m, y = {frame[1]:.0f} m"
         drawn.remarks.append(f"coordinates are relative to {said} of the dataset")
+    side, unknown = side_of(lanes, drawn.left_hand, None if country is None else country in left_hand.CODES)
     return Road(
         name=name,
         lanes=lanes,
@@ -164,7 +171,8 @@ def drawn_road(drawn: DrawnMap, *, name: str, country: str = GERMANY, projection
         ),
         areas=tuple(Area(area_id=k, kind="crosswalk", outline=walk) for k, walk in enumerate(walks, first)),
         georeference=place,
-        notes=(*drawn.notes(), *drawn.remarks),
+        notes=(*drawn.notes(), *drawn.remarks, *unknown),
+        left_hand=side,
     )
 
 

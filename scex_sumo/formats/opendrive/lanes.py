@@ -35,11 +35,9 @@ class OpenDriveMap(DrawnMap):
 
     Attributes:
         signals: id of the light of each lane, by name.
-        left_hand: traffic drives on the left.
     """
 
     signals: dict[Name, str] = field(default_factory=dict)
-    left_hand: bool = False
 
 
 def opendrive_map(path: Path, root: Element) -> OpenDriveMap:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scex_sumo.converters.lanelet.tags import COUNTRIES, GERMANY
+from scex_sumo.converters.lanelet.tags import COUNTRIES
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.net.xml import unpacked, xml_root
 from scex_sumo.converters.registries import MapFormat
@@ -24,7 +24,7 @@ def opendrive_road(path: Path, content: bytes) -> Road:
     """Return the road of an OpenDRIVE text that stands in a file."""
     root = xml_root(path, content)
     signed = next((x.get("country", "").lower() for x in root.iterfind("road/type") if x.get("country")), "")
-    country = signed if signed in COUNTRIES else GERMANY
+    country = signed if signed in COUNTRIES else None
     projection = (root.findtext("header/geoReference") or "").strip()
     projection = projection if projection.startswith("+proj") else ""
     return drawn_road(opendrive_map(path, root), name=map_name(path), country=country, projection=projection)

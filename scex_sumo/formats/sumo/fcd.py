@@ -13,7 +13,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.naming import open_binary
-from scex_sumo.converters.net.xml import unpacked
+from scex_sumo.converters.net.xml import is_left_hand, unpacked
 from scex_sumo.converters.registries import Dataset
 from scex_sumo.converters.tracks.check import MAX_VALUES
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackTable
@@ -333,18 +333,20 @@ def _state_rows(
                 vehicle = vehicles[name]
                 kind = kinds.get(vehicle.get("type", ""), ElementTree.Element("vType"))
                 angle, speed = (float(vehicle.get(key, "").split()[0]) for key in ("angle", "speed"))
-                x, y = _place(lanes[lane.get("id", "")], vehicle)
+                x, y = _place(lanes[lane.get("id", "")], vehicle, mirrored=is_left_hand(roads))
                 sizes = [float(kind.get(key, "nan")) for key in ("length", "width")]
                 word = kind.get("vClass", vehicle.get("type", ""))
                 yield name, word, [time_s, x, y, angle, speed, *sizes]
 
 
-def _place(lane: ElementTree.Element, vehicle: ElementTree.Element) -> tuple[float, float]:
+def _place(lane: ElementTree.Element, vehicle: ElementTree.Element, *, mirrored: bool) -> tuple[float, float]:
+    """Return the place of a vehicle; SUMO counts ``posLat`` to the middle of the road."""
     shape = np.array([[float(v) for v in point.split(",")[:2]] for point in lane.get("shape", "").split()])
     at = float(vehicle.get("pos", "").split()[0]) * length_of(shape) / float(lane.get("length", "nan"))
     before, here, after = along(shape, at + np.array([-NEAR_M, 0.0, NEAR_M]))
     ahead = (after - before) / max(float(np.hypot(*(after - before))), 1e-9)
-    x, y = here + float(vehicle.get("posLat", "0")) * np.array([-ahead[1], ahead[0]])
+    aside = float(vehicle.get("posLat", "0")) * (-1.0 if mirrored else 1.0)
+    x, y = here + aside * np.array([-ahead[1], ahead[0]])
     return float(x), float(y)
 
 

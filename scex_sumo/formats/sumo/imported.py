@@ -9,17 +9,20 @@ import os
 import shutil
 import stat
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+
+import numpy as np
 
 from scex_sumo.base.errors import MapError
 from scex_sumo.base.files import TemporaryFolder, cache_folder, sha256_of, write_atomic
 from scex_sumo.base.sumo.programs import run_program
 from scex_sumo.base.version import __version__, version_of
-from scex_sumo.converters.naming import map_name
-from scex_sumo.converters.net.xml import unpacked
+from scex_sumo.converters.lanelet.left_hand import drives_left_at
+from scex_sumo.converters.naming import map_name, number
+from scex_sumo.converters.net.xml import unpacked, xml_root
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.formats.recognition import is_open_street_map
 from scex_sumo.formats.sumo.net import read_sumo_road
@@ -44,14 +47,22 @@ def _read_imported_road(path: str | Path, **_: object) -> Road:
     path = Path(path)
     content = unpacked(path)
     _check_safe(path, content)
-    made_with = repr((__version__, version_of("eclipse-sumo"), sorted(_OPTIONS.items())))
-    net = kept_net(path, made_with.encode() + content, lambda: _netconvert(path, content))
+    options = _OPTIONS | ({"lefthand": "true"} if _drives_left(path, content) else {})
+    made_with = repr((__version__, version_of("eclipse-sumo"), sorted(options.items())))
+    net = kept_net(path, made_with.encode() + content, lambda: _netconvert(path, content, options))
     try:
         road = read_sumo_road(net)
     except MapError as error:
         raise MapError(f"{path}: netconvert cannot convert it to a usable net ({error})") from None
     note = f"{path.name}: read by way of netconvert, as {net}"
     return replace(road, phases=False, notes=(note, *road.notes))
+
+
+def _drives_left(path: Path, content: bytes) -> bool:
+    """Return whether traffic drives on the left where most nodes lie."""
+    nodes = [(number(x.get("lat")), number(x.get("lon"))) for x in xml_root(path, content).iter("node")]
+    latitude, longitude = np.nanmedian(np.array([*nodes, (np.nan, np.nan)]), axis=0) if nodes else (0.0, 0.0)
+    return bool(drives_left_at((float(latitude), float(longitude))))
 
 
 def _check_safe(path: Path, content: bytes) -> None:
@@ -101,12 +112,12 @@ def _is_whole(net: Path, digest: Path) -> bool:
         return False
 
 
-def _netconvert(path: Path, content: bytes) -> bytes:
+def _netconvert(path: Path, content: bytes, options: Mapping[str, str]) -> bytes:
     with TemporaryFolder() as folder:
         Path(folder, "map.xml").write_bytes(content)
         # Names without a folder: SUMO splits paths at commas.
         given = {"osm-files": "map.xml", "output-file": "made.net.xml", "xml-validation": "never"}
-        words = (word for k, v in {**given, **_OPTIONS}.items() for word in (f"--{k}", v))
+        words = (word for k, v in {**given, **options}.items() for word in (f"--{k}", v))
         said = run_program("netconvert", *words, folder=Path(folder), file_bytes=len(content))
         errors, net = [line for line in said if line.startswith("Error")], Path(folder, "made.net.xml")
         if errors or not net.is_file():

@@ -12,7 +12,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.base.sumo.car_following import RANDOM_PARAMETERS, REFUSED, known_parameters
+from scex_sumo.base.sumo.car_following import RANDOM_PARAMETERS, REFUSED, WORDS, known_parameters
 from scex_sumo.converters.net.reading import lane_places, read_ends
 from scex_sumo.converters.net.xml import net_root
 from scex_sumo.intention import Intention, Stop
@@ -143,4 +143,7 @@ def _usable_parameters(attributes: Mapping[str, str]) -> dict[str, str]:
     """Return the attributes of a ``vType`` that are parameters of its driver and make it not random."""
     left_out = {*REFUSED, *RANDOM_PARAMETERS, "speedFactor", "probability"}
     known = {key: value for key, value in attributes.items() if key in known_parameters() - left_out}
-    return {key: value for key, value in known.items() if re.fullmatch(r"-?\d+(\.\d+)?(e[+-]?\d+)?", value)}
+    number = re.compile(r"-?\d+(\.\d+)?(e[+-]?\d+)?")
+    return {
+        key: value for key, value in known.items() if number.fullmatch(value) or value in WORDS.get(key, ())
+    }

@@ -19,7 +19,7 @@ from scex_sumo.converters.naming import map_name, unpacked_name
 from scex_sumo.converters.net.allowed import prune
 from scex_sumo.converters.net.reading import allowed_copy, lane_names, lanelet_places, named_parts
 from scex_sumo.converters.net.text import BEYOND, LaneletPart
-from scex_sumo.converters.net.xml import net_root
+from scex_sumo.converters.net.xml import is_left_hand, net_root
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.formats.lane_maps.lane_map import beside
 from scex_sumo.formats.lane_maps.overlaps import overlapping
@@ -72,7 +72,8 @@ def _road(path: Path) -> Road:
     sumo_lanes = {numbers[name]: net.getLane(name) for name in numbers}
     following = {i: _following(lane, numbers) for i, lane in sumo_lanes.items()}
     lanes = {i: _lane(i, lane, following[i]) for i, lane in sumo_lanes.items()}
-    lanes = _beside(lanes, sumo_lanes, numbers, forbidden, lefthand=root.get("lefthand") in ("true", "1"))
+    left_hand = is_left_hand(root)
+    lanes = _beside(lanes, sumo_lanes, numbers, forbidden, lefthand=left_hand)
     lines = {i: _line(lane, heights=True) for i, lane in sumo_lanes.items()}
     within = {i for i, lane in lanes.items() if lane.subtype.startswith(":")}
     if named:
@@ -94,6 +95,7 @@ def _road(path: Path) -> Road:
         areas=_areas(net),
         net=path,
         sumo_lanes=not named,
+        left_hand=left_hand,
         notes=notes,
     )
 

@@ -51,6 +51,7 @@ class Recorded:
         intentions: changes of what each vehicle is to do, in order of time; stops count from time 0.
         asked_s: times at which all of them were recorded.
         notes: on the simulation, one sentence each.
+        lateral_m: resolution of the sublane model; 0 without it.
     """
 
     frames: deque[Frame] = field(default_factory=deque)
@@ -61,6 +62,7 @@ class Recorded:
     intentions: dict[str, list[tuple[float, Intention]]] = field(default_factory=dict)
     asked_s: set[float] = field(default_factory=set)
     notes: tuple[str, ...] = ()
+    lateral_m: float = 0.0
 
     @property
     def end_s(self) -> float:
@@ -98,12 +100,14 @@ def _completed(recorded: Recorded, path: Path, names: Mapping[str, str], scene: 
             notes.append(f"vehicles that wait to be inserted are left out: {waiting}")
     notes += on_lights
     vehicles = {str(track): names[str(track)] for track in scene.track_ids}
-    asked = round(time_s, 3) in recorded.asked_s
+    # Drivers of the sublane model are always beside the middle of their lane.
+    asked = round(time_s, 3) in recorded.asked_s and not recorded.lateral_m
     changes = [recorded.intentions.get(name, ()) for name in vehicles.values()]
     intentions = [intention_at(of_vehicle, time_s, asked=asked) for of_vehicle in changes]
     if road is not None and road.net is not None and any(intentions):
         scene = dataclasses.replace(scene, intentions=with_lanes(road.net, intentions))
-    source = {"kind": "simulation", "simulation": str(path), "time_s": time_s, "vehicles": vehicles}
+    source: dict[str, Any] = {"kind": "simulation", "simulation": str(path), "time_s": time_s}
+    source |= {"vehicles": vehicles, "lateral_m": recorded.lateral_m}
     return dataclasses.replace(scene, road=road, notes=(*scene.notes, *notes), source=source)
 
 
@@ -119,7 +123,8 @@ class Recorder:
         """Find the lights that have programmes."""
         self._sumo, self._keep_s = sumo, keep_s
         self._model = str(sumo.simulation.getOption("default.carfollowmodel"))
-        self.recorded = Recorded()
+        lateral_m = float(sumo.simulation.getOption("lateral-resolution"))  # -1: without
+        self.recorded = Recorded(lateral_m=max(lateral_m, 0.0))
         self._labels: dict[tuple[bool, str], str] = {}  # a person may have the name of a vehicle
         self._present: set[tuple[bool, str]] = set()
         self._types: dict[str, dict[str, str]] = {}

@@ -45,7 +45,6 @@ MAX_STEP_S = 60  # processor time of one step
 RISK = "risk.parquet"  # of a watch, beside its configuration
 WITHOUT_END_S = 600.0  # simulated if neither a time is given nor the configuration has an end
 QUIET = ("--no-step-log", "true", "--duration-log.disable", "true", "--xml-validation", "never")
-SUBLANE = "the sublane model simulated it; futures with SUMO drivers keep to the middle of their lanes"
 
 Window = tuple[float | None, float | None]
 
@@ -323,8 +322,7 @@ def _recorded(config: Path, sumo: Any, window: Window, on_step: Callable[[int], 
     if not any(kind != "pedestrian" for kind, *_ in recorded.users.values()):
         only = "only pedestrians" if recorded.users else "no vehicle"
         raise TrackError(f"{config}: {only} from {first:g} s to {last:g} s; {_first(sumo)}")
-    sublane = float(sumo.simulation.getOption("lateral-resolution")) > 0
-    return replace(recorded, notes=(SUBLANE,) if sublane else ())
+    return recorded
 
 
 def refuse_mesoscopic(sumo: Any, what: object) -> None:

@@ -19,6 +19,7 @@ from scex_sumo.lanelet2sumo.judge.priority import RightOfWay
 from scex_sumo.lanelet2sumo.judge.topology import Moves
 from scex_sumo.lanelet2sumo.reader import read_net
 from scex_sumo.road import Road
+from scex_sumo.roads.mirror import mirrored_road
 
 NAMED = 6  # ids named in one problem; the rest are counted
 DEVIATION_P95_M = 0.01
@@ -189,7 +190,10 @@ def check_net(net_path: Path, road: Road, lanes: LaneTable | None = None) -> Fid
     Args:
         lanes: SUMO lanes of each lanelet; None to find them by geometry.
     """
-    matching = match_lanelets(read_net(net_path).in_map(road), road, lanes)
+    net = read_net(net_path).in_map(road)
+    if road.left_hand:
+        net, road = net.mirrored(), mirrored_road(road)
+    matching = match_lanelets(net, road, lanes)
     figures: Figures = {"net": net_path.name, "map": road.name, "lane_table": lanes is not None}
     for part in (Shapes, Moves, RightOfWay):
         figures |= measured(TABLE[part], part(matching))

@@ -124,6 +124,8 @@ def _changes(matching: Matching, on_lanes: Mapping[str, Sequence[Stretch]]) -> C
     changes: Changes = {}
     lanes = matching.net.lanes
     for right, left in (pair for names in matching.net.edges.values() for pair in pairwise(names)):
+        if lanes[right].internal:  # SUMO keeps its lane in a junction
+            continue
         lengths = [max(lanes[name].line.length, 1e-9) for name in (right, left)]
         for one, other in product(on_lanes.get(right, ()), on_lanes.get(left, ())):
             start = max(one.start_m / lengths[0], other.start_m / lengths[1])

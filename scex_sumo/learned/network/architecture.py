@@ -8,10 +8,10 @@ from itertools import pairwise
 from typing import TypeAlias
 
 from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.graphs.graph import EDGE_COLUMNS, HISTORY_COLUMNS, NODE_COLUMNS
 from scex_sumo.learned.inputs.path_inputs import LEADER_COLUMNS, OWN_COLUMNS, PATH_COLUMNS
 from scex_sumo.learned.inputs.raster import CHANNELS
 from scex_sumo.scene import HISTORY_STEPS, STEP_S
-from scex_sumo.scene_graph.graph import EDGE_COLUMNS, HISTORY_COLUMNS, NODE_COLUMNS
 
 KNOT_S = 0.5
 TOKEN_STEPS = 5  # of a motion that `JointNet` draws

@@ -9,6 +9,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.graphs.graph import SceneGraph
 from scex_sumo.learned.inputs.path_inputs import LEADER_COLUMNS, PathInputs
 from scex_sumo.learned.network.architecture import (
     KNOT_S,
@@ -25,7 +26,6 @@ from scex_sumo.learned.network.image_encoder import ImageEncoder, MapImage
 from scex_sumo.learned.network.layers import Linear, Mlp, Scaler, State, relu
 from scex_sumo.learned.network.scene_encoder import SceneEncoder
 from scex_sumo.scene import STEP_S
-from scex_sumo.scene_graph.graph import SceneGraph
 
 
 class GraphNet:

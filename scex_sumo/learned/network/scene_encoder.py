@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.graphs.graph import SceneGraph
 from scex_sumo.learned.network.architecture import SLOPE, Architecture
 from scex_sumo.learned.network.layers import Linear, Mlp, Norm, Scaler, State, relu
-from scex_sumo.scene_graph.graph import SceneGraph
 
 PAIRS = 1024  # of vehicles at a time, which fit the processor's cache
 

@@ -149,6 +149,15 @@ def test_after_a_turn_tighter_than_it_can_drive_a_vehicle_does_not_steer_the_oth
     assert (track.y - turn[-1, 1]).max() < 8.0
 
 
+def test_a_slow_vehicle_turns_round_as_sharply_as_its_lane() -> None:
+    turn = roads.arc(2.0, np.pi, (50.0, 0.0), step=0.25)
+    back = np.column_stack([turn[-1, 0] - np.arange(1.0, 61.0), np.full(60, turn[-1, 1])])
+    where = roads.road(roads.lane(1, np.concatenate([[[0.0, 0.0], [49.0, 0.0]], turn, back])))
+    track = driven(where, roads.scene_of((44.0, 0.0, 0.0, 2.0)), 8.0)
+    assert wrap(np.diff(track.heading)).max() > 0.4 * 0.2  # beyond an arc of 5 m
+    assert rear_axle(track)[1].max() < turn[-1, 1] + 1.0
+
+
 def test_steering_shown_by_jittery_headings_is_doubted() -> None:
     # A slow truck whose recorded heading turned by 8° in its last half second, on less than a metre.
     scene = roads.scene_of((100.0, 0.0, 0.0, 1.7), length=12.0)

@@ -266,3 +266,15 @@ def test_opendrive_of_this_project_comes_back_within_a_centimetre(name: str, tmp
         assert np.quantile(near, 0.9) < 0.01
     kinds = [{rule.kind for rule in one.regulations} for one in (drawn, back)]
     assert kinds[0] & {"traffic_light", "right_of_way"} == kinds[1] & {"traffic_light", "right_of_way"}
+
+
+@pytest.mark.parametrize(("rule", "eastwards"), [("RHT", -1.75), ("LHT", 1.75)])
+def test_lanes_are_driven_on_the_side_of_the_road_s_rule(rule: str, eastwards: float, tmp_path: Path) -> None:
+    lanes = section(0, lane_of(-1, width(0, 3.5)), lane_of(1, width(0, 3.5)))
+    read = read_map(written(tmp_path, plain_road("1", lanes, attributes=f'rule="{rule}"')))
+    assert read.left_hand is (rule == "LHT")
+    (east,) = [lane for lane in read.lanes.values() if lane.centreline[0, 0] < lane.centreline[-1, 0]]
+    np.testing.assert_allclose(east.centreline[:, 1], eastwards)
+    assert east.left_bound[0, 1] > east.right_bound[0, 1]
+    net = convert(read, tmp_path / "side.net.xml")
+    assert check_net(net.path, read, net.lanes).problems() == []

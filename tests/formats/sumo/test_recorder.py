@@ -13,7 +13,7 @@ class Simulation:
     def __init__(self) -> None:
         self.steps = 0
         self.simulation = SimpleNamespace(
-            getOption=lambda name: "Krauss",
+            getOption={"default.carfollowmodel": "Krauss", "lateral-resolution": "-1"}.get,
             getTime=lambda: 0.1 * self.steps,
             getPendingVehicles=lambda: (),
         )

@@ -12,9 +12,10 @@ import safetensors.numpy
 
 from scex_sumo.base.errors import InputError
 from scex_sumo.base.files import sha256_of
+from scex_sumo.base.tensors import ABOUT
 from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.learned.network.layers import exact
-from scex_sumo.learned.network.weights import ABOUT, load_weights, save_weights
+from scex_sumo.learned.network.weights import load_weights, save_weights
 from scex_sumo.learned.profiles import SHIPPED
 from tests.behaviors import roads
 from tests.learned import nets
@@ -65,12 +66,17 @@ def refused(name: str, file: Path) -> str:
 
 def test_weights_of_another_architecture_are_refused(file: Path) -> None:
     numbers = about(file)["architecture"]
-    for change in ({"hidden": 32}, {"layers": 3}, {"depth": 3}, {"hidden": "wide"}):
+    for change, words in (
+        ({"hidden": 32}, "needs F32"),
+        ({"layers": 3}, "no "),
+        ({"depth": 3}, "architecture.depth is unknown"),
+        ({"hidden": "wide"}, 'architecture.hidden is "wide", needs integer'),
+    ):
         altered(file, architecture={**numbers, **change})
-        assert "weights of another architecture" in refused("graph_predictor", file)
+        assert words in refused("graph_predictor", file)
     for wrong in (7, None, [1], "hidden", [["hidden"]], "", []):
         altered(file, architecture=wrong)
-        assert "weights of another architecture" in refused("graph_predictor", file)
+        assert "architecture is " in refused("graph_predictor", file)
 
 
 def test_weights_for_other_inputs_are_refused(file: Path) -> None:
@@ -81,7 +87,7 @@ def test_weights_for_other_inputs_are_refused(file: Path) -> None:
     assert "with no path inputs; version" in refused("graph_predictor", file)
 
 
-@pytest.mark.parametrize(("value", "words"), [(float("nan"), "not finite"), (1e9, "too large for exact")])
+@pytest.mark.parametrize(("value", "words"), [(float("nan"), "not finite"), (1e9, "beyond 1e+06")])
 def test_weights_that_are_not_finite_or_huge_are_refused(file: Path, value: float, words: str) -> None:
     state = safetensors.numpy.load_file(file)
     state["head.knots.weight"][0, 0] = value
@@ -102,13 +108,18 @@ def test_the_shipped_weights_are_small_exact_and_say_what_they_are_made_from() -
 
 def test_a_header_that_lies_is_refused(file: Path) -> None:
     numbers, state = about(file)["architecture"], safetensors.numpy.load_file(file)
-    for name, value in (("layers", 1024), ("heads", 1024), ("modes", True), ("edges", 1)):
-        altered(file, state=state, architecture={**numbers, name: value})
-        assert "weights of another architecture" in refused("graph_predictor", file)
+    for key, value, words in (
+        ("layers", 1024, "no "),
+        ("heads", 1024, "1024 heads for"),
+        ("modes", True, "architecture.modes is true, needs integer"),
+        ("edges", 1, "architecture.edges is 1, needs boolean"),
+    ):
+        altered(file, state=state, architecture={**numbers, key: value})
+        assert words in refused("graph_predictor", file)
     altered(file, architecture=numbers)
     name = next(iter(state))
     for wrong in (state[name].astype(np.float64), state[name][None], np.zeros(0, np.float32)):
         altered(file, state={**state, name: wrong})
-        assert "weights of another architecture" in refused("graph_predictor", file)
+        assert f"{name} is F" in refused("graph_predictor", file)
     altered(file, state={key: values for key, values in state.items() if key != name})
-    assert f"weights of another architecture (no {name})" in refused("graph_predictor", file)
+    assert f"no {name}; train again" in refused("graph_predictor", file)

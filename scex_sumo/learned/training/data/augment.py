@@ -9,13 +9,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from scex_sumo.graphs.graph import EDGE_COLUMNS, HISTORY_COLUMNS, NODE_COLUMNS
 from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS
 from scex_sumo.learned.inputs.raster import PIXEL_M, raster_of
 from scex_sumo.learned.network.architecture import COS, SIN
 from scex_sumo.learned.training.data.batches import Batch
 from scex_sumo.learned.training.networks.graph_image import ImageBatch, MapTensors
 from scex_sumo.road import Road
-from scex_sumo.scene_graph.graph import EDGE_COLUMNS, HISTORY_COLUMNS, NODE_COLUMNS
 
 AHEAD = ("y_", "heading_", "curvature_")  # columns of the path ahead, at all distances
 LEFT, RIGHT = PATH_COLUMNS.index("room_left"), PATH_COLUMNS.index("room_right")

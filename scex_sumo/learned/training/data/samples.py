@@ -18,12 +18,12 @@ from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.projection import sample_paths
 from scex_sumo.extrapolation.loop.rollout import history_at
 from scex_sumo.geometry.polylines import wrap
+from scex_sumo.graphs.graph import scene_graph
 from scex_sumo.learned.inputs.path_inputs import path_inputs
 from scex_sumo.learned.training.data.obstacles import standing_gap, stopping_way
 from scex_sumo.learned.training.data.targets import along_paths, fading, right_paths, smooth_return
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, States, VehicleIndex
-from scex_sumo.scene_graph.graph import scene_graph
 
 CATCH_UP_S = 4.0  # within which a driver ahead or behind gets to the recorded one's place
 MAX_AHEAD_M = 8.0  # further off along the path, the recorded driver is no target

@@ -11,6 +11,7 @@ torch = pytest.importorskip("torch")
 from torch import nn  # noqa: E402
 
 from scex_sumo.behaviors.driving.paths import chosen_paths  # noqa: E402
+from scex_sumo.graphs.graph import scene_graph  # noqa: E402
 from scex_sumo.learned.driver import OUTPUT_GRID, image_of  # noqa: E402
 from scex_sumo.learned.inputs.path_inputs import path_inputs  # noqa: E402
 from scex_sumo.learned.inputs.raster import raster_of  # noqa: E402
@@ -22,7 +23,6 @@ from scex_sumo.learned.network.weights import load_weights  # noqa: E402
 from scex_sumo.learned.training.networks.graph import PathBatch, SceneBatch  # noqa: E402
 from scex_sumo.learned.training.networks.graph_image import NETWORKS, ImageBatch, MapTensors, Net, save_net  # noqa: E402
 from scex_sumo.scene import SceneHistory  # noqa: E402
-from scex_sumo.scene_graph.graph import scene_graph  # noqa: E402
 from tests.behaviors import roads  # noqa: E402
 from tests.learned import nets  # noqa: E402
 

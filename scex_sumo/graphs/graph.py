@@ -12,11 +12,11 @@ from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.errors import UsageError
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import SEEN_COLUMNS, seen_from
+from scex_sumo.graphs.edges import EDGE_COLUMNS, KINDS, Edges, Located, scene_edges
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import Matches, match
 from scex_sumo.roads.relations import RoadIndex, road_index
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States
-from scex_sumo.scene_graph.edges import EDGE_COLUMNS, KINDS, Edges, Located, scene_edges
 
 __all__ = ["EDGE_COLUMNS", "HISTORY_COLUMNS", "KINDS", "NODE_COLUMNS", "SceneGraph", "scene_graph"]
 
