@@ -36,4 +36,5 @@ class ReportPage(Extra):
         """Write the page."""
         from scex_sumo.page.report.report import write_report
 
-        return {"report": write_report(run, work.job.scene)}
+        with work.options.bar("page"):
+            return {"report": write_report(run, work.job.scene)}

@@ -155,9 +155,7 @@ def title(run: Run) -> str:
     place, _, seconds = scene["name"].rpartition("_t")
     moment = f"{place} at {seconds}{NARROW}s" if place and scene.get("time_s") is not None else scene["name"]
     text = f"{moment}: {participants(scene)}, {counted(run.futures, 'future')}"
-    if human is not None:
-        text += f" and {human.futures} human-like ones"
-    text += f" of {run.info['steps'] / 10:g}{NARROW}s"
+    text += f" of {run.info['steps'] / 10:g}{NARROW}s" + (f", {human.futures} human-like" if human else "")
     if region := run.info.get("region"):
         text += f"; only pairs with one of {counted(len(region['vehicles']), 'vehicle')} {region['words']}"
     return text

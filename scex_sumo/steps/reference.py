@@ -25,8 +25,8 @@ from scex_sumo.results.run import Run
 from scex_sumo.steps.reference_options import HumanReference
 from scex_sumo.world.base import WORLDS
 
-REFERENCE_FUTURES: Final = 117
-"""A share then has a 95 % interval of at most +-9 %."""
+REFERENCE_FUTURES: Final = 64
+"""A share then has a 95 % interval of at most +-12 %."""
 REFERENCE_STEPS: Final = 30
 """Up to so many steps, a reference has all `REFERENCE_FUTURES`, however few the run has."""
 
@@ -61,7 +61,7 @@ class ReferenceExtra(HumanReference):
                 succeeded(work.begun)
             finally:
                 enough.unlink()
-        options = _options(work.options, run.folder, lambda label: work.options.bar("reference"))
+        options = _options(work.options, run.folder, lambda label: work.options.bar("human-like futures"))
         others = [extra for extra in work.extras if extra.nested and not isinstance(extra, HumanReference)]
         wanted = reference_settings(job.settings, str(self.reference), run.futures)
         run_scene(job.scene, wanted, workers=workers, options=options, extras=others)

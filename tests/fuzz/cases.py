@@ -24,7 +24,7 @@ from tests.fuzz.weights import EVIL, EXECUTED, write_mutated
 MAPS = ("roundabout", "urban_intersection", "motorway_merge")
 RUN = ("--futures", "2", "--steps", "5", "--no-plots", "-o", "new")
 REFERENCE_EVERY = 8
-"""Of so many cases of `run`, one runs the 117 futures of the reference, too."""
+"""Of so many cases of `run`, one runs the futures of the reference, too."""
 
 
 @dataclass(frozen=True, kw_only=True)

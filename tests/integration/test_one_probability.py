@@ -16,7 +16,7 @@ from rich.console import Console
 import scex_sumo
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.page.report.contents import report_contents
-from scex_sumo.reports.run_table import expected_injuries, print_summary
+from scex_sumo.reports.run_table import expected_injuries, print_details
 from scex_sumo.results.probability import Encounter
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.cut_sets import cut_set_words
@@ -61,7 +61,7 @@ def page_row(run: Run, one: Encounter) -> dict[str, Any]:
 def test_any_collision_is_the_same_in_each_place(run: Run, tmp_path: Path) -> None:
     again = shutil.copytree(run.folder, tmp_path / "again")
     said, console = run.collision.percent, Console(file=StringIO(), width=250)
-    print_summary(run, console)
+    print_details(run, console)
     summary = console.file.getvalue()  # type: ignore[attr-defined]
     share = run.collision.share.replace(" ", "")
     (line,) = (line for line in summary.splitlines() if line.startswith("│ collision"))
@@ -108,7 +108,7 @@ def test_severe_injuries_are_those_of_1000_futures_in_each_place(run: Run) -> No
     injuries = expected_injuries(run)
     assert injuries is not None
     said, console = f"{1000 * injuries:.2f}", Console(file=StringIO(), width=250)
-    print_summary(run, console)
+    print_details(run, console)
     lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
     (row,) = (line for line in lines if line.startswith("│ severe injuries [‰]"))
     assert f" {said} " in row

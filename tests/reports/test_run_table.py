@@ -20,9 +20,9 @@ from scex_sumo.reports.encounter_rows import first_look, grouped, meetings, sent
 from scex_sumo.reports.run_table import (
     MAIN,
     always_critical,
-    answer_lines,
     print_table,
     shown_columns,
+    stress_lines,
     summary_table,
 )
 from scex_sumo.results.run import Run, open_run
@@ -141,23 +141,19 @@ def encounters(folder: Path, *rows: dict[str, object]) -> None:
     pq.write_table(table, folder / "encounters.parquet")
 
 
-def test_a_collision_of_human_like_drivers_alone_is_told_before_the_stress_test(tmp_path: Path) -> None:
+def test_a_pair_that_collides_between_people_alone_is_found_before_those_of_the_stress_test(
+    tmp_path: Path,
+) -> None:
     """As at 158 s of a recorded intersection: 0 of 385 futures and 3 of 117."""
     result(tmp_path, {"collision": [0.0] * 385})
     encounters(tmp_path, {"track_id": 1, "other_id": 2}, {"track_id": 5, "other_id": 6})
-    none = "no encounter of two vehicles is critical in any future"
-    assert answer_lines(open_run(tmp_path))[-1].endswith(none)
     human = result(tmp_path / "reference", {"collision": [1.0] * 3 + [0.0] * 114})
     share = {"collision": 3 / 117, "collision_low": 0.0087, "collision_high": 0.0727, "critical": 3 / 117}
     encounters(human, {"track_id": 2, "other_id": 1} | share, {"track_id": 7, "other_id": 8})
     run = open_run(tmp_path)
-    first, pair, stress = answer_lines(run)
-    assert first.startswith("human-like: a collision in 2.6 %")
-    assert pair == (
-        "  2 → 1 (1.0 s): collides in 2.6 % [0.9–7.3], typically 2 m, 1 o; human-like, of 117 futures; "
-        "in the stress test never"
-    )
-    assert stress.startswith("stress test: a collision in 0.0 %") and stress.endswith(none)
+    (stress,) = stress_lines(run)
+    assert stress.startswith("stress test: a collision in 0.0 %")
+    assert stress.endswith("no encounter of two vehicles is critical in any future")
     found = meetings(run)
     assert [(one.futures, one.pair) for one in found] == [
         ("human-like", (1, 2)), ("stress test", (1, 2)), ("stress test", (5, 6)), ("human-like", (7, 8)),
@@ -195,7 +191,7 @@ def test_doubtful_pairs_are_left_out_and_named(tmp_path: Path) -> None:
     doubt = "1 is off the mapped lanes"
     result(tmp_path, {"collision": [1.0, 0.0]})
     encounters(tmp_path, CRITICAL | {"track_id": 1, "other_id": 2, "doubt": doubt})
-    lines = answer_lines(open_run(tmp_path))
+    lines = stress_lines(open_run(tmp_path))
     assert lines[-1].endswith(f"left out as doubtful: {doubt}")
     assert not any("1 → 2" in line for line in lines)
 
@@ -211,7 +207,7 @@ def test_doubtful_pairs_are_left_out_and_named(tmp_path: Path) -> None:
 def test_a_run_says_how_its_vehicles_are_driven(tmp_path: Path, models: list[str], words: str) -> None:
     drawn = [{"model": model, "weight": 1.0} for model in models] + [{"model": "replay", "weight": 0.0}]
     run = open_run(result(tmp_path, {"collision": [0.0] * 4}, models=drawn))
-    assert answer_lines(run)[0].endswith(words)
+    assert stress_lines(run)[0].endswith(words)
 
 
 def test_the_pair_to_be_tested_is_looked_at_first_and_a_doubtful_one_never(tmp_path: Path) -> None:
