@@ -53,6 +53,8 @@ def decide(rows: Iterable[Mapping[str, Any]], *, futures: int) -> Decision:
 
 def span(row: Mapping[str, Any]) -> str:
     """Return the range of P in words."""
+    if row["least"] >= 0.995:
+        return f"more than 99{NARROW}%"
     if row["probability"] >= 0.5:
         return f"{100 * row['least']:.0f} to {100 * row['most']:.0f}{NARROW}%"
     return f"{one_in(row['most'])} to {one_in(row['least'])}"

@@ -70,7 +70,7 @@ def _does(states: States, kind: str) -> str:
     least = (speed[_MEAN_STEPS:] - speed[:-_MEAN_STEPS]).min(initial=0.0) / (_MEAN_STEPS * STEP_S)
     if speed.max() < _STANDS_MPS:
         return "stands"
-    if least < _BRAKES_MPS2:
+    if least < _BRAKES_MPS2 and kind != ONCOMING:
         return "brakes hard" if least < _HARD_MPS2 else "brakes"
     if speed[0] < _STARTS_MPS < speed[-1]:
         return "pulls out" if kind in (CROSSING, MERGING, ONCOMING) else "starts"

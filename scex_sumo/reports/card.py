@@ -169,7 +169,12 @@ def verdict_lines(run: Run, wide: int) -> list[Text]:
     word, (first, _, often) = VERDICTS[told.kind].upper(), told.sentence.rstrip(".").partition(_OFTEN)
     lines = _wrapped(f"{word}  {first.partition(': ')[2]}", wide)
     if often:
-        short = often.replace(" such moments", "").replace("to test from", "test from").replace(" on)", ")")
+        short = (
+            often.replace(" of such moments", "")
+            .replace(" such moments", "")
+            .replace("to test from", "test from")
+            .replace(" on)", ")")
+        )
         lines += _wrapped(f"  people collide {short}", wide)
     return [Text.assemble((word, _STYLES[told.kind]), lines[0][len(word) :]), *map(Text, lines[1:])]
 
