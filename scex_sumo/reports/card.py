@@ -5,6 +5,7 @@ The terminal prints it in at most 14 lines, and the page shows the same lines.
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -169,12 +170,7 @@ def verdict_lines(run: Run, wide: int) -> list[Text]:
     word, (first, _, often) = VERDICTS[told.kind].upper(), told.sentence.rstrip(".").partition(_OFTEN)
     lines = _wrapped(f"{word}  {first.partition(': ')[2]}", wide)
     if often:
-        short = (
-            often.replace(" of such moments", "")
-            .replace(" such moments", "")
-            .replace("to test from", "test from")
-            .replace(" on)", ")")
-        )
+        short = re.sub(r"( of)? such moments| on(?=\))", "", often).replace("to test from", "test from")
         lines += _wrapped(f"  people collide {short}", wide)
     return [Text.assemble((word, _STYLES[told.kind]), lines[0][len(word) :]), *map(Text, lines[1:])]
 
