@@ -88,7 +88,6 @@ InRegion = Annotated[
 Result = Annotated[
     Path, typer.Argument(metavar="OUT", help="Result folder.", autocompletion=complete_results)
 ]
-ResultPath = Annotated[Path | None, typer.Option("-o", "--out", metavar="OUT", help="Result folder.")]
 
 
 def metric_option(help: str) -> Any:

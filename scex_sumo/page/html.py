@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from string import Template
@@ -44,16 +44,6 @@ def element(kind: str, *children: str, **attributes: str | int | bool) -> Html:
 def joined(*parts: str) -> Html:
     """Return elements and escaped texts in a row."""
     return Html("".join(part if isinstance(part, Html) else escape(part) for part in parts))
-
-
-def plain_table(heads: Sequence[str], rows: Iterable[Sequence[str]], words: Collection[int] = ()) -> Html:
-    """Return a table without script; columns ``words`` hold sentences."""
-    lines = [
-        element("tr", *(element("td.words" if k in words else "td", cell) for k, cell in enumerate(row)))
-        for row in rows
-    ]
-    head = element("tr", *(element("th", name) for name in heads))
-    return element("table", element("thead", head), element("tbody", *lines))
 
 
 def page_html(

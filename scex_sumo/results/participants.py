@@ -90,27 +90,6 @@ def _on_places(scene: SeedScene, taking: BoolArray) -> list[str]:
     return misplaced(scene.road, others.states[rows, HISTORY_STEPS], [others.ids[k] for k in rows])
 
 
-def people_apart(scene: SeedScene) -> SeedScene:
-    """Return the scene with the people that take part as obstacles again, after all vehicles."""
-    if scene.people is None:
-        return scene
-    people, vehicles = np.flatnonzero(scene.people), np.flatnonzero(~scene.people)
-    states, steps = scene.history[people], HISTORY_STEPS + 1
-    known = np.arange(steps) >= HISTORY_STEPS - scene.recorded_steps[people, None]
-    if scene.future is not None and scene.future_valid is not None:
-        states = States.concatenate([states, scene.future[people]], axis=1)
-        known = np.concatenate([known, scene.future_valid[people]], axis=1)
-    apart = Obstacles(
-        ids=tuple(str(scene.track_ids[k]) for k in people),
-        types=tuple(scene.types[k] for k in people),
-        length=scene.length[people],
-        width=scene.width[people],
-        states=states,
-        present=known,
-    )
-    return replace(scene.reordered(vehicles.tolist(), name=scene.name), obstacles=apart, people=None)
-
-
 def _taking_part(scene: SeedScene, people: Obstacles) -> tuple[SeedScene, str]:
     """Return the scene with people as its last vehicles, and the names of those of unusable size."""
     past = people.states.speed[:, : HISTORY_STEPS + 1]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.participants import people_apart, with_people
+from scex_sumo.results.participants import with_people
 from scex_sumo.road import Area, Marking, Road
 from scex_sumo.scene import Obstacles, SeedScene, States
 from tests.behaviors import roads
@@ -71,11 +71,3 @@ def test_people_in_buildings_behind_walls_and_on_motorways_are_named() -> None:
     )
     far = replace(road, lanes={}, markings=(), areas=())
     assert not with_people(replace(scene_with("pedestrian"), road=far), "model").notes
-
-
-def test_people_are_set_apart_again() -> None:
-    scene = scene_with("pedestrian")
-    apart = people_apart(with_people(scene, "model"))
-    assert apart.vehicles == 2 and apart.people is None and apart.obstacles is not None
-    assert apart.obstacles.types == ("pedestrian",)
-    assert np.array_equal(apart.obstacles.states.x[:, :11], scene.obstacles.states.x[:, :11])  # type: ignore[union-attr]
