@@ -11,7 +11,7 @@ from scex_sumo.base.cache import cached_object
 from scex_sumo.base.errors import MapError
 from scex_sumo.base.version import version_of
 from scex_sumo.converters.lanelet.origin import recorded_origin
-from scex_sumo.converters.naming import other_content, refuse_pointer
+from scex_sumo.converters.naming import other_content, refuse_unreadable
 from scex_sumo.converters.registries import MapFormat, dataset_of, map_format, refuse_folder
 from scex_sumo.road import Area, Georeference, Lane, MapLoss, Marking, Regulation, Road
 
@@ -51,7 +51,7 @@ def read_map(
     """
     path = Path(map_path)
     options = {"tracks": tracks, "own_corner": own_corner, "keep": keep}
-    refuse_pointer(path)
+    refuse_unreadable(path)
     road = map_format(path).read(path, origin=origin, **options)
     return replace(road, file=path)
 
