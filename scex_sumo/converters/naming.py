@@ -99,8 +99,10 @@ def other_content(path: Path) -> str:
     return next((word for magic, word in _CONTENTS if start.startswith(magic)), "")
 
 
-def refuse_pointer(path: Path) -> None:
-    """Raise an `InputError` for a pointer of Git LFS that lies in the place of the data."""
+def refuse_unreadable(path: Path) -> None:
+    """Raise an `InputError` for a pipe, a device, or a pointer of Git LFS in the place of the data."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise InputError(f"{path}: is no regular file; files are read more than once, so give one")
     if path.is_file() and beginning(path).startswith(b"version https://git-lfs"):
         raise InputError(f"{path}: a pointer of Git LFS, not the data; fetch them with git lfs pull")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -66,6 +67,8 @@ _CORE: Final[Mapping[str, ModelEntry]] = {
 }
 EXTENSIONS: Final = Registry(group="scex_sumo.behaviors", kind="behavior")
 """Models of the wings and of other packages: a `ModelEntry`, or a class, function or object."""
+
+_WEIGHED: Final = re.compile(r"(.*?@ *\d*\.?\d+)(?: *(,)(.*)| *)", re.DOTALL)
 
 _registered: dict[str, ModelEntry] = {}
 
@@ -148,7 +151,8 @@ def _mix(name: str) -> str:
 def parse_models(text: str) -> list[ModelSpec]:
     """Read ``name[:parameter=value]...[@weight]``, several separated by commas.
 
-    A name may be an import path, ``package.module:Class``, or a mix: ``likely``, ``rules``, ``paper``.
+    A name may be an import path, ``package.module:Class``, or a mix: ``likely``, ``rules``, ``paper``. The
+    command of ``process:`` has commas of its own; its weight, ``@2,``, ends it, or it is the last model.
 
     Raises:
         UsageError: a model or parameter is unknown, a weight or value is invalid, or a model is given twice.
@@ -157,7 +161,7 @@ def parse_models(text: str) -> list[ModelSpec]:
         >>> [str(spec) for spec in scex.parse_models("standard_driver@2,risky_driver:minimum_gap=3")]
         ['standard_driver', 'risky_driver:minimum_gap=3']
     """
-    given = [part.strip() for part in (text.split(",") if _split(text) is None else [text])]
+    given = _parts(text)
     mixed = [(part, _mix(part)) for part in given]
     parts = [name for part, mix in mixed for name in (mix.split(",") if mix else [part])]
     specs = [_parse_one(part) for part in parts if part]
@@ -167,6 +171,22 @@ def parse_models(text: str) -> list[ModelSpec]:
     if not any(spec.weight > 0 for spec in specs):
         raise UsageError(f"all weights in {text!r} are 0; give at least one model a positive weight")
     return specs
+
+
+def _parts(text: str) -> list[str]:
+    """Split models at commas; one that splits its own text ends with its weight or with the text."""
+    parts: list[str] = []
+    rest: str | None = text
+    while rest is not None:
+        if _split(rest) is None:
+            part, comma, after = rest.partition(",")
+        elif own := _WEIGHED.fullmatch(rest):
+            part, comma, after = own[1], own[2], own[3]
+        else:
+            part, comma, after = rest, "", ""
+        parts.append(part.strip())
+        rest = after if comma else None
+    return parts
 
 
 def model_specs(given: Any) -> tuple[ModelSpec, ...]:
@@ -228,8 +248,9 @@ def _split(text: str) -> tuple[str, list[str]] | None:
 
 
 def _parse_one(text: str) -> ModelSpec:
-    own = _split(text)
-    body, at, weight = text.rpartition("@") if "@" in text and own is None else (text, "", "1")
+    weighed = "@" in text and (_split(text) is None or _WEIGHED.fullmatch(text))
+    body, at, weight = text.rpartition("@") if weighed else (text, "", "1")
+    own = _split(body)
     name, *rest = body.split(":") if own is None else (own[0], *own[1])
     if name == SUMO:
         if not rest or "=" in rest[0]:

@@ -17,7 +17,7 @@ from typing import Any, NoReturn, TypeVar
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.errors import MapError, TrackError
+from scex_sumo.base.errors import MapError, TrackError, one_line
 from scex_sumo.converters.lanelet.projection import to_local
 from scex_sumo.converters.net.sumo_net import RECORDED
 from scex_sumo.converters.registries import Dataset, SignalFormat
@@ -191,19 +191,32 @@ def _read_movements(kml: Path, origin: tuple[float, float]) -> list[_Movement]:
         if line is None or "Source" not in data:
             continue
         source = data["Source"].strip()
-        points = [triple.split(",") for triple in (line.text or "").split()]
-        degrees = np.array([[float(p[1]), float(p[0])] for p in points])
-        lanes[source] = to_local(degrees, origin)
-        sinks, groups = (data.get(key, "").split(",") for key in ("Sink", "SignalGroup"))
-        ways += [
-            (source, sink.strip(), int(group))
-            for sink, group in zip(sinks, groups, strict=False)
-            if sink.strip() and group.strip()
-        ]
+        try:
+            lanes[source] = _line(line.text or "", origin)
+            ways += _links(source, data)
+        except (IndexError, ValueError) as error:
+            raise MapError(f"{kml}: lane {source[:40]}: {one_line(error)}; needs numbers") from None
     return [
         _Movement(source=lanes[a], sink=lanes[b], group=group)
         for a, b, group in ways
         if a in lanes and b in lanes and len(lanes[a]) > 1 and len(lanes[b]) > 1
+    ]
+
+
+def _line(text: str, origin: tuple[float, float]) -> FloatArray:
+    points = [triple.split(",") for triple in text.split()]
+    degrees = np.array([[float(p[1]), float(p[0])] for p in points])
+    if not np.isfinite(degrees).all():
+        raise ValueError("a coordinate is not finite")
+    return to_local(degrees, origin)
+
+
+def _links(source: str, data: Mapping[str | None, str]) -> list[tuple[str, str, int]]:
+    sinks, groups = (data.get(key, "").split(",") for key in ("Sink", "SignalGroup"))
+    return [
+        (source, sink.strip(), int(group))
+        for sink, group in zip(sinks, groups, strict=False)
+        if sink.strip() and group.strip()
     ]
 
 

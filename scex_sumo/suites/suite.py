@@ -12,14 +12,15 @@ from typing import Any, Final
 import numpy as np
 
 from scex_sumo.base.arguments import checked
-from scex_sumo.base.errors import ResultError, one_line
-from scex_sumo.base.files import sha256_of
+from scex_sumo.base.errors import ResultError
+from scex_sumo.base.files import refuse_special_files, sha256_of
+from scex_sumo.base.schema import COUNT, NUMBER, PLAIN_NAME, TEXT, TRACK, listed, or_null, read_json, record
 from scex_sumo.converters.maps import read_map
 from scex_sumo.results.tables.states import read_scene
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 from scex_sumo.suites.estimate import Design
-from scex_sumo.suites.rules_json import rules_of_json
+from scex_sumo.suites.rules_json import LIGHTS, RULES, rules_of_json
 
 SUITE: Final = "suite.json"
 CASE: Final = "case.json"
@@ -27,6 +28,21 @@ FORMAT: Final = "scex-sumo suite 4"
 """Name and version of the format."""
 CASES: Final = "cases"
 MAPS: Final = "maps"
+AGAIN: Final = "make the suite again"
+_SUITE: Final = json.loads(Path(__file__).with_name("suite.schema.json").read_bytes())
+_SEED_SCENE = {
+    **{"name": PLAIN_NAME, "track_ids": listed(TRACK, 2), "time_s": NUMBER, "location": TEXT, "map": TEXT},
+    "origin": or_null(listed(NUMBER, 2, 2)),
+}
+_CASE: Final = record(
+    {
+        "seed_scene": record(_SEED_SCENE, {"rules": or_null(TEXT)}),
+        "function": record({"track_id": TRACK}),
+        "other": record({"track_id": TRACK, "person": or_null(TEXT)}),
+        "drivers": record({"seed": COUNT}),
+        "lights": LIGHTS,
+    }
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,18 +69,25 @@ class Case:
             file = self.folder / name
             if not file.is_file() or sha256_of(file) != digest:
                 what = "was changed" if file.is_file() else "is missing"
-                raise ResultError(f"{file}: {what} since the suite was made; make the suite again")
-        content: Mapping[str, Any] = _json(self.folder / CASE)
+                raise ResultError(f"{file}: {what} since the suite was made; {AGAIN}")
+        content: Mapping[str, Any] = read_json(self.folder / CASE, _CASE, AGAIN)
         return content
+
+    def _named(self, name: str) -> Path:
+        """Return a file that ``case.json`` names, if the digests of the suite hold for it."""
+        if name not in self.about["files"]:
+            raise ResultError(f"{self.folder / CASE}: names {name[:80]}, which the suite has not; {AGAIN}")
+        return (self.folder / name).resolve()
 
     def scene(self) -> SeedScene:
         """Return the seed scene with its road, rules and lights."""
-        about = self.content["seed_scene"]
-        origin = about["origin"]
-        road = _road((self.folder / about["map"]).resolve(), tuple(origin) if origin else None)
-        rules = about.get("rules") and rules_of_json(
-            _json(self.folder / about["rules"]), self.content["lights"]
-        )
+        about, lights = self.content["seed_scene"], self.content["lights"]
+        origin, rules = about["origin"], about.get("rules")
+        road = _road(self._named(about["map"]), tuple(origin) if origin else None)
+        try:
+            rules = rules and rules_of_json(read_json(self._named(rules), RULES, AGAIN), lights)
+        except ValueError as error:
+            raise ResultError(f"{self.folder / CASE}: {error}; {AGAIN}") from None
         scene = read_scene(self.folder, about)
         return replace(scene, road=road, rules=rules, time_s=about["time_s"], location=about["location"])
 
@@ -121,24 +144,8 @@ def open_suite(folder: str | Path) -> Suite:
     file = folder / SUITE
     if not file.is_file():
         raise ResultError(f"{folder}: no suite ({SUITE} is missing); make one with 'scex-sumo catalogue'")
-    info = _json(file)
-    if info.get("format") != FORMAT:
-        raise ResultError(
-            f"{file}: format {info.get('format')!r}, this version reads {FORMAT!r}; make the suite again"
-        )
-    lacks = [name for name in ("cases", "hours", "seed", "futures", "people") if name not in info]
-    if lacks:
-        raise ResultError(f"{file}: has no {lacks[0]!r}; make the suite again")
-    if not info["cases"]:
-        raise ResultError(f"{file}: the suite has no case; make it again")
+    refuse_special_files(folder)
+    info = read_json(file, _SUITE, AGAIN)
+    if len({one["name"] for one in info["cases"]}) < len(info["cases"]):
+        raise ResultError(f"{file}: a case has the name of another one; {AGAIN}")
     return Suite(folder=folder, info=info)
-
-
-def _json(file: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(file.read_bytes())
-    except (OSError, ValueError, RecursionError) as error:
-        raise ResultError(f"{file}: cannot be read ({one_line(error)[:120]}); make the suite again") from None
-    if not isinstance(content, dict):
-        raise ResultError(f"{file}: holds no object; make the suite again")
-    return content

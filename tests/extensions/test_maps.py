@@ -79,6 +79,31 @@ def test_an_error_of_a_map_format_is_one_line_with_its_line(
     assert (done.returncode, done.stderr) == (1, f"error: map format xyz: {says}\n")
 
 
+@pytest.mark.parametrize(
+    ("part", "instead", "says"),
+    [
+        (
+            "successors=tuple(after)",
+            "successors=(7,)",
+            "lane 1: successors names 7, which is no lane of the map",
+        ),
+        ("speed_limit_mps=14.0", "speed_limit_mps=0.0", "lane 1: speed_limit_mps is 0.0; needs more than 0"),
+        ("width_m=3.5", "width_m=float('nan')", "lane 1: width_m is nan; needs more than 0"),
+        ("lane_id=number", "lane_id=number + 1", "lane 1: its lane_id is 2; give it its key in lanes"),
+        (
+            "left_bound=left",
+            "left_bound=left[:1]",
+            "lane 1: left_bound is no line of 2 or more finite points",
+        ),
+    ],
+)
+def test_a_road_that_cannot_be_is_named(part: str, instead: str, says: str, tmp_path: Path) -> None:
+    code = CODE.replace(part, instead)
+    install(tmp_path, group="scex_sumo.maps", name="xyz", target="stranger", code=code)
+    done = scex(tmp_path, "convert", a_map(tmp_path), "-o", tmp_path / "n.net.xml")
+    assert done.returncode == 1 and done.stderr.startswith(f"error: {a_map(tmp_path)}: {says}")
+
+
 def test_a_declared_map_format_is_imported_for_its_own_maps_alone(tmp_path: Path) -> None:
     code = """
 from scex_sumo.converters.registries import Declaration

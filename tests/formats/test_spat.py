@@ -105,6 +105,15 @@ def test_a_recording_without_its_intersection_is_refused(recording: Path, tmp_pa
         convert(crossing(), tmp_path / "net.net.xml", signals=recording)
 
 
+@pytest.mark.parametrize("wrong", ["east,north,0", "8.4", "nan,nan,0"])
+def test_a_word_as_a_coordinate_is_refused(wrong: str, recording: Path, tmp_path: Path) -> None:
+    file = tmp_path / "crossing.kml"
+    place = degrees([(-15, 0.5)])
+    file.write_text(file.read_text().replace(place, wrong, 1))
+    with pytest.raises(MapError, match=r"crossing\.kml: lane 1: .*; needs numbers"):
+        convert(crossing(), tmp_path / "net.net.xml", signals=recording)
+
+
 def test_utm_agrees_with_lengths_on_the_ellipsoid() -> None:
     """On the zone's central meridian UTM is 0.9996 times the length of the meridian."""
     a, e2 = 6378137.0, 0.00669437999014

@@ -234,10 +234,21 @@ def test_wrong_input_is_one_line(place: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy"
     shutil.copytree(suite, copy)
     info = json.loads((copy / "suite.json").read_text())
-    (copy / "suite.json").write_text(json.dumps(info | {"format": "scex-sumo suite 0"}))
-    assert "this version reads 'scex-sumo suite 4'" in refused(copy)
-    (copy / "suite.json").write_text(json.dumps(info | {"cases": []}))
-    assert "the suite has no case" in refused(copy)
+
+    def with_case(**values: Any) -> dict[str, Any]:
+        return {"cases": [info["cases"][0] | values, *info["cases"][1:]]}
+
+    for changed, says in (
+        ({"format": "scex-sumo suite 0"}, "format is \"scex-sumo suite 0\", needs 'scex-sumo suite 4'"),
+        ({"cases": []}, "cases has 0 entries"),
+        (with_case(weight=-100), "cases[0].weight is -100, needs more than 0"),
+        (with_case(weight=float("nan")), "cases[0].weight is NaN, needs number"),
+        (with_case(name="../../x"), 'cases[0].name is "../../x", needs the pattern'),
+        (with_case(files={}), "has no cases[0].files.case.json"),
+        ({"hours": "1"}, 'hours is "1", needs number'),
+    ):
+        (copy / "suite.json").write_text(json.dumps(info | changed))
+        assert f"suite.json: {says}" in refused(copy)
     shutil.copyfile(suite / "suite.json", copy / "suite.json")
     seed = copy / "cases" / info["cases"][0]["name"] / "seed.csv"
     seed.write_text(seed.read_text()[:-9])

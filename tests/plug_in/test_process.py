@@ -120,6 +120,15 @@ def test_the_command_keeps_its_colons_commas_and_blanks() -> None:
         build(parse_models("process:deadline_s=0:./a")[0])
 
 
+def test_a_weight_ends_a_command_and_other_models_follow() -> None:
+    specs = parse_models("process:python a,b@2,standard_driver,process:./mail@host")
+    assert [(spec.name, spec.parameters.get("command"), spec.weight) for spec in specs] == [
+        ("process", "python a,b", 2.0),
+        ("standard_driver", None, 1.0),
+        ("process", "./mail@host", 1.0),
+    ]
+
+
 def test_a_run_counts_what_the_program_did_not_answer(tmp_path: Path) -> None:
     scene = read_seed(example_path("motorway_merge"))
     track = int(scene.track_ids[0])

@@ -12,7 +12,7 @@ from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import MapError, TrackError, listed, warn_notes
 from scex_sumo.base.files import identity_in
 from scex_sumo.converters.datasets.interaction import tracks_of_map
-from scex_sumo.converters.naming import refuse_pointer, unpacked_name
+from scex_sumo.converters.naming import refuse_unreadable, unpacked_name
 from scex_sumo.converters.registries import (
     Dataset,
     Recording,
@@ -109,7 +109,7 @@ def _why_none(files: Sequence[Path], results: Sequence[Path]) -> str:
     if results:
         return f"{results[0]} is a result of this program; give recordings"
     for path in files:
-        refuse_pointer(path)
+        refuse_unreadable(path)
     for pattern, name in _AS_PUBLISHED.items():
         if any(path.match(pattern) for path in files):
             return f"this is {name} as published; convert it by py123d or ScenarioNet, see docs/data.md"

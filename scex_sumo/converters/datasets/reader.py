@@ -15,7 +15,7 @@ from scex_sumo.converters.cleaning.checks import Check, lost_vehicles, without_e
 from scex_sumo.converters.cleaning.plausibility import plausibility
 from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.scene import CleanRecording
-from scex_sumo.converters.naming import refuse_pointer
+from scex_sumo.converters.naming import refuse_unreadable
 from scex_sumo.converters.registries import Dataset, Window, dataset_of
 from scex_sumo.converters.tracks.check import check_values
 from scex_sumo.converters.tracks.evidence import Evidence, evidence
@@ -38,7 +38,7 @@ def read_recorded(
         The recording, and a phrase for each thing left out.
     """
     for path in paths:
-        refuse_pointer(path)
+        refuse_unreadable(path)
     dataset = dataset_of(paths[0])
     simulation = {"window": window, "progress": progress} if dataset.simulated else {}
     table, notes = dataset.read(paths, net=net, **simulation)

@@ -190,6 +190,10 @@ def _recordings(
 
 
 def _train(run: Trainer) -> None:
+    import torch
+
+    # Else threads add up gradients of indexed rows in the order in which they come.
+    torch.use_deterministic_algorithms(True, warn_only=True)
     sites = run.dataset.sites
     print(
         f"{len(run.dataset.train)} scenes to train on, {len(run.dataset.validation)} for validation, of "
@@ -229,7 +233,6 @@ def _finish(run: Trainer, out: Path, command: str) -> None:
         "samples": run.dataset.digest,
         "scenes": len(run.dataset.train),
         "epoch": run.best_epoch,
-        "seconds": round(run.seconds),
         "validation": figures,
     }
     save_net(out, run.finished(), meta)

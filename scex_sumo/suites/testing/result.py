@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import operator
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -12,7 +11,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from scex_sumo.base.errors import ResultError, UsageError, one_line
+from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.base.schema import SHARE, TEXT, listed, read_json, record
 from scex_sumo.decision.decide import TEST_FROM
 from scex_sumo.studies.under_test.paired import holm
 from scex_sumo.suites.estimate import Design
@@ -137,7 +137,9 @@ def compared(suite: Suite, result: Mapping[str, Any], old: Mapping[str, Any]) ->
     before = {one["name"]: one for one in old["cases"]}
     now = {one["name"]: one for one in result["cases"] if one["name"] in before}
     change = {name: rank[one["verdict"]] - rank[before[name]["verdict"]] for name, one in now.items()}
-    rows, design = _of_suite(suite, [one for one in now.values() if "probability" in before[one["name"]]])
+    rows, design = _of_suite(
+        suite, [one for one in now.values() if {"pair", "variance"} <= {*before[one["name"]]}]
+    )
     pairs = [(row, before[row["name"]]) for row in rows]
     more = np.array([one["pair"] - other["pair"] for one, other in pairs])
     drawn = np.array([one["variance"] + other["variance"] for one, other in pairs])
@@ -149,19 +151,20 @@ def compared(suite: Suite, result: Mapping[str, Any], old: Mapping[str, Any]) ->
     }
 
 
+_CASE = record(
+    {"name": TEXT, "verdict": {"enum": list(VERDICTS)}},
+    {"pair": SHARE, "variance": {"type": "number", "minimum": 0}},
+)
+_RESULT: Final = record({"function": TEXT, "suite_digest": TEXT, "cases": listed(_CASE)})
+
+
 def read_result(file: Path, suite: str) -> dict[str, Any]:
     """Read an older result.
 
     Raises:
         ResultError: it cannot be read, or is of another suite.
     """
-    try:
-        content = json.loads(file.read_bytes())
-        cases, digest = content["cases"], content["suite_digest"]
-        if not all({"name", "verdict"} <= set(one) for one in cases):
-            raise KeyError("cases")
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ResultError(f"--against {file}: no result of a test ({one_line(error)[:100]})") from None
-    if digest != suite:
+    content: dict[str, Any] = read_json(file, _RESULT, "--against needs the test.json of a test")
+    if content["suite_digest"] != suite:
         raise ResultError(f"--against {file}: of another suite; test both functions on the same one")
-    return dict(content)
+    return content

@@ -179,6 +179,14 @@ def test_an_older_result_must_be_of_the_same_suite(tmp_path: Path) -> None:
     assert read_result(file, "1")["function"] == "acc:Acc"
     with pytest.raises(ResultError, match="of another suite"):
         read_result(file, "2")
-    file.write_text("[1]")
-    with pytest.raises(ResultError, match="no result of a test"):
-        read_result(file, "1")
+    for wrong, says in (
+        ([1], "needs object"),
+        (result() | {"cases": [{"name": 1}]}, r"cases\[0\].name is 1"),
+        (
+            result() | {"cases": [{"name": "a", "verdict": "worse", "pair": 2}]},
+            r"cases\[0\].pair is 2, needs at most 1",
+        ),
+    ):
+        file.write_text(json.dumps(wrong))
+        with pytest.raises(ResultError, match=f"{says}.*--against needs the test.json of a test"):
+            read_result(file, "1")

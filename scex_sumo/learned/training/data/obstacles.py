@@ -88,6 +88,8 @@ def _with_standing(scene: SeedScene, place: States) -> SeedScene:
         recorded_steps=np.append(scene.recorded_steps, np.full(count, scene.recorded_steps.max())),
         future=held(scene.future),
         future_valid=np.concatenate([scene.future_valid, np.ones((count, scene.future.shape[1]), np.bool_)]),
+        intentions=scene.intentions and (*scene.intentions, *(None,) * count),
+        people=None if scene.people is None else np.append(scene.people, np.zeros(count, np.bool_)),
     )
 
 

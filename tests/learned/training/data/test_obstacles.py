@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from scex_sumo.intention import Intention
 from scex_sumo.learned.training.data.obstacles import STOP_GAP_M, add_obstacles, stopping_way
 from scex_sumo.learned.training.data.samples import scene_samples
 from scex_sumo.scene import SeedScene, States
@@ -33,6 +34,15 @@ def test_a_standing_vehicle_is_ahead_of_whom_it_blocks_and_behind_the_next() -> 
     assert (blocked.history.speed[2] == 0).all()
     assert blocked.future is not None
     np.testing.assert_array_equal(blocked.future.x[2], blocked.now.x[2])
+
+
+def test_in_a_simulated_scene_a_standing_vehicle_has_no_intention() -> None:
+    known = Intention(
+        edges=("a",), model="Krauss", vehicle_class="passenger", parameters={}, speed_factor=1.0
+    )
+    scene = replace(coming(5.0), intentions=(known,))
+    found = add_obstacles(scene, roads.straight(), np.array([0]), np.random.default_rng(0))
+    assert found is not None and found[0].intentions == (known, None)
 
 
 def test_the_target_of_a_blocked_vehicle_ends_behind_the_standing_one() -> None:
