@@ -47,18 +47,13 @@ _MIN_FOLDED = 12  # characters of a folded column
 
 
 def print_details(run: Run, console: Console, *, every: bool = False) -> None:
-    """Print the table of metrics, the stress test in words, and how often a fallback planned.
+    """Print the table of metrics and the stress test in words.
 
     Args:
         every: all metrics, not the main ones alone.
     """
     print_table(summary_table(run, every=every), console, breaks=(" if", "-like", " test"))
-    lines = stress_lines(run)
-    if counts := run.info.get("fallbacks"):
-        from scex_sumo.results.tables.fallbacks import fallback_lines
-
-        lines += fallback_lines(counts)
-    for line in lines:
+    for line in stress_lines(run):
         print_line(line, console)
 
 

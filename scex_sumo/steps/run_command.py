@@ -86,8 +86,8 @@ def _tell(run: Run, *, details: bool, every: bool) -> None:
         print_details(run, output_console(width=110), every=every)
     for what, path in {"result": run.folder, **run.written}.items():
         if what != "result" or "report" not in run.written:
-            print(f"{what:<7} {path}")
+            print(f"{what + ':':<7} {path}")
     print(
-        f"look    scex-sumo view {shlex.quote(str(run.folder))}{'' if details else '      more: --details'}"
+        f"look:   scex-sumo view {shlex.quote(str(run.folder))}{'' if details else '      more: --details'}"
     )
     print_closing(run, console)

@@ -45,7 +45,7 @@ def verdict(*rows: dict[str, Any], **options: Any) -> Decision:
 def test_a_pair_from_one_in_ten_thousand_on_is_tested() -> None:
     decided = verdict(row(probability=1e-4), row(track_id=5, probability=1e-5))
     assert decided.kind == "test" and decided.pair == (1, 2) and decided.probability == 1e-4
-    assert decided.sentence.startswith("Test 1 → 2: 2 brakes; 1 needs 3.1 m/s²; people collide once in 10")
+    assert decided.sentence.startswith("Test: 1 → 2 (lane): 2 brakes; 1 needs 3.1 m/s²; people collide about")
     assert verdict(row(probability=9e-5)).kind == "nothing"
 
 
@@ -131,8 +131,8 @@ def test_it_is_one_after_a_contact_and_where_more_is_needed_than_one_can() -> No
 
 def test_numbers_have_one_digit_and_never_break() -> None:
     assert one_in(1 / 234_567) == f"200{NARROW}000"
-    assert once_in(1 / 234_567) == f"once in 200{NARROW}000 such moments"
-    assert once_in(0.53) == f"in 53{NARROW}% of such moments"
+    assert once_in(1 / 234_567) == f"about once in 200{NARROW}000 such moments"
+    assert once_in(0.53) == f"in about 53{NARROW}% of such moments"
     assert one_in(0.0) == f"1{NARROW}000{NARROW}000{NARROW}000"
 
 

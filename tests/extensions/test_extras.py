@@ -40,7 +40,7 @@ def test_an_extra_of_another_package_has_an_option_and_a_row_everywhere(tmp_path
     assert "Speed above which a vehicle is fast, m/s." in scex(tmp_path, "run", "--help").stdout
     done = scex(tmp_path, *command(tmp_path, "--fast", 5))
     assert done.returncode == 0, done.stderr
-    (line,) = (line for line in done.stdout.splitlines() if "fast vehicles [%]" in line)
+    (line,) = (line for line in done.stdout.splitlines() if line.startswith("fast vehicles [%]: "))
     info = json.loads((tmp_path / "out" / "run.json").read_text())
     human = json.loads((tmp_path / "out" / "reference" / "run.json").read_text())
     shown = [f"{one['rows'][0]['value']:.3g}" for one in (info, human)]

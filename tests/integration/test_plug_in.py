@@ -71,7 +71,7 @@ def test_a_run_tells_the_vehicle_under_test_apart(folder: Path) -> None:
         "drivers:Straight: 9 of 36 plans replaced by the path-following driver's, in 3 futures; "
         "first (future 1, vehicle 3, 1.5 s): raised RuntimeError: lost the lane (__init__.py, line 15)"
     )
-    assert line in printed
+    assert line in " ".join(printed.split())
     info = json.loads((folder / "out" / "run.json").read_text())
     assert info["under_test"] == {"3": "drivers:Straight"}
     assert info["fallbacks"][0]["replaced"] == 9

@@ -7,6 +7,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 from shapely import LineString, Point
@@ -57,16 +58,10 @@ def check(drawn: Road) -> NetFile:
     return file
 
 
-@LIMITED
-@given(
-    st.lists(
-        st.tuples(st.floats(0.0, np.pi), st.floats(-15, 15), st.floats(-0.6, 0.6), st.floats(2.6, 4.5)),
-        min_size=2,
-        max_size=5,
-    )
-)
-def test_roads_that_cross_anyhow(roads: list[tuple[float, float, float, float]]) -> None:
-    lanes = []
+@pytest.mark.parametrize("number", range(8))
+def test_roads_that_cross_anyhow(number: int) -> None:
+    rng, lanes = np.random.default_rng(number), []
+    roads = rng.uniform([0.0, -15, -0.6, 2.6], [np.pi, 15, 0.6, 4.5], (2 + number % 4, 4)).tolist()
     for k, (angle, offset, bend, width) in enumerate(roads):
         # Roads pass the origin at some distance, at least 20 degrees apart from one another in heading.
         direction = angle / len(roads) * 0.8 + k * np.pi / len(roads)

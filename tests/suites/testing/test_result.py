@@ -155,7 +155,10 @@ def test_the_summary_has_the_number_and_the_bad_cases() -> None:
     assert text.startswith("## acc:Acc on suite: 1 better, 1 equal, 1 worse, 1 failed\n")
     assert "- collisions an hour: 0.12 [" in text
     assert "- d: x: plan.x is not finite" in text
-    assert "- a: worse: collides once in 50 such moments, people once in 10\u202f000 such moments" in text
+    assert (
+        "- a: worse: collides about once in 50 such moments, people about once in 10\u202f000 such moments"
+        in text
+    )
 
 
 def test_against_says_what_changed_and_the_paired_difference() -> None:
