@@ -56,6 +56,16 @@ def test_futures_of_a_map_and_of_its_image_are_each_other_s_image(
     assert 'lefthand="true"' in runs[1].net.path.read_text()
 
 
+def test_people_decide_alike_on_both_sides(scene: SeedScene, tmp_path: Path) -> None:
+    ours, theirs = (
+        scex_sumo.extrapolate(one, models="standard_driver", futures=2, report=False, out=tmp_path / name)
+        for one, name in ((scene, "right"), (mirrored_scene(scene), "left"))
+    )
+    for name in ("track_id", "other_id", "probability", "what", "how"):
+        assert ours.table("pairs.parquet")[name].equals(theirs.table("pairs.parquet")[name]), name
+    assert ours.decision == theirs.decision
+
+
 def test_a_driver_of_the_user_s_sees_the_map_as_it_is(
     scene: SeedScene, tmp_path: Path, registered_models: dict[str, object]
 ) -> None:
