@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-
-if TYPE_CHECKING:
-    from scex_sumo.results.run import Run
 
 PAIRS_FILE: Final = "pairs.parquet"
 
@@ -46,10 +43,11 @@ PAIRS: Final = pa.schema(
 """Columns of ``pairs.parquet``."""
 
 
-def told_pairs(run: Run, *, doubtful: bool = False) -> list[dict[str, Any]]:
+def told_pairs(run: Any, *, doubtful: bool = False) -> list[dict[str, Any]]:
     """Return the rows of a finished run with a P that is told, the most probable first; [] without any.
 
     Args:
+        run: a `Run`.
         doubtful: those whose data are doubtful, not the others.
     """
     if not (run.folder / PAIRS_FILE).is_file():
