@@ -100,10 +100,8 @@ def find_conflicts(
     Returns:
         Rows of pairs that are within `NEAR_M` at the moment, or whose ways touch.
     """
-    futures, steps, vehicles = states.shape
-    rows = states.map(lambda values: values.swapaxes(1, 2).reshape(-1, steps))
-    planned = None if planned is None else planned.reshape(2, futures * vehicles, -1)
-    ways = Ways.of(rows, np.tile(length, futures), np.tile(width, futures), planned)
+    futures, _, vehicles = states.shape
+    ways = ways_of(states, np.tile(length, futures), np.tile(width, futures), planned)
     one, two = np.triu_indices(vehicles, 1)
     if people is not None:
         both = people[one] & people[two]
@@ -120,6 +118,12 @@ def find_conflicts(
     near = np.flatnonzero(np.isin(np.arange(len(one)), touching) | (apart < NEAR_M))
     place = np.searchsorted(near, touching) * futures + own.own // vehicles
     return _filled(ways, (own, other), place, (one[near], two[near]), futures, now)
+
+
+def ways_of(states: States, length: FloatArray, width: FloatArray, planned: FloatArray | None) -> Ways:
+    """Return the ways of all vehicles (C * V rows) of futures, by states (C, T, V) and sizes (C * V,)."""
+    rows = states.map(lambda values: values.swapaxes(1, 2).reshape(len(length), -1))
+    return Ways.of(rows, length, width, None if planned is None else planned.reshape(2, len(length), -1))
 
 
 def _filled(
@@ -166,24 +170,30 @@ def needed_by_pairs(
 
     That of the moment itself counts if it has been needed for `BEFORE`.
     """
-    speed = ways.states.speed
-    acceleration = np.zeros_like(speed)
-    acceleration[:, _MEAN_STEPS:] = (speed[:, _MEAN_STEPS:] - speed[:, :-_MEAN_STEPS]) / (
-        _MEAN_STEPS * STEP_S
-    )
-    steps = np.arange(now - BEFORE * EVERY, speed.shape[1], EVERY)
-    each = [needed_braking(ways, side, acceleration, steps) for side in (own, other)]
-    least = least_braking(*each)
-    facing = (own.least_angle(ways) >= FACES_RAD)[:, None]
-    least = np.where(facing & (least > 0), both_braking(ways, own, steps), least)
+    steps = np.arange(now - BEFORE * EVERY, ways.states.shape[1], EVERY)
+    least, of_first = braking_at(ways, own, other, steps)
     since = least[:, : BEFORE + 1].min(axis=1)
     window = min(LASTS + 1, least.shape[1] - BEFORE)
     lasting = sliding_window_view(least[:, BEFORE:], window, axis=1).min(axis=-1)
     rows, begins = np.arange(len(least)), np.argmax(lasting, axis=1)
     most = lasting[rows, begins]
     begins = np.where(since > most, 0, begins)
-    first = each[0][rows, begins + BEFORE] == least[rows, begins + BEFORE]
+    first = of_first[rows, begins + BEFORE] == least[rows, begins + BEFORE]
     return np.maximum(most, since), EVERY * begins, np.asarray(first)
+
+
+def braking_at(ways: Ways, own: Shared, other: Shared, steps: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return (n, k) needed braking of pairs at steps (k,), and that of the first vehicle alone, m/s²."""
+    speed = ways.states.speed
+    acceleration = np.zeros_like(speed)
+    acceleration[:, _MEAN_STEPS:] = (speed[:, _MEAN_STEPS:] - speed[:, :-_MEAN_STEPS]) / (
+        _MEAN_STEPS * STEP_S
+    )
+    each = [needed_braking(ways, side, acceleration, steps) for side in (own, other)]
+    least = least_braking(*each)
+    facing = np.minimum(own.least_angle(ways), other.least_angle(ways)) >= FACES_RAD
+    both = np.maximum(both_braking(ways, own, steps), both_braking(ways, other, steps))
+    return np.where(facing[:, None] & (least > 0), both, least), each[0]
 
 
 def least_braking(one: FloatArray, two: FloatArray) -> FloatArray:

@@ -17,7 +17,6 @@ HORIZON_S: Final = 8.0
 NODES: Final = 64
 """Poses of a way, equally far from each other."""
 
-_APART_M = 1e7  # between the arc lengths of two rows, so that one call interpolates all
 _MOVED_M = 0.01  # a shorter step has no direction
 
 
@@ -55,10 +54,13 @@ class Ways:
         reach = np.maximum((arc + HORIZON_S * states.speed).max(axis=1), 1.0)
         line[:, -1] = np.maximum(line[:, -1], line[:, -2] + 1e-3)  # the straight end
         spacing = reach / (NODES - 1)
-        rows = _APART_M * np.arange(len(x))[:, None]
-        at = spacing[:, None] * np.arange(NODES) + rows
-        # equal arc lengths of standing vehicles: np.interp takes the last one
-        values = [np.interp(at, (line + rows).ravel(), v.ravel()) for v in (x, y, heading)]
+        at = spacing[:, None] * np.arange(NODES)
+        # A row at a time: its values are the same in any batch. Standing vehicles have equal arc lengths, of
+        # which np.interp takes the last one.
+        values = [
+            np.array([np.interp(*row) for row in zip(at, line, v, strict=True)]).reshape(at.shape)
+            for v in (x, y, heading)
+        ]
         nodes = States(x=values[0], y=values[1], heading=values[2], speed=np.zeros_like(at))
         return cls(states=states, length=length, width=width, arc=arc, spacing=spacing, nodes=nodes)
 

@@ -27,7 +27,7 @@ def metrics_command(
         Option(
             "--metrics",
             "--preset",
-            metavar="paper|path|both|NAME,...",
+            metavar="paper|path|both|conflicts|NAME,...",
             help="Metrics; default: the paper's six, or those of the run in OUT.",
             autocompletion=complete_metrics,
         ),

@@ -153,7 +153,7 @@ class RunSettings:
     metrics: str | Sequence[str | Metric] = option(
         "The paper's, those along paths, both (default; main ones are shown), or single ones.",
         BOTH,
-        metavar="paper|path|both|NAME,...",
+        metavar="paper|path|both|conflicts|NAME,...",
         names=("--metrics", "--preset"),
         panel=MEASURES,
         takes=str,

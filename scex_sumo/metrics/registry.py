@@ -17,6 +17,7 @@ from typing import Any, Final, Literal
 from scex_sumo.base.errors import UsageError, nearest
 from scex_sumo.base.importing import Registry, import_object
 from scex_sumo.metrics.events import EVENTS
+from scex_sumo.metrics.formulas.conflicts import needed_braking, time_margin
 from scex_sumo.metrics.formulas.crossing import gap_time, pet
 from scex_sumo.metrics.formulas.distance import distance, gap, least_distance, least_gap
 from scex_sumo.metrics.formulas.following import drac, least_pttc, least_ttc, pttc, thw, ttc
@@ -187,13 +188,36 @@ _ON_PATHS = (
         name="pet", unit="s", critical="min", evaluate=pet, quick=pet, threshold=_LIMITS["pet"], label="PET"
     ),
 )
-METRICS: Final[Mapping[str, Metric]] = {each.name: each for each in (*_BY_HEADING, *_ON_PATHS)}
-"""Built-in metrics: the paper's six, then those of preset ``path``."""
+_OF_CONFLICTS = (
+    Metric(
+        name="needed_braking",
+        unit="m/s²",
+        critical="max",
+        evaluate=needed_braking,
+        pairwise=True,
+        threshold=_LIMITS["drac"],
+        label="needed braking",
+    ),
+    Metric(
+        name="time_margin",
+        unit="s",
+        critical="min",
+        evaluate=time_margin,
+        pairwise=True,
+        threshold=_LIMITS["pet"],
+        label="time margin",
+    ),
+)
+METRICS: Final[Mapping[str, Metric]] = {
+    each.name: each for each in (*_BY_HEADING, *_ON_PATHS, *_OF_CONFLICTS)
+}
+"""Built-in metrics: the paper's six, those of preset ``path``, those of any two that meet."""
 
 PAPER_METRICS: Final[tuple[str, ...]] = tuple(each.name for each in _BY_HEADING)
 SETS: Final[Mapping[str, tuple[Metric, ...]]] = {
     "paper": _BY_HEADING,
     "path": tuple(replace(each, preset="path", quick=each.quick or each.evaluate) for each in _ON_PATHS),
+    "conflicts": _OF_CONFLICTS,
 }
 """Metrics that a word stands for; those of ``path`` are always evaluated along paths."""
 
@@ -210,7 +234,7 @@ COLLISION: Final = "collision"
 """Column that is no metric: 1 if two vehicles of a future collide, else 0."""
 
 BOTH: Final = "both"
-"""Word for all of `SETS`."""
+"""Word for the paper's metrics and those along paths."""
 
 # sets, and other columns of tables
 _TAKEN: Final = (*SETS, BOTH, "future", "case_id", COLLISION, "all")
@@ -238,7 +262,7 @@ def metrics_named(names: Iterable[str | Metric] | None) -> tuple[Metric, ...]:
 def metrics_asked(given: str | Iterable[str | Metric]) -> tuple[Metric, ...]:
     """Return the metrics of a list of names and sets, also as the text of an option."""
     names = [name.strip() for name in given.split(",")] if isinstance(given, str) else given
-    return metrics_named(one for name in names for one in (SETS if name == BOTH else (name,)))
+    return metrics_named(one for name in names for one in (("paper", "path") if name == BOTH else (name,)))
 
 
 def rule_of(metrics: Iterable[Metric]) -> str:
