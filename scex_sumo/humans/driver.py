@@ -72,8 +72,8 @@ class LikelyProfile:
     Attributes:
         spread: factor on the variation between drivers; 1 as recorded, 0 the expected driver.
         inattention: factor on the time that drivers look away; 1 as observed, 0 never.
-        path: as in `IdmProfile`, or ``fitted``: drawn per future and vehicle, by how well each path fits the
-            vehicle's motion.
+        path: index, ``straight`` or ``random``; or ``fitted``: drawn per future and vehicle, by how well each
+            path fits the vehicle's motion.
     """
 
     spread: float = 1.0
