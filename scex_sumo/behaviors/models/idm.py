@@ -116,19 +116,6 @@ class IdmParameters:
     comfort_deceleration: FloatArray | float
     max_deceleration: FloatArray | float
 
-    @classmethod
-    def of(
-        cls, profile: IdmProfile, *, time_headway: FloatArray, comfort_deceleration: FloatArray
-    ) -> IdmParameters:
-        """Return a profile's parameters with (n,) headways, s, and decelerations, m/s²."""
-        return cls(
-            time_headway=time_headway,
-            minimum_gap=profile.minimum_gap,
-            max_acceleration=profile.max_acceleration,
-            comfort_deceleration=comfort_deceleration,
-            max_deceleration=profile.max_deceleration,
-        )
-
 
 def idm_acceleration(
     profile: IdmProfile | IdmParameters,
