@@ -12,7 +12,6 @@ from scipy.optimize import minimize
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.behaviors.driving.projection import foot_points
-from scex_sumo.behaviors.models.idm import HABIT_STEPS
 from scex_sumo.humans.lines.driven_line import driven_paths
 from scex_sumo.humans.lines.lanes import change_features
 from scex_sumo.humans.observed.observations import (
@@ -21,10 +20,9 @@ from scex_sumo.humans.observed.observations import (
     path_features,
     place_features,
     start_features,
-    stop_features,
 )
 from scex_sumo.humans.observed.seed_state import estimated_scene
-from scex_sumo.humans.population import DEGREES, lateral_offsets, spread_factor
+from scex_sumo.humans.population import DEGREES, lateral_offsets
 from scex_sumo.scene import STEP_S, SeedScene
 
 FAR_ASIDE_M = 0.3  # who is this far from where one expects it counts half
@@ -35,12 +33,11 @@ STRAIGHT_BEND = 0.02  # 1/m
 WEAK = 1e-4  # a prior for weights of 0
 QUARTILE = 0.741  # of the Student distribution of four degrees
 NINE_IN_TEN = 2.132  # of its draws are within plus and minus this
-AT_REST_MPS = 0.3
 STARTED_M = 0.7  # a standing vehicle that came this far has started; less is the boxes' jitter
 
 
 def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """``keep_weights`` (5,) and scale, noise and growth (6,) of who stays near its path.
+    """``keep_weights`` (5,), and scale and growth (4,) of who stays near its path.
 
     Least squares, with less weight for who is far from it; then the Student distribution of greatest
     likelihood of what is left, as wide as its 5-95 % must be for nine in ten.
@@ -49,7 +46,7 @@ def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatA
     near = (samples.side < left) & (samples.side > -right) & ~changed(samples).any(axis=1)
     across, share = samples.lateral[near], weight[near] / weight[near].mean()
     shown = place_features(across, samples.bends[near], samples.room[near])
-    features = keep_features(samples.side_features[near], samples.bends[near], samples.room[near], HUMAN)
+    features = keep_features(samples.speed[near], samples.bends[near], samples.room[near], HUMAN)
     none, one = np.zeros(len(across)), np.ones(len(across))
     end = np.array([HUMAN.lateral_s])
     by_then = lateral_offsets(0 * across, one, end, HUMAN)[:, 0]
@@ -62,13 +59,13 @@ def offsets_of(samples: Samples, weight: FloatArray) -> tuple[FloatArray, FloatA
     rest = after - shown @ keeps
 
     def cost(grows: FloatArray) -> float:
-        scale = np.exp(grows[0]) * spread_factor(features, grows[1:2], grows[2:])[:, 0]
+        scale = np.exp(grows[0] + features @ grows[1:])
         far = np.log1p((rest / scale) ** 2 / DEGREES)
         return float((share * (np.log(scale) + (DEGREES + 1) / 2 * far)).mean())
 
-    limits = [(-4.0, 1.0), (0.0, 20.0), *[(-3.0, 3.0)] * 4]
-    grows = minimize(cost, np.array([-1.2, 1.0, 0.0, 0.0, 0.0, 0.0]), method="L-BFGS-B", bounds=limits).x
-    scale = np.exp(grows[0]) * spread_factor(features, grows[1:2], grows[2:])[:, 0]
+    limits = [(-4.0, 1.0), *[(-3.0, 3.0)] * 3]
+    grows = minimize(cost, np.array([-1.2, 0.0, 0.0, 0.0]), method="L-BFGS-B", bounds=limits).x
+    scale = np.exp(grows[0] + features @ grows[1:])
     far = np.abs(rest) / scale
     order = np.argsort(far)
     ninth = np.searchsorted(np.cumsum(share[order]), 0.9 * share.sum())
@@ -135,31 +132,6 @@ def starts_of(samples: Samples, weight: FloatArray) -> FloatArray:
 
     w = minimize(cost, np.array([-3.0, *np.zeros(x.shape[1] - 1)]), method="BFGS").x
     print(f"standing: {len(x)} vehicles, {went.sum()} start, log rates {w.round(2)}")
-    return np.asarray(w)
-
-
-def comes_to_rest(samples: Samples) -> BoolArray:
-    """(n,) which creeping vehicles stand after 3 s."""
-    creeps = (samples.speed >= HUMAN.standing_mps) & (samples.speed < HUMAN.creeping_mps)
-    last = (samples.way[:, -1] - samples.way[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
-    return creeps & (last < AT_REST_MPS)
-
-
-def stops_of(samples: Samples, weight: FloatArray) -> FloatArray:
-    """Weights of `stop_features` for the log odds of coming to rest: logistic regression."""
-    creeps = (samples.speed >= HUMAN.standing_mps) & (samples.speed < HUMAN.creeping_mps)
-    x = stop_features(
-        samples.speed, samples.acceleration, samples.gap[:, 0], samples.leader_speed[:, 0], HUMAN
-    )[creeps]
-    rests, each = comes_to_rest(samples)[creeps], weight[creeps] / weight[creeps].mean()
-    penalty = np.array([0.0, *np.ones(x.shape[1] - 1)]) / 10
-
-    def cost(w: FloatArray) -> float:
-        odds = x @ w
-        return float((each * (np.logaddexp(0.0, odds) - rests * odds)).sum() + penalty @ w**2)
-
-    w = minimize(cost, np.zeros(x.shape[1]), method="BFGS").x
-    print(f"creeping: {len(x)} vehicles, {rests.sum()} stop, weights {w.round(2)}")
     return np.asarray(w)
 
 

@@ -22,7 +22,6 @@ from scex_sumo.humans.observed.observations import (
     leaders_of,
     observations_of,
     queue_leaders,
-    side_features,
 )
 from scex_sumo.humans.observed.seed_state import estimated_scene
 from scex_sumo.humans.parameters import HumanParameters, human_parameters
@@ -33,28 +32,10 @@ STEPS = 30
 OFF_ROAD_M = 5.0  # who is further from all its paths took none of them, nor a lane beside
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Manner:
-    """How n drivers come up to their leaders.
-
-    Attributes:
-        headway: (n,) s.
-        braking: (n,) m/s².
-    """
-
-    headway: FloatArray
-    braking: FloatArray
-
-    @classmethod
-    def of(cls, shown: FloatArray, known: HumanParameters, draw: FloatArray) -> Manner:
-        """As `LikelyDriver` draws them, by the headways shown (n,) and normal numbers (n, 2)."""
-        headway = np.exp(known.headway_log[0] + known.headway_log[1] * draw[:, 0])
-        most = np.maximum(known.headway_kept * shown, known.headway_range_s[0])
-        braking = np.exp(known.braking_log[0] + known.braking_log[1] * draw[:, 1])
-        return cls(
-            headway=np.clip(np.minimum(headway, most), *known.headway_range_s),
-            braking=np.clip(braking, *known.braking_range_mps2),
-        )
+def headways(shown: FloatArray, known: HumanParameters, draw: FloatArray) -> FloatArray:
+    """(n,) s, as `LikelyDriver` draws them, by the headways shown (n,) and normal numbers (n,)."""
+    headway = np.exp(known.headway_log[0] + known.headway_log[1] * draw)
+    return np.asarray(np.minimum(np.minimum(headway, known.most_headway_s), shown))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,19 +45,18 @@ class Samples:
     Attributes:
         speed: (n,) in the seed scene, m/s.
         acceleration: (n,) there, m/s².
-        trust: (n,) see `LastSecond`.
+        trust: (n,) see `LastSecond`; so ``sudden``.
         gap: (n, 31) to the leader if the vehicle stood where it is, now and after each step, m.
         leader_speed: (n, 31) m/s.
-        headway: (n,) shown, s, as in `PathObservations`.
-        lateral: (n, 3) likewise.
-        bends: (n, 2) likewise.
-        room: (n, 2, 2) likewise.
-        mean_features: (n, 11) shown, as in `PathObservations`.
-        spread_features: (n, 3) likewise.
+        headway: (n,) shown, s, as in `PathObservations`; so the next four.
+        lateral: (n, 3).
+        bends: (n, 2).
+        room: (n, 2, 2).
+        mean_features: (n, F).
+        spread_features: (n, 3).
         limit: (n, AHEAD) m/s.
         curves: (n, AHEAD) speed that the curves ahead allow, m/s.
         way: (n, 30) that the vehicle really made, m.
-        side_features: (n, 3) see there.
         wave: (n,) see `behind_a_wave`.
         beside: (n, 2) see `lanes_beside`.
         occupied: (n, 2) see `lanes_occupied`.
@@ -87,6 +67,7 @@ class Samples:
     speed: FloatArray
     acceleration: FloatArray
     trust: FloatArray
+    sudden: FloatArray
     gap: FloatArray
     leader_speed: FloatArray
     headway: FloatArray
@@ -98,7 +79,6 @@ class Samples:
     limit: FloatArray
     curves: FloatArray
     way: FloatArray
-    side_features: FloatArray
     wave: BoolArray
     beside: FloatArray
     occupied: BoolArray
@@ -135,8 +115,7 @@ def samples_of(scene: SeedScene) -> Samples | None:
     s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
     view = View(history=history, who=who, paths=paths, row=row, s=s, human=HUMAN)
     leaders = leaders_of(view, seen.lateral[row, 0])
-    away = leaders.gap + seen.slack[row]
-    gap, leader_speed = _leader_ways(scene, paths, row, s, leaders.index, away, leaders.speed)
+    gap, leader_speed = _leader_ways(scene, paths, row, s, leaders.index, leaders.gap, leaders.speed)
     ways = [
         foot_points(paths, row, future.x[:, k], future.y[:, k], s + now.speed * (k + 1) * STEP_S)[0] - s
         for k in range(STEPS)
@@ -153,6 +132,7 @@ def samples_of(scene: SeedScene) -> Samples | None:
         speed=shown.speed[vehicle],
         acceleration=shown.acceleration[vehicle],
         trust=shown.trust[vehicle],
+        sudden=shown.sudden[vehicle],
         gap=gap,
         leader_speed=leader_speed,
         headway=seen.headway[row],
@@ -164,7 +144,6 @@ def samples_of(scene: SeedScene) -> Samples | None:
         limit=paths.speed_limit[row[:, None], at],
         curves=curves,
         way=np.stack(ways, axis=1),
-        side_features=side_features(scene, HUMAN)[vehicle],
         wave=behind_a_wave(
             scene.now.speed[None], leaders, who.future, queue_leaders(scene, paths, HUMAN), HUMAN
         ),

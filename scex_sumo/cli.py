@@ -19,7 +19,7 @@ from scex_sumo.base.errors import ScexError, ScexWarning, UsageError, last_words
 from scex_sumo.base.options import present_names
 from scex_sumo.commands import console
 from scex_sumo.commands.console import print_safely, tell
-from scex_sumo.commands.shared import COMMANDS, Command, with_shared
+from scex_sumo.commands.shared import COMMANDS, Command, CommandGroup, with_shared
 
 
 def _version(wanted: bool) -> None:
@@ -43,13 +43,14 @@ def command_line(arguments: Sequence[str] = ()) -> typer.Typer:
     """
     app = typer.Typer(
         name="scex-sumo",
+        cls=CommandGroup,
         help="Hundreds of futures of one moment of traffic, and how critical it can become.",
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_root)
-    names = sorted(COMMANDS.paths, key=lambda name: name != "run")
+    names = COMMANDS.paths
     if arguments and arguments[0] in names:
         _add(app, arguments[0])
         return app
@@ -64,7 +65,7 @@ def command_line(arguments: Sequence[str] = ()) -> typer.Typer:
 def _add(app: typer.Typer, name: str) -> None:
     command = COMMANDS.load(name)
     example = f"{name} {getattr(sys.modules[command.__module__], 'EXAMPLE', '')}".rstrip()
-    app.command(name, cls=Command, epilog=f"Example: scex-sumo {example}")(with_shared(command))
+    app.command(name, cls=Command, epilog=f"scex-sumo {example}")(with_shared(command))
 
 
 INTERRUPTED = 130

@@ -82,7 +82,8 @@ def split_options(given: Mapping[str, Any], kinds: Sequence[type]) -> list[dict[
 
 def present_names(arguments: Iterable[str]) -> list[str]:
     """Return arguments with options under their present names, for scripts that use former ones."""
-    former = {"--children": "--futures", "--child": "--future"}
+    former = {"--children": "--futures", "--child": "--future", "--plots": "--report"}
+    former["--no-plots"] = "--no-report"
     named = [(one, *one.partition("=")) for one in arguments]
     return [former[name] + equals + value if name in former else one for one, name, equals, value in named]
 

@@ -18,14 +18,16 @@ def with_options(
     """Decorate a command: in place of ``**given`` it takes the options of dataclasses.
 
     Args:
-        kinds: returns the dataclasses, in the order of the help.
+        kinds: returns the dataclasses, in the order of the help; keyword-only options of the command follow.
     """
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
         signature = inspect.signature(command, eval_str=True)
         own = [p for p in signature.parameters.values() if p.kind is not inspect.Parameter.VAR_KEYWORD]
         more = [parameter for kind in kinds() for parameter in parameters_of(kind)]
-        command.__signature__ = signature.replace(parameters=[*own, *more])  # type: ignore[attr-defined]
+        last = [p for p in own if p.kind is inspect.Parameter.KEYWORD_ONLY]
+        first = [p for p in own if p not in last]
+        command.__signature__ = signature.replace(parameters=[*first, *more, *last])  # type: ignore[attr-defined]
         return command
 
     return decorate

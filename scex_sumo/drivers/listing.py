@@ -2,29 +2,69 @@
 
 from __future__ import annotations
 
+import inspect
+import re
 from dataclasses import dataclass
+from typing import Final
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.objects import parameter_texts
-from scex_sumo.behaviors.spec import ModelEntry
+from scex_sumo.behaviors.spec import GUARD, ModelEntry
 from scex_sumo.drivers.registry import entry_of, known_names
+from scex_sumo.plug_in.inputs import Surroundings
+
+_SHARED: Final = {
+    "path": "index from left to right (-1: the rightmost), straight or random",
+    "file": "file of the function",
+    GUARD: "brake for everybody within the path's corridor and at crossings",
+}
+"""Meanings of parameters that several models have."""
+
+_DOCUMENTED: Final = re.compile(r"^    (\w+): (.*(?:\n {5,}\S.*)*)", re.MULTILINE)  # of Args and Attributes
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModelInfo:
-    """A model as ``scex-sumo models`` prints it; parameters are ``name=default``."""
+    """A model as ``scex-sumo models`` prints it.
+
+    Attributes:
+        parameters: ``name=default``, those that people set first.
+        meanings: what a parameter means, where its class documents it.
+    """
 
     name: str
     parameters: tuple[str, ...]
     summary: str
+    meanings: dict[str, str]
 
 
 def known_models() -> list[ModelInfo]:
     """Return all models."""
-    return [
-        ModelInfo(name=name, parameters=parameter_texts(entry.defaults), summary=entry.summary)
-        for name, entry in known_entries().items()
-    ]
+    return [_info(name, entry) for name, entry in known_entries().items()]
+
+
+def model_info(name: str) -> ModelInfo:
+    """Return one model; a `UsageError` for an unknown name."""
+    return _info(name, entry_of(name))
+
+
+def _info(name: str, entry: ModelEntry) -> ModelInfo:
+    return ModelInfo(
+        name=name,
+        parameters=parameter_texts(entry.defaults),
+        summary=entry.summary,
+        meanings=_meanings(entry),
+    )
+
+
+def _meanings(entry: ModelEntry) -> dict[str, str]:
+    """Return what parameters mean, from the docstrings of the profile, else of what makes the model."""
+    makers = (entry.make,) if entry.profile is None else type(entry.profile).__mro__
+    meanings = dict(_SHARED)
+    for documented in (Surroundings, *reversed(makers)):
+        for name, text in _DOCUMENTED.findall(inspect.getdoc(documented) or ""):
+            meanings[name] = " ".join(text.replace("``", "").replace("`", "").split()).removesuffix(".")
+    return meanings
 
 
 def known_entries() -> dict[str, ModelEntry]:

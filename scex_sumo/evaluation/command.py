@@ -14,7 +14,7 @@ from scex_sumo.commands.console import warn
 from scex_sumo.commands.options import complete_metrics
 from scex_sumo.commands.tables import TABLE_SUFFIXES, write_csv, write_table
 
-EXAMPLE = "vehicle_tracks_000.csv --level scene -o scenes.parquet"
+EXAMPLE = "scex_sumo/scenarios/data/roundabout.csv --level scene"
 
 
 def metrics_command(

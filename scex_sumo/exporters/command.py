@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from scex_sumo.results.run import Run
 
 
-EXAMPLE = "out/k733 --encounter 17,23 --to openscenario -o critical"
+EXAMPLE = "out/roundabout --future 0 --to sumo -o out/simulation"
 
 WITHOUT_RECORDED = ("interaction", "interpret", "fcd", "sumo", "ssm", "collisions", "mp4", "gif", "video")
 """Formats of futures that a run has simulated alone."""

@@ -26,7 +26,7 @@ MEANING = (
     "Weights of cases with a property add up to its estimated share among scenes without --critical. "
     "critical_encounters: of a future, on average."
 )
-EXAMPLE = "k733.osm --vehicles 12 --count 20 -o out/k733_scenes"
+EXAMPLE = "scex_sumo/scenarios/data/roundabout.osm --count 2 -o out/scenes"
 
 
 def generate_command(
@@ -56,7 +56,7 @@ def generate_command(
         Path | None, Option("-o", "--out", metavar="DIR", help="Folder for map and cases.")
     ] = None,
 ) -> None:
-    """Generate seed scenes on a map as recorded ones look: cases that every command takes."""
+    """Generate moments of traffic on a map, as recorded ones look."""
     from scex_sumo.converters.datasets.writer import write_tracks
     from scex_sumo.converters.lanelet.origin import META_DATA, parse_origin, recorded_origin
     from scex_sumo.converters.maps import LANELET2, read_map

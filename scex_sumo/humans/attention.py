@@ -7,7 +7,6 @@ keeps clear of boxes beside it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -20,45 +19,31 @@ from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, SLOPE_SPEED, rear_axle
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.humans.guard.conflicts import StopLines
-from scex_sumo.humans.guard.corridors import SAMPLE_S, expected
-from scex_sumo.humans.guard.guarded import NOBODY, Towed, arriving_later, line_motion, needed_braking, retimed
+from scex_sumo.humans.guard.guarded import arriving_later, line_motion, needed_braking, retimed
 from scex_sumo.humans.guard.side_clearance import offsets_beside
 from scex_sumo.humans.observed.observations import View
 from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, States
+from scex_sumo.scene import STEP_S, Plan
 
-LOOKS = (0, 3, 6)  # of the samples of expected motion, for vehicles beside
-GLANCE, MANNER = 100_000, 90_000  # salts of draws, beyond those of all steps; glances may begin before 0 s
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Attention:
-    """Attention of n drivers during a plan."""
-
-    aware: BoolArray  # (n, H) whether the driver acts on the others in a step
-    onset: FloatArray  # (n,) needed braking from which it responds, m/s²
+GLANCE = 100_000  # salt of draws, beyond those of all steps; glances may begin before 0 s
 
 
-def attention_of(view: View, leaders: Leaders, factor: float, spread: float) -> Attention:
-    """Draw the attention of drivers; it follows from `SceneHistory.route_draw` and the time alone.
+def awareness(view: View, leaders: Leaders, factor: float) -> BoolArray:
+    """Return (n, H) whether drivers act on the others in a step, by what they saw one reaction time ago.
 
-    A driver that was closing in on its leader a second ago does not look away.
+    It follows from `SceneHistory.route_draw` and the time alone. A driver that was closing in on its leader a
+    second ago does not look away.
 
     Args:
         factor: on the share of time of glances.
-        spread: on the variation between drivers.
     """
     history, human = view.history, view.human
     draw = history.route_draw[view.who.future, view.who.vehicle]
-    manner = ndtri(uniforms(draw, 2, MANNER))
-    reaction = human.reaction_s * np.exp(human.reaction_spread * spread * manner[:, 0])
-    seen = STEP_S * np.arange(history.step, history.step + PLAN_STEPS) - reaction[:, None]
+    seen = STEP_S * np.arange(history.step, history.step + PLAN_STEPS) - human.reaction_s
     watching = _braking_asked(view, leaders) > human.watching_mps2
-    return Attention(
-        aware=~looks_away(draw, seen, human, factor) | watching[:, None],
-        onset=human.onset_mps2 * np.exp(human.onset_spread * spread * manner[:, 1]),
-    )
+    away = looks_away(draw, np.broadcast_to(seen, (len(draw), PLAN_STEPS)), human, factor)
+    return ~away | watching[:, None]
 
 
 def _braking_asked(view: View, leaders: Leaders) -> FloatArray:
@@ -99,45 +84,44 @@ def looks_away(
     return away
 
 
-def yielding(plan: Plan, view: View, road: Road, attention: Attention, towed: Towed = NOBODY) -> Plan:
-    """Return plans (n, H) slowed down for conflicts while their drivers are aware of them."""
-    bounds = partial(_bounds, attention=attention, human=view.human)
-    return retimed(plan, view.history, road, view.who, view.human.conflict, bounds, towed)
+def yielding(plan: Plan, view: View, road: Road, aware: BoolArray) -> Plan:
+    """Return plans (n, H) slowed down for conflicts while their drivers are aware of them (n, H)."""
+    bounds = partial(responses, aware=aware, human=view.human)
+    return retimed(plan, view.history, road, view.who, view.human.conflict, bounds)
 
 
-def _bounds(
+def responses(
     lines: StopLines,
     first: IntArray,
     step: int,
     s: FloatArray,
     v: FloatArray,
     *,
-    attention: Attention,
+    aware: BoolArray,
     human: HumanParameters,
 ) -> FloatArray:
-    """Return the highest speed after a step of each vehicle with a stop line, m/s; see `Bounds`."""
+    """Return the highest speed after a step of each vehicle with a stop line, m/s; see `Bounds`.
+
+    A driver brakes as hard as needed once that is noticeable: from ``onset_mps2`` on, later if both miss each
+    other with constant velocity, or if it looks away. When and how hard drivers respond is decided here.
+    """
     t = step * STEP_S
     needed = needed_braking(lines, t, s + human.stop_gap_m, v, human.entry_gap_m)
     # It is enough to arrive after one that crosses has left.
     k = np.flatnonzero((lines.speed == 0) & np.isfinite(lines.until))
     left, way = np.maximum(lines.until[k] - t, STEP_S), lines.position[k] - s[k] - human.stop_gap_m
     needed[k] = np.minimum(needed[k], arriving_later(way, left, v[k]))
+    onset = np.where(lines.safe, human.safe_onset, 1.0) * human.onset_mps2
+    onset = np.where(aware[lines.row, step], onset, np.maximum(onset, human.looming_mps2))
     most = np.where(lines.firm, human.conflict_braking_mps2, human.conflict.yield_deceleration)
-    most = np.where(lines.safe & (lines.position < s), human.gentle_mps2, most)
-    merges = (lines.enter > t) & (lines.speed > 0) & (v - lines.speed < human.merging_mps)
-    most = np.where(merges, np.minimum(most, human.merging_mps2), most)
-    onset = np.where(lines.safe, human.safe_onset, 1.0) * attention.onset[lines.row]
-    aware = attention.aware[lines.row, step]
-    onset = np.where(aware, onset, np.maximum(onset, human.looming_mps2))
+    # One that enters further behind looks out itself.
+    behind = (lines.enter > t) & (lines.position + lines.speed * lines.enter < s - human.fall_back_m)
+    acts = (needed > onset) & (lines.until > t) & ~behind
+    allowed = np.where(acts, v - np.minimum(needed, most) * STEP_S, np.inf)
+    # Nearer than the stop gap a driver creeps, also behind one that closes in or crosses soon.
     position, leader = line_motion(lines, t)
-    time_s = np.where(aware, *human.looming_s[::-1])
-    looms = (position - s < time_s * (v - leader)) & (lines.enter <= t) & ~lines.safe
-    onset = np.where(looms, 0.0, onset)
-    braking = np.minimum(np.where(looms, human.looming_response, human.response) * needed, most)
-    acts = (needed > onset) & (lines.until > t)
-    allowed = np.where(acts, v - braking * STEP_S, np.inf)
-    gap = position - s
-    close = (gap >= 0) & (lines.enter <= t + np.where(lines.speed == 0, human.crossing_s, 0.0))
+    gap, soon = position - s, np.where(lines.speed == 0, human.crossing_s, 0.0)
+    close = (gap >= 0) & (lines.enter <= t + soon)
     close |= ~lines.safe & (gap > -human.fall_back_m) & (lines.enter <= t)
     close &= (gap < human.stop_gap_m) & (lines.until > t)
     creeps = np.maximum(leader + gap / human.creep_s, v - human.conflict_braking_mps2 * STEP_S)
@@ -146,23 +130,13 @@ def _bounds(
     return lowest
 
 
-def kept_clear(aside: FloatArray, view: View, road: Road) -> FloatArray:
+def kept_clear(aside: FloatArray, view: View) -> FloatArray:
     """Return wanted offsets (n, H + 1) of rear axles that keep the bodies within the room to boxes beside.
 
     The front of a long vehicle reaches further to the side than its rear axle, which follows it.
     """
     history, who, paths, row, s = view.history, view.who, view.paths, view.row, view.s
-    around = expected(history, road)
-    states = [
-        States(
-            x=around.x[..., k],
-            y=around.y[..., k],
-            heading=around.heading[..., k],
-            speed=around.others.states.speed,
-        )
-        for k in LOOKS
-    ]
-    time, later = STEP_S * np.arange(aside.shape[1]), (SAMPLE_S * np.array(LOOKS), states)
+    time = STEP_S * np.arange(aside.shape[1])
     way = np.maximum(history.now[who.future, who.vehicle].speed, 0.0)[:, None] * time
     least, most = offsets_beside(
         history,
@@ -173,7 +147,6 @@ def kept_clear(aside: FloatArray, view: View, road: Road) -> FloatArray:
         way,
         margin=view.human.beside_gap_m,
         passing=view.human.passing_gap_m,
-        later=later,
     )
     narrow = least > most
     middle = np.where(narrow, least, 0.0) / 2 + np.where(narrow, most, 0.0) / 2

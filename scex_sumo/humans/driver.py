@@ -23,8 +23,8 @@ from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, REAR_AXLE_SHARE, Accelerate, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
-from scex_sumo.behaviors.models.idm import HABIT_STEPS, desired_speeds
-from scex_sumo.humans.attention import attention_of, kept_clear, yielding
+from scex_sumo.behaviors.models.idm import desired_speeds
+from scex_sumo.humans.attention import awareness, kept_clear, yielding
 from scex_sumo.humans.late import still_unaware, unchanged
 from scex_sumo.humans.lines.driven_line import redrawn
 from scex_sumo.humans.lines.lanes import change_offsets, change_shares, lanes_beside
@@ -34,25 +34,23 @@ from scex_sumo.humans.observed.observations import (
     View,
     behind_a_wave,
     keep_features,
+    kept_headway,
     leaders_of,
     offset_limits,
     path_edges,
     place_features,
     queue_leaders,
-    room_beside,
-    side_features,
     start_features,
-    stop_features,
 )
-from scex_sumo.humans.observed.seed_state import estimated_history, heading_scatter
+from scex_sumo.humans.observed.seed_state import estimated_history
 from scex_sumo.humans.parameters import (
     SUMO_ACCELERATION_MPS2,
     HumanParameters,
     human_parameters,
     simulated,
 )
-from scex_sumo.humans.population import drawn_variation, lateral_offsets, spread_factor, students
-from scex_sumo.humans.terms import Drivers, Expectation, Situation, Trailers, acceleration, demanded
+from scex_sumo.humans.population import drawn_variation, lateral_offsets, students
+from scex_sumo.humans.terms import Drivers, Situation, acceleration, demanded
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
 
@@ -61,8 +59,8 @@ if TYPE_CHECKING:
 
 MAX_SPREAD = 100
 DRIVER, PATH, STARTS, START = 0, 7, 8, 10  # salts of draws; each plan has its own start
-VARIATION, SIDE = slice(5), [6, 6, 6, 8, 9]  # columns of a driver's draws
-HEADWAY, BRAKING, CRAWL, CHANGE, STOP, PULL, REST, DRAWS = 5, 7, 10, 11, 12, 13, 14, 15
+VARIATION, SIDE = slice(4), slice(4, 7)  # columns of a driver's draws
+HEADWAY, CRAWL, CHANGE, PULL, DRAWS = 7, 8, 9, 10, 11
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,8 +70,8 @@ class LikelyProfile:
     Attributes:
         spread: factor on the variation between drivers; 1 as recorded, 0 the expected driver.
         inattention: factor on the time that drivers look away; 1 as observed, 0 never.
-        path: as in `IdmProfile`, or ``fitted``: drawn per future and vehicle, by how well each path fits the
-            vehicle's motion.
+        path: index, ``straight`` or ``random``; or ``fitted``: drawn per future and vehicle, by how well each
+            path fits the vehicle's motion.
     """
 
     spread: float = 1.0
@@ -99,7 +97,6 @@ class LikelyDriver:
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `Behavior.plan`."""
-        doubt = heading_scatter(history.scene, road)[who.vehicle]
         history = estimated_history(history, road)
         paths, row = self._paths(history, road, who)
         now = history.now[who.future, who.vehicle]
@@ -107,18 +104,17 @@ class LikelyDriver:
         human = human_of(history.scene, self.human)
         view = View(history=history, who=who, paths=paths, row=row, s=s, human=human)
         draws = uniforms(history.route_draw[who.future, who.vehicle], DRAWS, DRIVER)
-        drivers, offsets = self._drivers(view, draws), self._offsets(view, road)
-        leaders = leaders_of(view, offsets[:, 0])
-        obeyed = self._obeyed(view, road)
-        expects = expectation(view, drivers, leaders, self._waits(view, leaders, obeyed))
-        attention = attention_of(view, leaders, self.profile.inattention, min(self.profile.spread, 1.0))
+        drivers, offsets = self._drivers(view, draws), self._offsets(view, road, draws)
+        leaders, obeyed = leaders_of(view, offsets[:, 0]), self._obeyed(view, road)
+        aware = awareness(view, leaders, self.profile.inattention)
+        waits_s = self._waits(view, leaders, obeyed)
         hold = np.inf if obeyed is None else obeyed.hold
-        accelerate = accelerations(view, drivers, expects, attention.aware, hold)
-        aside = kept_clear(offsets, view, road)
         unaware = still_unaware(history, paths, who, self.profile.spread)
+        accelerate = accelerations(view, drivers, leaders, aware=aware, waits_s=waits_s, hold=hold)
         accelerate = unchanged(accelerate, unaware)
-        plan = drive(history, who, paths, row, accelerate, aside=aside, parallel=True, doubt=doubt)
-        yielded = yielding(plan, view, road, attention, expects.trailers.pairs)
+        aside = kept_clear(offsets, view)
+        plan = drive(history, who, paths, row, accelerate, aside=aside, parallel=True)
+        yielded = yielding(plan, view, road, aware)
         yielded.assign(unaware, plan[unaware])
         return yielded
 
@@ -147,56 +143,31 @@ class LikelyDriver:
 
     def _drivers(self, view: View, draws: FloatArray) -> Drivers:
         human, spread, observed, row = view.human, self.profile.spread, view.observed, view.row
-        shown, vehicle, (least, most) = view.shown, view.who.vehicle, human.headway_range_s
+        shown, vehicle = view.shown, view.who.vehicle
         speed = shown.speed[vehicle]
         headway = np.exp(human.headway_log[0] + spread * human.headway_log[1] * ndtri(draws[:, HEADWAY]))
-        kept = np.maximum(human.headway_kept * observed.headway[row], least)
-        braking = np.exp(human.braking_log[0] + spread * human.braking_log[1] * ndtri(draws[:, BRAKING]))
-        rest = np.exp(human.rest_log[0] + spread * human.rest_log[1] * ndtri(draws[:, REST]))
-        rest = np.minimum(np.clip(rest, *human.rest_range_m), observed.gap[row])
         crawl = speed * (1 + np.minimum(spread, 1.0) * (2 * draws[:, CRAWL] - 1))
-        crawl = np.where(speed < human.standing_mps, np.minimum(crawl, human.standing_mps), 0.0)
         pull = np.exp(spread * human.pull_spread * ndtri(draws[:, PULL]))
-        pull = np.where(speed < human.standing_mps, pull, 1.0)
+        stands = speed < human.standing_mps
         share, top = vehicle_types(view.scene)[vehicle].T
         normal, mean, unsure = students(draws[:, VARIATION]), observed.mean_features, observed.spread_features
         drivers = Drivers(
             speed=speed,
             acceleration=shown.acceleration[vehicle],
-            headway=np.clip(np.minimum(headway, kept), least, most),
-            braking=np.clip(braking, *human.braking_range_mps2),
+            headway=np.minimum(np.minimum(headway, human.most_headway_s), observed.headway[row]),
+            rest=np.clip(observed.gap[row], 0.0, human.rest_m),
             sudden=shown.sudden[vehicle],
             variation=share[:, None] * drawn_variation(speed, mean[row], unsure[row], spread * normal, human),
-            crawl=crawl,
+            crawl=np.where(stands, np.minimum(crawl, human.standing_mps), 0.0),
             limit=np.minimum(observed.limit[row], top),
-            rest=np.maximum(rest, human.rest_range_m[0]),
-            pull=pull * share,
+            pull=np.where(stands, pull, 1.0) * share,
             top=top,
-            stop_s=self._stops(view, draws[:, STOP]),
         )
         return replace(drivers, habit=shown_habit(view, drivers))
 
-    def _stops(self, view: View, draw: FloatArray) -> FloatArray:
-        """Return (n,) times in which creeping vehicles come to rest, s; inf for others."""
-        human, spread, vehicle = view.human, min(self.profile.spread, 1.0), view.who.vehicle
-        speed, acceleration = view.shown.speed[vehicle], view.shown.acceleration[vehicle]
-        gap, leader = view.observed.gap[view.row], view.observed.leader_speed[view.row]
-        features = stop_features(speed, acceleration, gap, leader, human)
-        share = 1 / (1 + np.exp(-features @ human.stop_weights))
-        draw = draw if spread else np.full_like(draw, 0.5)
-        stops = (speed >= human.standing_mps) & (speed < human.creeping_mps) & (draw < share)
-        normal = ndtri(np.where(stops, draw / share, 0.5))
-        return np.where(stops, human.stop_s * np.exp(spread * human.stop_spread * normal), np.inf)
-
-    def _offsets(self, view: View, road: Road) -> FloatArray:
-        """Return (n, 31) wanted offsets from the path now and after each step, m, left positive.
-
-        A towed vehicle has the draws of its leader.
-        """
+    def _offsets(self, view: View, road: Road, draws: FloatArray) -> FloatArray:
+        """Return (n, 31) wanted offsets from the path now and after each step, m, left positive."""
         human, spread, step = view.human, self.profile.spread, view.history.step
-        vehicle = np.where(towed_by_leader(view), view.observed.leader[view.row], view.who.vehicle)
-        draw = view.history.route_draw[view.who.future, vehicle]
-        draws = uniforms(draw, DRAWS, DRIVER)
         deviation = spread * students(draws[:, SIDE])[:, 0]
         choice = draws[:, CHANGE] if spread else np.full(len(draws), 0.5)
         left, right = change_shares(view.scene, road, view.paths, human)[view.row].T
@@ -209,7 +180,7 @@ class LikelyDriver:
         offsets = lateral_offsets(lateral, np.where(choice < left, changes[:, 0], keeps), time_s, human)
         if not spread or time_s[0] < human.lateral_s - 1e-9:
             return offsets
-        return later_changes(view, road, offsets, draw)
+        return later_changes(view, road, offsets, view.history.route_draw[view.who.future, view.who.vehicle])
 
     def _waits(self, view: View, leaders: Leaders, obeyed: Obeyed | None) -> FloatArray:
         """Return (n,) s for which vehicles stand from now on."""
@@ -257,19 +228,14 @@ def lane_offsets(view: View, deviation: FloatArray) -> FloatArray:
     Args:
         deviation: (n,) Student's draws.
     """
-    human, scene, vehicle = view.human, view.scene, view.who.vehicle
-    lateral = view.observed.lateral[view.row]
-    offset = lateral[:, 0]
-    bends = view.observed.bends[view.row]
-    room = view.observed.room[view.row]
-    features = keep_features(side_features(scene, human)[vehicle], bends, room, human)
-    spread = spread_factor(features, human.keep_noise, human.keep_growth)[:, 0]
-    right, left = (human.room_share * room_beside(scene, human)[vehicle]).T
-    leftmost, rightmost = np.maximum(offset_limits(room[:, 1], human), np.abs(offset)[:, None]).T
+    human, vehicle = view.human, view.who.vehicle
+    lateral, bends, room = (
+        values[view.row] for values in (view.observed.lateral, view.observed.bends, view.observed.room)
+    )
+    spread = np.exp(keep_features(view.shown.speed[vehicle], bends, room, human) @ human.keep_growth)
+    leftmost, rightmost = np.maximum(offset_limits(room[:, 1], human), np.abs(lateral[:, :1])).T
     keeps = place_features(lateral, bends, room) @ human.keep_weights
     keeps = np.clip(keeps + human.keep_scale_m * spread * deviation, -rightmost, leftmost)
-    # Vehicles beside each other share the space between them.
-    keeps = offset + np.clip(keeps - offset, -right, left)
     # Off the mapped lanes there is no lane to return to: the turn goes on.
     turn = lateral @ np.array([1.0, human.lateral_s, human.lateral_s**2 / 2])
     goes_on: FloatArray = np.clip(turn, -human.max_turning_m, human.max_turning_m)
@@ -278,116 +244,68 @@ def lane_offsets(view: View, deviation: FloatArray) -> FloatArray:
 
 def shown_habit(view: View, drivers: Drivers) -> FloatArray:
     """Return (n,) lasting shown accelerations beyond the demanded ones in the seed scene, m/s²."""
-    human, observed, row, shown = view.human, view.observed, view.row, view.shown
-    leader, speed, vehicle = observed.leader[row], drivers.speed, view.who.vehicle
-    known = (leader >= 0) & (leader < view.scene.vehicles)
-    slowing = (np.minimum(shown.recent, 0.0) * shown.trust)[np.where(known, leader, 0)]
-    expects = Expectation(
-        headway=drivers.headway,
-        gap=observed.gap[row],
-        speed=observed.leader_speed[row],
-        slowing=np.where(known, slowing, 0.0),
-    )
-    gap, leader_speed = expects.leader(0, 0.0, human)
+    human, observed, row = view.human, view.observed, view.row
     now = Situation(
         driver=drivers,
-        expects=expects,
-        speed=speed,
+        speed=drivers.speed,
         limit=observed.limit[row],
+        headway=drivers.headway,
         curve_speed=observed.curve[row],
-        gap=gap,
-        leader_speed=leader_speed,
+        gap=observed.gap[row],
+        leader_speed=observed.leader_speed[row],
     )
     asked = np.clip(demanded(now, human), -human.max_braking_mps2, human.max_acceleration_mps2)
-    return np.where(speed < human.standing_mps, 0.0, drivers.acceleration - shown.trust[vehicle] * asked)
+    trust = view.shown.trust[view.who.vehicle]
+    return np.where(drivers.speed < human.standing_mps, 0.0, drivers.acceleration - trust * asked)
 
 
-def expectation(view: View, drivers: Drivers, leaders: Leaders, waits_s: FloatArray) -> Expectation:
-    """Return what drivers expect of their leaders, with the headway to them."""
-    human, observed, row, who = view.human, view.observed, view.row, view.who
-    same = leaders.index == observed.leader[row]
-    pull = _leader_acceleration(view, leaders)
-    trust = view.shown.trust[np.clip(leaders.index, 0, view.scene.vehicles - 1)]
-    gap, tows = observed.gap[row] - observed.slack[row], np.flatnonzero(same & towed_by_leader(view))
-    rows = np.full(view.history.now.shape, -1)
-    rows[who.future, who.vehicle] = np.arange(len(who))
-    known = (leaders.index >= 0) & (leaders.index < view.scene.vehicles)
-    pullers = np.where(known, rows[who.future, np.where(known, leaders.index, 0)], -1)
-    now = view.history.states.speed[who.future, who.vehicle, -1]
-    return Expectation(
-        headway=effective_headway(now, leaders, same, drivers.headway, human),
-        gap=leaders.gap + np.where(same, observed.slack[row], 0.0),
-        speed=leaders.speed,
-        acceleration=pull,
-        # Starting in a queue, drivers expect their leader's acceleration to go on.
-        starting=np.where(drivers.speed < human.standing_mps, np.maximum(pull, 0.0), 0.0),
-        slowing=np.minimum(pull, 0.0) * trust,
-        waits_s=waits_s,
-        trailers=Trailers(row=tows, leader=pullers[tows], gap=leaders.gap[tows], drawbar=gap[tows]),
-    )
-
-
-def towed_by_leader(view: View) -> BoolArray:
-    """Return (n,) whether vehicles follow another one in the seed scene as only trailers do."""
-    human, observed, row = view.human, view.observed, view.row
-    gap, speed = observed.gap[row] - observed.slack[row], view.shown.speed[view.who.vehicle]
-    near = (gap < human.towed_s * speed) & (speed > human.towed_mps)
-    near &= (observed.leader[row] >= 0) & (observed.leader[row] < view.scene.vehicles)
-    return np.asarray(near & (np.abs(observed.leader_speed[row] - speed) < human.towed_opening_mps))
-
-
-def _leader_acceleration(view: View, leaders: Leaders) -> FloatArray:
-    """Return (n,) present accelerations of leaders, m/s²; 0 for pedestrians and cyclists."""
-    history = view.history
-    result, steps = np.zeros(len(view.who)), 3 if history.step else HABIT_STEPS
-    k = np.flatnonzero((leaders.index >= 0) & (leaders.index < history.scene.vehicles))
-    speed = history.states.speed[view.who.future[k], leaders.index[k]]
-    result[k] = (speed[:, -1] - speed[:, -1 - steps]) / (steps * STEP_S)
-    return result
-
-
-def effective_headway(
-    speed: FloatArray, leaders: Leaders, same: BoolArray, headway: FloatArray, human: HumanParameters
-) -> FloatArray:
+def headway_to(view: View, drivers: Drivers, leaders: Leaders) -> FloatArray:
     """Return (n,) headways, s; behind a leader other than in the seed scene at most the present one."""
-    there = (leaders.gap - human.idm.minimum_gap) / np.maximum(speed, 1.0)
-    limit = np.maximum(human.headway_kept * there, human.headway_range_s[0])
-    return np.minimum(headway, np.where(same, np.inf, limit))
+    speed = view.history.now.speed[view.who.future, view.who.vehicle]
+    same = leaders.index == view.observed.leader[view.row]
+    kept = kept_headway(leaders.gap, speed, view.human)
+    return np.where(same, drivers.headway, np.minimum(drivers.headway, kept))
 
 
 def accelerations(
-    view: View, drivers: Drivers, expects: Expectation, aware: BoolArray, hold: FloatArray | float = np.inf
+    view: View,
+    drivers: Drivers,
+    leaders: Leaders,
+    *,
+    aware: BoolArray,
+    waits_s: FloatArray | float = 0.0,
+    hold: FloatArray | float = np.inf,
 ) -> Accelerate:
-    """Return the acceleration of drawn drivers for `drive`.
+    """Return the acceleration of drawn drivers for `drive`; leaders are expected to keep their speed.
 
     Args:
-        aware: (n, H) of their leaders.
+        aware: (n, H) whether they act on their leaders.
+        waits_s: (n,) for which standing vehicles wait, s.
         hold: (n,) ways to places where rules make them stop, m.
     """
-    human, paths, step_now = view.human, view.paths, view.history.step
+    human, paths, begin_s = view.human, view.paths, view.history.step * STEP_S
     limits = desired_speeds(paths, human.idm.speed, human.idm.speed_factor)
     curves = curve_speeds(paths, human.idm.curve_acceleration, human.idm.curve_deceleration)
     first, last = view.row * paths.samples, paths.samples - 1
     ahead = REAR_AXLE_SHARE * view.scene.length[view.who.vehicle]
+    headway = headway_to(view, drivers, leaders)
 
     def at(s: FloatArray) -> IntArray:
         return first + clipped((s + ahead) * (1 / DS_M), 0.0, last).astype(np.int64)
 
     def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
-        gap, leader_speed = expects.leader(step, travelled, human)
         now = Situation(
             driver=drivers,
-            expects=expects,
             speed=v,
             limit=np.minimum(limits[at(s)], drivers.top),
+            headway=headway,
             curve_speed=curves[at(s + v * CURVE_TIME_S)],
-            gap=gap,
-            leader_speed=leader_speed,
+            gap=leaders.gap + leaders.speed * (step * STEP_S) - travelled,
+            leader_speed=leaders.speed,
             hold=hold - travelled,
             aware=aware[:, step],
-            travelled=travelled,
-            plan_step=step_now,
-            step=step,
+            waits=np.asarray(waits_s > step * STEP_S),
+            time_s=begin_s + step * STEP_S,
         )
         return acceleration(now, human)
 

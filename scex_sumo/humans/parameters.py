@@ -32,51 +32,46 @@ CONFLICT = GuardProfile(
     contact_time=2.4,
     braking_margin=0.3,
 )
-MEAN_RANGES = (
-    (-4, 4), (-4, 1.6), (-8, 8), (-2, 2), (-3, 3), (-5, 10), (-8, 8), (-3, 3), (0, 4), (-6, 6)
-)  # fmt: skip
+IDM = replace(CALIBRATED, habit_memory=6.0)
+MEAN_RANGES = ((-4, 4), (-4, 1.6), (-8, 8), (-2, 2), (-5, 10), (0, 4), (-6, 6))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HumanParameters:
     """Parameters of all drivers; what differs between drivers is drawn. Comments: unit | meaning | source."""
 
-    # Variation: a drawn acceleration beyond the demanded one, by class of speed (K) and time (3)
-    speed_edges: FloatArray  # m/s | (K - 1,) between the K classes | chosen
-    variation_mean: FloatArray  # m/s² | (K, 3, 11) weights of ``mean_features`` | fitted
-    variation_root: FloatArray  # m/s² | (K, 3, 3) lower triangular root of the scale matrix | fitted
-    variation_skew: FloatArray  # 1 | (K,) log factor on accelerating draws, minus for braking | fitted
-    variation_noise: FloatArray  # 1/(m/s²) | (3,) growth with the scatter, see `spread_factor` | fitted
+    # Variation: a drawn acceleration beyond the demanded one, by class of speed (2) and time (2)
+    variation_mean: FloatArray  # m/s² | (2, 2, F) weights of ``mean_features`` | fitted
+    variation_root: FloatArray  # m/s² | (2, 2, 2) lower triangular root of the scale matrix | fitted
+    variation_skew: FloatArray  # 1 | (2,) log factor on accelerating draws, minus for braking | fitted
+    variation_noise: FloatArray  # 1/(m/s²) | (2,) growth with the scatter, see `spread_factor` | fitted
     variation_growth: FloatArray  # 1 | (2,) growth with the other ``spread_features`` | fitted
-    variation_times_s: tuple[float, ...] = (0.0, 1.5, 3.0)  # s | times of the draws; linear between | chosen
+    variation_times_s: tuple[float, ...] = (0.0, 3.0)  # s | times of the draws; linear between | chosen
+    fast_mps: float = 7.0  # m/s | speed between the classes | chosen by CRPS
     max_variation_mps2: float = 5.0  # m/s² | limit of each draw | chosen
     relief_mps2: float = 3.0  # m/s² | demanded braking at which no driver adds an acceleration | chosen
     mean_ranges: tuple[tuple[float, float], ...] = MEAN_RANGES  # m/s², m/s | of ``mean_features`` | chosen
     max_size_mps2: float = 4.0  # m/s² | limit of the size of the acceleration in ``spread_features`` | chosen
     # Free road, leader, curve
-    idm: IdmProfile = CALIBRATED  # see there | Intelligent Driver Model | fitted by benchmarks/calibrate.py
+    idm: IdmProfile = IDM  # see there | Intelligent Driver Model | calibrate.py; memory chosen by CRPS
     headway_log: FloatArray  # log s | mean and standard deviation | fitted
-    braking_log: FloatArray  # log m/s² | the same, for a leader | chosen by CRPS
-    headway_range_s: tuple[float, float] = (0.1, 4.0)  # s | limits of the draws | chosen
-    braking_range_mps2: tuple[float, float] = (0.5, 8.0)  # m/s² | limits of the draws | chosen
+    most_headway_s: float = 4.0  # s | limit of the draws | chosen
+    following_mps2: float = 3.3  # m/s² | comfortable braking behind a leader | chosen by CRPS
     headway_kept: float = 0.9  # 1 | largest share of the shown headway that a driver keeps | chosen
     extra_braking_mps2: float = 0.8  # m/s² | beyond the necessary, for a leader | chosen by CRPS
     min_room_m: float = 0.1  # m | least gap beyond the minimum gap in the necessary braking | chosen
-    anticipation_s: float = 1.0  # s | a braking leader goes on | Treiber, Kesting, Helbing 2006; value chosen
     max_acceleration_mps2: float = 4.0  # m/s² | limit | chosen
     max_braking_mps2: float = 4.0  # m/s² | limit without a conflict | chosen
     far_leader_m: float = 50.0  # m | a leader beyond this does not influence the variation | chosen
+    rest_m: float = 2.2  # m | gap to a leader at rest, or the shown one | fitted: rules.py rest
     # Shown motion: what the last second says
-    habit_s: float  # s | time constant of the shown acceleration | chosen by CRPS
+    habit_s: float = 2.0  # s | time constant of the shown acceleration | chosen by CRPS
     sudden_s: float = 0.7  # s | time constant of its sudden part | chosen by error
     half_trust_mps2: float = 0.7  # m/s² | scatter at which an acceleration counts by half | chosen
     max_scatter_mps2: float = 0.7  # m/s² | more scatter makes no difference | chosen
     lasting_mps2: float = 0.5  # m/s² | least scatter in the limit large² / hypot(scatter, lasting) | chosen
     large_mps2: float = 1.0  # m/s² | scale of that limit of shown accelerations | chosen
     noisy_mps2: float = 0.1  # m/s² | noise of single steps at which the last one counts by half | chosen
-    around_m: float = 30.0  # m | distance by which vehicles around count less by the factor e | chosen
-    around_doubt: float = 0.5  # 1 | weight of no acceleration among theirs | chosen
-    same_way_cos: float = 0.8  # 1 | cosine above which a vehicle around moves the same way | chosen
     limit_ahead_m: float = 10.0  # m | place ahead of the speed limit in ``mean_features`` | chosen
     easy_mps2: float = 2.0  # m/s² | comfortable lateral acceleration in ``mean_features`` | chosen
     curve_ahead_s: float = 2.0  # s | place ahead of the curve in ``mean_features`` | chosen
@@ -86,48 +81,30 @@ class HumanParameters:
     corridor_margin_m: float = -0.2  # m | measured boxes of vehicles side by side may touch | chosen
     along_cos: float = 0.5  # 1 | cosine of heading against path below which a vehicle crosses | chosen
     clear_s: float = 1.0  # s | by which a crossing vehicle leaves before the driver arrives | chosen
-    coupled_m: float = 2.0  # m | least gap assumed to a leader at about the same speed | chosen
-    coupled_mps: tuple[float, float] = (3.0, 5.0)  # m/s | for a speed above, a difference below | chosen
-    max_slack_m: float = 4.0  # m | largest addition to a gap for that | chosen
-    overlap_m: float = 1.0  # m | overlap from which two boxes are one vehicle tracked twice | chosen
-    overlap_slack_m: float = 1000.0  # m | addition to the gap of such a leader | chosen
-    towed_s: float = 0.15  # s | headway below which a vehicle is a trailer of its leader | chosen
-    towed_mps: float = 3.0  # m/s | speed above which it is | chosen
-    towed_opening_mps: float = 1.0  # m/s | speed difference below which it is | chosen
-    # Standing, starting, stopping
+    # Standing and starting
     standing_mps: float = 0.5  # m/s | a slower vehicle stands | chosen
-    creeping_mps: float = 3.0  # m/s | a slower vehicle that does not stand may come to rest | chosen
     starting_mps: float = 0.02  # m/s | a vehicle that gained this in the last step has started | chosen
     start_weights: FloatArray  # log 1/s | (5,) of `start_features` | fitted
     start_within_s: float = 4.0  # s | time for which the fitted rate counts | chosen
     start_wave_s: float = 1.0  # s | mean time from the leader's start to the own one | chosen
     pull_spread: float = 0.35  # 1 | deviation of the log of starting accelerations | chosen: INTERACTION
     queue_m: float = 15.0  # m | a leader nearer than this holds a standing vehicle | chosen
-    rest_log: tuple[float, float] = (0.80, 0.37)  # log m | gap to a leader at rest | fitted: rules.py rest
-    rest_range_m: tuple[float, float] = (0.5, 6.0)  # m | limits of the draws | chosen
     queue_start_mps2: float = 2.4  # m/s² | largest acceleration of one that leaves a queue | chosen
     queue_start_mps: float = 3.0  # m/s | largest speed of one that leaves a queue | chosen
     crawl_s: float = 0.5  # s | time constant towards the crawling speed | chosen
-    stop_weights: FloatArray  # log odds | (5,) of `stop_features` | fitted
-    stop_s: float = 2.2  # s | median time in which creeping vehicles come to rest | chosen
-    stop_spread: float = 0.4  # 1 | standard deviation of its logarithm | chosen
     yellow_mps2: float = np.inf  # m/s² | braking that is enough to stop at yellow; inf: by time | chosen
     line_gap_m: float = 0.5  # m | to a place where rules make it stop | chosen
     # Place in the lane
     lateral_s: float = 3.0  # s | time after which the wanted offset is reached | chosen
     keep_weights: FloatArray  # 1, s, s², m², m² | (5,) of ``lateral``, ``bends`` for the offset then | fitted
     keep_scale_m: float  # m | scale of its deviation | fitted
-    keep_noise: FloatArray  # 1/(m/s²) | (1,) growth with ``side_features``, see `spread_factor` | fitted
-    keep_growth: FloatArray  # 1 | (4,) growth with the other ``keep_features`` | fitted
+    keep_growth: FloatArray  # 1 | (3,) growth with `keep_features` | fitted
     max_bend: float = 0.15  # 1/m | sharper bends make no difference | chosen
     max_offset_m: float = 1.75  # m | from the path, for a vehicle that keeps a lane of usual width | chosen
     max_spare_m: float = 6.0  # m | more room beyond that makes no difference | chosen
     max_turning_m: float = 6.0  # m | the same off the mapped lanes | chosen
     max_lateral: float = 1.5  # m/s, m/s² | across a path; larger values are errors of measurement | chosen
-    room_share: float = 0.4  # 1 | of the room to vehicles beside: largest motion towards them | chosen
-    max_room_m: float = 3.0  # m | more room beside a vehicle makes no difference | chosen
-    max_speed_mps: float = 20.0  # m/s | nor does a higher speed | chosen
-    beside_along_m: float = 8.0  # m | along the way; a nearer vehicle next to the way is beside | chosen
+    max_speed_mps: float = 20.0  # m/s | a higher speed makes no difference | chosen
     # Lane change
     change_weights: FloatArray  # log odds | (7,) of `change_features` | fitted
     change_target: FloatArray  # 1, 1, s | (3,) of lane distance, offset, lateral speed | fitted
@@ -157,26 +134,18 @@ class HumanParameters:
     glance_every_s: float = 3.9  # s | one glance begins in each | share of time: Morando, Victor, Dozza 2020
     glance_s: float = 0.7  # s | median duration | tail: Liang, Lee, Horrey 2014; value chosen
     glance_spread: float = 0.48  # 1 | deviation of its logarithm | shape: Taoka 1990; value chosen
-    reaction_s: float = 0.9  # s | median | between 0.7 s (expected) and 1.25 s (not): Green 2000
-    reaction_spread: float = 0.3  # 1 | standard deviation of its logarithm | chosen
+    reaction_s: float = 0.9  # s | time from seeing to acting | 0.7 (expected) to 1.25 s (not): Green 2000
     watching_mps2: float = 0.3  # m/s² | braking that forbids a glance | Tijerina et al. 2004; value chosen
     watching_gap_m: float = 0.5  # m | least gap in it | chosen
     # Yielding: braking for conflicts
     conflict: GuardProfile = CONFLICT  # see there | search for conflicts | chosen
-    onset_mps2: float = 0.8  # m/s² | median braking for a response | chosen by error and coverage
-    onset_spread: float = 0.4  # 1 | standard deviation of its logarithm | chosen
+    onset_mps2: float = 0.8  # m/s² | needed braking for a response | chosen by error and coverage
     safe_onset: float = 3.0  # 1 | factor if both miss each other with constant velocity | chosen
-    response: float = 1.2  # 1 | braking over the needed one | chosen by error and coverage
-    looming_mps2: float = 3.0  # m/s² | onset if looking away | Lamble et al. 1999; value chosen
-    looming_s: tuple[float, float] = (0.8, 1.5)  # s | time to contact: looking away, or not | chosen
-    looming_response: float = 1.6  # 1 | braking over the needed one then | chosen
+    looming_mps2: float = 2.0  # m/s² | onset if looking away | Lamble et al. 1999; value chosen
     conflict_braking_mps2: float = 8.0  # m/s² | limit | chosen
-    gentle_mps2: float = 2.0  # m/s² | limit for one beside that is missed with constant velocity | chosen
-    merging_mps2: float = 3.0  # m/s² | limit for one about as fast that merges in front | chosen
-    merging_mps: float = 2.0  # m/s | speed difference for that | chosen
     entry_gap_m: float = 1.0  # m | to a vehicle that merges in front | chosen
-    stop_gap_m: float = 0.4  # m | to a conflict, beyond that of the guard | chosen
-    fall_back_m: float = 1.5  # m | overlap up to which a driver falls back behind one that closes in | chosen
+    stop_gap_m: float = 0.6  # m | to a conflict, beyond that of the guard | chosen
+    fall_back_m: float = 3.0  # m | overlap up to which a driver falls back behind one that closes in | chosen
     crossing_s: float = 1.0  # s | before one that crosses: a driver stays out of its way | chosen
     creep_s: float = 1.0  # s | time constant of closing a smaller gap | chosen
     beside_gap_m: float = 0.3  # m | between boxes beside each other | chosen
@@ -214,7 +183,7 @@ def simulated(human: HumanParameters) -> HumanParameters:
         idm=idm,
         free_exponent=20.0,
         yellow_mps2=SUMO_BRAKING_MPS2,
-        braking_log=np.array([np.log(SUMO_BRAKING_MPS2), human.braking_log[1]]),
+        following_mps2=SUMO_BRAKING_MPS2,
         habit_s=0.5,
         sudden_s=0.3,
         # Both ends of its vehicles are on the lane: a heading across it in a bend is no motion across it.

@@ -18,21 +18,19 @@ def drawn_variation(
     draw: FloatArray,
     human: HumanParameters,
 ) -> FloatArray:
-    """Return (n, 3) accelerations beyond the demanded ones at ``variation_times_s``, m/s².
+    """Return (n, 2) accelerations beyond the demanded ones at ``variation_times_s``, m/s².
 
     Args:
         speed: (n,) in the seed scene, m/s.
-        mean_features: (n, 9).
+        mean_features: (n, F).
         spread_features: (n, 3).
-        draw: (n, 3) Student's numbers; 0 is the expected driver.
+        draw: (n, 2) Student's numbers; 0 is the expected driver.
     """
-    k = np.searchsorted(human.speed_edges, speed, side="right")
+    k = (speed >= human.fast_mps).astype(np.int64)
     drawn = np.einsum("nij,nj->ni", human.variation_root[k], draw)
-    skewed = np.exp(human.variation_skew[k] * np.sign(drawn.sum(axis=1)))[:, None]
-    spread = spread_factor(spread_features, human.variation_noise, human.variation_growth)
-    added: FloatArray = (
-        np.einsum("nij,nj->ni", human.variation_mean[k], mean_features) + drawn * skewed * spread
-    )
+    skew = np.exp(human.variation_skew[k] * np.sign(drawn.sum(axis=1)))[:, None]
+    spread = skew * spread_factor(spread_features, human.variation_noise, human.variation_growth)
+    added: FloatArray = np.einsum("nij,nj->ni", human.variation_mean[k], mean_features) + drawn * spread
     return np.clip(added, -human.max_variation_mps2, human.max_variation_mps2)
 
 
@@ -49,7 +47,7 @@ def spread_factor(features: FloatArray, noise: FloatArray, growth: FloatArray) -
 
 
 def node_weights(time_s: float, human: HumanParameters) -> FloatArray:
-    """Return (3,) weights of linear interpolation between ``variation_times_s``; the last value goes on."""
+    """Return (2,) weights of linear interpolation between ``variation_times_s``; the last value goes on."""
     times = human.variation_times_s
     return np.array([np.interp(time_s, times, row) for row in np.eye(len(times))])
 
@@ -78,11 +76,11 @@ def lateral_offsets(
 
 
 def students(uniform: FloatArray) -> FloatArray:
-    """Return (n, 3) numbers of Student's multivariate distribution with four degrees of freedom.
+    """Return (n, K) numbers of Student's multivariate distribution with four degrees of freedom.
 
     Args:
-        uniform: (n, 5) three for a normal vector and two for the common χ² with four degrees, -2·ln(u·u').
+        uniform: (n, K + 2) K for a normal vector and two for the common χ² with four degrees, -2·ln(u·u').
     """
-    chi2 = -2.0 * np.log(uniform[:, 3] * uniform[:, 4])
-    result: FloatArray = ndtri(uniform[:, :3]) * np.sqrt(DEGREES / chi2)[:, None]
+    chi2 = -2.0 * np.log(uniform[:, -2] * uniform[:, -1])
+    result: FloatArray = ndtri(uniform[:, :-2]) * np.sqrt(DEGREES / chi2)[:, None]
     return result

@@ -20,15 +20,17 @@ class GraphPredictorProfile:
     """Parameters of `GraphPredictor`.
 
     Attributes:
-        path: as in `IdmProfile`; or ``likeliest``, the path that the network prefers in the seed scene, drawn
-            with its probability if ``mode=draw``.
+        path: index, ``straight`` or ``random``; or ``likeliest``, the path that the network prefers in the
+            seed scene, drawn by its probability if ``mode=draw``.
         mode: ``best``, the expected mode; or ``draw``, drawn per vehicle and future in the seed scene.
+        radius: perception radius, m.
+        weights: file of weights; empty takes the shipped ones.
     """
 
     path: PathChoice | Literal["likeliest"] = "straight"
     mode: str = "best"
-    radius: float = 100.0  # perception radius, m
-    weights: str = ""  # file of weights; empty takes the shipped ones
+    radius: float = 100.0
+    weights: str = ""
 
     def __post_init__(self) -> None:
         _check(self)
@@ -39,11 +41,16 @@ class GraphImagePredictorProfile:
     """Parameters of `GraphImagePredictor`.
 
     Attributes:
+        attention: w in [0, 1]: 1 uses the scene graph alone, 0 the road image alone.
+        path: index, ``straight`` or ``random``; or ``likeliest``, the path that the network prefers.
+        mode: ``best``, the expected mode; or ``draw``, drawn per vehicle and future in the seed scene.
         head: ``bounded`` drives along the path at the network's offset, within the road and the vehicle's
             limits; ``free`` takes the paper's free x, y trajectory unchanged.
+        radius: perception radius, m.
+        weights: file of weights; empty takes the shipped ones.
     """
 
-    attention: float = 0.5  # w in [0, 1]: 1 uses the scene graph alone, 0 the road image alone
+    attention: float = 0.5
     path: PathChoice | Literal["likeliest"] = "likeliest"
     mode: str = "best"
     head: str = "bounded"
@@ -64,10 +71,13 @@ class JointPredictorProfile:
     """Parameters of `JointPredictor`.
 
     Attributes:
-        path: as in `GraphPredictorProfile`; ``likeliest`` weighs probabilities of the network with those of
-            `LikelyDriver` to the power of `prior`.
+        path: index, ``straight`` or ``random``; ``likeliest`` weighs probabilities of the network with those
+            of `LikelyDriver` to the power of `prior`.
         mode: ``draw``, one motion for each vehicle every 0.5 s; or ``best``, the expected motion.
         temperature: 1 draws with the network's probabilities; less prefers probable motions.
+        prior: power of the probabilities of `LikelyDriver`; 0 leaves them out.
+        radius: perception radius, m.
+        weights: file of weights; empty takes the shipped ones.
     """
 
     path: PathChoice | Literal["likeliest"] = "likeliest"

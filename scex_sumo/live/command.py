@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from scex_sumo.live.risk import Risk
     from scex_sumo.live.watch import Watch
 
-EXAMPLE = "mine.sumocfg --gui --follow -o out/watch"
+EXAMPLE = "out/simulation/future.sumocfg --every 0.5 -o out/watch"
 _SAVE_EVERY = 100  # moments
 _RECENT, _MIN_MOMENTS = 8, 4  # moments over which the real-time factor is measured
 _MAX_BRAKING_MPS2 = 20.0

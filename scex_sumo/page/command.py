@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from scex_sumo.commands.options import Result
 
-EXAMPLE = "out/k733"
+EXAMPLE = "out/roundabout"
 
 
 def report_command(folder: Result) -> None:
-    """Write report.html of a result folder again; printed, it is a sheet of one or two pages."""
+    """Write report.html of a result folder again."""
     from scex_sumo.page.report.report import write_report
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run

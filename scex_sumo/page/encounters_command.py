@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from scex_sumo.reports.encounter_rows import Meeting
     from scex_sumo.results.run import Run
 
-EXAMPLE = "out/k733 --pair 17,23"
+EXAMPLE = "out/roundabout --pair 11,7"
 
 
 def encounters_command(

@@ -24,9 +24,7 @@ class ReportPage(Extra):
     files: ClassVar[tuple[str, ...]] = ("report.html",)
     nested: ClassVar[bool] = False
 
-    report: bool = option(
-        "Write report.html.", True, names=("--report/--no-report", "--plots/--no-plots"), panel=OUTPUT
-    )
+    report: bool = option("Write report.html.", True, names=("--report/--no-report",), panel=OUTPUT)
 
     def is_on(self, settings: RunSettings) -> bool:
         """See `Extra`."""

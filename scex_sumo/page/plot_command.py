@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 CURVES = ("density", "cumulative")
 ENDINGS = (".svg", ".png", ".pdf")
-EXAMPLE = "out/k733 out/k729 --metric ttc -o ttc.svg"
+EXAMPLE = "out/roundabout --metric ttc -o out/ttc.svg"
 
 
 def plot_command(
@@ -38,7 +38,7 @@ def plot_command(
         ),
     ] = None,
 ) -> None:
-    """Draw the densities of results as in a paper; print P of several side by side."""
+    """Draw densities of results; print P of several side by side."""
     if curve not in CURVES:
         raise UsageError(f"--curve {curve}: unknown curve; known: {', '.join(CURVES)}")
     path = out if out is not None else folders[0] / f"{curve}.svg"

@@ -26,7 +26,7 @@ class KeepsWayProfile:
 
     Attributes:
         gap: least time between leaving the way of a vehicle and its arrival, s.
-        braking: m/s².
+        braking: in m/s².
     """
 
     gap: float = 0.5
@@ -61,7 +61,7 @@ class StopsProfile:
     """Parameters of `Stops`.
 
     Attributes:
-        braking: m/s².
+        braking: in m/s².
     """
 
     braking: float = BRAKING_MPS2

@@ -28,10 +28,11 @@ class RuledProfile(IdmProfile):
     """Driver profile with rules; they count where the scene has some.
 
     Attributes:
-        lights: whether it stops at lights; ``priority``: whether it gives way, also to people on crosswalks.
+        lights: whether it stops at lights.
+        priority: whether it gives way, also to people on crosswalks.
         yellow_deceleration: hardest braking for a yellow light, m/s²; 0 drives on.
         red_delay: time for which red counts as yellow, s.
-        gap_factor: on the critical headways of `rules.holds`.
+        gap_factor: factor on the critical headways into which it turns, crosses and merges.
         sideways: ``cuts_in`` changes to the lane beside it in which a vehicle is nearest, ``drifts`` leaves
             its lane towards the nearest vehicle.
     """

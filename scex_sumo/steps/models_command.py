@@ -2,20 +2,67 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Annotated
 
-def models_command() -> None:
-    """List the behaviour models and their parameters."""
-    from rich.table import Table
+from typer import Argument
 
-    from scex_sumo.commands.console import output_console
+EXAMPLE = "standard_driver"
+_SHOWN = 5  # parameters of a model in the list of all
+
+
+def models_command(
+    name: Annotated[
+        str | None, Argument(metavar="NAME", help="One model, with all parameters.", show_default=False)
+    ] = None,
+) -> None:
+    """List the behaviour models, or all parameters of one."""
+    from scex_sumo.drivers.listing import model_info
+
+    if name is None:
+        _print_all()
+        return
+    model = model_info(name)
+    parameters = [text.partition("=") for text in model.parameters]
+    rows = [(key, default or "-", model.meanings.get(key, "")) for key, _, default in parameters]
+    _print([(model.name, model.summary)])
+    if rows:
+        print()
+        _print([("parameter", "default", "meaning"), *rows])
+
+
+def _print_all() -> None:
     from scex_sumo.drivers.listing import known_models
     from scex_sumo.drivers.registry import mixes
 
-    table = Table(show_lines=False, box=None, pad_edge=False)
-    for column in ("model", "parameters", "what it does"):
-        table.add_column(column, overflow="fold", no_wrap=column == "model")
+    rows: list[tuple[str, str]] = []
+    sumo = []
     for model in known_models():
-        table.add_row(model.name, ", ".join(model.parameters), model.summary)
-    output_console().print(table)
-    for name, models in mixes().items():
-        output_console().print(f"{name} stands for {models.replace(',', ', ')}")
+        if model.name.startswith("sumo:"):
+            sumo.append(model.name)
+            continue
+        rows.append((model.name, model.summary))
+        more = len(model.parameters) - _SHOWN
+        shown = [*model.parameters[:_SHOWN], *([f"and {more} more"] if more > 0 else [])]
+        rows.append(("", ", ".join(shown)))
+    rows.append((sumo[0], f"SUMO's own models, also {', '.join(sumo[1:])}"))
+    rows.append(("", "parameters: attributes of SUMO's vehicle types, e.g. tau=1.2"))
+    _print(rows)
+    print("\nMixes")
+    _print([(f"  {name}", models.replace(",", ", ")) for name, models in mixes().items()])
+    print("\nAll parameters of a model: scex-sumo models NAME")
+
+
+def _print(rows: Iterable[tuple[str, ...]]) -> None:
+    """Print rows as columns of at most 80 characters; only the first column stays whole."""
+    from rich.table import Table
+
+    from scex_sumo.commands.console import output_console
+
+    table = Table.grid(padding=(0, 2, 0, 0))
+    rows = list(rows)
+    for column in range(len(rows[0])):
+        table.add_column(no_wrap=column == 0, overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    output_console(width=80).print(table, markup=False, highlight=False)

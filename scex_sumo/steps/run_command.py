@@ -19,7 +19,7 @@ from scex_sumo.commands.generated import with_options
 from scex_sumo.commands.options import MapPath
 from scex_sumo.commands.shared import COMMANDS, Answer
 from scex_sumo.extrapolation.extras import extras_of, run_options
-from scex_sumo.extrapolation.options import RunOptions
+from scex_sumo.extrapolation.options import OUTPUT, RunOptions
 from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.scenarios.options import SeedOptions
@@ -28,9 +28,9 @@ from scex_sumo.steps.seed import seed_scene
 if TYPE_CHECKING:
     from scex_sumo.results.run import Run
 
-Details = Annotated[bool, Option("--details", help="Print the metrics and the stress test, too.")]
+Details = Annotated[bool, Option("--details", help="Print all metrics, too.", rich_help_panel=OUTPUT)]
 
-EXAMPLE = "k733.osm --tracks vehicle_tracks_000.csv --time 60 -o out/k733"
+EXAMPLE = "scex_sumo/scenarios/data/roundabout.osm -o out/roundabout"
 
 
 def _kinds() -> tuple[type, ...]:
@@ -38,8 +38,8 @@ def _kinds() -> tuple[type, ...]:
 
 
 @with_options(_kinds)
-def run_command(map_path: MapPath, details: Details = False, **given: Any) -> Answer:
-    """Simulate futures of one moment of traffic, and measure how critical they become."""
+def run_command(map_path: MapPath, *, details: Details = False, **given: Any) -> Answer:
+    """Simulate futures of one moment: how critical can it become?"""
     kinds = _kinds()
     own = zip(kinds, split_options(given, kinds), strict=True)
     values = [from_command_line(kind, options) for kind, options in own]

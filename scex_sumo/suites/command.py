@@ -15,7 +15,7 @@ from scex_sumo.commands.shared import Answer
 if TYPE_CHECKING:
     from scex_sumo.suites.suite import Suite
 
-EXAMPLE = "recordings/ --count 50 -o suite"
+EXAMPLE = "scex_sumo/scenarios/data/roundabout.osm --count 3 -o out/suite"
 
 
 def catalogue_command(
@@ -30,7 +30,7 @@ def catalogue_command(
     overwrite: Annotated[bool, Option("--overwrite", help="Replace another suite.")] = False,
     out: Annotated[Path, Option("-o", "--out", metavar="OUT", help="Folder of the suite.")] = Path("suite"),
 ) -> Answer:
-    """Make a weighted test suite of recordings, or of finished rankings."""
+    """Make a weighted test suite of recordings, or of rankings."""
     from scex_sumo.suites.catalogue import PAGE, catalogue
 
     with progress_bar("cases") as tick, resumable("seeds", out):

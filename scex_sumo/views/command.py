@@ -15,7 +15,7 @@ from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.commands.options import Result, metric_option, two_tracks
 
-EXAMPLE = "out/k733 --critical wttc"
+EXAMPLE = "out/roundabout --encounter 11,7"
 
 
 def view_command(
@@ -34,7 +34,7 @@ def view_command(
         bool, Option("--write-only", help="Write the files, print the path, open nothing.")
     ] = False,
 ) -> None:
-    """Open futures in sumo-gui: without an option, the pair of the verdict."""
+    """Open futures in sumo-gui; by default the pair of the verdict."""
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
     from scex_sumo.views.futures import write_encounter, write_first, write_future, write_grid, write_worst

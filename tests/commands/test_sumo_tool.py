@@ -46,7 +46,7 @@ def test_options_become_those_of_the_command() -> None:
         "--steps=40",
         "--assign=1=idm",
         "--assign=2=idm",
-        "--no-plots",
+        "--no-report",
         "--",
         "a.osm",
     ]

@@ -206,7 +206,7 @@ def test_people_cross_or_go_along(heading: float, speed: float, word: str) -> No
 def test_pairs_of_human_like_futures_have_a_kind(seed_scene: SeedScene, word: str, tmp_path: Path) -> None:
     assert seed_scene.road is not None
     found, net = ruled(seed_scene, converted(seed_scene.road, tmp_path / "net.net.xml"), RunSettings())
-    part = human_part(found, net, futures=4)
+    part = human_part(found, net, futures=16)
     rows = pairs_of_part(found, part).to_pylist()
     assert kinds_of(found, rows, part) == [word]
     assert kinds_of(found, [rows[0] | {"probability": 1e-9}], part) == [None]

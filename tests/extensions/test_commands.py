@@ -22,8 +22,9 @@ def test_a_command_of_another_package_is_used_by_its_name(tmp_path: Path) -> Non
     install(tmp_path, group="scex_sumo.commands", name="count", target="stranger:count_command", code=CODE)
     done = scex(tmp_path, "count", "out/mine")
     assert (done.returncode, done.stdout) == (0, "counted in out/mine\n"), done.stderr
-    assert "Example: scex-sumo count out/k733" in scex(tmp_path, "count", "--help").stdout
-    assert "Count the futures of a result." in scex(tmp_path, "--help").stdout
+    assert "Example:\n  scex-sumo count out/k733\n" in scex(tmp_path, "count", "--help").stdout
+    listed = scex(tmp_path, "--help").stdout.partition("Of other packages:\n")[2]
+    assert listed == "  count       Count the futures of a result.\n"
 
 
 def test_a_command_that_cannot_be_imported_leaves_the_others_listed(tmp_path: Path) -> None:

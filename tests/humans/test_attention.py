@@ -12,9 +12,10 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import Behavior
 from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths
 from scex_sumo.drivers.registry import build, parse_models
-from scex_sumo.humans.attention import Attention, _bounds, kept_clear, looks_away, yielding
-from scex_sumo.humans.driver import LikelyDriver, LikelyProfile
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.humans.attention import kept_clear, looks_away, responses, yielding
 from scex_sumo.humans.guard.conflicts import StopLines
+from scex_sumo.humans.guard.guarded import arriving_later
 from scex_sumo.humans.observed.observations import View, leaders_of
 from scex_sumo.humans.parameters import human_parameters
 from scex_sumo.road import Road
@@ -107,28 +108,12 @@ def test_drivers_brake_for_a_vehicle_that_their_planned_way_touches() -> None:
     x, y = 100.0 + 10.0 * time, 3.2 * np.minimum(time / 2.0, 1.0)
     way = Plan(x=x[None], y=y[None], heading=np.zeros((1, 30)), speed=np.full((1, 30), 10.0))
     who = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
-    aware = Attention(aware=np.ones((1, 30), dtype=bool), onset=np.full(1, 0.8))
+    aware = np.ones((1, 30), dtype=bool)
     made = yielding(way, view_of(history, roads.straight(), who), roads.straight(), aware)
     other = 108.0 + 6.0 * time
     beside = np.abs(made.y[0] - 3.2) < 1.8
     assert (made.x[0] + 4.5 < other)[beside].all()
     assert made.speed.min() > 4.0  # it slows down to the other's speed, not to a stop
-
-
-def test_offsets_keep_clear_of_a_vehicle_whose_path_comes_nearer() -> None:
-    # Two lanes converge from 6 m to 1.8 m; both vehicles are side by side and go straight at present.
-    where = roads.road(
-        roads.lane(1, [(0.0, 0.0), (300.0, 0.0)]),
-        roads.lane(2, [(0.0, 6.0), (102.0, 6.0), (118.0, 1.8), (300.0, 1.8)]),
-    )
-    scene = roads.scene_of((100.0, 0.0, 0.0, 10.0), (100.0, 6.0, 0.0, 10.0))
-    history, who = (
-        roads.present(scene),
-        VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int)),
-    )
-    kept = kept_clear(np.zeros((1, 31)), view_of(history, where, who), where)[0]
-    assert abs(kept[0]) < 1e-9
-    assert kept[24] < -0.04  # the width of a vehicle: each gives way by half of the margin
 
 
 def test_the_front_of_a_long_vehicle_stays_clear_and_its_rear_axle_follows() -> None:
@@ -137,7 +122,7 @@ def test_the_front_of_a_long_vehicle_stays_clear_and_its_rear_axle_follows() -> 
     history = roads.present(scene)
     who = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
     wanted = 0.8 * np.linspace(0.0, 1.0, 31)[None]
-    kept = kept_clear(wanted, view_of(history, roads.straight(), who), roads.straight())[0]
+    kept = kept_clear(wanted, view_of(history, roads.straight(), who))[0]
     front = kept[:-1] + 9.6 * np.diff(kept) / 0.3
     assert front.max() < 0.16  # half of the room beyond 0.3 m
     assert 0.03 < kept[-1] < kept[-1] + 0.3 < wanted[0, -1]
@@ -150,14 +135,14 @@ def bounds_of(v: float, *, safe: bool = False, **values: list[float]) -> FloatAr
     arrays |= {name: np.full(count, np.inf) for name in ("stop_time", "until")}
     arrays |= {name: np.array(given) for name, given in values.items()}
     flags = {"firm": np.ones(count, dtype=bool), "safe": np.full(count, safe)}
-    aware = Attention(aware=np.ones((count, 30), dtype=bool), onset=np.full(count, 0.8))
+    aware = np.ones((count, 30), dtype=bool)
     lines, rows = StopLines(row=np.arange(count), **arrays, **flags), np.arange(count)
-    return _bounds(lines, rows, 0, np.zeros(count), np.full(count, v), attention=aware, human=HUMAN)
+    return responses(lines, rows, 0, np.zeros(count), np.full(count, v), aware=aware, human=HUMAN)
 
 
 def test_a_driver_does_not_creep_into_a_vehicle_in_its_way() -> None:
-    # Both move so slowly that they stay apart for a while, 0.2 m and 0.5 m before a standing vehicle.
-    assert bounds_of(0.3, safe=True, position=[0.2, 0.5]).tolist() == [0.2, np.inf]
+    # Both move so slowly that they stay apart for a while, 0.2 m and 0.7 m before a standing vehicle.
+    assert bounds_of(0.3, safe=True, position=[0.2, 0.7]).tolist() == [0.2, np.inf]
 
 
 def test_a_driver_does_not_creep_into_the_way_of_one_that_crosses_soon() -> None:
@@ -167,43 +152,9 @@ def test_a_driver_does_not_creep_into_the_way_of_one_that_crosses_soon() -> None
 
 def test_a_driver_falls_back_behind_one_that_closes_in_beside_it() -> None:
     # The line of a vehicle at 3 m/s is 0.5 m behind the own front: at 2.5 m/s it gets away.
-    bound = bounds_of(2.6, position=[-0.5, -2.0], speed=[3.0, 3.0])
+    bound = bounds_of(2.6, position=[-0.5, -3.5], speed=[3.0, 3.0])
     assert bound.tolist() == [2.5, np.inf]
     assert bounds_of(2.6, safe=True, position=[-0.5], speed=[3.0]).tolist() == [np.inf]
-
-
-def test_drivers_foresee_that_a_leader_goes_on_slowing_down() -> None:
-    scene = closing(8.0, 8.0, 8.0)
-    speed = scene.history.speed.copy()
-    speed[1] = 8.0 + 0.15 * np.arange(10, -1, -1)
-    scene = replace(scene, history=replace(scene.history, speed=speed))
-    way = []
-    for time_s in (0.0, 1.0):
-        driver = LikelyDriver(LikelyProfile(inattention=0), replace(HUMAN, anticipation_s=time_s))
-        way.append(driven(driver, scene, steps=15).x[:, 0, -1])
-    assert (way[1] <= way[0] + 1e-9).mean() > 0.8 and (way[0] - way[1]).mean() > 0.1
-
-
-def test_drivers_make_room_gently_for_a_vehicle_about_as_fast_that_merges() -> None:
-    # Both others enter the corridor in 0.8 s, beside it: to fall behind takes more than 5 m/s².
-    bound = bounds_of(11.0, position=[-3.0, 1.0], speed=[10.0, 5.0], enter=[0.8, 0.8])
-    braking = (11.0 - bound) / 0.1
-    assert braking[0] == pytest.approx(3.0)
-    assert braking[1] > 5.0
-
-
-def test_a_trailer_brakes_with_its_leader() -> None:
-    # A slower vehicle comes over in front of the leader, 15 m/s, which tows one 0.3 m behind it.
-    scene = roads.scene_of((104.8, 0.0, 0.0, 15.0), (100.0, 0.0, 0.0, 15.0), (114.0, 3.0, -0.3, 8.0))
-    history, both = roads.present(scene), VehicleIndex(future=np.zeros(2, dtype=int), vehicle=np.arange(2))
-    x = scene.now.x[:2, None] + 1.5 * np.arange(1, 31)
-    plan = Plan(x=x, y=0 * x, heading=0 * x, speed=0 * x + 15.0)
-    aware = Attention(aware=np.array([[True] * 30, [False] * 30]), onset=np.full(2, 0.8))
-    view, towed = view_of(history, roads.straight(), both), (np.array([1]), np.array([0]))
-    made = yielding(plan, view, roads.straight(), aware, towed)
-    assert made.speed[0].min() < 12.0
-    assert made.speed[1] == pytest.approx(made.speed[0])
-    assert (made.x[0] - made.x[1] - scene.length[0]).min() > 0.2
 
 
 CROSS = roads.road(
@@ -211,7 +162,7 @@ CROSS = roads.road(
 )
 
 
-def responses(*vehicles: roads.Vehicle) -> Plan:
+def responding(*vehicles: roads.Vehicle) -> Plan:
     """Responses of all vehicles to each other at present, if they meant to go straight on."""
     scene = roads.scene_of(*vehicles)
     n = scene.vehicles
@@ -223,15 +174,40 @@ def responses(*vehicles: roads.Vehicle) -> Plan:
         heading=np.repeat(now.heading, 30, axis=1),
         speed=np.repeat(now.speed, 30, axis=1),
     )
-    aware = Attention(aware=np.ones((n, 30), dtype=bool), onset=np.full(n, 0.8))
+    aware = np.ones((n, 30), dtype=bool)
     return yielding(steady, view_of(roads.present(scene), CROSS, who), CROSS, aware)
 
 
 def test_a_vehicle_that_creeps_towards_a_crossing_gives_way_to_a_fast_one() -> None:
     # The creeping one would enter the other's way in a second, and be there first.
-    made = responses((120.0, 0.0, 0.0, 15.0), (150.0, -4.1, np.pi / 2, 1.0))
-    assert (made.speed[0] == 15.0).all()
+    made, stands = (
+        responding((120.0, 0.0, 0.0, 15.0), (150.0, -4.1, np.pi / 2, speed)) for speed in (1.0, 0.0)
+    )
     assert made.speed[1].min() < 0.3
+    assert (stands.speed[0] == 15.0).all()  # then the fast one goes on
+
+
+def test_one_that_crosses_in_front_at_an_angle_is_waited_for() -> None:
+    # A vehicle as fast cuts across at 55°: it does not lead the way, its side stays in it.
+    turn, time = np.deg2rad(55.0), 0.1 * np.arange(1, 25)
+    made = responding((100.0, 0.0, 0.0, 5.0), (104.0, -4.0, turn, 5.0))
+    x, y = 104.0 + 5.0 * np.cos(turn) * time, -4.0 + 5.0 * np.sin(turn) * time
+    other = States(x=x, y=y, heading=0 * x + turn, speed=0 * x + 5.0)
+    one, two = (Rectangles.of(states, 0 * x + 4.5, 0 * x + 1.8) for states in (made[0, :24], other))
+    assert rectangle_distance(one, two).min() > 0.3
+
+
+def test_nobody_brakes_for_one_that_enters_far_behind() -> None:
+    # It would enter a second later, 4 m behind or 2 m ahead.
+    bound = bounds_of(4.0, position=[-18.0, -12.0], speed=[14.0, 14.0], enter=[1.0, 1.0])
+    assert bound[0] == np.inf and bound[1] < 4.0
+
+
+def test_a_vehicle_stops_before_a_place_that_is_near_and_free_only_later() -> None:
+    # 2 m in 2 s from 4 m/s: 2·(4 - 1)/2 = 3 m/s² would take it there after 0.7 s; to stop there takes 4.
+    assert arriving_later(np.array([2.0]), np.array([2.0]), np.array([4.0])) == pytest.approx([4.0])
+    # 6 m in 2 s: 2·(4 - 3)/2.
+    assert arriving_later(np.array([6.0]), np.array([2.0]), np.array([4.0])) == pytest.approx([1.0])
 
 
 def test_nobody_brakes_for_a_crossing_vehicle_that_leaves_in_time() -> None:

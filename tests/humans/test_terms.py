@@ -9,26 +9,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors.models.idm import IdmParameters, idm_acceleration
+from scex_sumo.behaviors.models.idm import idm_acceleration
 from scex_sumo.humans import parameters, terms
 from scex_sumo.humans.parameters import HumanParameters, human_parameters, simulated
-from scex_sumo.humans.terms import Drivers, Expectation, Situation, Trailers
+from scex_sumo.humans.terms import Drivers, Situation
 
 HUMAN = human_parameters()
 
 
-def situation(speed: list[float], *, expects: dict[str, Any] | None = None, **given: Any) -> Situation:
+def situation(speed: list[float], **given: Any) -> Situation:
     """Drivers at a speed that they showed, at the limit of 20 m/s; values of drivers and steps as given."""
     v = np.array(speed)
     own = {field.name for field in fields(Drivers)} & set(given)
-    driver = {"acceleration": 0 * v, "headway": 0 * v + 0.5, "braking": 0 * v + 1.2}
+    driver = {"acceleration": 0 * v, "headway": 0 * v + 0.5, "rest": 1.0}
     driver |= {name: given.pop(name) for name in own}
     return Situation(
-        driver=Drivers(speed=v, **driver),
-        expects=Expectation(headway=0 * v + 0.5, **(expects or {})),
-        speed=v,
-        limit=0 * v + 20.0,
-        **given,
+        driver=Drivers(speed=v, **driver), speed=v, limit=0 * v + 20.0, headway=0 * v + 0.5, **given
     )
 
 
@@ -52,7 +48,7 @@ def test_nobody_brakes_much_harder_for_a_leader_than_it_takes() -> None:
     # Near at the same speed; near and closing by 4 m/s; far; about to hit, where it takes more.
     speed, gap, leader = [14.0] * 4, np.array([5.0, 9.0, 200.0, 3.0]), np.array([14.0, 10.0, 10.0, 2.0])
     asked = terms.following(situation(speed, gap=gap, leader_speed=leader), HUMAN)
-    profile = IdmParameters.of(HUMAN.idm, time_headway=np.full(4, 0.5), comfort_deceleration=np.full(4, 1.2))
+    profile = replace(HUMAN.idm, time_headway=0.5, comfort_deceleration=HUMAN.following_mps2)
     formula = idm_acceleration(profile, np.array(speed), np.full(4, np.inf), gap, leader)
     harder = -((speed - leader) ** 2) / (2 * (gap - HUMAN.idm.minimum_gap)) - asked
     assert (harder[:2] > 0).all() and (harder[:2] <= HUMAN.extra_braking_mps2).all()
@@ -60,10 +56,9 @@ def test_nobody_brakes_much_harder_for_a_leader_than_it_takes() -> None:
     assert asked[2] > 0 and asked[3] == -HUMAN.idm.max_deceleration
 
 
-def test_a_driver_that_looks_away_does_not_follow_and_does_not_speed_up_towards_its_leader() -> None:
-    now = situation([10.0] * 3, gap=np.array([5.0, 5.0, 80.0]), aware=np.array([True, False, False]))
-    assert np.isfinite(terms.following(now, HUMAN)).tolist() == [True, False, False]
-    assert terms.looking_away(now, HUMAN).tolist() == [4.0, 0.0, 4.0]
+def test_a_driver_that_looks_away_does_not_follow() -> None:
+    now = situation([10.0, 10.0], gap=np.full(2, 5.0), aware=np.array([True, False]))
+    assert np.isfinite(terms.following(now, HUMAN)).tolist() == [True, False]
 
 
 def test_before_a_curve_drivers_brake_gently() -> None:
@@ -72,14 +67,14 @@ def test_before_a_curve_drivers_brake_gently() -> None:
 
 
 def test_shown_accelerations_fade() -> None:
-    now = situation([10.0], habit=1.0, sudden=1.0, plan_step=5, step=2)
+    now = situation([10.0], habit=1.0, sudden=1.0, time_s=0.7)
     assert terms.habit(now, HUMAN) == pytest.approx(np.exp(-0.7 / HUMAN.habit_s))
     assert terms.sudden(now, HUMAN) == pytest.approx(np.exp(-0.7 / HUMAN.sudden_s))
 
 
-def test_variation_is_linear_between_its_times_and_none_of_a_waiting_vehicle() -> None:
-    drawn = np.array([[0.0, 3.0, 1.0], [0.0, 3.0, 1.0]])
-    now = situation([10.0, 0.0], variation=drawn, expects={"waits_s": np.array([0.0, 0.1])}, step=5)
+def test_variation_is_linear_between_its_times_and_none_of_a_vehicle_that_stood() -> None:
+    drawn = np.array([[0.0, 3.0], [0.0, 3.0]])
+    now = situation([10.0, 0.0], variation=drawn, time_s=1.0)
     assert terms.variation(now, HUMAN) == pytest.approx([1.0, 0.0])
 
 
@@ -88,47 +83,22 @@ def test_a_driver_that_must_brake_adds_no_acceleration() -> None:
     assert terms.relieved(np.array([1.0, 1.0, 1.0, -1.0]), asked, HUMAN).tolist() == [1.0, 0.5, 0.0, -1.0]
 
 
-def test_a_creeping_vehicle_stops_in_its_time() -> None:
-    now = situation([2.0, 2.0], stop_s=np.array([4.0, np.inf]))
-    assert terms.stopping(now, HUMAN).tolist() == [-0.5, np.inf]
-    assert terms.stopping(replace(now, plan_step=40), HUMAN).tolist() == [np.inf, np.inf]
-
-
 def test_a_standing_vehicle_crawls_but_not_into_its_leader() -> None:
     now = situation([0.1, 0.1], crawl=0.3, rest=1.0, gap=np.array([5.0, 0.9]))
     assert terms.standing(now, HUMAN) == pytest.approx([0.4, -0.2])
 
 
-def test_drivers_come_to_rest_at_their_own_gap_however_eager_they_are() -> None:
-    # 2 m/s, 3 m behind a standing leader: to rest 2 m behind it takes 2 m/s²; 0.5 m behind it, no
-    # noticeable braking; 3.5 m behind it, the approach ends.
-    rest = np.array([2.0, 0.5, 3.5])
-    now = situation([2.0] * 3, rest=rest, gap=3.0, variation=np.full((3, 3), 5.0))
-    assert terms.resting(now, HUMAN) == pytest.approx([-2.0, np.inf, -4.0])
-    assert (terms.acceleration(now, HUMAN) <= [-2.0, 4.0, -4.0]).all()
-    follows = situation([2.0] * 3, rest=rest, gap=3.0, leader_speed=2.0)
-    assert np.isinf(terms.resting(follows, HUMAN)).all()
-
-
-def test_trailers_keep_the_gap_to_their_leaders() -> None:
-    # The second is towed by the first, the third by a vehicle that plans elsewhere and brakes with 1 m/s².
-    tow = Trailers(
-        row=np.array([1, 2]), leader=np.array([0, -1]), gap=np.array([0.6, 0.5]), drawbar=np.full(2, 0.5)
-    )
-    now = situation([10.0] * 3, expects={"acceleration": -1.0, "speed": 10.0, "trailers": tow})
-    assert terms.towed(np.array([0.7, 4.0, 4.0]), now) == pytest.approx([0.7, 0.8, -1.0])
-
-
-def test_a_leader_is_expected_to_go_on_braking_but_not_to_reverse() -> None:
-    expects = Expectation(headway=np.full(2, 0.5), gap=20.0, speed=np.array([10.0, 1.0]), slowing=-2.0)
-    gap, speed = expects.leader(10, 0.0, HUMAN)
-    assert speed == pytest.approx([10.0 - 2.0 * (1.0 + HUMAN.anticipation_s), 0.0])
-    assert gap == pytest.approx([20.0 + 10.0 - 4.0 / 2, 20.0 + 1.0 - 1.0 / 2])
+def test_nearer_than_its_gap_at_rest_a_driver_ends_its_approach_however_eager_it_is() -> None:
+    # 6.5 m/s behind 6 m/s: 1 m/s² within half a second; further away or unaware, nothing.
+    gap, aware = np.array([1.0, 3.0, 1.0]), np.array([True, True, False])
+    now = situation([6.5] * 3, habit=4.0, rest=1.6, gap=gap, leader_speed=6.0, aware=aware)
+    assert terms.resting(now, HUMAN).tolist() == [-1.0, np.inf, np.inf]
+    assert terms.acceleration(now, HUMAN)[0] == -1.0
 
 
 def test_the_least_demand_counts_and_the_own_accelerations_are_added_within_limits() -> None:
-    habit, waits = np.array([1.0, -9.0, 9.0, 1.0]), {"waits_s": np.array([0.0, 0.0, 0.0, 9.0])}
-    now = situation([20.0, 20.0, 20.0, 0.0], habit=habit, expects=waits)
+    habit, waits = np.array([1.0, -9.0, 9.0, 1.0]), np.array([False, False, False, True])
+    now = situation([20.0, 20.0, 20.0, 0.0], habit=habit, waits=waits)
     asked = terms.demanded(now, HUMAN)
     assert (asked == np.minimum(terms.free(now, HUMAN), terms.curve(now, HUMAN))).all()
     assert terms.acceleration(now, HUMAN) == pytest.approx([asked[0] + 1.0, -4.0, 4.0, 0.0])

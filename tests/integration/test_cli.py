@@ -279,14 +279,6 @@ def test_a_disk_that_is_full_is_said_in_one_line(tmp_path: Path, workers: int) -
     assert not (tmp_path / "out" / "run.json").exists()
 
 
-def test_help_answers_for_every_command() -> None:
-    for command in ([], ["run"], ["convert"], ["view"], ["export"], ["models"]):
-        done = scex(*command, "--help")
-        assert done.returncode == 0
-        assert "Usage" in done.stdout
-        assert not command or "Example: scex-sumo" in done.stdout
-
-
 def test_the_package_imports_nothing_heavy() -> None:
     code = (
         "import sys, scex_sumo.cli\n"

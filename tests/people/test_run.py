@@ -91,4 +91,4 @@ def test_a_driver_moves_aside_for_a_cyclist_towards_a_metre(tmp_path: Path) -> N
     beside = np.abs(states.x[0] - states.x[1]) < 2.0
     gap = np.abs(states.y[0] - states.y[1]) - (car.width[0] + 0.7) / 2
     assert gap[0] == pytest.approx(0.65)
-    assert 0.85 < gap[beside].min() < gap[beside].max() <= 1.0  # it comes over within some seconds
+    assert 0.85 < gap[beside].min() < gap[beside].max() < 1.05  # it comes over within some seconds

@@ -35,7 +35,6 @@ from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 REAR_AXLE_SHARE = 0.3  # of the length, behind the centre
 CURVATURE_LIMIT = 0.2  # 1/m, a turning radius of 5 m
 SHARPEST = 0.9  # 1/m, of a path's own bend, as SUMO's nets have it where vehicles turn round
-USUAL_BEND = 0.03  # 1/m, of recorded motion beyond the curvature of the path
 JOIN_TIME_S = 0.67
 JOIN_LENGTH_M = 3.0
 JOIN_ANGLE_RAD = 0.5
@@ -68,7 +67,6 @@ def _present_bend(
     heading: FloatArray,
     v: FloatArray,
     aside: FloatArray | None,
-    doubt: FloatArray | None,
 ) -> FloatArray:
     """Return (n,) curvatures of the vehicles' motion minus those of their lines, 1/m."""
     steps = 1 if history.step > 0 else 5
@@ -84,8 +82,6 @@ def _present_bend(
     bend = turned / np.maximum(way, 0.02) - _bend_beside(bend_at(paths, row, then + way / 2), aside, v)
     # A padded history is straight in a curve; a standing vehicle can turn its wheels first.
     most = _bend_limit(v, _urgency(wrap(now.heading - heading)))
-    if doubt is not None and history.step == 0:
-        bend = bend / (1 + (doubt / (USUAL_BEND * np.maximum(way, 0.02))) ** 2)
     return np.where(way > 0.02, clipped(bend, -most, most), 0.0)
 
 
@@ -100,7 +96,6 @@ def drive(
     steps: int = PLAN_STEPS,
     aside: FloatArray | None = None,
     parallel: bool = False,
-    doubt: FloatArray | None = None,
 ) -> Plan:
     """Drive vehicles along their paths.
 
@@ -108,7 +103,6 @@ def drive(
         accelerate: vehicles stop instead of reversing.
         aside: (n, H + 1) wanted offset now and after each step, m, left positive; None is 0.
         parallel: steer with the curvature of the line at that offset instead of that of the path.
-        doubt: (n,) scatter of the recorded headings, rad, by which the steering of the seed scene is doubted.
     """
     length = history.scene.length[who.vehicle]
     if paths.slow_in_curves:
@@ -123,7 +117,7 @@ def drive(
     there = (begin.x == now.x) & (begin.y == now.y)
     wanted = None if aside is None else np.ascontiguousarray(aside.T)
     beside = wanted[0] if wanted is not None and parallel else None
-    bend = np.where(there, _present_bend(history, who, paths, row, s, path_heading, v, beside, doubt), 0.0)
+    bend = np.where(there, _present_bend(history, who, paths, row, s, path_heading, v, beside), 0.0)
     s0, out = s, np.empty((4, steps, len(who)))
     for step in range(steps):
         a = accelerate(step, v, s - s0, s)

@@ -35,29 +35,42 @@ class IdmProfile:
     """Driver profile of the Intelligent Driver Model (Treiber et al. 2000).
 
     Attributes:
+        comfort_deceleration: ``b`` in m/s², positive.
+        time_headway: ``T`` in s.
+        minimum_gap: ``s0`` in m, bumper to bumper.
+        max_acceleration: ``a_max`` in m/s².
+        max_deceleration: braking limit in m/s².
+        speed: desired speed ``v0`` in m/s; 0 takes the lane's speed limit.
+        speed_factor: factor on the speed limit.
         habit_memory: time constant in s with which the desired speed moves from the one shown in the seed
             scene to ``v0``; 0 takes ``v0`` at once.
         habit_lead: time in s over which the last half second's acceleration changes the shown speed.
+        habit_margin: addition to the shown speed in m/s.
+        clearance: a vehicle is a leader if its centre is this near to the path, m.
+        obstacle_clearance: the same for a pedestrian or cyclist, m.
+        radius: perception radius, m.
+        curve_acceleration: comfortable lateral acceleration in m/s²; 0 does not slow down for curves.
+        curve_deceleration: braking before a curve in m/s².
         path: index from left to right (clamped to the last; -1 is the rightmost), ``straight`` (the
             straightest from the most probable lane), ``random`` (drawn per future and vehicle), lane ids, or
             points.
     """
 
-    comfort_deceleration: float  # ``b`` in m/s², positive
-    time_headway: float  # ``T`` in s
-    minimum_gap: float  # ``s0`` in m, bumper to bumper
-    max_acceleration: float  # ``a_max`` in m/s²
-    max_deceleration: float = 9.0  # braking limit in m/s²
-    speed: float = 0.0  # desired speed ``v0`` in m/s; 0 takes the lane's speed limit
-    speed_factor: float = 1.0  # factor on the speed limit
+    comfort_deceleration: float
+    time_headway: float
+    minimum_gap: float
+    max_acceleration: float
+    max_deceleration: float = 9.0
+    speed: float = 0.0
+    speed_factor: float = 1.0
     habit_memory: float = 0.0
     habit_lead: float = 0.0
-    habit_margin: float = 0.0  # addition to the shown speed, m/s
-    clearance: float = 5.0  # a vehicle is a leader if its centre is this near to the path, m
-    obstacle_clearance: float = 1.5  # the same for a pedestrian or cyclist, m
-    radius: float = 100.0  # perception radius, m
-    curve_acceleration: float = 0.0  # comfortable lateral acceleration, m/s²; 0 does not slow down for curves
-    curve_deceleration: float = 1.0  # braking before a curve, m/s²
+    habit_margin: float = 0.0
+    clearance: float = 5.0
+    obstacle_clearance: float = 1.5
+    radius: float = 100.0
+    curve_acceleration: float = 0.0
+    curve_deceleration: float = 1.0
     path: PathChoice = "straight"
 
     def __post_init__(self) -> None:
@@ -102,19 +115,6 @@ class IdmParameters:
     max_acceleration: FloatArray | float
     comfort_deceleration: FloatArray | float
     max_deceleration: FloatArray | float
-
-    @classmethod
-    def of(
-        cls, profile: IdmProfile, *, time_headway: FloatArray, comfort_deceleration: FloatArray
-    ) -> IdmParameters:
-        """Return a profile's parameters with (n,) headways, s, and decelerations, m/s²."""
-        return cls(
-            time_headway=time_headway,
-            minimum_gap=profile.minimum_gap,
-            max_acceleration=profile.max_acceleration,
-            comfort_deceleration=comfort_deceleration,
-            max_deceleration=profile.max_deceleration,
-        )
 
 
 def idm_acceleration(

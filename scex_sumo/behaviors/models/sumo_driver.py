@@ -23,7 +23,7 @@ class SumoDriver:
     Attributes:
         model: SUMO's name of the model, e.g. ``EIDM``; ``own`` for each vehicle's own in a SUMO simulation.
         parameters: attributes of SUMO's vehicle types, e.g. ``{"tau": "1.2"}``.
-        path: as in `IdmProfile`.
+        path: index from left to right, ``straight`` or ``random``.
 
     Raises:
         UsageError: SUMO has no such model or parameter, or its result would depend on the tile.

@@ -32,7 +32,6 @@ SAFE_M = 0.3  # margin between two boxes
 KEPT_SHARE = 0.8  # of a smaller present margin
 CONTACT_M = 0.1
 MIN_WAY_M = 0.5
-GIVES_WAY = 0.25  # one that needs less than this share of the other's braking stops first
 CROSSING_M = 0.5  # the crossing is where the offset is this near to the smallest one
 
 
@@ -140,10 +139,18 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     cos, sin = np.cos(one.heading[k, first]), np.sin(one.heading[k, first])
     ahead = cos * (x - one.x)[k, first] + sin * (y - one.y)[k, first] > 0
     k = np.flatnonzero(touches.any(axis=1) & ahead & (distance[:, 0] > 0))
-    k = k[~_gives_way(view, i[k], j[k], first[k], *(box.part(k) for box in boxes))]
     first, i, j, future = first[k], i[k], j[k], future[k]
     along = np.cos(heading[k, first] - one.heading[k, first])
-    line = np.maximum(around.others.states.speed[future, j] * along, 0.0)
+    # One that crosses in front stays at the place until it has passed; one ahead leaves it at once.
+    time = np.arange((SAMPLES - 1) * steps + 1)
+    x, y, heading = (between(a[future, j], time / steps) for a in (around.x, around.y, around.heading))
+    other = States(x=x, y=y, heading=heading, speed=np.zeros_like(x))
+    here = Rectangles.of(one[k, first][:, None], *(a[k] for a in own_size))
+    held = rectangle_distance(here, Rectangles.of(other, *(a[k] for a in size))) <= CONTACT_M
+    gone = ~held & (time > first[:, None])
+    leave = np.where(gone.any(axis=1), gone.argmax(axis=1), np.inf)
+    follows = leave <= first + steps
+    line = np.where(follows, np.maximum(around.others.states.speed[future, j] * along, 0.0), 0.0)
     braking = np.where(
         line > 0, np.minimum(around.braking[future, j], view.profile.comfort_deceleration), 0.0
     )
@@ -154,28 +161,11 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
         speed=line,
         deceleration=braking,
         stop_time=np.where(braking > 0, line / np.maximum(braking, 1e-9), np.inf),
-        enter=none,
-        until=none + np.inf,
+        enter=np.where(follows, 0.0, STEP_S * first),
+        until=np.where(follows, np.inf, STEP_S * leave + view.profile.time_margin),
         firm=none == 0,
         safe=none != 0,
     )
-
-
-def _gives_way(
-    view: _View, i: IntArray, j: IntArray, first: IntArray, one: Rectangles, other: Rectangles
-) -> BoolArray:
-    """Return (P,) whether others j stop before they touch the plans of vehicles i, as that is easy for them.
-
-    Args:
-        first: (P,) step at which the boxes (P, T) touch.
-    """
-    others, k = view.around.others, np.arange(len(i))
-    speed = np.maximum(others.states.speed[view.who.future[i], j], 0.0)
-    needs = view.paths.start_speed[i] ** 2 / np.maximum(view.paths.arc[i, first], MIN_WAY_M)
-    other_needs = speed**2 / np.maximum(speed * STEP_S * first, MIN_WAY_M)
-    along = np.cos(other.heading[k, first] - one.heading[k, first]) >= SAME_WAY
-    in_way = (rectangle_distance(one, other.part(np.s_[:, :1])) <= CONTACT_M).any(axis=1)
-    return ~others.obstacle[j] & ~along & ~in_way & (other_needs < GIVES_WAY * needs)
 
 
 def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:

@@ -29,10 +29,6 @@ Arguments: the stop lines; the first line (n,) of each vehicle; the step; place 
 speed (P,), m/s, of each line's vehicle.
 """
 
-Towed: TypeAlias = tuple[IntArray, IntArray]
-"""Rows (k,) of trailers, and of their leaders."""
-NOBODY: Towed = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
-
 
 def safe_speed(
     gap_m: FloatArray, leader_speed_mps: FloatArray, *, deceleration: float, reaction_time: float
@@ -92,19 +88,13 @@ def retimed(
     who: VehicleIndex,
     profile: GuardProfile,
     bounds: Bounds,
-    towed: Towed = NOBODY,
 ) -> Plan:
-    """Re-time a plan (n, H) along its way under the bounds of its stop lines.
-
-    Trailers lose the speed that their leaders lose.
-    """
+    """Re-time a plan (n, H) along its way under the bounds of its stop lines."""
     paths = planned_paths(plan, history, who, profile)
     holds = find_stop_lines(paths, history, road, who, profile).joined_by(_leaping(paths))
     if not len(holds.row):
         return plan
-    held = np.isin(towed[1], holds.row)
-    trailer, leader = towed[0][held], towed[1][held]
-    speed, arc, changed = _timed(paths, holds.joined_by(trailer), profile, bounds, (trailer, leader))
+    speed, arc, changed = _timed(paths, holds, profile, bounds)
     rows = np.flatnonzero(changed)
     if not len(rows):
         return plan
@@ -122,7 +112,7 @@ def _leaping(paths: PlannedWays) -> IntArray:
 
 
 def _timed(
-    paths: PlannedWays, holds: StopLines, profile: GuardProfile, bounds: Bounds, towed: Towed
+    paths: PlannedWays, holds: StopLines, profile: GuardProfile, bounds: Bounds
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return speeds and arc lengths (n, H), and (n,) which vehicles are slowed."""
     speed, arc = paths.speed.copy(), paths.arc[:, 1:].copy()
@@ -135,13 +125,10 @@ def _timed(
     count = np.diff(np.append(first, len(holds.row)))
     gain = np.diff(planned, axis=0, prepend=v[None]) / STEP_S
     gain = np.maximum(np.where(gain > LEAP_MPS2, 0.0, gain), profile.release_acceleration)
-    trailer, leader = (np.searchsorted(rows, row) for row in towed)
     timed = np.empty((2, *planned.shape))
     for step, (speed_then, way_then) in enumerate(zip(planned, way, strict=True)):
         bound = bounds(holds, first, step, np.repeat(s, count), np.repeat(v, count))
         wanted = np.minimum(np.minimum(speed_then, bound), v + gain[step] * STEP_S)
-        with_leader = wanted[leader] + speed_then[trailer] - speed_then[leader]
-        wanted[trailer] = np.minimum(wanted[trailer], with_leader)
         following = np.maximum(np.minimum(wanted, speed_then), 0.0)
         moved = (v + following) * (STEP_S / 2)
         held |= (following < speed_then - MIN_CHANGE_MPS) | (moved < way_then - LEAP_M)
@@ -208,9 +195,13 @@ def needed_braking(
 
 
 def arriving_later(way: FloatArray, time_s: FloatArray, v: FloatArray) -> FloatArray:
-    """Return (P,) constant decelerations with which vehicles come a way, m, in no less than a time, m/s²."""
-    late: FloatArray = 2 * np.maximum(v - np.maximum(way, 0.0) / time_s, 0.0) / time_s
-    return late
+    """Return (P,) constant decelerations with which vehicles come a way, m, in no less than a time, m/s².
+
+    On a short way they stop at its end before; beyond the place it no longer matters.
+    """
+    late = 2 * np.maximum(v - np.maximum(way, 0.0) / time_s, 0.0) / time_s
+    stops = (way > 0) & (2 * way < v * time_s)
+    return np.where(stops, v**2 / (2 * np.maximum(way, LAST_GAP_M)), late)
 
 
 def line_motion(holds: StopLines, t: float) -> tuple[FloatArray, FloatArray]:

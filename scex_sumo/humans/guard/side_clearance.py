@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, IntArray, between
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.driving.leaders import everyone
 from scex_sumo.behaviors.driving.paths import SeedPaths
@@ -19,9 +18,6 @@ from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleInde
 NEAR_M = 25.0  # between centres of vehicles that can get beside each other within a plan
 MARGIN_M = 0.4  # between two boxes
 AHEAD_M = 1.0  # boxes this far ahead or behind count as beside
-SWERVE_M = 0.4  # drivers pass a vehicle ahead whose body is in their way by less than this
-STANDING_MPS = 1.0
-SLACK_M = 2.0  # on curved paths, expected places differ from those straight on by up to this
 ALONG = 0.5  # sine of the angle to the path; at larger angles a vehicle crosses it
 STRAIGHTENS_S, STRAIGHTENS_M = 1.0, 6.0  # after this time, at least this way, a third of an angle is left
 OWN_DRIFT_S = 0.3  # the vehicle stops its own drift sooner
@@ -35,7 +31,6 @@ class _Boxes:
     offset: FloatArray  # of the centre from the path, m, left positive
     sine: FloatArray  # of the angle to the path
     ahead: FloatArray  # speed along the path, m/s
-    speed: FloatArray  # m/s
     along: FloatArray  # half extent along the path, m
     across: FloatArray  # half extent across it, m
 
@@ -58,7 +53,6 @@ class _Boxes:
             offset=offset,
             sine=np.sin(turned),
             ahead=np.maximum(states.speed, 0.0) * np.cos(turned),
-            speed=np.maximum(states.speed, 0.0),
             along=(cos * length + sin * width) / 2,
             across=(cos * width + sin * length) / 2,
         )
@@ -77,12 +71,10 @@ def offsets_beside(
     *,
     margin: float = MARGIN_M,
     passing: float | None = None,
-    later: tuple[FloatArray, Sequence[States]] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return (n, H + 1) smallest and largest offset from the path, m; infinite without vehicles beside.
 
-    Offsets are those of the centre, or with ``later`` of the middle of the front. Two boxes share the space
-    between them; others keep their speed and straighten up.
+    Two boxes share the space between them; others keep their speed and straighten up.
 
     Args:
         row: (n,) path of each vehicle.
@@ -90,7 +82,6 @@ def offsets_beside(
         way: (n, H + 1) further way now and after each step, m.
         margin: between two boxes, m.
         passing: margin to people, who share nothing, m; None: as to vehicles.
-        later: (K,) even times from 0 on, s, and expected states (C, M) then; None: straight on.
     """
     everybody = everyone(history)
     now, others = history.now[who.future, who.vehicle], everybody.states[who.future]
@@ -104,43 +95,22 @@ def offsets_beside(
     t: FloatArray = STEP_S * np.arange(way.shape[1], dtype=np.float64)
     ahead = (other.s - own.s)[:, None] + other.ahead[:, None] * t - way[i]
     along, apart = own.along + other.along, np.abs(other.offset - own.offset)
-    swerve, slack = (0.0, 0.0) if later is None else (SWERVE_M, SLACK_M)
-    beside = (np.abs(ahead[:, 0]) < along) | (apart > own.across + other.across - swerve)
-    beside &= (np.abs(other.sine) < ALONG) | (later is not None) & (other.speed < STANDING_MPS)
-    beside &= (np.abs(ahead) < along[:, None] + AHEAD_M + slack).any(axis=1)
+    beside = (np.abs(ahead[:, 0]) < along) | (apart > own.across + other.across)
+    beside &= (np.abs(other.sine) < ALONG) & (np.abs(ahead) < along[:, None] + AHEAD_M).any(axis=1)
     k = np.flatnonzero(beside)
     i, j, own, other, ahead, apart = i[k], j[k], own.take(k), other.take(k), ahead[k], apart[k]
     side = np.where(other.offset > own.offset, 1.0, -1.0)
     alone = everybody.obstacle[j] & (passing is not None)
     kept = np.where(alone, passing or 0.0, margin)[:, None]
-    if later is None:
-        free = apart[:, None] - _taken(own, other, side, width[j], t) - kept
-        reach, front = (own.along + other.along)[:, None], own.offset
-    else:
-        boxes = [other]
-        for time, states in zip(later[0][1:], later[1][1:], strict=True):
-            then = states[who.future[i], j]
-            boxes.append(_Boxes.of(paths, row[i], other.s + time * other.ahead, then, length[j], width[j]))
-        place, edge, half = (
-            between(np.stack(values, axis=1), t / later[0][1])
-            for values in zip(
-                *((box.s, side * box.offset - box.across, box.along) for box in boxes), strict=True
-            )
-        )
-        ahead = place - own.s[:, None] - way[i]
-        drift = np.maximum(side * own.ahead * own.sine, 0.0) * OWN_DRIFT_S
-        vehicle = who.vehicle[i]
-        front = own.offset + own.sine * length[vehicle] / 2
-        free = edge - (side * front + width[vehicle] / 2 + drift)[:, None] - kept
-        reach = own.along[:, None] + half
-    counts = np.abs(ahead) < reach + AHEAD_M
+    free = apart[:, None] - _taken(own, other, side, width[j], t) - kept
+    counts = np.abs(ahead) < (own.along + other.along)[:, None] + AHEAD_M
     own_share = np.where(alone, 1.0, 0.5)[:, None]
     room = reached(np.where(counts, np.maximum(own_share * free, -ASIDE_M), np.inf))
     room *= np.where(room < 0, 1 - np.exp(-t / ASIDE_S), 1.0)
     least, most = np.full(way.shape, -np.inf), np.full(way.shape, np.inf)
     left, right = side > 0, side < 0
-    np.minimum.at(most, i[left], front[left, None] + room[left])
-    np.maximum.at(least, i[right], front[right, None] - room[right])
+    np.minimum.at(most, i[left], own.offset[left, None] + room[left])
+    np.maximum.at(least, i[right], own.offset[right, None] - room[right])
     return least, most
 
 

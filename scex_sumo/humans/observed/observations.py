@@ -18,7 +18,6 @@ from scex_sumo.behaviors.models.idm import (
     idm_acceleration,
 )
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.humans.guard.side_clearance import box_distances
 from scex_sumo.humans.observed.room import CLEAR_M, room_at
 from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
@@ -40,20 +39,10 @@ def start_features(
     return np.column_stack([np.ones_like(gap), creep, near & moves, ~near, near & stands & wave])
 
 
-def stop_features(
-    speed: FloatArray,
-    acceleration: FloatArray,
-    gap: FloatArray,
-    leader_speed: FloatArray,
-    human: HumanParameters,
-) -> FloatArray:
-    """Return (n, 5) features of the log odds that a creeping vehicle comes to rest.
-
-    1; speed; shown acceleration; near leader or not; its speed beyond that of the vehicle.
-    """
-    near, most = gap < human.queue_m, human.creeping_mps
-    opening = np.where(near, np.clip(leader_speed - speed, -most, most), 0.0)
-    return np.column_stack([np.ones_like(speed), speed, acceleration, near, opening])
+def kept_headway(gap: FloatArray, speed: FloatArray, human: HumanParameters) -> FloatArray:
+    """Return (n,) headways beyond the gap at rest that drivers keep at shown gaps, s."""
+    beyond = np.maximum(gap - human.rest_m, 0.0)
+    return np.asarray(human.headway_kept * beyond / np.maximum(speed, 1.0))
 
 
 @owner_cache
@@ -173,57 +162,20 @@ def last_second(scene: SeedScene, human: HumanParameters) -> LastSecond:
     )
 
 
-@owner_cache
-def acceleration_around(scene: SeedScene, human: HumanParameters) -> FloatArray:
-    """Return (V,) weighted mean accelerations of the other vehicles around that move the same way, m/s²."""
-    now = scene.now
-    same_way = np.cos(now.heading - now.heading[:, None]) > human.same_way_cos
-    distance = np.hypot(now.x - now.x[:, None], now.y - now.y[:, None])
-    weight = ((now.speed > human.standing_mps) & same_way) * np.exp(-distance / human.around_m)
-    np.fill_diagonal(weight, 0.0)
-    return np.asarray(weight @ last_second(scene, human).slope / (weight.sum(axis=1) + human.around_doubt))
-
-
-@owner_cache
-def room_beside(scene: SeedScene, human: HumanParameters) -> FloatArray:
-    """Return (V, 2) room to vehicles on the right and left, m."""
-    now, far = scene.now, scene.length[:, None] / 2 + scene.length / 2 + human.beside_along_m
-    cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
-    dx, dy = now.x - now.x[:, None], now.y - now.y[:, None]
-    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
-    turn = now.heading - now.heading[:, None]
-    half = (np.abs(np.sin(turn)) * scene.length + np.abs(np.cos(turn)) * scene.width) / 2
-    gap = np.abs(left) - half - scene.width[:, None] / 2
-    beside = (np.abs(ahead) < far) & ((gap > 0) | (np.abs(ahead) < far - human.beside_along_m))
-    np.fill_diagonal(beside, False)
-    gap = np.maximum(gap, 0.0)
-    near = (np.where(beside & side, gap, np.inf) for side in (left < 0, left > 0))
-    return np.stack([each.min(axis=1, initial=np.inf) for each in near], axis=1)
-
-
-@owner_cache
-def side_features(scene: SeedScene, human: HumanParameters) -> FloatArray:
-    """Return (V, 3) scatter, relative speed and smaller room beside."""
-    shown = last_second(scene, human)
-    scatter = np.minimum(shown.scatter, human.max_scatter_mps2)
-    speed = np.minimum(shown.speed, human.max_speed_mps) / human.max_speed_mps
-    room = np.minimum(room_beside(scene, human).min(axis=1), human.max_room_m)
-    return np.column_stack([scatter, speed, room])
-
-
 def keep_features(
-    side: FloatArray, bends: FloatArray, room: FloatArray, human: HumanParameters
+    speed: FloatArray, bends: FloatArray, room: FloatArray, human: HumanParameters
 ) -> FloatArray:
-    """Return (n, 5): ``side_features`` (n, 3), the sharper of bends (n, 2) over the largest one, spare room.
+    """Return (n, 3): speed, the sharper of bends (n, 2), and spare room, each over its largest value.
 
-    Spare room is what half the width of the wider lane exceeds the largest offset by, over its limit.
+    Spare room is what half the width of the wider lane exceeds the largest offset by.
 
     Args:
         room: (n, 2, 2), see `PathObservations`.
     """
     spare = np.clip(room.mean(axis=2).max(axis=1) - human.max_offset_m, 0.0, human.max_spare_m)
     bend = np.abs(bends).max(axis=1) / human.max_bend
-    return np.column_stack([side, bend, spare / human.max_spare_m])
+    speed = np.minimum(speed, human.max_speed_mps) / human.max_speed_mps
+    return np.column_stack([speed, bend, spare / human.max_spare_m])
 
 
 def place_features(lateral: FloatArray, bends: FloatArray, room: FloatArray) -> FloatArray:
@@ -251,18 +203,16 @@ class PathObservations:
     """Observations along each path, (P,)."""
 
     leader: IntArray  # as in `Leaders`
-    slack: FloatArray  # addition to the gap, m, so that trailers and too long boxes do not brake
-    gap: FloatArray  # with slack, m; inf without a leader
+    gap: FloatArray  # m; inf without a leader
     leader_speed: FloatArray  # m/s along the path
     limit: FloatArray  # speed limit, m/s
     curve: FloatArray  # speed that the curves ahead allow a moment later, m/s
-    headway: FloatArray  # beyond the minimum gap, s
+    headway: FloatArray  # largest one that the driver keeps, s
     lateral: FloatArray  # (P, 3) motion of the rear axle across the path: m, left positive; m/s; m/s²
     bends: FloatArray  # (P, 2) curvatures here and 3 s ahead, left positive, 1/m
     room: FloatArray  # (P, 2, 2) to the left and right bound of the lane here and 3 s ahead, m
-    # (P, 11) 1, shown acceleration, that of the model, speed difference to the leader, line error, leader's
-    # acceleration, limit minus speed, speed difference to the leader's leader, acceleration around, braking
-    # that curves need, comfortable speed in the curve ahead minus speed
+    # (P, 8) 1, shown acceleration, that of the model, speed difference to the leader, line error, limit minus
+    # speed, braking that curves need, comfortable speed in the curve ahead minus speed
     mean_features: FloatArray
     spread_features: FloatArray  # (P, 3) scatter, size of the acceleration, leader near or not
 
@@ -278,21 +228,17 @@ def observations_of(scene: SeedScene, paths: SeedPaths, human: HumanParameters) 
     view = View(history=history, who=who, paths=paths, row=row, s=s, human=human)
     lateral = _lateral(view)
     leaders = leaders_of(view, lateral[:, 0])
-    coupled = (speed > human.coupled_mps[0]) & (np.abs(leaders.speed - speed) < human.coupled_mps[1])
-    slack = np.where(coupled, np.clip(human.coupled_m - leaders.gap, 0.0, human.max_slack_m), 0.0)
-    slack[_overlaps(view, leaders)] = human.overlap_slack_m
-    gap, near = leaders.gap + slack, leaders.gap < human.far_leader_m
+    gap, near = leaders.gap, leaders.gap < human.far_leader_m
     size = np.minimum(np.abs(shown.acceleration[vehicle]), human.max_size_mps2)
     scatter = np.minimum(shown.scatter[vehicle], human.max_scatter_mps2)
     curves = curve_speeds(paths, idm.curve_acceleration, idm.curve_deceleration)
     return PathObservations(
         leader=leaders.index,
-        slack=slack,
         gap=gap,
         leader_speed=leaders.speed,
         limit=desired_speeds(paths, idm.speed, idm.speed_factor)[_sample(paths, row, s)],
         curve=curves[_sample(paths, row, s + speed * CURVE_TIME_S)],
-        headway=(gap - idm.minimum_gap) / np.maximum(speed, 1.0),
+        headway=kept_headway(gap, speed, human),
         lateral=lateral,
         bends=_bends(view),
         room=np.stack([_room(view, 0.0), _room(view, human.lateral_s)], axis=1),
@@ -307,7 +253,7 @@ def _sample(paths: SeedPaths, row: IntArray, s: FloatArray) -> IntArray:
 
 
 def _mean_features(view: View, leaders: Leaders, gap: FloatArray, near: BoolArray) -> FloatArray:
-    """Return (P, 11); see `PathObservations`."""
+    """Return (P, 8); see `PathObservations`."""
     human, shown, vehicle = view.human, view.shown, view.who.vehicle
     there = view.paths.curve_curvature.ravel()[
         _sample(view.paths, view.row, view.s + human.curve_ahead_s * shown.speed[vehicle])
@@ -318,10 +264,7 @@ def _mean_features(view: View, leaders: Leaders, gap: FloatArray, near: BoolArra
         idm_acceleration(human.idm, speed, np.full_like(speed, np.inf), gap, leaders.speed),
         np.where(near, leaders.speed - speed, 0.0),
         shown.line_error[vehicle],
-        _of_leader(leaders, near, shown.acceleration),
         view.paths.speed_limit[view.row, ahead] - speed,
-        _second_opening(view, leaders, near),
-        acceleration_around(view.scene, human)[vehicle],
         braking_for_turns(view.paths, view.s, speed, human.easy_mps2, human),
         np.sqrt(human.easy_mps2 / np.maximum(there, 1e-6)) - speed,
     )
@@ -354,14 +297,6 @@ def braking_for_turns(
     return np.asarray(np.maximum(needed.max(axis=1), 0.0))
 
 
-def _overlaps(view: View, leaders: Leaders) -> BoolArray:
-    """Return (P,) whether the leader is a vehicle tracked twice."""
-    known = (leaders.index >= 0) & (leaders.index < view.scene.vehicles)
-    known &= leaders.gap < -view.human.overlap_m
-    at = np.where(known, leaders.index, 0)
-    return np.asarray(known & (box_distances(view.scene)[view.who.vehicle, at] <= 0))
-
-
 def _lateral(view: View) -> FloatArray:
     scene, vehicle, paths, human = view.scene, view.who.vehicle, view.paths, view.human
     now, speed = scene.now[vehicle], view.shown.speed[vehicle]
@@ -373,20 +308,6 @@ def _lateral(view: View) -> FloatArray:
     turning = speed * (turn_rate - speed * bend_at(paths, view.row, s))
     limit = np.array([human.max_offset_m, human.max_lateral, human.max_lateral])
     return np.asarray(np.clip(np.column_stack([offset, swerve, turning]), -limit, limit))
-
-
-def _of_leader(leaders: Leaders, near: BoolArray, values: FloatArray) -> FloatArray:
-    """Return (P,) values of near leaders from (V,) values, else 0."""
-    is_vehicle = near & (leaders.index >= 0) & (leaders.index < len(values))
-    return np.where(is_vehicle, values[np.where(is_vehicle, leaders.index, 0)], 0.0)
-
-
-def _second_opening(view: View, leaders: Leaders, near: BoolArray) -> FloatArray:
-    """Return (P,) speed differences to the near leaders of near leaders, m/s; 0 without."""
-    straight, speed = view.paths.first + view.paths.straight, view.shown.speed
-    second = np.where(near & (leaders.index < view.scene.vehicles), leaders.index, -1)[straight]
-    there = _of_leader(leaders, near, (second >= 0).astype(np.float64))
-    return there * (_of_leader(leaders, near, speed[second]) - speed[view.who.vehicle])
 
 
 def path_features(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> FloatArray:

@@ -60,12 +60,6 @@ def estimated_scene(scene: SeedScene, road: Road) -> SeedScene:
     return replace(scene, history=replace(past, heading=turned, speed=speed))
 
 
-@owner_cache
-def heading_scatter(scene: SeedScene, road: Road) -> FloatArray:
-    """Return (V,) scatter of the headings of the last second about a line, relative to the path, rad."""
-    return _scatter(np.unwrap(scene.history.heading, axis=1) - _path_headings(scene, road), 2)
-
-
 def estimated_history(history: SceneHistory, road: Road) -> SceneHistory:
     """Return a history whose seed scene, and whose states up to the seed moment, are estimated."""
     scene, old = estimated_scene(history.scene, road), HISTORY_STEPS + 1 - history.step

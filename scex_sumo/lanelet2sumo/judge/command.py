@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from scex_sumo.road import Road
 
 
-EXAMPLE = "DR_DEU_Roundabout_OF.osm -o roundabout.net.xml"
+EXAMPLE = "scex_sumo/scenarios/data/roundabout.osm -o out/roundabout.net.xml"
 
 
 def convert_command(

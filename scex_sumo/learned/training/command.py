@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 NETWORKS = ("graph", "hybrid", "joint")
 SCENES = "scenes"
 MOMENTS = 800
-EXAMPLE = "graph --data INTERACTION --out mine.safetensors"
+EXAMPLE = "graph --data scex_sumo/scenarios/data --validation roundabout --epochs 1 -o out/mine.safetensors"
 
 
 def train_command(

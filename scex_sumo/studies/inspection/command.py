@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 EVERY_S = 1.0
 _ROWS = 10  # moments in the terminal
-EXAMPLE = "k733.osm --tracks vehicle_tracks_000.csv --time 60"
+EXAMPLE = "scex_sumo/scenarios/data/roundabout.osm --time 4.5"
 
 
 def inspect_command(
@@ -36,7 +36,7 @@ def inspect_command(
         Path | None, Option("-o", "--out", metavar="FILE.html", help="Write a page with the map as well.")
     ] = None,
 ) -> Answer:
-    """List the recordings of a folder, the moments of a recording, or the vehicles of one moment."""
+    """List recordings, moments of one, or vehicles of a moment."""
     from scex_sumo.commands.console import output_console
     from scex_sumo.converters.datasets.find import left_out, map_and_tracks, recordings_of_folder
     from scex_sumo.converters.datasets.moment import busiest

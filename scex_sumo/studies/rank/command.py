@@ -25,7 +25,7 @@ _COUNTS = (
     "(end of ranking.csv); {futures_run} futures"
 )
 
-EXAMPLE = "recordings/ --every 1 --workers 8 -o out/ranking"
+EXAMPLE = "scex_sumo/scenarios/data/roundabout.osm --every 5 -o out/ranking"
 
 
 def rank_command(

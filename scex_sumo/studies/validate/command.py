@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from scex_sumo.studies.validate.validate import Validation
 
 
-EXAMPLE = "recordings/ --models likely --workers 8 -o out/validation"
+EXAMPLE = "scex_sumo/scenarios/data --every 5 -o out/validation"
 
 
 def validate_command(
@@ -35,7 +35,7 @@ def validate_command(
         Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/validation.", show_default=False)
     ] = Path("out") / "validation",
 ) -> Answer:
-    """Compare the forecasts of a mix of models with what really happened."""
+    """Compare forecasts of models with what really happened."""
     options = {**locals(), "models": "likely" if models is None else models}
     from scex_sumo.studies.validate.validate import validate
 

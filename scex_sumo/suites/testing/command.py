@@ -12,7 +12,7 @@ from scex_sumo.commands.console import progress_bar, resumable
 from scex_sumo.commands.options import AnyWorkers
 from scex_sumo.commands.shared import Answer
 
-EXAMPLE = 'suite --under-test my_driver:Driver --fail-if "worse > 0" --junit out/junit.xml'
+EXAMPLE = "out/suite --under-test standard_driver"
 
 
 def test_command(
@@ -41,7 +41,7 @@ def test_command(
         Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/test.", show_default=False)
     ] = Path("out") / "test",
 ) -> Answer:
-    """Test a driving function on a suite: better or worse than people, and collisions an hour."""
+    """Test a driving function on a suite: better or worse than people."""
     from scex_sumo.base.errors import ScexError
     from scex_sumo.commands.console import output_console
     from scex_sumo.reports.run_table import print_line

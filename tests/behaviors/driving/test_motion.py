@@ -115,7 +115,7 @@ def test_on_a_sumo_net_every_model_slows_down_for_a_tight_curve_and_comes_back_t
     assert np.abs(turned).max() > 0.5  # it went through the curve
     assert np.abs(turned * driven.speed[0, 0, 1:]).max() < 5.5
     change = np.diff(driven.speed[0, 0]) / 0.1
-    assert -6.1 < change.min() < -1.0 and 0.5 < change.max() < 4.1
+    assert -6.1 < change.min() < -1.0 and 0.3 < change.max() < 4.1
 
 
 @pytest.mark.parametrize("aside", [-2.0, 2.0])
@@ -156,23 +156,3 @@ def test_a_slow_vehicle_turns_round_as_sharply_as_its_lane() -> None:
     track = driven(where, roads.scene_of((44.0, 0.0, 0.0, 2.0)), 8.0)
     assert wrap(np.diff(track.heading)).max() > 0.4 * 0.2  # beyond an arc of 5 m
     assert rear_axle(track)[1].max() < turn[-1, 1] + 1.0
-
-
-def test_steering_shown_by_jittery_headings_is_doubted() -> None:
-    # A slow truck whose recorded heading turned by 8° in its last half second, on less than a metre.
-    scene = roads.scene_of((100.0, 0.0, 0.0, 1.7), length=12.0)
-    past = scene.history.map(np.copy)
-    past.heading[0, -6:] = np.deg2rad(np.linspace(8.0, 0.0, 6))
-    history = roads.present(replace(scene, history=past))
-    who = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
-    paths, row = chosen_paths(history, roads.straight(), who, "straight")
-    turned = {
-        doubt: np.abs(
-            drive(
-                history, who, paths, row, lambda _, v, *__: 0.0 * v, doubt=np.deg2rad(np.array([doubt]))
-            ).heading
-        ).max()
-        for doubt in (0.0, 3.0)
-    }
-    assert turned[0.0] > np.deg2rad(4.0)
-    assert turned[3.0] < turned[0.0] / 3

@@ -10,7 +10,7 @@ import numpy as np
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.evaluation.recordings import load_recording, seed_at
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.humans.observed.seed_state import estimated_history, estimated_scene, heading_scatter
+from scex_sumo.humans.observed.seed_state import estimated_history, estimated_scene
 from scex_sumo.scene import SeedScene, States
 from tests.behaviors import roads
 
@@ -83,16 +83,6 @@ def test_a_box_that_was_the_wrong_way_round_is_turned() -> None:
     heading[:, :7] += np.pi
     made = estimated_scene(replace(scene, history=replace(scene.history, heading=heading)), roads.straight())
     assert np.rad2deg(np.abs(wrap(made.history.heading - scene.history.heading))).max() < 0.2
-
-
-def test_scatter_of_headings_is_that_about_a_steady_turn() -> None:
-    rng = np.random.default_rng(3)
-    scene = roads.scene_of((100.0, 0.0, 0.0, 10.0), (200.0, 0.0, 0.0, 10.0))
-    heading = scene.history.heading + 0.1 * np.linspace(-1.0, 0.0, 11)
-    heading[1] += rng.normal(0.0, np.deg2rad(2.0), 11)
-    noisy = replace(scene, history=replace(scene.history, heading=heading))
-    steady, jittery = heading_scatter(noisy, roads.straight())
-    assert steady < 1e-6 and np.deg2rad(1.0) < jittery < np.deg2rad(3.5)
 
 
 def test_a_correction_does_not_make_boxes_touch() -> None:
