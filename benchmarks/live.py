@@ -7,11 +7,6 @@ at times ignore who has the right of way, so they collide (--collision.action wa
 at 1, 2 and 3 s before, with all pairs within 50 m at that time that do not touch yet: the share of
 collisions whose pair is among the top 5 %, and the area under the ROC curve of all pairs.
 
-    python -m benchmarks.live warning OUT [--seeds 1,2,...,20]
-
-The warning system of docs/live.md: pairs that collide and mean travel time with it and without it, on a road
-that becomes slow and on the grid above with departures of 30 s. It runs until all have arrived.
-
     python -m benchmarks.live speed SCENARIO.sumocfg [--vehicles 25] [--moments 20]
 
 Processor time and wall time of a moment of a watch: the first one, and those of warm processes.
@@ -30,8 +25,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
-import sys
 import time
 import warnings
 from itertools import combinations
@@ -49,7 +42,6 @@ from scex_sumo.live.risk import Question, Risk, assess
 from scex_sumo.live.session import Session, Told
 from scex_sumo.live.watch import Watch
 from tests.formats.sumo.simulations import run as sumo_program
-from tests.live.test_docs_live import write_row
 
 PICTURE = (1040, 534)  # px, of a film: as the view in a window of its first size
 LEADS_S, NEAR_M, TOP, QUIET_S = (1.0, 2.0, 3.0), 50.0, 0.05, 5.0
@@ -239,34 +231,6 @@ def again(folder: Path, vehicles: int, futures: int, workers: int) -> None:
     print(f"first {spent[0]:.2f} s, then median {np.median(spent[1:]):.2f} s")
 
 
-def warn(folder: Path, seeds: list[int]) -> None:
-    """Print collisions and travel time with the page's warning system and without it, paired by seed."""
-    for name in ("row", "grid"):
-        place = folder / name
-        place.mkdir(parents=True, exist_ok=True)
-        write_row(place)  # with the page's code
-        if name == "grid":
-            write_scenario(place, departures_s=30)
-        rows = []
-        for seed in seeds:
-            answers = []
-            for limit in (1.0, 0.01):
-                code = f"import warn; print(*warn.run('mine.sumocfg', {seed}, {limit}))"
-                words = [sys.executable, "-c", code]
-                done = subprocess.run(words, cwd=place, capture_output=True, text=True, check=True)
-                answers += map(float, done.stdout.split()[-2:])
-            rows.append(answers)
-            print(name, seed, *answers, flush=True)
-        hits, time_s, warned, warned_s = np.array(rows).T
-        fewer, more = int((warned < hits).sum()), int((warned > hits).sum())
-        slower = warned_s - time_s
-        print(
-            f"{name}: {hits.sum():g} pairs collide without, {warned.sum():g} with warnings (fewer in {fewer} "
-            f"of {len(seeds)} seeds, more in {more}); travel time {time_s.mean():.1f} {warned_s.mean():.1f} "
-            f"difference {slower.mean():+.1f} s, standard error {slower.std() / len(seeds) ** 0.5:.1f}"
-        )
-
-
 def film(path: Path, config: Path | None, begin_s: float, end_s: float) -> None:
     """Write a film of a watched window, and its worst moment as a picture; needs a display and PyAV."""
     risks: list[Risk] = []
@@ -315,7 +279,7 @@ def write_film(path: Path, pictures: list[Path], rate: int) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("what", choices=("collisions", "table", "warning", "speed", "again", "film"))
+    parser.add_argument("what", choices=("collisions", "table", "speed", "again", "film"))
     parser.add_argument("path", type=Path)
     parser.add_argument("--seeds", default=None)
     parser.add_argument("--scenario", type=Path)
@@ -327,16 +291,10 @@ def main() -> None:
     parser.add_argument("--moments", type=int, default=20)
     parser.add_argument("--count", action="store_true", help="only count the collisions")
     given = parser.parse_args()
-    seeds = (
-        [*map(int, given.seeds.split(","))]
-        if given.seeds
-        else [*range(1, 21 if given.what == "warning" else 7)]
-    )
+    seeds = [*map(int, given.seeds.split(","))] if given.seeds else [*range(1, 7)]
     warnings.simplefilter("ignore")
     if given.what == "film":
         return film(given.path, given.scenario, given.first, given.to)
-    if given.what == "warning":
-        return warn(given.path, seeds)
     if given.what == "speed":
         return speed(str(given.path), given.vehicles, given.moments)
     given.path.mkdir(parents=True, exist_ok=True)

@@ -61,8 +61,7 @@ def run(command: list[str], where: Path) -> str:
 def plug_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
     where = tmp_path_factory.mktemp("plug_in")
     assert write_files("plug_in.md", where) == [
-        "drivers.py", "export_torchscript.py", "export_onnx.py", "parked.py", "in_python.py",
-        "acme_drivers.py",
+        "drivers.py", "export_torchscript.py", "export_onnx.py", "parked.py", "acme_drivers.py",
     ]  # fmt: skip
     return where
 
@@ -94,10 +93,6 @@ def test_the_onnx_file_of_the_page_drives(plug_in: Path) -> None:
 def test_the_class_of_the_page_drives(plug_in: Path) -> None:
     command = ["scex-sumo", "run", "scex_sumo/scenarios/data/roundabout.osm", "--models", "parked:Parked"]
     assert "replaced" not in run([*command, "-o", "out/parked"], plug_in)
-
-
-def test_the_script_with_objects_of_the_page_drives(plug_in: Path) -> None:
-    assert run(["python", "in_python.py"], plug_in).endswith("{'8': 'Braking:deceleration=4.0'}\n")
 
 
 def test_the_entry_of_the_page_drives_by_its_name(plug_in: Path) -> None:
