@@ -14,14 +14,13 @@ class PagePart:
     """Cards of an extra, and what the page's scripts read of it.
 
     Attributes:
-        first: cards beside the map, before the stress test; ``cards`` stand below the tables.
+        cards: below the tables.
         info: names and numbers by key.
         scripts: assets that its cards need, besides those of each page.
         tables: sortable tables by the id of their place, see `table_place`.
         verdict: a sentence below the worst encounters.
     """
 
-    first: Sequence[Html] = ()
     cards: Sequence[Html] = ()
     info: Mapping[str, Any] = field(default_factory=dict)
     scripts: Sequence[str] = ()

@@ -47,6 +47,7 @@ class PairLine:
         people: P of a contact between people; None: below what is told.
         stress: share of the futures of the stress test that collide; None without a stress test.
         after_s: when it happens, after the moment.
+        future: that shows it: a human-like one with ``people``, else one of the stress test.
     """
 
     label: str
@@ -56,6 +57,14 @@ class PairLine:
     people: float | None
     stress: float | None
     after_s: float
+    future: int
+
+    @property
+    def caption(self) -> str:
+        """What happens, and how often, in words."""
+        often = f"in {percent(self.stress or 0.0)} of the stress test"
+        often = often if self.people is None else f"people collide {once_in(self.people)}"
+        return f"{self.label}: {self.how or self.what}; {often}"
 
     @property
     def cells(self) -> tuple[str, str, str, str, str]:
@@ -108,6 +117,7 @@ def _of_people(row: Mapping[str, Any], stress: float | None) -> PairLine:
         people=row["probability"],
         stress=stress,
         after_s=row["conflict_s"],
+        future=row["future"],
     )
 
 
@@ -123,7 +133,31 @@ def _of_stress(meeting: Meeting) -> PairLine:
         people=None,
         stress=float(row["collision"]),
         after_s=row["time_s"],
+        future=row["future"],
     )
+
+
+def decided_line(run: Run) -> PairLine | None:
+    """Return the pair of the verdict, also where its data are doubtful; None without one."""
+    told = run.decision
+    if told is None or told.pair is None or told.future is None:
+        return None
+    return PairLine(
+        label=_label(run),
+        pair=told.pair,
+        what=told.what or "",
+        how=told.doubt or told.how or "",
+        people=told.probability,
+        stress=None,
+        after_s=told.time_s or 0.0,
+        future=told.future,
+    )
+
+
+def any_cells(run: Run) -> list[str]:
+    """Return the line of any pair, under the heads of `PairLine.cells`."""
+    told = [row["probability"] for row in told_pairs(run)]
+    return ["any", "", chance(any_of(told)) if told else "–", _collides(run), ""]
 
 
 def print_card(run: Run, console: Console) -> None:
@@ -242,9 +276,7 @@ def _table(run: Run, most: int, wide: int) -> list[Text]:
     for one in lines:
         style = "bold" if set(one.pair) == decided else None
         table.add_row(*(one.cells[k] for k in shown), style=style)
-    told = [row["probability"] for row in told_pairs(run)]
-    total = ["any", "", chance(any_of(told)) if told else "–", _collides(run), ""]
-    table.add_row(*(total[k] for k in shown))
+    table.add_row(*(any_cells(run)[k] for k in shown))
     return _lines_of(table, wide)
 
 

@@ -8,10 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-
 from scex_sumo.drivers.registry import mixes
-from scex_sumo.results.extras import NOTHING
 from scex_sumo.results.probability import Encounter
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import (
@@ -23,7 +20,6 @@ from scex_sumo.results.tables.encounters import (
     is_queue,
     precedence_words,
 )
-from scex_sumo.statistics.density import Interval
 
 if TYPE_CHECKING:
     from scex_sumo.results.region import Region
@@ -117,15 +113,6 @@ def named_as(lead: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
     return {**row, "place": lead["place"]}
 
 
-def probability_in(run: Run, pair: tuple[int, int], event: str) -> Interval:
-    """Return the share of a set of futures with an event of a pair, which need not meet in any."""
-    rows = run.encounters.to_pylist()
-    meets = next((row for row in rows if {row["track_id"], row["other_id"]} == set(pair)), None)
-    if meets is not None:
-        return Encounter(row=meets, run=run).probability(event)
-    return run.intervals.share(np.zeros(run.futures, dtype=np.bool_))
-
-
 def driven_as(run: Run) -> str:
     """Return how the vehicles of a set of futures are driven, in words."""
     drawn = [entry["model"] for entry in run.info.get("models", ()) if entry["weight"] > 0]
@@ -159,17 +146,6 @@ def worst_stress(run: Run) -> list[Meeting]:
     tested = [] if run.baseline is None else [int(track) for track in run.info.get("under_test") or {}]
     stress = [one for one in meetings(run) if one.futures == STRESS_TEST]
     return worst_of(stress, without=tested)
-
-
-def first_look(run: Run, encounters: list[Meeting]) -> Meeting | None:
-    """Return the meeting to look at first: of the pair to be tested, else the worst one; None without any."""
-    told = run.decision
-    asked = set(told.pair or ()) if told is not None and told.kind != NOTHING else set()
-    worst = worst_of(encounters)
-    return next(
-        (meeting for meeting in [*worst, *encounters] if set(meeting.pair) == asked),
-        worst[0] if worst else None,
-    )
 
 
 def grouped(encounters: Sequence[Meeting]) -> list[list[Meeting]]:

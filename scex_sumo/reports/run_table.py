@@ -97,11 +97,7 @@ def print_line(text: str, console: Console) -> None:
 
 
 def always_critical(run: Run) -> list[str]:
-    """Return names of metrics that are critical in nearly all futures of both sets and in the recording."""
-    return [run.metric(column).words for column in _always(run)]
-
-
-def _always(run: Run) -> list[str]:
+    """Return columns that are critical in nearly all futures of both sets and in the recording."""
     both = [one for one in (run, run.reference) if one is not None]
     columns = []
     for column, limit in run.thresholds.items():
@@ -223,7 +219,7 @@ def shown_columns(run: Run, *, every: bool) -> tuple[list[str], list[str]]:
     """
     columns = critical_columns(run.columns)
     if not every:
-        always = _always(run)
+        always = always_critical(run)
         columns = [column for column in columns if column not in always]
         if set(MAIN) <= set(run.columns) and not run.info.get("metrics"):
             return [column for column in MAIN if column in columns], []

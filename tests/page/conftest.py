@@ -14,6 +14,7 @@ from scex_sumo.page.report.report import write_report
 from scex_sumo.results.run import Run, open_run
 from tests.command import scex
 
+UNFOLD = "for (const fold of document.querySelectorAll('details')) fold.open = true"
 CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)
 
 
@@ -26,6 +27,14 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     run = open_run(folder)
     write_report(run)
     return run
+
+
+@pytest.fixture(scope="session")
+def answered(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """A few futures of the roundabout and the human-like ones, with a verdict and a report."""
+    folder = tmp_path_factory.mktemp("answered") / "out"
+    scex("run", example_path("roundabout"), "--futures", 24, "-o", folder).check_returncode()
+    return open_run(folder)
 
 
 @pytest.fixture(scope="session")
@@ -57,8 +66,10 @@ def page(tab: tuple[Any, list[str]], run: Run) -> Iterator[Any]:
     page.goto("about:blank")
     wrong.clear()
     page.set_viewport_size({"width": 1400, "height": 900})
-    page.emulate_media(media="screen", color_scheme="light")
+    page.emulate_media(media="screen", color_scheme="light", reduced_motion="reduce")
     page.goto(Path(run.folder, "report.html").resolve().as_uri())
+    page.wait_for_selector("#pairs tr.go")
+    page.evaluate(UNFOLD)
     page.wait_for_selector("#encounters tr.go")
     yield page
     assert wrong == []

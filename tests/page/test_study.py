@@ -7,7 +7,7 @@ from typing import Any
 
 from scex_sumo.page.figures.charts import Plane
 from scex_sumo.page.html import element
-from scex_sumo.page.report.scene import lane_lines, outline_svg, scene_svg
+from scex_sumo.page.report.scene import lane_lines, outline_svg, road_svg, scene_svg
 from scex_sumo.page.study import card, plots, table, table_place, write_study
 from tests.converters.plain_net import lane
 from tests.converters.sumo_roads import road
@@ -17,7 +17,7 @@ from tests.page.conftest import is_foreign
 def test_a_picture_has_the_lanes_that_touch_its_box_and_its_outlines() -> None:
     roads = road([lane(1, [(0, 0), (50, 0)]), lane(2, [(0, 500), (50, 500)])])
     box = (0.0, 50.0, -10.0, 10.0)
-    picture = scene_svg("here", box, lane_lines(roads, box), [outline_svg("vehicle", 4.0, 2.0)])
+    picture = scene_svg("here", box, road_svg(lane_lines(roads, box)), [outline_svg("vehicle", 4.0, 2.0)])
     assert 'viewBox="0.0 -10.0 50.0 20.0"' in picture
     assert picture.count('class="vehicle"') == 1
     assert picture.count('class="junction"') == 1 < len(lane_lines(roads)) / 3

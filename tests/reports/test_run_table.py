@@ -16,7 +16,7 @@ from rich.table import Table
 import scex_sumo
 from scex_sumo.metrics.registry import METRICS
 from scex_sumo.page.report.tables import encounter_table
-from scex_sumo.reports.encounter_rows import first_look, grouped, meetings, sentence, worst_of
+from scex_sumo.reports.encounter_rows import grouped, meetings, sentence, worst_of
 from scex_sumo.reports.run_table import (
     MAIN,
     always_critical,
@@ -208,20 +208,6 @@ def test_a_run_says_how_its_vehicles_are_driven(tmp_path: Path, models: list[str
     drawn = [{"model": model, "weight": 1.0} for model in models] + [{"model": "replay", "weight": 0.0}]
     run = open_run(result(tmp_path, {"collision": [0.0] * 4}, models=drawn))
     assert stress_lines(run)[0].endswith(words)
-
-
-def test_the_pair_to_be_tested_is_looked_at_first_and_a_doubtful_one_never(tmp_path: Path) -> None:
-    result(tmp_path, {"collision": [1.0, 0.0]})
-    rows = [CRITICAL | {"track_id": k, "other_id": k + 1} for k in (1, 3)]
-    encounters(
-        tmp_path, rows[0] | {"doubt": "1 is off the mapped lanes"}, rows[1], {"track_id": 5, "other_id": 6}
-    )
-    for kind, pair in (("nothing", (3, 4)), ("test", (6, 5))):
-        decision = {"kind": kind, "sentence": "Look.", "pair": [6, 5]}
-        (tmp_path / "decision.json").write_text(json.dumps(decision))
-        run = open_run(tmp_path)
-        look = first_look(run, meetings(run))
-        assert look is not None and set(look.pair) == set(pair)
 
 
 def test_longer_runs_tell_the_probability_of_a_collision_by_horizon(tmp_path: Path) -> None:

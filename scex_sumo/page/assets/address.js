@@ -8,11 +8,11 @@ function keepInAddress(state, parts) {
 
   function write() {
     timer = 0;
-    if (state.playing) return later();
     const known = Object.entries(parts).flatMap(([name, { get }]) => Object.entries(get()).map(([key, value]) => [name + key, value]));
     const words = new URLSearchParams(known.filter(([, value]) => !isMissing(value) && value !== "")).toString();
-    try {
-      history.replaceState(null, "", `#${words.replaceAll("%2C", ",")}`);
+    const address = `#${words.replaceAll("%2C", ",")}`;
+    if (address !== location.hash) try {
+      history.replaceState(null, "", address);
     } catch { /* a frame of a notebook has no address of its own */ }
   }
 

@@ -25,7 +25,7 @@ function bottomAxis({ paint, write, width, height }, ticks, toX) {
 
 function makeChart(run, state, element) {
   const m = Number(element.dataset.metric), metric = run.info.metrics[m], column = run.columns[m], [limit, canvas] = all("input, canvas", element);
-  const { view: [low, high] } = metric, line = byId("shares").children[m], isFolded = column.every((value) => !(value < 0));
+  const { view: [low, high] } = metric, isFolded = column.every((value) => !(value < 0));
   const key = `m${m}`;
   let drag = null, known = null;
 
@@ -82,18 +82,14 @@ function makeChart(run, state, element) {
     if (brush) box(...brush.value.map(toX), 0, base, "picked", 0.16);
   }
 
-  function describe() { // P, here and in the verdict
-    const threshold = state.thresholds[m], isSet = threshold !== null, { value, low: least, high: most95, words } = state.share(m);
-    const likelyShare = state.share(m, true).value;
+  function describe() { // P of both sets
+    const threshold = state.thresholds[m], isSet = threshold !== null;
     if (document.activeElement !== limit) limit.value = isSet ? Number(threshold.toFixed(3)) : "";
-    for (const part of [element, line]) {
-      const said = part.querySelector("b");
-      said.textContent = isSet ? percent(value) : "";
-      said.title = `${words}; human-like: ${percent(likelyShare)}`;
-    }
-    line.hidden = !isSet || metric.mean || run.info.always.includes(metric.name);
-    line.firstChild.textContent = isSet ? `${metric.name} ${metric.sign} ${Number(threshold.toFixed(3))} ${metric.unit}` : "";
-    line.style.cssText = `--value: ${value}; --low: ${least}; --high: ${most95}; --chance: ${isMissing(likelyShare) ? -1 : likelyShare}`;
+    all("b", element).forEach((said, isHuman) => {
+      const share = state.share(m, Boolean(isHuman));
+      said.textContent = isSet && !isMissing(share.value) ? percent(share.value) : "";
+      said.title = share.words;
+    });
   }
 
   function setLimit(value) {

@@ -45,6 +45,7 @@ function runOf({ info, arrays }) {
   const { start, motion, owner, which, levels, values, recorded, events } = arrays, vehicles = levels.shape[1];
   const total = info.futures + info.human, place = new Map(info.packed.map((future, i) => [future, i]));
   const first = Array.from({ length: vehicles }, (_, v) => owner.values.indexOf(v));
+  const nameOf = (future) => future < info.futures ? `future ${future}` : `human-like future ${future - info.futures}`;
   return {
     info, arrays, vehicles, total, futures: info.futures, owner: owner.values,
     frames: motion.shape[2] + 1,
@@ -64,7 +65,7 @@ function runOf({ info, arrays }) {
       const [, isHuman, number] = /^(h?)(\d+)$/.exec(text.trim()) || [];
       return number === undefined ? -1 : isHuman ? Math.min(info.futures + Number(number), total - 1) : Math.min(number, info.futures - 1);
     },
-    nameOf: (future) => `${future < info.futures ? "" : "human-like "}future ${future < info.futures ? future : future - info.futures}`,
+    nameOf, setOf: (future) => future < 0 ? "all futures of the stress test" : (future < info.futures ? "stress test, " : "") + nameOf(future),
   };
 }
 

@@ -58,7 +58,7 @@ function sharp(canvas, { clientWidth: width, clientHeight: height } = canvas) {
 // A text with a halo, drawn once: strokes of letters take long. Returns how it is put with its middle at a place.
 const stamps = new Map();
 function stamp(words, { fill, font = "600 12px system-ui" }) {
-  const key = `${words} ${inked(fill)} ${inked("halo")} ${window.devicePixelRatio}`;
+  const key = `${words} ${font} ${inked(fill)} ${inked("halo")} ${window.devicePixelRatio}`;
   if (!stamps.has(key)) {
     const canvas = make("canvas"), size = { clientWidth: 9 * words.length + 12, clientHeight: 20 };
     sharp(canvas, size).write(words, size.clientWidth / 2, 14, { fill, font, halo: "halo" });
@@ -90,6 +90,20 @@ function tell(element, words) {
   if (element.textContent !== words) element.textContent = words;
 }
 
+// Abbreviations of a page say what they mean.
+const MEANINGS = {
+  MAIS: "Maximum Abbreviated Injury Scale; 3+ is severe", TTC: "time to collision", WTTC: "worst-case time to collision", PTTC: "potential time to collision: the leader brakes",
+  THW: "time headway", DRAC: "deceleration rate to avoid a crash", PET: "post-encroachment time", R157: "UN Regulation 157, automated lane keeping",
+};
+function explain(root) {
+  const walker = document.createTreeWalker(root, NodeFilter.SHOW_TEXT), texts = [];
+  while (walker.nextNode()) if (!walker.currentNode.parentElement.matches("script, style, option, abbr, title")) texts.push(walker.currentNode);
+  for (const text of texts) {
+    const parts = text.data.split(/\b(MAIS|W?TTC|PTTC|THW|DRAC|PET|R157)\b/);
+    if (parts.length > 1) text.replaceWith(...parts.map((part, i) => i % 2 ? make("abbr", { textContent: part, title: MEANINGS[part] }) : part));
+  }
+}
+
 // Tells those who do not see the page what has changed, once it has come to rest.
 const REST_MS = 600;
 let resting = 0;
@@ -112,6 +126,19 @@ function save(blob, name) {
   make("a", { href: URL.createObjectURL(blob), download: name }).click();
   say(`saved ${name}`);
 }
+
+// Calls with the seconds since the last frame until that returns false. The stamp of a frame may lie before the
+// last one: then no time has passed.
+function animate(onFrame) {
+  let before = Infinity;
+  const on = (now) => {
+    const passed = clamp(now - before, 0, 100) / 1000;
+    before = now;
+    if (onFrame(passed)) requestAnimationFrame(on);
+  };
+  requestAnimationFrame(on);
+}
+const wantsRest = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 // What is drawn again when colours change: by the theme, or on paper.
 function onTheme(redraw) {

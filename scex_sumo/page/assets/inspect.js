@@ -10,7 +10,7 @@ FORMATS.speed = (speed) => `${short(speed, 1)} m/s`;
 function showMoments({ info, arrays: { ids, poses, sizes, kinds, types, before, after } }) {
   const [slots, frames] = ids.shape, everybody = [...Array(slots).keys()], assigned = new Map();
   const of = (table, v) => table.values[v * frames + state.step];
-  Object.assign(info, { track_ids: everybody, colors: MOMENT_COLORS, under_test: [], metrics: [], packed: [0] });
+  Object.assign(info, { track_ids: everybody, colors: MOMENT_COLORS, models: ["", "", ""], under_test: [], metrics: [], packed: [0] });
   const run = {
     info, frames, vehicles: slots, futures: 1, total: 1, owner: Int32Array.from(everybody), arrays: { others: { values: [] } },
     poses: Float64Array.from(poses.values, (value, i) => value * UNITS[i % 4]),

@@ -4,29 +4,27 @@ const HOLD = 12; // steps after the contact
 
 // Steps: `first` and `last` are its ends, `rest` is shown to those who want no motion.
 function makeLoop(host, button, { first, rest, last, show }) {
-  let step = 0, since = 0, isSeen = false, isStill = matchMedia("(prefers-reduced-motion: reduce)").matches;
+  let step = 0, isOn = false, isSeen = false, isStill = wantsRest();
 
-  function play(now) {
-    if (!isSeen || isStill) return;
-    step += Math.min(now - since, 100) / 100;
-    if (step > last()) step = first();
-    since = now;
-    show(step);
-    requestAnimationFrame(play);
+  function start() {
+    if (!isOn) animate((passed) => {
+      isOn = isSeen && !isStill;
+      if (!isOn) return false;
+      step += 10 * passed;
+      if (step > last()) step = first();
+      show(step);
+      return true;
+    });
+    isOn = true;
   }
 
-  const start = () => {
-    since = performance.now();
-    requestAnimationFrame(play);
-  };
   new IntersectionObserver(([{ isIntersecting }]) => {
-    const isNew = isIntersecting && !isSeen;
     isSeen = isIntersecting;
-    if (isNew) start();
+    if (isSeen) start();
   }).observe(host);
   button.onclick = () => {
     isStill = !isStill;
-    if (!isStill) start();
+    start();
   };
   return () => { // from the start
     step = isStill ? rest() : first();

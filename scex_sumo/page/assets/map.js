@@ -1,18 +1,19 @@
-// Map: the road, and the vehicles of all futures, one future, or the selected ones, at any time; an overview of the site.
+// Map: the road, and the vehicles of all futures, one future, or the selected ones, at any time.
 
 const OUTLINE = [[0.36, 0.5], [0.5, 0.3], [0.5, -0.3], [0.36, -0.5], [-0.5, -0.5], [-0.5, 0.5]]; // pointed at the front
 const ROAD_UNIT = 0.05; // m, as in road_lines.py
 const POINTED_PX = 8; // reach of the pointer beyond a body
 const MAX_GHOSTS = 500; // drawn in a frame; more are thinned out
 const DASHED = 6; // px of a metre from which outlines are dashed: dashes take long to draw
-const SPARE = 1.5; // the ground is drawn as much larger than the map, so that it can move with a pair
+const SPARE = 1.5; // the ground is drawn as much larger than the map, so that it can be moved
+const AROUND_M = 22; // shown around the ways of a pair
+const NAMED = 8; // px of a metre from which a vehicle has the initials of its model
 const ROAD_COLORS = ["road", "road", "mark", "border", "mark"]; // surface, area, marking, border, stop line
 const LIGHT_INKS = { G: "go", g: "go", y: "slow", Y: "slow", u: "slow", r: "stop", R: "stop" }; // SUMO's letters
 
-// Two maps share a view {x, y, scale}; `shown` names the future of a map in the state.
-function makeMap(run, state, canvas, view = {}, shown = "future") {
+function makeMap(run, state, canvas) {
   const { info, poses, frames, arrays, owner } = run, vehicles = [...info.track_ids.keys()], road = roadOf(info);
-  const ground = make("canvas"), pointers = new Map();
+  const ground = make("canvas"), view = {}, pointers = new Map();
   const tracks = vehicles.map(() => []);
   owner.forEach((v, row) => tracks[v].push(row));
   let weights, drivers, usual, ghosts, groundKey, groundAt, half = [0, 0];
@@ -48,7 +49,7 @@ function makeMap(run, state, canvas, view = {}, shown = "future") {
   const measure = () => { half = [canvas.clientWidth / 2, canvas.clientHeight / 2]; }; // once a frame: it may cost a layout
   const toScreen = ([px, py], [w, h] = middle()) => [w + (px - view.x) * view.scale, h - (py - view.y) * view.scale];
   // Where a vehicle is: in the future, or on the way of most of the selected ones.
-  const rowOf = (v, future = state[shown]) => future < 0 ? usual[v] : run.track(future, v);
+  const rowOf = (v, future = state.future) => future < 0 ? usual[v] : run.track(future, v);
   const poseOf = (row) => poseAt(poses, frames, row, state.step), place = (v, future) => poseOf(rowOf(v, future));
 
   function look(centre, wide, high = wide) {
@@ -64,12 +65,12 @@ function makeMap(run, state, canvas, view = {}, shown = "future") {
     look([(left + right) / 2, (low + high) / 2], right - left + 28, high - low + 28);
   }
 
-  function follow(isNew) { // keeps the pair in the middle
+  function follow() { // shows the ways of the pair in the film
     if (!state.pair || !isShown("follow")) return;
-    const at = [state.future, ...(state.beside < 0 ? [] : [state.beside])].flatMap((future) => state.pair.map((v) => place(v, future)));
+    const times = Array.from({ length: 7 }, (_, k) => state.end() * k / 6);
+    const at = state.pair.flatMap((v) => times.map((t) => poseAt(poses, frames, rowOf(v), t)));
     const [[left, right], [low, high]] = [0, 1].map((k) => at.map((pose) => pose[k])).map((values) => [Math.min(...values), Math.max(...values)]);
-    measure();
-    look([(left + right) / 2, (low + high) / 2], isNew ? Math.hypot(right - left, high - low) + 24 : 2 * Math.min(...middle()) / view.scale);
+    look([(left + right) / 2, (low + high) / 2], right - left + AROUND_M, high - low + AROUND_M);
   }
 
   function zoom(factor, px = middle()[0], py = middle()[1]) { // the place under the pointer stays there
@@ -88,7 +89,7 @@ function makeMap(run, state, canvas, view = {}, shown = "future") {
 
   function draw() {
     measure();
-    const pen = sharp(canvas), { context, paint, write, width, height, ratio } = pen, future = state[shown], { x, y, scale } = view;
+    const pen = sharp(canvas), { context, paint, write, width, height, ratio } = pen, { future } = state, { x, y, scale } = view;
     if (!width) return;
     drawGround(width, height);
     const spare = (SPARE - 1) / 2, [left, top] = [(groundAt[0] - x) * scale - spare * width, (y - groundAt[1]) * scale - spare * height];
@@ -101,16 +102,17 @@ function makeMap(run, state, canvas, view = {}, shown = "future") {
       if (isShown("recorded") && run.recorded) body(pen, v, poseAt(run.recorded, frames, v, state.step), { stroke: "recorded", dash: scale > DASHED ? [0.7, 0.5] : [] });
       if (future >= 0) body(pen, v, place(v), { fill: color(rowOf(v), future), stroke: "ink" });
     }
-    if (isShown("heat")) drawHeat(pen);
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     const ring = (v, stroke, more) => paint(circle(toScreen(place(v)), Math.max(13, run.radius(v) * scale * 1.25) + more), { stroke, width: 2.5 });
     for (const v of state.pair || []) ring(v, "critical", 0);
-    if (!isMissing(state.vehicle)) ring(state.vehicle, "picked", 4);
     if (isShown("ids")) drawIds(pen);
+    for (const v of future >= 0 && scale > NAMED ? vehicles : []) {
+      const [px, py] = toScreen(place(v));
+      stamp(initials(info.models[run.model(future, v)]), { fill: "ink", font: "600 10px system-ui" })(pen, px, py + 4);
+    }
     const metres = [5, 10, 20, 50, 100, 200].find((m) => m * scale > 50) || 500, end = width - 14, begin = end - metres * scale;
     paint([[begin, height - 10], [end, height - 10]], { stroke: "soft", width: 2 });
     write(`${metres} m`, (begin + end) / 2, height - 15);
-    if (state.beside >= 0) write(future < 0 ? "all futures" : run.nameOf(future), width / 2, 18, { fill: "ink", font: "600 13px system-ui", halo: "halo" });
   }
 
   function inMetres({ context, ratio }, [w, h] = middle()) { // y upwards
@@ -120,7 +122,7 @@ function makeMap(run, state, canvas, view = {}, shown = "future") {
 
   // Road and paths do not change while it plays: they are drawn once, and again when the view leaves them.
   function drawGround(width, height) {
-    const { x, y, scale } = view, future = state[shown], key = String([scale, width, height, future, isShown("paths"), inked("map"), state.selection]), spare = (SPARE - 1) / 2 / scale;
+    const { x, y, scale } = view, { future } = state, key = String([scale, width, height, future, isShown("paths"), inked("map"), state.selection]), spare = (SPARE - 1) / 2 / scale;
     if (key === groundKey && Math.abs(x - groundAt[0]) < spare * width && Math.abs(y - groundAt[1]) < spare * height) return;
     groundKey = key;
     groundAt = [x, y];
@@ -165,13 +167,6 @@ function makeMap(run, state, canvas, view = {}, shown = "future") {
     }
   }
 
-  function drawHeat({ paint }) { // collisions of the selected futures
-    const { futures, places } = info.collisions, alpha = Math.min(0.5, 0.08 + 3 / futures.length);
-    futures.forEach((future, i) => {
-      if (state.mask[future]) for (const part of [1, 0.5]) paint(circle(places[i], part * Math.max(1.6, 7 / view.scale)), { fill: "critical", alpha });
-    });
-  }
-
   // Ids that do not overprint: the pair's first, the others where there is room.
   function drawIds(pen) {
     const taken = [], pair = state.pair || [];
@@ -213,8 +208,11 @@ function makeMap(run, state, canvas, view = {}, shown = "future") {
   };
   canvas.onpointerup = canvas.onpointercancel = ({ pointerId }) => pointers.delete(pointerId);
   weigh();
-  return { draw, weigh, fit, zoom, pan, follow, at, rowOf, place, middle, road };
+  return { draw, weigh, fit, zoom, pan, follow, at, rowOf };
 }
+
+// Initials of a model, e.g. CV.
+const initials = (name) => name.split(":")[0].split(/[^a-z]+/i).map(([letter = ""]) => letter.toUpperCase()).join("").slice(0, 2);
 
 // Lanes and areas are drawn a little larger: that hides the seams between them.
 function drawRoad({ paint }, road, scale) {
@@ -222,46 +220,6 @@ function drawRoad({ paint }, road, scale) {
     const ink = ROAD_COLORS[kind];
     paint(path, kind === 1 ? { fill: ink, stroke: ink, width: 0.2 } : { stroke: ink, width: wide ? wide + 0.05 : Math.max(kind === 4 ? 0.4 : 0.15, 0.7 / scale) });
   }
-}
-
-// The whole site in a corner of the map, with vehicles and a frame around what the map shows; a drag moves it.
-function makeOverview(run, state, map, view, canvas) {
-  const [left, right, low, high] = run.info.box.map((side, k) => side + (k % 2 ? 14 : -14)), ground = make("canvas"), centre = [(left + right) / 2, (low + high) / 2];
-  const tall = clamp((high - low) / (right - left), 0.4, 1.1);
-  canvas.style.aspectRatio = 1 / tall;
-  let known = "", scale = 1;
-  const toScreen = ([px, py], { width, height }) => [width / 2 + (px - centre[0]) * scale, height / 2 - (py - centre[1]) * scale];
-
-  function move({ offsetX, offsetY, buttons }) {
-    if (!buttons) return;
-    view.x = centre[0] + (offsetX - canvas.clientWidth / 2) / scale;
-    view.y = centre[1] - (offsetY - canvas.clientHeight / 2) / scale;
-    state.change({}, "view");
-  }
-  canvas.onpointermove = move;
-  canvas.onpointerdown = (event) => {
-    canvas.setPointerCapture(event.pointerId);
-    move(event);
-  };
-
-  return () => {
-    const [w, h] = map.middle().map((half) => half / view.scale), all = [view.x - w <= left, view.x + w >= right, view.y - h <= low, view.y + h >= high];
-    canvas.hidden = all.every(Boolean); // the map shows the whole
-    if (canvas.hidden) return;
-    const pen = sharp(canvas), { context, paint, width, height, ratio } = pen, key = String([width, height, ratio, inked("map")]);
-    if (key !== known) {
-      known = key;
-      scale = Math.min(width / (right - left), height / (high - low));
-      const drawn = sharp(ground, { clientWidth: width, clientHeight: height }), k = scale * ratio;
-      drawn.paint([[0, 0], [width, 0], [width, height], [0, height]], { fill: "map" });
-      drawn.context.setTransform(k, 0, 0, -k, ratio * width / 2 - centre[0] * k, ratio * height / 2 + centre[1] * k);
-      drawRoad(drawn, map.road, scale);
-    }
-    context.drawImage(ground, 0, 0, width, height);
-    for (const v of run.info.track_ids.keys()) paint(circle(toScreen(map.place(v), pen), 2), { fill: (state.pair || []).includes(v) ? "critical" : "ink" });
-    const [a, b] = [toScreen([view.x - w, view.y + h], pen), toScreen([view.x + w, view.y - h], pen)];
-    paint([a, [b[0], a[1]], b, [a[0], b[1]], a], { stroke: "drawn", width: 2 });
-  };
 }
 
 // Lines of the road, surfaces first, in m.

@@ -32,7 +32,7 @@ function modelTable(run, state) {
 
 // Whether a future is critical by what is in focus: a collision, or a metric's threshold, else its worst tenth.
 function criticalBy(run, { focus, thresholds, isCritical }) {
-  const collided = new Set(run.info.collisions.futures);
+  const collided = new Set(run.info.collided);
   if (focus < 0) return { test: (c) => collided.has(c), words: "a collision" };
   const { name, sign, tenth } = run.info.metrics[focus], limit = thresholds[focus] ?? tenth;
   const words = `${name} ${sign} ${short(limit)}${thresholds[focus] === null ? ", the worst tenth" : ""}`;

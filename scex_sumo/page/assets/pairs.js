@@ -83,7 +83,7 @@ function pairStrips(run, state, host) {
     return { name, canvas, said, cursor, limit: run.info.limits[name], ...words };
   });
 
-  function draw({ name, canvas, most = Infinity, limit }, own, beside) {
+  function draw({ name, canvas, most = Infinity, limit }, own) {
     const pen = sharp(canvas), { paint, write, width } = pen, here = (course) => course[name].flat().filter((value) => Number.isFinite(value));
     if (!width) return;
     const chosen = lines.filter(({ picked }) => picked), courses = [...chosen, ...(own ? [own] : [])].map(({ course }) => course);
@@ -96,7 +96,6 @@ function pairStrips(run, state, host) {
     if (low < 0) paint([at(0, 0), at(0, last)], { stroke: "line", width: 1 });
     if (limit) paint([at(limit, 0), at(limit, last)], { stroke: "critical", width: 1 });
     if (recorded) curve(recorded, { stroke: "recorded", width: 1 });
-    if (beside) curve(beside.course, { stroke: "picked", width: 2, alpha: 0.5 });
     if (own) curve(own.course, { stroke: "picked", width: 2.4 });
     write(short(top, top < 5 ? 1 : 0), width - 2, 11, { align: "right", halo: "card" });
     if (low < 0) write(short(low10, 1), width - 2, base - 3, { align: "right", halo: "card" });
@@ -122,10 +121,10 @@ function pairStrips(run, state, host) {
       lines = coursesOf(run, pair, state.mask);
       recorded = isRecorded ? courseOf(run, run.recorded, pair, pair) : null;
     }
-    const [own, beside] = [future, state.beside].map((one) => lines.find((line) => line.futures.includes(one)));
+    const own = lines.find((line) => line.futures.includes(future));
     if (isNew || isOther) list(own);
     for (const strip of strips) {
-      if (isNew || isOther) draw(strip, own, beside);
+      if (isNew || isOther) draw(strip, own);
       strip.cursor.style.left = `${100 * step / last}%`;
       tell(strip.said, own ? own.course[strip.name].map((line) => short(line[t], 1)).join(" / ") : "");
     }

@@ -1,4 +1,4 @@
-// Parts of a report that follow from its data: legend, charts, shares, choices, commands.
+// Parts of a report that follow from its data: legend, charts, choices, commands.
 
 function fillReport({ info }) {
   const { metrics, models, colors } = info, titled = ({ name, unit }) => name + (unit && ` [${unit}]`);
@@ -8,21 +8,20 @@ function fillReport({ info }) {
     ...models.map((model, m) => {
       const body = make("i.body");
       body.style.background = colors[m];
+      body.textContent = initials(model);
       return make("div", {}, body, model);
     }),
     entry("i.line.drawn", "stress test"), ...(info.human ? [entry("i.line.dash.likely", "human-like")] : []),
     ...(info.has_recorded ? [entry("i.line.dash.recorded", "recorded")] : []), entry("i.line.critical", "critical"),
-    entry("i.line.picked", make("span", { id: "shown" })), entry("i.sure", "95 % confidence interval"),
+    entry("i.line.picked", "shown future"),
   );
-  byId("shares").append(...metrics.map(() => (
-    make("div.share", { hidden: true }, make("span"), make("div.bar", {}, make("i.drawn"), make("i.range"), make("i.likely")), make("b")))));
   byId("charts").append(...metrics.map((metric, m) => {
     const limit = make("input", { type: "number", step: "any", placeholder: " ", title: "Threshold", ariaLabel: `Threshold of ${titled(metric)}` });
     const words = [
       ...(metric.recorded === null ? [] : [`recorded ${short(metric.recorded)} ${metric.unit}`]),
       ...(metric.defined < info.futures ? [`defined in ${metric.defined} of ${info.futures} futures`] : []),
     ];
-    const head = make("header", {}, make("span", titled(metric)), make("span", {}, make("b"), ` ${metric.sign} `, limit));
+    const head = make("header", {}, make("span", titled(metric)), make("span", {}, make("b.drawn"), " ", make("b.likely"), ` ${metric.sign} `, limit));
     const canvas = make("canvas", { ariaLabel: `Distribution of ${titled(metric)}`, hidden: !metric.ticks.length });
     const chart = make("div.chart", { hidden: metric.mean }, head, canvas, make("p.soft", words.join(", ")));
     chart.dataset.metric = m;

@@ -2,6 +2,7 @@
 
 const MARKED = ["ttc", "ttc_path", "drac", "pet"]; // metrics whose events stand on the time bar
 const PAN_PX = 60;
+const REST_S = 1; // at the moment of an event
 
 // Events of a future in their order: its collisions, and the worst moment of each metric if it is critical.
 function eventsOf({ info }, state, future) {
@@ -11,19 +12,23 @@ function eventsOf({ info }, state, future) {
 
 function makePlayer(run, state, map) {
   const { info } = run, last = run.frames - 1, canvas = byId("map");
+  let isOn = false, isFilmed = false;
   const nameOf = (ending) => `${info.name}${state.future < 0 ? "" : `_${run.nameOf(state.future).replace("future ", "future").replace(" ", "_")}`}.${ending}`;
 
+  // Plays again and again, and rests at the moment of the event; a film that is saved plays once.
   function play() {
-    let before = performance.now();
-    const on = (now) => {
-      if (!state.playing) return;
-      const step = Math.min(state.step + Math.max(now - before, 0) / 100 * Number(byId("speed").value), last);
-      before = now;
-      state.change({ step, playing: step < last });
-      requestAnimationFrame(on);
-    };
-    state.change({ playing: !state.playing, step: !state.playing && state.step >= last ? 0 : state.step });
-    requestAnimationFrame(on);
+    let held = state.step === state.rest ? REST_S : 0;
+    if (!isOn) animate((passed) => {
+      isOn = state.playing;
+      held -= passed;
+      if (!isOn || held > 0) return isOn;
+      const next = state.step + 10 * passed * Number(byId("speed").value), isThere = !isFilmed && state.step < state.rest && next >= state.rest;
+      if (isThere) held = REST_S;
+      if (next > (isFilmed ? last : state.end())) state.change(isFilmed ? { step: last, playing: false } : { step: 0 });
+      else state.change({ step: isThere ? state.rest : next });
+      return true;
+    });
+    isOn = true;
   }
 
   function film() {
@@ -31,12 +36,13 @@ function makePlayer(run, state, map) {
     const end = setInterval(() => {
       if (state.playing) return;
       clearInterval(end);
+      isFilmed = false;
       recorder.stop();
     }, 300);
     recorder.ondataavailable = ({ data }) => save(new Blob([data], { type }), nameOf("webm"));
-    state.change({ step: 0, playing: false });
+    isFilmed = true;
+    state.change({ step: 0, playing: true });
     recorder.start();
-    play();
   }
 
   function copy(command) {
@@ -46,9 +52,8 @@ function makePlayer(run, state, map) {
   }
 
   const clicks = {
-    play, all: () => state.change({ future: -1 }), previous: () => state.nextFuture(true), next: () => state.nextFuture(false),
+    play: () => state.change({ playing: !state.playing }), all: () => state.change({ future: -1 }), previous: () => state.nextFuture(true), next: () => state.nextFuture(false),
     fit: map.fit, "zoom-in": () => map.zoom(1.3), "zoom-out": () => map.zoom(1 / 1.3),
-    pin: () => state.change({ beside: state.beside === state.future ? -1 : state.future }),
     large: () => {
       const isLarge = byId("report").classList.toggle("large");
       byId("large").setAttribute("aria-pressed", isLarge);
@@ -59,7 +64,6 @@ function makePlayer(run, state, map) {
   for (const [name, act] of Object.entries(clicks)) byId(name).onclick = () => act();
   Object.assign(byId("time"), { max: last, oninput: ({ target }) => state.seek(Number(target.value)) });
   byId("future").onchange = ({ target: { value } }) => state.show(value === "" ? -1 : clamp(Math.round(value), 0, run.futures - 1));
-  byId("beside").onchange = ({ target: { value } }) => state.show(run.futureOf(value), {}, "beside");
   for (const box of all("[id^=show]")) box.onchange = () => state.change({}, "view");
   for (const button of all("[data-copy]")) button.onclick = () => copy(button.dataset.copy);
 
@@ -79,7 +83,7 @@ function makePlayer(run, state, map) {
     if (event.key === " " && event.target.matches("button, [type=checkbox]") && !byId("help").open) event.preventDefault();
   };
 
-  const go = ({ pair, step }) => state.change({ pair, step, playing: false });
+  const go = ({ pair, step }) => state.change({ pair, step, rest: step, playing: false });
 
   function nextEvent() { // in a circle
     const events = eventsOf(run, state, state.future), next = events.find(({ step }) => step > Math.round(state.step)) ?? events[0];
@@ -87,26 +91,23 @@ function makePlayer(run, state, map) {
   }
 
   function drawMarks() { // events of both futures on the time bar
-    const markOf = (row, kind) => {
+    const markOf = (row) => {
       const { metric, pair, step, cells } = row, { name, unit } = info.metrics[metric] ?? { name: "collision at", unit: "m/s" };
       const words = `${pair.map(run.id).join(" and ")}: ${name} ${short(cells[1])} ${unit}, ${seconds(step)}`;
-      const mark = make(`button.${metric < 0 ? "hit" : "near"}.${kind}`, { title: words, ariaLabel: words, onclick: () => go(row) });
+      const mark = make(`button.${metric < 0 ? "hit" : "near"}`, { title: words, ariaLabel: words, onclick: () => go(row) });
       mark.style.left = `calc(${100 * step / last}% + ${8 - 16 * step / last}px)`;
       return mark;
     };
-    byId("marks").replaceChildren(...["future", "beside"].flatMap((kind) => state[kind] < 0 ? [] : eventsOf(run, state, state[kind]).map((row) => markOf(row, kind))));
+    byId("marks").replaceChildren(...eventsOf(run, state, state.future).map(markOf));
   }
 
   return (isNew) => {
     if (isNew) drawMarks();
+    if (state.playing) play();
     byId("time").value = state.step;
     tell(byId("clock"), seconds(state.step));
     tell(byId("play"), state.playing ? "❚❚" : "▶");
     byId("all").classList.toggle("on", state.future < 0);
-    tell(byId("shown"), `shown: ${state.future < 0 ? "all futures of the stress test" : `${run.isHuman(state.future) ? "" : "stress test, "}${run.nameOf(state.future)}`}`);
-    byId("pin").classList.toggle("on", state.beside >= 0);
-    byId("pin").disabled = state.future < 0;
-    if (document.activeElement !== byId("beside")) byId("beside").value = run.textOf(state.beside);
     if (document.activeElement !== byId("future")) byId("future").value = state.future < 0 ? "" : run.number(state.future);
   };
 }

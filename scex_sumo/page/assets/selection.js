@@ -5,7 +5,7 @@ const MAX_TYPICAL = 15; // futures of which the typical one is looked for
 const NEAR_M = 10;
 
 function makeSelection(run, state) {
-  const { collisions, events, encounters, bits, track_ids: ids, types, packed } = run.info, worst = new Map(), collided = new Set(collisions.futures);
+  const { events, encounters, bits, track_ids: ids, types, packed } = run.info, worst = new Map(), collided = new Set(run.info.collided);
   const any = sum(Object.values(bits));
   const places = new Map(encounters.pairs.map((pair, place) => [pairKey(pair), place]));
   for (const { pair, futures } of events.rows) if (pair) worst.set(pairKey(pair), new Set([...worst.get(pairKey(pair)) || [], ...futures]));
@@ -63,7 +63,7 @@ function makeSelection(run, state) {
 
   const collision = (isHuman) => state.shareOf((c) => collided.has(c), isHuman);
   const isShown = (v) => !state.filters.has("pair") || state.filters.get("pair").value.includes(v);
-  return { onlyPair, onlyFuture, encounterRows, eventRows, collision, share, typicalOf, isShown, isEvent: (row) => !state.filters.size || isOfPair(row) && isEvent(row) };
+  return { onlyPair, onlyFuture, encounterRows, eventRows, collision, typicalOf, isShown };
 }
 
 const pathAt = (run, future, v) => Array.from({ length: run.frames }, (_, t) => poseAt(run.poses, run.frames, run.track(future, v), t));

@@ -3,9 +3,12 @@
 function makeState(run) {
   const pending = new Set(), filters = new Map();
   const state = {
-    step: 0, future: -1, beside: -1, pair: null, vehicle: null, focus: -1, playing: false, filters,
+    step: 0, rest: -1, future: -1, pair: null, focus: -1, playing: false, filters,
     thresholds: run.info.metrics.map((metric) => metric.threshold),
     selection: 0, mask: new Uint8Array(run.total).fill(1), count: run.futures, human: run.total - run.futures,
+
+    // Last step of a film: a second after its event, and not before the second one.
+    end: () => state.rest < 0 ? run.frames - 1 : Math.min(Math.max(state.rest + 10, 20), run.frames - 1),
 
     // Takes values, and tells at most once per frame, with a test for names, what has changed since.
     change(values, ...names) {
@@ -29,8 +32,8 @@ function makeState(run) {
       state.mask = state.mask.map((_, c) => [...filters.values()].every((entry) => entry.keeps(c)));
       state.change({ selection: state.selection + 1, count: sum(state.mask.subarray(0, run.futures)), human: sum(state.mask.subarray(run.futures)) });
     },
-    show(future, values = {}, name = "future") { // a future, if the page has its tracks
-      if (future < 0 || run.isPacked(future)) return state.change({ [name]: future, ...values });
+    show(future, values = {}) { // a future, if the page has its tracks
+      if (future < 0 || run.isPacked(future)) return state.change({ future, ...values });
       say(`the page holds no tracks of ${run.nameOf(future)}: scex-sumo view ${run.info.folder} --future ${future}`);
     },
     nextFuture(isBack) { // of the selected ones with tracks, in a circle
@@ -52,12 +55,11 @@ function makeState(run) {
       return { ...found, count, words: `${count} of ${all} futures${filters.size ? " selected" : ""}; 95 %: ${range(found)}` };
     },
     // Critical share of the selected futures of a set. Of all of the stress test it is the run's own at its
-    // threshold; elsewhere the number of independent futures that the design is worth there counts.
+    // threshold.
     share(m, isHuman = false) {
-      const found = state.shareOf((c) => state.isCritical(m, run.columns[m][c]), isHuman), { p, threshold, numbers } = run.info.metrics[m];
-      if (isHuman || filters.size) return found;
-      const own = p && state.thresholds[m] === threshold ? p : interval(found.value, numbers.find(([share]) => share >= found.value)[1]);
-      return { ...found, ...own, words: `${found.count} of ${run.futures} futures; 95 %: ${range(own)}` };
+      const found = state.shareOf((c) => state.isCritical(m, run.columns[m][c]), isHuman), { p, threshold } = run.info.metrics[m];
+      if (isHuman || filters.size || !p || state.thresholds[m] !== threshold) return found;
+      return { ...found, ...p, words: `${found.count} of ${run.futures} futures; 95 %: ${range(p)}` };
     },
   };
   return state;

@@ -6,8 +6,8 @@ const FORMATS = {
 };
 
 // A table is {columns: [{title, as, none, hint, kind, down}], rows: [{cells, ...}]}: `as` is one of the
-// formats, `said` of a row has the words of some cells, `none` stands for what is missing, `down` begins with the largest, `kind` is words or names; `mark` may dress up a cell.
-function makeTable(host, { columns, rows }, { onRow, isChosen = () => false, mark = () => {}, onSort = () => {} } = {}) {
+// formats, `said` of a row has the words of some cells, `none` stands for what is missing, `down` begins with the largest, `kind` is words or names, `foot` is a last line; `mark` may dress up a cell.
+function makeTable(host, { columns, rows, foot }, { onRow, isChosen = () => false, mark = () => {}, onSort = () => {} } = {}) {
   let by = -1, isDown = false, lines = [];
   const cellsOf = (tag, fill) => columns.map((column, i) => fill(make(column.kind ? `${tag}.${column.kind}` : tag), column, i));
 
@@ -26,7 +26,8 @@ function makeTable(host, { columns, rows }, { onRow, isChosen = () => false, mar
       }));
       return onRow ? onPress(line, () => onRow(row)) : line;
     });
-    host.replaceChildren(make("table", {}, make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...lines)));
+    const last = foot ? [make("tr", {}, ...cellsOf("td", (cell, _, i) => Object.assign(cell, { textContent: foot[i] })))] : [];
+    host.replaceChildren(make("table", {}, make("thead", {}, make("tr", {}, ...head)), make("tbody", {}, ...lines), make("tfoot", {}, ...last)));
     choose();
   }
 
@@ -43,7 +44,10 @@ function makeTable(host, { columns, rows }, { onRow, isChosen = () => false, mar
   return { show, choose, sortBy, columns, order: () => by < 0 ? "" : `${by}${isDown ? "d" : "u"}` };
 }
 
-const showTables = (tables) => Object.entries(tables).forEach(([id, table]) => makeTable(byId(id), table));
+function showTables(tables) {
+  Object.entries(tables).forEach(([id, table]) => makeTable(byId(id), table));
+  explain(document.body);
+}
 
 // An element that acts on a click and on the Enter key.
 function onPress(element, act) {

@@ -92,6 +92,11 @@ class Plane:
         return element("figure", element("figcaption", title), drawing)
 
 
+def tick_seconds(first: float, last: float) -> list[tuple[float, str]]:
+    """Return round times of an axis with their texts."""
+    return [(value, f"{words} s") for value, words in ticks(first, last, most=8)]
+
+
 def line_legend(entries: Sequence[tuple[str, str]]) -> Html:
     """Return a legend from kinds and texts."""
     spans = []

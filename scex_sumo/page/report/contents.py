@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -20,14 +19,14 @@ from scex_sumo.page.packing import UNITS, quantized
 from scex_sumo.page.report.scene import Future, packed_tracks, recorded_tracks, road_paths
 from scex_sumo.page.report.tables import (
     BITS,
-    collision_places,
-    collision_share,
+    collided_futures,
     encounter_table,
     event_table,
     metric_values,
     pair_events,
+    pair_table,
 )
-from scex_sumo.reports.run_table import always_critical, extra_rows, participants
+from scex_sumo.reports.run_table import extra_rows, participants
 from scex_sumo.results.design import half_widths
 from scex_sumo.results.run import Run
 from scex_sumo.rules.lights import light_bars
@@ -38,7 +37,6 @@ SUMO_FILES = ".sumocfg", ".net.xml", ".net.xml.gz"  # of maps whose lights have 
 FAR_M = 1e6  # place of vehicles that have left
 _AROUND_M = 60.0
 _WORST_SHARE = 0.1
-_LEVELS = 9  # shares of critical futures at which the effective number of futures is known
 
 
 def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -52,9 +50,8 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
     levels, models = _assignments(both, len(track_ids))
     metrics = [metric_words(run, column) for column in run.columns]
     bands = half_widths(run.metrics, run.columns, run.intervals)
-    numbers = effective_numbers(run, [metric["side"] for metric in metrics])
-    for metric, number in zip(metrics, numbers, strict=True):
-        metric |= {"numbers": number, "band": bands[metric["column"]]}
+    for metric in metrics:
+        metric |= {"band": bands[metric["column"]]}
     info = _words(run, scene, track_ids, models, metrics)
     tracks = packed_tracks(_futures(both, info))
     arrays: dict[str, Any] = {
@@ -75,9 +72,7 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
 
 def _futures(both: list[Run], info: dict[str, Any]) -> list[Future]:
     """Return the futures, those of table rows first; human-like ones only if a row shows them."""
-    rows = [row["future"] for row in info["encounters"]["rows"]] + [
-        e["future"] for e in info["events"]["rows"]
-    ]
+    rows = [row["future"] for name in ("pairs", "encounters", "events") for row in info[name]["rows"]]
     numbers = dict.fromkeys([*rows, *range(both[0].futures)])
     known = [(run, future) for run in both for future in range(run.futures)]
     return [(*known[number], number) for number in numbers]
@@ -115,16 +110,13 @@ def _words(
         "metrics": metrics,
         "ticks": [(value, f"{words} s") for value, words in ticks(0, int(run.info["steps"]) * STEP_S)],
         "bandwidth": BANDWIDTH,
-        "collision": collision_share(run),
-        "collisions": collision_places([run] if run.reference is None else [run, run.reference], track_ids),
+        "collided": collided_futures([run] if run.reference is None else [run, run.reference]),
+        "pairs": pair_table(run, track_ids),
         "encounters": encounter_table(run, track_ids),
         "bits": BITS,
         "limits": {event.name: event.threshold for event in MEASURED},
         "events": event_table(run, track_ids, [metric["side"] for metric in metrics]),
         "has_recorded": scene.future is not None and scene.future.shape[1] > 0,
-        "likely_collisions": None if run.reference is None else collision_share(run.reference),
-        "always": always_critical(run),
-        "decision": None if run.decision is None else run.decision.sentence,
         "rows": extra_rows(run),
     }
 
@@ -216,25 +208,3 @@ def _worst_tenth(samples: FloatArray, side: str) -> float | None:
         return None
     level = _WORST_SHARE if side == "left" else 1 - _WORST_SHARE
     return float(np.quantile(samples, level, method="inverted_cdf"))
-
-
-def effective_numbers(run: Run, sides: Sequence[str]) -> list[list[tuple[float, float]]]:
-    """Return for each column pairs of critical share and effective number of futures, ascending to 1."""
-    hits: list[BoolArray] = []
-    shares: list[FloatArray] = []
-    levels = np.arange(1, _LEVELS + 1) / (_LEVELS + 1)
-    for column, side in zip(run.columns, sides, strict=True):
-        values = run.values(column) * (1 if side == "left" else -1)
-        defined = values[~np.isnan(values)]
-        limits = np.quantile(defined, levels, method="inverted_cdf") if defined.size else np.empty(0)
-        with np.errstate(invalid="ignore"):
-            hits.append(values[:, None] <= np.unique(limits))
-        shares.append(hits[-1].mean(axis=0))
-    effective = run.intervals.effective_number(np.concatenate(hits, axis=1).astype(float))
-    ends = np.cumsum([share.size for share in shares])[:-1]
-    numbers = np.split(np.minimum(effective, 1e9), ends)
-    last = [(1.0, float(number[-1:].max(initial=run.futures))) for number in numbers]
-    return [
-        [*zip(share.tolist(), number.tolist(), strict=True), end]
-        for share, number, end in zip(shares, numbers, last, strict=True)
-    ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from string import Template
@@ -11,12 +12,15 @@ from scex_sumo.base.files import write_atomic
 from scex_sumo.page.html import BASE, Html, asset, element, joined, page_html
 from scex_sumo.page.parts import PagePart
 from scex_sumo.page.report.contents import report_contents
-from scex_sumo.reports.run_table import counted, row_cell
-from scex_sumo.results.extras import extras_results
+from scex_sumo.page.study import table_place
+from scex_sumo.reports.card import title, verdict_lines
+from scex_sumo.reports.run_table import row_cell
+from scex_sumo.results.extras import VERDICTS, extras_results
 from scex_sumo.results.run import PAGE, Run
-from scex_sumo.scene import STEP_S, SeedScene
+from scex_sumo.scene import SeedScene
 
 _WARNING = "warning: "
+_WIDE = 10_000  # no line of the answer is broken
 SCRIPTS = (
     *BASE,
     *("state.js", "chart.js", "pairs.js", "map.js", "player.js", "models.js"),
@@ -41,54 +45,48 @@ def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> str
     parts: list[PagePart] = [
         part for extra in extras_results(run.folder) if (part := extra.page(run)) is not None
     ]
-    info = info | {"tested": " ".join(part.verdict for part in parts if part.verdict)}
-    body = run_body(info, parts)
+    body = run_body(run, info, parts)
     tables = {name: table for part in parts for name, table in part.tables.items()}
     more = {name: value for part in parts for name, value in part.info.items()}
     scripts = dict.fromkeys([*SCRIPTS, *(name for part in parts for name in part.scripts)])
     return page_html(info["name"], body, tuple(scripts), info | more | {"tables": tables}, arrays)
 
 
-def run_body(info: Mapping[str, Any], parts: Sequence[PagePart] = ()) -> str:
+def run_body(run: Run, info: Mapping[str, Any], parts: Sequence[PagePart] = ()) -> str:
     """Return the body from the info of `report_contents`, with the cards of extras."""
-    place = info["location"] if info["location"] != info["name"] else ""
-    about = [
-        info["participants"],
-        counted(info["futures"], "future"),
-        f"{info['steps'] * STEP_S:.1f} s ahead",
-        place,
-    ]
     notes = info["notes"]
     warnings = [note.removeprefix(_WARNING) for note in notes if note.startswith(_WARNING)]
     told = _note_card("Notes", [note for note in notes if not note.startswith(_WARNING)])
     return Template(asset("report.html")).substitute(
-        name=element("span", info["name"]),
-        about=joined(" · ".join(part for part in about if part)),
-        warnings=joined(_decision_line(info), _note_card("Warnings", warnings)),
-        verdict=joined(
-            *(card for part in parts for card in part.first),
-            *(_collision_card(info), _encounter_card(info), _share_card(info)),
-        ),
+        name=joined(title(run)),
+        warnings=_note_card("Warnings", warnings),
+        answer=_answer(run),
+        pairs=_pairs(info, parts),
+        rows=joined(*_rows(info)),
         recorded="" if info["has_recorded"] else " hidden",
         notes=joined(*(card for part in parts for card in part.cards), told),
         foot=joined(f"scex-sumo {info['version']} · {info['command']}"),
     )
 
 
-def _decision_line(info: Mapping[str, Any]) -> Html:
-    return element("p", info["decision"], id="decision") if info["decision"] else Html()
+def _answer(run: Run) -> Html:
+    """Return the verdict in words, as the terminal prints it."""
+    first, *more = (line.plain for line in verdict_lines(run, wide=_WIDE))
+    told = run.decision
+    word = VERDICTS[told.kind].upper() if told is not None else ""
+    head = element("p", element(f"b.{told.kind if told is not None else ''}", word), first[len(word) :])
+    return element("section", head, *(element("p.soft", line) for line in more), id="answer")
 
 
-def _collision_card(info: Mapping[str, Any]) -> Html:
-    share, likely = info["collision"], info["likely_collisions"]
-    if share is None:
-        words = element("p.soft", "not in this result; run it again")
-        return element("div.card", element("h2", "P(collision)"), element("div.big", "–"), words)
-    parts = [_big(share, "stress test", "p-collision", "drawn")]
-    if likely is not None:
-        parts.append(_big(likely, "human-like", "likely-collision", "likely"))
-    rows = [element("p.soft", _row(name, values)) for name, values in info["rows"].items()]
-    return element("div.card", element("h2", "P(collision)"), element("div.sets", *parts), *rows)
+def _pairs(info: Mapping[str, Any], parts: Sequence[PagePart]) -> Html:
+    """Return the place of the pairs, and how one looks at the first pair in SUMO."""
+    tested = [element("p", part.verdict) for part in parts if part.verdict]
+    look = element("p.soft", "look: ", element("code", f"scex-sumo view {shlex.quote(str(info['folder']))}"))
+    return element("div.card", table_place("pairs"), *tested, look)
+
+
+def _rows(info: Mapping[str, Any]) -> list[Html]:
+    return [element("p.soft", _row(name, values)) for name, values in info["rows"].items()]
 
 
 def _row(name: str, values: Sequence[float | str | None]) -> str:
@@ -97,53 +95,10 @@ def _row(name: str, values: Sequence[float | str | None]) -> str:
     return f"{name}: {', '.join(f'{row_cell(value)} {kind}' for value, kind in kinds if value is not None)}"
 
 
-def _big(share: Mapping[str, Any], what: str, name: str, kind: str) -> Html:
-    value, interval = share["percent"], share["range"]
-    seen = f"{share['count']} of {counted(share['futures'], 'future')}"
-    words = f"{seen}; 95 %: {interval}"
-    number = element("div.big.hot" if share["count"] else "div.big", value, id=name, title=value)
-    hurt = share["injuries"]
-    severe = [] if hurt is None else [f"; {1000 * hurt:.2f} severe injuries (MAIS 3+) in 1000 futures"]
-    counts = element("span", words, id=f"{name}-words", title=words)
-    return element(
-        "div",
-        number,
-        element("p.soft", element(f"b.{kind}", what), f", {share['driven']}: ", counts, *severe),
-    )
-
-
-def _share_card(info: Mapping[str, Any]) -> Html:
-    about = element("p.soft", _recorded_words(info["metrics"]))
-    return element("div.card", element("h2", "P(critical)"), element("div", id="shares"), about)
-
-
-def _recorded_words(metrics: Sequence[Mapping[str, Any]]) -> str:
-    judged = [m for m in metrics if None not in (m["recorded"], m["threshold"]) and not m["mean"]]
-    if not judged:
-        return "What really happened was not recorded."
-    names = [
-        f"{m['name']} {m['sign']} {m['threshold']:.3g} {m['unit']}".rstrip()
-        for m in judged
-        if (m["recorded"] <= m["threshold"] if m["side"] == "left" else m["recorded"] >= m["threshold"])
-    ]
-    return (
-        f"The recorded future had {', '.join(names)}." if names else "The recorded future was not critical."
-    )
-
-
-def _encounter_card(info: Mapping[str, Any]) -> Html:
-    is_critical = any(row["worst"] for row in info["encounters"]["rows"])
-    about = "A vehicle hits or follows → another; how, where, when; share of all futures; drivers."
-    parts = [
-        element("p.soft", about if is_critical else "No pair of vehicles has a critical encounter."),
-        element("ol", id="worst-encounters"),
-    ]
-    parts += [element("p", info["tested"])] if info["tested"] else []
-    return element("div.card", element("h2", "Worst encounters in the futures"), *parts)
-
-
-def _note_card(title: str, notes: Sequence[str]) -> Html:
+def _note_card(name: str, notes: Sequence[str]) -> Html:
     if not notes:
         return Html()
-    lines = element("ul", *(element("li", note) for note in notes), id=title.lower())
-    return element("section.card", element("h2", title), lines)
+    lines = element("ul", *(element("li", note) for note in notes), id=name.lower())
+    if name == "Notes":
+        return element("details.card", element("summary", name), lines)
+    return element("section.card", element("h2", name), lines)

@@ -11,7 +11,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.lanelet2sumo.road_lines import AREA, MARKING, SURFACE, RoadLine
-from scex_sumo.page.html import Html, element
+from scex_sumo.page.html import Html, element, joined
 from scex_sumo.page.packing import UNITS, coded_motion, quantized, smallest
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
@@ -149,11 +149,15 @@ def lane_lines(road: Road, box: Box = (-np.inf, np.inf, -np.inf, np.inf)) -> lis
     return [RoadLine(AREA, 0.0, area) for area in asphalt] + [RoadLine(MARKING, 0.0, line) for line in bounds]
 
 
-def scene_svg(name: str, box: Box, road: Iterable[RoadLine], vehicles: Sequence[Html]) -> Html:
+def road_svg(road: Iterable[RoadLine]) -> Html:
+    """Return the lines of a road for `scene_svg`."""
+    return joined(*map(_group_svg, road_paths(road)))
+
+
+def scene_svg(name: str, box: Box, road: Html, shapes: Sequence[Html]) -> Html:
     """Return a picture of the road in a box (least and largest x, y), and of outlines as of `outline_svg`."""
     left, right, low, high = box
-    parts = [*map(_road_svg, road_paths(road)), *vehicles]
-    upwards = element("g", *parts, transform="scale(1 -1)")
+    upwards = element("g", road, *shapes, transform="scale(1 -1)")
     view = f"{left:.1f} {-high:.1f} {right - left:.1f} {high - low:.1f}"
     return element("svg.scene", upwards, viewBox=view, role="img", aria_label=name)
 
@@ -164,7 +168,7 @@ def outline_svg(kind: str, length: float, width: float) -> Html:
     return element(f"rect.{kind}", height=f"{width:.2f}", **box)
 
 
-def _road_svg(group: Mapping[str, Any]) -> Html:
+def _group_svg(group: Mapping[str, Any]) -> Html:
     kind = {SURFACE: "lane", AREA: "junction"}.get(group["kind"], "marking")
     width = f"{(group['width'] or 0.15) / _ROAD_UNIT_M:g}"
     return element(f"path.{kind}", d=group["path"], stroke_width=width, transform=f"scale({_ROAD_UNIT_M})")

@@ -10,28 +10,15 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.metrics.events import EVENTS
-from scex_sumo.metrics.registry import COLLISION as COLLISION_COLUMN
 from scex_sumo.page.report.encounter_table import HEADS, encounter_cells
 from scex_sumo.page.study import table
-from scex_sumo.reports.encounter_rows import (
-    HUMAN_LIKE,
-    Meeting,
-    driven_as,
-    first_look,
-    grouped,
-    meetings,
-    probability_in,
-    worst_of,
-)
-from scex_sumo.reports.run_table import expected_injuries
+from scex_sumo.reports.card import any_cells, decided_line, pair_lines
+from scex_sumo.reports.encounter_rows import HUMAN_LIKE, driven_as, meetings
 from scex_sumo.results.probability import critical_outcomes
 from scex_sumo.results.run import PAIR_OUTCOMES, Run
-from scex_sumo.results.tables.cut_sets import cut_set_words
-from scex_sumo.results.tables.encounters import arrows, event_of, precedence_words
 from scex_sumo.results.tables.outcomes import COLLISIONS, first_contacts
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
-_WORST = 3
 BITS = {name: 1 << number for number, name in enumerate(EVENTS)}
 """Bit of each event in `pair_events`."""
 
@@ -39,6 +26,7 @@ _SELECTED = {event.title: name for name, event in EVENTS.items()}
 _SELECTED |= {"95 %": "range", "gap": "gap", "after": "after"}
 """Columns of encounters that follow a selection, by their names in ``selection.js``."""
 
+_PEOPLE = "P of a contact between people within 3 s: one of so many such moments ends in one"
 _NAMED = 4  # futures of an event whose numbers are shown
 _COLLISION = -1  # number of collisions among the metrics of a page
 
@@ -93,18 +81,12 @@ def _event(
     }
 
 
-def collision_places(both: Sequence[Run], track_ids: Sequence[int]) -> dict[str, Any]:
-    """Return ``futures``, ``places`` (m) and ``pairs`` by index of collisions, by set of futures."""
-    where = {int(track): index for index, track in enumerate(track_ids)}
-    collisions: dict[str, Any] = {"futures": [], "places": [], "pairs": []}
-    first = 0
-    for run in both:
-        for row in _rows(run, COLLISIONS):
-            collisions["futures"].append(first + row["future"])
-            collisions["places"].append((round(row["x"], 2), round(row["y"], 2)))
-            collisions["pairs"].append((where[row["track_id"]], where[row["other_id"]]))
-        first += run.futures
-    return collisions
+def collided_futures(both: Sequence[Run]) -> list[int]:
+    """Return the futures of all sets with a collision, those of the second set after the first."""
+    firsts, found = np.cumsum([0, *(run.futures for run in both)]).tolist(), set[int]()
+    for first, run in zip(firsts, both, strict=False):
+        found |= {first + row["future"] for row in _rows(run, COLLISIONS)}
+    return sorted(found)
 
 
 def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids: Sequence[int]) -> IntArray:
@@ -133,31 +115,51 @@ def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids
     return np.concatenate(parts, axis=1)
 
 
-def collision_share(run: Run) -> dict[str, Any] | None:
-    """Return how many futures collide, P, its 95 % interval and how they are driven, in words; or None."""
-    if COLLISION_COLUMN not in run.metrics.column_names:
-        return None
-    share, count = run.collision, int(np.asarray(run.metrics[COLLISION_COLUMN]).sum())
-    return {
-        "count": count,
-        "futures": run.futures,
-        "injuries": expected_injuries(run),
-        "driven": f"driven as {driven_as(run)}",
-        "percent": share.share,
-        "range": f"{share.range} %",
-    }
+def pair_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
+    """Return the pairs of the answer, see `scex_sumo.reports.card`; ``first`` is the row that is shown first.
+
+    Rows have a ``caption``, ``pair`` by index (without people), ``future`` on the page, and ``step``.
+    """
+    lines, decided = pair_lines(run), decided_line(run)
+    if decided is not None and decided.pair not in [line.pair for line in lines]:
+        lines.append(decided)
+    where = {int(track): index for index, track in enumerate(track_ids)}
+    hints = (_PEOPLE, f"Share of {run.futures} futures, driven as {driven_as(run)}, in which they collide")
+    heads = [("pair", "names", "A vehicle hits or follows → another"), ("what happens", "words", "")]
+    heads += [("people", "often", hints[0]), ("stress test", "percent", hints[1]), ("after", "seconds", "")]
+    shown = [k for k in range(len(heads)) if run.reference is not None or heads[k][0] != "people"]
+    met = {frozenset(one.pair): one.row["future"] for one in meetings(run)}  # without human-like futures
+    rows: list[dict[str, Any]] = []
+    for line in lines:
+        is_human = line.people is not None and run.reference is not None
+        future = line.future if line.people is None or is_human else met.get(frozenset(line.pair), 0)
+        values: list[Any] = [line.label, line.how, line.people, line.stress, line.after_s]
+        rows.append(
+            {
+                "cells": [values[k] for k in shown],
+                "said": [line.cells[k] for k in shown],
+                "caption": line.caption,
+                "pair": [where[track] for track in line.pair if track in where],
+                "human": is_human,
+                "future": future + (run.futures if is_human else 0),
+                "step": round(line.after_s / STEP_S),
+            }
+        )
+    first = next((k for k, line in enumerate(lines) if decided and line.pair == decided.pair), 0)
+    columns = table([heads[k] for k in shown], [row["cells"] for row in rows])["columns"]
+    foot = [any_cells(run)[k] for k in shown]
+    return {"columns": columns, "rows": rows, "foot": foot, "first": first}
 
 
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
-    """Return the encounters of both sets with ``words``, ``pair`` by index, ``future``, ``step``, ``worst``.
+    """Return the encounters of both sets with ``words``, ``pair`` by index, ``future``, ``step``.
 
     Human-like futures follow those of the stress test: ``future`` counts both. ``pairs`` are all pairs by
-    index, ``event`` of a row is its place among them, ``first`` the row that is shown at first. ``selected``
-    names what a column shows of selected futures.
+    index, ``event`` of a row is its place among them. ``selected`` names what a column shows of selected
+    futures.
     """
     encounters, where = meetings(run), {int(track): index for index, track in enumerate(track_ids)}
     both = any(one.futures == HUMAN_LIKE for one in encounters)
-    sets = [run] if run.reference is None else [run, run.reference]
     wanted = {"pair", *_SELECTED} | ({"futures"} if both else set())
     places = [place for place, head in enumerate(HEADS) if head[0] in wanted]
     both_of = [[[part[place] for place in places] for part in encounter_cells(one)] for one in encounters]
@@ -167,8 +169,6 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
         column |= {"selected": _SELECTED[name]} if (name := HEADS[place][0]) in _SELECTED else {}
     pairs: dict[tuple[int, int], int] = {}
     rows = []
-    kept = worst_of(encounters)
-    groups = {id(group[0]): group for group in grouped(kept)[:_WORST]}
     for one, (mine, said) in zip(encounters, both_of, strict=True):
         row, is_human = one.row, one.futures == HUMAN_LIKE
         pair = where[row["track_id"]], where[row["other_id"]]
@@ -184,38 +184,10 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
                 "human": is_human,
                 "future": row["future"] + (run.futures if is_human else 0),
                 "step": round(row["time_s"] / STEP_S),
-                "worst": id(one) in groups,
-                **(_story(groups[id(one)], sets) if id(one) in groups else {}),
             }
         )
     known = (run.folder / PAIR_OUTCOMES).is_file()  # not in results of older versions
-    look = first_look(run, encounters)
-    first = 0 if look is None else encounters.index(look)
-    return {"columns": columns, "rows": rows, "pairs": list(pairs), "known": known, "first": first}
-
-
-def _story(group: Sequence[Meeting], both: Sequence[Run]) -> dict[str, Any]:
-    """Return what happens in a worst encounter: question, words, kind, place, pairs alike, drivers.
-
-    ``told`` are P and its interval in words: of the stress test, then of human-like futures.
-    """
-    one, more = group[0], [(like.row["track_id"], like.row["other_id"]) for like in group[1:]]
-    question, happens = event_of(one.row)
-    also = [f"so {len(more)} more: {arrows(more)}"] if more else []
-    tracks = [one.row["track_id"], one.row["other_id"]]
-    drivers = [
-        f"{track} {one.row[model]}" for track, model in zip(tracks, ("model", "other_model"), strict=True)
-    ]
-    always = cut_set_words(one.row.get("cut_sets") or ())
-    why = always[0] if always else f"typically {', '.join(drivers)}"
-    shares = [probability_in(run, one.pair, question) for run in both]
-    return {
-        "question": question,
-        "happens": happens,
-        "about": ", ".join(part for part in (one.row["kind"], one.row["place"], *also) if part),
-        "why": why + precedence_words(one.run.info, one.pair),
-        "told": [(share.share, f"{share.range} %") for share in shares],
-    }
+    return {"columns": columns, "rows": rows, "pairs": list(pairs), "known": known}
 
 
 def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:

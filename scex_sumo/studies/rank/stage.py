@@ -10,8 +10,8 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.decision.pairs import indices_of
-from scex_sumo.page.html import Html
-from scex_sumo.page.report.scene import Box, lane_lines, outline_svg, scene_svg
+from scex_sumo.page.html import Html, element
+from scex_sumo.page.report.scene import Box, lane_lines, outline_svg, road_svg, scene_svg
 from scex_sumo.results.participants import everybody, with_everybody
 from scex_sumo.results.parts import Part
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
@@ -30,7 +30,7 @@ class Stage:
     """Picture of an encounter, whose outlines a script moves.
 
     Attributes:
-        picture: with one outline for each of ``outlines``.
+        picture: with one outline for each of ``outlines``, and the numbers of the last two.
         outlines: x, y in m and turn in degrees by step, from the first one on in which both vehicles are in
             the picture, at most 1 s before the moment; None: not recorded.
         contact: step of the contact.
@@ -82,7 +82,9 @@ def stage_of_motion(
     for row_of, v in enumerate((one, other)):
         tracks.append(_outline(happens[row_of], np.ones(happens.shape[1], np.bool_)))
         shown.append(outline_svg(("acts", "responds")[row_of], scene.length[v], scene.width[v]))
-    picture = scene_svg("the two vehicles, from above", box, lane_lines(scene.road, box), shown)
+    shown += [element("text.number", str(scene.track_ids[v])) for v in (one, other)]
+    road = road_svg(lane_lines(scene.road, box))
+    picture = scene_svg("the two vehicles, from above", box, road, shown)
     return Stage(picture=picture, outlines=tracks, contact=happens.shape[1] - 1)
 
 

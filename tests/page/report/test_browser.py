@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from scex_sumo import example_path
 from scex_sumo.page.report import contents
 from scex_sumo.page.report.report import write_report
 from scex_sumo.page.report.scene import packed_tracks
+from scex_sumo.reports.card import pair_lines
 from scex_sumo.reports.encounter_rows import meetings
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.scene import LOGGED_HISTORY
@@ -21,6 +23,7 @@ from scex_sumo.studies.under_test.page import under_test_curves
 from scex_sumo.studies.under_test.results import UnderTest
 from scex_sumo.studies.under_test.table import under_test_rows
 from tests.command import scex
+from tests.page.conftest import UNFOLD
 from tests.page.test_numbers import body
 
 
@@ -41,14 +44,89 @@ def drag(page: Any, selector: str, start: float, stop: float) -> None:
     page.wait_for_timeout(100)
 
 
-def test_the_verdict_comes_first_and_says_what_the_tables_say(page: Any, run: Run) -> None:
-    verdict = text(page, "#verdict")
-    assert "P(collision)" in verdict
-    collided = len(run.table("collisions.parquet")["future"].unique())
-    assert f"{collided} of {run.futures} futures" in verdict
-    share = run.p_critical("wttc").value
-    assert f"{100 * share:.0f} %" in verdict
-    assert page.locator("#worst-encounters li").count() == 3
+def test_verdict_row_map_caption_and_look_are_of_one_pair(answered: Run, tab: tuple[Any, list[str]]) -> None:
+    told, (page, wrong) = answered.decision, tab
+    assert told is not None and told.pair is not None and told.time_s is not None
+    page.goto("about:blank")
+    wrong.clear()
+    page.set_viewport_size({"width": 1440, "height": 900})
+    page.emulate_media(reduced_motion="reduce")
+    page.goto((answered.folder / "report.html").resolve().as_uri())
+    page.wait_for_selector("#pairs tr.chosen")
+    names = " → ".join(map(str, told.pair))
+    assert names in text(page, "#answer") and told.how is not None and told.how in text(page, "#answer")
+    assert text(page, "#pairs tr.chosen td >> nth=0") == names
+    assert text(page, "#caption").startswith(f"{names}: {told.how}; people collide about once in ")
+    assert text(page, "#caption").endswith(f"human-like future {told.future}")
+    assert text(page, "#clock") == f"{told.time_s:.1f} s"
+    assert text(page, "#answers code") == f"scex-sumo view {answered.folder}"  # of the same pair
+    shown = page.locator("#pairs tbody tr").all()
+    assert [line.locator("td").all_inner_texts() for line in shown] == [
+        list(line.cells) for line in pair_lines(answered)
+    ]
+    for line, row in zip(pair_lines(answered), shown, strict=True):
+        row.click()
+        page.wait_for_selector(f"#caption:has-text('{line.label}')")
+        assert text(page, "#caption").startswith(line.caption)
+        assert text(page, "#clock") == f"{line.after_s:.1f} s"
+    assert wrong == []
+
+
+@pytest.mark.parametrize(("width", "height"), [(1440, 900), (1024, 768), (390, 844)])
+def test_the_first_screen_has_verdict_film_and_pairs(
+    browser: Any, answered: Run, width: int, height: int
+) -> None:
+    page = browser.new_page(viewport={"width": width, "height": height}, reduced_motion="reduce")
+    page.goto((answered.folder / "report.html").resolve().as_uri())
+    page.wait_for_selector("#pairs tr.chosen")
+    answer, film, row = (
+        page.locator(name).bounding_box() for name in ("#answer", "#map", "#pairs tr.go >> nth=2")
+    )
+    assert answer["y"] < film["y"] and row["y"] + row["height"] <= height
+    assert film["width"] * film["height"] > 0.2 * width * height
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.locator("details[open]").count() == 0
+    page.close()
+
+
+def test_printed_it_is_one_or_two_pages_with_the_film_and_without_controls(
+    browser: Any, answered: Run
+) -> None:
+    page = browser.new_page(reduced_motion="reduce")
+    page.goto((answered.folder / "report.html").resolve().as_uri())
+    page.wait_for_selector("#pairs tr.chosen")
+    assert len(re.findall(rb"/Type\s*/Page\b", page.pdf(prefer_css_page_size=True))) in (1, 2)
+    page.emulate_media(media="print")
+    assert page.locator("#map").is_visible() and page.locator("#pairs").is_visible()
+    assert not any(page.locator(name).is_visible() for name in ("#play", "#time", "#tools", "#mapbuttons"))
+    page.close()
+
+
+def test_abbreviations_say_what_they_mean(page: Any) -> None:
+    words = page.eval_on_selector_all(
+        "abbr", "(all) => all.map(({ textContent, title }) => [textContent, title])"
+    )
+    known = dict(words)
+    assert known["WTTC"] == "worst-case time to collision" and {"TTC", "DRAC", "THW"} <= set(known)
+
+
+BACK = """
+    const real = requestAnimationFrame;
+    let frames = 0;
+    window.requestAnimationFrame = (act) => real((now) => act(now - (++frames % 3 ? 0 : 5000)));
+"""
+
+
+def test_films_play_with_stamps_that_go_back(browser: Any, answered: Run) -> None:
+    page, wrong = browser.new_page(), list[str]()
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.add_init_script(BACK)
+    for _ in range(3):
+        page.goto("about:blank")
+        page.goto((answered.folder / "report.html").resolve().as_uri())
+        page.wait_for_function("() => ['0.1 s', '0.2 s', '0.3 s'].includes(clock.textContent)")
+    assert wrong == []
+    page.close()
 
 
 def test_it_opens_on_the_worst_encounter_with_the_play_bar_in_sight(page: Any, run: Run) -> None:
@@ -60,7 +138,7 @@ def test_it_opens_on_the_worst_encounter_with_the_play_bar_in_sight(page: Any, r
     assert str(worst["track_id"]) in title and title.endswith(f"future {worst['future']}")
     chosen = text(page, "#encounters tr.chosen td >> nth=0")
     assert chosen == f"{worst['track_id']} → {worst['other_id']}"
-    for name in ("#play", "#time", "#strips"):
+    for name in ("#play", "#time", "#caption"):
         box = page.locator(name).bounding_box()
         assert box["y"] + box["height"] <= 900
     places = [_on_map(page, run, worst[name]) for name in ("track_id", "other_id")]
@@ -70,36 +148,24 @@ def test_it_opens_on_the_worst_encounter_with_the_play_bar_in_sight(page: Any, r
 def _on_map(page: Any, run: Run, track: int) -> tuple[float, float] | None:
     """Return a place in the middle of the map where the pointer finds a vehicle."""
     box = page.locator("#map").bounding_box()
-    for ring in range(12):
+    for ring in range(32):
         for turn in np.arange(0, 2 * np.pi, np.pi / 6):
             x = box["x"] + box["width"] / 2 + 10 * ring * np.cos(turn)
             y = box["y"] + box["height"] / 2 + 10 * ring * np.sin(turn)
             page.mouse.move(x, y)
-            if page.locator("#vehicle b").all_inner_texts() == [f"vehicle {track}"]:
+            if page.get_attribute("#map", "title").startswith(f"vehicle {track}:"):
                 return float(x), float(y)
     return None
 
 
-def test_a_vehicle_says_its_id_speed_and_model_and_a_click_lists_its_encounters(page: Any, run: Run) -> None:
+def test_a_vehicle_says_its_id_speed_and_model(page: Any, run: Run) -> None:
     worst = run.encounters.to_pylist()[0]
     track, future, step = worst["track_id"], worst["future"], round(worst["time_s"] * 10)
-    place = _on_map(page, run, track)
+    assert _on_map(page, run, track) is not None
     vehicle = run.info["seed_scene"]["track_ids"].index(track)
-    speed = run.states(future).speed[vehicle, 10 - 1 + step]
-    assert place is not None
-    said = text(page, "#vehicle p >> nth=0")
-    assert abs(float(said.split(" · ")[1].removesuffix(" m/s")) - speed) < 0.07
-    assert said.endswith(run.models_of(future)[vehicle])
-    page.mouse.click(*place)
-    page.wait_for_selector("#vehicle > button")
-    met = [one for one in meetings(run) if track in (one.row["track_id"], one.row["other_id"])]
-    mine = [one.words() for one in met]
-    assert [button.get_attribute("title") for button in page.locator(LISTED).all()] == mine[:6]
-    page.mouse.move(0, 0)
-    page.locator(LISTED).last.click()
-    row = met[:6][-1].row
-    page.wait_for_selector(f"#clock:has-text('{row['time_s']:.1f} s')")
-    assert page.input_value("#future") == str(row["future"])
+    said = page.get_attribute("#map", "title").split(", ")
+    assert abs(float(said[1].removesuffix(" m/s")) - run.states(future).speed[vehicle, 10 - 1 + step]) < 0.07
+    assert said[-1] == run.models_of(future)[vehicle]
 
 
 def test_an_encounter_leads_to_its_pair_future_and_step(page: Any) -> None:
@@ -139,15 +205,14 @@ def test_curves_have_the_values_of_the_run_at_the_shown_step(page: Any, run: Run
 
 
 def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any, run: Run) -> None:
-    row, whole = run.encounters.to_pylist()[0], text(page, "#p-collision")
+    row = run.encounters.to_pylist()[0]
     pair = {row["track_id"], row["other_id"]}
     futures = critical_futures(run, pair)["critical"]
     page.click("#only-pair")
     page.wait_for_selector(".chip")
-    assert text(page, "#chips b") == f"{len(futures)} of {run.futures} futures"
+    assert text(page, "#chips b").startswith(f"{len(futures)} of {run.futures} futures")
     collided = len(futures & set(run.collisions["future"].to_pylist()))
-    assert text(page, "#p-collision") == f"{100 * collided / len(futures):.0f} %"
-    assert text(page, "#p-collision-words").startswith(f"{collided} of {len(futures)} futures selected")
+    assert f"P(collision) {100 * collided / len(futures):.0f} % stress test" in text(page, "#chips b")
     assert page.locator("#encounters tbody tr").count() == 1
     assert page.locator("#models tbody tr").count() == 2
     shown = page.locator("#worst tbody tr td:first-child").all_inner_texts()
@@ -156,7 +221,6 @@ def test_a_pair_alone_filters_tables_and_p_and_its_chip_stays_in_sight(page: Any
     assert 0 <= page.locator(".chip").bounding_box()["y"] < 60
     page.keyboard.press("Escape")
     page.wait_for_selector(".chip", state="detached")
-    assert text(page, "#p-collision") == whole == run.collision.share
     assert page.locator("#encounters tbody tr").count() == run.encounters.num_rows
 
 
@@ -209,15 +273,16 @@ def test_human_like_encounters_play_and_the_legend_says_which_set_is_shown(
     shutil.copytree(run.folder, copy)
     shutil.copytree(run.folder, copy / "reference")
     both = open_run(copy)
-    page = browser.new_page(viewport={"width": 1400, "height": 900})
+    page = browser.new_page(viewport={"width": 1400, "height": 900}, reduced_motion="reduce")
     page.goto(write_report(both).resolve().as_uri())
+    page.evaluate(UNFOLD)
     page.wait_for_selector("#encounters tr.chosen")
     row = meetings(both)[1]
     assert row.futures == "human-like"
-    assert text(page, "#shown") == f"shown: stress test, future {row.row['future']}"
+    assert text(page, "#caption").endswith(f"stress test, future {row.row['future']}")
     page.locator("#encounters tr.go").nth(1).click()
-    page.wait_for_selector("#shown:has-text('human-like')")
-    assert text(page, "#shown") == f"shown: human-like future {row.row['future']}"
+    page.wait_for_selector("#caption:has-text('human-like')")
+    assert text(page, "#caption").endswith(f"human-like future {row.row['future']}")
     assert text(page, "#pair-title").endswith(f"human-like future {row.row['future']}")
     assert text(page, "#encounters tr.chosen td >> nth=1") == "human-like"
     assert page.locator("#encounters tr.chosen").count() == 1
@@ -232,9 +297,8 @@ def test_human_like_encounters_play_and_the_legend_says_which_set_is_shown(
     page.click("#only-pair")
     page.wait_for_selector(".chip")
     hits = critical_futures(both, set(row.pair))
-    words = f"{len(hits['collision'])} of {len(hits['critical'])} futures selected"
-    for name in ("p-collision", "likely-collision"):
-        assert text(page, f"#{name}-words").startswith(words)
+    share = f"{100 * len(hits['collision']) / len(hits['critical']):.0f} %"
+    assert text(page, "#chips b").endswith(f"P(collision) {share} stress test, {share} human-like")
     page.close()
 
 
@@ -244,8 +308,9 @@ def test_a_future_without_tracks_says_how_it_is_seen(
     copy = tmp_path / "out"
     shutil.copytree(run.folder, copy)
     monkeypatch.setattr(contents, "packed_tracks", lambda wanted: packed_tracks(wanted, budget=1))
-    page = browser.new_page()
+    page = browser.new_page(reduced_motion="reduce")
     page.goto(write_report(open_run(copy)).resolve().as_uri())
+    page.evaluate(UNFOLD)
     page.wait_for_selector("#encounters tr.chosen")
     worst = run.encounters.to_pylist()[0]["future"]
     assert page.input_value("#future") == str(worst)
@@ -265,9 +330,9 @@ def test_a_future_alone_filters_p_and_the_worst_futures(page: Any, run: Run) -> 
     future = run.encounters.to_pylist()[0]["future"]
     page.click("#only-future")
     page.wait_for_selector(".chip")
-    assert text(page, "#p-collision") in ("0 %", "100 %")
+    assert text(page, "#chips b").split("P(collision) ")[1] in ("0 % stress test", "100 % stress test")
     value, limit = run.metrics["wttc"][future].as_py(), run.thresholds["wttc"]
-    share = page.locator(".share:has-text('WTTC') b").first.inner_text()
+    share = page.locator(".chart:has-text('WTTC') b").first.inner_text()
     assert share == ("100 %" if value <= limit else "0 %")
     assert set(page.locator("#worst tbody tr td:last-child").all_inner_texts()) <= {str(future)}
 
@@ -303,7 +368,6 @@ def test_a_threshold_that_is_dragged_back_has_the_share_of_the_table_again(page:
 
 
 LIMIT = "#charts .chart:first-child input"
-LISTED = "#vehicle > p ~ button"
 ROWS = "count => document.querySelectorAll('#encounters tbody tr').length === count"
 
 
@@ -374,6 +438,6 @@ def test_a_result_without_encounters_says_so(browser: Any, run: Run, tmp_path: P
     pq.write_table(run.metrics.drop_columns(["collision"]), copy / "metrics.parquet")
     page = browser.new_page()
     page.goto(write_report(open_run(copy)).resolve().as_uri())
-    page.wait_for_selector("#worst tr.go")
-    assert "not in this result" in text(page, "#verdict")
+    page.wait_for_selector("#worst tr.go", state="attached")
+    assert text(page, "#pairs tfoot").split() == ["any", "–"]
     page.close()

@@ -1,4 +1,4 @@
-"""The map: an overview of the site, two futures on one time bar, and the events of the shown future on it."""
+"""The map moves, and the events of the shown future on it."""
 
 from __future__ import annotations
 
@@ -10,42 +10,12 @@ from tests.page.report.test_browser import text
 DRAWN = "(canvas) => canvas.toDataURL()"
 
 
-def test_the_overview_moves_the_map_and_goes_where_the_map_shows_all(page: Any) -> None:
-    overview = page.locator("#overview")
-    assert overview.is_visible()  # it opens on a pair
-    before = page.eval_on_selector("#map", DRAWN)
-    overview.click()
-    page.wait_for_timeout(100)
-    assert page.eval_on_selector("#map", DRAWN) != before
+def test_keys_move_the_map(page: Any) -> None:
     page.locator("#map").focus()
-    moved = page.eval_on_selector("#map", DRAWN)
+    before = page.eval_on_selector("#map", DRAWN)
     page.keyboard.press("Shift+ArrowLeft")
     page.wait_for_timeout(100)
-    assert page.eval_on_selector("#map", DRAWN) != moved
-    page.keyboard.press("f")
-    page.wait_for_selector("#overview", state="hidden")
-
-
-def test_two_futures_play_side_by_side(page: Any, run: Run) -> None:
-    first = int(page.input_value("#future"))
-    page.keyboard.press("b")
-    page.wait_for_selector("#map-beside")
-    assert page.input_value("#beside") == str(first)
-    page.wait_for_timeout(100)
-    assert page.eval_on_selector("#map", DRAWN) == page.eval_on_selector("#map-beside", DRAWN)
-    page.keyboard.press("ArrowDown")
-    page.wait_for_timeout(100)
-    assert page.input_value("#beside") == str(first) != page.input_value("#future")
-    boxes = [page.locator(name).bounding_box() for name in ("#map", "#map-beside")]
-    assert boxes[0]["y"] == boxes[1]["y"] and boxes[0]["x"] + boxes[0]["width"] <= boxes[1]["x"]
-    before = page.eval_on_selector("#map-beside", DRAWN)
-    page.keyboard.press("ArrowLeft")
-    page.wait_for_timeout(100)
-    assert page.eval_on_selector("#map-beside", DRAWN) != before
-    page.wait_for_function(f"() => location.hash.includes('beside={first}')")
-    page.fill("#beside", "")
-    page.locator("#beside").blur()
-    page.wait_for_selector("#map-beside", state="hidden")
+    assert page.eval_on_selector("#map", DRAWN) != before
 
 
 def test_events_of_the_shown_future_stand_on_the_time_bar(page: Any, run: Run) -> None:
