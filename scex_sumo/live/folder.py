@@ -19,10 +19,11 @@ from scex_sumo.formats.sumo.scenario import RISK, options_of
 from scex_sumo.live.device import SEEN, Lead
 from scex_sumo.live.focus import BUSIEST
 from scex_sumo.live.risk import PairRisk, Risk
-from scex_sumo.page.figures.charts import Plane, line_legend
+from scex_sumo.page.figures.charts import Plane
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.study import Column as Head
 from scex_sumo.page.study import card, page_table, table_place, write_study
+from scex_sumo.page.timeline import SHAPES, Happening, shapes_legend, timeline
 from scex_sumo.results.tables.pairs import once_in
 
 LEADS: Final = "leads.parquet"
@@ -62,7 +63,6 @@ _LEADS_SCHEMA = pa.schema(
         ("lead_s", pa.float64()),
     ]
 )
-_FLOOR = 1e-9
 _REGION_M = 40.0
 _WIDE_PX = 1000
 
@@ -129,7 +129,10 @@ def command_of(config: Path, folder: Path, risk: Risk, pair: PairRisk) -> list[s
 
 def write_page(folder: Path, config: Path, risks: Sequence[Risk], leads: Sequence[Lead], about: str) -> Path:
     """Write the page: risk over time, the worst moments, lead times; return its path."""
-    cards = [card("Risk over time", *_curves(risks)), card("Worst moments", *_worst(folder, config, risks))]
+    cards = [
+        card("Risk over time", *_lines(folder, risks)),
+        card("Worst moments", *_worst(folder, config, risks)),
+    ]
     tables = {}
     if leads:
         cards.append(card("Lead time", *_summary(leads), table_place("leads")))
@@ -137,43 +140,53 @@ def write_page(folder: Path, config: Path, risks: Sequence[Risk], leads: Sequenc
     return write_study(folder / PAGE, f"{config.stem}: risk while it ran", about, *cards, tables=tables)
 
 
-def _curves(risks: Sequence[Risk]) -> list[Html]:
+def _lines(folder: Path, risks: Sequence[Risk]) -> list[Html]:
+    """Return P of the pair that leads over time, and the share of the stress test below."""
     if not risks:
         return [element("p.soft", "No moment was assessed.")]
-    time_s = np.array([risk.time_s for risk in risks])
-    worst = np.array([risk.worst.human_like if risk.worst else 0.0 for risk in risks])
+    first, last = risks[0].time_s, max(risks[-1].time_s, risks[0].time_s + 1.0)
+    led = [(risk, pair) for risk in risks if (pair := risk.worst) is not None and pair.kind in SHAPES]
+    marks = [
+        Happening(
+            time_s=risk.time_s,
+            probability=pair.human_like,
+            what=pair.kind,
+            words=f"{risk.time_s:g} s, {pair.hits} → {pair.other}: {pair.how}; {once_in(pair.human_like)}",
+            link=_report_of(folder, risk),
+        )
+        for risk, pair in led
+    ]
     stress = np.array([max((p.stress or 0.0 for p in risk.pairs), default=0.0) for risk in risks])
-    first, last = float(time_s[0]), max(float(time_s[-1]), float(time_s[0]) + 1.0)
-    plane = Plane(x=(first, last), y=(-7.0, 0.0), width=_WIDE_PX, height=150)
-    lines = [plane.line(np.array([first, last]), np.full(2, e), "soft", dashed=True) for e in (-6, -4, -2)]
-    words = [plane.words(first, e + 0.15, once_in(10.0**e), anchor="start") for e in (-6, -4, -2)]
-    level = np.log10(np.maximum(worst, _FLOOR))
-    people = plane.figure(
-        "human-like P of the pair that leads, over time in s",
-        *lines,
-        *words,
-        plane.line(time_s, level, "likely"),
-    )
     share = Plane(x=(first, last), y=(0.0, max(float(stress.max()), 0.01)), width=_WIDE_PX, height=110)
     most = share.words(first, share.y[1] * 0.88, f"{share.y[1]:.0%}", anchor="start")
     test = share.figure(
         "stress test: share of futures in which the worst pair collides",
         most,
-        share.line(time_s, stress, "drawn"),
+        share.line(np.array([risk.time_s for risk in risks]), stress, "drawn"),
     )
-    return [people, test, line_legend([("likely", "human-like"), ("drawn", "stress test")])]
+    people = timeline("people: P of the pair that leads", marks, (first, last))
+    doubtful = sum(risk.pairs[0].doubt is not None for risk in risks if risk.pairs and risk.worst is None)
+    dropped = [element("p.soft", f"{doubtful} moments have doubtful pairs alone.")] if doubtful else []
+    return [shapes_legend(one.what for one in marks), people, test, *dropped]
 
 
 def _worst(folder: Path, config: Path, risks: Sequence[Risk]) -> list[Html]:
     items = []
     for risk, pair in worst_moments(risks):
-        link = element("a", f"{risk.time_s:g} s", href=f"{MOMENTS}/{risk.time_s:g}/report.html")
+        when, report = f"{risk.time_s:g} s", _report_of(folder, risk)
+        link = element("a", when, href=report) if report else element("b", when)
         words = " ".join(map(shlex.quote, ["scex-sumo", *command_of(config, _near(folder), risk, pair)]))
         says = f": {pair.hits} → {pair.other}, {once_in(pair.human_like)}: {pair.how}"
         items.append(element("li", link, says, element("br"), element("code", words)))
     if not items:
         return [element("p.soft", "No pair of people collides as often as once in a billion such moments.")]
-    return [element("p.soft", "A link shows the report that its command makes."), element("ol", *items)]
+    return [element("p.soft", "The command makes the report of a moment."), element("ol", *items)]
+
+
+def _report_of(folder: Path, risk: Risk) -> str:
+    """Return the address of the report of a moment; empty where there is none."""
+    address = f"{MOMENTS}/{risk.time_s:g}/report.html"
+    return address if (folder / address).is_file() else ""
 
 
 def _near(folder: Path) -> Path:

@@ -25,7 +25,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run as the command line makes it."""
     out = tmp_path_factory.mktemp("run") / "out"
     done = scex("run", example_path("roundabout"), "--futures", 4, "-o", out)
-    assert f"report  {out / 'report.html'}" in done.stdout
+    assert f"report: {out / 'report.html'}" in done.stdout
     return out
 
 

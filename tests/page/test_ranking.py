@@ -10,6 +10,7 @@ import pytest
 from scex_sumo import example_path
 from scex_sumo.studies.rank.triage import read_triage
 from tests.command import scex
+from tests.page.report.test_browser import BACK
 
 
 @pytest.fixture(scope="module")
@@ -78,5 +79,35 @@ def test_verdicts_are_saved_and_read_by_page_and_command(page: Any, tmp_path: Pa
     assert verdicts(page) == ["test", "data error"]
 
 
+def test_a_time_line_names_its_moments_and_a_drag_selects_a_span(page: Any) -> None:
+    title = page.locator(".timeline .dot title").first.text_content()
+    assert "9.1 s, " in title and "about once in" in title
+    rows = page.locator("#all-encounters tbody tr")
+    whole = rows.count()
+    assert whole > 2
+    box = page.locator(".timeline svg").bounding_box()
+    for start, stop, shown in ((0.6, 0.9, 0), (0.0, 0.2, whole)):
+        page.mouse.move(box["x"] + start * box["width"], box["y"] + 10)
+        page.mouse.down()
+        page.mouse.move(box["x"] + stop * box["width"], box["y"] + 10)
+        page.mouse.up()
+        assert rows.count() == shown
+    assert page.locator("h2:has-text('Not to be tested: ')").count() == 1
+    assert page.locator(".maps .dot").count() > 0
+    page.locator(".timeline a").first.click()
+    assert page.evaluate("location.hash").startswith("#encounter-")
+
+
+def test_films_of_cards_play_with_stamps_that_go_back(browser: Any, ranking: Path) -> None:
+    page, wrong = browser.new_page(), list[str]()
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.add_init_script(BACK)
+    page.goto(f"file://{ranking / 'ranking.html'}#encounter-1")
+    page.locator("rect.responds.hit").first.wait_for(state="attached", timeout=30_000)
+    assert wrong == []
+    page.close()
+
+
 def test_the_two_vehicles_play_until_they_touch(page: Any) -> None:
+    page.locator("article").first.scroll_into_view_if_needed()
     page.locator("rect.responds.hit").first.wait_for(state="attached", timeout=30_000)

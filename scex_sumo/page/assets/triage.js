@@ -13,6 +13,13 @@ unpack(byId("data").textContent).then(({ info }) => {
     card.querySelector(".note").oninput = ({ target }) => change(row, { note: target.value });
   });
 
+  let span = null; // of a recording, on its time line
+  const isInside = (row) => !span || row.recording === span.recording && row.first_s <= span.last && row.last_s >= span.first;
+  makeTimelines((chosen) => {
+    span = chosen;
+    show();
+  });
+
   function judge(row, verdict) { // the same one again takes it back
     change(row, { verdict: row.verdict === verdict ? null : verdict });
   }
@@ -42,7 +49,7 @@ unpack(byId("data").textContent).then(({ info }) => {
       if (document.activeElement !== note) note.value = row.note || "";
     });
     table.rows.forEach((line, i) => { line.cells[last] = rows[i].verdict; });
-    shown.show();
+    shown.show(table.rows.filter((_, i) => isInside(rows[i])));
     const counts = verdicts.map((verdict) => `${rows.filter((row) => row.verdict === verdict).length} ${verdict}`);
     tell(byId("counts"), counts.join(", "));
   }

@@ -24,6 +24,7 @@ from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.report.contents import report_contents
 from scex_sumo.page.report.report import filled_report
+from scex_sumo.page.report.scene import Box, lane_lines, road_svg
 from scex_sumo.page.study import card, failure_card, page_table, table_place, write_study
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.probability import Encounter
@@ -34,19 +35,20 @@ from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.moments.run import MomentTask, attempt, net_of, written
 from scex_sumo.studies.rank.encounters import TRIAGE, with_stress
 from scex_sumo.studies.rank.folder import REPORTS
+from scex_sumo.studies.rank.glance import box_of, glance, places_of
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.stage import Stage, stage_of_future
 from scex_sumo.studies.rank.table import page_columns, stress_words
 from scex_sumo.studies.rank.triage import KEY, VERDICTS
 
 HTML = "ranking.html"
-SCRIPTS = ("loop.js", "stage.js", "triage.js")
+SCRIPTS = ("loop.js", "stage.js", "timeline.js", "triage.js")
 _ROWS = 1000
 _BY = {"probability": "P of a contact between people"}
 _HOW = (
-    "An encounter is two vehicles in consecutive moments of a recording, shown at its most critical moment. "
-    "Encounters are ranked by {by}. The filled outlines are the human-like future that decides, dashed ones "
-    "what was recorded."
+    "An encounter is two vehicles in consecutive moments of a recording, shown at its most critical one in "
+    "the human-like future that decides; dashed: what was recorded. The dark vehicle hits or follows the "
+    "light one. "
 )
 _KEYS = (
     "Keys: 1 test, 2 discard, 3 data error, 0 none, J and K next and previous, N note. "
@@ -85,12 +87,16 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table) -> Repo
     stress: dict[str, Mapping[tuple[int, int], tuple[float, float]]] = {}
     notes, failures = list[str](), run.unreadable | run.failures
     pairs, stages = dict(run.named_pairs()), dict[tuple[str, int, int], Stage]()
+    places, roads = places_of(ranking), dict[str, Html]()
+    open_sites = {site: box_of(rows) for site, rows in places.items()}
 
     def asked() -> Iterator[_ReportTask]:
         for task in run.tasks(refs):
             name = task.ref.moment
             own = [row for row in top if row["seed"] == name]
-            yield _ReportTask.of(task, command=_command(run, task.ref), pairs=pairs[name], rows=own)
+            site = open_sites.pop(task.ref.location, None)
+            command = _command(run, task.ref)
+            yield _ReportTask.of(task, command=command, pairs=pairs[name], rows=own, site=site)
 
     for task, made in run.run_again(asked(), _report):
         assert isinstance(task, _ReportTask)
@@ -99,7 +105,8 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table) -> Repo
             failures[task.ref.moment] = made
             notes.append(f"{task.ref.moment}: no futures: {made.reason}")
             continue
-        html, stress[task.ref.moment], replaced, drawn = made
+        html, stress[task.ref.moment], replaced, drawn, road = made
+        roads |= {task.ref.location: road} if road else {}
         stages |= {(task.ref.moment, *both): stage for both, stage in drawn.items()}
         notes += [f"{task.ref.moment}: {line}" for line in replaced]
         report = folder / REPORTS / f"{task.ref.moment}.html"
@@ -107,30 +114,29 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table) -> Repo
         write_atomic(report, html)
     ranking = with_stress(ranking, stress)
     shown = [
-        _card(row, stages[key], tasks[row["seed"]].command)
+        (row, *_card(row, stages[key], tasks[row["seed"]].command))
         for row in ranking.slice(0, len(top)).to_pylist()
         if (key := (row["seed"], row["track_id"], row["other_id"])) in stages
     ]
     rows = ranking.slice(0, max(_ROWS, len(top))).to_pylist()
     parts = [
+        glance(run.pairs, places, roads, {f"#encounter-{row['rank']}": row for row, _, _ in shown}),
         _bar(),
-        element("div.moments", *(html for html, _ in shown)),
+        *_lists(ranking, [(row, html) for row, html, _ in shown], run.order.by),
         card("All encounters", _more(len(ranking)), table_place("all-encounters")),
         *failure_card("Failed", {name: one.reason for name, one in failures.items()}),
     ]
     info = {
         "name": run.identity,
         "verdicts": VERDICTS,
-        "cards": [data for _, data in shown],
+        "cards": [data for _, _, data in shown],
         "rows": [{name: row[name] for name in (*KEY, *TRIAGE)} for row in rows],
     }
     about, tables = _summary(run, ranking), {"all-encounters": page_table(page_columns(), rows)}
-    how = element("p.soft", _HOW.format(by=_BY.get(run.order.by, run.order.by)))
     write_study(
         folder / HTML,
         "Encounters worth testing",
         about,
-        how,
         *parts,
         tables=tables,
         scripts=SCRIPTS,
@@ -142,15 +148,19 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table) -> Repo
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _ReportTask(MomentTask):
-    """A moment to be reported: the command that runs it, all its pairs, and encounters of it on the page."""
+    """A moment to be reported: the command that runs it, all its pairs, and encounters of it on the page.
+
+    ``site`` is the part of the road that is drawn as its map.
+    """
 
     command: Sequence[str]
     pairs: pa.Table
     rows: Sequence[Mapping[str, Any]]
+    site: Box | None
 
 
 _Pair: TypeAlias = tuple[int, int]
-_Made: TypeAlias = tuple[bytes, dict[_Pair, tuple[float, float]], list[str], dict[_Pair, Stage]]
+_Made: TypeAlias = tuple[bytes, dict[_Pair, tuple[float, float]], list[str], dict[_Pair, Stage], Html | None]
 
 
 def _report(task: _ReportTask, road: bytes | None = None) -> _Made | Failure:
@@ -172,7 +182,9 @@ def _reported(task: _ReportTask, scene: SeedScene, road: bytes) -> _Made:
     scene, net = ruled(scene, net_of(road, task.settings.cache), task.settings.run)
     human = human_part(scene, net, futures=HUMAN_FUTURES, seed=task.settings.run.seed)
     stages = {(row["track_id"], row["other_id"]): stage_of_future(scene, row, human) for row in task.rows}
-    return page, stress, notes, stages
+    assert scene.road is not None
+    drawn = None if task.site is None else road_svg(lane_lines(scene.road, task.site))
+    return page, stress, notes, stages, drawn
 
 
 def _command(run: RankingRun, ref: MomentRef) -> list[str]:
@@ -197,11 +209,31 @@ def _summary(run: RankingRun, ranking: pa.Table) -> str:
     )
 
 
+def _lists(ranking: pa.Table, shown: Sequence[tuple[Mapping[str, Any], Html]], by: str) -> list[Html]:
+    """Return the encounters with cards: those to be tested, then the others."""
+    is_sure = pc.is_valid(ranking["rank"])
+    parts = []
+    for name, is_tested in (("To be tested", True), ("Not to be tested", False)):
+        own = [html for row, html in shown if row["to_test"] is is_tested]
+        total = pc.sum(pc.and_(is_sure, pc.equal(ranking["to_test"], is_tested))).as_py() or 0
+        if total:
+            head = f"{name}: {total}" + (f", {len(own)} of them here" if len(own) < total else "")
+            about = element("p.soft", f"Sorted by {_BY.get(by, by)}.")
+            parts.append(
+                element(
+                    "section", element("h2", head), *([about] if own else []), element("div.moments", *own)
+                )
+            )
+    return parts
+
+
 def _bar() -> Html:
     save = element("button", "save verdicts (CSV)", id="save")
     read = element("input", type="file", accept=".csv", id="read")
     row = element("div.row", element("b", id="counts"), save, element("label", "read ", read))
-    return element("section.card", row, element("p.soft", _KEYS), element("p.soft", id="said", role="status"))
+    return element(
+        "section.card", row, element("p.soft", _HOW + _KEYS), element("p.soft", id="said", role="status")
+    )
 
 
 def _card(row: Mapping[str, Any], stage: Stage, command: Sequence[str]) -> tuple[Html, dict[str, Any]]:
@@ -236,11 +268,8 @@ def _where(row: Mapping[str, Any]) -> str:
 
 
 def _facts(row: Mapping[str, Any]) -> list[str]:
-    verdict = (
-        "To be tested" if row["to_test"] else "The models disagree" if disagrees(row) else "Not to be tested"
-    )
     facts = [
-        f"{verdict}; {span(row)} such moments",
+        f"{span(row)} such moments" + ("; the models disagree" if disagrees(row) else ""),
         f"as shown in {row['futures']} of {HUMAN_FUTURES} human-like futures, {row['conflict_s']:.1f} s on",
     ]
     if row["stress_p_collision"] is not None:

@@ -66,6 +66,7 @@ def page_columns() -> list[Column]:
         Column("conflict_s", "after", "seconds", "Time of the conflict after the moment"),
         Column("stress_p_collision", "stress test", "percent", "P(collision) with the drawn models"),
         Column("doubt", "doubt", "words"),
+        Column(lambda row: "yes" if row["to_test"] else "no", "to test", "words"),
         Column("verdict", "verdict", "words"),
     ]
 

@@ -1,0 +1,109 @@
+"""Recordings of a ranking at a glance: a time line of each, and a map of each site with the places."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from scex_sumo.page.html import Html, element
+from scex_sumo.page.report.scene import Box
+from scex_sumo.page.study import card
+from scex_sumo.page.timeline import Happening, place_map, shapes_legend, timeline, usual_level
+from scex_sumo.results.tables.pairs import TOLD
+from scex_sumo.studies.moments.folder import MomentRef
+
+_MOST: Final = 12  # recordings
+_PLACES: Final = 200  # of a site
+_AROUND_M: Final = 30.0
+_HOW: Final = (
+    "Each mark is the most critical pair of a moment: P of a contact between people, on a log scale. The "
+    "pointer on a mark names the pair; a click leads to its card, else to its row. A drag selects a "
+    "span for the table."
+)
+
+Cards = Mapping[str, Mapping[str, Any]]
+"""Encounters that have cards, by the addresses of these."""
+_Lines = Mapping[str, Sequence[tuple[MomentRef, Happening]]]
+
+
+def places_of(ranking: pa.Table) -> dict[str, list[dict[str, Any]]]:
+    """Return the encounters that a map shows, by site: the most probable ones without doubt."""
+    told = pc.greater_equal(ranking["probability"], TOLD)
+    sure = ranking.filter(pc.and_(pc.is_valid(ranking["rank"]), told))
+    found: dict[str, list[dict[str, Any]]] = {}
+    for row in sure.sort_by([("probability", "descending")]).to_pylist():
+        own = found.setdefault(row["location"], [])
+        if len(own) < _PLACES:
+            own.append(row)
+    return found
+
+
+def box_of(rows: Sequence[Mapping[str, Any]]) -> Box:
+    """Return the box of a map with these places, m."""
+    x, y = [row["x"] for row in rows], [row["y"] for row in rows]
+    return min(x) - _AROUND_M, max(x) + _AROUND_M, min(y) - _AROUND_M, max(y) + _AROUND_M
+
+
+def glance(
+    pairs: Sequence[tuple[MomentRef, pa.Table]],
+    places: Mapping[str, Sequence[Mapping[str, Any]]],
+    roads: Mapping[str, Html],
+    cards: Cards,
+) -> Html:
+    """Return the time lines of the most critical recordings, and the maps.
+
+    Args:
+        pairs: moments, and their pairs as of `pairs_of_moment`.
+        places: as of `places_of`; ``roads`` of the sites that have one.
+        cards: of encounters on the page.
+    """
+    lines: dict[str, list[tuple[MomentRef, Happening]]] = {}
+    for ref, table in pairs:
+        for row in table.filter(pc.is_null(table["doubt"])).slice(0, 1).to_pylist():
+            link = _link(row, ref.recording, ref.time_s, cards)
+            lines.setdefault(ref.recording, []).append((ref, Happening.of(row, ref.time_s, link)))
+    usual = _usual_levels(lines)
+    by_peak = sorted(lines, key=lambda name: -max(one.probability for _, one in lines[name]))
+    figures = [_line(name, found, usual) for name, found in lines.items() if name in by_peak[:_MOST]]
+    maps = [_map(site, rows, roads[site], cards) for site, rows in places.items() if site in roads]
+    kinds = {one.what for found in lines.values() for _, one in found}
+    more = f" Shown are the {_MOST} most critical of {len(lines)} recordings." if len(lines) > _MOST else ""
+    legend = shapes_legend(kinds, usual=any(usual.values()))
+    return card("At a glance", _HOW + more, legend, *figures, element("div.maps", *maps))
+
+
+def _usual_levels(lines: _Lines) -> dict[str, tuple[float, float] | None]:
+    """Return the usual level of each site."""
+    levels: dict[str, list[float]] = {}
+    for ref, one in (moment for found in lines.values() for moment in found):
+        levels.setdefault(ref.location, []).append(one.probability)
+    return {site: usual_level(values) for site, values in levels.items()}
+
+
+def _line(
+    name: str,
+    found: Sequence[tuple[MomentRef, Happening]],
+    usual: Mapping[str, tuple[float, float] | None],
+) -> Html:
+    times = [ref.time_s for ref, _ in found]
+    span = min(times), max(times)
+    return timeline(name, [one for _, one in found], span, usual[found[0][0].location], name)
+
+
+def _map(site: str, rows: Sequence[Mapping[str, Any]], road: Html, cards: Cards) -> Html:
+    places = [
+        Happening.of(row, row["time_s"], _link(row, row["recording"], row["time_s"], cards)) for row in rows
+    ]
+    return place_map(site, box_of(rows), road, places)
+
+
+def _link(row: Mapping[str, Any], recording: str, time_s: float, cards: Cards) -> str:
+    both = {row["track_id"], row["other_id"]}
+    for address, one in cards.items():
+        is_pair = one["recording"] == recording and {one["track_id"], one["other_id"]} == both
+        if is_pair and one["first_s"] <= time_s <= one["last_s"]:
+            return address
+    return ""
