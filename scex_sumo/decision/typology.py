@@ -39,7 +39,7 @@ CONFLICTS: Final = (
 )
 """Kinds, in the order of the docs."""
 
-_STANDS_MPS, _SLOWER_MPS, _BRAKES_MPS2 = 0.5, 0.5, -0.5
+_STANDS_MPS, _SLOWER_MPS, _BRAKES_MPS2 = 0.5, 0.5, -1.0
 _IN_LINE_M = 2.75  # of the centre of a leader from the follower's way, mean of now and a second ago
 _IN_LINE_RAD, _ALONG_RAD, _OPPOSED_RAD = np.deg2rad(45.0), np.deg2rad(30.0), np.deg2rad(135.0)
 _TURNS_RAD = np.deg2rad(30.0)

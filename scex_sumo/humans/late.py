@@ -31,6 +31,8 @@ UNSEEN: Final = 2.7e-4
 """Share of these among all: contacts are then as frequent as published (docs/decision.md)."""
 BRAKES_MPS2: Final = -1.0
 """Mean acceleration over half a second below which a driver brakes."""
+MOST_NEED_MPS2: Final = 8.0
+"""Need from which not the driver is taken to be wrong, but the way that it is expected to take."""
 RESPONSE_S: Final = 1.25
 """Median time until one brakes for what one did not expect (Green 2000)."""
 SPREAD: Final = 0.35
@@ -59,12 +61,12 @@ def share_unseen(need: FloatArray, speed: FloatArray) -> FloatArray:
     """Return the share of drivers that have not seen what they need to brake for.
 
     Args:
-        need: of braking, m/s².
+        need: of braking, m/s²; from `MOST_NEED_MPS2` on the share is 0.
         speed: m/s.
     """
     looking = (1 - UNSEEN) * np.exp(-need / np.interp(speed, *SCALES))
     unseen = UNSEEN * np.exp(-need / UNSEEN_MPS2)
-    return np.where(need > 0, unseen / (looking + unseen), 0.0)
+    return np.where((need > 0) & (need < MOST_NEED_MPS2), unseen / (looking + unseen), 0.0)
 
 
 def unchanged(accelerate: Accelerate, rows: BoolArray) -> Accelerate:

@@ -293,8 +293,12 @@ def _collides(run: Run) -> str:
     if not run.outcomes:
         return "–"
     found = run.collision
-    half = 100 * max(found.high - found.value, found.value - found.low)
-    return percent(found.value) if half < 0.05 else f"{100 * found.value:.0f} ± {half:.0f}{NARROW}%"
+    half = (found.high - found.low) / 2
+    if half < 0.0005:
+        return percent(found.value)
+    if found.value < half or found.value > 1 - half:
+        return f"{100 * found.low:.0f} to {100 * found.high:.0f}{NARROW}%"
+    return f"{100 * found.value:.0f} ± {100 * half:.0f}{NARROW}%"
 
 
 def _wrapped(text: str, wide: int) -> list[str]:

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 import scex_sumo
-from scex_sumo.metrics.registry import METRICS
+from scex_sumo.metrics.registry import SETS
 from scex_sumo.page.report.tables import encounter_table
 from scex_sumo.reports.encounter_rows import grouped, meetings, sentence, worst_of
 from scex_sumo.reports.run_table import (
@@ -87,7 +87,7 @@ def test_what_is_nearly_always_critical_has_a_row_only_if_it_is_asked_for(tmp_pa
 
 
 def test_the_main_metrics_are_the_table_and_the_papers_are_folded_below_them(tmp_path: Path) -> None:
-    names = [name for name in METRICS if name != "distance"]
+    names = [each.name for each in (*SETS["paper"], *SETS["path"]) if each.name != "distance"]
     run = open_run(result(tmp_path, {name: [2.0, 3.0] for name in names}))
     assert shown_columns(run, every=False) == (list(MAIN), [])
     main, folded = shown_columns(run, every=True)

@@ -65,7 +65,7 @@ def test_a_blind_function_collides_more_often_than_people_and_one_that_brakes_le
     )
     assert blind > 0.5 > 10 * people
     assert people >= brakes
-    assert driven("constant_velocity").collides.all()
+    assert driven("constant_velocity").collides.mean() > 0.5  # from some a faster leader drives away
 
 
 def test_people_have_the_probability_of_the_ranking() -> None:
