@@ -3,8 +3,8 @@
     python -m benchmarks.what_if A.sumocfg B.sumocfg --times 60,120 [--models sumo:own,standard_driver]
 
 Each vehicle's position 3 s later in a future and in the simulation that goes on: number, median, 95 % and
-largest distance in m. Vehicles that arrive, are inserted or teleport within the 3 s are left out. Without
-files: the simulations of SUMO's own games with cars.
+largest distance in m, then the vehicles that have left the simulation but not the future ("phantoms"), and
+the future but not the simulation ("lost"). Without files: the simulations of SUMO's own games with cars.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from scex_sumo.base.sumo.programs import sumo_home
 
 STEPS = 30
 GAMES = ("cross", "square", "ramp", "corridor", "grid6", "fkk_in", "A10KW", "fokr_bs_demo")
-# As the futures have them: steps, and lane changes that take their time.
-OPTIONS = ("--step-length", "0.1", "--lanechange.duration", "3", "--no-step-log", "--no-warnings")
+OPTIONS = ("--step-length", "0.1", "--no-step-log", "--no-warnings", "--xml-validation", "never")
+CHANGES = ("--lanechange.duration", "3")  # as in futures: lane changes take their time
 
 
 def positions(sumo, names):  # type: ignore[no-untyped-def]
@@ -37,13 +37,14 @@ def positions(sumo, names):  # type: ignore[no-untyped-def]
 
 
 def compare(config: str, time_s: float, model: str) -> None:
-    """Print one line of JSON: the distances of one simulation's vehicles at one time."""
+    """Print one line of JSON: distances of one simulation's vehicles at one time, phantoms and lost ones."""
     import libsumo as sumo
 
     import scex_sumo as scex
 
     warnings.simplefilter("ignore")
-    sumo.start(["sumo", "-c", config, *OPTIONS, "--xml-validation", "never"])
+    by_sublanes = b"lateral-resolution" in Path(config).read_bytes()
+    sumo.start(["sumo", "-c", config, *OPTIONS, *(() if by_sublanes else CHANGES)])
     watch = scex.watch(sumo)
     while sumo.simulation.getTime() < time_s and sumo.simulation.getMinExpectedNumber():
         sumo.simulationStep()
@@ -60,9 +61,14 @@ def compare(config: str, time_s: float, model: str) -> None:
     off = {
         names[track]: float(np.hypot(x - there[names[track]][0], y - there[names[track]][1]))
         for track, x, y in zip(*(last[key].to_pylist() for key in ("track_id", "x", "y")), strict=True)
-        if names[track] in there
+        if x is not None and names[track] in there
     }
-    print(json.dumps(off))
+    here = {
+        names[track]
+        for track, x in zip(last["track_id"].to_pylist(), last["x"].to_pylist(), strict=True)
+        if x is not None
+    }
+    print(json.dumps([list(off.values()), len(here - there.keys()), len(there.keys() - here)]))
 
 
 def main() -> None:
@@ -78,18 +84,19 @@ def main() -> None:
     games = sumo_home() / "tools" / "game"
     for config in given.configs or [games / f"{name}.sumocfg" for name in GAMES]:
         for model in given.models.split(","):
-            off: list[float] = []
+            off, phantoms, lost = list[float](), 0, 0
             for at in given.times.split(","):
                 one = ["-m", "benchmarks.what_if", "--one", str(config.resolve()), at, model]
                 done = subprocess.run([sys.executable, *one], capture_output=True, text=True)
                 if done.returncode:
                     print(f"{config.stem} {at} s: {done.stderr.strip().splitlines()[-1]}")
                     continue
-                found = json.loads(done.stdout.splitlines()[-1])
-                off += found.values()
+                found, more, fewer = json.loads(done.stdout.splitlines()[-1])
+                off, phantoms, lost = off + found, phantoms + more, lost + fewer
             if off:
                 middle, high = np.quantile(off, [0.5, 0.95])
-                print(f"{config.stem:12} {model:16} {len(off):5} {middle:7.3f} {high:7.2f} {max(off):7.2f}")
+                numbers = f"{len(off):5} {middle:7.3f} {high:7.2f} {max(off):7.2f} {phantoms:3} {lost:3}"
+                print(f"{config.stem:12} {model:16} {numbers}")
 
 
 if __name__ == "__main__":

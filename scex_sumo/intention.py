@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Final
+
+PARKS: Final = 1
+"""Flag of a stop beside the lane."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +43,8 @@ class Intention:
         stops: the next ones, in order.
         change_mps: lateral speed while it changes its lane, positive to the left, else 0.
         lanes: lanes of the road along the route, those within junctions included.
+        arrival: where it arrives on the last edge, in SUMO's words: a place in m, or e.g. ``max``.
+        arrives: x, y in m and heading of its front bumper there, on each lane.
     """
 
     edges: tuple[str, ...]
@@ -49,3 +55,5 @@ class Intention:
     stops: tuple[Stop, ...] = ()
     change_mps: float = 0.0
     lanes: frozenset[int] = frozenset()
+    arrival: str = "max"
+    arrives: tuple[tuple[float, float, float], ...] = ()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
@@ -69,6 +69,16 @@ class Conflicts:
     def take(self, rows: IntArray | BoolArray) -> Conflicts:
         """Select rows."""
         return Conflicts(**{name: values[rows] for name, values in vars(self).items()})
+
+    def before(self, left: IntArray) -> Conflicts:
+        """Return the rows without what comes after a vehicle has left, by the steps (C, V) until then."""
+        last = np.minimum(left[self.future, self.one], left[self.future, self.two])
+        return replace(
+            self,
+            braking=np.where(self.braking_step > last, 0.0, self.braking),
+            margin=np.where(self.margin_step > last, np.inf, self.margin),
+            gap=np.where(self.gap_step > last, NEAR_M, self.gap),
+        )
 
     @classmethod
     def join(cls, parts: Sequence[Conflicts]) -> Conflicts:

@@ -35,7 +35,7 @@ def read_source(source: Path) -> tuple[TrackTable, int]:
         file = source / "tracks.parquet"
         if not file.is_file():
             raise TrackError(f"{source}: no tracks.parquet in it; give a result folder or a file with tracks")
-        return read_parquet(file), LOGGED_HISTORY
+        return read_parquet(file, arrivals=True), LOGGED_HISTORY
     if source.suffix == ".parquet":
         return read_parquet(source), 0
     clean = read_clean([source], None)
@@ -46,8 +46,11 @@ def read_source(source: Path) -> tuple[TrackTable, int]:
     return replace(table, notes=findings), 0
 
 
-def read_parquet(path: Path) -> TrackTable:
+def read_parquet(path: Path, *, arrivals: bool = False) -> TrackTable:
     """Read tracks with INTERACTION columns from Parquet.
+
+    Args:
+        arrivals: rows without a place are those of vehicles that have arrived, and left out.
 
     Raises:
         TrackError: the file, a column or a value is unusable, or a track has two rows at one time.
@@ -56,6 +59,8 @@ def read_parquet(path: Path) -> TrackTable:
         table = pq.read_table(path.absolute())
     except (OSError, pa.ArrowException, ValueError) as error:
         raise TrackError(f"{path}: cannot be read as Parquet: {one_line(error)[:160]}") from None
+    if arrivals and "x" in table.column_names:
+        table = table.filter(table["x"].is_valid())
     floats = ("x", "y", "vx", "vy", "psi_rad", "length", "width", "timestamp_ms")
     needed = ("case_id", "track_id", "frame_id", "agent_type", *floats)
     missing = [name for name in needed if name not in table.column_names]

@@ -178,12 +178,11 @@ class Request:
     def participants(self, future: int) -> Iterator[Participant]:
         """Yield the vehicles of a future, then the pedestrians and cyclists that are there at some time."""
         scene, states = self.scene, self.states(future)
-        always = np.ones(states.shape[1], dtype=np.bool_)
-        there = self._recorded[1] if future == RECORDED else np.broadcast_to(always, states.shape)
+        there = self._recorded[1] if future == RECORDED else np.isfinite(states.x)
         for v, track in enumerate(scene.track_ids.tolist()):
             yield _participant(track, scene, v, states[v], there[v])
         if (others := scene.obstacles) is not None:
-            frames = slice(1, 1 + len(always))  # their second frame is the first one of a future
+            frames = slice(1, 1 + states.shape[1])  # their second frame is the first one of a future
             for o in np.flatnonzero(others.present[:, frames].any(axis=1)).tolist():
                 present = others.present[o, frames]
                 yield _participant(others.ids[o], others, o, others.states[o, frames], present)

@@ -33,7 +33,7 @@ def write_interaction(request: Request) -> list[Path]:
     with request.output(path) as file, csv.CSVWriter(file, schema, write_options=options) as writer:
         for first in range(0, len(futures), _FUTURES_AT_ONCE):
             for case in _cases(run, futures[first : first + _FUTURES_AT_ONCE]):
-                writer.write_table(case)
+                writer.write_table(case.filter(case["x"].is_valid()))
     return [path]
 
 

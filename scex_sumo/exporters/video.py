@@ -154,7 +154,7 @@ class Film:
     def _view(self, size: tuple[int, int]) -> tuple[FloatArray, FloatArray, float]:
         states = self._states[self._pair] if self._pair else self._states
         places = np.stack([states.x, states.y])[:, :, LOGGED_HISTORY - 1 :].reshape(2, -1)
-        low, high = places.min(axis=1), places.max(axis=1)
+        low, high = np.nanmin(places, axis=1), np.nanmax(places, axis=1)
         share = 1.0 if size[1] >= _GIF_SIZE[1] else 0.5  # of the surroundings in a low picture
         margin = share * (_PAIR_MARGIN_M if self._pair else _MARGIN_M)
         scale = float(min(np.array(size) / np.maximum(high - low + 2 * margin, share * _MIN_HEIGHT_M)))

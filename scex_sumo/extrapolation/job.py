@@ -230,7 +230,7 @@ def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: On
     ids = job.scene.track_ids
     return Part(
         futures=futures,
-        states=rollout.states,
+        states=rollout.seen,
         values=values.values,
         defined=values.defined,
         worst=worst_of(job.scene, values, futures, hits),
@@ -303,7 +303,15 @@ def _driven_by_sumo(job: Job, batch: Batch) -> list[SumoDriven]:
                     "so SUMO cannot drive it; give it another model with --assign"
                 )
             name, parameters = model.driving(job.scene, v)
+            arrival = None if intention is None else intention.arrival
             driven.append(
-                SumoDriven(future=c, vehicle=v, model=name, parameters=parameters, edges=tuple(edges))
+                SumoDriven(
+                    future=c,
+                    vehicle=v,
+                    model=name,
+                    parameters=parameters,
+                    edges=tuple(edges),
+                    arrival=arrival,
+                )
             )
     return driven

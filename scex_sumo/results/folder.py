@@ -225,7 +225,10 @@ _FILES = (
 
 
 def tracks_table(scene: SeedScene, part: Part) -> pa.Table:
-    """Return futures as INTERACTION cases, ordered by future, vehicle, frame; frame 10 is the seed scene."""
+    """Return futures as INTERACTION cases, by future, vehicle, frame; frame 10 is the seed scene.
+
+    States of vehicles that have arrived are null.
+    """
     count, steps, vehicles = part.states.shape
     past = scene.history[:, -LOGGED_HISTORY:]
     frames = LOGGED_HISTORY + steps
@@ -238,6 +241,13 @@ def tracks_table(scene: SeedScene, part: Part) -> pa.Table:
 
     heading = column(past.heading, part.states.heading)
     speed = column(past.speed, part.states.speed)
+    motion = {
+        "x": column(past.x, part.states.x),
+        "y": column(past.y, part.states.y),
+        "vx": speed * np.cos(heading),
+        "vy": speed * np.sin(heading),
+        "psi_rad": heading,
+    }
     frame = np.tile(np.arange(1, frames + 1, dtype=np.int64), count * vehicles)
     per_vehicle = np.tile(np.repeat(np.arange(vehicles, dtype=np.int32), frames), count)
     types = pa.DictionaryArray.from_arrays(pa.array(per_vehicle), pa.array(list(scene.types), pa.string()))
@@ -248,11 +258,7 @@ def tracks_table(scene: SeedScene, part: Part) -> pa.Table:
             "frame_id": frame,
             "timestamp_ms": frame * 100,
             "agent_type": types.cast(pa.string()),
-            "x": column(past.x, part.states.x),
-            "y": column(past.y, part.states.y),
-            "vx": speed * np.cos(heading),
-            "vy": speed * np.sin(heading),
-            "psi_rad": heading,
+            **{name: pa.array(values, from_pandas=True) for name, values in motion.items()},  # NaN is null
             "length": scene.length[per_vehicle],
             "width": scene.width[per_vehicle],
         }

@@ -214,7 +214,10 @@ class Run:
         return open_net(self.folder / "sumo" / f"{self.info['net']}.net.xml")
 
     def states(self, future: int) -> States:
-        """Return the states (V, T) of a future; frames 1 to 10 are the history, 10 is the seed scene."""
+        """Return the states (V, T) of a future; frames 1 to 10 are the history, 10 is the seed scene.
+
+        NaN after a vehicle has arrived.
+        """
         if not 0 <= future < self.futures:
             raise UsageError(f"no future {future} in {self.folder}; it has 0 to {self.futures - 1}")
         return self._blocks.future(future)

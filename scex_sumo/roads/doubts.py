@@ -41,7 +41,7 @@ def doubts_of(
         vehicles: how many of the scene's vehicles are some; the rest are people, beside the lanes.
         names: (V,) in words; None for track ids.
     """
-    off, leaves, contradicts = _off_lanes(scene), _leaves(scene), _contradicts(scene)
+    off, short, leaves, contradicts = _off_lanes(scene), _short(scene), _leaves(scene), _contradicts(scene)
     near, overlap = _near(scene, one, other)
     ids, doubts = scene.track_ids, []
     names = [str(track) for track in ids] if names is None else names
@@ -54,7 +54,7 @@ def doubts_of(
         for v in (a, b):
             reasons += [
                 (off[v] and (vehicles is None or v < vehicles), f"{names[v]} is off the mapped lanes"),
-                (scene.recorded_steps[v] < HISTORY_STEPS, f"{names[v]} is recorded for less than a second"),
+                (short[v], f"{names[v]} is recorded for less than a second"),
                 (leaves[v], f"{names[v]} leaves the recording within a second"),
                 (contradicts[v], f"positions and speeds of {names[v]} contradict each other"),
             ]
@@ -70,9 +70,19 @@ def _off_lanes(scene: SeedScene) -> BoolArray:
     return off if scene.people is None else off & ~scene.people
 
 
+def _exact(scene: SeedScene) -> bool:
+    """Whether SUMO has simulated the scene: vehicles are inserted, arrive, and change lanes in one step."""
+    return scene.source.get("kind") == "simulation"
+
+
+def _short(scene: SeedScene) -> BoolArray:
+    """Return (V,) whether vehicles are recorded for less than a second."""
+    return np.asarray((scene.recorded_steps < HISTORY_STEPS) & (not _exact(scene)))
+
+
 def _leaves(scene: SeedScene) -> BoolArray:
     """Return (V,) whether vehicles leave within a second, and others do not: at the edge of what is seen."""
-    if scene.future_valid is None or not scene.future_valid.size:
+    if _exact(scene) or scene.future_valid is None or not scene.future_valid.size:
         return np.zeros(scene.vehicles, dtype=np.bool_)
     steps = scene.future_valid.sum(axis=1)
     return np.asarray(steps < min(HISTORY_STEPS, steps.max()))
@@ -85,8 +95,7 @@ def _contradicts(scene: SeedScene) -> BoolArray:
     steps = np.lib.stride_tricks.sliding_window_view((speed[:, 1:] + speed[:, :-1]) / 2, STRIDE_STEPS, axis=1)
     said = STEP_S * steps.sum(axis=2)
     off = np.abs(moved - said) > np.maximum(np.maximum(moved, said) / 2, CONTRADICTION_M)
-    exact = scene.source.get("kind") == "simulation"  # where SUMO changes lanes in one step
-    return np.asarray(off.any(axis=1) & (not exact))
+    return np.asarray(off.any(axis=1) & (not _exact(scene)))
 
 
 def _near(scene: SeedScene, one: IntArray, other: IntArray) -> tuple[BoolArray, BoolArray]:

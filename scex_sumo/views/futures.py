@@ -100,7 +100,7 @@ def most_different(run: Run, count: int) -> IntArray:
     Each is the farthest from those before it; the first is the farthest from the mean.
     """
     ends = [np.stack([block.x[:, :, -1], block.y[:, :, -1]], axis=-1) for block in run.state_blocks()]
-    places = np.concatenate(ends).reshape(run.futures, -1)
+    places = np.nan_to_num(np.concatenate(ends)).reshape(run.futures, -1)
     away = np.linalg.norm(places - places.mean(axis=0), axis=1)
     chosen: list[int] = []
     for number in range(count):

@@ -119,6 +119,7 @@ def _junctions(net: Path) -> list[FloatArray]:
 def _cropped(stem: Path, net: SumoNet, futures: Sequence[FutureView]) -> tuple[Path, Path | None]:
     states = [future.states for future in futures]
     xs, ys = (np.concatenate([getattr(s, axis) for s in states], axis=None) for axis in ("x", "y"))
+    xs, ys = xs[np.isfinite(xs)], ys[np.isfinite(ys)]
     around = _GRID_AROUND_M
     box = xs.min() - around, ys.min() - around, xs.max() + around, ys.max() + around
     box = _filling(box, len(futures))
@@ -188,7 +189,7 @@ def _groups(scene: SeedScene, tiled: TiledFuture) -> list[FcdTracks]:
         walks=_walks(scene.types),
         length=scene.length,
         states=tiled.future.states,
-        present=np.ones(tiled.future.states.shape, dtype=bool),
+        present=np.isfinite(tiled.future.states.x),
         tile=tiled.slot,
         offset=tiled.offset,
     )

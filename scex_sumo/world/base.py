@@ -36,7 +36,7 @@ class World(Protocol):
         """Advance by 0.1 s."""
 
     def read(self) -> States:
-        """Return the states (C, V) after the step."""
+        """Return the states (C, V) after the step; NaN of a vehicle that SUMO drove and that has arrived."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +47,7 @@ class SumoDriven:
         vehicle: index in the seed scene.
         parameters: ``vType`` attributes.
         edges: route; the vehicle is on the first edge.
+        arrival: where it arrives on the last edge, as of `Intention`; None: it drives on, straight ahead.
     """
 
     future: int
@@ -54,6 +55,7 @@ class SumoDriven:
     model: str
     parameters: Mapping[str, str]
     edges: tuple[str, ...]
+    arrival: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

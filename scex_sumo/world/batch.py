@@ -6,7 +6,7 @@ Ours: centre, counter-clockwise from east. SUMO's: front bumper, clockwise from 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -123,6 +123,7 @@ class RunningBatch:
         speed: (C, V) last speed set, where overridden.
         held: (C, V) the same after the last step, never negative.
         obstacles: ids of present obstacles which are vehicles in SUMO.
+        gone: (C, V) vehicles that SUMO drove, and that have arrived.
     """
 
     slots: list[int]
@@ -135,6 +136,7 @@ class RunningBatch:
     speed: FloatArray
     held: FloatArray
     shared: SharedVehicles
+    gone: BoolArray
     obstacles: set[str] = field(default_factory=set)
     _selected: dict[str, Selection] = field(default_factory=dict)
 
@@ -146,7 +148,7 @@ class RunningBatch:
     @property
     def everybody(self) -> Selection:
         """Vehicles in SUMO."""
-        return self._select("everybody", ~self.walking)
+        return self._select("everybody", ~self.walking & ~self.gone)
 
     @property
     def moved(self) -> Selection:
@@ -178,6 +180,12 @@ class RunningBatch:
         """Move the vehicles in the mask (C, V) from now on, which SUMO drove."""
         self.overridden = self.overridden | mask
         self.lanes = np.where(mask, OWN_LANE, self.lanes)
+        self._selected.clear()
+
+    def leave(self, keys: Container[str]) -> None:
+        """Take out vehicles that SUMO drove, by id."""
+        there = np.flatnonzero(~(self.overridden | self.gone)).tolist()
+        self.gone.flat[[k for k in there if self.ids[k] in keys]] = True
         self._selected.clear()
 
     def refuse_shared_slots(self) -> None:
@@ -229,5 +237,6 @@ def new_batch(
         lanes=np.where(mixed[:, None] & overridden, OWN_LANE, _OWN_ROUTE),
         speed=start.speed.copy(),
         held=np.empty(start.shape),
+        gone=np.zeros(start.shape, dtype=bool),
         shared=SharedVehicles(group.reshape(-1)),
     )

@@ -1,4 +1,8 @@
-"""Vehicles that SUMO drives in its world: start, stops, lane changes under way, end of the route."""
+"""Vehicles that SUMO drives in its world: start, stops, lane changes under way, arrival.
+
+A vehicle of a SUMO simulation arrives where it does there, and leaves. Where the end of a route is the
+map's, a vehicle drives on, straight ahead.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray
+from scex_sumo.intention import PARKS
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.world.base import SumoDriven
 from scex_sumo.world.batch import MATCH_M, NO_LANE, OWN_LANE, RunningBatch
@@ -44,7 +49,8 @@ class SumoDrivers:
         self, driven: Sequence[SumoDriven], batch: RunningBatch, scene: SeedScene, sumo: Any
     ) -> None:
         self._driven, self._batch, self._scene, self._sumo = driven, batch, scene, sumo
-        self._route_ends: dict[str, str] = {}  # last edge, by id
+        self._route_ends: dict[str, str | None] = {}  # last edge, by id; None: it arrives there
+        self._parks: set[str] = set()  # vehicles with a stop beside their lane
         self._straight_on: list[Pose] = []  # vehicles beyond the end of their route
         self._changing: dict[str, LaneChange] = {}
         self._refused: tuple[type[Exception], ...] = ()
@@ -58,7 +64,8 @@ class SumoDrivers:
         for d in self._driven:
             key = self._batch.id_of(d.future, d.vehicle)
             if self._sumo.vehicle.getLaneID(key):
-                self._route_ends[key] = tile_id(self._batch.slots[d.future], d.edges[-1])
+                end = tile_id(self._batch.slots[d.future], d.edges[-1])
+                self._route_ends[key] = end if d.arrival is None else None
             else:
                 self._take_back(key)
         self._refused = refused
@@ -71,6 +78,8 @@ class SumoDrivers:
             intention = self._scene.intention(d.vehicle)
             key, slot = self._batch.id_of(d.future, d.vehicle), self._batch.slots[d.future]
             for stop in () if intention is None else intention.stops:
+                if stop.flags & PARKS:
+                    self._parks.add(key)
                 edge, _, lane = stop.lane.rpartition("_")
                 begin_s = STEP_S if stop.until_s >= 0 else 0.0  # a future begins at 0.1 s of its simulation
                 with suppress(*self._refused):  # too near to brake, or off the route
@@ -93,11 +102,23 @@ class SumoDrivers:
                 with suppress(*self._refused):  # no lane there
                     self._changing[key] = LaneChange.of(self._sumo, key, intention.change_mps)
 
+    def arrived(self) -> set[str]:
+        """Return the vehicles that have arrived or parked in this step; those that parked are taken out."""
+        parked = {key for key in self._parks if self._sumo.vehicle.isStoppedParking(key)}
+        for key in parked:
+            self._sumo.vehicle.remove(key)
+        arrived = parked | (self._route_ends.keys() & set(self._sumo.simulation.getArrivedIDList()))
+        for key in arrived:
+            del self._route_ends[key]
+        self._parks -= arrived
+        return arrived
+
     def take_over(self, mask: BoolArray) -> None:
         """Let SUMO no longer drive the vehicles in the mask (C, V)."""
         for future, vehicle in np.argwhere(mask).tolist():
             key = self._batch.id_of(future, vehicle)
             self._route_ends.pop(key, None)
+            self._parks.discard(key)
             self._changing.pop(key, None)
             self._straight_on = [pose for pose in self._straight_on if pose.key != key]
             self._batch.speed[future, vehicle] = self._sumo.vehicle.getSpeed(key)
@@ -123,6 +144,8 @@ class SumoDrivers:
     def _watch_route_ends(self) -> None:
         """Take back vehicles that SUMO would remove at the next step."""
         for key, edge in list(self._route_ends.items()):
+            if edge is None:
+                continue
             left = self._sumo.vehicle.getDrivingDistance(key, edge, self._sumo.lane.getLength(f"{edge}_0"))
             if 0 <= left <= (self._sumo.vehicle.getSpeed(key) + _MAX_GAIN_MPS) * STEP_S + _ARRIVAL_M:
                 del self._route_ends[key]

@@ -155,7 +155,7 @@ class SumoWorld:
         if left := int((~mask & batch.overridden).sum()):
             raise SimulationError(f"{left} vehicles not moved that SUMO does not drive")
         with self._session.refusals("move vehicles"):
-            taken = mask & ~batch.overridden
+            taken = mask & ~batch.overridden & ~batch.gone
             if self._drivers is not None and taken.any():
                 self._drivers.take_over(taken)
             poses = self._poses(states)
@@ -186,19 +186,20 @@ class SumoWorld:
                 self._drivers.follow_routes()
 
     def read(self) -> States:
-        """Return SUMO's states (C, V), headings in (-pi, pi].
+        """Return SUMO's states (C, V), headings in (-pi, pi]; NaN of vehicles that have arrived.
 
         The speed of a moved vehicle is the one that was set, see ``_advance``; so is the pose of a person.
         """
         batch, get = self._batch, self._call
         with self._session.refusals("read vehicles"):
             some, place = batch.everybody, batch.shared.place.reshape(batch.overridden.shape)
-            read = np.zeros((3, len(batch.shared.held)))
+            read = np.full((3, len(batch.shared.held)), np.nan)
             ends = chain.from_iterable(map(get.getPosition, some.ids))
             read[:2, some.row] = np.fromiter(ends, np.float64, 2 * len(some.ids)).reshape(-1, 2).T
             read[2, some.row] = np.fromiter(map(get.getAngle, some.ids), np.float64, len(some.ids))
             speed = batch.held.copy()
-            for k in np.flatnonzero(~batch.overridden):
+            speed[batch.gone] = np.nan
+            for k in np.flatnonzero(~(batch.overridden | batch.gone)):
                 speed.flat[k] = get.getSpeed(batch.ids[k])
         x, y, angle = read[:, place]
         if self._walked is not None:
@@ -268,6 +269,8 @@ class SumoWorld:
         """Run one step of SUMO, count the vehicles, and set the speeds of moved vehicles."""
         with self._session.refusals("advance"):
             self._sumo.simulation.step()
+            if self._drivers is not None and (arrived := self._drivers.arrived()):
+                batch.leave(arrived)
             if self._sumo.vehicle.getIDCount() != len(batch.everybody.ids) + len(batch.obstacles):
                 batch.refuse_losses(self._sumo.vehicle.getIDList())
             set_speed = self._call.setPreviousSpeed
@@ -286,7 +289,8 @@ class SumoWorld:
                 self._routes += 1
                 route = f"route{self._routes}"
                 self._sumo.route.add(route, [tile_id(slot, edge) for edge in d.edges])
-                self._sumo.vehicle.add(key, route, self._types.driven(v, d.model, d.parameters))
+                kind = self._types.driven(v, d.model, d.parameters)
+                self._sumo.vehicle.add(key, route, kind, arrivalPos=d.arrival or "max")
                 if (intention := self._scene.intention(v)) is not None:
                     self._sumo.vehicle.setSpeedFactor(key, intention.speed_factor)
             elif not batch.walking[future, v]:

@@ -100,13 +100,17 @@ def measure_conflicts(scene: SeedScene, rollout: Rollout, *, vehicle: int | None
     states, whole = with_everybody(scene, rollout.states), everybody(scene)
     after = rollout.states.shape[1] % rollout.replan or rollout.replan
     plan = np.stack([rollout.plan_x, rollout.plan_y])[:, :, -1, :, after:]
+    left = np.full((len(rollout.futures), whole.vehicles), rollout.states.shape[1])
+    if rollout.present is not None:
+        left[:, : scene.vehicles] = rollout.present.sum(axis=1)
+        states, plan = _until_they_leave(states, left, plan)
     last = states[:, -1, scene.vehicles :]
     way = last.speed[..., None] * STEP_S * np.arange(1, plan.shape[-1] + 1)
     straight = last.map(lambda values: values[..., None])
     people = np.stack(
         [straight.x + way * np.cos(straight.heading), straight.y + way * np.sin(straight.heading)]
     )
-    return find_conflicts(
+    found = find_conflicts(
         states,
         whole.length,
         whole.width,
@@ -115,6 +119,16 @@ def measure_conflicts(scene: SeedScene, rollout: Rollout, *, vehicle: int | None
         people=whole.people,
         vehicle=vehicle,
     )
+    return found if rollout.present is None else found.before(left)
+
+
+def _until_they_leave(states: States, left: IntArray, plan: FloatArray) -> tuple[States, FloatArray]:
+    """Return states and plans in which vehicles that have arrived stay where they were seen last."""
+    step = np.minimum(np.arange(states.shape[1])[:, None], HISTORY_STEPS + left[:, None])
+    states = states.map(lambda values: np.take_along_axis(values, step, axis=1))
+    gone, last = left[:, : plan.shape[2]] < states.shape[1] - HISTORY_STEPS - 1, states[:, -1]
+    stay = np.stack([last.x, last.y])[:, :, : plan.shape[2], None]
+    return states, np.where(gone[..., None], stay, plan)
 
 
 def _of_pairs(rows: P, vehicles: Collection[int] | None) -> P:
@@ -231,6 +245,8 @@ def _evaluated(
     count, steps, _ = rollout.states.shape
     # As many steps as in tracks.parquet, so that both give the same values.
     past = scene.history.repeat(count)[:, :, -LOGGED_HISTORY:].swapaxes(1, 2)
+    if rollout.present is not None:
+        present = rollout.present if present is None else present & rollout.present
     if present is not None:
         present = np.concatenate([np.ones(past.shape, dtype=bool), present], axis=1)
     tracks = SceneTracks(

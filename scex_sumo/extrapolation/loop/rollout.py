@@ -14,6 +14,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
+from scex_sumo.extrapolation.loop.arrivals import Arrivals, far_away
 from scex_sumo.extrapolation.loop.crashes import Crashes, slide
 from scex_sumo.extrapolation.loop.situations import plans_of
 from scex_sumo.road import Road
@@ -29,6 +30,7 @@ class Rollout:
         states: (C, T, V) after each step.
         plan_x: (C, R, V, H) centres planned at each of the R replans, m; so ``plan_y``.
         with_crashes: vehicles that touch have collided, and stop.
+        present: (C, T, V) False of vehicles that have arrived, which stand far away; None: all are there.
     """
 
     futures: IntArray
@@ -38,6 +40,13 @@ class Rollout:
     replan: int
     replaced: tuple[Replaced, ...] = ()
     with_crashes: bool = False
+    present: BoolArray | None = None
+
+    @property
+    def seen(self) -> States:
+        """The states, NaN of vehicles that have arrived."""
+        there = self.present
+        return self.states if there is None else self.states.map(lambda v: np.where(there, v, np.nan))
 
 
 class Replaced(NamedTuple):
@@ -104,6 +113,8 @@ def roll_out(
     override = batch.overridden[batch.assignment]
     crashes = Crashes(scene, count) if crash else None
     crashed = np.zeros((count, vehicles), dtype=np.bool_) if crashes is None else crashes.crashed
+    arrivals, gone = Arrivals(scene), np.zeros_like(crashed)
+    present = np.ones((count, steps, vehicles), dtype=np.bool_)
     rounds = -(-steps // replan)
     plan_x = np.empty((count, rounds, vehicles, PLAN_STEPS))
     plan_y = np.empty_like(plan_x)
@@ -113,14 +124,15 @@ def roll_out(
     for step in range(steps):
         if step % replan == 0:
             history = history_at(scene, window, batch.futures, batch.route_draw, step=step)
-            groups = groups_of(np.where(crashed, -1, batch.assignment), len(batch.models))
+            groups = groups_of(np.where(crashed | gone, -1, batch.assignment), len(batch.models))
             for index, model_plan in plans_of(batch.models, groups, history, road, batch.generators):
                 who = groups[index]
                 usable = checked_plan(model_plan, len(who), plan.shape[2], batch.names[index])
                 plan.assign((who.future, who.vehicle), usable)
                 replaced += _replaced(model_plan, groups[index], batch, step)
-            gone, now = np.nonzero(crashed), window[:, :, -1][crashed]
-            plan.assign(gone, slide(now, now.speed, plan.shape[2]))
+            left = crashed | gone
+            now = window[:, :, -1][left]
+            plan.assign(np.nonzero(left), slide(now, now.speed, plan.shape[2]))
             plan_x[:, step // replan] = plan.x[:, :, :PLAN_STEPS]
             plan_y[:, step // replan] = plan.y[:, :, :PLAN_STEPS]
         before, column = window[:, :, -1], step % replan
@@ -129,6 +141,12 @@ def roll_out(
             world.move_obstacles(*scene.obstacles.at(step + 1))
         world.step()
         read = world.read()
+        gone = gone | np.isnan(read.x) | arrivals.reached(read)
+        if gone.any():
+            present[:, step] = ~gone
+            read = far_away(read, gone)
+            window = far_away(window, gone[:, :, None])
+            before = window[:, :, -1]
         simulated.assign((slice(None), step), read)
         window = States.concatenate([window[:, :, 1:], read[:, :, None]], axis=2)
         if crashes is not None:
@@ -144,6 +162,7 @@ def roll_out(
         replan=replan,
         replaced=tuple(replaced),
         with_crashes=crash,
+        present=None if present.all() else present,
     )
 
 

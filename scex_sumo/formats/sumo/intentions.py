@@ -11,23 +11,28 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
+
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.sumo.car_following import RANDOM_PARAMETERS, REFUSED, WORDS, known_parameters
 from scex_sumo.converters.net.reading import lane_places, read_ends
+from scex_sumo.converters.net.text import points_of
 from scex_sumo.converters.net.xml import net_root
-from scex_sumo.intention import Intention, Stop
+from scex_sumo.geometry.polylines import along, length_of
+from scex_sumo.intention import PARKS, Intention, Stop
 
 INTENTIONS_S = 1.0  # between records of intentions
 MAX_EDGES, MAX_STOPS = 50, 3  # of a vehicle that are kept
 _TRIGGERED_S = 1000.0  # of a stop that waits for somebody
 _SIDEWAYS_MPS = 0.01  # slower vehicles change no lane
-_PARKS, _TRIGGERED = 1, 2 + 4  # bits of a planned stop's flags
+_TRIGGERED = 2 + 4  # bits of a planned stop's flags
 
 
 def intentions_now(
     vehicles: Any,
     names: Iterable[str],
     types: Mapping[str, Mapping[str, str]],
+    arrivals: Mapping[str, str],
     model: str,
     time_s: float,
 ) -> Iterator[tuple[str, Intention]]:
@@ -36,7 +41,7 @@ def intentions_now(
     Args:
         vehicles: the connection's domain of vehicles.
         names: of the vehicles.
-        types: as of `types_of`.
+        types: as of `types_and_arrivals`, so ``arrivals``.
         model: the simulation's car-following model, for types that name none.
     """
     for name in names:
@@ -53,12 +58,13 @@ def intentions_now(
                 speed_factor=float(vehicles.getSpeedFactor(name)),
                 stops=tuple(_stop(vehicles, name, k, time_s) for k in stops),
                 change_mps=_change(vehicles, name),
+                arrival=arrivals.get(name, "max"),
             ),
         )
 
 
-def types_of(sumo: Any) -> dict[str, dict[str, str]]:
-    """Return the attributes of a simulation's vehicle types, as its saved state has them.
+def types_and_arrivals(sumo: Any) -> tuple[dict[str, dict[str, str]], dict[str, str]]:
+    """Return the attributes of a simulation's vehicle types and where vehicles arrive, as its state has them.
 
     Empty if it cannot write one here.
     """
@@ -66,13 +72,15 @@ def types_of(sumo: Any) -> dict[str, dict[str, str]]:
         file = Path(folder, "state.xml")
         sumo.simulation.saveState(str(file))
         if not file.is_file():
-            return {}
-        types = {}
+            return {}, {}
+        types, arrivals = {}, {}
         for _, element in ElementTree.iterparse(file):
             if element.tag == "vType":
                 types[element.get("id", "")] = dict(element.attrib)
+            elif element.tag == "vehicle":
+                arrivals[element.get("id", "")] = element.get("arrivalPos", "max")
             element.clear()
-    return types
+    return types, arrivals
 
 
 def _change(vehicles: Any, name: str) -> float:
@@ -96,7 +104,7 @@ def _stop(vehicles: Any, name: str, index: int, time_s: float) -> Stop:
         end_m=float(stop.endPos),
         duration_s=_TRIGGERED_S if waits else duration,
         until_s=float(stop.until) if stop.until >= 0 else -1.0,
-        flags=int(stop.stopFlags) & _PARKS,
+        flags=int(stop.stopFlags) & PARKS,
     )
 
 
@@ -121,7 +129,7 @@ def intention_at(
 
 
 def with_lanes(net: Path, intentions: Sequence[Intention | None]) -> tuple[Intention | None, ...]:
-    """Return intentions with the lanes of the net's road along their routes."""
+    """Return intentions with the lanes of the net's road along their routes, and where these end."""
     root = net_root(net)
     under = {name: [number for number, _ in places] for name, places in lane_places(root)}
     of_edge: dict[str, set[int]] = {}
@@ -136,7 +144,32 @@ def with_lanes(net: Path, intentions: Sequence[Intention | None]) -> tuple[Inten
         parts += [within.get(ends, set()) for ends in pairwise(edges)]
         return frozenset().union(*parts)
 
-    return tuple(known and dataclasses.replace(known, lanes=lanes(known.edges)) for known in intentions)
+    last = {known.edges[-1] for known in intentions if known and known.edges}
+    edges = {edge.get("id", ""): edge for edge in root.iter("edge") if edge.get("id") in last}
+
+    def placed(known: Intention) -> Intention:
+        once = known.edges.count(known.edges[-1]) == 1 and len(known.edges) < MAX_EDGES
+        arrives = _arrives(edges[known.edges[-1]], known.arrival) if once else ()
+        return dataclasses.replace(known, lanes=lanes(known.edges), arrives=arrives)
+
+    return tuple(placed(known) if known and known.edges else known for known in intentions)
+
+
+def _arrives(edge: ElementTree.Element, arrival: str) -> tuple[tuple[float, float, float], ...]:
+    """Return x, y and heading on each lane of an edge at a place in SUMO's words."""
+    places = []
+    for lane in edge.iter("lane"):
+        shape, length = points_of(lane.get("shape", "")), float(lane.get("length", "nan"))
+        known = {"max": length, "center": length / 2}
+        try:
+            at = known[arrival] if arrival in known else float(arrival)
+        except ValueError:
+            return ()  # random, or a place that is left or right of the lane's middle
+        share = min(max(at + length if at < 0 else at, 0.0), length) / length
+        (x, y), whole = along(shape, share * length_of(shape)), length_of(shape)
+        before, after = along(shape, np.clip(share * whole + np.array([-1.0, 1.0]), 0.0, whole))
+        places.append((float(x), float(y), float(np.arctan2(*(after - before)[::-1]))))
+    return tuple(places)
 
 
 def _usable_parameters(attributes: Mapping[str, str]) -> dict[str, str]:

@@ -22,7 +22,7 @@ from scex_sumo.base.errors import listed
 from scex_sumo.converters.datasets.scene import FUTURE_STEPS
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.sumo.fcd import numbers_of, tracks_of
-from scex_sumo.formats.sumo.intentions import intention_at, intentions_now, types_of, with_lanes
+from scex_sumo.formats.sumo.intentions import intention_at, intentions_now, types_and_arrivals, with_lanes
 from scex_sumo.formats.sumo.phases import Light, Programme, with_lights
 from scex_sumo.intention import Intention
 from scex_sumo.scene import STEP_S, SeedScene
@@ -128,6 +128,7 @@ class Recorder:
         self._labels: dict[tuple[bool, str], str] = {}  # a person may have the name of a vehicle
         self._present: set[tuple[bool, str]] = set()
         self._types: dict[str, dict[str, str]] = {}
+        self._arrivals: dict[str, str] = {}
         # SUMO makes rail signals of the trains.
         programmes = sumo.trafficlight.getAllProgramLogics
         self._lights = [
@@ -202,11 +203,12 @@ class Recorder:
         """Record where vehicles of the present step go, how they drive and where they stop; None: all do."""
         time_s = round(float(self._sumo.simulation.getTime()), 3)
         names = list(self._sumo.vehicle.getIDList() if names is None else names)
-        kinds = {str(self._sumo.vehicle.getTypeID(name)) for name in names}
-        if kinds - self._types.keys():
-            self._types |= types_of(self._sumo)
+        if not self._arrivals.keys() >= set(names):
+            types, self._arrivals = types_and_arrivals(self._sumo)
+            self._types |= types
         self.recorded.asked_s.add(time_s)
-        for name, intention in intentions_now(self._sumo.vehicle, names, self._types, self._model, time_s):
+        known = self._types, self._arrivals
+        for name, intention in intentions_now(self._sumo.vehicle, names, *known, self._model, time_s):
             changes = self.recorded.intentions.setdefault(self._labels[False, name], [])
             while changes and changes[-1][0] >= time_s:
                 changes.pop()

@@ -132,7 +132,7 @@ function makeMap(run, state, canvas) {
     drawRoad(pen, road, scale);
     const isOne = future >= 0;
     for (const row of !isShown("paths") ? [] : isOne ? vehicles.map(rowOf) : ghosts.map(([ghost]) => ghost)) {
-      const points = Array.from({ length: frames }, (_, t) => poses.subarray((row * frames + t) * 4));
+      const points = Array.from({ length: frames }, (_, t) => poses.subarray((row * frames + t) * 4)).filter(([x]) => x < 1e5); // without those that have left
       const style = isOne ? { stroke: color(row, future), alpha: 0.8 } : { stroke: color(row), alpha: 0.22 };
       pen.paint(points, { width: Math.max(0.25, 1 / scale), ...style });
     }

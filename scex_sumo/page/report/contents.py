@@ -16,7 +16,7 @@ from scex_sumo.lanelet2sumo.road_lines import road_lines
 from scex_sumo.metrics.events import MEASURED
 from scex_sumo.page.figures.charts import samples_of_both, ticks, value_range
 from scex_sumo.page.packing import UNITS, quantized
-from scex_sumo.page.report.scene import Future, packed_tracks, recorded_tracks, road_paths
+from scex_sumo.page.report.scene import FAR_M, Future, packed_tracks, recorded_tracks, road_paths
 from scex_sumo.page.report.tables import (
     BITS,
     collided_futures,
@@ -34,7 +34,6 @@ from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 from scex_sumo.statistics.density import BANDWIDTH, split_atoms
 
 SUMO_FILES = ".sumocfg", ".net.xml", ".net.xml.gz"  # of maps whose lights have phases
-FAR_M = 1e6  # place of vehicles that have left
 _AROUND_M = 60.0
 _WORST_SHARE = 0.1
 

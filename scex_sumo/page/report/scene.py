@@ -17,6 +17,7 @@ from scex_sumo.results.run import Run
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, States
 
+FAR_M = 1e6  # place of vehicles that have left
 _ROAD_UNIT_M = 0.05
 _BUDGET = 280_000  # bytes of packed tracks; a page takes a third more, because it is text
 _SAMPLED = 400  # tracks whose packed size stands for all
@@ -68,7 +69,8 @@ def packed_tracks(wanted: Sequence[Future], *, budget: int = _BUDGET) -> PackedT
     place = np.empty(len(owner), dtype=np.int64)
     place[order] = np.arange(len(order)) - np.searchsorted(owner[order], owner[order])
     seen = poses[kept][..., :2]
-    (left, low), (right, high) = seen.min(axis=(0, 1, 2)).tolist(), seen.max(axis=(0, 1, 2)).tolist()
+    seen = seen[seen[..., 0] < FAR_M / 2]
+    (left, low), (right, high) = seen.min(axis=0).tolist(), seen.max(axis=0).tolist()
     return PackedTracks(
         futures=futures[by_number],
         which=place[which[kept][by_number]],
@@ -107,7 +109,8 @@ def _coded(start: IntArray, poses: FloatArray, future: IntArray, vehicle: IntArr
 
 
 def _poses(states: States) -> FloatArray:
-    return np.stack([states.x, states.y, np.unwrap(states.heading), states.speed], axis=-1)
+    poses = np.stack([states.x, states.y, np.unwrap(states.heading), states.speed], axis=-1)
+    return np.where(np.isnan(poses), FAR_M, poses)
 
 
 def recorded_tracks(states: States, start: IntArray) -> IntArray:

@@ -28,14 +28,14 @@ MAX_STATE = 1e8
 
 
 def read_states(file: Path, *, rows: int) -> ArrowTable:
-    """Read ``tracks.parquet``, with finite states no larger than those of a recording."""
+    """Read ``tracks.parquet``; states are no larger than a recording's, and null after an arrival."""
     return _checked_states(file, read_table(file, columns=("case_id", "track_id", *_STATES), rows=rows))
 
 
 def _checked_states(file: Path, table: ArrowTable) -> ArrowTable:
     for name in _STATES:
         numbers = pa.types.is_floating(table.schema.field(name).type)
-        if not numbers or not (np.abs(np.asarray(table[name])) <= MAX_STATE).all():
+        if not numbers or not (np.abs(np.asarray(table[name].fill_null(0.0))) <= MAX_STATE).all():
             raise ResultError(f"{file}: column {name} has impossible values; run again")
     return table
 
@@ -58,7 +58,7 @@ class StateBlocks:
         self._last: tuple[int, States] | None = None
 
     def read(self, block: int) -> States:
-        """Return the states (C, V, T) of the futures of a row group."""
+        """Return the states (C, V, T) of the futures of a row group, NaN after an arrival."""
         if self._last is None or self._last[0] != block:
             self._last = None
             with as_table(self._file):
