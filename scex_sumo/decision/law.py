@@ -88,6 +88,18 @@ def over_futures(pair: IntArray, contact: FloatArray, *, pairs: int, futures: in
     return np.asarray((np.bincount(pair, np.cbrt(contact), minlength=pairs) / futures) ** 3)
 
 
+def error_over_futures(pair: IntArray, contact: FloatArray, *, pairs: int, futures: int) -> FloatArray:
+    """Return the factor (K,) by which `over_futures` may be off: a standard error of the mean of the roots.
+
+    Args:
+        pair: as of `over_futures`, like the others.
+    """
+    root = np.cbrt(contact)
+    mean, square = (np.bincount(pair, v, minlength=pairs) / futures for v in (root, root * root))
+    error = np.sqrt(np.maximum(square - mean**2, 0.0) / futures)
+    return np.asarray(np.exp(3 * error / np.maximum(mean, 1e-12)))
+
+
 def at_level(contact: FloatArray, factor: float) -> FloatArray:
     """Return P of each row if contacts were so many times as frequent; 0 and 1 stay."""
     with np.errstate(divide="ignore"):

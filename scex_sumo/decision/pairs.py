@@ -15,7 +15,7 @@ import pyarrow as pa
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.conflicts.pairs import Conflicts
 from scex_sumo.converters.tracks.road_users import road_user
-from scex_sumo.decision.law import Law, at_level, law, over_futures
+from scex_sumo.decision.law import Law, at_level, error_over_futures, law, over_futures
 from scex_sumo.decision.words import BESIDE, REAR_END, how, what
 from scex_sumo.results.participants import everybody
 from scex_sumo.results.tables.pairs import PAIRS, TOLD
@@ -46,6 +46,7 @@ def pair_table(
         over_futures(pair, at_level(contact, factor), **count)
         for factor in (1 / rule.level_factor, rule.level_factor)
     )
+    error = error_over_futures(pair, contact, **count)
     order = np.lexsort((np.arange(len(pair)), -contact, pair))
     decides = order[np.searchsorted(pair[order], np.arange(len(keys)))]
     alike = np.bincount(pair, contact >= _ALIKE * contact[decides][pair], minlength=len(keys))
@@ -57,8 +58,8 @@ def pair_table(
     columns: dict[str, Any] = {name: [row.get(name) for row in rows] for name in PAIRS.names}
     columns |= {
         "probability": probability[ranked],
-        "least": np.minimum(least, probability)[ranked],
-        "most": np.maximum(most, probability)[ranked],
+        "least": np.minimum(least, probability / error)[ranked],
+        "most": np.maximum(most, np.minimum(probability * error, 1.0))[ranked],
         "futures": alike[ranked].astype(np.int32),
         "collide": collide[ranked],
         "doubt": doubts_of(whole, own[:, 0], own[:, 1], vehicles=scene.vehicles, names=_names(whole)),

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from scex_sumo.conflicts.pairs import Conflicts
 from scex_sumo.decision.decide import decide
-from scex_sumo.decision.law import at_level, law, over_futures
+from scex_sumo.decision.law import at_level, error_over_futures, law, over_futures
 from scex_sumo.results.extras import Decision
 from scex_sumo.results.tables.pairs import NARROW, any_of, once_in, one_in
 
@@ -139,3 +139,10 @@ def test_numbers_have_one_digit_and_never_break() -> None:
 @given(st.lists(st.floats(0.0, 0.5), max_size=6))
 def test_any_of_some_is_as_if_independent(chances: list[float]) -> None:
     assert any_of(chances) == pytest.approx(1 - np.prod(1 - np.array(chances)), abs=1e-9)
+
+
+def test_few_futures_that_collide_make_the_range_wide() -> None:
+    few, many = (np.array([1.0] * k) for k in (2, 16))
+    of = {"pairs": 1, "futures": 16}
+    assert error_over_futures(np.zeros(2, np.int64), few, **of)[0] > 3
+    assert error_over_futures(np.zeros(16, np.int64), many, **of)[0] == pytest.approx(1.0)

@@ -22,7 +22,10 @@ PAIRS: Final = pa.schema(
         ("other_id", pa.int64()),
         ("person", pa.string()),  # kind and name of a pedestrian or cyclist as the other one
         ("probability", pa.float64()),  # of a contact within 3 s
-        ("least", pa.float64()),  # with contacts a tenth as frequent; so ``most``, ten times
+        (
+            "least",
+            pa.float64(),
+        ),  # contacts a tenth as frequent, or the error of few futures; so ``most``
         ("most", pa.float64()),
         ("what", pa.string()),  # kind of conflict, `scex_sumo.decision.words.WHAT`
         ("how", pa.string()),
