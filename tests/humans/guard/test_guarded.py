@@ -399,4 +399,4 @@ def test_recorded_people_do_not_trigger_hard_braking(data: Path) -> None:
         triggered += hard / 2
         seconds += count / 2
     assert seconds > 30
-    assert triggered <= 0.001 * seconds  # all shared data: benchmarks/guard.py --replayed
+    assert triggered <= 0.001 * seconds
