@@ -1,4 +1,4 @@
-"""SUMO configuration as a map and a recording, and saved states: SUMO runs them itself, and writes no file."""
+"""SUMO configurations and saved states as recordings: SUMO runs them itself, and writes no file."""
 
 from __future__ import annotations
 
