@@ -28,7 +28,7 @@ from recorded_scenes import SETS, recorded
 from scipy.optimize import minimize
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.behaviors.driving.leaders import find_leaders
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths, seed_paths
@@ -225,7 +225,7 @@ class StraightOn:
         return Plan(x=x, y=y, heading=heading, speed=speed)
 
 
-def displacement(scenes: Sequence[SeedScene], model: Behavior) -> tuple[float, float, int]:
+def displacement(scenes: Sequence[SeedScene], model: BatchBehavior) -> tuple[float, float, int]:
     """ADE and FDE of a model's own plans, m, and of how many vehicles."""
     off = []
     for scene in scenes:
@@ -243,7 +243,7 @@ def displacement(scenes: Sequence[SeedScene], model: Behavior) -> tuple[float, f
 
 def report(scenes: dict[str, dict[str, list[SeedScene]]]) -> None:
     print(f"\n{'part':10} {'data':7} {'model':18} {'vehicles':>8} {'ADE':>6} {'FDE':>6}")
-    models: dict[str, Behavior] = {name: build(parse_models(name)[0]) for name in MODELS}
+    models: dict[str, BatchBehavior] = {name: build(parse_models(name)[0]) for name in MODELS}
     for part in ("validation", "test"):
         for name, parts in scenes.items():
             for model, built in {**models, "straight on": StraightOn()}.items():

@@ -37,7 +37,7 @@ from predictors_report import place, tables
 from recorded_scenes import ngsim_part
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
+from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.registries import Recording
 from scex_sumo.drivers.registry import ModelSpec, build
@@ -159,7 +159,7 @@ def variants(out: Path, wanted: Sequence[Training]) -> Iterator[tuple[str, str, 
             yield f"{name[0]}{suffix}-{name[2]}", training.leave_out, make
 
 
-def measure_errors(scenes: Sequence[measures.TestScene], model: Behavior | str) -> dict[str, Any]:
+def measure_errors(scenes: Sequence[measures.TestScene], model: BatchBehavior | str) -> dict[str, Any]:
     """Sums of errors and counts by site, of vehicles that stand, move, and move and change their speed."""
     sums: dict[str, Any] = {}
     for test in scenes:
@@ -183,7 +183,7 @@ def measure_errors(scenes: Sequence[measures.TestScene], model: Behavior | str) 
     return sums
 
 
-def measure_joint(scenes: Sequence[measures.TestScene], model: Behavior, replan: int) -> dict[str, Any]:
+def measure_joint(scenes: Sequence[measures.TestScene], model: BatchBehavior, replan: int) -> dict[str, Any]:
     """Sums by site: scenes, figures `measures.JOINT`, moving vehicles, their errors, `straight_on`'s."""
     sums: dict[str, Any] = {}
     for test in scenes:
@@ -216,7 +216,7 @@ def joint_variants(out: Path, seeds: int, sites: Sequence[str]) -> Iterator[tupl
 
 
 def measure_loop(
-    scenes: Sequence[measures.TestScene], model: Behavior | None, *, perturbs: bool = True
+    scenes: Sequence[measures.TestScene], model: BatchBehavior | None, *, perturbs: bool = True
 ) -> dict[str, Any]:
     """Counts by site: vehicles driven, that left the road, that collided, that braked or accelerated hard.
 

@@ -10,7 +10,7 @@ from recorded_scenes import ngsim_part
 
 from scex_sumo import example_path
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
+from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior
 from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.converters.datasets.find import find_recordings
@@ -101,7 +101,7 @@ def foreseen(scene: SeedScene, vehicle: IntArray, kept: float) -> FloatArray:
     return off
 
 
-def planned(test: TestScene, model: Behavior, vehicle: IntArray) -> FloatArray:
+def planned(test: TestScene, model: BatchBehavior, vehicle: IntArray) -> FloatArray:
     """(k, H) distances of a model's plans to what the vehicles did, m."""
     who = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     plan = model.plan(SceneHistory.of_scene(test.scene), test.road, who, [np.random.default_rng(0)])
@@ -155,7 +155,7 @@ JOINT = ("minJointADE", "minJointFDE", "minJointMR", "cMR", "collided", "recorde
 
 def drawn_futures(
     test: TestScene,
-    model: Behavior,
+    model: BatchBehavior,
     count: int = 2 * GUESSES,
     replan: int = REPLAN,
     steps: int = PLAN_STEPS,
@@ -175,7 +175,7 @@ def drawn_futures(
     return roll_out(world, test.road, test.scene, batch, steps=steps, replan=replan).states
 
 
-def example_collisions(name: str, model: Behavior) -> tuple[int, int]:
+def example_collisions(name: str, model: BatchBehavior) -> tuple[int, int]:
     """Futures of 5 s of an example recording, one moment every 3 s, in which two vehicles collide; all."""
     (recording,) = (r for r in find_recordings([example_path(name).parent]) if r.name == name)
     loaded, hit, steps = load_recording(recording), [], EXAMPLE_STEPS
@@ -264,7 +264,7 @@ def perturbed_start(test: TestScene) -> SeedScene:
     return replace(test.scene, history=perturbed(test.scene.history, Perturbation(), rng))
 
 
-def closed_loop(test: TestScene, model: Behavior, *, perturbs: bool) -> Loop:
+def closed_loop(test: TestScene, model: BatchBehavior, *, perturbs: bool) -> Loop:
     """Let a model drive all vehicles of a scene for 10 s, a new plan every 0.5 s."""
     start = perturbed_start(test) if perturbs else test.scene
     states = drive_all(start, test.road, model, steps=LOOP_STEPS)[0].swapaxes(0, 1)

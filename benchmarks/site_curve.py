@@ -35,7 +35,7 @@ import torch
 from predictors import Results, data_root, learned, measure_errors, part_of
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
-from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
+from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.registries import Recording
 from scex_sumo.drivers.registry import ModelSpec, build
@@ -118,7 +118,7 @@ def test_scenes(recordings: Sequence[Recording], site: str) -> list[measures.Tes
     ]
 
 
-def measure_futures(tests: Sequence[measures.TestScene], model: Behavior, kind: str) -> dict[str, Any]:
+def measure_futures(tests: Sequence[measures.TestScene], model: BatchBehavior, kind: str) -> dict[str, Any]:
     """Return means over scenes: minJointFDE of six, and % of vehicles that collide, and leave the road.
 
     Those of the recording come last. `apart_fde_m`: minJointFDE if each vehicle has its own order of the six.
@@ -146,9 +146,9 @@ def measure_futures(tests: Sequence[measures.TestScene], model: Behavior, kind: 
     }
 
 
-def drawing(file: Path, kind: str, guard: str, prior: float = JointPredictorProfile.prior) -> Behavior:
+def drawing(file: Path, kind: str, guard: str, prior: float = JointPredictorProfile.prior) -> BatchBehavior:
     """Return a network's driver that draws, with the guard unless `guard` is empty."""
-    model: Behavior = learned(file, kind, mode="draw", prior=prior)
+    model: BatchBehavior = learned(file, kind, mode="draw", prior=prior)
     return Guarded(model) if guard else model
 
 

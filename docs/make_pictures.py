@@ -1,81 +1,126 @@
 """Pictures of the docs, drawn anew from the code: ``make docs-pictures``, or with names for some of them.
 
-Run: ``python docs/make_pictures.py [NAME...]``, about half a minute for all; what needs an extra that is not
-there is skipped. Pictures of studies are photographs of the pages that the commands named there write.
+Run: ``python docs/make_pictures.py [NAME...]``, about a minute for all; what needs an extra that is absent is
+skipped. ``docs/images/digests.json`` holds what each shows, so that a test tells which are old.
 """
 
 from __future__ import annotations
 
-import io
+import hashlib
+import inspect
+import json
+import re
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
-from math import cos, hypot, pi, sin
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import matplotlib as mpl
 import numpy as np
+import pyarrow.compute as pc
 import shapely
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon
+from matplotlib.patches import Patch
 from PIL import Image
 
 import scex_sumo as scex
 from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.colors import model_colors
 from scex_sumo.base.errors import MissingExtraError
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.evaluation.pair_values import evaluate_pairs
 from scex_sumo.exporters.request import Request
 from scex_sumo.exporters.video import Film
+from scex_sumo.geometry.rectangles import outlines
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.page.figures.drawing import STYLE
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
-IMAGES = Path(__file__).resolve().parent / "images"
+ROOT = Path(__file__).resolve().parents[1]
+IMAGES = ROOT / "docs" / "images"
 # Of the example roundabout: a moment, two vehicles, and the place where their ways meet, m.
 CROSSING_S, CROSSING, PLACE = 9.1, (10, 11), (1022.5, 997.7)
+FAN_MIDDLE, FAN_HALF_M = (1012.0, 995.0), 30.0  # part of the map in the film of all futures, m
 ATTENTION_S = 6.0  # a moment in which it matters on the roundabout
 NEAR_M, WAITS_M = 3.0, 5.0  # a vehicle that comes so near passes, or waits
-BLUE, RED, GREY = "#1f5fa8", "#b5342b", "#777777"
+BLUE, RED, GREY, INK = "#1f5fa8", "#b5342b", "#777777", "#181e26"
 
 
-def report() -> None:
-    """Animate the report of the example in a browser: its two worst encounters; needs playwright."""
-    try:
-        from playwright.sync_api import sync_playwright
-    except ImportError:
-        raise MissingExtraError("the animation of the report needs playwright and chromium") from None
-    shots = []
-    seek = "(slider, step) => { slider.value = step; slider.dispatchEvent(new Event('input')) }"
-    with tempfile.TemporaryDirectory() as folder, sync_playwright() as browsers:
-        run = scex.extrapolate(scex.read_seed(scex.example_path("roundabout")), out=Path(folder, "out"))
-        page_path = run.written["report"]
-        browser = browsers.chromium.launch(
-            executable_path="/usr/bin/chromium", args=["--no-sandbox", "--disable-gpu", "--disable-quic"]
-        )
-        page = browser.new_page(viewport={"width": 1180, "height": 760})
-        page.goto(page_path.as_uri())
-        for row in (0, 1):
-            page.locator("#encounters tr.go").nth(row).click()
-            page.evaluate("window.scrollTo(0, 0)")
-            for step in range(0, run.info["steps"] + 1, 2):
-                page.locator("#time").evaluate(seek, step)
-                page.wait_for_timeout(60)
-                shot = Image.open(io.BytesIO(page.screenshot()))
-                shots.append(shot.resize((826, 532), Image.Resampling.LANCZOS))
-        browser.close()
-    both = Image.new("RGB", (826, 2 * 532))  # one palette, of the first and the last frame
-    both.paste(shots[0], (0, 0))
-    both.paste(shots[-1], (0, 532))
-    palette = both.quantize(96)
-    frames = [shot.convert("RGB").quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots]
-    frames[0].save(
-        IMAGES / "report.gif", save_all=True, append_images=frames[1:], duration=160, loop=0, optimize=True
-    )
+def fan_out() -> None:
+    """One moment on the example roundabout, and all of its futures at once: every vehicle of every future."""
+    scene = scex.read_seed(scex.example_path("roundabout"))
+    with tempfile.TemporaryDirectory() as folder:
+        run = scex.extrapolate(scene, reference=None, out=Path(folder, "out"))
+        states = States.stack([run.states(future) for future in range(run.futures)], axis=0)
+        hits = run.collisions.filter(pc.invert(run.collisions["consequence"]))
+        models = [model for future in range(run.futures) for model in run.models_of(future)]
+        axes = film_ground(run.road)
+    names = sorted(set(models))
+    colors = dict(zip(names, np.array(model_colors(names)) / 255, strict=True))
+    axes.legend(handles=[Patch(color=colors[n], label=n) for n in names], loc="lower right", framealpha=1.0)
+    words = axes.text(0.02, 0.97, "", transform=axes.transAxes, va="top", fontsize=15)
+    pictures = []
+    for frame in range(states.shape[-1]):
+        later = frame - LOGGED_HISTORY + 1
+        now, style = states[:1, :, frame], {"facecolors": INK}
+        words.set_text(f"one moment: {scene.vehicles} vehicles")
+        if later > 0:
+            now, style = (
+                states[..., frame],
+                {"facecolors": [colors[model] for model in models], "alpha": 0.04},
+            )
+            words.set_text(f"{run.futures} futures, {later * STEP_S:.1f} s later; × a collision")
+            add_trails(axes, states[..., frame - 1 : frame + 1], style)
+            new = hits.filter(pc.equal(hits["step"], later))
+            axes.plot(new["x"], new["y"], "x", color="#c00000", markersize=11, markeredgewidth=2.5, zorder=5)
+        bodies = outlines(now, scene.length, scene.width).reshape(-1, 4, 2)
+        drawn = PolyCollection(list(bodies), linewidths=0, **style)
+        axes.add_collection(drawn, autolim=False)
+        pictures.append((picture_of(axes), 1500 if later == 0 else 100))
+        drawn.remove()
+    pictures[-1] = pictures[-1][0], 2500
+    save_film(IMAGES / "fan_out.gif", pictures)
+
+
+def film_ground(road: Road) -> Axes:
+    """Axes over a whole picture, with the lanes of a part of a map."""
+    figure = Figure(figsize=(9, 5), dpi=80)
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0, 0, 1, 1))
+    axes.set_axis_off()
+    for lane in road.vehicle_lanes.values():
+        axes.fill(*np.vstack([lane.left_bound, lane.right_bound[::-1]]).T, color="#dde1e6", linewidth=0)
+    (x, y), half = FAN_MIDDLE, FAN_HALF_M
+    axes.set(xlim=(x - 1.8 * half, x + 1.8 * half), ylim=(y - half, y + half))
+    return axes
+
+
+def add_trails(axes: Axes, states: States, style: dict[str, Any]) -> None:
+    """Draw the last step of every vehicle of every future."""
+    lines = np.stack([states.x, states.y], axis=-1).reshape(-1, 2, 2)
+    trails = LineCollection(list(lines), colors=style["facecolors"], linewidths=0.8, alpha=style["alpha"])
+    axes.add_collection(trails, autolim=False)
+
+
+def picture_of(axes: Axes) -> Image.Image:
+    """What the axes show now."""
+    canvas: Any = axes.figure.canvas
+    canvas.draw()
+    return Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
+
+
+def save_film(path: Path, pictures: Sequence[tuple[Image.Image, int]]) -> None:
+    """Write pictures, each with the time for which it is shown in ms, as a GIF of one palette."""
+    palette = pictures[-1][0].quantize(64)
+    frames = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture, _ in pictures]
+    times = [shown_ms for _, shown_ms in pictures]
+    frames[0].save(path, save_all=True, append_images=frames[1:], duration=times, loop=0, optimize=True)
 
 
 def scene_graph() -> None:
@@ -151,74 +196,6 @@ def frame(axes: Axes, x: tuple[float, float], y: tuple[float, float], title: str
     axes.set_title(title, fontsize=10)
 
 
-LENGTH, WIDTH = 4.5, 1.8  # of the vehicles beside the metrics, m
-Vehicle = tuple[float, float, float, float, float]  # x, y, heading, speed, acceleration
-Path2 = Sequence[tuple[float, float]]
-
-
-def scene_of(vehicles: Sequence[Vehicle]) -> SceneTracks:
-    """One evaluated step after one that gives everyone the acceleration."""
-    x, y, heading, speed, a = np.array(vehicles, dtype=float).T
-    states = States(
-        x=np.stack([x, x])[None],
-        y=np.stack([y, y])[None],
-        heading=np.stack([heading, heading])[None],
-        speed=np.stack([speed - a * STEP_S, speed])[None],
-    )
-    size = np.ones(len(vehicles))
-    return SceneTracks(states=states, length=LENGTH * size, width=WIDTH * size, first=1)
-
-
-def value_of(metric: str, vehicles: Sequence[Vehicle], paths: Sequence[Path2], preset: str) -> float:
-    """Of the first vehicle that has one."""
-    now = np.zeros(1, dtype=np.int64)
-    nodes = np.array(paths, dtype=float)[None, None]
-    planned = PlannedPaths(x=nodes[..., 0], y=nodes[..., 1], index=now, column=now)
-    return float(
-        evaluate_pairs(scene_of(vehicles), planned, preset=preset, metrics=(metric,))[metric].value[0]
-    )
-
-
-def draw(axes: Axes, vehicles: Sequence[Vehicle], paths: Sequence[Path2] = ()) -> None:
-    """Rectangles, arrows of one second of motion, planned paths."""
-    for path, (x, y, *_) in zip(paths, vehicles, strict=False):
-        line = np.array([(x, y), *path])
-        axes.plot(line[:, 0], line[:, 1], color=GREY, linewidth=1, linestyle="--", zorder=1)
-    for index, (x, y, heading, speed, a) in enumerate(vehicles):
-        c, s = cos(heading), sin(heading)
-        corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * (LENGTH / 2, WIDTH / 2)
-        color = RED if index else BLUE
-        axes.add_patch(Polygon(corners @ [[c, s], [-s, c]] + (x, y), color=color, zorder=2))
-        axes.annotate(
-            "", (x + speed * c, y + speed * s), (x, y), arrowprops={"arrowstyle": "->", "color": color}
-        )
-        text = f"{speed:g} m/s" + (f", {a:g} m/s²" if a else "")
-        axes.annotate(
-            text, (x, y), (0, -14), textcoords="offset points", ha="center", fontsize=7, color=color
-        )
-    axes.set_aspect("equal")
-    axes.set_xticks([])
-    axes.set_yticks([])
-    for side in axes.spines.values():
-        side.set_color("#cccccc")
-
-
-def span(axes: Axes, start: tuple[float, float], end: tuple[float, float], text: str) -> None:
-    """A measured length."""
-    axes.annotate("", end, start, arrowprops={"arrowstyle": "|-|", "mutation_scale": 3, "color": GREY})
-    middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
-    axes.annotate(text, middle, (0, 4), textcoords="offset points", ha="center", fontsize=8, color=GREY)
-
-
-def reach(axes: Axes, vehicles: Sequence[Vehicle], time: float, acceleration: float = 6.9) -> None:
-    """The discs on which the vehicles can be after some time."""
-    for index, (x, y, heading, speed, _) in enumerate(vehicles):
-        centre = (x + speed * time * cos(heading), y + speed * time * sin(heading))
-        radius = hypot(LENGTH, WIDTH) / 2 + acceleration * time**2 / 2
-        axes.add_patch(Circle(centre, radius, fill=False, color=RED if index else BLUE, linestyle=":"))
-        axes.plot(*centre, ".", color=RED if index else BLUE, markersize=3)
-
-
 def generated() -> None:
     """Twenty generated scenes of an example map beside twenty of SUMO's demand; needs the extra ``train``."""
     sys.path.insert(0, str(IMAGES.parents[1] / "benchmarks"))
@@ -234,56 +211,10 @@ def generated() -> None:
 
 def metrics() -> None:
     """Each metric on a small scene, with the value that the package computes."""
-    figure = Figure(figsize=(9, 6.6), layout="constrained")
-    panels = figure.subplots(3, 2, height_ratios=[8, 26, 26])
-    column: list[Vehicle] = [(0, 0, 0, 14, 0), (30, 0, 0, 8, 0)]
-    braking: list[Vehicle] = [(0, 0, 0, 14, 0), (30, 0, 0, 8, -3)]
-    ahead = [[(15, 0), (44, 0)], [(38, 0), (46, 0)]]
-    crossing: list[Vehicle] = [(-18, 0, 0, 9, 0), (0, -12, pi / 2, 4, 0)]
-    across = [[(0, 0), (14, 0)], [(0, 0), (0, 9)]]
-    oncoming: list[Vehicle] = [(0, 0, 0, 10, 0), (32, 3.5, pi, 10, 0)]
-    apart = [[(10, 0), (24, 0)], [(20, 3.5), (8, 3.5)]]
-    flow: list[Vehicle] = [(0, 0, 0, 10, 0), (14, 0, 0, 12, 0), (2, 4, 0, 6, -2)]
-    onward = [[(5, 0), (12, 0)], [(20, 0), (28, 0)], [(5, 4), (12, 4)]]
+    sys.path.insert(0, str(ROOT / "docs"))
+    import metrics_picture
 
-    def panel(
-        axes: Axes,
-        metric: str,
-        vehicles: list[Vehicle],
-        paths: list[Path2],
-        title: str,
-        unit: str,
-        low: float,
-    ) -> float:
-        draw(axes, vehicles, paths)
-        value = value_of(metric, vehicles, paths, "paper")
-        axes.set_title(f"{title} = {value:.2f}{unit}", fontsize=9, loc="left")
-        left = min(x for x, *_ in vehicles) - 5
-        axes.set_xlim(left, left + 52)
-        axes.set_ylim(low, low + (14 if axes in panels[0] else 26))
-        return value
-
-    ttc, pttc, gap, wttc, distance, tq = panels.flat
-    panel(ttc, "ttc", column, ahead, "TTC: d / (v_f − v_l)", " s", -8)
-    span(ttc, (0, 2.5), (30, 2.5), "d: centres (preset paper)")
-    span(ttc, (LENGTH / 2, -6.5), (30 - LENGTH / 2, -6.5), "d: bumpers (preset path)")
-    panel(pttc, "pttc", braking, ahead, "PTTC: the leader keeps braking", " s", -8)
-    panel(gap, "gap_time", crossing, across, "gap time: |s₁/v₁ − s₂/v₂|", " s", -16)
-    span(gap, (-18, 2), (0, 2), "s₁")
-    gap.annotate("", (2, 0), (2, -12), arrowprops={"arrowstyle": "|-|", "mutation_scale": 3, "color": GREY})
-    gap.annotate("s₂", (2.5, -6), fontsize=8, color=GREY)
-    half = WIDTH / 2
-    gap.add_patch(Polygon([(-half, -half), (half, -half), (half, half), (-half, half)], color="#e0b040"))
-    gap.annotate("conflict area (preset path)", (2, 4.5), fontsize=7, color=GREY)
-    reach(wttc, oncoming, panel(wttc, "wttc", oncoming, apart, "WTTC: the discs touch", " s", -11))
-    panel(distance, "distance", oncoming, apart, "distance of the centres", " m", -11)
-    distance.plot([0, 32], [0, 3.5], color=GREY, linewidth=1)
-    panel(tq, "tq", flow, onward, "traffic quality of the blue vehicle", "", -11)
-    tq.add_patch(Circle((0, 0), (0.36 * 10) ** 2 + LENGTH + 10, fill=False, color=BLUE, linestyle=":"))
-    tq.annotate("r: counts neighbours", (28, 8), fontsize=7, color=BLUE)
-    tq.annotate("smallest distance: 2.2 m, blue to upper red", (-4, 9), fontsize=7, color=GREY)
-    with mpl.rc_context({"svg.hashsalt": "metrics"}):
-        figure.savefig(IMAGES / "metrics.svg", metadata={"Date": None})
+    metrics_picture.draw_metrics(IMAGES / "metrics.svg")
 
 
 def going_first() -> None:
@@ -310,29 +241,96 @@ def going_first() -> None:
             Image.fromarray(np.hstack([film.picture(float(k)) for film in films]))
             for k in range(LOGGED_HISTORY - 1, LOGGED_HISTORY + 70, 2)
         ]
-    palette = shots[-1].quantize(64)
-    frames = [shot.quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots]
-    frames[0].save(
-        IMAGES / "going_first.gif",
-        save_all=True,
-        append_images=frames[1:],
-        duration=200,
-        loop=0,
-        optimize=True,
-    )
+    save_film(IMAGES / "going_first.gif", [(shot, 200) for shot in shots])
 
 
-def handover() -> None:
-    """One future in sumo-gui beside what was exported of it; needs a screen or Xvfb."""
-    import handover_picture
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """A picture of the docs.
 
-    handover_picture.main()
+    Attributes:
+        draw: draws it; None if the program named by `made_by` does.
+        shows: files, or bytes, of what it shows: if they change, the picture is old.
+    """
+
+    draw: Callable[[], None] | None = None
+    made_by: str = ""
+    files: tuple[str, ...]
+    shows: Callable[[], Iterable[Path | bytes]]
+
+    def digest(self) -> str:
+        """SHA-256 of what it shows and of the code that draws it."""
+        digest = hashlib.sha256()
+        for part in ([] if self.draw is None else [inspect.getsource(self.draw).encode()], self.shows()):
+            for item in part:
+                digest.update(item if isinstance(item, bytes) else item.read_bytes())
+        return digest.hexdigest()
 
 
-PICTURES: dict[str, Callable[[], None]] = {
-    made.__name__: made
-    for made in (report, scene_graph, attention, going_first, converter, generated, metrics, handover)
+def answer() -> bytes:
+    """Moment and share of collisions of the README's answer, which a test compares with the program's."""
+    words = (ROOT / "README.md").read_text(encoding="utf-8").split("```text\n")[1].split("```")[0]
+    collisions = re.search(r"^any .*?(\d+) ± ", words, re.MULTILINE)
+    assert collisions is not None
+    return f"{words.splitlines()[0]} {collisions[1]}".encode()
+
+
+def net() -> bytes:
+    """The SUMO net of an example map."""
+    with tempfile.TemporaryDirectory() as folder:
+        road = read_road(scex.example_path("urban_intersection"))
+        return convert(road, Path(folder) / "net.net.xml").path.read_bytes()
+
+
+def of_package(*patterns: str) -> Callable[[], list[Path]]:
+    """Files of the package."""
+    return lambda: [path for pattern in patterns for path in sorted((ROOT / "scex_sumo").glob(pattern))]
+
+
+PICTURES: dict[str, Picture] = {
+    "fan_out": Picture(draw=fan_out, files=("fan_out.gif",), shows=lambda: [answer()]),
+    "scene_graph": Picture(
+        draw=scene_graph,
+        files=("scene_graph.png",),
+        shows=of_package("graphs/*.py"),
+    ),
+    "attention": Picture(
+        draw=attention,
+        files=("attention.png",),
+        shows=of_package("learned/trained/graph_image_predictor*", "learned/training/attention.py"),
+    ),
+    "going_first": Picture(
+        draw=going_first,
+        files=("going_first.gif",),
+        shows=of_package("learned/trained/joint_predictor*", "exporters/video.py", "base/colors.py"),
+    ),
+    "converter": Picture(draw=converter, files=("converter.svg",), shows=lambda: [net()]),
+    "generated": Picture(draw=generated, files=("generated.png",), shows=of_package("generators/data/*")),
+    "metrics": Picture(
+        draw=metrics,
+        files=("metrics.svg",),
+        shows=lambda: [ROOT / "docs" / "metrics_picture.py", *of_package("metrics/formulas/*.py")()],
+    ),
+    "sample_size": Picture(
+        made_by="python benchmarks/paper.py, which needs recordings",
+        files=("sample_size.png",),
+        shows=lambda: [ROOT / "benchmarks" / "paper.py"],
+    ),
+    "live": Picture(
+        made_by="xvfb-run -a python -m benchmarks.live film docs/images/live.mp4",
+        files=("live.png", "live.mp4"),
+        shows=of_package("live/painter.py"),
+    ),
 }
+DIGESTS = IMAGES / "digests.json"
+"""What each picture showed when it was made; `tests/test_docs_pictures.py` compares."""
+
+
+def note(name: str) -> None:
+    """Note that a picture is made of what is there now."""
+    known = json.loads(DIGESTS.read_text()) if DIGESTS.is_file() else {}
+    known[name] = PICTURES[name].digest()
+    DIGESTS.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n")
 
 
 def main(names: Sequence[str]) -> None:
@@ -340,13 +338,28 @@ def main(names: Sequence[str]) -> None:
     unknown = set(names) - PICTURES.keys()
     if unknown:
         sys.exit(f"unknown: {', '.join(sorted(unknown))}; known: {', '.join(PICTURES)}")
-    IMAGES.mkdir(exist_ok=True)
     for name in names or PICTURES:
+        picture = PICTURES[name]
+        if picture.draw is None and name not in names:
+            print(f"left: {name}: {picture.made_by}; then name it here")
+            continue
+        former = {
+            IMAGES / file: (IMAGES / file).read_bytes() for file in picture.files if (IMAGES / file).is_file()
+        }
         try:
-            PICTURES[name]()
-            print(f"drawn: {name}")
-        except MissingExtraError as error:
+            if picture.draw is not None:
+                for path in former:  # a picture that another program wrote is not replaced
+                    path.unlink()
+                picture.draw()
+        except Exception as error:
+            for path, content in former.items():
+                path.write_bytes(content)
+            if not isinstance(error, MissingExtraError):
+                raise
             print(f"skipped: {name}: {error}")
+            continue
+        note(name)
+        print(f"made: {name}")
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 The references of the command line and of Python are generated from the code.
 
-Run: ``python docs/make_site.py [FUTURES]``; needs ``pip install 'scex-sumo[docs]'``.
+Run: ``python docs/make_site.py [FUTURES]``; needs ``pip install '.[docs]' in the clone``.
 A dead link or anchor is an error.
 """
 

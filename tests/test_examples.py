@@ -5,7 +5,7 @@ from __future__ import annotations
 import doctest
 import importlib.util
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -36,7 +36,8 @@ def test_the_example_runs(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(models, "_registered", dict(models._registered))
     monkeypatch.setattr(metrics, "_registered", dict(metrics._registered))
-    text = getattr(scex, name).__doc__
+    found = getattr(scex, name)
+    text = "\n".join(part.__doc__ for part in get_args(found) or (found,))
     example = doctest.DocTestParser().get_doctest(text, dict(names), name, None, 0)
     assert example.examples, "the docstring has no example"
     said: list[str] = []

@@ -86,7 +86,9 @@ def extra_for(need: str, extra: str) -> Iterator[None]:
     try:
         yield
     except ImportError as error:
-        raise MissingExtraError(f"{need} ({error}); install it: pip install 'scex-sumo[{extra}]'") from None
+        raise MissingExtraError(
+            f"{need} ({error}); install it: pip install '.[{extra}]' in the clone"
+        ) from None
 
 
 class _NoPandas(MetaPathFinder):

@@ -25,11 +25,11 @@ BY_ITSELF = "had no plan of its own"  # reason of a fallback if the model gives 
 
 
 @runtime_checkable
-class Behavior(Protocol):
+class BatchBehavior(Protocol):
     """Behaviour model: pure, batched over vehicles and futures.
 
     Example:
-        >>> isinstance(scex.parse_models, scex.Behavior)  # has it a method `plan`?
+        >>> isinstance(scex.parse_models, scex.Behavior)  # has it a method `plan` or `plan_one`?
         False
     """
 
@@ -67,6 +67,10 @@ class SingleVehicleBehavior(Protocol):
             (H,) states of the centre; column 0 is the next step.
         """
         ...
+
+
+Behavior: TypeAlias = BatchBehavior | SingleVehicleBehavior
+"""A driver: it plans for many vehicles at once, or for one."""
 
 
 def layer_with(model: Any, attribute: str) -> Any:

@@ -19,7 +19,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 def behavior(name: str) -> Callable[[T], T]:
     """Register a behaviour model: ``@behavior("my_driver")`` on a class with ``plan`` or ``plan_one``.
 
-    See `Behavior` and `SingleVehicleBehavior`. Keyword arguments of the constructor are the parameters. A
+    See `Behavior`. Keyword arguments of the constructor are the parameters. A
     function of a vehicle's ``history`` becomes a `Predictor`.
 
     Raises:

@@ -12,7 +12,7 @@ from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import ScexError, UsageError, nearest
 from scex_sumo.base.importing import Registry, import_object
 from scex_sumo.base.staying import staying
-from scex_sumo.behaviors.base import Behavior, SingleVehicleBehavior
+from scex_sumo.behaviors.base import BatchBehavior, Behavior, SingleVehicleBehavior
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver
 from scex_sumo.behaviors.models.simple import (
     ConstantVelocity,
@@ -205,7 +205,7 @@ def model_specs(given: Any) -> tuple[ModelSpec, ...]:
         specs = tuple(spec for one in given for spec in model_specs(one))
         _refuse_twice(specs)
         return specs
-    if not (isinstance(given, ModelSpec | Behavior | SingleVehicleBehavior) or callable(given)):
+    if not (isinstance(given, ModelSpec | Behavior) or callable(given)):
         raise UsageError(
             f"got {reprlib.repr(given)} as a model; give its name, e.g. standard_driver, a class with plan "
             "or plan_one, an object of it, or a function of history"
@@ -288,7 +288,7 @@ def _weight(text: str, weight: str) -> float:
         raise UsageError(f"{text}: weight {weight!r} is not a number; write e.g. @2 or @0.5") from None
 
 
-def build(spec: ModelSpec, *, fallback: bool = False) -> Behavior:
+def build(spec: ModelSpec, *, fallback: bool = False) -> BatchBehavior:
     """Make the model of a spec.
 
     Args:
@@ -322,7 +322,7 @@ def _maker(spec: ModelSpec) -> tuple[Callable[[], Any], bool]:
     return partial(entry.make, model, given, path=path), False
 
 
-def _built(name: str, entry: ModelEntry, make: Callable[[], Any]) -> Behavior:
+def _built(name: str, entry: ModelEntry, make: Callable[[], Any]) -> BatchBehavior:
     try:
         with staying():
             model = make()
@@ -334,7 +334,7 @@ def _built(name: str, entry: ModelEntry, make: Callable[[], Any]) -> Behavior:
         from scex_sumo.base.blame import own_error_reason
 
         raise UsageError(f"{name}: making it {own_error_reason(error)}") from error
-    if isinstance(model, Behavior):
+    if isinstance(model, BatchBehavior):
         return model
     if isinstance(model, SingleVehicleBehavior):
         from scex_sumo.plug_in.user_model import SingleVehicle

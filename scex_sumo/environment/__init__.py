@@ -11,7 +11,7 @@ try:
     import gymnasium
 except ImportError as error:
     raise ScexError(
-        f"environments need Gymnasium ({error}); install it: pip install 'scex-sumo[gym]'"
+        f"environments need Gymnasium ({error}); install it: pip install '.[gym]' in the clone"
     ) from error
 
 SEED_ENV = "scex_sumo/Seed-v0"

@@ -50,7 +50,7 @@ class PolicyDriver:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Plan 3 s; see `Behavior.plan`."""
+        """Plan 3 s; see `BatchBehavior.plan`."""
         paths, row = chosen_paths(history, road, who, self._path)
         now = history.now[who.future, who.vehicle]
         way, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))

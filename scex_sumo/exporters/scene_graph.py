@@ -54,7 +54,7 @@ def to_networkx(graph: SceneGraph, future: int = 0) -> DiGraph[int]:
         import networkx
     except ImportError as error:
         raise MissingExtraError(
-            "this export needs networkx; pip install 'scex-sumo[learned]' or networkx"
+            "this export needs networkx; pip install '.[learned]' in the clone, or networkx"
         ) from error
     rows = np.flatnonzero(graph.future == future)
     if not len(rows):
@@ -106,7 +106,7 @@ def to_hetero_data(graph: SceneGraph) -> HeteroData:
         from torch_geometric.data import HeteroData
     except ImportError as error:
         raise MissingExtraError(
-            "this export needs PyTorch Geometric; pip install 'scex-sumo[learned]' or torch-geometric"
+            "this export needs PyTorch Geometric; pip install '.[learned]' in the clone, or torch-geometric"
         ) from error
     data = HeteroData()
     nodes: Any = data["vehicle"]

@@ -47,7 +47,7 @@ _WINDSCREEN = np.array([[0.24, 0.4], [0.12, 0.36], [0.12, -0.36], [0.24, -0.4]])
 def write_mp4(request: Request) -> list[Path]:
     """Write each future as MP4 (H.264) in real time; several into a folder, or together into a file."""
     if importlib.util.find_spec("av") is None:
-        raise UsageError("--to mp4 needs PyAV: pip install 'scex-sumo[video]'; --to gif needs nothing")
+        raise UsageError("--to mp4 needs PyAV: pip install '.[video]' in the clone; --to gif needs nothing")
     return _write(request, "mp4", _encode_mp4)
 
 

@@ -6,7 +6,7 @@ import dataclasses
 import re
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 from scex_sumo.base.arguments import check_argument
 from scex_sumo.base.errors import ScexError, UsageError, warn_notes
@@ -23,13 +23,18 @@ from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from scex_sumo.world.session import one_at_a_time
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from scex_sumo.extrapolation.keywords import RunKeywords
+
 
 def extrapolate(
     scene: SeedScene,
     settings: RunSettings | None = None,
     *,
     progress: Progress | bool | None = None,
-    **options: Any,
+    **options: Unpack[RunKeywords],
 ) -> Run:
     """Simulate many futures of a seed scene with different drivers, and measure each.
 
@@ -54,7 +59,7 @@ def extrapolate(
         4
     """
     try:
-        run = _run(scene, settings, progress, options)
+        run = _run(scene, settings, progress, cast("dict[str, Any]", options))
     except ScexError as error:
         error.args = (_python_message(str(error)),)
         raise

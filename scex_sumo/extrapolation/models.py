@@ -13,7 +13,7 @@ from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.base.sending import SentOnce
-from scex_sumo.behaviors.base import Behavior, layer_with
+from scex_sumo.behaviors.base import BatchBehavior, layer_with
 from scex_sumo.converters.tracks.road_users import PEOPLE
 from scex_sumo.drivers.registry import (
     ModelSpec,
@@ -51,7 +51,7 @@ class ModelSet(SentOnce):
     fixed: Mapping[int, int]
     tested: Mapping[int, str | None]
     people: Mapping[str, Mapping[int, float]]
-    built: tuple[Behavior, ...]
+    built: tuple[BatchBehavior, ...]
 
     @classmethod
     def of(cls, settings: RunSettings) -> ModelSet:

@@ -156,9 +156,9 @@ def _spat() -> Any:
 
 
 def _state() -> Any:
-    from scex_sumo.formats.sumo.fcd import STATE
+    from scex_sumo.formats.sumo.scenario import SAVED
 
-    return STATE
+    return SAVED
 
 
 def _sumo_net() -> Any:

@@ -96,7 +96,7 @@ class LikelyDriver:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Plan 3 s; see `Behavior.plan`."""
+        """Plan 3 s; see `BatchBehavior.plan`."""
         history = estimated_history(history, road)
         paths, row = self._paths(history, road, who)
         now = history.now[who.future, who.vehicle]

@@ -115,7 +115,7 @@ class LearnedDriver:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Plan 3 s; see `Behavior.plan`."""
+        """Plan 3 s; see `BatchBehavior.plan`."""
         paths, row = self._paths(history, road, who)
         reasons = np.where(self._drives(paths, who), "", OFF_MAP)
         usable = np.flatnonzero(reasons == "")

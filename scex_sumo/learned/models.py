@@ -71,7 +71,7 @@ class LearnedModel:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Plan 3 s; see `Behavior.plan`."""
+        """Plan 3 s; see `BatchBehavior.plan`."""
         return self.driver.plan(history, road, who, rng)
 
 

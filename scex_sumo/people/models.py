@@ -48,7 +48,7 @@ class KeepsWay:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Plan 3 s; see `Behavior.plan`."""
+        """Plan 3 s; see `BatchBehavior.plan`."""
         shown, profile = history.scene.now[who.vehicle], self.profile
         wait = way_to_wait(history, who, gap_s=profile.gap, braking=profile.braking)
         return walked(
@@ -81,7 +81,7 @@ class Stops:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Plan 3 s; see `Behavior.plan`."""
+        """Plan 3 s; see `BatchBehavior.plan`."""
         now, nothing = history.now[who.future, who.vehicle], np.zeros(len(who))
         return walked(now, nothing, now.heading, nothing, braking=self.profile.braking)
 
@@ -111,7 +111,7 @@ class StepsOut:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Plan 3 s; see `Behavior.plan`."""
+        """Plan 3 s; see `BatchBehavior.plan`."""
         speed = np.maximum(history.scene.now.speed[who.vehicle], self.profile.speed)
         free = np.full(len(who), np.inf)
         return walked(history.now[who.future, who.vehicle], speed, _across(history, who), free)

@@ -16,7 +16,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.blame import own_error_reason
 from scex_sumo.base.errors import OutOfTimeError, ScexError
 from scex_sumo.base.staying import staying
-from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior, Sight, clear_of_others, sight_of
+from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, BatchBehavior, Sight, clear_of_others, sight_of
 from scex_sumo.behaviors.driving.motion import Intent
 from scex_sumo.humans.lines.nearest_path import follow_path
 from scex_sumo.plug_in.time_limit import time_limit
@@ -40,7 +40,7 @@ class Fallible:
     A call that raises is repeated future by future, then vehicle by vehicle.
     """
 
-    def __init__(self, model: Behavior, name: str) -> None:
+    def __init__(self, model: BatchBehavior, name: str) -> None:
         self.inner = model
         self.name = name
 
@@ -70,7 +70,7 @@ class Fallible:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Return the plan with `Plan.fallback` and `Plan.reasons`; see `Behavior.plan`."""
+        """Return the plan with `Plan.fallback` and `Plan.reasons`; see `BatchBehavior.plan`."""
         plan, reasons, bad = self._ask(history, road, who, rng)
         if bad.any():
             plan.assign(bad, follow_path(history, road, who[bad]))
@@ -87,7 +87,7 @@ class Fallible:
         why = f"{self._short_name()}: {none}: {plan.reasons[0]}"
         if not is_ours(self.inner):
             why += (
-                f"; it is {describe_source(self.inner)}; needs a Plan of x, y, heading, speed, each "
+                f"; it is {describe_source(self.inner)}; a Plan has x, y, heading, speed, each "
                 f"(n, {PLAN_STEPS}) or more steps, finite, in m and rad of the map, starting at the vehicle"
             )
         raise ScexError(why)

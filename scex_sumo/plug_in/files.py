@@ -399,7 +399,9 @@ _KINDS: Mapping[str, tuple[type[FileFunction], str, str]] = {
 def _predictor(kind: str, file: str, **surroundings: Any) -> Predictor:
     make, package, extra = _KINDS[kind]
     if importlib.util.find_spec(package) is None:
-        raise MissingExtraError(f"{kind}: needs {package}; install it with pip install 'scex-sumo[{extra}]'")
+        raise MissingExtraError(
+            f"{kind}: needs {package}; install it with pip install '.[{extra}]' in the clone"
+        )
     if not Path(file).is_file():
         raise InputError(f"{kind}: file={file}: no such file")
     function = make(file)

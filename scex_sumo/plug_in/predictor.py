@@ -29,7 +29,7 @@ NEEDED = f"(n, H, 2), (n, H, 3) or (n, H, 4) with H of at least {PLAN_STEPS}"
 
 
 class Predictor:
-    """Adapter from a function that predicts trajectories in the vehicle's own frame to a `Behavior`.
+    """Adapter from a function that predicts trajectories in the vehicle's own frame to a `BatchBehavior`.
 
     The function is called with the inputs that its parameters name, see `INPUTS` and `predictor_inputs`. It
     returns (n, H >= 30, 2 to 4): x, y (m), and optionally heading (rad) and speed (m/s), one row per step of
@@ -73,7 +73,7 @@ class Predictor:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Predict for all vehicles; see `Behavior.plan`."""
+        """Predict for all vehicles; see `BatchBehavior.plan`."""
         arrays = predictor_inputs(
             history, road, who, self.surroundings, [name for name in self.inputs if name in ARRAYS]
         )

@@ -89,7 +89,7 @@ def _summary(given: Any) -> str:
 
 
 class SingleVehicle:
-    """Adapter that makes a `Behavior` of a single-vehicle model."""
+    """Adapter that makes a `BatchBehavior` of a single-vehicle model."""
 
     def __init__(self, model: SingleVehicleBehavior) -> None:
         self.model = model
@@ -98,7 +98,7 @@ class SingleVehicle:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Ask the model for one vehicle after the other; see `Behavior.plan`."""
+        """Ask the model for one vehicle after the other; see `BatchBehavior.plan`."""
         now = history.now
         plans = []
         alone = {c: history.part(slice(c, c + 1)) for c in np.unique(who.future).tolist()}

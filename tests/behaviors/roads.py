@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.road import Lane, Road
 from scex_sumo.scene import Obstacles, Plan, SceneHistory, SeedScene, States, VehicleIndex
 
@@ -126,12 +126,12 @@ def generators(history: SceneHistory) -> list[np.random.Generator]:
     return [np.random.default_rng(int(c)) for c in history.futures]
 
 
-def plan(model: Behavior, where: Road, history: SceneHistory, who: VehicleIndex | None = None) -> Plan:
+def plan(model: BatchBehavior, where: Road, history: SceneHistory, who: VehicleIndex | None = None) -> Plan:
     return model.plan(history, where, every(history) if who is None else who, generators(history))
 
 
 def closed_loop(
-    model: Behavior,
+    model: BatchBehavior,
     where: Road,
     scene: SeedScene,
     *,

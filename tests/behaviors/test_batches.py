@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.drivers.listing import known_entries
 from scex_sumo.drivers.registry import build, entry_of, parse_models
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
@@ -59,14 +59,14 @@ def rows(made: Plan) -> np.ndarray:
 
 
 @pytest.fixture(params=NAMES)
-def model(request: pytest.FixtureRequest, tmp_path: Path) -> Behavior:
+def model(request: pytest.FixtureRequest, tmp_path: Path) -> BatchBehavior:
     name = request.param
     if name in OURS and entry_of(name).may_fail:
         name = f"{name}:weights={nets.untrained(tmp_path, name, SCENE, ROAD)}"
     return build(parse_models(name)[0])
 
 
-def test_a_plan_has_a_row_per_vehicle_thirty_steps_and_only_finite_numbers(model: Behavior) -> None:
+def test_a_plan_has_a_row_per_vehicle_thirty_steps_and_only_finite_numbers(model: BatchBehavior) -> None:
     whole = history()
     made = roads.plan(model, ROAD, whole)
     assert rows(made).shape == (4, 7 * 9, 30)
@@ -75,7 +75,7 @@ def test_a_plan_has_a_row_per_vehicle_thirty_steps_and_only_finite_numbers(model
     assert np.abs(made.heading).max() <= np.pi
 
 
-def test_planning_changes_nothing_and_repeats_itself(model: Behavior) -> None:
+def test_planning_changes_nothing_and_repeats_itself(model: BatchBehavior) -> None:
     whole = history()
     before = [whole.states.x.copy(), whole.states.heading.copy(), whole.route_draw.copy()]
     first = rows(roads.plan(model, ROAD, whole))
@@ -84,7 +84,7 @@ def test_planning_changes_nothing_and_repeats_itself(model: Behavior) -> None:
     assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
 
 
-def test_some_of_the_vehicles_get_the_very_plans_they_get_among_all(model: Behavior) -> None:
+def test_some_of_the_vehicles_get_the_very_plans_they_get_among_all(model: BatchBehavior) -> None:
     whole = history()
     everyone = rows(roads.plan(model, ROAD, whole)).reshape(4, 7, 9, 30)
     for keep in (np.array([3]), np.array([0, 8]), np.array([1, 2, 4, 5, 6, 7])):
@@ -93,7 +93,7 @@ def test_some_of_the_vehicles_get_the_very_plans_they_get_among_all(model: Behav
         assert np.array_equal(some, everyone[:, future, vehicle])
 
 
-def test_a_future_gets_the_very_plans_in_any_batch(model: Behavior) -> None:
+def test_a_future_gets_the_very_plans_in_any_batch(model: BatchBehavior) -> None:
     whole = history()
     everyone = rows(roads.plan(model, ROAD, whole)).reshape(4, 7, 9, 30)
     for keep in (np.array([6]), np.array([2, 0]), np.array([1, 3, 5])):

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.behaviors.models.idm import IdmDriver
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.drivers.listing import known_models
@@ -151,7 +151,7 @@ class Parked:
 def test_a_class_of_ones_own_becomes_a_model() -> None:
     assert behavior("parked")(Parked) is Parked
     built = build(parse_models("parked:steps=40:loud=true")[0])
-    assert isinstance(built, Parked) and isinstance(built, Behavior)
+    assert isinstance(built, Parked) and isinstance(built, BatchBehavior)
     assert (built.steps, built.loud) == (40, True)
     (info,) = (info for info in known_models() if info.name == "parked")
     assert info.summary == "Stays where it is." and info.parameters == (

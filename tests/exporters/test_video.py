@@ -54,5 +54,5 @@ def test_an_mp4_plays_in_real_time_and_rings_the_critical_pair(run: Run, tmp_pat
 
 def test_without_the_encoder_the_remedy_is_said(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(UsageError, match=r"pip install 'scex-sumo\[video\]'"):
+    with pytest.raises(UsageError, match=r"pip install '\.\[video\]'"):
         export_command(run.folder, future=0, to="mp4")

@@ -106,6 +106,6 @@ def test_a_model_without_any_usable_plan_is_refused_before_the_run() -> None:
         ScexError,
         match=r"^parked:not_for=99: no usable plan for any of 3 vehicles of the seed scene: "
         r"raised LookupError: nowhere to park \(test_models.py, line \d+\); "
-        r"it is class Parked of .*test_models.py; needs a Plan",
+        r"it is class Parked of .*test_models.py; a Plan has",
     ):
         tried("standard_driver,parked:not_for=99", {})

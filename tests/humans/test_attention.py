@@ -9,7 +9,7 @@ import pytest
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths
 from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
@@ -59,7 +59,7 @@ def closing(gap_m: float, speed: float, leader: float) -> SeedScene:
     return roads.scene_of((100.0, 0.0, 0.0, speed), (104.5 + gap_m, 0.0, 0.0, leader))
 
 
-def driven(model: str | Behavior, scene: SeedScene, steps: int = 30, futures: int = 40) -> States:
+def driven(model: str | BatchBehavior, scene: SeedScene, steps: int = 30, futures: int = 40) -> States:
     """(C, V, 1 + steps) in closed loop, the start first."""
     history = roads.present(scene, futures, DRAW[: futures * scene.vehicles].reshape(futures, -1))
     states, driver = history.states, build(parse_models(model)[0]) if isinstance(model, str) else model

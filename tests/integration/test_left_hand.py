@@ -149,6 +149,10 @@ def test_riders_pass_each_other_in_a_lane_as_in_sumo_on_both_sides(side: str, tm
 def test_saved_states_have_vehicles_on_their_side_of_the_lane(side: str, tmp_path: Path) -> None:
     config = simulation(tmp_path, side)
     assert run_program("sumo", "-c", config.name, folder=tmp_path, file_bytes=0) == ()
-    saved = scex_sumo.read_seed(tmp_path / f"{side}.net.xml", tracks=tmp_path / f"{side}.state.xml").now
-    simulated = scex_sumo.read_seed(config, time=4.0).now
-    np.testing.assert_allclose(saved.y, simulated.y, atol=0.02)
+    saved = scex_sumo.read_seed(tmp_path / f"{side}.net.xml", tracks=tmp_path / f"{side}.state.xml")
+    simulated = scex_sumo.read_seed(config, time=4.0)
+    np.testing.assert_allclose(saved.now.y, simulated.now.y, atol=0.02)
+    run = extrapolate(saved, models=["sumo:own"], futures=1, steps=30, out=tmp_path / "out")
+    assert simulated.future is not None
+    np.testing.assert_allclose(run.states(0).y[:, -1], simulated.future.y[:, 29], atol=0.05)
+    np.testing.assert_allclose(run.states(0).x[:, -1], simulated.future.x[:, 29], atol=0.05)

@@ -56,7 +56,8 @@ def clone(tmp_path: Path) -> Path:
 
 
 def test_the_readme_is_short() -> None:
-    assert len(README.splitlines()) <= 160
+    assert len(README.splitlines()) <= 140
+    assert len([word for word in README.split() if re.search(r"\w", word)]) <= 900
 
 
 def test_every_benchmark_has_a_line_in_their_readme() -> None:
@@ -66,7 +67,7 @@ def test_every_benchmark_has_a_line_in_their_readme() -> None:
 
 
 def test_the_make_targets_exist() -> None:
-    targets = re.findall(r"^make (\w+)", "\n".join(blocks("sh")), re.MULTILINE)
+    targets = re.findall(r"`make (\w+)`", README)
     makefile = (ROOT / "Makefile").read_text()
     assert set(targets) == {"demo", "test"} and all(f"\n{target}:" in makefile for target in targets)
 

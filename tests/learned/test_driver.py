@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import InputError
-from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.humans.lines.nearest_path import follow_path
 from scex_sumo.learned.driver import choice_of, loaded
@@ -38,7 +38,7 @@ def crowd() -> SeedScene:
 SCENE = crowd()
 
 
-def driver(folder: Path, text: str, scene: SeedScene = SCENE) -> Behavior:
+def driver(folder: Path, text: str, scene: SeedScene = SCENE) -> BatchBehavior:
     name = text.partition(":")[0]
     file = nets.untrained(folder, name, scene, ROAD)
     return build(parse_models(f"{text}:weights={file}")[0])
@@ -125,7 +125,7 @@ def test_vehicles_off_the_map_are_left_to_the_path_following_driver_and_counted(
     assert same(made, alone, np.array([1, 4]))
 
 
-def modes_driven(model: Behavior, history: SceneHistory) -> np.ndarray:
+def modes_driven(model: BatchBehavior, history: SceneHistory) -> np.ndarray:
     """(n,) which mode each vehicle drives, as the driver chooses it."""
     assert isinstance(model, GraphPredictor | GraphImagePredictor)
     who = roads.every(history)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.behaviors.driving.paths import chosen_paths, seed_paths
 from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.geometry.polylines import wrap
@@ -32,7 +32,7 @@ STATES = ("x", "y", "heading", "speed")
 DRAWS = np.random.default_rng(5).random((6, SCENE.vehicles))
 
 
-def model(folder: Path, text: str = "joint_predictor", **numbers: int) -> Behavior:
+def model(folder: Path, text: str = "joint_predictor", **numbers: int) -> BatchBehavior:
     file = nets.untrained(folder, "joint_predictor", SCENE, ROAD, **numbers)
     return build(parse_models(f"{text}:weights={file}")[0])
 

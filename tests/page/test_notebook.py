@@ -38,7 +38,7 @@ def test_a_seed_scene_is_one_line() -> None:
 
 def test_without_pandas_the_remedy_is_said(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    with pytest.raises(UsageError, match=r"pip install 'scex-sumo\[notebook\]'"):
+    with pytest.raises(UsageError, match=r"pip install '\.\[notebook\]'"):
         run.to_pandas()
     with pytest.raises(UsageError, match="unknown table 'cars'; known: metrics"):
         run.to_pandas("cars")

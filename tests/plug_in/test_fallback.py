@@ -159,7 +159,7 @@ def test_a_model_that_fails_for_everybody_is_an_error_before_anything_runs() -> 
     with pytest.raises(
         ScexError,
         match=r"^mine: no usable plan for any of 2 vehicles of the seed scene: plan.y has shape \(1, 7\), "
-        r"needs \(1, 30\) or more steps; it is class Forward of .*test_fallback.py; needs a Plan of x, y",
+        r"needs \(1, 30\) or more steps; it is class Forward of .*test_fallback.py; a Plan has x, y",
     ) as caught:
         Fallible(model, "mine").try_on(history, ROAD, roads.every(history), roads.generators(history))
     assert "\n" not in str(caught.value)

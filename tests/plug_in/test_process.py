@@ -142,7 +142,7 @@ def test_a_run_counts_what_the_program_did_not_answer(tmp_path: Path) -> None:
             scene, futures=2, assign={track: f"process:{program(tmp_path, does)}"}, out=tmp_path / "b"
         )
     text = str(refused.value)
-    assert "plug_in" not in text and "needs a Plan" not in text and len(text) < 300
+    assert "plug_in" not in text and "a Plan has" not in text and len(text) < 300
 
 
 WRAPPER = """#!/bin/sh

@@ -337,7 +337,7 @@ class DrivesAlong(ABC):
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Plan 3 s; see `Behavior.plan`."""
+        """Plan 3 s; see `BatchBehavior.plan`."""
         return driven(history, [self.intend(history, road, who)])[0]
 
     @abstractmethod

@@ -90,7 +90,7 @@ class Replay:
     def plan(
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Plan 3 s; see `Behavior.plan`.
+        """Plan 3 s; see `BatchBehavior.plan`.
 
         Raises:
             UsageError: the seed scene has no recorded future.

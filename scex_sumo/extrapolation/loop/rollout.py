@@ -13,7 +13,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
-from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, Behavior
+from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, BatchBehavior
 from scex_sumo.extrapolation.loop.arrivals import Arrivals, far_away
 from scex_sumo.extrapolation.loop.crashes import Crashes, slide
 from scex_sumo.extrapolation.loop.situations import plans_of
@@ -76,7 +76,7 @@ class Batch:
 
     futures: IntArray
     assignment: IntArray
-    models: Sequence[Behavior]
+    models: Sequence[BatchBehavior]
     names: Sequence[str]
     overridden: BoolArray
     route_draw: FloatArray

@@ -9,7 +9,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import IntArray, distinct
 from scex_sumo.base.cache import owner_cache
-from scex_sumo.behaviors.base import PLAN_STEPS, Behavior, is_built_in, sight_of
+from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior, is_built_in, sight_of
 from scex_sumo.behaviors.driving.motion import DrivesAlong, Intent, driven, handed_out, own_motion
 from scex_sumo.road import Road
 from scex_sumo.roads.mirror import mirrored_history, mirrored_road, mirrored_states
@@ -17,7 +17,7 @@ from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 
 
 def plans_of(
-    models: Sequence[Behavior],
+    models: Sequence[BatchBehavior],
     groups: Sequence[VehicleIndex],
     history: SceneHistory,
     road: Road,
@@ -40,7 +40,7 @@ def plans_of(
 
 
 def _mirrored_plans(
-    models: Sequence[Behavior],
+    models: Sequence[BatchBehavior],
     groups: Sequence[VehicleIndex],
     history: SceneHistory,
     road: Road,
@@ -60,7 +60,7 @@ def _mirrored_plans(
 
 
 def _intents(
-    models: Mapping[int, Behavior], history: SceneHistory, road: Road, groups: Sequence[VehicleIndex]
+    models: Mapping[int, BatchBehavior], history: SceneHistory, road: Road, groups: Sequence[VehicleIndex]
 ) -> dict[int, Intent]:
     """Return the intents of the path-following models, once for equal situations."""
     alike: dict[Hashable, dict[int, DrivesAlong]] = {}
@@ -80,7 +80,7 @@ def _intents(
     return {index: intents[index] for index in models if index in intents}
 
 
-def _intent(model: Behavior, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent | None:
+def _intent(model: BatchBehavior, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent | None:
     """Return the intent of a learned driver along paths, once for equal situations; None for other models."""
     intend = getattr(model, "intend", None)
     if isinstance(model, DrivesAlong) or intend is None or sight_of(model) is None:
@@ -94,7 +94,7 @@ def _intent(model: Behavior, history: SceneHistory, road: Road, who: VehicleInde
     return replace(intent, who=here).of(kind)
 
 
-def _situations(model: Behavior, history: SceneHistory, who: VehicleIndex) -> tuple[IntArray, IntArray]:
+def _situations(model: BatchBehavior, history: SceneHistory, who: VehicleIndex) -> tuple[IntArray, IntArray]:
     """Return the first vehicle (k,) in each situation, and the situation (n,) of each."""
     if sight_of(model) == "itself":
         return distinct(own_motion(history, who))
@@ -102,7 +102,11 @@ def _situations(model: Behavior, history: SceneHistory, who: VehicleIndex) -> tu
 
 
 def plan_once(
-    model: Behavior, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    model: BatchBehavior,
+    history: SceneHistory,
+    road: Road,
+    who: VehicleIndex,
+    rng: Sequence[np.random.Generator],
 ) -> Plan:
     """Return a model's plan, made once for all vehicles in situations equal to the bit.
 

@@ -1,4 +1,4 @@
-"""SUMO configuration as a map and a recording: SUMO simulates the user's own scenario, and writes no file."""
+"""SUMO configurations and saved states as recordings: SUMO runs them itself, and writes no file."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from scex_sumo.converters.net.xml import unpacked
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.extrapolation.processes.pool import in_other_process
-from scex_sumo.formats.recognition import is_simulation
+from scex_sumo.formats.recognition import is_simulation, is_state
 from scex_sumo.formats.sumo.intentions import INTENTIONS_S
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.own_sumo import user_sumo
@@ -44,6 +44,8 @@ MAX_FLOW_HZ = 1_000.0  # departures of one flow; SUMO makes those of a step at o
 MAX_STEP_S = 60  # processor time of one step
 RISK = "risk.parquet"  # of a watch, beside its configuration
 WITHOUT_END_S = 600.0  # simulated if neither a time is given nor the configuration has an end
+_TOP = 100_000  # bytes of a saved state that hold its options
+_KEPT = ("step-length", "lateral-resolution", "default.carfollowmodel")
 QUIET = ("--no-step-log", "true", "--duration-log.disable", "true", "--xml-validation", "never")
 
 Window = tuple[float | None, float | None]
@@ -99,13 +101,13 @@ class PrivateRun:
         options: words of the command line.
     """
 
-    def __init__(self, config: Path, folder: Path, binary: str) -> None:
-        """Read the configuration and its files."""
+    def __init__(self, config: Path, folder: Path, binary: str, options: Mapping[str, str]) -> None:
+        """Read the files of a configuration with the given options."""
         self._folder = folder
         self._safe: dict[Path, Path] = {}
         known = _known_options(binary)
         given: dict[str, str] = {}
-        for name, value in options_of(config).items():
+        for name, value in options.items():
             option, section, kind = known.get(name, (name, "", ""))
             if option == SCALE:
                 _check_scale(config, value)
@@ -239,7 +241,7 @@ def _names_files(file: Path) -> bool:
     try:
         with open_binary(file) as stream:
             parser.ParseFile(stream)
-    except (OSError, EOFError, zlib.error, expat.ExpatError) as error:
+    except (OSError, EOFError, LookupError, zlib.error, expat.ExpatError) as error:
         raise MapError(f"{file}: cannot be read: {error}; SUMO needs XML here") from None
     return names
 
@@ -260,18 +262,51 @@ def simulate(
         SimulationError: SUMO does not start, or stops.
         TrackError: a mesoscopic simulation, or no vehicle in the window.
     """
+    return _run(config, options_of(config), lambda sumo: _recorded(config, sumo, window, on_step))
+
+
+def load_state(state: Path, net: Path) -> Recorded:
+    """Let SUMO load a saved state in this process, and record it.
+
+    Raises:
+        SimulationError: SUMO cannot load it.
+        TrackError: a mesoscopic simulation, or no vehicle on the road.
+    """
+    options = {NET: str(net.absolute()), STATE: str(state.absolute())}
+    # SUMO writes the options of the simulation at the top of its state.
+    top = unpacked(state)[:_TOP].decode("utf-8", "replace")
+    options |= {
+        name: value for name, value in re.findall(r'<([\w.-]+) value="([\d.]+)"/>', top) if name in _KEPT
+    }
+
+    def record(sumo: Any) -> Recorded:
+        refuse_mesoscopic(sumo, state)
+        recorder = Recorder(sumo)
+        recorder.take()
+        recorder.take_intentions()
+        if not recorder.recorded.frames[0][1]:
+            raise TrackError(
+                f"{state}: no vehicle on the road in it; save a state of a simulation with traffic"
+            )
+        return recorder.recorded
+
+    return _run(state, options, record)
+
+
+def _run(config: Path, given: Mapping[str, str], record: Callable[[Any], Recorded]) -> Recorded:
+    """Start SUMO with the options of a file that it may read, and record."""
     own = user_sumo()
     sumo = load_sumo(gui=own is not None)  # traci
     failed = (sumo.TraCIException, sumo.FatalTraCIError)
     binary = program("sumo") if own is None else str(own)
     with TemporaryFolder() as folder, silence() as messages:
-        options = [*PrivateRun(config, Path(folder), binary).options, *QUIET]
+        options = [*PrivateRun(config, Path(folder), binary, given).options, *QUIET]
         before = Path.cwd()
         os.chdir(folder)  # where SUMO writes files that are named nowhere
         try:
             sumo.start([binary, *options])
             try:
-                recorded = _recorded(config, sumo, window, on_step)
+                recorded = record(sumo)
                 by = () if own is None else (f"simulated by {sumo.getVersion()[1]} of SUMO_HOME",)
                 return replace(recorded, notes=(*recorded.notes, *by))
             finally:
@@ -391,5 +426,21 @@ def _read_road(path: str | Path, **_: object) -> Road:
     return read_sumo_road(net)
 
 
+def _read_saved(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
+    path = paths[0].absolute()
+    if net is None:
+        raise TrackError(
+            f"{path}: a saved state counts along the lanes of its SUMO net; give that as the map"
+        )
+    try:
+        recorded = in_other_process(
+            partial(load_state, path, net), where="in the state", died=f"{path}: SUMO crashed twice in it"
+        )
+    except (MapError, SimulationError) as error:
+        raise TrackError(f"{error}; give the net that was simulated") from None
+    return recorded.tracks(path)
+
+
+SAVED = Dataset(is_mine=is_state, read=_read_saved)
 SCENARIO = Dataset(is_mine=is_simulation, read=_read, recordings=_recordings, simulated=True)
 SCENARIO_MAP = MapFormat(is_mine=is_simulation, read=_read_road, tracks=lambda path: path)

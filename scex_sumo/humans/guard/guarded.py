@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.behaviors.base import Behavior, Sight, clear_of_others, sight_of
+from scex_sumo.behaviors.base import BatchBehavior, Sight, clear_of_others, sight_of
 from scex_sumo.humans.guard.conflicts import SAFE_S, StopLines, find_stop_lines
 from scex_sumo.humans.guard.corridors import GuardProfile, PlannedWays, planned_paths
 from scex_sumo.road import Road
@@ -59,8 +59,8 @@ class Guarded:
     ``clear_of_others`` also steers away from vehicles beside it.
     """
 
-    def __init__(self, model: Behavior, profile: GuardProfile | None = None) -> None:
-        self.inner: Behavior = clear_of_others(model)
+    def __init__(self, model: BatchBehavior, profile: GuardProfile | None = None) -> None:
+        self.inner: BatchBehavior = clear_of_others(model)
         self.profile = profile or GuardProfile()
 
     @property

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scex_sumo.behaviors.base import PLAN_STEPS, Behavior
+from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior
 from scex_sumo.converters.registries import Recording
 from scex_sumo.drivers.registry import ModelSpec, build
 from scex_sumo.evaluation.recordings import load_recording
@@ -67,7 +67,7 @@ def closed_loop(
     return drift
 
 
-def driver(kind: str, file: Path) -> Behavior:
+def driver(kind: str, file: Path) -> BatchBehavior:
     """Build the model that drives with a file of weights, on its likeliest path."""
     return build(ModelSpec(name=MODELS[kind], parameters={"path": "likeliest", "weights": str(file)}))
 
@@ -75,7 +75,7 @@ def driver(kind: str, file: Path) -> Behavior:
 def drifted_samples(
     scene: SeedScene,
     road: Road,
-    model: Behavior,
+    model: BatchBehavior,
     perturbation: Perturbation,
     rng: np.random.Generator,
     replan: int = REPLAN,
@@ -98,7 +98,7 @@ def drifted_samples(
 
 
 def drive_all(
-    scene: SeedScene, road: Road, model: Behavior, *, steps: int, held: int = 0, replan: int = REPLAN
+    scene: SeedScene, road: Road, model: BatchBehavior, *, steps: int, held: int = 0, replan: int = REPLAN
 ) -> States:
     """Let one model drive all vehicles, (1, steps, V); the last ``held`` ones keep their velocity."""
     mine = (np.arange(scene.vehicles) >= scene.vehicles - held).astype(np.int64)

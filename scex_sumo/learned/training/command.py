@@ -67,7 +67,7 @@ def train_command(
     if kind == SCENES and simulated:
         raise UsageError(f"train scenes: has no --simulated; only {', '.join(NETWORKS)} do")
     if find_spec("torch") is None:
-        raise MissingExtraError("train: needs torch; install with: pip install 'scex-sumo[learned]'")
+        raise MissingExtraError("train: needs torch; install with: pip install '.[learned]' in the clone")
     from scex_sumo.evaluation.split import Split
 
     words = [  # the options on which the result depends

@@ -102,5 +102,5 @@ def as_xarray(states: States, models: NDArray[np.str_], **vehicle_and_step: Any)
 def as_pandas(table: pa.Table) -> Any:
     """Return a pandas data frame; raise a `UsageError` without pandas."""
     if importlib.util.find_spec("pandas") is None:
-        raise UsageError("to_pandas needs pandas: pip install 'scex-sumo[notebook]'")
+        raise UsageError("to_pandas needs pandas: pip install '.[notebook]' in the clone")
     return table.to_pandas()

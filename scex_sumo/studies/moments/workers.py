@@ -115,7 +115,7 @@ class DaskWorkers:
             from distributed import Client, Security
         except ImportError:
             raise MissingExtraError(
-                "--workers: distributed is not installed; pip install 'scex-sumo[cluster]'"
+                "--workers: distributed is not installed; pip install '.[cluster]' in the clone"
             ) from None
         _check_reachable(address)
         for name in _LOGGERS:

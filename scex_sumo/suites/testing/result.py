@@ -164,7 +164,7 @@ def read_result(file: Path, suite: str) -> dict[str, Any]:
     Raises:
         ResultError: it cannot be read, or is of another suite.
     """
-    content: dict[str, Any] = read_json(file, _RESULT, "--against needs the test.json of a test")
+    content: dict[str, Any] = read_json(file, _RESULT, "give --against the test.json of a test")
     if content["suite_digest"] != suite:
         raise ResultError(f"--against {file}: of another suite; test both functions on the same one")
     return content

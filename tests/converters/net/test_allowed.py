@@ -99,10 +99,13 @@ def test_no_command_lets_a_foreign_net_write(grid: str, tmp_path: Path) -> None:
     )
     tracks.write_text(f'<fcd-export><edgeData id="d" file="{out}"/>{rows}</fcd-export>')
     state = tmp_path / "s.xml"
-    state.write_text(
-        f'<snapshot time="3.00"><edgeData id="d" file="{out}"/><vType id="car"/><vehicle id="a" type="car"'
-        ' pos="20 20" speed="5 5" angle="90"/><lane id="A0B0_0"><vehicles value="a"/></lane></snapshot>'
-    )
+    (tmp_path / "clean.net.xml").write_text(grid)
+    (tmp_path / "r.rou.xml").write_text('<routes><trip id="a" depart="0" from="A0B0" to="B0A0"/></routes>')
+    command = [program("sumo"), "-n", "clean.net.xml", "-r", "r.rou.xml", "--end", "4"]
+    save = ["--save-state.times", "3", "--save-state.files", state.name, "--xml-validation", "never"]
+    subprocess.run([*command, *save], cwd=tmp_path, capture_output=True, env=environment(), check=True)
+    content = state.read_text().replace("<delay", f'<edgeData id="d" file="{out}"/><delay')
+    state.write_text(content)
     small = ("--futures", 2, "--models", "constant_velocity", *ALONE)
     for words in (
         ("run", net, "--fcd", tracks, "--time", 2, *small, "-o", tmp_path / "fcd"),

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile
 from scex_sumo.drivers.listing import known_entries
 from scex_sumo.drivers.registry import build, entry_of, parse_models
@@ -34,7 +34,7 @@ def alike() -> SceneHistory:
     return replace(whole, states=whole.states[same])
 
 
-def asked(model: Behavior, whole: SceneHistory, who: VehicleIndex) -> tuple[Plan, Plan]:
+def asked(model: BatchBehavior, whole: SceneHistory, who: VehicleIndex) -> tuple[Plan, Plan]:
     """What the model plans, asked for everybody and asked once for each situation."""
     rng = [np.random.default_rng(c) for c in range(len(whole.futures))]
     return model.plan(whole, ROAD, who, rng), plan_once(model, whole, ROAD, who, rng)
@@ -46,7 +46,7 @@ def everybody(whole: SceneHistory) -> VehicleIndex:
 
 
 @pytest.fixture(params=[*NAMES, *RANDOM, "graph_predictor:mode=draw"])
-def model(request: pytest.FixtureRequest, tmp_path: Path) -> Behavior:
+def model(request: pytest.FixtureRequest, tmp_path: Path) -> BatchBehavior:
     name, *rest = request.param.split(":")
     if name in OURS and entry_of(name).may_fail:
         rest.append(f"weights={nets.untrained(tmp_path, name, SCENE, ROAD)}")
@@ -56,7 +56,7 @@ def model(request: pytest.FixtureRequest, tmp_path: Path) -> Behavior:
 
 
 @pytest.mark.parametrize("whole", [roads.present(SCENE, 7), alike()], ids=["seed", "alike"])
-def test_plans_are_the_same_to_the_bit(model: Behavior, whole: SceneHistory) -> None:
+def test_plans_are_the_same_to_the_bit(model: BatchBehavior, whole: SceneHistory) -> None:
     some = everybody(whole)
     for who in (some, VehicleIndex(future=some.future[::3], vehicle=some.vehicle[::3])):
         each, once = asked(model, whole, who)

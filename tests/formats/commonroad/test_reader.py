@@ -287,7 +287,7 @@ def test_without_commonroad_io_the_error_says_what_to_install(
         return real_import(name, *rest, **named)
 
     monkeypatch.setattr(builtins, "__import__", no_commonroad)
-    with pytest.raises(MissingExtraError, match=r"pip install 'scex-sumo\[formats\]'"):
+    with pytest.raises(MissingExtraError, match=r"pip install '\.\[formats\]'"):
         read_commonroad_road(path)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.base import Behavior
+from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile, Replay, ReplayProfile
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.drivers.own import behavior
@@ -57,7 +57,7 @@ def run(
     *vehicles: roads.Vehicle,
     where: Road | None = None,
     steps: int = 100,
-    model: Behavior = GUARDED,
+    model: BatchBehavior = GUARDED,
     obstacles: Obstacles | None = None,
 ) -> States:
     """Closed loop: (V, 1 + steps), the start first."""

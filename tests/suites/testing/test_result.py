@@ -191,5 +191,5 @@ def test_an_older_result_must_be_of_the_same_suite(tmp_path: Path) -> None:
         ),
     ):
         file.write_text(json.dumps(wrong))
-        with pytest.raises(ResultError, match=f"{says}.*--against needs the test.json of a test"):
+        with pytest.raises(ResultError, match=f"{says}.*give --against the test.json of a test"):
             read_result(file, "1")
