@@ -77,11 +77,12 @@ def test_in_japan_who_turns_right_waits_for_who_comes_straight_on(small: Path) -
     file = small / "f3_left_hand_crossing.osm"
     scene = scex.read_seed(file, tracks=file.with_suffix(".csv"), time=1.1)
     assert scene.road is not None and scene.road.left_hand and scene.now.speed.tolist() == [12.0, 4.0]
-    straight, turns = (
-        extrapolate(scene, models="standard_driver", futures=1, out=small / "out").states(0).speed
-    )
-    assert straight[-1] > 11.5
-    assert turns[-1] < 3.0
+    turns = {2: "likely_driver:path=0"}
+    run = extrapolate(scene, models="likely", assign=turns, futures=8, steps=50, out=small / "out")
+    for future in range(8):
+        straight, turning = run.states(future).speed
+        assert straight.min() > 11.5
+        assert turning[-1] < 3.0
 
 
 def test_overtaking_on_the_opposite_lane_is_no_doubt_but_a_pair_to_test(small: Path) -> None:
