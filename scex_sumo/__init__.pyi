@@ -3,6 +3,10 @@ from .base.errors import ScexError as ScexError
 from .base.errors import ScexWarning as ScexWarning
 from .base.options import option as option
 from .behaviors.base import Behavior as Behavior
+from .behaviors.driving.leaders import find_leaders as find_leaders
+from .behaviors.driving.motion import drive as drive
+from .behaviors.driving.paths import chosen_paths as chosen_paths
+from .behaviors.driving.projection import path_positions as path_positions
 from .behaviors.spec import ModelSpec as ModelSpec
 from .converters.datasets.find import find_recordings as find_recordings
 from .converters.lanelet.reader import read_road as read_road
@@ -18,6 +22,7 @@ from .evaluation.recordings import LoadedRecording as LoadedRecording
 from .evaluation.recordings import load_recording as load_recording
 from .evaluation.recordings import recording_moments as recording_moments
 from .evaluation.recordings import seed_at as seed_at
+from .exporters.request import Request as Request
 from .exporters.scene_graph import plot_scene_graph as plot_scene_graph
 from .exporters.scene_graph import to_hetero_data as to_hetero_data
 from .exporters.scene_graph import to_networkx as to_networkx
@@ -46,6 +51,7 @@ from .results.run import Run as Run
 from .results.run import open_run as open_run
 from .road import Lane as Lane
 from .road import Road as Road
+from .roads.routes import candidate_paths as candidate_paths
 from .scenarios import example_path as example_path
 from .scenarios.seeds import read_seed as read_seed
 from .scene import Plan as Plan

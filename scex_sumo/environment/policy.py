@@ -11,7 +11,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import chosen_paths
-from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.behaviors.driving.projection import path_positions
 from scex_sumo.environment.agent import controlled, planned
 from scex_sumo.environment.checks import finite_numbers, one_of
 from scex_sumo.environment.observation import observed, path_ahead
@@ -53,7 +53,7 @@ class PolicyDriver:
         """Plan 3 s; see `BatchBehavior.plan`."""
         paths, row = chosen_paths(history, road, who, self._path)
         now = history.now[who.future, who.vehicle]
-        way, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
+        way, _, _ = path_positions(history, who, paths, row)
         arrays = predictor_inputs(history, road, who, self._surroundings)
         seen = observed({**arrays, "path": path_ahead(paths, row, way, now)}, flat=self._flat)
         actions = self._action(seen)

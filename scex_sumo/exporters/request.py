@@ -63,12 +63,17 @@ class Participant:
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """Export request.
+    """Export request: futures of a run, and where to write them.
 
     Attributes:
         out: file or folder; None: the exporter names it.
         ego: track id of the vehicle with the planning task.
         encounter: track ids by whose encounter they were chosen.
+
+    Example:
+        >>> request = scex.Request(run=run, futures=(0, 1))
+        >>> request.states(0).x.shape[0] == len(request.models_of(0))
+        True
     """
 
     run: Run

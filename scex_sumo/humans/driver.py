@@ -22,7 +22,7 @@ from scex_sumo.behaviors.base import PLAN_STEPS, check_path, check_positive
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, REAR_AXLE_SHARE, Accelerate, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
-from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
+from scex_sumo.behaviors.driving.projection import clipped, path_positions
 from scex_sumo.behaviors.models.idm import desired_speeds
 from scex_sumo.humans.attention import awareness, kept_clear, yielding
 from scex_sumo.humans.late import still_unaware, unchanged
@@ -99,8 +99,7 @@ class LikelyDriver:
         """Plan 3 s; see `BatchBehavior.plan`."""
         history = estimated_history(history, road)
         paths, row = self._paths(history, road, who)
-        now = history.now[who.future, who.vehicle]
-        s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
+        s, _, _ = path_positions(history, who, paths, row)
         human = human_of(history.scene, self.human)
         view = View(history=history, who=who, paths=paths, row=row, s=s, human=human)
         draws = uniforms(history.route_draw[who.future, who.vehicle], DRAWS, DRIVER)

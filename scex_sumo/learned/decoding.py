@@ -7,7 +7,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, Intent, driven, map_plan
 from scex_sumo.behaviors.driving.paths import SeedPaths
-from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.behaviors.driving.projection import path_positions
 from scex_sumo.humans.guard.side_clearance import offsets_beside, reached
 from scex_sumo.learned.inputs.surface import path_room
 from scex_sumo.road import Road
@@ -56,7 +56,7 @@ def intent_along(
         clear: also keeps it away from boxes beside it.
     """
     now = history.now[who.future, who.vehicle]
-    s, present, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
+    s, present, _ = path_positions(history, who, paths, row)
     steps, way = acceleration.shape[1], way_of(now.speed, acceleration)
     if offset is None:
         wanted = present[:, None] * np.exp(-STEP_S / RETURN_S * np.arange(steps + 1))

@@ -111,6 +111,12 @@ def candidate_paths(road: Road, scene: SeedScene) -> tuple[tuple[CandidatePath, 
     """Return the paths that each vehicle of a seed scene can take, from left to right; none off the lanes.
 
     A path is 80 m long, or 6 s at the vehicle's speed if that is longer; in longer futures in proportion.
+
+    Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
+        >>> paths = scex.candidate_paths(scene.road, scene)
+        >>> len(paths) == scene.vehicles, abs(sum(path.probability for path in paths[0]) - 1) < 1e-9
+        (True, True)
     """
     now, longer = scene.now, (scene.horizon_s + PLAN_S) / HORIZON_S
     matches = match(road, now.x, now.y, now.heading)

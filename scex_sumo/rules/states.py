@@ -10,7 +10,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.driving.paths import SeedPaths
-from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.behaviors.driving.projection import path_positions
 from scex_sumo.road import Rules
 from scex_sumo.scene import SceneHistory, VehicleIndex
 
@@ -70,7 +70,7 @@ def traffic_on(history: SceneHistory, paths: SeedPaths, row: IntArray) -> Traffi
     """Return the places of all vehicles on paths (C, V)."""
     future, vehicle = np.indices(row.shape).reshape(2, -1)
     who, now = VehicleIndex(future=future, vehicle=vehicle), history.now
-    s, _, _ = foot_points(paths, row.ravel(), now.x.ravel(), now.y.ravel(), expected_way(history, who))
+    s, _, _ = path_positions(history, who, paths, row.ravel())
     s, half = s.reshape(row.shape), history.scene.length / 2
     return Traffic(
         row=row,

@@ -61,7 +61,7 @@ def run(command: list[str], where: Path) -> str:
 def plug_in(tmp_path_factory: pytest.TempPathFactory) -> Path:
     where = tmp_path_factory.mktemp("plug_in")
     assert write_files("plug_in.md", where) == [
-        "drivers.py", "export_torchscript.py", "export_onnx.py", "parked.py", "acme_drivers.py",
+        "drivers.py", "export_torchscript.py", "export_onnx.py", "parked.py",
     ]  # fmt: skip
     return where
 
@@ -96,12 +96,12 @@ def test_the_class_of_the_page_drives(plug_in: Path) -> None:
 
 
 def test_the_entry_of_the_page_drives_by_its_name(plug_in: Path) -> None:
-    info = plug_in / "acme_drivers-1.0.dist-info"
+    info = plug_in / "acme-1.0.dist-info"
     info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme-drivers\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[scex_sumo.behaviors]\nacme = acme_drivers:CAUTIOUS\n")
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[scex_sumo.behaviors]\nacme = parked:Parked\n")
     listed = scex("models", cwd=plug_in, path=plug_in).stdout
-    assert "acme " in listed and "time_headway=4.0" in listed
+    assert "acme " in listed and "Stays where it is." in listed
 
 
 def test_the_driving_function_of_the_page_is_tested_and_read_back(tmp_path: Path) -> None:

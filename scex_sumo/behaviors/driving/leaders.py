@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -63,12 +62,42 @@ def find_leaders(
     row: IntArray,
     s_centre: FloatArray,
     *,
-    clearance: float,
-    radius: float,
-    **options: Any,
+    clearance: float = 1.5,
+    radius: float = 100.0,
+    obstacle_clearance: float = 1.5,
 ) -> Leaders:
-    """Find the leader of each driver; see `find_ahead`."""
-    ahead = find_ahead(history, who, paths, row, s_centre, clearance=clearance, radius=radius, **options)
+    """Find the nearest vehicle or obstacle ahead of each of n drivers on its path.
+
+    Args:
+        row: (n,) path of each driver in ``paths``, see `chosen_paths`.
+        s_centre: (n,) where it is on it, m, see `path_positions`.
+        clearance: of a vehicle's centre from the path, m; bodies in the driver's corridor count, too.
+        radius: that drivers see, m.
+        obstacle_clearance: of an obstacle's centre from the path, m.
+
+    Returns:
+        ``gap`` (n,) bumper to bumper, m, inf without a leader; ``speed`` (n,) along the path, m/s; ``index``
+        (n,), -1 without.
+
+    Example:
+        >>> history = scex.SceneHistory.of_scene(scex.read_seed(scex.example_path("roundabout")))
+        >>> who = scex.VehicleIndex(future=np.array([0]), vehicle=np.array([3]))
+        >>> paths, row = scex.chosen_paths(history, history.scene.road, who, "straight")
+        >>> s, _, _ = scex.path_positions(history, who, paths, row)
+        >>> leader = scex.find_leaders(history, who, paths, row, s, radius=80.0)
+        >>> bool(leader.gap[0] > 0)
+        True
+    """
+    ahead = find_ahead(
+        history,
+        who,
+        paths,
+        row,
+        s_centre,
+        clearance=clearance,
+        radius=radius,
+        obstacle_clearance=obstacle_clearance,
+    )
     return ahead.leaders(len(who))
 
 

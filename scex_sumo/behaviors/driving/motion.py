@@ -97,12 +97,22 @@ def drive(
     aside: FloatArray | None = None,
     parallel: bool = False,
 ) -> Plan:
-    """Drive vehicles along their paths.
+    """Drive n vehicles along their paths, as a car steers: a plan of H steps of 0.1 s.
 
     Args:
-        accelerate: vehicles stop instead of reversing.
+        row: (n,) path of each vehicle in ``paths``, see `chosen_paths`.
+        accelerate: function of the step, and of speed, way travelled and arc length of the rear axle (n,)
+            each, that returns accelerations (n,), m/s²; vehicles stop instead of reversing.
         aside: (n, H + 1) wanted offset now and after each step, m, left positive; None is 0.
         parallel: steer with the curvature of the line at that offset instead of that of the path.
+
+    Example:
+        >>> history = scex.SceneHistory.of_scene(scex.read_seed(scex.example_path("roundabout")))
+        >>> who = scex.VehicleIndex(future=np.array([0]), vehicle=np.array([3]))
+        >>> paths, row = scex.chosen_paths(history, history.scene.road, who, "straight")
+        >>> plan = scex.drive(history, who, paths, row, lambda step, speed, travelled, s: 0 * speed - 9.0)
+        >>> plan.x.shape, float(plan.speed[0, -1])
+        ((1, 30), 0.0)
     """
     length = history.scene.length[who.vehicle]
     if paths.slow_in_curves:

@@ -108,10 +108,18 @@ def chosen_paths(
     beside: bool = False,
     redraw: Redraw | None = None,
 ) -> tuple[SeedPaths, IntArray]:
-    """Return paths long enough for the present step, and the (n,) rows that vehicles follow.
+    """Return smooth paths of all vehicles, long enough for the present step, and the (n,) rows to follow.
 
     Args:
+        path: index from left to right, ``straight``, ``random`` (by the future's draw), lane ids, or points.
         beside: as in `seed_paths`, so ``redraw``.
+
+    Example:
+        >>> history = scex.SceneHistory.of_scene(scex.read_seed(scex.example_path("roundabout")))
+        >>> who = scex.VehicleIndex(future=np.array([0, 0]), vehicle=np.array([0, 1]))
+        >>> paths, row = scex.chosen_paths(history, history.scene.road, who, "straight")
+        >>> row.shape, len(paths.lanes) >= history.scene.vehicles
+        ((2,), True)
     """
     # The length depends on the step alone, not on the batch. It doubles, so that all tables of a future
     # together need memory in proportion to its steps.

@@ -79,6 +79,27 @@ def foot_points(
     return refine(paths, row, first, x, y, 4)
 
 
+def path_positions(
+    history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return where vehicles are now on rows of paths.
+
+    Returns:
+        (n,) arc length of the centre, m; (n,) distance from the path, m, left positive; (n,) heading of the
+        path there, rad, unwrapped.
+
+    Example:
+        >>> history = scex.SceneHistory.of_scene(scex.read_seed(scex.example_path("roundabout")))
+        >>> who = scex.VehicleIndex(future=np.array([0]), vehicle=np.array([3]))
+        >>> paths, row = scex.chosen_paths(history, history.scene.road, who, "straight")
+        >>> s, offset, heading = scex.path_positions(history, who, paths, row)
+        >>> s.shape, bool(abs(offset[0]) < 2.0)
+        ((1,), True)
+    """
+    now = history.now[who.future, who.vehicle]
+    return foot_points(paths, row, now.x, now.y, expected_way(history, who))
+
+
 def _nearest_sample(
     paths: SeedPaths, row: IntArray, x: FloatArray, y: FloatArray, expected: FloatArray
 ) -> IntArray:

@@ -21,7 +21,7 @@ from scex_sumo.behaviors.driving.motion import (
     own_motion,
 )
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
-from scex_sumo.behaviors.driving.projection import clipped, expected_way, foot_points
+from scex_sumo.behaviors.driving.projection import clipped, path_positions
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex
 
@@ -200,8 +200,7 @@ class IdmDriver(DrivesAlong):
         """Return the leaders of vehicles on rows of paths; ``way`` (n,): where they are on them, m."""
         profile = self.profile
         if way is None:
-            now = history.now[who.future, who.vehicle]
-            way, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
+            way, _, _ = path_positions(history, who, paths, row)
         return find_leaders(
             history,
             who,

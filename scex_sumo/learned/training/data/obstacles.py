@@ -9,7 +9,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import find_leaders
 from scex_sumo.behaviors.driving.paths import SeedPaths, seed_paths
-from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
+from scex_sumo.behaviors.driving.projection import path_positions, sample_paths
 from scex_sumo.learned.inputs.surface import path_room
 from scex_sumo.learned.training.data.targets import right_paths
 from scex_sumo.road import Road
@@ -58,7 +58,7 @@ def _places(
 ) -> tuple[States, BoolArray]:
     history, who = SceneHistory.of_scene(scene), VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     own = scene.now[vehicle]
-    s, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
+    s, _, _ = path_positions(history, who, paths, row)
     least, most = BRAKING_MPS2
     braking = least * (most / least) ** rng.random(len(vehicle))
     gap = np.minimum(STOP_GAP_M + own.speed**2 / (2 * braking), MAX_GAP_M)
@@ -95,8 +95,7 @@ def _with_standing(scene: SeedScene, place: States) -> SeedScene:
 
 def standing_gap(history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray) -> FloatArray:
     """Return (n,) m from vehicles to the next one on their paths; inf without one."""
-    own = history.now[who.future, who.vehicle]
-    s, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
+    s, _, _ = path_positions(history, who, paths, row)
     return find_leaders(history, who, paths, row, s, clearance=1.5, radius=150.0).gap
 
 
