@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from scex_sumo.results.extras import DISAGREE, DOUBTFUL, NOTHING, TEST, VERDICTS, Decision
 from scex_sumo.results.tables.pairs import NARROW, arrow, once_in, one_in
+from scex_sumo.roads.places import PLACES
 
 TEST_FROM: Final = 1e-4
 """P of a contact from which a pair is tested."""
@@ -78,8 +79,8 @@ def _decision(kind: str, row: Mapping[str, Any], futures: int) -> Decision:
 
 
 def _sentence(kind: str, row: Mapping[str, Any], futures: int) -> str:
-    place = f" ({row['place']})" if row["place"] else ""
-    told = f"{arrow(row)}{place}: {row['how'] or row['what']}"
+    where = f"{row['what']}{' on the ring' if row['place'] == PLACES[0] else ''}"
+    told = f"{arrow(row)} ({where}): {row['how'] or row['what']}"
     if kind == DISAGREE:
         told += f"; {round(row['collide'] * futures)} of {futures} human-like futures collide"
     if kind == DOUBTFUL:

@@ -69,7 +69,7 @@ def run_scene(
     watch.lap("convert")
     repeats = [extra.repeats(settings) for extra in active]
     # More threads of matrix products would wait for cores on which workers run.
-    with threadpool_limits(1, user_api="blas"), options.bar(scene.name) as tick:
+    with threadpool_limits(1, user_api="blas"), options.bar("stress-test futures") as tick:
         parts = [_part_of(tick, k, 1 + sum(repeats)) for k in range(1 + sum(repeats))]
         _run_all(job, workers, parts[0])
         watch.lap("simulate_and_measure")

@@ -45,7 +45,9 @@ def verdict(*rows: dict[str, Any], **options: Any) -> Decision:
 def test_a_pair_from_one_in_ten_thousand_on_is_tested() -> None:
     decided = verdict(row(probability=1e-4), row(track_id=5, probability=1e-5))
     assert decided.kind == "test" and decided.pair == (1, 2) and decided.probability == 1e-4
-    assert decided.sentence.startswith("Test: 1 → 2 (lane): 2 brakes; 1 needs 3.1 m/s²; people collide about")
+    assert decided.sentence.startswith(
+        "Test: 1 → 2 (rear-end): 2 brakes; 1 needs 3.1 m/s²; people collide about"
+    )
     assert verdict(row(probability=9e-5)).kind == "nothing"
 
 
