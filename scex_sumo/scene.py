@@ -7,7 +7,7 @@ n (vehicles that plan in one call).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -210,6 +210,11 @@ class SeedScene(SentOnce):
             people=None if self.people is None else self.people[index],
         )
 
+    @property
+    def names(self) -> list[str]:
+        """(V,) SUMO's names of the vehicles of a simulation, else the track ids."""
+        return [str(named(self.source, track)) for track in self.track_ids.tolist()]
+
     def intention(self, vehicle: int) -> Intention | None:
         """Return what SUMO knows of a vehicle by its index; None for recordings."""
         return self.intentions[vehicle] if self.intentions else None
@@ -218,6 +223,12 @@ class SeedScene(SentOnce):
     def now(self) -> States:
         """(V,) states at the moment itself."""
         return self.history[:, -1]
+
+
+def named(source: Mapping[str, Any], track: int) -> int | str:
+    """Return SUMO's name of a vehicle of a simulation, by the scene's source; else its track id."""
+    name: int | str = (source.get("vehicles") or {}).get(str(track), track)
+    return name
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 import typer
 
-from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import last_of_list
 from scex_sumo.base.processes import AUTO, cores, read_workers
 
@@ -93,11 +92,3 @@ Result = Annotated[
 def metric_option(help: str) -> Any:
     """Return an option that takes one metric."""
     return typer.Option(metavar="METRIC", help=help, autocompletion=complete_metrics)
-
-
-def two_tracks(text: str, option: str = "--encounter") -> tuple[int, int]:
-    """Return ``A,B`` of an option as two track ids; a `UsageError` for another text."""
-    first, _, second = text.partition(",")
-    if not all(part.strip().removeprefix("-").isdecimal() for part in (first, second)):
-        raise UsageError(f"{option} {text}: needs two track ids, e.g. {option} 11,7")
-    return int(first), int(second)

@@ -68,10 +68,10 @@ def pair_table(
 
 
 def _names(whole: SeedScene) -> list[str]:
-    """Return the names (V,) of road users: track ids of vehicles, kind and id of people."""
+    """Return the names (V,) of road users: those of vehicles, kind and id of people."""
     people = np.zeros(whole.vehicles, np.bool_) if whole.people is None else whole.people
-    ids = zip(whole.track_ids.tolist(), whole.types, people.tolist(), strict=True)
-    return [f"{road_user(kind)} {track}" if person else str(track) for track, kind, person in ids]
+    ids = zip(whole.names, whole.types, people.tolist(), strict=True)
+    return [f"{road_user(kind)} {name}" if person else name for name, kind, person in ids]
 
 
 class _Told:
@@ -102,6 +102,8 @@ class _Told:
             "track_id": int(self._whole.track_ids[own]),
             "other_id": int(self._whole.track_ids[other]),
             "person": self._names[other] if self._people[other] else None,
+            "name": self._names[own],
+            "other_name": self._names[other],
             "future": future,
             "needed_braking": float(found.braking[at]),
             "time_margin": float(found.margin[at]) if np.isfinite(found.margin[at]) else None,

@@ -11,7 +11,7 @@ from typer import Option
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import check_output, remember, writing
 from scex_sumo.base.options import last_of_list
-from scex_sumo.commands.options import Result, two_tracks
+from scex_sumo.commands.options import Result
 
 if TYPE_CHECKING:
     from scex_sumo.results.run import Run
@@ -79,9 +79,9 @@ def export_command(
         raise UsageError("export: give one of --future N, --encounter A,B, --all and --recorded")
     if recorded and to in WITHOUT_RECORDED:
         raise UsageError(f"--recorded: not with --to {to}; {WITH_RECORDED}")
-    pair = None if encounter is None else two_tracks(encounter)
     with as_written(folder):
         run = open_run(folder)
+        pair = None if encounter is None else run.two_tracks(encounter)
         request = Request(
             run=run,
             futures=(RECORDED,) if recorded else _futures(run, future, pair),

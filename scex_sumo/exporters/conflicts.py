@@ -38,6 +38,7 @@ class _Future:
     states: States  # (V, T)
     index: Mapping[int, int]  # of the vehicles, by track id
     length: Any  # (V,) m
+    names: Mapping[int, str]  # by track id
 
     def at(self, track: int, time_s: float) -> tuple[float, float, float, float]:
         """Return x, y, heading and speed of a vehicle at a time of the floating car data, s."""
@@ -95,7 +96,8 @@ def _xml(lines: Iterable[str]) -> bytes:
 
 def _future(request: Request, future: int) -> _Future:
     index = {int(track): v for v, track in enumerate(request.scene.track_ids)}
-    return _Future(states=request.run.states(future), index=index, length=request.scene.length)
+    names = dict(zip(index, request.scene.names, strict=True))
+    return _Future(states=request.run.states(future), index=index, length=request.scene.length, names=names)
 
 
 def _collisions(request: Request, future: int) -> list[Row]:
@@ -153,7 +155,7 @@ def _conflict(
     if pet is not None and passing is not None:
         speed = future.at(ego, passing.time_s)[3]
         crossed = _measure(passing.time_s, passing.place, LEFT, pet["value"], speed)
-    head = {"begin": f"{begin:.2f}", "end": f"{end:.2f}", "ego": str(ego), "foe": str(foe)}
+    head = {"begin": f"{begin:.2f}", "end": f"{end:.2f}", "ego": future.names[ego], "foe": future.names[foe]}
     inside = "".join(_element("        ", tag, values) for tag, values in (*lines, ("PET", crossed)))
     return begin, _element("    ", "conflict", head, inside)
 
@@ -186,6 +188,7 @@ def _passing(future: _Future, one: int, other: int) -> _Passing | None:
     tracks = [
         np.stack([states.x[v, begin:], states.y[v, begin:]], -1) for v in map(future.index.get, (one, other))
     ]
+    tracks = [track[np.isfinite(track[:, 0])] for track in tracks]  # without arrived vehicles
     lines = [shapely.LineString(track) for track in tracks]
     points = shapely.get_coordinates(shapely.intersection(*lines))
     if not len(points):
@@ -209,7 +212,7 @@ def _collision(future: _Future, row: Row, types: Mapping[int, str], lanes: LaneF
     kind = _TYPES.get(row["kind"], "junction" if lane.startswith(":") else "side")
     values = {"time": f"{time_s:.2f}", "type": kind, "lane": lane, "pos": f"{along:.2f}"}
     both = {"collider": collider, "victim": victim}
-    values |= {role: str(track) for role, track in both.items()}
+    values |= {role: future.names[track] for role, track in both.items()}
     values |= {f"{role}Type": types[track] for role, track in both.items()}
     values |= {f"{role}Speed": f"{future.at(track, time_s)[3]:.2f}" for role, track in both.items()}
     for name, side in (("Front", 1), ("Back", -1)):

@@ -124,7 +124,7 @@ def _scenario_text(xosc: Any, request: Request, future: int, road_file: str, fla
     act = xosc.Act("act", _at(xosc, "act starts", 0.0))
     at_once = xosc.TransitionDynamics(xosc.DynamicsShapes.step, xosc.DynamicsDimension.time, 0)
     for participant in request.participants(future):
-        name = f"{_role(participant)}{participant.label}"
+        name = f"{_role(participant)}{participant.name}"
         model = "recorded" if participant.vehicle is None else models[participant.vehicle]
         entities.add_scenario_object(name, _entity(xosc, participant, model))
         states = participant.states[begin:]

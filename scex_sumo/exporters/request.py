@@ -40,6 +40,7 @@ class Participant:
 
     Attributes:
         label: track id of a vehicle; name of a replayed pedestrian or cyclist.
+        name: SUMO's name of a vehicle of a simulation, else the label.
         vehicle: index in the seed scene; None for pedestrians and cyclists.
         index: among the vehicles, or among the others.
         states: (T,) from the first logged frame on; those of pedestrians and cyclists may end earlier.
@@ -47,6 +48,7 @@ class Participant:
     """
 
     label: int | str
+    name: str
     vehicle: int | None
     index: int
     kind: str
@@ -198,6 +200,7 @@ def _participant(
 ) -> Participant:
     return Participant(
         label=label,
+        name=users.names[k] if isinstance(users, SeedScene) else str(label),
         vehicle=k if isinstance(users, SeedScene) else None,
         index=k,
         kind=users.types[k],

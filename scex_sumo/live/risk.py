@@ -24,7 +24,7 @@ from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.live.moment import Moment
 from scex_sumo.results.parts import Part
 from scex_sumo.results.tables.outcomes import first_contacts
-from scex_sumo.results.tables.pairs import any_of
+from scex_sumo.results.tables.pairs import any_of, ends
 from scex_sumo.scene import SeedScene
 
 FUTURES: Final = 64
@@ -172,8 +172,7 @@ def _pairs(
         key = frozenset((row["track_id"], row["other_id"]))
         if row["probability"] < LEAST and key not in shares:
             continue
-        hits = names.get(row["track_id"], str(row["track_id"]))
-        other = row["person"] or names.get(row["other_id"], str(row["other_id"]))
+        hits, other = ends(row)
         x, y = place[row["track_id"]]
         pairs.append(
             PairRisk(
@@ -182,7 +181,7 @@ def _pairs(
                 kind=row["what"],
                 human_like=row["probability"] if row["probability"] >= LEAST else 0.0,
                 stress=None if part is None else shares.pop(key, 0.0),
-                how=_named(row, names),
+                how=row["how"] or "",
                 needed_braking=row["needed_braking"] or None,
                 contact_s=row["conflict_s"],
                 doubt=row["doubt"],
@@ -199,12 +198,6 @@ def _pairs(
             )
         )
     return pairs
-
-
-def _named(row: Mapping[str, Any], names: Mapping[int, str]) -> str:
-    """Return how it comes to a conflict, with SUMO's names."""
-    own = {str(row[side]): names.get(row[side], str(row[side])) for side in ("track_id", "other_id")}
-    return " ".join(own.get(word, word) for word in (row["how"] or "").split(" "))
 
 
 def _shares(

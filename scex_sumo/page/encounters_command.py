@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.commands.options import InRegion, Result, two_tracks
+from scex_sumo.commands.options import InRegion, Result
 from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def encounters_command(
 def _meetings(run: Run, pair: str) -> list[Meeting]:
     from scex_sumo.reports.encounter_rows import meetings
 
-    wanted = sorted(two_tracks(pair, "--pair"))
+    wanted = sorted(run.two_tracks(pair, "--pair"))
     of_pair = [meeting for meeting in meetings(run) if list(meeting.pair) == wanted]
     if not of_pair:
         raise UsageError(f"--pair {pair}: these two vehicles meet in no future of the run")

@@ -26,6 +26,7 @@ from scex_sumo.results.tables.pairs import NARROW, any_of, arrow, once_in, one_i
 
 LINES: Final = 14  # of the answer
 COLUMNS: Final = 80
+SATURATED: Final = 0.9  # share of futures with a collision from which it says nothing about the scene
 _MOST, _LEAST = 5, 2  # pairs
 _FROM_PEOPLE = 3  # pairs of people before those of the stress test
 _STYLES: Final[Mapping[str, str]] = {
@@ -123,10 +124,10 @@ def _of_people(row: Mapping[str, Any], stress: float | None) -> PairLine:
 
 def _of_stress(meeting: Meeting) -> PairLine:
     row = meeting.row
-    words = cut_set_words(row.get("cut_sets") or ())
+    words = cut_set_words(row)
     how = f"if {words[0].partition(' in which ')[2]}" if words and " in which " in words[0] else ""
     return PairLine(
-        label=f"{row['track_id']} → {row['other_id']}",
+        label=arrow(row),
         pair=(row["track_id"], row["other_id"]),
         what=row["kind"] or "collision",
         how=how,
@@ -157,7 +158,9 @@ def decided_line(run: Run) -> PairLine | None:
 def any_cells(run: Run) -> list[str]:
     """Return the line of any pair, under the heads of `PairLine.cells`."""
     told = [row["probability"] for row in told_pairs(run)]
-    return ["any", "", chance(any_of(told)) if told else "–", _collides(run), ""]
+    saturated = bool(run.outcomes) and run.collision.value >= SATURATED and not run.info.get("region")
+    hint = "one vehicle's pairs: --region TRACK" if saturated else ""
+    return ["any", hint, chance(any_of(told)) if told else "–", _collides(run), ""]
 
 
 def print_card(run: Run, console: Console) -> None:

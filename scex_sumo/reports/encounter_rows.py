@@ -20,6 +20,7 @@ from scex_sumo.results.tables.encounters import (
     is_queue,
     precedence_words,
 )
+from scex_sumo.results.tables.pairs import ends
 
 if TYPE_CHECKING:
     from scex_sumo.results.region import Region
@@ -27,7 +28,8 @@ if TYPE_CHECKING:
 STRESS_TEST: Final = "stress test"
 HUMAN_LIKE: Final = "human-like"
 
-_SWAP = {"track_id": "other_id", "other_id": "track_id", "model": "other_model", "other_model": "model"}
+_PAIRED = (("track_id", "other_id"), ("name", "other_name"), ("model", "other_model"))
+_SWAP = {a: b for pair in _PAIRED for a, b in (pair, pair[::-1])}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -164,7 +166,8 @@ def sentence(group: Sequence[Meeting]) -> str:
     times = sorted({f"{one.row['time_s']:.1f}" for one in group}, key=float)
     about = [row["kind"], row["place"], f"{'–'.join(times[:: max(len(times) - 1, 1)])} s"]
     queue = " of a queue" if row["kind"] in (None, "rear-end") and is_queue(pairs) else ""
-    head = f"{len(group)} pairs{queue}, {arrows(pairs)} ({', '.join(part for part in about if part)})"
+    told = arrows([one.row for one in group])
+    head = f"{len(group)} pairs{queue}, {told} ({', '.join(part for part in about if part)})"
     return f"{head}: {_of_roles(group[0])}"
 
 
@@ -173,8 +176,8 @@ def _of_roles(meeting: Meeting) -> str:
     follows = meeting.row["kind"] in (None, "rear-end")
     roles = ("the follower", "the leader") if follows else ("the first", "the second")
     text = meeting.words().partition(": ")[2]
-    for name, role in zip(("track_id", "other_id"), roles, strict=True):
-        text = re.sub(rf"\b{meeting.row[name]}\b(?= [a-z])", role, text)
+    for name, role in zip(ends(meeting.row), roles, strict=True):
+        text = re.sub(rf"(?<!\S){re.escape(name)}(?= [a-z])", role, text)
     return text
 
 

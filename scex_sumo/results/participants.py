@@ -118,9 +118,13 @@ def joined(
 ) -> SeedScene:
     """Return the scene with obstacles (P,) as its last vehicles, too; sizes are length and width, m."""
     future, valid = _futures(people, 0 if scene.future is None else scene.future.shape[1])
-    history = people.states[:, : HISTORY_STEPS + 1]
+    history, source = people.states[:, : HISTORY_STEPS + 1], scene.source
+    if "vehicles" in source:  # SUMO's names
+        names = dict(zip(map(str, track_ids.tolist()), people.ids, strict=True))
+        source = {**source, "vehicles": {**source["vehicles"], **names}}
     return replace(
         scene,
+        source=source,
         track_ids=np.concatenate([scene.track_ids, track_ids]),
         types=(*scene.types, *types),
         length=np.concatenate([scene.length, sizes[0]]),

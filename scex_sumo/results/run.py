@@ -23,7 +23,7 @@ from scex_sumo.results.road import load_road
 from scex_sumo.results.tables.horizons import HORIZONS, horizons_of
 from scex_sumo.results.tables.reading import read_assignments, read_metrics, read_table
 from scex_sumo.road import Road
-from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States
+from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States, named
 from scex_sumo.statistics.density import BANDWIDTH, Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 
@@ -212,6 +212,20 @@ class Run:
         from scex_sumo.converters.net.reading import open_net
 
         return open_net(self.folder / "sumo" / f"{self.info['net']}.net.xml")
+
+    def name_of(self, track: int) -> int | str:
+        """Return SUMO's name of a vehicle of a simulation, else its track id."""
+        return named(self.info["seed_scene"].get("source") or {}, track)
+
+    def two_tracks(self, text: str, option: str = "--encounter") -> tuple[int, int]:
+        """Return ``A,B`` of an option, SUMO's names or track ids, as track ids; else raise a `UsageError`."""
+        known = {str(self.name_of(track)): int(track) for track in self.info["seed_scene"]["track_ids"]}
+        words = [word.strip() for word in text.split(",")]
+        if len(words) != 2 or not all(w in known or w.removeprefix("-").isdecimal() for w in words):
+            vehicles = ", ".join([*known][:20])
+            raise UsageError(f"{option} {text}: needs two vehicles, e.g. {option} 11,7; known: {vehicles}")
+        one, other = (known[word] if word in known else int(word) for word in words)
+        return one, other
 
     def states(self, future: int) -> States:
         """Return the states (V, T) of a future; frames 1 to 10 are the history, 10 is the seed scene.

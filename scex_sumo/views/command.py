@@ -13,7 +13,7 @@ from typer import Option
 
 from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.base.sumo.programs import environment, program
-from scex_sumo.commands.options import Result, metric_option, two_tracks
+from scex_sumo.commands.options import Result, metric_option
 
 EXAMPLE = "out/roundabout --encounter 11,7"
 
@@ -48,7 +48,7 @@ def view_command(
         elif critical is not None:
             file = write_worst(run, critical)
         elif encounter is not None:
-            file = write_encounter(run, *two_tracks(encounter))
+            file = write_encounter(run, *run.two_tracks(encounter))
         elif future is not None:
             file = write_future(run, future)
         else:

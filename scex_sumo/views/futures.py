@@ -53,8 +53,8 @@ def _tracks(row: dict[str, Any]) -> list[int]:
     return [row[name] for name in ("track_id", "other_id") if row.get(name) is not None]
 
 
-def _named(tracks: Sequence[int]) -> str:
-    return " and ".join(str(track) for track in tracks)
+def _named(run: Run, tracks: Sequence[int]) -> str:
+    return " and ".join(str(run.name_of(track)) for track in tracks)
 
 
 def write_worst(run: Run, column: str) -> Path:
@@ -161,7 +161,7 @@ def _event_view(
     run: Run, number: int, tracks: Sequence[int], step: int, what: str, states: States | None = None
 ) -> FutureView:
     ids = list(run.info["seed_scene"]["track_ids"])
-    title = f"{what} · {_named(tracks)} after {step * STEP_S:.1f} s{precedence_words(run.info, tracks)}"
+    title = f"{what} · {_named(run, tracks)} after {step * STEP_S:.1f} s{precedence_words(run.info, tracks)}"
     event = [ids.index(track) for track in tracks if track in ids]  # people who are replayed have none
     return _future_view(run, number, title=title, states=states, event=event, stop=LOGGED_HISTORY - 1 + step)
 

@@ -184,7 +184,7 @@ def _write_tiles(
 def _groups(scene: SeedScene, tiled: TiledFuture) -> list[FcdTracks]:
     steps = tiled.future.states.shape[1]
     vehicles = FcdTracks(
-        ids=[tiled.id(str(track)) for track in scene.track_ids],
+        ids=[tiled.id(name) for name in scene.names],
         types=[_type_id(model, scene.types[v], v) for v, model in enumerate(tiled.future.models)],
         walks=_walks(scene.types),
         length=scene.length,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,12 @@ import pytest
 from pyarrow import csv
 
 import scex_sumo
+from scex_sumo.base.errors import UsageError
 from scex_sumo.base.sumo.programs import run_program
 from scex_sumo.evaluation.sources import read_source
 from scex_sumo.exporters.request import Request
-from scex_sumo.exporters.tracks import write_interaction
+from scex_sumo.exporters.tracks import write_fcd_files, write_interaction
+from scex_sumo.results.tables.pairs import ends
 from scex_sumo.roads.doubts import doubts_of
 from tests.runs import extrapolate
 
@@ -76,6 +79,21 @@ def test_nobody_meets_a_vehicle_that_has_left(planned: scex_sumo.Run) -> None:
     mine = pc.field("track_id") == 1
     later = planned.worst.filter(mine & (pc.field("timestamp_ms") > 1000 * (last_s + 1)))
     assert later.num_rows == 0 and planned.collisions.num_rows == 0
+
+
+def test_answer_tables_and_exports_have_sumo_s_names(scene: scex_sumo.SeedScene, tmp_path: Path) -> None:
+    cars = {"1": "main.1", "2": "main.2", "3": "side"}
+    named = dataclasses.replace(scene, source={**scene.source, "vehicles": cars})
+    run = extrapolate(named, models=["standard_driver"], futures=2, steps=20, out=tmp_path / "out")
+    assert [run.name_of(track) for track in (1, 2, 3)] == list(cars.values())
+    assert run.two_tracks("main.2, 3") == (2, 3)
+    with pytest.raises(UsageError, match=r"needs two vehicles.*known: main\.1, main\.2, side"):
+        run.two_tracks("main.2,main.9")
+    rows = run.encounters.to_pylist()
+    assert rows and all((row["name"], row["other_name"]) == ends(row) for row in rows)
+    assert {name for row in rows for name in ends(row)} <= set(cars.values())
+    fcd = write_fcd_files(Request(run=run, futures=(0,), out=tmp_path / "f.fcd.xml"))[0].read_text()
+    assert all(f'id="{name}"' in fcd for name in cars.values())
 
 
 def test_a_simulation_gives_no_doubt_about_vehicles_that_it_inserts_and_takes_out(

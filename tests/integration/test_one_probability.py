@@ -79,7 +79,7 @@ def test_any_collision_is_the_same_in_each_place(run: Run, tmp_path: Path) -> No
 def test_a_pair_is_the_same_in_each_place(run: Run, worst: Encounter) -> None:
     """Whichever way round it is asked for."""
     share, (one, other) = worst.collision, worst.pair
-    always = cut_set_words(worst.row["cut_sets"])
+    always = cut_set_words(worst.row)
     pair = told("encounters", run.folder, "--pair", f"{other},{one}")
     assert f"collides in {share.percent}, {always[0]}" in pair
     assert all(f"collides {words}" in pair for words in always)

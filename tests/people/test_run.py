@@ -65,7 +65,7 @@ def test_what_people_do_counts(scene: SeedScene, tmp_path: Path) -> None:
     run = run_of(scene, tmp_path / "run", vru="model", models=mix, futures=96, world="plain")
     pair = run.encounter(0, 2)
     count = pair.collision.count
-    assert cut_set_words(pair.row["cut_sets"]) == [
+    assert cut_set_words(pair.row) == [
         f"in {count} of {count} futures in which 0 keeps its speed and 2 steps out"
     ]
 

@@ -83,7 +83,7 @@ function runReport(run) {
   };
 
   const only = (key, act) => state.filters.has(key) ? state.filter(key) : act();
-  const vehicleOf = (text) => info.track_ids.indexOf(Number(text));
+  const vehicleOf = (text) => info.track_ids.map(String).indexOf(text);
   const address = keepInAddress(state, {
     pair: {
       get: () => ({ "": state.pair && state.pair.map(id).join() }),

@@ -17,6 +17,7 @@ from scex_sumo.results.run import Run
 from scex_sumo.results.tables.cut_sets import cut_set_words
 from scex_sumo.results.tables.encounters import QUESTIONS, event_of
 from scex_sumo.results.tables.outcomes import collided, first_contacts
+from scex_sumo.results.tables.pairs import arrow, ends
 
 _SHARE = "Share of the futures; a click on a row shows the typical one"
 HEADS: Final[tuple[Head, ...]] = (
@@ -71,7 +72,7 @@ def encounter_cells(meeting: Meeting) -> tuple[list[Any], list[str | None]]:
     words = iter(share.share for share in (collision, *others))
     said = [next(words) if form == "percent" else None for _, form, _ in HEADS]
     cells = [
-        f"{row['track_id']} → {row['other_id']}",
+        arrow(row),
         ", ".join(filter(None, (row["place"], "doubtful" if meeting.doubt else None))) or None,
         meeting.futures,
         collision.value,
@@ -107,7 +108,7 @@ def print_pair(meeting: Meeting, console: Console) -> None:
     caption = "a collision counts as TTC, PET and DRAC"
     print_table(console_table(title, heads, rows, caption=caption), console)
     event = event_of(row)[1]
-    for words in cut_set_words(row["cut_sets"]):
+    for words in cut_set_words(row):
         print_line(f"{event} {words}", console)
     gaps = ["> 10" if row[f"gap_p{p}"] is None else f"{row[f'gap_p{p}']:.1f}" for p in ("05", "50", "95")]
     print_line(
@@ -117,7 +118,8 @@ def print_pair(meeting: Meeting, console: Console) -> None:
         names: tuple[Head, ...] = (("vehicle", "names", ""), ("model", "names", ""))
         heads = [*names, ("futures", "text", ""), (event, "text", ""), ("lift", "real", "")]
         title, caption = "by the model of one vehicle", "lift: share of these futures over that of all"
-        lifts = [list(lift.values()) for lift in row["lifts"]]
+        names_of = dict(zip((row["track_id"], row["other_id"]), ends(row), strict=True))
+        lifts = [[names_of[track], *values] for track, *values in map(dict.values, row["lifts"])]
         print_table(console_table(title, heads, lifts, caption=caption), console)
     hits = np.flatnonzero(encounter.happens("collision")).tolist()
     if hits:

@@ -18,6 +18,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, IntArray
+from scex_sumo.results.tables.pairs import ends
 
 LEAST_FUTURES: Final = 8
 """Futures of a set, at least."""
@@ -149,27 +150,33 @@ def _always(has: NDArray[np.float32], happens: BoolArray) -> Iterator[tuple[tupl
         yield tuple({int(often[first[k]]), int(often[second[k]])}), int(hits[first[k], second[k]])
 
 
-def cut_set_words(cut_sets: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return cut sets in words, e.g. ``in 24 of 24 futures in which 15 brakes hard and 16 keeps its speed``.
+def cut_set_words(row: Mapping[str, Any]) -> list[str]:
+    """Return the cut sets of a row of encounters in words.
+
+    E.g. ``in 24 of 24 futures in which 15 brakes hard and 16 keeps its speed``.
 
     Sets that differ in the model of one vehicle are one phrase.
     """
     told: list[tuple[int, dict[int, list[str]]]] = []
-    for row in cut_sets:
-        own = {track: [model] for track, model in zip(row["track_ids"], row["models"], strict=True)}
+    names = dict(zip((row["track_id"], row["other_id"]), ends(row), strict=True))
+    for one in row.get("cut_sets") or ():  # older results have none
+        own = {track: [model] for track, model in zip(one["track_ids"], one["models"], strict=True)}
         for k, (futures, models) in enumerate(told):
             differ = [track for track in own if own[track] != models.get(track)]
             if own.keys() == models.keys() and len(differ) == 1:
                 joined = models | {differ[0]: models[differ[0]] + own[differ[0]]}
-                told[k] = futures + row["futures"], joined
+                told[k] = futures + one["futures"], joined
                 break
         else:
-            told.append((row["futures"], own))
-    told.sort(key=lambda one: -one[0])
-    return [_phrase(futures, models) for futures, models in told]
+            told.append((one["futures"], own))
+    told.sort(key=lambda each: -each[0])
+    return [
+        _phrase(futures, {names.get(track, str(track)): drawn for track, drawn in models.items()})
+        for futures, models in told
+    ]
 
 
-def _phrase(futures: int, models: Mapping[int, Sequence[str]]) -> str:
+def _phrase(futures: int, models: Mapping[str, Sequence[str]]) -> str:
     parts = [f"{track} {_any_of([_does(name) for name in names])}" for track, names in models.items()]
     return f"in {futures} of {futures} futures in which {' and '.join(parts)}" if parts else "in all futures"
 

@@ -15,10 +15,11 @@ from scex_sumo.metrics.encounters import Encounters
 from scex_sumo.metrics.events import EVENTS, MEASURED
 from scex_sumo.results.tables.cut_sets import CUT_SETS, LIFTS, DrawnModels, cut_set_words
 from scex_sumo.results.tables.outcomes import first_contacts
+from scex_sumo.results.tables.pairs import arrow, ends
 from scex_sumo.road import Road
 from scex_sumo.roads.doubts import doubts_of
 from scex_sumo.roads.places import places_of
-from scex_sumo.scene import SeedScene
+from scex_sumo.scene import SeedScene, named
 from scex_sumo.statistics.density import Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 
@@ -30,6 +31,8 @@ SCHEMA: Final = pa.schema(
     [
         ("track_id", pa.int64()),
         ("other_id", pa.int64()),
+        ("name", pa.string()),
+        ("other_name", pa.string()),
         *((name + end, pa.float64()) for name in QUESTIONS for end in ("", "_low", "_high")),
         ("met", pa.float64()),
         ("consequence", pa.float64()),
@@ -119,8 +122,12 @@ def encounters_table(
     points = np.array([(row["x"], row["y"]) for row in rows]).reshape(-1, 2)
     places = places_of(road, points) if road is not None else [None] * len(rows)
     doubts = _doubts(rows, scene) if scene is not None else [None] * len(rows)
-    named = zip(rows, places, doubts, strict=True)
-    rows = [{**row, "place": place, "doubt": doubt} for row, place, doubt in named]
+    label = {} if scene is None else dict(zip(scene.track_ids.tolist(), scene.names, strict=True))
+    rows = [
+        {**row, "place": place, "doubt": doubt}
+        | {"name": label.get(row["track_id"]), "other_name": label.get(row["other_id"])}
+        for row, place, doubt in zip(rows, places, doubts, strict=True)
+    ]
     rows.sort(key=criticality)
     return pa.Table.from_pylist(rows, schema=SCHEMA)
 
@@ -128,7 +135,7 @@ def encounters_table(
 def _doubts(rows: list[dict[str, Any]], scene: SeedScene) -> list[str | None]:
     index = {track: v for v, track in enumerate(scene.track_ids.tolist())}
     one, other = (np.array([index[row[name]] for row in rows], int) for name in ("track_id", "other_id"))
-    return doubts_of(scene, one, other)
+    return doubts_of(scene, one, other, names=scene.names)
 
 
 def outcomes_table(encounters: Encounters, track_ids: IntArray) -> pa.Table:
@@ -226,7 +233,10 @@ def precedence_words(info: Mapping[str, Any], pair: Sequence[int]) -> str:
         info: of the run.
     """
     known = info.get("precedence", ())
-    return "".join(f"; {one} {what}" for one, other, what in known if {one, other} == set(pair))
+    source = info.get("seed_scene", {}).get("source") or {}
+    return "".join(
+        f"; {named(source, one)} {what}" for one, other, what in known if {one, other} == set(pair)
+    )
 
 
 def in_words(row: Mapping[str, Any]) -> str:
@@ -235,24 +245,25 @@ def in_words(row: Mapping[str, Any]) -> str:
     It says in which futures its event always happened, else who drove how in the typical future.
     """
     about = [row["kind"], row["place"], f"{row['time_s']:.1f} s"]
-    head = f"{row['track_id']} → {row['other_id']} ({', '.join(part for part in about if part)}): "
+    head = f"{arrow(row)} ({', '.join(part for part in about if part)}): "
     gap = "more than 10" if row["gap"] is None else f"{row['gap']:.1f}"
     name, event = event_of(row)
     if not name:
         share = row.get("consequence")  # older results have none
         later = f", touches in {share:.1%} after an earlier collision" if share else ""
         return f"{head}{event}, typically {gap} m apart{later}"
-    if sets := cut_set_words(row.get("cut_sets") or ()):  # older results have none
+    if sets := cut_set_words(row):
         more = f" ({len(sets) - 1} more with encounters --pair)" if len(sets) > 1 else ""
         return f"{head}{event} in {share_of(row, name).percent}, {sets[0]}{more}"
-    drivers = f"{row['track_id']} {row['model']}, {row['other_id']} {row['other_model']}"
+    own, other = ends(row)
+    drivers = f"{own} {row['model']}, {other} {row['other_model']}"
     apart = "" if name == "collision" else f"{gap} m apart, "
     return f"{head}{event} in {share_of(row, name).percent}, typically {apart}{drivers}"
 
 
-def arrows(pairs: Sequence[tuple[int, int]], most: int = 3) -> str:
-    """Return pairs in words, e.g. ``1 → 2, 2 → 3, ...``."""
-    return ", ".join([*(f"{one} → {other}" for one, other in pairs[:most]), *["..."][: len(pairs) - most]])
+def arrows(rows: Sequence[Mapping[str, Any]], most: int = 3) -> str:
+    """Return the pairs of rows in words, e.g. ``1 → 2, 2 → 3, ...``."""
+    return ", ".join([*map(arrow, rows[:most]), *["..."][: len(rows) - most]])
 
 
 def is_queue(pairs: Sequence[tuple[int, int]]) -> bool:

@@ -20,6 +20,8 @@ PAIRS: Final = pa.schema(
     [
         ("track_id", pa.int64()),  # of the vehicle that has to brake, or enters later: it hits or follows
         ("other_id", pa.int64()),
+        ("name", pa.string()),  # SUMO's name of the first one in a simulation, else its track id
+        ("other_name", pa.string()),
         ("person", pa.string()),  # kind and name of a pedestrian or cyclist as the other one
         ("probability", pa.float64()),  # of a contact within 3 s
         (
@@ -61,7 +63,13 @@ def told_pairs(run: Any, *, doubtful: bool = False) -> list[dict[str, Any]]:
 
 def arrow(row: Mapping[str, Any]) -> str:
     """Return a pair in words: the vehicle that hits or follows, and the other one."""
-    return f"{row['track_id']} → {row['person'] or row['other_id']}"
+    return " → ".join(ends(row))
+
+
+def ends(row: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the names of both road users of a row of pairs or encounters; track ids of older ones."""
+    name, other = (row.get(column) for column in ("name", "other_name"))
+    return str(name or row["track_id"]), str(row.get("person") or other or row["other_id"])
 
 
 def any_of(probabilities: Iterable[float]) -> float:

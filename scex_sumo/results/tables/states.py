@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -84,7 +85,8 @@ def read_scene(folder: Path, known: Mapping[str, Any]) -> SeedScene:
     where = {int(track): index for index, track in enumerate(scene.track_ids)}
     if sorted(where) != sorted(known["track_ids"]):
         raise ResultError(f"{folder}: seed.csv is not that of run.json; run again")
-    return scene.reordered([where[track] for track in known["track_ids"]], name=known["name"])
+    scene = scene.reordered([where[track] for track in known["track_ids"]], name=known["name"])
+    return replace(scene, source=known.get("source") or {})
 
 
 def as_xarray(states: States, models: NDArray[np.str_], **vehicle_and_step: Any) -> Any:

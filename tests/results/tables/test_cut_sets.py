@@ -22,7 +22,7 @@ DRAWN = np.random.default_rng(0).integers(3, size=(400, 40))
 def told(happens: BoolArray, levels: np.ndarray = DRAWN) -> list[str]:
     """The first two vehicles, 1 and 2, are the pair."""
     drawn = DrawnModels(np.arange(1, levels.shape[1] + 1), NAMES[levels])
-    return cut_set_words(drawn.cut_sets((0, 1), happens))
+    return cut_set_words({"track_id": 1, "other_id": 2, "cut_sets": drawn.cut_sets((0, 1), happens)})
 
 
 def test_sets_are_the_smallest_and_the_most_frequent_is_first() -> None:
@@ -41,7 +41,9 @@ def test_models_that_do_the_same_are_one_phrase() -> None:
     (words,) = told(DRAWN[:, 0] != KEEPS)
     assert words == f"in {count} of {count} futures in which 1 brakes hard or drives riskily"
     three = [{"futures": 9, "track_ids": [1], "models": [name]} for name in ("stops", "mine", "replay")]
-    assert cut_set_words(three)[0].endswith("which 1 stops, drives as mine or drives as recorded")
+    assert cut_set_words({"track_id": 1, "other_id": 2, "cut_sets": three})[0].endswith(
+        "which 1 stops, drives as mine or drives as recorded"
+    )
 
 
 def test_vehicles_beside_the_pair_count_if_they_decide_and_not_by_chance() -> None:
