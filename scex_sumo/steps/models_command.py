@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Annotated
 
-from typer import Argument
+from typer import Argument, Option
 
 EXAMPLE = "standard_driver"
 _SHOWN = 5  # parameters of a model in the list of all
@@ -15,10 +15,17 @@ def models_command(
     name: Annotated[
         str | None, Argument(metavar="NAME", help="One model, with all parameters.", show_default=False)
     ] = None,
+    check: Annotated[
+        bool,
+        Option("--check", help="Let a driver of yours plan: shapes, values, the same in any batch, seconds."),
+    ] = False,
 ) -> None:
     """List the behaviour models, or all parameters of one."""
     from scex_sumo.drivers.listing import model_info
 
+    if check:
+        _check(name)
+        return
     if name is None:
         _print_all()
         return
@@ -29,6 +36,20 @@ def models_command(
     if rows:
         print()
         _print([("parameter", "default", "meaning"), *rows])
+
+
+def _check(name: str | None) -> None:
+    from scex_sumo.base.errors import ScexError, UsageError
+    from scex_sumo.extrapolation.model_check import check_model
+
+    if name is None:
+        raise UsageError("--check: name a driver, e.g. scex-sumo models mine:Class --check")
+    faults, plans, seconds = check_model(name)
+    first, later = (f"{1000 * each:.2g} ms" for each in seconds)
+    print(f"{name}: {plans} plans, {first} each, {later} the second time")
+    if faults:
+        raise ScexError(f"{name}: {'; '.join(faults)}")
+    print("shapes, values, motion: sound; the same plans when asked again and in another batch")
 
 
 def _print_all() -> None:

@@ -77,12 +77,22 @@ def test_in_japan_who_turns_right_waits_for_who_comes_straight_on(small: Path) -
     file = small / "f3_left_hand_crossing.osm"
     scene = scex.read_seed(file, tracks=file.with_suffix(".csv"), time=1.1)
     assert scene.road is not None and scene.road.left_hand and scene.now.speed.tolist() == [12.0, 4.0]
-    turns = {2: "likely_driver:path=0"}
-    run = extrapolate(scene, models="likely", assign=turns, futures=8, steps=50, out=small / "out")
-    for future in range(8):
-        straight, turning = run.states(future).speed
-        assert straight.min() > 11.5
-        assert turning[-1] < 3.0
+    scex.convert(scene.road, small / "n.net.xml")
+    net = ET.parse(small / "n.net.xml")
+    link = {(c.attrib["from"], c.attrib["dir"]): int(c.attrib["via"].split("_")[-2]) for c in _links(net)}
+    yields = {int(r.attrib["index"]): r.attrib["response"][::-1] for r in net.iter("request")}
+    assert yields[link["l5", "r"]][link["l1", "s"]] == "1"
+    assert yields[link["l1", "s"]][link["l5", "r"]] == "0"
+
+    turns = {1: "likely_driver:path=straight", 2: "likely_driver:path=0"}
+    run = extrapolate(scene, assign=turns, futures=24, steps=50, out=small / "out")
+    waits = [run.states(future).speed[1, -1] < 3.0 for future in range(24)]
+    assert np.mean(waits) > 0.5  # some take the gap
+
+
+def _links(net: ET.ElementTree) -> list[ET.Element]:
+    """Return the links between roads."""
+    return [link for link in net.iter("connection") if "via" in link.attrib and link.attrib["from"][0] != ":"]
 
 
 def test_overtaking_on_the_opposite_lane_is_no_doubt_but_a_pair_to_test(small: Path) -> None:
