@@ -80,14 +80,16 @@ def _planned(
 
 
 def _defects(plans: FloatArray, history: SceneHistory, who: VehicleIndex) -> list[str]:
-    parts = {key: plans[:, column] for column, key in enumerate(STATES)}
-    defects = [defect for defect in plan_defects(Plan(**parts), history, who) if defect]
+    x, y, heading, speed = plans.transpose(1, 0, 2)
+    plan = Plan(x=x, y=y, heading=heading, speed=speed)
+    defects = [defect for defect in plan_defects(plan, history, who) if defect]
     return [f"{len(defects)} of {len(who)} plans are unusable: {defects[0]}"] if defects else []
 
 
 def _same(plans: FloatArray, others: FloatArray) -> BoolArray:
     """Return (n,) whether two plans are equal; NaN is like NaN."""
-    return ((plans == others) | (np.isnan(plans) & np.isnan(others))).all(axis=(1, 2))
+    same: BoolArray = ((plans == others) | (np.isnan(plans) & np.isnan(others))).all(axis=(1, 2))
+    return same
 
 
 def _share(different: BoolArray) -> str:
