@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 PARKS: Final = 1
 """Flag of a stop beside the lane."""
@@ -28,6 +28,13 @@ class Stop:
     duration_s: float
     until_s: float = -1.0
     flags: int = 0
+
+
+class Walk(NamedTuple):
+    """Walk of a person of a SUMO simulation: edges, and where it ends on the last one, m; () unknown."""
+
+    edges: tuple[str, ...] = ()
+    arrival_m: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

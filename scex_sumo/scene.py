@@ -17,7 +17,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.sending import SentOnce
 
 if TYPE_CHECKING:
-    from scex_sumo.intention import Intention
+    from scex_sumo.intention import Intention, Walk
     from scex_sumo.road import Road, Rules
 
 
@@ -115,6 +115,7 @@ class Obstacles:
         types: (O,) lower case, e.g. ``pedestrian/bicycle``.
         states: (O, 11 + F); index 10 is the seed scene. Constant velocity continues the recording.
         present: (O, 11 + F).
+        walks: (O,) of pedestrians of a simulation, from the edge on which they are, or were last; () else.
     """
 
     ids: tuple[str, ...]
@@ -123,6 +124,7 @@ class Obstacles:
     width: FloatArray
     states: States
     present: BoolArray
+    walks: tuple[Walk, ...] = ()
 
     def at(self, step: int) -> tuple[States, BoolArray]:
         """Return states (O,) and presence ``step`` steps after the seed scene; the last ones stay."""

@@ -279,10 +279,12 @@ def _recorded_overlaps(run: Run) -> str:
 
 
 def participants(scene: Mapping[str, Any]) -> str:
-    """Return how many vehicles and people of a seed scene, as ``run.json`` has it, take part."""
+    """Return how many vehicles and people of a seed scene, as ``run.json`` has it, take part, and how."""
     people = len(scene.get("people", ()))
     words = counted(scene["vehicles"] - people, "vehicle")
-    return f"{words} and {people} {'person' if people == 1 else 'people'}" if people else words
+    words += f" and {people} {'person' if people == 1 else 'people'}" if people else ""
+    replayed = [counted(count, kind) for kind, count in (scene.get("replayed") or {}).items()]
+    return f"{words} ({', '.join(replayed)} as recorded)" if replayed else words
 
 
 def counted(count: int, noun: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import platform
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ from scex_sumo.base.errors import ResultError, reason_of
 from scex_sumo.base.files import refuse_special_files
 from scex_sumo.base.schema import COUNT, NUMBER, PLAIN_NAME, TEXT, TRACK, listed, or_null, read_json, record
 from scex_sumo.base.version import version_of
+from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.scene import SeedScene
 
 
@@ -114,6 +116,7 @@ def describe(scene: SeedScene) -> dict[str, Any]:
         "vehicles": scene.vehicles,
         "track_ids": [int(t) for t in scene.track_ids],
         "obstacles": len(scene.obstacles.ids) if scene.obstacles is not None else 0,
+        "replayed": {} if scene.obstacles is None else Counter(map(road_user, scene.obstacles.types)),
         **({} if scene.people is None else {"people": scene.track_ids[scene.people].tolist()}),
         "recorded_future_steps": int(scene.future.shape[1]) if scene.future is not None else 0,
         "notes": list(scene.notes),

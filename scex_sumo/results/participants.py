@@ -187,4 +187,5 @@ def some_obstacles(others: Obstacles, keep: BoolArray) -> Obstacles | None:
         width=others.width[at],
         states=others.states[at],
         present=others.present[at],
+        walks=tuple(others.walks[k] for k in at) if others.walks else (),
     )

@@ -1,8 +1,11 @@
 """Pedestrians of SUMO's world: persons on the net's crossings and lanes, elsewhere beside the net.
 
 ``person.moveToXY`` of libsumo 1.28 takes a lane for the wanted edge. On walking areas it shifts persons by
-up to 12 m, and crashes if one comes to them from a lane in a junction. So persons are never on them: SUMO's
-drivers see persons on crossings and lanes. A person that changes between these is removed and added again.
+up to 12 m, and crashes if one comes to them from a lane in a junction. So moved persons are never on them:
+SUMO's drivers see them on crossings and lanes. A person that changes between these is removed and added again.
+Moved persons face along the crossing's lane, whatever their angle: one that walks against it stands at the
+lane's begin, where it is still before all vehicles. Persons of a simulation that are on a sidewalk or about
+to cross walk by themselves: SUMO's drivers wait for a person that comes to a crossing.
 """
 
 from __future__ import annotations
@@ -19,15 +22,18 @@ from numpy.typing import NDArray
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.text import points_of
 from scex_sumo.converters.tracks.road_users import road_user
+from scex_sumo.intention import Walk
 from scex_sumo.world.batch import MATCH_M, OWN_LANE
 from scex_sumo.world.tiles import tile_id
 from scex_sumo.world.vehicle_types import road_class
 
 LANE: Final = "lane"
 NOWHERE: Final = ""
+WALKS: Final = "walks"
 _ANY_CLASS = 4  # of moveToXY's keepRoute
 _NO_MATCH_M = 1e-6
 _STAGE_S = 1e6
+_BEGIN_M = 0.1
 _WIDTH_M = 3.2  # SUMO's lanes without one
 
 
@@ -51,6 +57,8 @@ class WalkingPlaces:
     def __init__(self, net: ElementTree.Element) -> None:
         """Collect the places of a net."""
         self._crossings, shapes, lanes, apart = list[str](), list[Any](), list[Any](), False
+        self._lines: list[Any] = []
+        self._sidewalks: dict[str, tuple[Any, float]] = {}
         self.edge = ""
         for edge in net.iter("edge"):
             function = edge.get("function", "normal")
@@ -61,23 +69,49 @@ class WalkingPlaces:
                 if function == "crossing":
                     self._crossings.append(lane.get("id", ""))
                     shapes.append(_area(lane))
-                elif not walks and cars:
+                    self._lines.append(shapely.LineString(points_of(lane.get("shape", ""))))
+                elif not walks and _allows(lane, "pedestrian"):
+                    line = shapely.LineString(points_of(lane.get("shape", "")))
+                    scale = float(lane.get("length", line.length)) / line.length
+                    self._sidewalks.setdefault(edge.get("id", ""), (line, scale))
+                if not walks and cars:
                     lanes.append(_area(lane))
                     self.edge = self.edge or (edge.get("id", "") if function == "normal" else "")
         self.for_cyclists = not apart
         self._shapes, self._lanes = shapely.STRtree(shapes), shapely.STRtree(lanes)
 
+    def along(self, walk: Walk, x: float, y: float) -> float | None:
+        """Return the place of a person on the first edge of its walk, m; None if it cannot go on from there.
+
+        A person on a crossing cannot.
+        """
+        on_crossing = len(self._shapes.query(shapely.Point(x, y), predicate="intersects")) > 0
+        if not walk.edges or on_crossing or not self._sidewalks.keys() >= set(walk.edges):
+            return None
+        line, scale = self._sidewalks[walk.edges[0]]
+        return float(line.project(shapely.Point(x, y))) * scale
+
     def road_class(self, kind: str) -> str:
         """Return SUMO's class for a recorded type; bicycles have their own where they use cars' lanes."""
         return "bicycle" if self.for_cyclists and road_user(kind) == "bicycle" else road_class(kind)
 
-    def find(self, x: FloatArray, y: FloatArray) -> NDArray[np.object_]:
-        """Return the places (N,) of persons: a crossing's lane, `LANE` or `NOWHERE`."""
+    def find(
+        self, x: FloatArray, y: FloatArray, angle: FloatArray
+    ) -> tuple[NDArray[np.object_], FloatArray, FloatArray]:
+        """Return the places (N,) of persons, a crossing's lane, `LANE` or `NOWHERE`, and where to put them.
+
+        ``angle`` in degrees, as SUMO has it.
+        """
+        x, y = x.copy(), y.copy()
         points, found = shapely.points(x, y), np.full(len(x), NOWHERE, dtype=object)
         found[self._lanes.query(points, predicate="intersects")[0]] = LANE
         for point, crossing in self._shapes.query(points, predicate="intersects").T.tolist():
             found[point] = self._crossings[crossing]
-        return found
+            begin, end = self._lines[crossing].interpolate([_BEGIN_M, -_BEGIN_M])
+            ahead = np.radians(angle[point])
+            if (end.x - begin.x) * np.sin(ahead) + (end.y - begin.y) * np.cos(ahead) < 0:
+                x[point], y[point] = begin.x, begin.y
+        return found, x, y
 
 
 def walking_places(net_path: Path) -> WalkingPlaces:
@@ -91,7 +125,7 @@ def _of_content(content: bytes) -> WalkingPlaces:
 
 
 class Persons:
-    """Persons of a batch in SUMO."""
+    """Persons of a batch in SUMO: moved ones, and those of a simulation that go on with their walk."""
 
     def __init__(self, sumo: Any, places: WalkingPlaces) -> None:
         self._sumo, self.places = sumo, places
@@ -115,9 +149,19 @@ class Persons:
             wanted, route = tile_id(slot, place), OWN_LANE + _ANY_CLASS
         calls.moveToXY(key, wanted, x, y, angle, route, reach)
 
+    def walk(self, key: str, kind: str, slot: int, walk: Walk, at_m: float, speed_mps: float) -> None:
+        """Let SUMO walk a person from now on, from a place on its first edge."""
+        if key not in self._place:
+            calls, edges = self._sumo.person, [tile_id(slot, edge) for edge in walk.edges]
+            calls.add(key, edges[0], at_m, typeID=kind)
+            calls.appendWalkingStage(key, edges, walk.arrival_m)
+            calls.setSpeed(key, speed_mps)
+            self._place[key] = WALKS
+
     def remove(self, key: str) -> None:
         """Remove a person, if it is there."""
-        if self._place.pop(key, None) is not None:
+        place = self._place.pop(key, None)
+        if place is not None and (place != WALKS or key in self._sumo.person.getIDList()):
             self._sumo.person.remove(key)
 
     def color(self, key: str, rgba: tuple[int, int, int, int]) -> None:

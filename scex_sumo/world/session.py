@@ -32,7 +32,7 @@ _OPTIONS = (
     *("--no-step-log", "true", "--no-warnings", "true", "--duration-log.disable", "true"),
     # SUMO must not remove, stop or push moved vehicles.
     *("--collision.action", "none", "--time-to-teleport", "-1", "--max-depart-delay", "-1"),
-    *("--default.speeddev", "0"),
+    *("--default.speeddev", "0", "--pedestrian.striping.dawdling", "0"),
 )
 
 _open = False

@@ -16,6 +16,8 @@ _GUI_SHAPES = {"van": "delivery", "car": "passenger", "tram": "rail/railcar"}
 _Driver: TypeAlias = tuple[str, tuple[tuple[str, str], ...], str]  # model, parameters, SUMO's class
 PERSON = "_person"
 """End of the name of a person's type."""
+WALKER = "_walker"
+"""End of the name of the type of a person that SUMO lets walk."""
 _TOWARDS_MPS = 0.1  # with which SUMO's drivers expect persons on their lane to come towards them
 _CLASSES = {"truck": "truck", "bus": "bus", "motorcycle": "motorcycle"}
 
@@ -131,6 +133,7 @@ class TypeBook:
                 lines[name] = given_type(name, *size, rgb)
                 if road_user(size[0]) == "pedestrian":
                     lines[name + PERSON] = _person_type(name + PERSON, *size, rgb)
+                    lines[name + WALKER] = given_type(name + WALKER, *size, rgb, own_class="pedestrian")
         for (model, parameters, own), index in self._drivers.items():
             for size in self._vehicles:
                 name = f"{_type_name(*size)}_{model}{index}"

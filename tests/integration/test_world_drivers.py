@@ -296,15 +296,15 @@ for moment in range(30):
     at = np.array([[float(value) for value in spots[k][:2]] for k in pick]) + rng.normal(0, 3, (14, 2))
     heading, speed = rng.uniform(-np.pi, np.pi, 14), rng.uniform(0, 2, 14)
     for step in range(30):
-        found = places.find(*at.T)
+        angle = np.degrees(np.pi / 2 - heading) % 360
+        found, x, y = places.find(*at.T, angle)
         for k in range(14):
-            pose = float(at[k, 0]), float(at[k, 1]), float(np.degrees(np.pi / 2 - heading[k]) % 360)
-            persons.put(Person(f"p{k}", "walks", 0, found[k]), *pose)
+            persons.put(Person(f"p{k}", "walks", 0, found[k]), float(x[k]), float(y[k]), float(angle[k]))
         libsumo.simulation.step()
         for k in range(14):
             lane = libsumo.person.getLaneID(f"p{k}") if found[k] else ""
             assert "_w" not in lane and ("_c" in lane) == found[k].startswith(":"), (lane, found[k])
-            off = np.hypot(*np.subtract(libsumo.person.getPosition(f"p{k}"), at[k]))
+            off = np.hypot(*np.subtract(libsumo.person.getPosition(f"p{k}"), (x[k], y[k])))
             most = max(most, off if found[k] != "lane" else 0.0)
         at += 0.1 * speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1)
 assert most < 0.02, most

@@ -24,7 +24,7 @@ from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.sumo.fcd import numbers_of, tracks_of
 from scex_sumo.formats.sumo.intentions import intention_at, intentions_now, types_and_arrivals, with_lanes
 from scex_sumo.formats.sumo.phases import Light, Programme, with_lights
-from scex_sumo.intention import Intention
+from scex_sumo.intention import Intention, Walk
 from scex_sumo.scene import STEP_S, SeedScene
 
 _NOWHERE_M = 1e8  # SUMO's coordinates of vehicles that are not in the network are beyond
@@ -48,6 +48,7 @@ class Recorded:
         absent: time, teleporting vehicles, parked ones, and number of those that wait to be inserted.
         lights: changes of each traffic light, in order of time.
         programmes: by light and name.
+        walks: times at which each person came to an edge, and its walk from there.
         intentions: changes of what each vehicle is to do, in order of time; stops count from time 0.
         asked_s: times at which all of them were recorded.
         notes: on the simulation, one sentence each.
@@ -59,6 +60,7 @@ class Recorded:
     absent: deque[tuple[float, tuple[str, ...], tuple[str, ...], int]] = field(default_factory=deque)
     lights: dict[str, list[Light]] = field(default_factory=dict)
     programmes: dict[tuple[str, str], Programme] = field(default_factory=dict)
+    walks: dict[str, list[tuple[float, Walk]]] = field(default_factory=dict)
     intentions: dict[str, list[tuple[float, Intention]]] = field(default_factory=dict)
     asked_s: set[float] = field(default_factory=set)
     notes: tuple[str, ...] = ()
@@ -106,9 +108,17 @@ def _completed(recorded: Recorded, path: Path, names: Mapping[str, str], scene: 
     intentions = [intention_at(of_vehicle, time_s, asked=asked) for of_vehicle in changes]
     if road is not None and road.net is not None and any(intentions):
         scene = dataclasses.replace(scene, intentions=with_lanes(road.net, intentions))
+    if (others := scene.obstacles) is not None:
+        walks = tuple(_last(recorded.walks.get(name, ()), time_s) for name in others.ids)
+        scene = dataclasses.replace(scene, obstacles=dataclasses.replace(others, walks=walks))
     source: dict[str, Any] = {"kind": "simulation", "simulation": str(path), "time_s": time_s}
     source |= {"vehicles": vehicles, "lateral_m": recorded.lateral_m}
     return dataclasses.replace(scene, road=road, notes=(*scene.notes, *notes), source=source)
+
+
+def _last(changes: Sequence[tuple[float, Walk]], time_s: float) -> Walk:
+    """Return the last walk before a time."""
+    return next((walk for since_s, walk in reversed(changes) if since_s <= time_s + 1e-6), Walk())
 
 
 class Recorder:
@@ -162,6 +172,8 @@ class Recorder:
                 parked.append(name)
             else:
                 names.append(self._labels[user])
+                if walks:
+                    self._take_walk(names[-1], name, time_s)
                 values.extend((x, y, domain.getAngle(name), speed))
         recorded.frames.append((time_s, names, values))
         waiting = len(sumo.simulation.getPendingVehicles())
@@ -176,6 +188,17 @@ class Recorder:
             self._forget(time_s - self._keep_s)
         return time_s
 
+    def _take_walk(self, label: str, name: str, time_s: float) -> None:
+        """Record the edges of a person's walk from the one that it has come to."""
+        road = str(self._sumo.person.getRoadID(name))
+        changes = self.recorded.walks.setdefault(label, [])
+        if road.startswith(":") or (changes and changes[-1][1].edges[:1] == (road,)):
+            return
+        stage = self._sumo.person.getStage(name)
+        edges = tuple(stage.edges)
+        first = edges.index(road) if road in edges else len(edges)
+        changes.append((time_s, Walk(edges[first:], float(stage.arrivalPos))))
+
     def _forget(self, before_s: float) -> None:
         """Let go of road users that have left, and of what the lights did before a time, s."""
         recorded = self.recorded
@@ -183,6 +206,7 @@ class Recorder:
         kept |= {self._labels[user] for user in self._present}
         self._labels = {user: label for user, label in self._labels.items() if label in kept}
         recorded.users = {name: user for name, user in recorded.users.items() if name in kept}
+        recorded.walks = {name: what for name, what in recorded.walks.items() if name in kept}
         recorded.intentions = {name: what for name, what in recorded.intentions.items() if name in kept}
         recorded.asked_s = {asked_s for asked_s in recorded.asked_s if asked_s >= before_s}
         for changes in recorded.lights.values():
