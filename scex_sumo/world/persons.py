@@ -2,7 +2,7 @@
 
 ``person.moveToXY`` of libsumo 1.28 takes a lane for the wanted edge. On walking areas it shifts persons by
 up to 12 m, and crashes if one comes to them from a lane in a junction. So moved persons are never on them:
-SUMO's drivers see them on crossings and lanes. A person that changes between these is removed and added again.
+SUMO's drivers see them on crossings and lanes. One that changes between these is removed and added again.
 Moved persons face along the crossing's lane, whatever their angle: one that walks against it stands at the
 lane's begin, where it is still before all vehicles. Persons of a simulation that are on a sidewalk or about
 to cross walk by themselves: SUMO's drivers wait for a person that comes to a crossing.
