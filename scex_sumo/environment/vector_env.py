@@ -182,6 +182,12 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         self._ended = terminated | truncated
         return self._observation(), rewards, terminated, truncated, self._info()
 
+    def begin_again(self, ended: BoolArray) -> Observation:
+        """Put the (N,) ended environments to the seed scene at once; return what all agents see."""
+        self._renew(np.flatnonzero(ended))
+        self._way, _ = self._on_path()
+        return self._observation()
+
     def _check_vehicles(self, tracks: Sequence[int], assign: Mapping[int, str] | None) -> None:
         if assign is not None and not isinstance(assign, Mapping):
             raise UsageError(f"assign: got {type(assign).__name__}, needs a mapping from track id to model")
