@@ -14,7 +14,9 @@ from scex_sumo.base.arguments import fits
 from scex_sumo.base.errors import UsageError
 
 WRONG = object()
-UNCHECKED = {"option", "example_path", "predictor", "behavior", "metric"}  # any object, or a name
+DRIVING = {"candidate_paths", "chosen_paths", "drive", "find_leaders", "path_positions"}
+"""What a driver calls in each plan."""
+UNCHECKED = {"option", "example_path", "predictor", "behavior", "metric"} | DRIVING  # any object, or a name
 
 
 class OtherRoad(scex.Road):

@@ -58,7 +58,7 @@ def test_encounters_are_listed_and_a_pair_is_told_in_full(run: Run) -> None:
     assert f"{first['track_id']} \u2192 {first['other_id']}" in listed.stdout
     pair = scex("encounters", run.folder, "--pair", f"{first['other_id']},{first['track_id']}")
     assert "collides in futures" in pair.stdout and "by the model of one vehicle" in pair.stdout
-    assert "needs two track ids" in refused("encounters", run.folder, "--pair", "17", status=2)
+    assert "needs two vehicles" in refused("encounters", run.folder, "--pair", "17", status=2)
     assert "meet in no future" in refused("encounters", run.folder, "--pair", "98,99", status=2)
 
 

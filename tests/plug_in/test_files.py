@@ -145,5 +145,5 @@ def test_what_is_not_installed_is_named_with_the_command_that_installs_it(
 ) -> None:
     found = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == package else found(name))
-    with pytest.raises(MissingExtraError, match=rf"{model}: needs {package}; .*'scex-sumo\[{extra}\]'"):
+    with pytest.raises(MissingExtraError, match=rf"{model}: needs {package}; .*'\.\[{extra}\]' in the clone"):
         build(parse_models(f"{model}:file=m")[0])
