@@ -1,27 +1,39 @@
-"""SUMO folder: net, vehicle types, routes and a state from which SUMO continues a future."""
+"""SUMO folder: net, vehicle types, routes and a state from which SUMO continues a future.
+
+Vehicles of a SUMO simulation keep routes, types' attributes, speed factors, next stops and names.
+"""
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.base.sumo.car_following import OWN_MODEL
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.converters.net.xml import net_root
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.exporters.request import Request
+from scex_sumo.intention import Intention
+from scex_sumo.results.road import load_intentions
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
+from scex_sumo.world.batch import vehicle_ids
 from scex_sumo.world.sumo import SumoDriven, SumoWorld
+from scex_sumo.world.tiles import tile_prefix
 
+NET, STATE = "net.net.xml", "state.xml"
 _MODEL = "EIDM"
 _END_S = 60
 _BLOCKED_S = 5  # after which others pass a vehicle that stands in a junction: futures can end in a deadlock
 
 _CONFIGURATION = """<configuration>
-    <net-file value="tiles.net.xml"/>
-    <load-state value="state.xml"/>
+    <net-file value="{net}"/>
+    <load-state value="{state}"/>
     <step-length value="{step}"/>
     <end value="{end}"/>
     <collision.action value="none"/>
@@ -33,8 +45,8 @@ _CONFIGURATION = """<configuration>
 """
 _README = """# Future {future} of {name}, continued by SUMO
 
-`sumo-gui -c future.sumocfg` begins with the last step of this future. SUMO's {model} drives all vehicles,
-on the routes that `sumo:` drivers take in a run. Vehicle `t0_17` is track 17. {left}
+`sumo-gui -c future.sumocfg` begins with the last step of this future. SUMO drives all vehicles by {model},
+on the routes that `sumo:` drivers take in a run. Edges, lights and vehicles have the names of the net. {left}
 """
 
 
@@ -48,30 +60,35 @@ def write_sumo(request: Request) -> list[Path]:
 
 
 def _write_future(request: Request, future: int, folder: Path) -> Path:
+    end_s = STEP_S * int(request.run.info["steps"])
     scene = _at_the_end(request, future)
     routes = SumoDriver(_MODEL).routes(
         scene, request.road, np.arange(scene.vehicles), np.zeros(scene.vehicles)
     )
     edges = [tuple(request.run.net.lanes.edges(route)) for route in routes]
+    known = [_later(one, edges[v], end_s) for v, one in enumerate(load_intentions(request.run.folder))]
+    scene = replace(scene, intentions=tuple(known))
     walks = np.array([road_user(kind) == "pedestrian" for kind in scene.types])
-    kept = [v for v, route in enumerate(edges) if route and not walks[v]]
+    there = np.isfinite(scene.now.x)
+    kept = [v for v, route in enumerate(edges) if route and there[v] and not walks[v]]
     if not kept:
         raise UsageError(f"future {future}: no vehicle is on a mapped lane at its end; choose another one")
-    left_out = [str(scene.track_ids[v]) for v in range(scene.vehicles) if v not in kept]
+    left_out = [name for v, name in enumerate(scene.names) if v not in kept]
     scene = scene.reordered(kept, name=scene.name)
-    driven = [
-        SumoDriven(future=0, vehicle=n, model=_MODEL, parameters={}, edges=edges[v])
-        for n, v in enumerate(kept)
-    ]
-    with SumoWorld(request.run.net, scene, slots=[0]) as world, TemporaryFolder() as temporary:
-        world.begin(scene.now.repeat(1), np.zeros(1, dtype=np.int64), driven)
-        world.save(Path(temporary))
-        for file in sorted(Path(temporary).glob("*.xml")):
-            request.write(folder / file.name, file.read_bytes())
-    left = f"Off the lanes or on foot, and left out: {', '.join(left_out)}." if left_out else ""
-    text = _README.format(future=future, name=request.name, model=_MODEL, left=left)
+    driven = [_driven(scene, n, edges[v]) for n, v in enumerate(kept)]
+    with TemporaryFolder() as temporary:
+        net = Path(temporary) / NET
+        net.write_bytes(_lights_at(request.run.net.path, end_s))
+        with SumoWorld(replace(request.run.net, path=net), scene, slots=[0]) as world:
+            world.begin(scene.now.repeat(1), np.zeros(1, dtype=np.int64), driven)
+            world.save(Path(temporary))
+        request.write(folder / NET, net.read_bytes())
+        request.write(folder / STATE, _renamed(Path(temporary) / STATE, scene))
+    left = f"Off the lanes, arrived or on foot, and left out: {', '.join(left_out)}." if left_out else ""
+    model = "its own car-following model" if any(known) else _MODEL
+    text = _README.format(future=future, name=request.name, model=model, left=left)
     request.write(folder / "README.md", text.encode())
-    configuration = _CONFIGURATION.format(step=STEP_S, end=_END_S, blocked=_BLOCKED_S)
+    configuration = _CONFIGURATION.format(step=STEP_S, end=_END_S, blocked=_BLOCKED_S, net=NET, state=STATE)
     request.write(folder / "future.sumocfg", configuration.encode())
     return folder / "future.sumocfg"
 
@@ -79,3 +96,49 @@ def _write_future(request: Request, future: int, folder: Path) -> Path:
 def _at_the_end(request: Request, future: int) -> SeedScene:
     states = request.run.states(future)[:, -HISTORY_STEPS - 1 :]
     return replace(request.scene, history=states, future=None, future_valid=None, obstacles=None)
+
+
+def _later(intention: Intention | None, ahead: tuple[str, ...], after_s: float) -> Intention | None:
+    """Return what a vehicle is to do after a time, from the edge on that comes first among those ahead."""
+    if intention is None:
+        return None
+    first = next((intention.edges.index(edge) for edge in ahead if edge in intention.edges), None)
+    stops = tuple(
+        replace(stop, until_s=stop.until_s - after_s if stop.until_s >= 0 else -1.0)
+        for stop in intention.stops
+    )
+    edges = ahead if first is None else intention.edges[first:]
+    return replace(intention, edges=edges, stops=stops, change_mps=0.0)
+
+
+def _driven(scene: SeedScene, vehicle: int, edges: tuple[str, ...]) -> SumoDriven:
+    intention, model, parameters = scene.intention(vehicle), _MODEL, dict[str, str]()
+    if intention is not None:
+        edges = intention.edges
+        model, parameters = SumoDriver(OWN_MODEL).driving(scene, vehicle)
+    arrival = None if intention is None else intention.arrival
+    return SumoDriven(
+        future=0, vehicle=vehicle, model=model, parameters=parameters, edges=edges, arrival=arrival
+    )
+
+
+def _lights_at(net: Path, time_s: float) -> bytes:
+    """Return a net whose lights are those at a time after the moment."""
+    root = net_root(net)
+    for light in root.iter("tlLogic"):
+        cycle_s = sum(float(phase.get("duration", "0")) for phase in light.iter("phase"))
+        if cycle_s > 0:
+            light.set("offset", f"{(float(light.get('offset', '0')) - time_s) % cycle_s:.3f}")
+    return bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
+
+
+def _renamed(state: Path, scene: SeedScene) -> bytes:
+    """Return a saved state without the prefix of its tile, with the names of the vehicles."""
+    root, names = ElementTree.parse(state).getroot(), scene.names
+    vehicles = dict(zip(vehicle_ids([0], scene.track_ids), names, strict=True))
+    for element in root.iter():
+        is_list = element.tag in ("vehicle", "vehicles")
+        for key, value in element.attrib.items():
+            words = [vehicles.get(word, word) if is_list else word for word in value.split(" ")]
+            element.set(key, " ".join(re.sub(f"^(:?){tile_prefix(0)}", r"\1", word) for word in words))
+    return bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))

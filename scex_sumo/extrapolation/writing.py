@@ -24,7 +24,7 @@ from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.design import DENSITIES, densities_table
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.results.parts import Part, joined_parts
-from scex_sumo.results.road import save_road
+from scex_sumo.results.road import save_intentions, save_road
 from scex_sumo.results.run import PAIR_OUTCOMES, UNDER_TEST
 from scex_sumo.results.tables.conflicts import CONFLICTS
 from scex_sumo.results.tables.encounters import ENCOUNTERS, encounters_table, outcomes_table
@@ -90,6 +90,7 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
         )
     write_tracks(folder.path / "seed.csv", job.scene)
     save_road(folder.path, job.road)
+    save_intentions(folder.path, job.scene.intentions)
     if written is not None:
         from scex_sumo.extrapolation.processes.pool import succeeded
 

@@ -32,7 +32,7 @@ from scex_sumo.base.files import (
 )
 from scex_sumo.results.extras import extra_types
 from scex_sumo.results.parts import PARTS, Part, Parts, remove_broken
-from scex_sumo.results.road import ROAD
+from scex_sumo.results.road import INTENTIONS, ROAD
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 
 PENDING = "incomplete.json"
@@ -213,6 +213,7 @@ def _parquet(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
 _FILES = (
     "seed.csv",
     ROAD,
+    INTENTIONS,
     *(f"{curve}{ending}" for curve in ("density", "cumulative") for ending in (".svg", ".png", ".pdf")),
     *(
         f"{name}.parquet"

@@ -98,6 +98,8 @@ def digest(scene: SeedScene) -> str:
             for array in (states.x, states.y, states.heading, states.speed):
                 digest.update(np.ascontiguousarray(array).tobytes())
     digest.update(repr(scene.types).encode())
+    if scene.obstacles is not None and scene.obstacles.walks:
+        digest.update(repr(scene.obstacles.walks).encode())
     for intention in scene.intentions:
         known = None if intention is None else {**vars(intention), "lanes": sorted(intention.lanes)}
         digest.update(repr(known).encode())

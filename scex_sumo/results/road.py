@@ -1,18 +1,21 @@
-"""Road of a run in its result folder, so that exports need no map."""
+"""Road of a run and intentions of its vehicles in the result folder, so that exports need no other file."""
 
 from __future__ import annotations
 
 import zlib
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from scex_sumo.base.cache import UNPACKABLE, pack, unpack
 from scex_sumo.base.errors import ResultError, one_line
 from scex_sumo.base.files import write_atomic
+from scex_sumo.intention import Intention, Stop
 from scex_sumo.road import Area, Georeference, Lane, MapLoss, Marking, Regulation, Road
 
 ROAD: Final = "road.bin"
+INTENTIONS: Final = "intentions.bin"
 _ROAD_PARTS = (Road, Lane, Regulation, Marking, Area, MapLoss, Georeference)
 
 
@@ -23,11 +26,31 @@ def save_road(folder: Path, road: Road) -> None:
 
 def load_road(folder: Path) -> Road:
     """Return the road of `save_road`; raise a `ResultError` if there is none, or a damaged one."""
-    file = folder / ROAD
+    road = _unpacked(folder / ROAD, _ROAD_PARTS)
+    if not isinstance(road, Road):
+        raise ResultError(f"{folder / ROAD}: holds no road; run again")
+    return road
+
+
+def save_intentions(folder: Path, intentions: Sequence[Intention | None]) -> None:
+    """Keep the intentions (V,) of a simulation's vehicles in a result folder, if there are any."""
+    if intentions:
+        known = tuple(one and {**vars(one), "lanes": (), "arrives": ()} for one in intentions)
+        write_atomic(folder / INTENTIONS, zlib.compress(pack(known, (Stop,))))
+
+
+def load_intentions(folder: Path) -> tuple[Intention | None, ...]:
+    """Return the intentions of `save_intentions`, without lanes; () of a run of recorded vehicles."""
+    if not (folder / INTENTIONS).is_file():
+        return ()
     try:
-        road = unpack(zlib.decompress(file.read_bytes()), _ROAD_PARTS)
+        return tuple(one and Intention(**one) for one in _unpacked(folder / INTENTIONS, (Stop,)))
+    except TypeError:
+        raise ResultError(f"{folder / INTENTIONS}: holds no intentions; run again") from None
+
+
+def _unpacked(file: Path, parts: tuple[type, ...]) -> Any:
+    try:
+        return unpack(zlib.decompress(file.read_bytes()), parts)
     except (OSError, zlib.error, *UNPACKABLE) as error:
         raise ResultError(f"{file}: cannot be read: {one_line(error)[:120]}; run again") from None
-    if not isinstance(road, Road):
-        raise ResultError(f"{file}: holds no road; run again")
-    return road

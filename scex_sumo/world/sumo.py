@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
@@ -209,9 +208,7 @@ class SumoWorld:
         return from_sumo(x - batch.offset[0], y - batch.offset[1], angle, speed, self._length)
 
     def save(self, folder: Path) -> None:
-        """Write net, vehicle types and a state for ``--load-state``."""
-        for file in ("tiles.net.xml", "types.add.xml"):
-            shutil.copyfile(Path(self._temporary.name) / file, folder / file)
+        """Write a state for ``--load-state``."""
         with self._session.refusals("save its state"):
             self._sumo.simulation.saveState(str(folder / "state.xml"))
 

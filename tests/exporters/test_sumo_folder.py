@@ -11,6 +11,7 @@ from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
+from tests.formats.sumo.simulations import write_grid
 from tests.runs import extrapolate
 
 
@@ -23,7 +24,7 @@ def test_sumo_goes_on_from_the_future_s_last_step(run: Run, tmp_path: Path) -> N
     vehicles = {element.get("id"): element for element in first}
     assert len(vehicles) >= run.scene.vehicles - 1  # who is off the lanes is left out, and the README says so
     for v, track in enumerate(run.scene.track_ids):
-        if (element := vehicles.get(f"t0_{track}")) is not None:
+        if (element := vehicles.get(str(track))) is not None:
             half = run.scene.length[v] / 2
             x = states.x[v] + half * np.cos(states.heading[v])
             y = states.y[v] + half * np.sin(states.heading[v])
@@ -69,3 +70,44 @@ def staying(run: Run, futures: tuple[int, ...], folder: Path) -> list[dict[str, 
         last = ET.parse(file.with_name("fcd.xml")).getroot().findall("timestep")[-1]
         vehicles += [vehicle.attrib for vehicle in last]
     return vehicles
+
+
+ROUTES = """<routes><vType id="car" sigma="0"/>
+ <vehicle id="north" type="car" depart="0" departSpeed="8"><route edges="A0A1 A1B1 B1B2"/></vehicle>
+ <vehicle id="west" type="car" depart="0" departSpeed="8"><route edges="C1B1 B1B0 B0A0"/></vehicle>
+ <vehicle id="lorry" type="car" depart="0" departSpeed="8" arrivalPos="60">
+  <route edges="B0B1 B1C1"/></vehicle>
+</routes>"""
+
+
+def test_a_simulation_goes_on_as_it_does_in_sumo(tmp_path: Path) -> None:
+    simulation = write_grid(tmp_path, routes=ROUTES, end=60)
+    run = extrapolate(
+        read_seed(simulation.config, time=5.0), models=["sumo:own"], futures=1, steps=30, out=tmp_path / "run"
+    )
+    (file,) = EXPORTERS.load("sumo")(Request(run=run, futures=(0,), out=tmp_path / "sumo"))
+    told = []
+    for config, options, begin_s in ((simulation.config, ["--end", "38"], 7.9), (file, ["--end", "30"], 0.0)):
+        command = [
+            program("sumo"),
+            "-c",
+            config.name,
+            *options,
+            "--xml-validation",
+            "never",
+            "--precision",
+            "6",
+        ]
+        command += ["--fcd-output", "seen.xml", "--step-length", "0.1"]
+        subprocess.run(command, cwd=config.parent, check=True, capture_output=True, env=environment())
+        steps = ET.parse(config.with_name("seen.xml")).getroot().findall("timestep")
+        steps = [step for step in steps if float(step.get("time", "nan")) > begin_s + 0.05][:290]
+        told.append(
+            [{v.get("id"): (v.get("lane"), float(v.get("pos", "nan"))) for v in step} for step in steps]
+        )
+    simulated, exported = told
+    assert set(exported[0]) == {"north", "west", "lorry"} and len(exported) == 290
+    for now, then in zip(exported, simulated, strict=True):
+        assert now.keys() == then.keys()
+        for name, (lane, along_m) in now.items():
+            assert lane == then[name][0] and abs(along_m - then[name][1]) < 0.05

@@ -15,7 +15,7 @@ from typing import Final
 from tests.formats.commonroad.commonroad_maps import Lanelet, Vehicle, write_scenario
 from tests.formats.levelx.levelx_files import Mover, write_highd
 from tests.formats.sumo.simulations import OUTPUTS
-from tests.fuzz import drawn
+from tests.fuzz import drawn, suites
 from tests.fuzz.forked import CACHE, Ended, run_forked
 from tests.fuzz.mutations import NUMBERS, bytes_changed, column_changed, mutated
 from tests.fuzz.sources import EXAMPLES, KEPT, Sources
@@ -59,6 +59,8 @@ class Fuzzer:
             ended = ended if same else replace(ended, verdict="not resumed")
         if (work / EXECUTED).exists() or any(work.rglob(f"{WRITTEN}*")):
             ended = replace(ended, verdict="obeyed the file")
+        if kind == "outputs" and suites.is_lost(work):
+            ended = replace(ended, verdict="lost a file")
         if ended.fine:
             shutil.rmtree(work, ignore_errors=True)
         return Case(kind=kind, number=number, how=how, command=" ".join(arguments), ended=ended)
@@ -371,6 +373,9 @@ KINDS: Final[Mapping[str, Callable[[Sources, Path, Random], tuple[str, list[str]
     "opendd": _drawn(drawn.opendd),
     "exports": _exports,
     "traces": _trace,
+    "suites": suites.suite,
+    "scenes": suites.scenes,
+    "outputs": suites.outputs,
 }
 OFTEN: Final = (*2 * ("tracks", "maps", "commonroad", "weights", "folders", "options"), *KINDS)
 """Kinds in the order of a run: those whose cases are quick come more often."""

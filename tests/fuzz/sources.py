@@ -80,6 +80,15 @@ class Sources:
         return folder
 
     @cache  # noqa: B019
+    def suite(self) -> Path:
+        """A folder with a test suite, and ``test``, the result of a driving function."""
+        folder = self._recording("suites")
+        scex("catalogue", "data", "--every", 2, "--count", 5, "--to", "none", "-o", "suite", cwd=folder)
+        words = ("test", "suite", "--under-test", "emergency_brake", "--futures", 4, "--workers", 1)
+        scex(*words, "-o", "test", cwd=folder).check_returncode()
+        return folder
+
+    @cache  # noqa: B019
     def scenario(self) -> Path:
         """A configuration of SUMO on a grid, ``mine.sumocfg``, with ``x.add.xml`` that is not there yet."""
         folder = self._folder / "scenario"

@@ -12,7 +12,18 @@ from tests.fuzz.cases import Fuzzer
 from tests.fuzz.forked import _verdict
 from tests.fuzz.mutations import mutated
 
-KINDS = ("tracks", "maps", "commonroad", "folders", "options", "columns", "detectors", "opendd")
+KINDS = (
+    "tracks",
+    "maps",
+    "commonroad",
+    "folders",
+    "options",
+    "columns",
+    "detectors",
+    "opendd",
+    "scenes",
+    "outputs",
+)
 
 
 @pytest.fixture(scope="module")
