@@ -21,7 +21,7 @@ from near_misses import LIMITS, MARGINS, Sample, moments_of, sample_of
 from sklearn.metrics import average_precision_score
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.decision.law import FILE
+from scex_sumo.decision.law import FILE, over_futures
 
 CONTACTS_A_KM = 5 * 4.0e-5
 SHARES = {"rear-end": 0.3, "angle": 0.25, "sideswipe, head-on": 0.18}
@@ -59,7 +59,9 @@ def _excess(values: FloatArray, limit: float) -> float:
 
 def power_mean(contact: FloatArray) -> float:
     """Sum over pairs of P over futures."""
-    return float((np.cbrt(contact).mean(axis=1) ** 3).sum())
+    pairs, futures = contact.shape
+    pair = np.arange(pairs).repeat(futures)
+    return float(over_futures(pair, contact.ravel(), pairs=pairs, futures=futures).sum())
 
 
 def solved(rate: float, km: float, low: float, high: float, contact_of: object) -> float:

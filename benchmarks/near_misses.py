@@ -241,7 +241,8 @@ def report(samples: Sequence[Sample]) -> None:
     print(f"{len(samples)} moments, {len(truth)} pairs, {truth.sum()} near misses")
     print(f"{'score':<24}ROC    AP     first 20, 50")
     for count in sorted({4, 8, futures}):
-        p = np.cbrt(contact[:, :count]).mean(axis=1) ** 3
+        pair = np.arange(len(contact)).repeat(count)
+        p = over_futures(pair, contact[:, :count].ravel(), pairs=len(contact), futures=count)
         print(f"{f'P, {count} futures':<24}{scores(truth, p)}")
     for name in samples[0].rivals:
         print(f"{name:<24}{scores(truth, np.concatenate([one.rivals[name] for one in samples]))}")

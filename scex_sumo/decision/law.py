@@ -79,13 +79,32 @@ def over_futures(pair: IntArray, contact: FloatArray, *, pairs: int, futures: in
     """Return P(contact) (K,) of K pairs: the cube of the mean over futures of the cube root of P in each.
 
     Models of drivers collide far more often than drivers do (benchmarks/near_misses.py). So what one future
-    in ten shows counts as once in a thousand, and what all show counts whole.
+    in ten shows counts as once in a thousand, and what all show counts whole. The largest P counts as the
+    second one: what a single future shows is its drivers'.
 
     Args:
         pair: (N,) number of each row's pair; a future without a row counts 0.
         contact: (N,) P in one future.
     """
-    return np.asarray((np.bincount(pair, np.cbrt(contact), minlength=pairs) / futures) ** 3)
+    return np.asarray((np.bincount(pair, roots(pair, contact, futures), minlength=pairs) / futures) ** 3)
+
+
+def second_of_each(pair: IntArray, contact: FloatArray, futures: int) -> tuple[IntArray, IntArray]:
+    """Return the rows with the largest P of each pair, and with the second one, or the same of one row."""
+    order = np.lexsort((-contact, pair))
+    first = np.flatnonzero(np.diff(pair[order], prepend=-1))
+    last = np.append(first[1:], len(order)) - 1
+    return order[first], order[np.minimum(first + (futures > 1), last)]
+
+
+def roots(pair: IntArray, contact: FloatArray, futures: int) -> FloatArray:
+    """Return the cube roots (N,) of P, the largest of each pair as the second one."""
+    roots: FloatArray = np.cbrt(contact)
+    if len(roots):
+        largest, second = second_of_each(pair, contact, futures)
+        alone = (largest == second) & (futures > 1)  # all other futures have none
+        roots[largest] = np.where(alone, 0.0, roots[second])
+    return roots
 
 
 def error_over_futures(pair: IntArray, contact: FloatArray, *, pairs: int, futures: int) -> FloatArray:
@@ -94,7 +113,7 @@ def error_over_futures(pair: IntArray, contact: FloatArray, *, pairs: int, futur
     Args:
         pair: as of `over_futures`, like the others.
     """
-    root = np.cbrt(contact)
+    root = roots(pair, contact, futures)
     mean, square = (np.bincount(pair, v, minlength=pairs) / futures for v in (root, root * root))
     error = np.sqrt(np.maximum(square - mean**2, 0.0) / futures)
     return np.asarray(np.exp(3 * error / np.maximum(mean, 1e-12)))

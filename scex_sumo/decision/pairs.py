@@ -15,7 +15,7 @@ import pyarrow as pa
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.conflicts.pairs import Conflicts
 from scex_sumo.converters.tracks.road_users import road_user
-from scex_sumo.decision.law import Law, at_level, error_over_futures, law, over_futures
+from scex_sumo.decision.law import Law, at_level, error_over_futures, law, over_futures, second_of_each
 from scex_sumo.decision.words import BESIDE, REAR_END, how, what
 from scex_sumo.results.participants import everybody
 from scex_sumo.results.tables.pairs import PAIRS, TOLD
@@ -47,8 +47,7 @@ def pair_table(
         for factor in (1 / rule.level_factor, rule.level_factor)
     )
     error = error_over_futures(pair, contact, **count)
-    order = np.lexsort((np.arange(len(pair)), -contact, pair))
-    decides = order[np.searchsorted(pair[order], np.arange(len(keys)))]
+    decides = second_of_each(pair, contact, futures)[1]
     alike = np.bincount(pair, contact >= _ALIKE * contact[decides][pair], minlength=len(keys))
     collide = np.bincount(pair, conflicts.gap <= 0, minlength=len(keys)) / futures
     ranked = np.argsort(-probability, kind="stable")

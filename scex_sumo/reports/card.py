@@ -26,6 +26,7 @@ from scex_sumo.results.tables.pairs import NARROW, any_of, arrow, once_in, one_i
 
 LINES: Final = 14  # of the answer
 COLUMNS: Final = 80
+MANY: Final = 10  # vehicles from which one asks for those around one
 SATURATED: Final = 0.9  # share of futures with a collision from which it says nothing about the scene
 _MOST, _LEAST = 5, 2  # pairs
 _FROM_PEOPLE = 3  # pairs of people before those of the stress test
@@ -159,7 +160,8 @@ def any_cells(run: Run) -> list[str]:
     """Return the line of any pair, under the heads of `PairLine.cells`."""
     told = [row["probability"] for row in told_pairs(run)]
     saturated = bool(run.outcomes) and run.collision.value >= SATURATED and not run.info.get("region")
-    hint = "one vehicle's pairs: --region TRACK" if saturated else ""
+    many = run.info["seed_scene"]["vehicles"] >= MANY
+    hint = "one vehicle's pairs: --region TRACK" if saturated and many else ""
     return ["any", hint, chance(any_of(told)) if told else "–", _collides(run), ""]
 
 
@@ -297,7 +299,7 @@ def _collides(run: Run) -> str:
         return "–"
     found = run.collision
     half = (found.high - found.low) / 2
-    if half < 0.0005:
+    if half < 0.005:
         return percent(found.value)
     if found.value < half or found.value > 1 - half:
         return f"{100 * found.low:.0f} to {100 * found.high:.0f}{NARROW}%"

@@ -17,7 +17,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.conflicts.pairs import Conflicts
-from scex_sumo.decision.law import law, over_futures
+from scex_sumo.decision.law import law, over_futures, roots
 from scex_sumo.decision.pairs import pair_table
 from scex_sumo.drivers.registry import ModelSpec, build, parse_models
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
@@ -41,8 +41,8 @@ class Contacts:
 
     @cached_property
     def root(self) -> FloatArray:
-        """Cube roots (C,) of P: what the law takes the mean of."""
-        return np.cbrt(self.each)
+        """Cube roots (C,) of P, the largest as the second one: what the law takes the mean of."""
+        return roots(np.zeros(len(self.each), dtype=np.int64), self.each, len(self.each))
 
     @property
     def probability(self) -> float:

@@ -108,7 +108,7 @@ def test_p_of_a_vehicle_counts_contacts_with_any_other_one() -> None:
 
 def test_an_effect_is_what_leaving_a_future_out_changes() -> None:
     found = driven("constant_velocity", track_id=2).any
-    root = np.cbrt(found.each)
+    root = found.root
     without = np.array([np.delete(root, c).mean() ** 3 for c in range(FUTURES)])
     assert found.effects.sum() == pytest.approx(0.0, abs=1e-12)
     assert found.probability - without == pytest.approx(

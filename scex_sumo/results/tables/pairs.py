@@ -32,7 +32,7 @@ PAIRS: Final = pa.schema(
         ("what", pa.string()),  # kind of conflict, `scex_sumo.decision.words.WHAT`
         ("how", pa.string()),
         ("place", pa.string()),  # one of `roads.places.PLACES`; null off the lanes
-        ("future", pa.int32()),  # with the largest share of P
+        ("future", pa.int32()),  # with the largest P but one
         ("futures", pa.int32()),  # with a tenth of its P or more
         ("collide", pa.float64()),  # share of the futures with a contact
         ("needed_braking", pa.float64()),  # in that future, m/s²; 0: none

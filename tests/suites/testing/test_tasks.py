@@ -25,12 +25,16 @@ def test_the_same_futures_are_no_difference() -> None:
     assert p_alone(futures(1e-6, spread=1.0), futures(1e-6, spread=1.0)) is None
 
 
-@pytest.mark.parametrize(("collisions", "least", "most"), [(1, 0.2, 1.0), (3, 0.01, 0.2), (5, 0.0, 0.005)])
+@pytest.mark.parametrize(("collisions", "least", "most"), [(2, 0.05, 0.8), (3, 0.01, 0.2), (5, 0.0, 0.005)])
 def test_collisions_where_people_have_none_are_no_chance_from_a_few_on(
     collisions: int, least: float, most: float
 ) -> None:
     found = p_alone(futures(1e-6, collisions), futures(1e-6))
     assert found is not None and least < found < most
+
+
+def test_one_future_that_collides_is_no_difference() -> None:
+    assert p_alone(futures(1e-6, 1), futures(1e-6)) is None
 
 
 def test_less_room_in_every_future_is_no_chance_without_any_collision() -> None:
