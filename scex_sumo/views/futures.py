@@ -35,7 +35,8 @@ def write_first(run: Run) -> Path:
     told, human = run.decision, run.reference
     if told is not None and human is not None and told.pair is not None and told.future is not None:
         step = round((told.time_s or 0.0) / STEP_S)
-        return _write(human, [_event_view(human, told.future, told.pair, step, told.how or told.what or "")])
+        words = (told.how or told.what or "").replace(";", ",")  # which SUMO would replace
+        return _write(human, [_event_view(human, told.future, told.pair, step, words)])
     there = (run.folder / ENCOUNTERS).is_file()
     met = [row for row in run.encounters.to_pylist() if row["critical"] > 0] if there else []
     if met:
@@ -161,9 +162,11 @@ def _event_view(
     run: Run, number: int, tracks: Sequence[int], step: int, what: str, states: States | None = None
 ) -> FutureView:
     ids = list(run.info["seed_scene"]["track_ids"])
-    title = f"{what} · {_named(run, tracks)} after {step * STEP_S:.1f} s{precedence_words(run.info, tracks)}"
+    stop = LOGGED_HISTORY - 1 + step  # the clock begins with the last second before the moment
+    when = f"after {step * STEP_S:.1f} s (clock {(stop + 1) * STEP_S:.1f} s)"
+    title = f"{what} · {_named(run, tracks)} {when}{precedence_words(run.info, tracks)}"
     event = [ids.index(track) for track in tracks if track in ids]  # people who are replayed have none
-    return _future_view(run, number, title=title, states=states, event=event, stop=LOGGED_HISTORY - 1 + step)
+    return _future_view(run, number, title=title, states=states, event=event, stop=stop)
 
 
 def colors_of(run: Run) -> dict[str, Rgb]:
