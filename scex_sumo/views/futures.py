@@ -35,7 +35,7 @@ def write_first(run: Run) -> Path:
     told, human = run.decision, run.reference
     if told is not None and human is not None and told.pair is not None and told.future is not None:
         step = round((told.time_s or 0.0) / STEP_S)
-        words = (told.how or told.what or "").replace(";", ",")  # which SUMO would replace
+        words = (told.how or told.what or "").replace("; ", " · ")  # SUMO takes no semicolon
         return _write(human, [_event_view(human, told.future, told.pair, step, words)])
     there = (run.folder / ENCOUNTERS).is_file()
     met = [row for row in run.encounters.to_pylist() if row["critical"] > 0] if there else []
