@@ -11,18 +11,19 @@ from scex_sumo.roads.places import PLACES
 
 TEST_FROM: Final = 1e-4
 """P of a contact from which a pair is tested."""
+PRINTED: Final = 1 / 1.05  # what is printed as once in 10 000 is tested
 RARE: Final = 0.01
 """Share of the futures that collide above which P has to reach `TEST_FROM`; else the models disagree."""
 
 
 def disagrees(row: Mapping[str, Any]) -> bool:
     """Whether more futures of a pair collide than its P says."""
-    return bool(row["probability"] < TEST_FROM and row["collide"] > RARE)
+    return bool(not is_to_be_tested(row) and row["collide"] > RARE)
 
 
 def is_to_be_tested(row: Mapping[str, Any]) -> bool:
     """Whether a pair is tested, whatever its doubt."""
-    return bool(row["probability"] >= TEST_FROM)
+    return bool(row["probability"] >= PRINTED * TEST_FROM)
 
 
 def decide(rows: Iterable[Mapping[str, Any]], *, futures: int) -> Decision:

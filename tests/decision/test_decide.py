@@ -49,6 +49,8 @@ def test_a_pair_from_one_in_ten_thousand_on_is_tested() -> None:
         "Test: 1 → 2 (rear-end): 2 brakes; 1 needs 3.1 m/s²; people collide about"
     )
     assert verdict(row(probability=9e-5)).kind == "nothing"
+    assert verdict(row(probability=9.6e-5)).kind == "test"  # printed as once in 10 000
+    assert verdict(row(probability=9.6e-5, collide=0.5)).kind == "test"
 
 
 def test_doubtful_pairs_decide_only_where_no_other_is_to_be_tested() -> None:

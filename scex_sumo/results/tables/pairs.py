@@ -92,6 +92,7 @@ def one_in(probability: float) -> str:
 
 
 def rounded(number: float) -> str:
-    """Return a number with one digit; its thousands stay together."""
+    """Return a number with one digit, two where the first is 1; its thousands stay together."""
     size = 10 ** math.floor(math.log10(max(number, 1.0)))
+    size = size // 10 if 10 <= number < 2 * size else size
     return f"{round(number / size) * size:,}".replace(",", NARROW)
