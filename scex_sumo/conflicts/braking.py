@@ -13,10 +13,12 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.conflicts.shared import Shared
 from scex_sumo.conflicts.ways import HORIZON_S, NODES, Ways
+from scex_sumo.scene import STEP_S
 
 MOST_MPS2: Final = 20.0
 """Needed braking that stands for all beyond it, and for a contact that no braking avoids."""
 
+_MEAN_STEPS = 5
 _STEP_S = 0.2
 _TIMES_S = np.arange(0.0, HORIZON_S + 1e-9, _STEP_S)[1:]
 _ACCELERATES_S = 1.0
@@ -59,6 +61,15 @@ def both_braking(ways: Ways, shared: Shared, steps: IntArray) -> FloatArray:
         needed = (speed[own] ** 2 + speed[other] ** 2) / (2 * enter)
     needed = np.where(enter > 0, np.minimum(needed, MOST_MPS2), MOST_MPS2)
     return np.asarray(np.where(np.isnan(enter), 0.0, needed))
+
+
+def recent_acceleration(speed: FloatArray) -> FloatArray:
+    """Return (R, T) mean acceleration over the last half second, m/s², by speeds; 0 at first."""
+    acceleration = np.zeros_like(speed)
+    acceleration[:, _MEAN_STEPS:] = (speed[:, _MEAN_STEPS:] - speed[:, :-_MEAN_STEPS]) / (
+        _MEAN_STEPS * STEP_S
+    )
+    return acceleration
 
 
 def distance(speed: FloatArray, acceleration: FloatArray) -> FloatArray:

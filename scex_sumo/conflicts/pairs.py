@@ -10,12 +10,12 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.conflicts.braking import MOST_MPS2, both_braking, needed_braking
+from scex_sumo.conflicts.braking import MOST_MPS2, both_braking, needed_braking, recent_acceleration
 from scex_sumo.conflicts.margin import time_margins
 from scex_sumo.conflicts.shared import Shared, shared_stretches
 from scex_sumo.conflicts.ways import Ways
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
-from scex_sumo.scene import STEP_S, States
+from scex_sumo.scene import States
 
 NEAR_M: Final = 35.0
 """Distance of the centres at the moment up to which a pair has a row whatever it does."""
@@ -28,8 +28,6 @@ FACES_RAD: Final = float(np.deg2rad(150.0))
 """Angle of both headings from which two vehicles face each other: one that brakes alone avoids nothing."""
 EVERY: Final = 2
 """Steps between two looks at the needed braking."""
-
-_MEAN_STEPS = 5  # over which the acceleration of the other vehicle is taken
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -194,11 +192,7 @@ def needed_by_pairs(
 
 def braking_at(ways: Ways, own: Shared, other: Shared, steps: IntArray) -> tuple[FloatArray, FloatArray]:
     """Return (n, k) needed braking of pairs at steps (k,), and that of the first vehicle alone, m/s²."""
-    speed = ways.states.speed
-    acceleration = np.zeros_like(speed)
-    acceleration[:, _MEAN_STEPS:] = (speed[:, _MEAN_STEPS:] - speed[:, :-_MEAN_STEPS]) / (
-        _MEAN_STEPS * STEP_S
-    )
+    acceleration = recent_acceleration(ways.states.speed)
     each = [needed_braking(ways, side, acceleration, steps) for side in (own, other)]
     least = least_braking(*each)
     facing = np.minimum(own.least_angle(ways), other.least_angle(ways)) >= FACES_RAD

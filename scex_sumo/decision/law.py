@@ -99,12 +99,12 @@ def second_of_each(pair: IntArray, contact: FloatArray, futures: int) -> tuple[I
 
 def roots(pair: IntArray, contact: FloatArray, futures: int) -> FloatArray:
     """Return the cube roots (N,) of P, the largest of each pair as the second one."""
-    roots: FloatArray = np.cbrt(contact)
-    if len(roots):
+    root: FloatArray = np.cbrt(contact)
+    if len(root):
         largest, second = second_of_each(pair, contact, futures)
         alone = (largest == second) & (futures > 1)  # all other futures have none
-        roots[largest] = np.where(alone, 0.0, roots[second])
-    return roots
+        root[largest] = np.where(alone, 0.0, root[second])
+    return root
 
 
 def error_over_futures(pair: IntArray, contact: FloatArray, *, pairs: int, futures: int) -> FloatArray:

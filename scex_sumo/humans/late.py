@@ -18,7 +18,7 @@ from scex_sumo.base.draws import uniforms
 from scex_sumo.behaviors.driving.motion import Accelerate
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import foot_points
-from scex_sumo.conflicts.braking import needed_braking
+from scex_sumo.conflicts.braking import needed_braking, recent_acceleration
 from scex_sumo.conflicts.shared import shared_stretches
 from scex_sumo.conflicts.ways import HORIZON_S, Ways
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, VehicleIndex
@@ -41,7 +41,6 @@ SPREAD: Final = 0.35
 _SALT = 80_000  # of the draws
 _POINTS = 32  # of a path ahead
 _BEFORE = 4  # steps for which it has been necessary
-_MEAN_STEPS = 5
 
 
 def still_unaware(history: SceneHistory, paths: SeedPaths, who: VehicleIndex, spread: float) -> BoolArray:
@@ -89,10 +88,7 @@ def needs(scene: SeedScene, paths: SeedPaths) -> FloatArray:
     index = row[:, None] * paths.samples + np.clip(np.rint(at), 0, paths.samples - 1).astype(np.int64)
     ways = Ways.of(past, scene.length, scene.width, paths.table[index, :2].transpose(2, 0, 1))
     one, two = np.triu_indices(scene.vehicles, 1)
-    acceleration = np.zeros_like(past.speed)
-    acceleration[:, _MEAN_STEPS:] = (past.speed[:, _MEAN_STEPS:] - past.speed[:, :-_MEAN_STEPS]) / (
-        _MEAN_STEPS * STEP_S
-    )
+    acceleration = recent_acceleration(past.speed)
     steps, need = np.array([HISTORY_STEPS - _BEFORE, HISTORY_STEPS]), np.zeros(scene.vehicles)
     for side in shared_stretches(ways, one, two):
         np.maximum.at(need, side.own, needed_braking(ways, side, acceleration, steps).min(axis=1))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -88,8 +88,18 @@ def chance(probability: float) -> str:
     return percent(probability) if probability >= 0.5 else f"1 in {one_in(probability)}".replace(" ", NARROW)
 
 
-def pair_lines(run: Run, most: int = _MOST) -> list[PairLine]:
+def pair_lines(run: Run) -> list[PairLine]:
     """Return the pairs of the card: those most probable between people, and the worst of the stress test."""
+    return _ordered(_candidates(run))
+
+
+def _ordered(lines: Sequence[PairLine]) -> list[PairLine]:
+    """Return pairs by P between people, those of the stress test alone as they come."""
+    return sorted(lines, key=lambda line: -(line.people or 0.0))
+
+
+def _candidates(run: Run) -> list[PairLine]:
+    """Return at most `_MOST` pairs, those first that stay on a card with fewer lines."""
     people = told_pairs(run)
     stress = worst_stress(run) if (run.folder / ENCOUNTERS).is_file() else []
     stress = [one for one in stress if one.row["collision"] > 0]
@@ -98,15 +108,13 @@ def pair_lines(run: Run, most: int = _MOST) -> list[PairLine]:
     chosen = dict.fromkeys([*known][:_FROM_PEOPLE])
     chosen |= dict.fromkeys(frozenset(one.pair) for one in stress)
     chosen |= dict.fromkeys(known)
-    places = {pair: place for place, pair in enumerate(known)}
-    kept = sorted([*chosen][:most], key=lambda pair: places.get(pair, len(places)))
     meeting = {frozenset(one.pair): one for one in stress}
     has_stress = bool(run.outcomes)
     return [
         _of_people(known[pair], shares.get(pair, 0.0) if has_stress else None)
         if pair in known
         else _of_stress(meeting[pair])
-        for pair in kept
+        for pair in [*chosen][:_MOST]
     ]
 
 
@@ -161,7 +169,7 @@ def any_cells(run: Run) -> list[str]:
     told = [row["probability"] for row in told_pairs(run)]
     saturated = bool(run.outcomes) and run.collision.value >= SATURATED and not run.info.get("region")
     many = run.info["seed_scene"]["vehicles"] >= MANY
-    hint = "one vehicle's pairs: --region TRACK" if saturated and many else ""
+    hint = "one vehicle: --region TRACK" if saturated and many else ""
     return ["any", hint, chance(any_of(told)) if told else "–", _collides(run), ""]
 
 
@@ -171,8 +179,9 @@ def print_card(run: Run, console: Console) -> None:
     above = [*_wrapped(title(run), wide), *verdict_lines(run, wide)]
     below = [*_doubts(run, wide), *metric_lines(run, wide), *_own_lines(run, wide)]
     closing = 3  # report, look, verdict
+    candidates, total = _candidates(run), any_cells(run)
     for most in range(_MOST, _LEAST - 1, -1):
-        rows = _table(run, most, wide)
+        rows = _table(run, _ordered(candidates[:most]), total, wide)
         if len(above) + len(rows) + len(below) + closing <= LINES:
             break
     for line in [*above, *rows, *below]:
@@ -263,9 +272,8 @@ def _label(run: Run) -> str:
     return arrow({**row, "track_id": told.pair[0], "other_id": told.pair[1]})
 
 
-def _table(run: Run, most: int, wide: int) -> list[Text]:
-    """Return the lines of the table of pairs."""
-    lines = pair_lines(run, most)
+def _table(run: Run, lines: Sequence[PairLine], total: Sequence[str], wide: int) -> list[Text]:
+    """Return the lines of the table of pairs, with that of any pair."""
     if not lines:
         return []
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, show_edge=False)
@@ -281,7 +289,7 @@ def _table(run: Run, most: int, wide: int) -> list[Text]:
     for one in lines:
         style = "bold" if set(one.pair) == decided else None
         table.add_row(*(one.cells[k] for k in shown), style=style)
-    table.add_row(*(any_cells(run)[k] for k in shown))
+    table.add_row(*(total[k] for k in shown))
     return _lines_of(table, wide)
 
 

@@ -147,8 +147,8 @@ def pair_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
         )
     first = next((k for k, line in enumerate(lines) if decided and line.pair == decided.pair), 0)
     columns = table([heads[k] for k in shown], [row["cells"] for row in rows])["columns"]
-    foot = [any_cells(run)[k] for k in shown]
-    return {"columns": columns, "rows": rows, "foot": foot, "first": first}
+    total = any_cells(run)
+    return {"columns": columns, "rows": rows, "foot": [total[k] for k in shown], "first": first}
 
 
 def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:

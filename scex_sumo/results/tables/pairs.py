@@ -80,14 +80,14 @@ def any_of(probabilities: Iterable[float]) -> float:
 
 
 def once_in(probability: float) -> str:
-    """Return a probability as one of so many, with one digit."""
+    """Return a probability as one of so many, `rounded`."""
     if probability >= 0.5:
         return f"in about {100 * probability:.0f}{NARROW}% of such moments"
     return f"about once in {one_in(probability)} such moments"
 
 
 def one_in(probability: float) -> str:
-    """Return the number of moments of which one has it, with one digit; over 1 000 million at most."""
+    """Return the number of moments of which one has it, `rounded`; over 1 000 million at most."""
     return rounded(1 / max(probability, 1e-9))
 
 
