@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from statistics import NormalDist
+
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
@@ -25,3 +27,11 @@ def uniforms(draw: FloatArray, count: int, salt: int = 0) -> FloatArray:
         z = z ^ (z >> np.uint64(31))
     result: FloatArray = ((z >> np.uint64(11)).astype(np.float64) + 0.5) / 2.0**53
     return result
+
+
+def normal_quantiles(uniform: FloatArray) -> FloatArray:
+    """Return the standard normal quantiles of numbers in (0, 1), any shape.
+
+    The import of ``scipy.special`` would take longer than these values.
+    """
+    return np.asarray(np.frompyfunc(NormalDist().inv_cdf, 1, 1)(uniform), dtype=np.float64)

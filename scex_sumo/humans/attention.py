@@ -10,10 +10,9 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from scipy.special import ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.draws import uniforms
+from scex_sumo.base.draws import normal_quantiles, uniforms
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, SLOPE_SPEED, rear_axle
@@ -78,7 +77,7 @@ def looks_away(
     for number in range(first - 1, last + 1):
         begin, length, there = uniforms(draw, 3, GLANCE + number).T
         start = every * (number + begin)
-        lasts = human.glance_s * max(factor, 1.0) * np.exp(human.glance_spread * ndtri(length))
+        lasts = human.glance_s * max(factor, 1.0) * np.exp(human.glance_spread * normal_quantiles(length))
         lasts = np.where(there < factor, lasts, 0.0)
         away |= (time_s >= start[:, None]) & (time_s < (start + lasts)[:, None])
     return away

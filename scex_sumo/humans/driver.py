@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
-from scex_sumo.base.draws import uniforms
+from scex_sumo.base.draws import normal_quantiles, uniforms
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import PLAN_STEPS, check_path, check_positive
 from scex_sumo.behaviors.driving.leaders import Leaders
@@ -144,9 +143,11 @@ class LikelyDriver:
         human, spread, observed, row = view.human, self.profile.spread, view.observed, view.row
         shown, vehicle = view.shown, view.who.vehicle
         speed = shown.speed[vehicle]
-        headway = np.exp(human.headway_log[0] + spread * human.headway_log[1] * ndtri(draws[:, HEADWAY]))
+        headway = np.exp(
+            human.headway_log[0] + spread * human.headway_log[1] * normal_quantiles(draws[:, HEADWAY])
+        )
         crawl = speed * (1 + np.minimum(spread, 1.0) * (2 * draws[:, CRAWL] - 1))
-        pull = np.exp(spread * human.pull_spread * ndtri(draws[:, PULL]))
+        pull = np.exp(spread * human.pull_spread * normal_quantiles(draws[:, PULL]))
         stands = speed < human.standing_mps
         share, top = vehicle_types(view.scene)[vehicle].T
         normal, mean, unsure = students(draws[:, VARIATION]), observed.mean_features, observed.spread_features

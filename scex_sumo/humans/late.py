@@ -10,11 +10,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy.special import ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.cache import owner_cache
-from scex_sumo.base.draws import uniforms
+from scex_sumo.base.draws import normal_quantiles, uniforms
 from scex_sumo.behaviors.driving.motion import Accelerate
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import foot_points
@@ -51,7 +50,7 @@ def still_unaware(history: SceneHistory, paths: SeedPaths, who: VehicleIndex, sp
     """
     need = needs(history.scene, paths)[who.vehicle]
     draws = uniforms(history.route_draw[who.future, who.vehicle], 2, _SALT)
-    response_s = RESPONSE_S * np.exp(SPREAD * min(spread, 1.0) * ndtri(draws[:, 0]))
+    response_s = RESPONSE_S * np.exp(SPREAD * min(spread, 1.0) * normal_quantiles(draws[:, 0]))
     looks = draws[:, 1] >= share_unseen(need, history.scene.now.speed[who.vehicle])
     return np.asarray(~looks & (history.step * STEP_S < response_s))
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logit, ndtri
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.draws import uniforms
+from scex_sumo.base.draws import normal_quantiles, uniforms
 from scex_sumo.humans.observed.observations import View
 from scex_sumo.road import Rules
 from scex_sumo.rules.holds import Manner, Obeyed, lights, obeyed
@@ -44,6 +43,10 @@ class RuleParameters:
 RULE_PARAMETERS = RuleParameters()
 
 
+def _logit(share: FloatArray) -> FloatArray:
+    return np.asarray(np.log(share / (1 - share)))
+
+
 def manner_of(draw: FloatArray, spread: float, given: RuleParameters = RULE_PARAMETERS) -> Manner:
     """Draw how drivers obey; all plans of a future have the same.
 
@@ -53,7 +56,7 @@ def manner_of(draw: FloatArray, spread: float, given: RuleParameters = RULE_PARA
     """
     yellow, red, priority, gap = uniforms(draw, 4, OBEYS).T
     runs = (red < given.runs_red) & (spread > 0)
-    waits_s = given.yellow_s + min(spread, 1.0) * given.yellow_scale_s * logit(
+    waits_s = given.yellow_s + min(spread, 1.0) * given.yellow_scale_s * _logit(
         np.clip(yellow, 1e-6, 1 - 1e-6)
     )
     return Manner(
@@ -62,7 +65,7 @@ def manner_of(draw: FloatArray, spread: float, given: RuleParameters = RULE_PARA
         yellow_s=np.where(runs, np.inf, np.minimum(waits_s, given.latest_s)),
         red_mps2=given.red_mps2,
         red_delay_s=np.where(runs, given.early_red_s, 0.0),
-        gaps=given.gap_factor * np.exp(min(spread, 1.0) * given.gap_spread * ndtri(gap)),
+        gaps=given.gap_factor * np.exp(min(spread, 1.0) * given.gap_spread * normal_quantiles(gap)),
         priority_mps2=given.priority_mps2,
         stands_mps=given.rolls_mps,
         ready=True,
@@ -93,7 +96,7 @@ def _lights(view: View, rules: Rules, spread: float) -> Lit:
     from scex_sumo.rules.inferred import drawn_lights
 
     draw, count = history.route_draw[:, 0], len(rules.signals)
-    noise = logit(np.clip(uniforms(draw, count, LIGHTS), 1e-6, 1 - 1e-6))
+    noise = _logit(np.clip(uniforms(draw, count, LIGHTS), 1e-6, 1 - 1e-6))
     change_s = -given.change_s * np.log(uniforms(draw, count, CHANGES))
     return drawn_lights(history, view.paths, rules, noise, change_s)
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import ndtri
 
 from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.draws import normal_quantiles
 from scex_sumo.humans.parameters import HumanParameters
 
 DEGREES = 4  # of freedom of Student's distribution: few, for rare large deviations
@@ -82,5 +82,5 @@ def students(uniform: FloatArray) -> FloatArray:
         uniform: (n, K + 2) K for a normal vector and two for the common χ² with four degrees, -2·ln(u·u').
     """
     chi2 = -2.0 * np.log(uniform[:, -2] * uniform[:, -1])
-    result: FloatArray = ndtri(uniform[:, :-2]) * np.sqrt(DEGREES / chi2)[:, None]
+    result: FloatArray = normal_quantiles(uniform[:, :-2]) * np.sqrt(DEGREES / chi2)[:, None]
     return result
