@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.conflicts.shared import Shared
 from scex_sumo.conflicts.ways import HORIZON_S, NODES, Ways
 from scex_sumo.scene import STEP_S
@@ -22,6 +22,7 @@ _MEAN_STEPS = 5
 _STEP_S = 0.2
 _TIMES_S = np.arange(0.0, HORIZON_S + 1e-9, _STEP_S)[1:]
 _ACCELERATES_S = 1.0
+_SLACK_M = 1e-6  # of rounding, where what is out of reach is left out
 
 
 def needed_braking(ways: Ways, shared: Shared, acceleration: FloatArray, steps: IntArray) -> FloatArray:
@@ -31,10 +32,20 @@ def needed_braking(ways: Ways, shared: Shared, acceleration: FloatArray, steps: 
         acceleration: (R, T) of all vehicles, m/s².
         steps: (S,) of the T.
     """
-    own, other = (shared.own[:, None], steps), (shared.other[:, None], steps)
-    speed = ways.states.speed[own][..., None]
-    gone = ways.arc[other][..., None] + distance(ways.states.speed[other], acceleration[other])
-    enter, leave = (values - ways.arc[own][..., None] for values in _blocked(ways, shared, gone))
+    needed = np.zeros((len(shared.own), len(steps)))
+    row, at = np.nonzero(_in_reach(ways, shared, acceleration, steps))
+    needed[row, at] = _needed(ways, shared, acceleration, row, steps[at])
+    return needed
+
+
+def _needed(
+    ways: Ways, shared: Shared, acceleration: FloatArray, row: IntArray, step: IntArray
+) -> FloatArray:
+    """Return the needed braking (m,) of the own vehicles of rows (m,) at steps (m,)."""
+    own, other = (shared.own[row], step), (shared.other[row], step)
+    speed = ways.states.speed[own][:, None]
+    gone = ways.arc[other][:, None] + distance(ways.states.speed[other], acceleration[other])
+    enter, leave = (values - ways.arc[own][:, None] for values in _blocked(ways, shared, row, gone))
     unbraked = speed * _TIMES_S
     contact = (unbraked >= enter) & (unbraked <= leave)  # False where nothing is blocked
     since = np.logical_or.accumulate(contact, axis=-1)
@@ -49,13 +60,27 @@ def needed_braking(ways: Ways, shared: Shared, acceleration: FloatArray, steps: 
     return np.asarray(np.where(led & since[..., -1], MOST_MPS2, needed))
 
 
+def _in_reach(ways: Ways, shared: Shared, acceleration: FloatArray, steps: IntArray) -> BoolArray:
+    """Return whether (n, S) the own vehicle reaches the shared stretch, and the other one, too, in time."""
+    own, other = (shared.own[:, None], steps), (shared.other[:, None], steps)
+    known = ~np.isnan(shared.enter)
+    first, last = np.argmax(known, axis=1), NODES - 1 - np.argmax(known[:, ::-1], axis=1)
+    spacing = ways.spacing[shared.other][:, None]
+    after = ways.arc[other] + distance(ways.states.speed[other], acceleration[other], _TIMES_S[-1:])[..., 0]
+    meets = (after > (first[:, None] - 1) * spacing) & (ways.arc[other] < (last[:, None] + 1) * spacing)
+    enter = np.fmin.reduce(shared.enter, axis=1)[:, None] - _SLACK_M
+    leave = np.fmax.reduce(shared.leave, axis=1)[:, None] + _SLACK_M
+    reached = ways.arc[own] + ways.states.speed[own] * HORIZON_S
+    return np.asarray(meets & (reached >= enter) & (ways.arc[own] <= leave))
+
+
 def both_braking(ways: Ways, shared: Shared, steps: IntArray) -> FloatArray:
     """Return (n, S) deceleration of both vehicles with which two that face each other stop in time, m/s².
 
     0 where the other one is not on the way ahead, `MOST_MPS2` where they touch already.
     """
     own, other = (shared.own[:, None], steps), (shared.other[:, None], steps)
-    enter = _blocked(ways, shared, ways.arc[other][..., None])[0][..., 0] - ways.arc[own]
+    enter = _blocked(ways, shared, np.arange(len(shared.own)), ways.arc[other])[0] - ways.arc[own]
     speed = ways.states.speed
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = (speed[own] ** 2 + speed[other] ** 2) / (2 * enter)
@@ -72,25 +97,25 @@ def recent_acceleration(speed: FloatArray) -> FloatArray:
     return acceleration
 
 
-def distance(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
-    """Return the (..., K) way of vehicles that go on as they do, m."""
+def distance(speed: FloatArray, acceleration: FloatArray, times_s: FloatArray = _TIMES_S) -> FloatArray:
+    """Return the (..., K) way of vehicles that go on as they do, by times (K,), m."""
     speed, acceleration = speed[..., None], acceleration[..., None]
     rest = np.where(acceleration < 0, speed / np.maximum(-acceleration, 1e-9), np.inf)
-    braked = np.minimum(_TIMES_S, rest)
-    faster = np.minimum(_TIMES_S, _ACCELERATES_S)
+    braked = np.minimum(times_s, rest)
+    faster = np.minimum(times_s, _ACCELERATES_S)
     slowing = speed * braked + acceleration * braked**2 / 2
-    growing = speed * _TIMES_S + acceleration * (faster * _TIMES_S - faster**2 / 2)
+    growing = speed * times_s + acceleration * (faster * times_s - faster**2 / 2)
     return np.asarray(np.where(acceleration < 0, slowing, growing))
 
 
-def _blocked(ways: Ways, shared: Shared, arc: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the stretches (n, S, K) that are blocked while the others are at an arc length, m."""
-    node = np.clip(arc / ways.spacing[shared.other][:, None, None], 0, NODES - 1)
+def _blocked(ways: Ways, shared: Shared, row: IntArray, arc: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the stretches (m, K) of rows (m,) that are blocked while the others are at an arc length, m."""
+    node = np.clip(arc / ways.spacing[shared.other[row]][:, None], 0, NODES - 1)
     below = np.minimum(node.astype(np.int64), NODES - 2)
-    share, row = node - below, np.arange(len(arc))[:, None, None]
+    share, flat = node - below, NODES * row[:, None] + below
     ends = []
     for values, widest in ((shared.enter, np.fmin), (shared.leave, np.fmax)):
-        a, b = values[row, below], values[row, below + 1]
+        a, b = values.take(flat), values.take(flat + 1)
         between = (1 - share) * a + share * b
         ends.append(np.where(np.isnan(between), widest(a, b), between))
     return ends[0], ends[1]
