@@ -67,6 +67,7 @@ class DesignIntervals:
         some = MIN_FUTURES <= self.count <= MAX_FUTURES
         self.balanced = design not in ("random", "all") and bool(factors) and some
         self._blocks: list[_Block] = []
+        self._widths: dict[bytes, FloatArray] = {}
         if self.balanced:
             starts = range(0, self.count, _BLOCK_ROWS)
             parts = [slice(start, start + _BLOCK_ROWS) for start in starts]
@@ -131,6 +132,12 @@ class DesignIntervals:
 
     def half_widths(self, values: FloatArray) -> FloatArray:
         """Return (M,) half-widths, 0 to 1, of many metrics at once, (C, M); 1 for a column of NaN."""
+        key = values.tobytes()  # the tables and the page ask for the same
+        if key not in self._widths:
+            self._widths[key] = self._half_widths(values)
+        return self._widths[key]
+
+    def _half_widths(self, values: FloatArray) -> FloatArray:
         known = ~np.isnan(values)
         counts = known.sum(axis=0)
         widths = np.array([min(dkw_half_width(n), 1.0) if n else 1.0 for n in counts])
