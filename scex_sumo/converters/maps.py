@@ -13,7 +13,7 @@ from scex_sumo.base.cache import cached_object
 from scex_sumo.base.errors import MapError
 from scex_sumo.base.version import version_of
 from scex_sumo.converters.lanelet.origin import recorded_origin
-from scex_sumo.converters.naming import other_content, refuse_unreadable
+from scex_sumo.converters.naming import in_memory, other_content, refuse_unreadable
 from scex_sumo.converters.registries import MapFormat, dataset_of, map_format, refuse_folder
 from scex_sumo.road import Area, Georeference, Lane, MapLoss, Marking, Regulation, Road
 
@@ -55,7 +55,8 @@ def read_map(
     options = {"tracks": tracks, "own_corner": own_corner, "keep": keep}
     refuse_unreadable(path)
     read = map_format(path).read
-    road = read(path, origin=origin, **options)
+    with in_memory(path):
+        road = read(path, origin=origin, **options)
     if not read.__module__.startswith(f"{__package__.partition('.')[0]}."):
         _check_own(path, road)
     return replace(road, file=path)

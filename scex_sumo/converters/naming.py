@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import gzip
 import io
 import math
@@ -9,12 +10,14 @@ import os
 import re
 import shutil
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
 from scex_sumo.base.errors import InputError
 
 MAX_UNPACKED_MB = 2000
+MAX_RATIO, SMALL_MB = 200, 100  # of unpacked and packed bytes; recordings have 10 to 30
 _LIMIT = "SCEX_MAX_UNPACKED_MB"
 _BEGINNING = 2**16  # bytes; SUMO writes its configuration first
 
@@ -22,8 +25,8 @@ _BEGINNING = 2**16  # bytes; SUMO writes its configuration first
 def open_binary(path: Path) -> BinaryIO:
     """Open a file to read bytes; gzip is unpacked, whatever the name.
 
-    Reading beyond `MAX_UNPACKED_MB`, or the environment variable ``SCEX_MAX_UNPACKED_MB``, is an
-    `InputError`.
+    Reading beyond `MAX_UNPACKED_MB` or `MAX_RATIO` times a file's size is an `InputError`; the environment
+    variable ``SCEX_MAX_UNPACKED_MB`` replaces both.
     """
     with path.open("rb") as file:
         packed = file.read(2) == b"\x1f\x8b"
@@ -48,7 +51,8 @@ class _Unpacked(io.RawIOBase):
     def __init__(self, path: Path) -> None:
         self._file, self._path, self._bytes = gzip.GzipFile(path), path, 0
         allowed = number(os.environ.get(_LIMIT))
-        self._megabytes = allowed if allowed > 0 else MAX_UNPACKED_MB
+        usual = max(SMALL_MB, MAX_RATIO * path.stat().st_size / 1e6)
+        self._megabytes = allowed if allowed > 0 else min(MAX_UNPACKED_MB, usual)
 
     def readable(self) -> bool:
         return True
@@ -91,6 +95,15 @@ _CONTENTS = (
     (b"{", "JSON"),
     (b"[", "JSON"),
 )
+
+
+@contextlib.contextmanager
+def in_memory(path: Path) -> Iterator[None]:
+    """Turn a lack of memory in the block into an `InputError` that names the file that is read."""
+    try:
+        yield
+    except MemoryError:
+        raise InputError(f"{path}: does not fit into memory; cut it, or use a larger machine") from None
 
 
 def other_content(path: Path) -> str:

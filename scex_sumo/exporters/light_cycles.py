@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from scex_sumo.converters.net.sumo_net import SumoNet
-from scex_sumo.converters.net.xml import net_root
+from scex_sumo.converters.xml import net_root
 from scex_sumo.road import Regulation, Road
 from scex_sumo.scene import STEP_S
 

@@ -16,8 +16,8 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.sumo.car_following import OWN_MODEL
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.converters.net.xml import net_root
 from scex_sumo.converters.tracks.road_users import road_user
+from scex_sumo.converters.xml import net_root
 from scex_sumo.exporters.request import Request
 from scex_sumo.intention import Intention
 from scex_sumo.results.road import load_intentions

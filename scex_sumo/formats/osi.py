@@ -16,9 +16,9 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.naming import map_name
-from scex_sumo.converters.net.xml import unpacked, xml_root
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
 from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.converters.xml import unpacked, xml_root
 from scex_sumo.formats.lane_maps.lane_map import FAR_M, DrawnMap, drawn_road
 from scex_sumo.formats.opendrive.lanes import opendrive_map
 from scex_sumo.formats.opendrive.reader import opendrive_road
@@ -158,7 +158,10 @@ def _read_signals(layout: NetLayout, road: Road, path: Path) -> tuple[Programme 
             states = light_states(truths, lanes_of)
             runs = {ids[lane]: run for lane, run in states.items() if lane in ids}
             return lane_programme(layout, road, runs, path.name) if runs else (None, [])
-        drawn, shown = opendrive_map(path, xml_root(path, text)), light_states(truths, signals_of)
+        drawn, shown = (
+            opendrive_map(path, xml_root(path, text, "export the map again")),
+            light_states(truths, signals_of),
+        )
         ids = drawn.lane_ids()
         runs = {ids[lane]: shown[signal] for lane, signal in drawn.signals.items() if signal in shown}
     if not runs and _has_lights(path):

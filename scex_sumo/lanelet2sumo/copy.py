@@ -7,7 +7,7 @@ from pathlib import Path
 from scex_sumo.base.errors import listed
 from scex_sumo.converters.net.reading import allowed_content, lane_places, read_ends
 from scex_sumo.converters.net.sumo_net import WrittenNet, lane_table
-from scex_sumo.converters.net.xml import net_root
+from scex_sumo.converters.xml import net_root
 from scex_sumo.lanelet2sumo.drawing import extras_text
 from scex_sumo.road import Road
 

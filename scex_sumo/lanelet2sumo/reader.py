@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -19,7 +19,7 @@ import shapely
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.net.text import points_of
-from scex_sumo.converters.net.xml import net_root
+from scex_sumo.converters.xml import change_words, net_root
 from scex_sumo.road import Road
 from scex_sumo.roads.mirror import mirrored_line
 
@@ -35,9 +35,10 @@ class SumoLane:
     """A lane of a net.
 
     Attributes:
-        index: 0 is the rightmost lane of the edge.
+        index: 0 is the lane of the edge next to the kerb.
         length_m: as written, which may differ from the shape's.
-        cars: whether passenger cars may use it; ``change_left`` and ``change_right`` are for them, too.
+        cars: whether passenger cars may use it; ``change_left`` to the next higher index and
+            ``change_right`` are for them, too.
         function: of its edge: ``normal``, ``internal``, ``crossing`` or ``walkingarea``.
     """
 
@@ -144,10 +145,10 @@ class NetContent:
 def read_net(path: Path) -> NetContent:
     """Read a SUMO net, in its own coordinates."""
     root = net_root(path)
-    lanes = {}
+    lanes, words = {}, change_words(root)
     for edge in root.iter("edge"):
         for element in edge.iter("lane"):
-            lane = _checked(path, element, _lane, edge)
+            lane = _checked(path, element, _lane, edge, words)
             lanes[lane.lane_id] = lane
     edges: dict[str, list[str]] = defaultdict(list)
     for lane in sorted(lanes.values(), key=lambda lane: (lane.edge_id, lane.index)):
@@ -171,7 +172,7 @@ def read_net(path: Path) -> NetContent:
     )
 
 
-def _checked(path: Path, element: Element, make: Callable[..., Made], *context: Element) -> Made:
+def _checked(path: Path, element: Element, make: Callable[..., Made], *context: Any) -> Made:
     try:
         return make(element, *context)
     except KeyError as error:
@@ -189,7 +190,7 @@ def _permits_cars(element: Element, allow: str = "allow", disallow: str = "disal
     return not banned or (banned != "all" and CAR not in banned.split())
 
 
-def _lane(lane: Element, edge: Element) -> SumoLane:
+def _lane(lane: Element, edge: Element, words: tuple[str, str]) -> SumoLane:
     shape = points_of(lane.attrib["shape"])
     if not len(shape) or not (np.abs(shape) <= MAX_M).all():
         raise ValueError("its shape has no points, or none on Earth")
@@ -202,8 +203,8 @@ def _lane(lane: Element, edge: Element) -> SumoLane:
         speed_mps=float(lane.attrib["speed"]),
         width_m=float(lane.get("width", DEFAULT_WIDTH_M)),
         cars=_permits_cars(lane),
-        change_left=_permits_cars(lane, "changeLeft", ""),
-        change_right=_permits_cars(lane, "changeRight", ""),
+        change_left=_permits_cars(lane, words[0], ""),
+        change_right=_permits_cars(lane, words[1], ""),
         function=edge.get("function", "normal"),
     )
 

@@ -15,8 +15,8 @@ from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.net.sumo_net import RECORDED, LaneTable, SumoNet
 from scex_sumo.converters.net.text import points_of
-from scex_sumo.converters.net.xml import net_root, unpacked
 from scex_sumo.converters.signals import signals_of
+from scex_sumo.converters.xml import net_root, unpacked
 from scex_sumo.geometry.polylines import without_repeats
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.road import Passage, Road, Rules, Signal

@@ -22,8 +22,8 @@ import shapely
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.colors import OTHER_RGB, Rgb
 from scex_sumo.converters.net.text import points_of
-from scex_sumo.converters.net.xml import net_root
 from scex_sumo.converters.tracks.road_users import PEOPLE, obstacle_kinds, road_user
+from scex_sumo.converters.xml import net_root
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.views.fcd import FcdTracks, LaneFinder, write_fcd
 from scex_sumo.world.drawings import (

@@ -37,6 +37,25 @@ def test_a_packed_map_is_read_up_to_a_limit(name: str, tmp_path: Path) -> None:
     assert "\n" not in str(error.value)
 
 
+def test_a_small_file_that_unpacks_to_two_hundred_times_its_size_is_not_read(tmp_path: Path) -> None:
+    path = packed(tmp_path / "a.osm.gz", b"<osm>" + b" " * 120_000_000 + b"</osm>")
+    with pytest.raises(InputError, match=r"a\.osm\.gz: more than 100 MB when unpacked"):
+        scex.read_map(path)
+
+
+def test_a_map_that_does_not_fit_into_memory_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("xml.etree.ElementTree.fromstring", full)
+    path = tmp_path / "a.osm"
+    path.write_text("<osm/>")
+    with pytest.raises(InputError, match=r"a\.osm: does not fit into memory"):
+        scex.read_map(path)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "kind"),
     [

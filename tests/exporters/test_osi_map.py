@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.converters.maps import read_map
-from scex_sumo.converters.net.xml import net_root
+from scex_sumo.converters.xml import net_root
 from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.results.run import Run

@@ -11,7 +11,7 @@ import pytest
 from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.datasets.reader import read_recorded
 from scex_sumo.converters.maps import read_map
-from scex_sumo.converters.net.xml import net_root
+from scex_sumo.converters.xml import net_root
 from scex_sumo.formats.osi import OSI
 from scex_sumo.formats.osi_lanes import lanes_of, light_states
 from scex_sumo.lanelet2sumo.convert import convert

@@ -15,7 +15,7 @@ from scex_sumo.converters.cleaning.checks import Check, lost_vehicles, without_e
 from scex_sumo.converters.cleaning.plausibility import plausibility
 from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.scene import CleanRecording
-from scex_sumo.converters.naming import refuse_unreadable
+from scex_sumo.converters.naming import in_memory, refuse_unreadable
 from scex_sumo.converters.registries import Dataset, Window, dataset_of
 from scex_sumo.converters.tracks.check import check_values
 from scex_sumo.converters.tracks.evidence import Evidence, evidence
@@ -41,7 +41,8 @@ def read_recorded(
         refuse_unreadable(path)
     dataset = dataset_of(paths[0])
     simulation = {"window": window, "progress": progress} if dataset.simulated else {}
-    table, notes = dataset.read(paths, net=net, **simulation)
+    with in_memory(paths[0]):
+        table, notes = dataset.read(paths, net=net, **simulation)
     check_values(table)
     return table, notes
 

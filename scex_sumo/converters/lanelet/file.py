@@ -5,10 +5,8 @@ Lanelet2 silently drops broken elements, or crashes on them.
 
 from __future__ import annotations
 
-import gzip
 import re
 import statistics
-import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import count
@@ -20,7 +18,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, listed
-from scex_sumo.converters.naming import open_binary
+from scex_sumo.converters.xml import unpacked, xml_root
 
 Tags = Mapping[str, str]
 Points: TypeAlias = Mapping[int, FloatArray]
@@ -113,15 +111,7 @@ def parse_xml(path: Path, kind: str, ending: str) -> ElementTree.Element:
         raise MapError(f"{path}: is a folder; name the {ending} file in it")
     if not path.is_file():
         raise MapError(f"{path}: no such map; name a {kind} {ending} file")
-    try:
-        with open_binary(path) as file:
-            return ElementTree.parse(file).getroot()
-    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
-        raise MapError(f"{path}: cannot be unpacked ({error}); fetch the file again") from None
-    except ElementTree.ParseError as error:
-        raise MapError(f"{path}: not XML ({error}); name a {kind} {ending} file") from None
-    except (OSError, ValueError, LookupError) as error:
-        raise MapError(f"{path}: cannot be read ({error}); name a {kind} {ending} file") from None
+    return xml_root(path, unpacked(path), f"name a {kind} {ending} file")
 
 
 @dataclass(kw_only=True, eq=False)

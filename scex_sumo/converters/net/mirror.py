@@ -1,4 +1,4 @@
-"""Mirror image of a SUMO net: lanes, links and lights stay, y and the names of turns change sides."""
+"""Mirror image of a SUMO net: lanes, links and lights stay; y, turns and lane changes change sides."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from scex_sumo.converters.net.sumo_net import SumoNet
-from scex_sumo.converters.net.xml import is_left_hand
+from scex_sumo.converters.xml import is_left_hand
 
+_SIDES = {"changeLeft": "changeRight", "changeRight": "changeLeft"}
 _TURNS = str.maketrans("lLrRtT", "rRlLTt")
 _SHAPES = ("shape", "outlineShape")
 _BOUNDARIES = ("convBoundary", "origBoundary")
@@ -26,6 +27,8 @@ def mirrored_content(content: str | bytes) -> str:
         for name in _SHAPES:
             if name in element.attrib:
                 element.set(name, " ".join(map(_mirrored_point, element.attrib[name].split())))
+        if element.attrib.keys() & _SIDES:
+            element.attrib = {_SIDES.get(name, name): value for name, value in element.attrib.items()}
         if "x" in element.attrib and "y" in element.attrib:
             element.set("y", _negated(element.attrib["y"]))
         if element.tag == "connection":

@@ -16,13 +16,12 @@ from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.net.allowed import prune
 from scex_sumo.converters.net.sumo_net import HEADER, LaneTable, SumoNet, net_file
 from scex_sumo.converters.net.text import BEYOND, CHANGED_M, JOINT_M, KEY, LaneletPart, points_of
-from scex_sumo.converters.net.xml import net_root, unpacked, xml_root
+from scex_sumo.converters.xml import is_utf8, net_root, unpacked, xml_root
 from scex_sumo.geometry.polylines import length_of
 
 GAP_M = 0.1  # between road beyond the border and a lane
 _DRIVEN = ("normal", "", None, "internal")  # functions of edges
-_MARKUP = re.compile(rb"<!(DOCTYPE|ENTITY)|<\?xml-", re.IGNORECASE)
-_ENCODING = re.compile(rb"""<\?xml[^>]*encoding\s*=\s*["']([^"']*)""")
+_MARKUP = re.compile(rb"<\?xml-", re.IGNORECASE)
 _SCHEMA = re.compile(rb"""schemaLocation\s*=\s*["'](?!https?://sumo[./-])""", re.IGNORECASE)
 
 Named: TypeAlias = Mapping[str, tuple[LaneletPart, ...]]
@@ -42,10 +41,7 @@ def allowed_content(path: Path) -> tuple[bytes, tuple[str, ...]]:
 
 
 def _plain(content: bytes) -> bool:
-    encoding = _ENCODING.search(content[:1000])
-    if b"\0" in content or (encoding is not None and encoding[1].lower() not in (b"utf-8", b"us-ascii")):
-        return False
-    return not _MARKUP.search(content) and not _SCHEMA.search(content)
+    return is_utf8(content) and not _MARKUP.search(content) and not _SCHEMA.search(content)
 
 
 @contextmanager

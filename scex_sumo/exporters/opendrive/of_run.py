@@ -7,7 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from scex_sumo.converters.net.sumo_net import OPENDRIVE, net_file
-from scex_sumo.converters.net.xml import xml_root
+from scex_sumo.converters.xml import xml_root
 from scex_sumo.exporters.light_cycles import light_cycles
 from scex_sumo.exporters.opendrive.file import OpenDrive, opendrive
 from scex_sumo.exporters.request import Request

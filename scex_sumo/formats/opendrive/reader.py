@@ -6,8 +6,8 @@ from pathlib import Path
 
 from scex_sumo.converters.lanelet.tags import COUNTRIES
 from scex_sumo.converters.naming import map_name
-from scex_sumo.converters.net.xml import unpacked, xml_root
 from scex_sumo.converters.registries import MapFormat
+from scex_sumo.converters.xml import unpacked, xml_root
 from scex_sumo.formats.lane_maps.lane_map import drawn_road
 from scex_sumo.formats.opendrive.lanes import opendrive_map
 from scex_sumo.formats.recognition import is_opendrive
@@ -22,7 +22,7 @@ def read_opendrive(path: str | Path, **_: object) -> Road:
 
 def opendrive_road(path: Path, content: bytes) -> Road:
     """Return the road of an OpenDRIVE text that stands in a file."""
-    root = xml_root(path, content)
+    root = xml_root(path, content, "export the map again")
     signed = next((x.get("country", "").lower() for x in root.iterfind("road/type") if x.get("country")), "")
     country = signed if signed in COUNTRIES else None
     projection = (root.findtext("header/geoReference") or "").strip()

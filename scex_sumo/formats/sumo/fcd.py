@@ -6,16 +6,16 @@ import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.naming import open_binary
 from scex_sumo.converters.registries import Dataset
 from scex_sumo.converters.tracks.check import MAX_VALUES
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackTable
+from scex_sumo.converters.xml import xml_elements
 from scex_sumo.formats.recognition import is_fcd
 from scex_sumo.formats.samples.build import track_table
 from scex_sumo.geometry.polylines import wrap
@@ -140,20 +140,19 @@ def _fill_sizes(table: FloatArray, kinds: Sequence[str]) -> list[str]:
 def _xml(path: Path) -> tuple[list[str], list[str], FloatArray]:
     names, kinds, rows = [], [], []
     try:
-        with open_binary(path) as file:
-            for time, element in _elements(file):
-                names.append(element.get("id", ""))
-                kinds.append("pedestrian" if element.tag == "person" else element.get("type", ""))
-                values = (element.get(column, "nan") for column in _COLUMNS[1:])
-                rows.append([time, *map(float, values)])
-    except (OSError, EOFError, zlib.error, ValueError, LookupError, ElementTree.ParseError) as error:
+        for time, element in _elements(path):
+            names.append(element.get("id", ""))
+            kinds.append("pedestrian" if element.tag == "person" else element.get("type", ""))
+            values = (element.get(column, "nan") for column in _COLUMNS[1:])
+            rows.append([time, *map(float, values)])
+    except (OSError, EOFError, zlib.error, ValueError, LookupError) as error:
         raise TrackError(f"{path}: cannot be read as SUMO's fcd-output: {error}") from None
     return names, kinds, np.array(rows, dtype=np.float64).reshape(-1, len(_COLUMNS))
 
 
-def _elements(file: Any) -> Iterator[tuple[float, ElementTree.Element]]:
+def _elements(path: Path) -> Iterator[tuple[float, Element]]:
     time = 0.0
-    for event, element in ElementTree.iterparse(file, events=("start", "end")):
+    for event, element in xml_elements(path):
         if element.tag == "timestep":
             if event == "start":
                 time = float(element.get("time", "nan"))

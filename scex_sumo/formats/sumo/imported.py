@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -22,8 +23,8 @@ from scex_sumo.base.sumo.programs import run_program
 from scex_sumo.base.version import __version__, version_of
 from scex_sumo.converters.lanelet.left_hand import drives_left_at
 from scex_sumo.converters.naming import map_name, number
-from scex_sumo.converters.net.xml import unpacked, xml_root
 from scex_sumo.converters.registries import MapFormat
+from scex_sumo.converters.xml import is_utf8, unpacked, xml_root
 from scex_sumo.formats.recognition import is_open_street_map
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.road import Road
@@ -46,8 +47,10 @@ def _read_imported_road(path: str | Path, **_: object) -> Road:
     """Read an OpenStreetMap file by way of netconvert; its net is kept in the user's cache."""
     path = Path(path)
     content = unpacked(path)
-    _check_safe(path, content)
-    options = _OPTIONS | ({"lefthand": "true"} if _drives_left(path, content) else {})
+    root = xml_root(path, content, "leave roads out until netconvert can read it")
+    if not is_utf8(content):
+        content = ElementTree.tostring(root, encoding="utf-8")
+    options = _OPTIONS | ({"lefthand": "true"} if _drives_left(root) else {})
     made_with = repr((__version__, version_of("eclipse-sumo"), sorted(options.items())))
     net = kept_net(path, made_with.encode() + content, lambda: _netconvert(path, content, options))
     try:
@@ -58,16 +61,11 @@ def _read_imported_road(path: str | Path, **_: object) -> Road:
     return replace(road, phases=False, notes=(note, *road.notes))
 
 
-def _drives_left(path: Path, content: bytes) -> bool:
+def _drives_left(root: ElementTree.Element) -> bool:
     """Return whether traffic drives on the left where most nodes lie."""
-    nodes = [(number(x.get("lat")), number(x.get("lon"))) for x in xml_root(path, content).iter("node")]
+    nodes = [(number(x.get("lat")), number(x.get("lon"))) for x in root.iter("node")]
     latitude, longitude = np.nanmedian(np.array([*nodes, (np.nan, np.nan)]), axis=0) if nodes else (0.0, 0.0)
     return bool(drives_left_at((float(latitude), float(longitude))))
-
-
-def _check_safe(path: Path, content: bytes) -> None:
-    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-        raise MapError(f"{path}: has a DOCTYPE, which could read other files; remove it")
 
 
 def kept_net(path: Path, made_of: bytes, make: Callable[[], bytes]) -> Path:

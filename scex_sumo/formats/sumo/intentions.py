@@ -17,7 +17,7 @@ from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.sumo.car_following import RANDOM_PARAMETERS, REFUSED, WORDS, known_parameters
 from scex_sumo.converters.net.reading import lane_places, read_ends
 from scex_sumo.converters.net.text import points_of
-from scex_sumo.converters.net.xml import net_root
+from scex_sumo.converters.xml import net_root
 from scex_sumo.geometry.polylines import along, length_of
 from scex_sumo.intention import PARKS, Intention, Stop
 

@@ -19,8 +19,8 @@ from scex_sumo.converters.naming import map_name, unpacked_name
 from scex_sumo.converters.net.allowed import prune
 from scex_sumo.converters.net.reading import allowed_copy, lane_names, lanelet_places, named_parts
 from scex_sumo.converters.net.text import BEYOND, LaneletPart
-from scex_sumo.converters.net.xml import is_left_hand, net_root
 from scex_sumo.converters.registries import MapFormat
+from scex_sumo.converters.xml import change_words, is_left_hand, net_root
 from scex_sumo.formats.lane_maps.lane_map import beside
 from scex_sumo.formats.lane_maps.overlaps import overlapping
 from scex_sumo.formats.recognition import FCD_ENDINGS, is_sumo_net
@@ -197,7 +197,7 @@ def _open(path: Path, root: ElementTree.Element) -> tuple[Any, set[tuple[str, in
     forbidden = {
         (lane.get("id", ""), side)
         for lane in root.iter("lane")
-        for rule, side in (("changeLeft", 1), ("changeRight", -1))
+        for rule, side in zip(change_words(root), (1, -1), strict=True)
         if (allowed := lane.get(rule)) is not None and not {"all", "passenger"} & set(allowed.split())
     }
     net = sumolib.net.readNet(str(path), withInternal=True, withFoes=True)

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
-from xml.parsers import expat
 
 import numpy as np
 
@@ -23,11 +22,11 @@ from scex_sumo.base.errors import MapError, SimulationError, TrackError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.progress import Progress
 from scex_sumo.base.sumo.programs import checked_path, environment, program
-from scex_sumo.converters.naming import map_name, open_binary
+from scex_sumo.converters.naming import beginning, map_name, open_binary
 from scex_sumo.converters.net.reading import allowed_content
-from scex_sumo.converters.net.xml import unpacked
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.converters.xml import is_utf8, scan, unpacked, xml_root
 from scex_sumo.extrapolation.processes.pool import in_other_process
 from scex_sumo.formats.recognition import is_simulation, is_state
 from scex_sumo.formats.sumo.intentions import INTENTIONS_S
@@ -68,10 +67,7 @@ def options_of(config: Path) -> dict[str, str]:
     """
     if not config.is_file():
         raise MapError(f"{config}: no such file; check the path of the configuration")
-    try:
-        root = ElementTree.fromstring(unpacked(config))
-    except (MapError, ElementTree.ParseError, LookupError, ValueError) as error:
-        raise MapError(f"{config}: cannot be read as a SUMO configuration: {error}") from None
+    root = xml_root(config, unpacked(config), "name a SUMO configuration")
     if root.tag == "net":
         raise MapError(f"{config}: a SUMO net, no configuration; name it NAME.net.xml")
     options = {}
@@ -135,8 +131,8 @@ class PrivateRun:
         file = file.resolve()
         if file not in self._safe:
             self._safe[file] = file  # an include that leads back to this file
-            if _names_files(file):
-                root = ElementTree.fromstring(unpacked(file))
+            if _names_files(file) or not is_utf8(beginning(file)):
+                root = xml_root(file, unpacked(file), "SUMO needs XML here")
                 for element in root.iter():
                     self._make_safe(file, element)
                 self._safe[file] = self._copy(file, ElementTree.tostring(root, encoding="utf-8"))
@@ -233,15 +229,10 @@ def _names_files(file: Path) -> bool:
         names |= tag in _READERS or _is_output_parameter(tag, attributes)
         names |= any(name in attributes for name in _WRITERS)
 
-    def refuse(*_: object) -> None:
-        raise MapError(f"{file}: has a DOCTYPE, which could read other files; remove it")
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler, parser.StartDoctypeDeclHandler = start, refuse
     try:
         with open_binary(file) as stream:
-            parser.ParseFile(stream)
-    except (OSError, EOFError, LookupError, zlib.error, expat.ExpatError) as error:
+            scan(stream, start)
+    except (OSError, EOFError, LookupError, zlib.error, ValueError) as error:
         raise MapError(f"{file}: cannot be read: {error}; SUMO needs XML here") from None
     return names
 

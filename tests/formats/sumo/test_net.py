@@ -18,6 +18,7 @@ from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.road import Regulation, Road
 from scex_sumo.scenarios import example_path
 from tests.converters import sumo_roads
+from tests.converters.plain_net import NET
 from tests.runs import extrapolate
 
 NODES = """<nodes>
@@ -173,3 +174,15 @@ def test_a_converted_map_that_begins_in_a_junction_is_read_back(kind: str, tmp_p
     back = read_map(convert(drawn, tmp_path / "drawn.net.xml").path)
     assert list(back.lanes) == [1, 2] and not back.notes
     assert kind in {rule.kind for rule in back.regulations if rule.lanes == (2,)}
+
+
+@pytest.mark.parametrize("left_hand", [False, True])
+def test_sides_of_lane_changes_are_the_driver_s(left_hand: bool, tmp_path: Path) -> None:
+    content = NET.replace("changeLeft", "changeRight") if left_hand else NET
+    path = tmp_path / "n.net.xml"
+    path.write_text(content.replace("<net ", '<net lefthand="true" ') if left_hand else content)
+    lanes = {lane.subtype: lane for lane in read_map(path).lanes.values()}
+    kerb, other = lanes["west_0"], lanes["west_1"]  # from west_1 to west_0, not back
+    assert (kerb.left, kerb.right) == (None, None)
+    assert (other.left if left_hand else other.right) == kerb.lane_id
+    assert (kerb.adjacent_right if left_hand else kerb.adjacent_left) == other.lane_id

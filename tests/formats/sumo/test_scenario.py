@@ -133,7 +133,7 @@ def test_a_configuration_that_does_not_load_says_why(grid: Simulation, tmp_path:
             read_seed(bad, time=5.0)
 
     net, here = f'<net-file value="{grid.net}"/>', "<configuration><input>{}</input></configuration>"
-    fails("<configuration", "cannot be read as a SUMO configuration")
+    fails("<configuration", "name a SUMO configuration")
     fails(here.format(""), "no <net-file>")
     fails(here.format('<net-file value="no.net.xml"/>'), "does not exist")
     fails(here.format(net + '<route-files value="no.rou.xml"/>'), "names it as <route-files>")

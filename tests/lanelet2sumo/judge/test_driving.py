@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
+from scex_sumo.lanelet2sumo.convert import convert
+from scex_sumo.road import Road
+from scex_sumo.roads.mirror import mirrored_road
 from tests.converters.plain_net import write_net
+from tests.converters.sumo_roads import lane, road
 from tests.lanelet2sumo.judge.driving import drive_net
 
 HALVES = {"a": "-20,0 0,20 20,0", "b": "20,0 0,-20 -20,0"}
@@ -54,3 +60,22 @@ def test_vehicles_on_a_net_without_foes_overlap(tmp_path: Path) -> None:
     report = drive_net(blind, vehicles=60, headway_s=0.7)
     assert report["overlapping_pairs"] > 0
     assert any("overlap" in line for line in report.problems())
+
+
+def a_second_lane_opens() -> Road:
+    """One lane, then two with lane changes, of which only the left one leads to the left."""
+    lanes = [
+        lane(1, [(0, 0), (80, 0)], to=(2,)),
+        lane(2, [(80, 0), (180, 0)], to=(4,), left=3),
+        lane(3, [(80, 3.5), (180, 3.5)], to=(5,), right=2),
+        lane(4, [(180, 0), (260, 0)]),
+        lane(5, [(180, 3.5), (210, 6), (260, 30)]),
+    ]
+    return road(lanes)
+
+
+@pytest.mark.parametrize("drawn", [a_second_lane_opens(), mirrored_road(a_second_lane_opens())])
+def test_vehicles_change_lanes_on_both_sides_of_the_world(drawn: Road, tmp_path: Path) -> None:
+    report = drive_net(convert(drawn, tmp_path / "opens.net.xml").path, vehicles=60)
+    assert report.problems() == []
+    assert report["driven_routes"] == 2

@@ -242,7 +242,7 @@ def test_lights_are_right_when_foes_never_have_green_together(tmp_path: Path) ->
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [(None, "no such net"), ("no xml", "not XML"), ("<osm/>", "root element is <osm>")],
+    [(None, "no such file"), ("no xml", "not XML"), ("<osm/>", "root element is <osm>")],
 )
 def test_what_is_no_net_is_refused(tmp_path: Path, text: str | None, words: str) -> None:
     path = tmp_path / "x.net.xml"

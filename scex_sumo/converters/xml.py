@@ -1,0 +1,136 @@
+"""XML of others: no declared types, limited depth, errors of one line; what SUMO's programs read alike."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import re
+import zlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import BinaryIO
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+from xml.parsers import expat
+
+from scex_sumo.base.errors import MapError
+from scex_sumo.converters.naming import open_binary
+
+MAX_DEPTH = 100  # elements within each other; no format needs 20
+_BEGINNING = 1000  # bytes
+_ENCODING = re.compile(rb"""<\?xml[^>]*encoding\s*=\s*["']([^"']*)""")
+
+
+def unpacked(path: Path) -> bytes:
+    """Read a file, gzipped or not."""
+    try:
+        with open_binary(path) as file:
+            return file.read()
+    except FileNotFoundError:
+        raise MapError(f"{path}: no such file; check its path") from None
+    except (OSError, EOFError, zlib.error) as error:
+        raise MapError(f"{path}: cannot be unpacked ({error}); fetch the file again") from None
+
+
+def xml_root(path: Path, content: bytes, remedy: str = "build the net again with netconvert") -> Element:
+    """Parse the content of a file."""
+    try:
+        with contextlib.suppress(_Begun):
+            scan(io.BytesIO(content), _begun)
+        with _as_value_error():
+            root = ElementTree.fromstring(content)
+        level, depth = [root], 1
+        while level := [child for element in level for child in element]:
+            depth = _checked(depth + 1)
+    except (LookupError, ValueError) as error:
+        raise MapError(f"{path}: {error}; {remedy}") from None
+    return root
+
+
+def xml_elements(path: Path) -> Iterator[tuple[str, Element]]:
+    """Yield each element of a file at its ``start`` and ``end``; clear those that are done with.
+
+    Raises:
+        ValueError, LookupError, OSError, EOFError, zlib.error: it is damaged, or not read.
+    """
+    with open_binary(path) as file, contextlib.suppress(_Begun):
+        scan(file, _begun)
+    depth = 0
+    with open_binary(path) as file, _as_value_error():
+        for event, element in ElementTree.iterparse(file, events=("start", "end")):
+            depth = _checked(depth + (1 if event == "start" else -1))
+            yield event, element
+
+
+def scan(file: BinaryIO, start: Callable[[str, dict[str, str]], None]) -> None:
+    """Call a function with the name and the attributes of each element of a file; see `xml_elements`."""
+    depth = 0
+
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth = _checked(depth + 1)
+        start(tag, attributes)
+
+    def end(_: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = begin, end
+    parser.StartDoctypeDeclHandler = _refuse
+    with _as_value_error():
+        parser.ParseFile(file)
+
+
+class _Begun(Exception):
+    """The root element begins: after it, nothing can be declared."""
+
+
+def _begun(*_: object) -> None:
+    raise _Begun
+
+
+def _refuse(*_: object) -> None:
+    raise ValueError("has a DOCTYPE, which could read other files")
+
+
+def _checked(depth: int) -> int:
+    if depth > MAX_DEPTH:
+        raise ValueError(f"has more than {MAX_DEPTH} elements within each other")
+    return depth
+
+
+@contextlib.contextmanager
+def _as_value_error() -> Iterator[None]:
+    try:
+        yield
+    except (ElementTree.ParseError, expat.ExpatError) as error:
+        raise ValueError(f"not XML ({error})") from None
+
+
+def is_utf8(content: bytes) -> bool:
+    """Return whether XML is encoded as all parsers read it alike: UTF-8, by declaration and first bytes."""
+    encoding = _ENCODING.search(content[:_BEGINNING])
+    said = encoding is None or encoding[1].lower() in (b"utf-8", b"us-ascii")
+    return said and b"\0" not in content[:_BEGINNING]
+
+
+def is_left_hand(root: Element) -> bool:
+    """Return whether traffic drives on the left in a net."""
+    return root.get("lefthand") in ("true", "1")
+
+
+def change_words(root: Element) -> tuple[str, str]:
+    """Return the attributes of a lane for changes to the next higher and the next lower index.
+
+    SUMO names them by the driver's sides.
+    """
+    return ("changeRight", "changeLeft") if is_left_hand(root) else ("changeLeft", "changeRight")
+
+
+def net_root(path: Path) -> Element:
+    """Return the XML root element of a net."""
+    root = xml_root(path, unpacked(path))
+    if root.tag != "net":
+        raise MapError(f"{path}: no SUMO net, its root element is <{root.tag}>; give a SUMO .net.xml")
+    return root
