@@ -26,8 +26,8 @@ from .exporters.request import Request as Request
 from .exporters.scene_graph import plot_scene_graph as plot_scene_graph
 from .exporters.scene_graph import to_hetero_data as to_hetero_data
 from .exporters.scene_graph import to_networkx as to_networkx
-from .extrapolation.extrapolate import extrapolate as extrapolate
 from .extrapolation.extras import Extra as Extra
+from .extrapolation.extras import Row as Row
 from .extrapolation.extras import Work as Work
 from .extrapolation.settings import RunSettings as RunSettings
 from .formats.samples.build import track_rows as track_rows
@@ -44,11 +44,11 @@ from .metrics.pairs.scenes import Scenes as Scenes
 from .page.figures.figure import plot as plot
 from .plug_in.inputs import Surroundings as Surroundings
 from .plug_in.predictor import Predictor as Predictor
-from .results.extras import Decision as Decision
-from .results.extras import Row as Row
+from .results.decision import Decision as Decision
 from .results.region import Region as Region
 from .results.run import Run as Run
 from .results.run import open_run as open_run
+from .results.under_test import UnderTest as UnderTest
 from .road import Lane as Lane
 from .road import Road as Road
 from .roads.routes import candidate_paths as candidate_paths
@@ -59,9 +59,9 @@ from .scene import SceneHistory as SceneHistory
 from .scene import SeedScene as SeedScene
 from .scene import States as States
 from .scene import VehicleIndex as VehicleIndex
+from .steps.extrapolate import extrapolate as extrapolate
 from .studies.rank.rank import Ranking as Ranking
 from .studies.rank.rank import rank as rank
-from .studies.under_test.results import UnderTest as UnderTest
 from .studies.validate.validate import Validation as Validation
 from .studies.validate.validate import validate as validate
 from .suites.catalogue import catalogue as catalogue

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
-from scex_sumo.results.extras import DISAGREE, DOUBTFUL, NOTHING, TEST, VERDICTS, Decision
+from scex_sumo.results.decision import DISAGREE, DOUBTFUL, NOTHING, TEST, VERDICTS, Decision
 from scex_sumo.results.tables.pairs import NARROW, arrow, once_in, one_in
 from scex_sumo.roads.places import PLACES
 

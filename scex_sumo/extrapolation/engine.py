@@ -1,10 +1,11 @@
-"""Run of a seed scene, from checked settings to a finished result folder with its extras."""
+"""Run of a seed scene, from checked settings to a finished result folder."""
 
 from __future__ import annotations
 
 import dataclasses
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.converters.signals import signals_of
-from scex_sumo.extrapolation.extras import Extra, Work, rows_of, working
+from scex_sumo.extrapolation.extras import Extra, Row, Work, rows_of
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, ruled
 from scex_sumo.extrapolation.loop.measure import Recorded, measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
@@ -27,7 +28,6 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.extrapolation.writing import handover_notes, outcome_notes, recorded_info, write_tables
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.metrics.registry import thresholds_of
-from scex_sumo.results.extras import Row
 from scex_sumo.results.folder import ResultFolder
 from scex_sumo.results.info import describe, digest, versions
 from scex_sumo.results.parts import Part, Parts
@@ -56,45 +56,69 @@ def run_scene(
     Raises:
         ScexError: as of `extrapolate`.
     """
-    watch, models = _Stopwatch(), models or checked_models(settings, options, extras)
+    return finished(opened(scene, settings, options, models), workers, extras)
+
+
+class Stopwatch:
+    """Times of the parts of a run."""
+
+    def __init__(self) -> None:
+        self._last, self._laps = time.perf_counter(), dict[str, float]()
+
+    def lap(self, part: str) -> dict[str, float]:
+        """End a part of the run; return the times of all parts so far, s."""
+        now = time.perf_counter()
+        self._laps[part], self._last = round(now - self._last, 3), now
+        return dict(self._laps)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Opened:
+    """Run in its folder, before its futures are simulated."""
+
+    folder: ResultFolder
+    job: Job
+    options: RunOptions
+    temporary: TemporaryFolder | None
+    watch: Stopwatch
+
+
+def opened(scene: SeedScene, settings: RunSettings, options: RunOptions, models: ModelSet | None) -> Opened:
+    """Open the folder of a run with its net and its assignments."""
+    watch, models = Stopwatch(), models or checked_models(settings, options)
     temporary = TemporaryFolder() if options.out is None else None
     path = Path(temporary.name) / "run" if temporary else Path(str(options.out))
-    folder, job = _opened(scene, settings, options, models, path)
-    scene = job.scene
-    for extra in extras:
-        if not extra.is_on(settings):
-            folder.remove(extra.files)
-    active = working(extras, settings)
-    begun = [extra.begin(job, workers, options) for extra in active]
+    folder, job = _folder_and_job(scene, settings, options, models, path)
     watch.lap("convert")
-    repeats = [extra.repeats(settings) for extra in active]
+    return Opened(folder=folder, job=job, options=options, temporary=temporary, watch=watch)
+
+
+def finished(run: Opened, workers: Workers, extras: Sequence[Extra]) -> Run:
+    """Simulate and measure the futures of a run, let the extras work, and finish its folder."""
+    job, folder, watch, options = run.job, run.folder, run.watch, run.options
     # More threads of matrix products would wait for cores on which workers run.
     with threadpool_limits(1, user_api="blas"), options.bar("stress-test futures") as tick:
-        parts = [_part_of(tick, k, 1 + sum(repeats)) for k in range(1 + sum(repeats))]
-        _run_all(job, workers, parts[0])
+        _run_all(job, workers, tick)
         watch.lap("simulate_and_measure")
         recorded = _recorded(job)
         part = write_tables(folder, job, recorded, workers=workers)
         watch.lap("tables")
-        work = Work(job=job, part=part, workers=workers, options=options, extras=extras)
+        work = Work(job=job, part=part, workers=workers, options=options)
         rows: list[Row] = []
         failed: list[str] = []
-        for number, extra in enumerate(active):
-            progress = parts[1 + sum(repeats[:number])] if repeats[number] else None
+        for extra in extras:
             try:
-                rows += rows_of(extra, dataclasses.replace(work, progress=progress, begun=begun[number]))
+                rows += rows_of(extra, work)
             except OwnCodeError as error:  # the run's other results stay
                 failed.append(f"warning: {error}; its rows are left out")
     watch.lap("extras")
-    notes = [*failed, *handover_notes(job, part), *outcome_notes(scene, recorded), *workers.deaths]
-    info = _info(job, options.command, part, notes) | {"recorded": recorded_info(scene, recorded)}
+    notes = [*failed, *handover_notes(job, part), *outcome_notes(job.scene, recorded), *workers.deaths]
+    info = _info(job, options.command, part, notes) | {"recorded": recorded_info(job.scene, recorded)}
     info["rows"] = [dataclasses.asdict(row) for row in rows]
     folder.finish({**info, "timings_s": watch.lap("write")})
-    run = Run(folder.path, temporary)
-    run.intervals = job.intervals
-    for extra, task in zip(active, begun, strict=True):
-        run.written.update(extra.finish(run, dataclasses.replace(work, begun=task)))
-    return run
+    result = Run(folder.path, run.temporary)
+    result.intervals = job.intervals
+    return result
 
 
 def simulate_ahead(
@@ -104,12 +128,12 @@ def simulate_ahead(
 
     It ends after the batch in which the file ``enough`` appears.
     """
-    folder, job = _opened(scene, settings, options, models, Path(str(options.out)))
-    with folder:
-        _run_all(job, Workers(1), None, batch=max(VEHICLES_AHEAD // scene.vehicles, 1), enough=enough)
+    run = opened(scene, settings, options, models)
+    with run.folder:
+        _run_all(run.job, Workers(1), None, batch=max(VEHICLES_AHEAD // scene.vehicles, 1), enough=enough)
 
 
-def _opened(
+def _folder_and_job(
     scene: SeedScene, settings: RunSettings, options: RunOptions, models: ModelSet, path: Path
 ) -> tuple[ResultFolder, Job]:
     """Open the folder of a run; return it with the run's job."""
@@ -139,12 +163,10 @@ def _opened(
     return folder, dataclasses.replace(job, conflicts=options.is_reference)
 
 
-def checked_models(settings: RunSettings, options: RunOptions, extras: Sequence[Extra]) -> ModelSet:
+def checked_models(settings: RunSettings, options: RunOptions) -> ModelSet:
     """Build the models of a run; raise a `UsageError` for what can be known without the seed scene."""
     models = ModelSet.of(settings)
     check_world(settings, models, gui=options.gui)
-    for extra in working(extras, settings):
-        extra.check(settings, models)
     return models
 
 
@@ -227,23 +249,6 @@ def _fallbacks(job: Job, part: Part) -> list[dict[str, Any]]:
 
     plans = -(-job.settings.steps // job.settings.replan)
     return count_fallbacks(part.fallbacks, job.assignment, job.models.names, plans)
-
-
-class _Stopwatch:
-    def __init__(self) -> None:
-        self._last, self._laps = time.perf_counter(), dict[str, float]()
-
-    def lap(self, part: str) -> dict[str, float]:
-        """End a part of the run; return the times of all parts so far, s."""
-        now = time.perf_counter()
-        self._laps[part], self._last = round(now - self._last, 3), now
-        return dict(self._laps)
-
-
-def _part_of(progress: Progress | None, part: int, parts: int) -> Progress | None:
-    if progress is None:
-        return None
-    return lambda done, total: progress(part * total + done, parts * total)
 
 
 def _run_all(

@@ -1,27 +1,45 @@
-"""Extra of a run: what it does beside its drawn futures, with options of its own."""
+"""Extra of a run: work of the user's on its futures, with options of its own and rows of the summary."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Future
-from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from functools import cache
+from typing import TYPE_CHECKING, Any, Final, cast
 
-from scex_sumo.base.errors import OwnCodeError
-from scex_sumo.base.progress import Progress
+from scex_sumo.base.blame import own_call
+from scex_sumo.base.errors import OwnCodeError, UsageError
+from scex_sumo.base.importing import Registry
+from scex_sumo.base.options import Option, options_of
 from scex_sumo.extrapolation.options import RunOptions
 from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.extras import ExtraResults, Row, extra_types
 
 if TYPE_CHECKING:
     from scex_sumo.extrapolation.job import Job
-    from scex_sumo.extrapolation.models import ModelSet
     from scex_sumo.results.parts import Part
-    from scex_sumo.results.run import Run
     from scex_sumo.scene import States
+
+EXTRAS: Final = Registry(group="scex_sumo.extras", kind="extra of a run")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """Row of the summary, for a set of futures: in the terminal, on the page and in JSON.
+
+    Attributes:
+        value: NaN or None where undefined; a text is printed as it is.
+        unit: printed in brackets behind the name.
+
+    Example:
+        >>> scex.Row(name="fast vehicles", value=12.5, unit="%").value
+        12.5
+    """
+
+    name: str
+    value: float | str | None
+    unit: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,8 +48,6 @@ class Work:
 
     Attributes:
         part: all futures, with their first step only.
-        begun: what `Extra.begin` returned.
-        progress: counts the steps of a further run of this size, see `Extra.repeats`.
 
     Example:
         >>> class Standing(scex.Extra):
@@ -46,9 +62,6 @@ class Work:
     part: Part
     workers: Workers
     options: RunOptions
-    extras: Sequence[Extra] = ()
-    begun: Future[Any] | None = None
-    progress: Progress | None = None
 
     @property
     def states(self) -> States:
@@ -62,17 +75,13 @@ class Work:
         """Whether these are the human-like futures beside a run."""
         return self.options.is_reference
 
-    def bar_of_repeat(self, label: str) -> AbstractContextManager[Progress | None]:
-        """Open the part of the run's progress bar for a further run."""
-        return nullcontext(self.progress)
-
 
 @dataclass(frozen=True, kw_only=True)
-class Extra(ExtraResults):
+class Extra:
     """Extra of a run; a frozen dataclass whose fields, made by `option`, are its options.
 
-    Each method may be left out. Registered by an entry point in ``scex_sumo.extras``, its options belong to
-    ``scex-sumo run`` and `extrapolate`; else it is given as ``--extra package.module:Class:option=value``.
+    Registered by an entry point in ``scex_sumo.extras``, its options belong to ``scex-sumo run`` and
+    `extrapolate`; else it is given as ``--extra package.module:Class:option=value``.
 
     Example:
         >>> class Vehicles(scex.Extra):
@@ -84,31 +93,21 @@ class Extra(ExtraResults):
         14
     """
 
-    nested: ClassVar[bool] = True
-    """Whether it works for a run inside of another run's folder, too."""
-
-    def is_on(self, settings: RunSettings) -> bool:
-        """Return whether it works in a run with these settings; the other methods are not called if not."""
-        return True
-
-    def check(self, settings: RunSettings, models: ModelSet) -> None:
-        """Raise a `UsageError` for options that make no sense, before a future is simulated."""
-
-    def repeats(self, settings: RunSettings) -> int:
-        """Return how many further runs of the same size it makes in `after`."""
-        return 0
-
-    def begin(self, job: Job, workers: Workers, options: RunOptions) -> Future[Any] | None:
-        """Start in a worker what needs no futures of the run, see `Workers.submit`; None without a worker."""
-        return None
-
     def after(self, work: Work) -> Sequence[Row]:
         """Do its work when all tables are written, and return rows of the summary."""
         return ()
 
-    def finish(self, run: Run, work: Work) -> Mapping[str, Path]:
-        """Do what needs the finished result; return files for the user by what they are."""
-        return {}
+
+@cache
+def extra_types() -> Mapping[str, type[Extra]]:
+    """Return the registered extras by name; one that cannot be imported is left out."""
+    types: dict[str, type[Extra]] = {}
+    for name in EXTRAS.paths:
+        try:
+            types[name] = EXTRAS.load(name)
+        except UsageError as error:
+            print(f"warning: extra {name} is left out: {error}", file=sys.stderr)
+    return types
 
 
 def run_options() -> tuple[type, ...]:
@@ -116,27 +115,62 @@ def run_options() -> tuple[type, ...]:
     return RunSettings, RunOptions, *extra_types().values()
 
 
-def working(extras: Sequence[Extra], settings: RunSettings) -> list[Extra]:
-    """Return the extras that are on, with all their methods."""
-    return [extra.loaded() for extra in extras if extra.is_on(settings)]
-
-
 def rows_of(extra: Extra, work: Work) -> list[Row]:
     """Return the rows of an extra.
 
     Raises:
-        OwnCodeError: what its ``after`` returns are no rows.
+        OwnCodeError: its ``after`` raises, or what it returns are no rows.
     """
-    rows = extra.after(work)
+    said = f"extra {type(extra).__name__}: after"
+    rows = own_call(said, extra.after)(work)
     wrong = [row for row in rows if not isinstance(row, Row)] if isinstance(rows, Sequence) else [rows]
     if wrong:
-        raise OwnCodeError(
-            f"extra {type(extra).__name__}: after returned {type(wrong[0]).__name__}, needs rows"
-        )
+        raise OwnCodeError(f"{said} returned {type(wrong[0]).__name__}, needs rows")
     return list(rows)
 
 
-def extras_of(given: Sequence[Mapping[str, Any]]) -> list[Extra]:
-    """Return the registered extras, with the given options of each in the order of `run_options`."""
+def extras_of(given: Sequence[Mapping[str, Any]], own: Sequence[str | Extra]) -> list[Extra]:
+    """Return the extras of a run.
+
+    Args:
+        given: options of each registered one, in the order of `run_options`.
+        own: others, see `extra_named`.
+    """
     kinds = cast("Sequence[type[Extra]]", run_options()[2:])
-    return [kind(**values) for kind, values in zip(kinds, given, strict=True)]
+    return [*(kind(**values) for kind, values in zip(kinds, given, strict=True)), *map(extra_named, own)]
+
+
+def extra_named(given: str | Extra) -> Extra:
+    """Return an extra by its name or import path and options, ``package.module:Class[:option=value]...``.
+
+    Raises:
+        UsageError: there is no such extra, or it has no such option.
+    """
+    if not isinstance(given, str):
+        return given
+    name, *rest = given.split(":")
+    while rest and "=" not in rest[0]:
+        name = f"{name}:{rest.pop(0)}"
+    kind = EXTRAS.load(name)
+    if not (isinstance(kind, type) and issubclass(kind, Extra)):
+        raise UsageError(f"--extra {name}: is no class derived from scex_sumo.Extra")
+    known, values = options_of(kind), {}
+    for entry in rest:
+        key, equals, text = entry.partition("=")
+        if not equals or key not in known:
+            raise UsageError(
+                f"--extra {given}: {entry!r} is no option of it; it has {', '.join(known) or 'none'}"
+            )
+        values[key] = _value(known[key], getattr(kind, key, None), text, given)
+    return kind(**values)
+
+
+def _value(option: Option, default: Any, text: str, given: str) -> Any:
+    if option.read is not None:
+        return option.read([text] if option.several else text)
+    if isinstance(default, bool):
+        return text.lower() in ("true", "1")
+    try:
+        return type(default)(text) if isinstance(default, int | float) else text
+    except ValueError:
+        raise UsageError(f"--extra {given}: {text!r} is no number") from None

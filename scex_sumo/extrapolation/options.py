@@ -14,7 +14,7 @@ from scex_sumo.base.options import option
 from scex_sumo.base.processes import AUTO, cores, read_workers
 from scex_sumo.base.progress import Progress
 from scex_sumo.drivers.registry import is_own, model_specs
-from scex_sumo.extrapolation.settings import MAX_FUTURES, RunSettings
+from scex_sumo.extrapolation.settings import MAX_FUTURES, PEOPLE, RunSettings
 
 OUTPUT: Final = "Output"
 """Group of these options in the help."""
@@ -57,6 +57,14 @@ class RunOptions:
     gui: bool = option(
         "Show the run live in sumo-gui, then its worst future.", False, names=("--gui",), panel=OUTPUT
     )
+    reference: str | None = option(
+        "Human-like reference, run after the stress test.",
+        "likely",
+        metavar="MIX|none",
+        panel=PEOPLE,
+        takes=str,
+    )
+    report: bool = option("Write report.html.", True, names=("--report/--no-report",), panel=OUTPUT)
     extra: Sequence[Any] = option(
         "An extra of your own; repeatable.",
         (),
@@ -79,6 +87,11 @@ class RunOptions:
             raise UsageError(f"-o {self.out}: is a file; name a folder")
         if isinstance(self.workers, str):
             read_workers(self.workers)
+
+    @property
+    def human(self) -> str | None:
+        """Models of the human-like reference; None without one."""
+        return None if self.reference in (None, "none") else self.reference
 
     def processes(self, settings: RunSettings) -> int:
         """Return the number of processes that work for a run.

@@ -19,10 +19,10 @@ from scex_sumo.formats.sumo.scenario import RISK, options_of
 from scex_sumo.live.device import SEEN, Lead
 from scex_sumo.live.focus import BUSIEST
 from scex_sumo.live.risk import PairRisk, Risk
+from scex_sumo.page.document import Column as Head
+from scex_sumo.page.document import Document, card, page_table
 from scex_sumo.page.figures.charts import Plane
 from scex_sumo.page.html import Html, element
-from scex_sumo.page.study import Column as Head
-from scex_sumo.page.study import card, page_table, table_place, write_study
 from scex_sumo.page.timeline import SHAPES, Happening, shapes_legend, timeline
 from scex_sumo.results.tables.pairs import once_in
 
@@ -129,15 +129,15 @@ def command_of(config: Path, folder: Path, risk: Risk, pair: PairRisk) -> list[s
 
 def write_page(folder: Path, config: Path, risks: Sequence[Risk], leads: Sequence[Lead], about: str) -> Path:
     """Write the page: risk over time, the worst moments, lead times; return its path."""
+    page = Document(f"{config.stem}: risk while it ran")
     cards = [
         card("Risk over time", *_lines(folder, risks)),
         card("Worst moments", *_worst(folder, config, risks)),
     ]
-    tables = {}
     if leads:
-        cards.append(card("Lead time", *_summary(leads), table_place("leads")))
-        tables["leads"] = page_table(_LEAD_HEADS, [_lead_row(lead) for lead in leads])
-    return write_study(folder / PAGE, f"{config.stem}: risk while it ran", about, *cards, tables=tables)
+        table = page.table("leads", page_table(_LEAD_HEADS, [_lead_row(lead) for lead in leads]))
+        cards.append(card("Lead time", *_summary(leads), table))
+    return page.write(folder / PAGE, about, *cards)
 
 
 def _lines(folder: Path, risks: Sequence[Risk]) -> list[Html]:

@@ -15,7 +15,6 @@ from scex_sumo.base.errors import ScexError, SimulationError, UsageError, warn_n
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.naming import map_name
 from scex_sumo.drivers import registry as behaviors
-from scex_sumo.extrapolation.extrapolate import extrapolate
 from scex_sumo.extrapolation.processes.pool import Pool, WorkersDied
 from scex_sumo.formats.sumo.recorder import Recorder
 from scex_sumo.formats.sumo.scenario import refuse_mesoscopic
@@ -26,6 +25,7 @@ from scex_sumo.live.ticker import Ticker
 from scex_sumo.metrics import registry as metrics
 from scex_sumo.results.run import Run
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
+from scex_sumo.steps.extrapolate import extrapolate
 from scex_sumo.world.session import load_sumo
 
 _CLOSED = ("FatalTraCIError", "TraCIException", "ConnectionResetError", "BrokenPipeError")

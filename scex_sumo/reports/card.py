@@ -18,7 +18,7 @@ from rich.text import Text
 
 from scex_sumo.reports.encounter_rows import Meeting, driven_as, worst_stress
 from scex_sumo.reports.run_table import MAIN, counted, extra_rows, participants, row_cell
-from scex_sumo.results.extras import DISAGREE, DOUBTFUL, NOTHING, TEST, VERDICTS, extras_results
+from scex_sumo.results.decision import DISAGREE, DOUBTFUL, NOTHING, TEST, VERDICTS
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.cut_sets import cut_set_words
 from scex_sumo.results.tables.encounters import ENCOUNTERS
@@ -241,17 +241,16 @@ def metric_lines(run: Run, wide: int) -> list[Text]:
 
 
 def _own_lines(run: Run, wide: int) -> list[Text]:
-    """Return the rows and sentences of extras, and how often a fallback planned."""
+    """Return the rows of extras, and how often a fallback planned."""
     rows = [
         f"{name}: {', human-like '.join(row_cell(value) for value in values)}"
         for name, values in extra_rows(run).items()
     ]
-    lines = [line for extra in extras_results(run.folder) for line in extra.lines(run)]
     if counts := run.info.get("fallbacks"):
         from scex_sumo.results.tables.fallbacks import fallback_lines
 
-        lines += fallback_lines(counts)
-    return [Text(part) for line in [*rows, *lines] for part in _wrapped(line, wide)]
+        rows += fallback_lines(counts)
+    return [Text(part) for line in rows for part in _wrapped(line, wide)]
 
 
 def _doubts(run: Run, wide: int) -> list[Text]:

@@ -30,7 +30,8 @@ from scex_sumo.base.files import (
     unlock,
     write_atomic,
 )
-from scex_sumo.results.extras import extra_types
+from scex_sumo.results.decision import DECISION
+from scex_sumo.results.info import BASELINE, PAGE, REFERENCE
 from scex_sumo.results.parts import PARTS, Part, Parts, remove_broken
 from scex_sumo.results.road import INTENTIONS, ROAD
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
@@ -147,8 +148,6 @@ class ResultFolder(OutputFolder):
 
     def _clear(self) -> None:
         self.remove((*_FILES, PARTS, "sumo"))
-        for kind in extra_types().values():
-            self.remove(kind.files)
 
     def _prepare(self) -> None:
         for name in (PARTS, "sumo"):
@@ -212,14 +211,13 @@ def _parquet(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
 
 _FILES = (
     "seed.csv",
-    ROAD,
-    INTENTIONS,
+    *(ROAD, INTENTIONS, BASELINE, REFERENCE, DECISION, PAGE),
     *(f"{curve}{ending}" for curve in ("density", "cumulative") for ending in (".svg", ".png", ".pdf")),
     *(
         f"{name}.parquet"
         for name in (
             *("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst", "fallbacks"),
-            *("collisions", "encounters", "pair_outcomes", "under_test", "horizons", "conflicts"),
+            *("collisions", "encounters", "pair_outcomes", "under_test", "horizons", "conflicts", "pairs"),
         )
     ),
 )

@@ -20,6 +20,11 @@ from scex_sumo.base.version import version_of
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.scene import SeedScene
 
+PAGE: Final = "report.html"
+BASELINE: Final = "baseline"
+REFERENCE: Final = "reference"
+"""Folders in that of a run, with results of their own."""
+
 
 class Info(dict[str, Any]):
     """JSON object; a missing key is an error that names the file."""

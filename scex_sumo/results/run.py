@@ -15,9 +15,9 @@ from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.metrics.registry import COLLISION, Metric, column_named, described_metrics, metric_of
+from scex_sumo.results.decision import Decision, read_decision
 from scex_sumo.results.design import column_of, half_widths, intervals_of, is_critical, metric_density
-from scex_sumo.results.extras import BASELINE, REFERENCE, Decision, extras_results
-from scex_sumo.results.info import read_info
+from scex_sumo.results.info import BASELINE, PAGE, REFERENCE, read_info
 from scex_sumo.results.probability import Encounter
 from scex_sumo.results.road import load_road
 from scex_sumo.results.tables.horizons import HORIZONS, horizons_of
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 TABLES: Final = ("metrics", "assignments", "tracks", "worst", "collisions", "encounters")
 PAIR_OUTCOMES: Final = "pair_outcomes.parquet"
 UNDER_TEST: Final = "under_test.parquet"
-PAGE: Final = "report.html"
 
 
 class Run:
@@ -44,7 +43,7 @@ class Run:
     Attributes:
         info: contents of ``run.json``.
         own_metrics: metrics by name that ``run.json`` describes; they may be registered nowhere.
-        written: files that the extras of this run wrote for the user, by what they are, e.g. ``report``.
+        written: files for the user by what they are, e.g. ``report``.
 
     Example:
         >>> run.futures, run.collision.value
@@ -166,8 +165,7 @@ class Run:
     @cached_property
     def decision(self) -> Decision | None:
         """Verdict on this moment; None without human-like futures."""
-        decisions = (extra.decision(self) for extra in extras_results(self.folder))
-        return next((one for one in decisions if one is not None), None)
+        return read_decision(self.folder)
 
     def encounter(self, one: int, other: int) -> Encounter:
         """Return the encounter of two vehicles.

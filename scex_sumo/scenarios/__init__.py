@@ -7,6 +7,9 @@ from pathlib import Path
 
 from scex_sumo.base.errors import UsageError
 
+if __name__ == "scenarios":
+    raise ImportError("scenarios/ links to a package below scex_sumo: import scex_sumo.scenarios")
+
 EXAMPLES = ("roundabout", "motorway_merge", "urban_intersection")
 
 

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from scex_sumo.decision.of_run import human_like_answer
 from scex_sumo.metrics.registry import critical_columns
 from scex_sumo.reports.encounter_rows import grouped, meeting_rows, meetings, sentence, worst_stress
 from scex_sumo.reports.run_table import extra_rows
-from scex_sumo.results.extras import extras_results
 from scex_sumo.results.run import Run
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def run_answer(run: Run) -> dict[str, Any]:
             for group in grouped(worst_stress(run))
         ],
         "encounters": meeting_rows(meetings(run)),
-        **{key: value for extra in extras_results(run.folder) for key, value in extra.answer(run).items()},
+        "human_like": human_like_answer(run),
     }
 
 

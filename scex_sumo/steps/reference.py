@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import AbstractContextManager
 from functools import partial
@@ -11,18 +11,15 @@ from pathlib import Path
 from typing import Any, Final
 
 from scex_sumo.base.progress import Progress
-from scex_sumo.drivers.registry import parse_models
 from scex_sumo.extrapolation.engine import run_scene, simulate_ahead
-from scex_sumo.extrapolation.extras import Work
+from scex_sumo.extrapolation.extras import Extra
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.options import RunOptions, no_bar
 from scex_sumo.extrapolation.processes.pool import succeeded
 from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.extras import REFERENCE
-from scex_sumo.results.run import Run
-from scex_sumo.steps.reference_options import HumanReference
+from scex_sumo.results.info import REFERENCE
 from scex_sumo.world.base import WORLDS
 
 REFERENCE_FUTURES: Final = 64
@@ -35,37 +32,35 @@ _ENOUGH: Final = ".enough"
 """File by which a run asks the worker that simulates its reference to leave the rest to all."""
 
 
-class ReferenceExtra(HumanReference):
-    """Human-like reference with its methods."""
+def reference_ahead(job: Job, models: str, workers: Workers, options: RunOptions) -> Future[Any] | None:
+    """Simulate the reference of a run in a worker that is free meanwhile; None without one."""
+    wanted = reference_settings(job.settings, models, len(job.assignment))
+    these = job.scene, wanted, ModelSet.of(wanted), _options(options, job.folder, no_bar)
+    enough = job.folder / _ENOUGH
+    enough.unlink(missing_ok=True)
+    ahead = partial(simulate_ahead, *these, enough=enough)
+    return workers.submit(ahead, where="in the reference", waits=True)
 
-    def check(self, settings: RunSettings, models: ModelSet) -> None:
-        """Raise a `UsageError` for unknown models."""
-        parse_models(str(self.reference))
 
-    def begin(self, job: Job, workers: Workers, options: RunOptions) -> Future[Any] | None:
-        """Simulate the reference in a worker."""
-        wanted = reference_settings(job.settings, str(self.reference), len(job.assignment))
-        these = job.scene, wanted, ModelSet.of(wanted), _options(options, job.folder, no_bar)
+def run_reference(
+    job: Job,
+    models: str,
+    workers: Workers,
+    options: RunOptions,
+    ahead: Future[Any] | None,
+    extras: Sequence[Extra],
+) -> None:
+    """Run the reference, or what `reference_ahead` left of it, with all workers; a finished one is kept."""
+    if ahead is not None:
         enough = job.folder / _ENOUGH
-        enough.unlink(missing_ok=True)
-        ahead = partial(simulate_ahead, *these, enough=enough)
-        return workers.submit(ahead, where="in the reference", waits=True)
-
-    def finish(self, run: Run, work: Work) -> Mapping[str, Path]:
-        """Run the reference, or what `begin` left of it, with all workers; a finished one is kept."""
-        job, workers = work.job, work.workers
-        if work.begun is not None:
-            enough = run.folder / _ENOUGH
-            enough.touch()
-            try:
-                succeeded(work.begun)
-            finally:
-                enough.unlink()
-        options = _options(work.options, run.folder, lambda label: work.options.bar("human-like futures"))
-        others = [extra for extra in work.extras if extra.nested and not isinstance(extra, HumanReference)]
-        wanted = reference_settings(job.settings, str(self.reference), run.futures)
-        run_scene(job.scene, wanted, workers=workers, options=options, extras=others)
-        return {}
+        enough.touch()
+        try:
+            succeeded(ahead)
+        finally:
+            enough.unlink()
+    own = _options(options, job.folder, lambda label: options.bar("human-like futures"))
+    wanted = reference_settings(job.settings, models, len(job.assignment))
+    run_scene(job.scene, wanted, workers=workers, options=own, extras=extras)
 
 
 def _options(

@@ -46,20 +46,16 @@ def run_command(map_path: MapPath, *, details: Details = False, **given: Any) ->
     values[2].setdefault("workers", read_workers(os.environ.get("SCEX_WORKERS", AUTO)))
     source, settings = SeedOptions(**values[0]), RunSettings(**values[1])
     options = RunOptions(bar=progress_bar, command=["scex-sumo", *sys.argv[1:]], **values[2])
-    extras = extras_of(values[3:])
-    if options.extra:
-        from scex_sumo.extrapolation.own_extra import extra_named
-
-        extras += map(extra_named, options.extra)
+    extras = extras_of(values[3:], options.extra)
     with Workers(options.processes(settings)) as pool:
-        from scex_sumo.extrapolation.engine import checked_models, run_scene  # while workers start
+        from scex_sumo.steps.moment import models_of, run_moment  # while workers start
 
-        models = checked_models(settings, options, extras)
+        models = models_of(settings, options)
         scene = seed_scene(map_path, source, seed=settings.seed, cache=options.cache)
         folder = Path(options.out) if options.out is not None else Path("out") / scene.name
         options = replace(options, out=folder)
         with resumable("futures", folder):
-            run = run_scene(scene, settings, workers=pool, options=options, extras=extras, models=models)
+            run = run_moment(scene, settings, workers=pool, options=options, extras=extras, models=models)
     _tell(run, details=details, every=given["metrics"] is not None)
     if options.gui:
         COMMANDS.load("view")(run.folder)
@@ -75,12 +71,13 @@ def _answer(run: Run) -> dict[str, Any]:
 def _tell(run: Run, *, details: bool, every: bool) -> None:
     from scex_sumo.reports.card import print_card, print_closing
     from scex_sumo.reports.run_table import print_details
-    from scex_sumo.results.extras import extras_results
 
     warn([*run.info["net_notes"], *run.info["run_notes"]])
     console = output_console(width=80)
-    for extra in extras_results(run.folder):
-        extra.print_above(run, console, every)
+    if run.info.get("under_test") and run.baseline is not None:
+        from scex_sumo.reports.under_test import print_under_test
+
+        print_under_test(run, console, every=every)
     print_card(run, console)
     if details or every:
         print_details(run, output_console(width=110), every=every)

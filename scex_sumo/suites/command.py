@@ -56,7 +56,7 @@ def catalogue_command(
 
 def _print_coverage(suite: Suite) -> None:
     from scex_sumo.commands.console import output_console
-    from scex_sumo.page.study import print_columns
+    from scex_sumo.page.document import print_columns
     from scex_sumo.reports.run_table import print_line
     from scex_sumo.suites.page import COVERAGE, coverage_rows, population_words
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from scex_sumo.page.document import Column, Document, Table, card, page_table
 from scex_sumo.page.html import Html, element
-from scex_sumo.page.study import Column, card, page_table, table_place, write_study
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.tables.pairs import once_in
 from scex_sumo.suites.population import RISK_WORDS
@@ -70,7 +70,7 @@ def write_case_page(
     filters: Mapping[str, Sequence[str]],
     columns: Sequence[Column],
     first: Sequence[Html] = (),
-    last: Mapping[str, Any] | None = None,
+    last: Table | None = None,
 ) -> Path:
     """Write a page of cases and return its path.
 
@@ -85,22 +85,21 @@ def write_case_page(
         options = [element("option", value or "all", value=value) for value in ("", *values)]
         lists.append(element("label", f"{name} ", element("select", *options, data_filter=name)))
     bar = element("div.row", element("b", id="counts"), *lists)
+    page = Document(title, *SCRIPTS)
     parts = [
         *first,
         element("section.card", bar, element("p.soft", _KEYS), element("p.soft", id="said", role="status")),
         element("div.moments", *(one.html() for one in cards), id="cards"),
-        card("All cases", table_place("all-cases")),
+        card("All cases", page.table("all-cases", page_table(columns, [one.row for one in cards]))),
     ]
-    tables = {"all-cases": page_table(columns, [one.row for one in cards])}
     if last is not None:
-        parts.append(card("Candidates → cases, by P(contact) of people", table_place("last")))
-        tables["last"] = last
-    data = [
+        parts.append(card("Candidates → cases, by P(contact) of people", page.table("last", last)))
+    page.info["cards"] = [
         {name: one.shown.get(name) for name in ("outlines", "contact")}
         | {"name": one.row["name"], "about": {name: one.row[name] for name in filters}}
         for one in cards
     ]
-    return write_study(path, title, about, *parts, tables=tables, scripts=SCRIPTS, info={"cards": data})
+    return page.write(path, about, *parts)
 
 
 def write_catalogue_page(path: Path, info: Mapping[str, Any], cards: Sequence[CaseCard]) -> Path:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scex_sumo.conflicts.pairs import Conflicts
 from scex_sumo.decision.decide import decide
 from scex_sumo.decision.law import at_level, error_over_futures, law, over_futures
-from scex_sumo.results.extras import Decision
+from scex_sumo.results.decision import Decision
 from scex_sumo.results.tables.pairs import NARROW, any_of, once_in, one_in
 
 SHARES = st.floats(0.0, 1.0)

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.extrapolation.extras import run_options
-from scex_sumo.extrapolation.keywords import RunKeywords
+from scex_sumo.steps.extrapolate import RunKeywords
 
 OURS = {"bar", "command", "compared", "is_reference"}  # of this package's own callers
 ROOT = Path(__file__).resolve().parents[2]

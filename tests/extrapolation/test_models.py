@@ -17,7 +17,6 @@ from scex_sumo.humans.guard.guarded import Guarded
 from scex_sumo.plug_in.fallback import Fallible
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
-from scex_sumo.studies.under_test.extra import Baseline
 from tests.behaviors import roads
 
 TRACKS = np.array([17, 23, 42])
@@ -67,8 +66,6 @@ def test_a_model_of_ones_own_that_is_assigned_is_under_test() -> None:
     assign = {17: "parked", 23: "standard_driver"}
     compared = RunSettings(assign=assign)
     assert (compared.assign, compared.under_test) == ({23: "standard_driver"}, {17: "parked"})
-    assert Baseline().is_on(compared)
-    assert not Baseline().is_on(RunSettings(under_test={42: None}))
 
 
 def test_only_models_that_may_fail_are_stood_in_for() -> None:

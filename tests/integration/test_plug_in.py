@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import scex_sumo
-from scex_sumo.studies.under_test.results import UnderTest
+from scex_sumo.results.under_test import UnderTest
 from tests import command
 from tests.command import ALONE
 

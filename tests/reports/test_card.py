@@ -11,7 +11,7 @@ from rich.console import Console
 
 import scex_sumo as scex
 from scex_sumo.reports.card import COLUMNS, LINES, chance, pair_lines, percent, print_card, print_closing
-from scex_sumo.results.extras import VERDICTS
+from scex_sumo.results.decision import VERDICTS
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.results.tables.pairs import NARROW, told_pairs
 from scex_sumo.scenarios import EXAMPLES

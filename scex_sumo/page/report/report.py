@@ -5,24 +5,22 @@ from __future__ import annotations
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from string import Template
 from typing import Any
 
 from scex_sumo.base.files import write_atomic
-from scex_sumo.page.html import BASE, Html, asset, element, joined, page_html
-from scex_sumo.page.parts import PagePart
+from scex_sumo.page.document import Document
+from scex_sumo.page.html import Html, element, joined
 from scex_sumo.page.report.contents import report_contents
-from scex_sumo.page.study import table_place
 from scex_sumo.reports.card import title, verdict_lines
 from scex_sumo.reports.run_table import row_cell
-from scex_sumo.results.extras import VERDICTS, extras_results
-from scex_sumo.results.run import PAGE, Run
+from scex_sumo.results.decision import VERDICTS
+from scex_sumo.results.info import PAGE
+from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 
 _WARNING = "warning: "
 _WIDE = 10_000  # no line of the answer is broken
 SCRIPTS = (
-    *BASE,
     *("state.js", "chart.js", "pairs.js", "map.js", "player.js", "models.js"),
     *("selection.js", "address.js", "vehicles.js", "parts.js", "report.js"),
 )
@@ -31,41 +29,32 @@ SCRIPTS = (
 def write_report(run: Run, scene: SeedScene | None = None) -> Path:
     """Write the report of a finished run into its folder and return its path."""
     path = run.folder / PAGE
-    write_atomic(path, report_html(run, scene).encode())
+    write_atomic(path, filled_report(run, *report_contents(run, scene)))
     return path
 
 
-def report_html(run: Run, scene: SeedScene | None = None) -> str:
-    """Return the report of a run as HTML."""
-    return filled_report(run, *report_contents(run, scene))
-
-
-def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> str:
+def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> bytes:
     """Return the report as HTML from the result of `report_contents`."""
-    parts: list[PagePart] = [
-        part for extra in extras_results(run.folder) if (part := extra.page(run)) is not None
-    ]
-    body = run_body(run, info, parts)
-    tables = {name: table for part in parts for name, table in part.tables.items()}
-    more = {name: value for part in parts for name, value in part.info.items()}
-    scripts = dict.fromkeys([*SCRIPTS, *(name for part in parts for name in part.scripts)])
-    return page_html(info["name"], body, tuple(scripts), info | more | {"tables": tables}, arrays)
+    page = Document(info["name"], *SCRIPTS)
+    page.info, page.arrays = page.info | info, arrays
+    warnings = [note.removeprefix(_WARNING) for note in info["notes"] if note.startswith(_WARNING)]
+    notes = _note_card("Notes", [note for note in info["notes"] if not note.startswith(_WARNING)])
+    verdict = ""
+    if run.info.get("under_test") and run.baseline is not None:
+        from scex_sumo.page.report.under_test import under_test_part
 
-
-def run_body(run: Run, info: Mapping[str, Any], parts: Sequence[PagePart] = ()) -> str:
-    """Return the body from the info of `report_contents`, with the cards of extras."""
-    notes = info["notes"]
-    warnings = [note.removeprefix(_WARNING) for note in notes if note.startswith(_WARNING)]
-    told = _note_card("Notes", [note for note in notes if not note.startswith(_WARNING)])
-    return Template(asset("report.html")).substitute(
-        name=joined(title(run)),
+        verdict, about = under_test_part(page, run)
+        notes = joined(about, notes)
+    return page.filled(
+        "report.html",
+        name=title(run),
         warnings=_note_card("Warnings", warnings),
         answer=_answer(run),
-        pairs=_pairs(info, parts),
+        pairs=_pairs(info, verdict),
         rows=joined(*_rows(info)),
         recorded="" if info["has_recorded"] else " hidden",
-        notes=joined(*(card for part in parts for card in part.cards), told),
-        foot=joined(f"scex-sumo {info['version']} · {info['command']}"),
+        notes=notes,
+        foot=f"scex-sumo {info['version']} · {info['command']}",
     )
 
 
@@ -78,11 +67,11 @@ def _answer(run: Run) -> Html:
     return element("section", head, *(element("p.soft", line) for line in more), id="answer")
 
 
-def _pairs(info: Mapping[str, Any], parts: Sequence[PagePart]) -> Html:
+def _pairs(info: Mapping[str, Any], verdict: str) -> Html:
     """Return the place of the pairs, and how one looks at the first pair in SUMO."""
-    tested = [element("p", part.verdict) for part in parts if part.verdict]
+    tested = [element("p", verdict)] if verdict else []
     look = element("p.soft", "look: ", element("code", f"scex-sumo view {shlex.quote(str(info['folder']))}"))
-    return element("div.card", table_place("pairs"), *tested, look)
+    return element("div.card", element("div.scroll", id="pairs"), *tested, look)
 
 
 def _rows(info: Mapping[str, Any]) -> list[Html]:

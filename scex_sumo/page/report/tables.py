@@ -10,8 +10,8 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.metrics.events import EVENTS
+from scex_sumo.page.document import table
 from scex_sumo.page.report.encounter_table import HEADS, encounter_cells
-from scex_sumo.page.study import table
 from scex_sumo.reports.card import any_cells, decided_line, pair_lines
 from scex_sumo.reports.encounter_rows import HUMAN_LIKE, driven_as, meetings
 from scex_sumo.results.probability import critical_outcomes

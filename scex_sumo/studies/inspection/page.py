@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from string import Template
 
 import numpy as np
 
@@ -17,11 +16,12 @@ from scex_sumo.converters.datasets.moment import STAMP_MS, Moment, busiest, reco
 from scex_sumo.converters.tracks.rows import STANDING_MPS
 from scex_sumo.drivers.listing import known_models
 from scex_sumo.evaluation.recordings import LoadedRecording
-from scex_sumo.page.html import BASE, Html, asset, element, joined, page_html
+from scex_sumo.page.document import Document
+from scex_sumo.page.html import Html, element, joined
 from scex_sumo.page.packing import UNITS, quantized
 from scex_sumo.page.report.scene import lane_lines, road_paths
 
-SCRIPTS = (*BASE, "state.js", "pairs.js", "map.js", "inspect.js")
+SCRIPTS = ("state.js", "pairs.js", "map.js", "inspect.js")
 KINDS = ("moves, recorded from 1 s before to 3 s after", "moves, not recorded throughout", "stands")
 _MAX_MOMENTS = 400
 _AWAY = 10**8  # place of a missing vehicle
@@ -44,20 +44,20 @@ def write_inspection(path: Path, loaded: LoadedRecording, moments: Sequence[Mome
     numbers = np.linspace(0, len(moments) - 1, _MAX_MOMENTS).round().astype(int)
     numbers = np.append(numbers, moments.index(busiest(list(moments))))
     kept = [moments[k] for k in np.unique(numbers)]
-    arrays = _arrays(loaded, kept)
-    info = {
+    page = Document(loaded.recording.name, *SCRIPTS)
+    page.arrays = _arrays(loaded, kept)
+    page.info = {
         "moments": [
             (f"{m.time_s:g}", shlex.quote(m.case) if m.case else "", m.vehicles, m.complete) for m in kept
         ],
         "first": kept.index(busiest(kept)),
         "types": list(dict.fromkeys(loaded.table.vehicles.types)),
-        "box": _box(arrays["poses"]),
+        "box": _box(page.arrays["poses"]),
         "road": road_paths(lane_lines(loaded.road)),
         "command": command,
         "stem": loaded.recording.name,
     }
-    body = _body(loaded, len(moments), len(kept))
-    write_output(path, page_html(loaded.recording.name, body, SCRIPTS, info, arrays).encode())
+    write_output(path, page.filled("inspect.html", **_parts(loaded, len(moments), len(kept))))
     return path
 
 
@@ -102,21 +102,21 @@ def _box(poses: IntArray) -> list[float]:
     return [float(edge) for edge in (left, right, low, high)]
 
 
-def _body(loaded: LoadedRecording, moments: int, shown: int) -> str:
+def _parts(loaded: LoadedRecording, moments: int, shown: int) -> dict[str, str]:
     rows = loaded.table.vehicles
     seconds = (float(rows.timestamp_ms.max()) - float(rows.timestamp_ms.min())) / 1000
     about = f"{rows.tracks} vehicles in {seconds:.1f} s, {moments} moments"
     findings = [element("li", finding) for finding in (*loaded.findings, *loaded.table.notes)]
     models = [element("option", model.name, value=model.name) for model in known_models()]
-    return Template(asset("inspect.html")).substitute(
-        name=joined(loaded.recording.name),
-        about=joined(about + (f", {shown} of them shown" if shown < moments else "")),
-        legend=joined(*(_entry(number, words) for number, words in enumerate(KINDS))),
-        bars=joined("Bars: vehicles of each moment; coloured: moving and recorded throughout."),
-        models=joined(*models),
-        findings=element("ul", *findings) if findings else element("p.soft", "No repair was needed."),
-        foot=joined(f"scex-sumo {__version__} · {loaded.recording.map_path}"),
-    )
+    return {
+        "name": loaded.recording.name,
+        "about": about + (f", {shown} of them shown" if shown < moments else ""),
+        "legend": joined(*(_entry(number, words) for number, words in enumerate(KINDS))),
+        "bars": "Bars: vehicles of each moment; coloured: moving and recorded throughout.",
+        "models": joined(*models),
+        "findings": element("ul", *findings) if findings else element("p.soft", "No repair was needed."),
+        "foot": f"scex-sumo {__version__} · {loaded.recording.map_path}",
+    }
 
 
 def _entry(number: int, words: str) -> Html:

@@ -81,7 +81,7 @@ def rank_command(
 
 def _print_top(ranking: Ranking, top: int) -> None:
     from scex_sumo.commands.console import output_console
-    from scex_sumo.page.study import print_columns
+    from scex_sumo.page.document import print_columns
     from scex_sumo.reports.run_table import print_line
     from scex_sumo.studies.rank.table import printed_columns
 

@@ -8,9 +8,9 @@ from typing import Any, Final
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from scex_sumo.page.document import card
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.report.scene import Box
-from scex_sumo.page.study import card
 from scex_sumo.page.timeline import Happening, place_map, shapes_legend, timeline, usual_level
 from scex_sumo.results.tables.pairs import TOLD
 from scex_sumo.studies.moments.folder import MomentRef

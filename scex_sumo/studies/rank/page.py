@@ -13,19 +13,19 @@ import pyarrow.compute as pc
 
 from scex_sumo.base.files import TemporaryFolder, write_atomic
 from scex_sumo.decision.decide import disagrees, span
-from scex_sumo.decision.extra import write_decision
 from scex_sumo.decision.moment import FUTURES as HUMAN_FUTURES
 from scex_sumo.decision.moment import human_part
+from scex_sumo.decision.of_run import write_decision
 from scex_sumo.drivers.registry import DEFAULT_MODELS
 from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.job import ruled
 from scex_sumo.extrapolation.options import RunOptions
 from scex_sumo.extrapolation.processes.workers import Workers
+from scex_sumo.page.document import Document, card, failure_card, page_table
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.report.contents import report_contents
 from scex_sumo.page.report.report import filled_report
 from scex_sumo.page.report.scene import Box, lane_lines, road_svg
-from scex_sumo.page.study import card, failure_card, page_table, table_place, write_study
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.probability import Encounter
 from scex_sumo.results.tables.fallbacks import fallback_lines
@@ -119,29 +119,25 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table) -> Repo
         if (key := (row["seed"], row["track_id"], row["other_id"])) in stages
     ]
     rows = ranking.slice(0, max(_ROWS, len(top))).to_pylist()
+    page = Document("Encounters worth testing", *SCRIPTS)
     parts = [
         glance(run.pairs, places, roads, {f"#encounter-{row['rank']}": row for row, _, _ in shown}),
         _bar(),
         *_lists(ranking, [(row, html) for row, html, _ in shown], run.order.by),
-        card("All encounters", _more(len(ranking)), table_place("all-encounters")),
+        card(
+            "All encounters",
+            _more(len(ranking)),
+            page.table("all-encounters", page_table(page_columns(), rows)),
+        ),
         *failure_card("Failed", {name: one.reason for name, one in failures.items()}),
     ]
-    info = {
+    page.info |= {
         "name": run.identity,
         "verdicts": VERDICTS,
         "cards": [data for _, _, data in shown],
         "rows": [{name: row[name] for name in (*KEY, *TRIAGE)} for row in rows],
     }
-    about, tables = _summary(run, ranking), {"all-encounters": page_table(page_columns(), rows)}
-    write_study(
-        folder / HTML,
-        "Encounters worth testing",
-        about,
-        *parts,
-        tables=tables,
-        scripts=SCRIPTS,
-        info=info,
-    )
+    page.write(folder / HTML, _summary(run, ranking), *parts)
     count = len(stress) * run.settings.futures
     return Reported(table=ranking, moments=names, futures=count, notes=notes)
 
@@ -178,7 +174,7 @@ def _reported(task: _ReportTask, scene: SeedScene, road: bytes) -> _Made:
         info |= {"folder": task.command[-1], "command": shlex.join(task.command)}
         met = [Encounter(row=row, run=run) for row in run.encounters.to_pylist()]
         stress = {one.pair: (one.row["collision"], one.row["critical"]) for one in met}
-        page, notes = filled_report(run, info, arrays).encode(), fallback_lines(run.info["fallbacks"])
+        page, notes = filled_report(run, info, arrays), fallback_lines(run.info["fallbacks"])
     scene, net = ruled(scene, net_of(road, task.settings.cache), task.settings.run)
     human = human_part(scene, net, futures=HUMAN_FUTURES, seed=task.settings.run.seed)
     stages = {(row["track_id"], row["other_id"]): stage_of_future(scene, row, human) for row in task.rows}

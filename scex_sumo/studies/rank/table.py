@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from scex_sumo.base.errors import TrackError
 from scex_sumo.base.files import replacing
 from scex_sumo.decision.decide import span
-from scex_sumo.page.study import Column, Row
+from scex_sumo.page.document import Column, Row
 from scex_sumo.results.tables.pairs import any_of, arrow, one_in
 from scex_sumo.studies.moments.folder import as_row
 from scex_sumo.studies.rank.ranking_run import RankingRun

@@ -61,7 +61,7 @@ def _ratio(row: Mapping[str, Any]) -> float | None:
 
 def _print_scores(done: Validation) -> None:
     from scex_sumo.commands.console import output_console
-    from scex_sumo.page.study import Column, print_columns
+    from scex_sumo.page.document import Column, print_columns
     from scex_sumo.reports.run_table import counted, print_line
     from scex_sumo.studies.validate.page import collisions_in, printed_name
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.metrics.registry import known_metrics, metric_of
+from scex_sumo.page.document import Column, Document, card, page_table, plots
 from scex_sumo.page.figures.charts import Plane, metric_title
 from scex_sumo.page.html import Html, element
-from scex_sumo.page.study import Column, card, page_table, plots, table_place, write_study
 from scex_sumo.reports.run_table import counted
 
 HTML = "validation.html"
@@ -73,12 +73,6 @@ _PAIR_COLUMNS = (
     Column("pairs", "pairs"),
     *(one for one in _EVENT_COLUMNS[1:] if one.cell not in _NO_PAIR),
 )
-_TABLES = {
-    "events": _EVENT_COLUMNS,
-    "pairs": _PAIR_COLUMNS,
-    "values": _VALUE_COLUMNS,
-    "positions": _POSITION_COLUMNS,
-}
 
 
 def write_validation_page(
@@ -92,15 +86,20 @@ def write_validation_page(
     """
     events, values = rows["events"], rows["values"]
     usual = [row for row in events if 0.0 < row["happened"] < 1.0]
+    page = Document(f"Validation of {', '.join(info['models'])}")
     sections = [
         _summary(info),
-        card("Events", "Probability that the futures gave to recorded events.", table_place("events")),
+        card(
+            "Events",
+            "Probability that the futures gave to recorded events.",
+            page.table("events", page_table(_EVENT_COLUMNS, rows["events"])),
+        ),
         card(
             "Pairs",
             "Pairs of vehicles within 10 m of each other in some future. Recording and futures are compared "
             "along the driven tracks; a collision counts as each event. Pairs whose recorded boxes touch are "
             "left out.",
-            table_place("pairs"),
+            page.table("pairs", page_table(_PAIR_COLUMNS, rows["pairs"])),
         ),
         card(
             "Do probabilities hold?",
@@ -112,7 +111,7 @@ def write_validation_page(
             "Values",
             "Times count up to 10 s, 1/TTC up to 10 1/s, DRAC up to 20 m/s². As recorded: futures with "
             "errors of the boxes like those of the recording.",
-            table_place("values"),
+            page.table("values", page_table(_VALUE_COLUMNS, rows["values"])),
         ),
         card(
             "Is the spread right?",
@@ -123,17 +122,15 @@ def write_validation_page(
         card(
             "Positions",
             "Distance of the futures from the recorded places.",
-            table_place("positions"),
+            page.table("positions", page_table(_POSITION_COLUMNS, rows["positions"])),
         ),
         *_failures(info["failed"]),
     ]
-    tables = {name: page_table(columns, rows[name]) for name, columns in _TABLES.items() if name in rows}
     about = (
         f"{counted(info['seeds'], 'seed scene')} of {counted(info['recordings'], 'recording')}, "
         f"{info['futures']} futures each, part of the recordings: {info['part']}"
     )
-    title = f"Validation of {', '.join(info['models'])}"
-    write_study(folder / HTML, title, about, *sections, tables=tables)
+    page.write(folder / HTML, about, *sections)
 
 
 def _summary(info: Mapping[str, Any]) -> Html:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 from xml.etree import ElementTree as ET
 
+from scex_sumo.reports.under_test import chance_text
 from scex_sumo.results.tables.pairs import once_in, rounded
-from scex_sumo.studies.under_test.table import chance_text
 from scex_sumo.suites.estimate import NARROW, Rate
 from scex_sumo.suites.testing.result import CHANGES, FAILED, VERDICTS, WORSE
 

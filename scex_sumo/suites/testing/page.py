@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from scex_sumo.page.document import Column, card
 from scex_sumo.page.html import element
-from scex_sumo.page.study import Column, card
 from scex_sumo.suites.page import CaseCard, stands_for, write_case_page
 from scex_sumo.suites.testing.outputs import case_words, number_lines, title
 from scex_sumo.suites.testing.result import FAILED, VERDICTS

@@ -14,7 +14,7 @@ import numpy as np
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.schema import SHARE, TEXT, listed, read_json, record
 from scex_sumo.decision.decide import TEST_FROM
-from scex_sumo.studies.under_test.paired import holm
+from scex_sumo.statistics.paired import holm
 from scex_sumo.suites.estimate import Design
 from scex_sumo.suites.suite import Suite
 

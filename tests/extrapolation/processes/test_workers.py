@@ -25,7 +25,7 @@ from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
-from scex_sumo.steps.reference_options import HumanReference
+from scex_sumo.steps.moment import run_moment
 
 NEW_PROCESSES = True
 
@@ -66,8 +66,8 @@ def test_run_and_reference_of_two_processes_have_the_same_bytes(
     settings = RunSettings(models="rules", futures=117, steps=3)
     for processes in (1, 2):
         with Workers(processes) as workers:
-            options = RunOptions(out=tmp_path / str(processes))
-            run = run_scene(scene, settings, workers=workers, options=options, extras=[HumanReference()])
+            options = RunOptions(out=tmp_path / str(processes), report=False)
+            run = run_moment(scene, settings, workers=workers, options=options)
             assert run.reference is not None and run.reference.futures == 64
     assert simulated == [0, 64]  # a worker simulates the reference meanwhile
     files = [file.relative_to(tmp_path / "1") for file in (tmp_path / "1").rglob("*.parquet")]

@@ -15,13 +15,13 @@ from scex_sumo import example_path
 from scex_sumo.page.report import contents
 from scex_sumo.page.report.report import write_report
 from scex_sumo.page.report.scene import packed_tracks
+from scex_sumo.page.report.under_test import under_test_curves
 from scex_sumo.reports.card import pair_lines
 from scex_sumo.reports.encounter_rows import meetings
+from scex_sumo.reports.under_test import under_test_rows
 from scex_sumo.results.run import Run, open_run
+from scex_sumo.results.under_test import UnderTest
 from scex_sumo.scene import LOGGED_HISTORY
-from scex_sumo.studies.under_test.page import under_test_curves
-from scex_sumo.studies.under_test.results import UnderTest
-from scex_sumo.studies.under_test.table import under_test_rows
 from tests.command import scex
 from tests.page.conftest import UNFOLD
 from tests.page.test_numbers import body

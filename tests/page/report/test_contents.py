@@ -13,7 +13,7 @@ import numpy as np
 
 from scex_sumo.lanelet2sumo.road_lines import SURFACE
 from scex_sumo.page.report.contents import report_contents
-from scex_sumo.page.report.report import report_html
+from scex_sumo.page.report.report import write_report
 from scex_sumo.page.report.scene import packed_tracks
 from scex_sumo.reports.encounter_rows import meetings
 from scex_sumo.results.run import Run, open_run
@@ -23,7 +23,7 @@ DATA = re.compile(r'<script type="text/plain" id="data">([^<]*)</script>')
 
 
 def test_tracks_come_back_to_the_centimetre_and_milliradian(run: Run) -> None:
-    info, arrays = unpack(DATA.search(report_html(run))[1])  # type: ignore[index]
+    info, arrays = unpack(DATA.search(write_report(run).read_text())[1])  # type: ignore[index]
     assert info["packed"] == list(range(run.futures))
     for future in (0, run.futures - 1):
         poses = poses_of(arrays, future)
@@ -113,7 +113,7 @@ def test_encounters_and_collisions_are_those_of_the_run(run: Run) -> None:
 
 
 def test_the_page_refers_to_nothing_outside_and_runs_only_its_own_script(run: Run) -> None:
-    text = report_html(run)
+    text = write_report(run).read_text()
     assert not re.search(r"(?:src|href)=\"(?!data:)", text)
     assert not re.search(r"https?://", text)
     policy = re.search(r'Content-Security-Policy" content="([^"]*)"', text)[1]  # type: ignore[index]
@@ -129,9 +129,9 @@ def test_notes_that_warn_stand_above_the_answer_and_the_others_below(run: Run, t
     info = json.loads((copy / "run.json").read_text())
     info["net_notes"] = ["2 lights without a lane", "warning: 9 of 90 lanelets (10%) not driven"]
     (copy / "run.json").write_text(json.dumps(info))
-    text = report_html(open_run(copy))
+    text = write_report(open_run(copy)).read_text()
     parts = ("9 of 90 lanelets (10%) not driven", 'id="answer"', "2 lights without a lane")
     places = [text.index(part) for part in parts]
     assert places == sorted(places)
     assert "<h2>Warnings</h2>" in text and "warning: 9" not in text[: text.index('id="data"')]
-    assert "<h2>Warnings</h2>" not in report_html(run)
+    assert "<h2>Warnings</h2>" not in write_report(run).read_text()

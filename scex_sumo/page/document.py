@@ -1,22 +1,29 @@
-"""Page of a study: cards, charts, sortable tables; tables described once for pages and terminals."""
+"""Page of elements: cards, charts, sortable tables; tables described once for pages and terminals."""
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from html import escape
 from pathlib import Path
-from types import MappingProxyType
+from string import Template
 from typing import Any, NamedTuple, TypeAlias
 
+from numpy.typing import NDArray
 from rich.console import Console
 
 from scex_sumo.base.files import write_atomic
 from scex_sumo.base.version import __version__
-from scex_sumo.page.html import BASE, Html, element, joined, page_html
+from scex_sumo.page.html import Html, asset, element, joined
+from scex_sumo.page.packing import pack
 from scex_sumo.reports.run_table import Head, console_table, print_table
 
 Row: TypeAlias = Mapping[str, Any]
 Table = Mapping[str, Any]
 """``columns`` and ``rows`` of a table, as ``assets/table.js`` shows them."""
+_SCRIPTS = ("data.js", "dom.js", "table.js")  # of every page, in their order
 _FAILURES_SHOWN = 20
 NO_SCRIPT = element(
     "noscript",
@@ -24,37 +31,60 @@ NO_SCRIPT = element(
 )
 
 
-def write_study(
-    path: Path,
-    title: str,
-    about: str,
-    *cards: Html,
-    tables: Mapping[str, Table],
-    scripts: Sequence[str] = ("study.js",),
-    info: Mapping[str, Any] = MappingProxyType({}),
-) -> Path:
-    """Write a page and return its path; see `card` and `table_place` for its parts.
+class Document:
+    """Page in one file that makes no request: its parts, and what its scripts read of them.
 
-    Args:
-        scripts: of the page, beside those of every page.
-        info: for them.
+    Attributes:
+        scripts: of ``assets``, beside those of every page.
+        info: names and numbers for them; ``arrays`` by name.
     """
-    header = element("header", element("div", element("h1", title), element("p", about)))
-    footer = element("footer.soft", f"scex-sumo {__version__}")
-    body = joined(header, NO_SCRIPT, element("div.study", *cards), footer)
-    write_atomic(path, page_html(title, body, (*BASE, *scripts), {"tables": tables, **info}, {}).encode())
-    return path
+
+    def __init__(self, title: str, *scripts: str) -> None:
+        self.title, self.scripts = title, scripts or ("study.js",)
+        self.info: dict[str, Any] = {"tables": {}}
+        self.arrays: Mapping[str, NDArray[Any]] = {}
+
+    def table(self, name: str, table: Table) -> Html:
+        """Add a table, see `page_table`, and return the place where it is shown."""
+        self.info["tables"][name] = table
+        return element("div.scroll", id=name)
+
+    def write(self, path: Path, about: str, *parts: Html) -> Path:
+        """Write the page with its title above its parts, and return its path."""
+        header = element("header", element("div", element("h1", self.title), element("p", about)))
+        footer = element("footer.soft", f"scex-sumo {__version__}")
+        write_atomic(path, self.html(joined(header, NO_SCRIPT, element("div.study", *parts), footer)))
+        return path
+
+    def filled(self, template: str, **parts: str) -> bytes:
+        """Return the page with the parts of a template in ``assets`` as its body; texts are escaped."""
+        return self.html(Template(asset(template)).substitute({k: joined(part) for k, part in parts.items()}))
+
+    def html(self, body: str) -> bytes:
+        """Return the page."""
+        style, scripts = asset("page.css"), "\n".join(map(_script, (*_SCRIPTS, *self.scripts)))
+        script = f'"use strict";\n(() => {{\n{scripts}\n}})();'
+        policy = (
+            "default-src 'none'; base-uri 'none'; form-action 'none'; img-src blob: data:; media-src blob:; "
+            f"script-src {_hash(script)}; style-src {_hash(style)}"
+        )
+        page = {"policy": policy, "style": style, "script": script, "data": pack(self.info, self.arrays)}
+        return Template(asset("page.html")).substitute(page, title=escape(self.title), body=body).encode()
+
+
+def _script(name: str) -> str:
+    """Return a script without indentation and lines of comment, which are an eighth of it."""
+    return re.sub(r"(?m)^(\s+|//.*\n)+", "", asset(name))
+
+
+def _hash(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
 def card(title: str, *parts: str) -> Html:
     """Return a card with a heading; plain sentences become paragraphs."""
     inside = [part if isinstance(part, Html) else element("p.soft", part) for part in parts]
     return element("section.card", element("h2", title), *inside)
-
-
-def table_place(name: str) -> Html:
-    """Return the place of the table with this id."""
-    return element("div.scroll", id=name)
 
 
 def plots(*figures: Html) -> Html:

@@ -22,8 +22,8 @@ from scex_sumo.reports.run_table import (
 )
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import criticality, event_of, share_of
-from scex_sumo.studies.under_test.paired import holm, signed_rank
-from scex_sumo.studies.under_test.results import Difference, UnderTest
+from scex_sumo.results.under_test import Difference, UnderTest
+from scex_sumo.statistics.paired import holm, signed_rank
 
 _BY_CHANCE = "Chance of so large a difference without an effect (corrected after Holm)"
 HEADS: Final[tuple[Head, ...]] = (

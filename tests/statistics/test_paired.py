@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from scex_sumo.studies.under_test.paired import holm, mcnemar, signed_rank
+from scex_sumo.statistics.paired import holm, mcnemar, signed_rank
 
 
 def test_the_signed_rank_test_is_scipys_with_ties_and_zeros() -> None:

@@ -21,7 +21,7 @@ from scex_sumo.results.run import UNDER_TEST, Run
 from scex_sumo.results.tables.outcomes import first_contacts
 from scex_sumo.statistics.density import Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
-from scex_sumo.studies.under_test.paired import mcnemar, signed_rank, signs
+from scex_sumo.statistics.paired import mcnemar, signed_rank, signs
 
 Driven = Literal["under_test", "baseline"]
 

@@ -15,11 +15,12 @@ from scex_sumo.evaluation.pair_values import evaluate_pairs
 from scex_sumo.extrapolation.settings import read_under_test
 from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.metrics.registry import COLUMNS
+from scex_sumo.page.document import Document
+from scex_sumo.page.report.under_test import under_test_part
+from scex_sumo.reports.under_test import own_encounters, under_test_rows, under_test_table, verdict
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import QUESTIONS, SCHEMA
-from scex_sumo.studies.under_test.page import under_test_part
-from scex_sumo.studies.under_test.results import UnderTest
-from scex_sumo.studies.under_test.table import own_encounters, under_test_rows, under_test_table, verdict
+from scex_sumo.results.under_test import UnderTest
 from tests.metrics.scenes import random_run
 
 
@@ -112,9 +113,9 @@ def test_table_and_report_show_every_metric(run: Run) -> None:
     # Of five futures one has a collision of vehicle 17, with 0.12 severe injuries; others' do not count.
     assert [str(list(table.columns[k].cells)[1]) for k in (1, 2)] == ["0.00", "24.00"]
     assert under_test_table(UnderTest.of(run), ["ttc"]).row_count == 3
-    part, rows = under_test_part(run), under_test_rows(UnderTest.of(run))
-    assert "vehicle 17: mypkg:MyDriver" in part.cards[0]
-    curves = part.info["tested_curves"]
+    page, rows = Document("page"), under_test_rows(UnderTest.of(run))
+    assert "vehicle 17: mypkg:MyDriver" in under_test_part(page, run)[1]
+    curves = page.info["tested_curves"]
     assert len(curves) == 6 and sum(not curve["sets"] for curve in curves) == 4
     distance = curves[0]
     assert [(s["kind"], s["values"]) for s in distance["sets"]] == [

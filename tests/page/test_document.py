@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from scex_sumo.page.document import Document, card, plots, table
 from scex_sumo.page.figures.charts import Plane
 from scex_sumo.page.html import element
 from scex_sumo.page.report.scene import lane_lines, outline_svg, road_svg, scene_svg
-from scex_sumo.page.study import card, plots, table, table_place, write_study
 from tests.converters.plain_net import lane
 from tests.converters.sumo_roads import road
 from tests.page.conftest import is_foreign
@@ -27,8 +27,10 @@ def test_a_page_shows_its_tables_sorted_by_a_click_and_asks_for_nothing(browser:
     heads = [("name", "text", ""), ("share", "percent", "of all")]
     rows = table(heads, [["b", 0.02], ["a", None], ["c", 0.5]])
     chart = Plane(x=(0, 1)).figure("shares", Plane(x=(0, 1)).dot(0.5, 0.5, "drawn"))
-    cards = card("Numbers <here>", "A sentence.", table_place("numbers"), plots(chart, element("p", "a & b")))
-    path = write_study(tmp_path / "page.html", "A study", "about", cards, tables={"numbers": rows})
+    study = Document("A study")
+    place = study.table("numbers", rows)
+    cards = card("Numbers <here>", "A sentence.", place, plots(chart, element("p", "a & b")))
+    path = study.write(tmp_path / "page.html", "about", cards)
     wrong: list[str] = []
     page = browser.new_page(viewport={"width": 390, "height": 800})
     page.on("console", lambda message: wrong.append(message.text))

@@ -6,27 +6,56 @@ import dataclasses
 import re
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypedDict, cast
 
 from scex_sumo.base.arguments import check_argument
 from scex_sumo.base.errors import ScexError, UsageError, warn_notes
 from scex_sumo.base.options import Option, options_of, split_options
 from scex_sumo.base.progress import Progress, progress_of
-from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.extras import extras_of, run_options
 from scex_sumo.extrapolation.options import RunOptions, has_own_drivers
-from scex_sumo.extrapolation.own_extra import extra_named
 from scex_sumo.extrapolation.processes.workers import Workers, kept_workers
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.metrics.registry import METRICS
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
+from scex_sumo.steps.moment import run_moment
 from scex_sumo.world.session import one_at_a_time
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from typing_extensions import Unpack
 
-    from scex_sumo.extrapolation.keywords import RunKeywords
+    from scex_sumo.extrapolation.settings import Driver, Models
+    from scex_sumo.metrics.registry import Metric
+    from scex_sumo.results.region import Region
+
+
+class RunKeywords(TypedDict, total=False):
+    """Options of a run for editors and type checkers: fields of `RunSettings` and `RunOptions`, all optional."""
+
+    futures: int | str
+    steps: int
+    replan: int
+    models: Models
+    assign: Mapping[int, Driver]
+    under_test: Mapping[int, Driver | None]
+    region: Region | str | int | None
+    metrics: str | Sequence[str | Metric]
+    thresholds: Mapping[str, float]
+    seed: int
+    world: str
+    vru: str
+    rules: bool
+    workers: int | str | None
+    gui: bool
+    extra: Sequence[Any]
+    overwrite: bool
+    out: str | Path | None
+    cache: bool
+    reference: str | None
+    report: bool
 
 
 def extrapolate(
@@ -83,12 +112,12 @@ def _run(
     _check_types(options, run_options())
     settings = RunSettings(**values) if settings is None else dataclasses.replace(settings, **values)
     how = RunOptions(bar=partial(progress_of, progress), **others)
-    extras = [*extras_of(own), *map(extra_named, how.extra)]
+    extras = extras_of(own, how.extra)
     # The user's own code may change within a session; kept workers have what they loaded first.
     own_metrics = any(metric.name not in METRICS for metric in settings.measured)
     made = Workers if how.extra or own_metrics or has_own_drivers(settings) else kept_workers
     with one_at_a_time, made(how.processes(settings)) as pool:
-        return run_scene(scene, settings, workers=pool, options=how, extras=extras)
+        return run_moment(scene, settings, workers=pool, options=how, extras=extras)
 
 
 def _python_message(message: str) -> str:

@@ -7,36 +7,26 @@ from typing import Any, Final
 import numpy as np
 
 from scex_sumo.metrics.registry import COLLISION, critical_columns
+from scex_sumo.page.document import Document, card, table
 from scex_sumo.page.figures.charts import line_legend, metric_title, ticks, value_range
 from scex_sumo.page.html import Html, element
-from scex_sumo.page.parts import PagePart
-from scex_sumo.page.study import card, table, table_place
+from scex_sumo.reports.under_test import HEADS, under_test_rows, verdict
 from scex_sumo.results.run import Run
-from scex_sumo.studies.under_test.results import Driven, UnderTest
-from scex_sumo.studies.under_test.table import HEADS, under_test_rows, verdict
+from scex_sumo.results.under_test import Driven, UnderTest
 
 TABLE: Final = "under-test"
 _KINDS: dict[Driven, str] = {"under_test": "picked", "baseline": "drawn"}
 
 
-def under_test_part(run: Run) -> PagePart:
-    """Return the card of a run with a baseline, its curves and its table."""
+def under_test_part(page: Document, run: Run) -> tuple[str, Html]:
+    """Add curves and table of a run with a baseline to its page; return the verdict and their card."""
     tested = UnderTest.of(run)
-    return PagePart(
-        cards=[under_test_card(tested)],
-        info={"tested_curves": under_test_curves(run, tested)},
-        tables={TABLE: table(HEADS, under_test_rows(tested))},
-        verdict=verdict(tested),
-    )
-
-
-def under_test_card(tested: UnderTest) -> Html:
-    """Return the card of the driver under test."""
-    return card(
+    page.info["tested_curves"] = under_test_curves(run, tested)
+    return verdict(tested), card(
         f"Under test, {tested.label}",
         "Only encounters of the vehicles under test count. Without: the same futures and other drivers, with "
         "these vehicles driven as drawn. Curves: share of the futures up to a value, with its 95 % band.",
-        table_place(TABLE),
+        page.table(TABLE, table(HEADS, under_test_rows(tested))),
         line_legend([("picked", "with the driver under test"), ("drawn", "without")]),
         element("div.charts", id="tested-curves"),
     )

@@ -1,0 +1,80 @@
+"""Run of a moment: its futures, and the steps that follow them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+from scex_sumo.decision.of_run import decide_run
+from scex_sumo.drivers.registry import parse_models
+from scex_sumo.extrapolation.engine import checked_models, finished, opened, run_scene
+from scex_sumo.extrapolation.extras import Extra
+from scex_sumo.extrapolation.job import Job
+from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.options import RunOptions
+from scex_sumo.extrapolation.processes.workers import Workers
+from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.results.decision import DECISION
+from scex_sumo.results.info import BASELINE, PAGE, REFERENCE
+from scex_sumo.results.run import Run
+from scex_sumo.results.tables.pairs import PAIRS_FILE
+from scex_sumo.scene import SeedScene
+from scex_sumo.steps.reference import reference_ahead, run_reference
+
+
+def run_moment(
+    scene: SeedScene,
+    settings: RunSettings,
+    *,
+    workers: Workers,
+    options: RunOptions,
+    extras: Sequence[Extra] = (),
+    models: ModelSet | None = None,
+) -> Run:
+    """Simulate and measure the futures of a seed scene that has a road; then take the steps below.
+
+    Args:
+        models: what `models_of` returned for these settings; None builds them.
+
+    Raises:
+        ScexError: as of `extrapolate`.
+    """
+    start = opened(scene, settings, options, models or models_of(settings, options))
+    human, job = options.human, start.job
+    is_tested = any(model is not None for model in settings.under_test.values())
+    off = [] if is_tested else [BASELINE]
+    off += [] if human is not None else [REFERENCE, PAIRS_FILE, DECISION]
+    start.folder.remove([*off, *([] if options.report else [PAGE])])
+    ahead = reference_ahead(job, human, workers, options) if human is not None else None
+    run = finished(start, workers, extras)
+    if is_tested:
+        _run_baseline(job, workers, options)
+    if human is not None:
+        run_reference(job, human, workers, options, ahead, extras)
+        decide_run(run, job.scene)
+    if options.report:
+        from scex_sumo.page.report.report import write_report
+
+        with options.bar("page"):
+            run.written["report"] = write_report(run, job.scene)
+    return run
+
+
+def models_of(settings: RunSettings, options: RunOptions) -> ModelSet:
+    """Build the models of a run; raise a `UsageError` for what can be known without the seed scene."""
+    models = checked_models(settings, options)
+    if options.human is not None:
+        parse_models(options.human)
+    return models
+
+
+def _run_baseline(job: Job, workers: Workers, options: RunOptions) -> None:
+    """Run every future again, with the vehicles under test driven as drawn, in the folder ``baseline/``."""
+    settings = dataclasses.replace(
+        job.settings,
+        futures="all" if job.settings.count is None else len(job.assignment),
+        under_test=dict.fromkeys(job.settings.under_test),
+    )
+    folder, bar = job.folder / BASELINE, lambda label: options.bar("baseline futures")
+    own = dataclasses.replace(options, gui=False, out=folder, overwrite=True, bar=bar)
+    run_scene(job.scene, settings, workers=workers, options=own)

@@ -1,1 +1,0 @@
-"""Driving functions under test: the same futures with and without them."""
