@@ -11,10 +11,9 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.base.errors import UsageError
 
 DECAY: Final = 0.3
-"""Weight of a combination of k + 1 factors against one of k; found by ``benchmarks/designs.py``."""
+"""Weight of a combination of k + 1 factors against one of k."""
 
 BLOCK_ROWS: Final = 1024
 _STARTS, _SWEEPS = 3, 3
@@ -23,33 +22,30 @@ _TIE: Final = 1e-9  # scores this close are equal
 Shares = Sequence[Sequence[float]] | Sequence[FloatArray]
 
 
-def balanced(shares: Shares, rows: int, rng: np.random.Generator, *, decay: float = DECAY) -> IntArray:
+def balanced(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
     """Draw balanced rows one by one, so that each prefix is balanced, too.
 
-    With the product kernel k(x, z) = prod over factors of (1 + decay * ([x = z] / share - 1)), the next row
+    With the product kernel k(x, z) = prod over factors of (1 + DECAY * ([x = z] / share - 1)), the next row
     lowers the mean of k over all pairs of rows most: the squared discrepancy from the product of the shares.
     A coordinate search from random starts finds it (kernel herding). Blocks of 1024 rows are independent.
 
     Args:
         shares: per factor, the share of each of its levels; each sums to 1, none is 0.
         rng: draws ties and starts.
-        decay: above 0 and below 1.
 
     Returns:
         (R, F) level of each factor in each row.
 
     Source: kernel herding, Chen, Welling, Smola 2010; qualitative factors, Hickernell, Liu 2002.
     """
-    if not 0 < decay < 1:
-        raise UsageError(f"decay of a design: got {decay}, needs to be between 0 and 1")
     weights = [np.asarray(s, dtype=np.float64) for s in shares]
-    own = [1 - decay + decay / w for w in weights]
+    own = [1 - DECAY + DECAY / w for w in weights]
     edges = _edges(weights)
     out = np.empty((rows, len(weights)), dtype=np.int64)
     for start in range(0, rows, BLOCK_ROWS):
         block = out[start : start + BLOCK_ROWS]
         # Column 0 is the kernel of each level with itself.
-        kernels = [np.full((len(w), len(block) + 1), 1 - decay) for w in weights]
+        kernels = [np.full((len(w), len(block) + 1), 1 - DECAY) for w in weights]
         for kernel, diagonal in zip(kernels, own, strict=True):
             kernel[:, 0] = diagonal
         for row in range(len(block)):

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class RunKeywords(TypedDict, total=False):
-    """Options of a run for editors and type checkers: fields of `RunSettings` and `RunOptions`, all optional."""
+    """Options of a run for editors and type checkers, all optional; see `RunSettings`, `RunOptions`."""
 
     futures: int | str
     steps: int

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.arrays import IntArray
-from scex_sumo.base.errors import UsageError
 from scex_sumo.extrapolation.assignments import assignments
 from scex_sumo.statistics.designs import balanced
 
@@ -83,8 +82,3 @@ def test_a_fixed_vehicle_takes_no_part_in_the_draw() -> None:
     assert np.array_equal(picked[:, [0, 2]], assignments([1, 1], [4, 2], futures=20, seed=0))
     all_fixed = assignments([1, 1], [4], futures=3, seed=0, fixed={4: 1})
     assert all_fixed.tolist() == [[1]] * 3
-
-
-def test_a_decay_outside_0_to_1_is_refused() -> None:
-    with pytest.raises(UsageError, match="between 0 and 1"):
-        balanced([SIX], 3, np.random.default_rng(0), decay=1.0)
