@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import option
-from scex_sumo.base.processes import AUTO, cores, read_workers
+from scex_sumo.base.processes import AUTO, idle_cores, read_workers
 from scex_sumo.base.progress import Progress
 from scex_sumo.drivers.registry import is_own, model_specs
 from scex_sumo.extrapolation.settings import MAX_FUTURES, PEOPLE, RunSettings
@@ -97,7 +97,7 @@ class RunOptions:
         """Return the number of processes that work for a run.
 
         ``auto`` is one with a window or a driver of the user's, which may not bear to be sent to another
-        process; else one for each `FUTURES_EACH` futures of 3 s, and no more than cores.
+        process; else one for each `FUTURES_EACH` futures of 3 s, and no more than idle cores.
         """
         if self.gui:
             return 1
@@ -106,7 +106,7 @@ class RunOptions:
         if has_own_drivers(settings):
             return 1
         help_by = (settings.count or MAX_FUTURES) * settings.steps // (FUTURES_EACH * RunSettings.steps)
-        return max(1, min(cores(), help_by))
+        return max(1, min(idle_cores(), help_by))
 
 
 def has_own_drivers(settings: RunSettings) -> bool:

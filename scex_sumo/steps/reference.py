@@ -22,11 +22,11 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import REFERENCE
 from scex_sumo.world.base import WORLDS
 
-REFERENCE_FUTURES: Final = 64
-"""A share then has a 95 % interval of at most +-12 %."""
-REFERENCE_STEPS: Final = 30
-"""Up to so many steps, a reference has all `REFERENCE_FUTURES`, however few the run has."""
-
+REFERENCE_FUTURES: Final = 32
+"""With more, P of the most probable pair varies as much from seed to seed."""
+LEAST_FUTURES: Final = 16
+"""A reference of 3 s has as many at least, however few the run has; so has a moment in ``rank``."""
+_LEAST_STEPS: Final = 30 * LEAST_FUTURES
 
 _ENOUGH: Final = ".enough"
 """File by which a run asks the worker that simulates its reference to leave the rest to all."""
@@ -93,7 +93,6 @@ def reference_settings(settings: RunSettings, models: str, futures: int) -> RunS
 def reference_futures(futures: int, steps: int) -> int:
     """Return the number of futures of the reference of a run.
 
-    There are fewer than `REFERENCE_FUTURES` if they would cost more than the run and than `REFERENCE_STEPS`
-    steps of all.
+    At most as many as the run has, but at least `LEAST_FUTURES` of 3 s, or others of that cost.
     """
-    return min(REFERENCE_FUTURES, max(futures, REFERENCE_FUTURES * REFERENCE_STEPS // steps))
+    return min(REFERENCE_FUTURES, max(futures, _LEAST_STEPS // steps))

@@ -35,7 +35,7 @@ def test_a_reference_stands_beside_a_run_and_changes_nothing_of_it(tmp_path: Pat
 
 @pytest.mark.parametrize(
     ("futures", "steps", "expected"),
-    [(2, 5, 64), (2, 30, 64), (385, 30, 64), (2, 60, 32), (385, 980, 64), (40, 980, 40), (2, 980, 2)],
+    [(2, 5, 32), (2, 30, 16), (385, 30, 32), (2, 60, 8), (385, 980, 32), (20, 980, 20), (2, 980, 2)],
 )
 def test_a_reference_costs_no_more_than_the_run_or_a_short_one(
     futures: int, steps: int, expected: int
