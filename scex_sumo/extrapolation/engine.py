@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,7 +37,6 @@ from scex_sumo.scene import SeedScene
 from scex_sumo.world.base import WORLDS
 
 DEFAULT_OPTIONS = RunOptions()
-VEHICLES_AHEAD = 2400  # over all futures of a batch for which a finished run may have to wait
 
 
 def run_scene(
@@ -101,7 +101,7 @@ def finished(run: Opened, workers: Workers, extras: Sequence[Extra]) -> Run:
         _run_all(job, workers, tick)
         watch.lap("simulate_and_measure")
         recorded = _recorded(job)
-        part = write_tables(folder, job, recorded, workers=workers)
+        part = write_tables(folder, job, recorded)
         watch.lap("tables")
         work = Work(job=job, part=part, workers=workers, options=options)
         rows: list[Row] = []
@@ -119,18 +119,6 @@ def finished(run: Opened, workers: Workers, extras: Sequence[Extra]) -> Run:
     result = Run(folder.path, run.temporary)
     result.intervals = job.intervals
     return result
-
-
-def simulate_ahead(
-    scene: SeedScene, settings: RunSettings, models: ModelSet, options: RunOptions, *, enough: Path
-) -> None:
-    """Simulate the futures of a run in its folder ``options.out``; `run_scene` goes on with them.
-
-    It ends after the batch in which the file ``enough`` appears.
-    """
-    run = opened(scene, settings, options, models)
-    with run.folder:
-        _run_all(run.job, Workers(1), None, batch=max(VEHICLES_AHEAD // scene.vehicles, 1), enough=enough)
 
 
 def _folder_and_job(
@@ -251,17 +239,9 @@ def _fallbacks(job: Job, part: Part) -> list[dict[str, Any]]:
     return count_fallbacks(part.fallbacks, job.assignment, job.models.names, plans)
 
 
-def _run_all(
-    job: Job,
-    workers: Workers,
-    progress: Progress | None,
-    *,
-    batch: int | None = None,
-    enough: Path | None = None,
-) -> None:
+def _run_all(job: Job, workers: Workers, progress: Progress | None) -> None:
     done, total, steps = set(Parts(job.folder).futures.tolist()), len(job.assignment), job.settings.steps
-    size = batch if batch is not None else batch_size(job, workers.free)
-    together = 1 if batch is not None else max(batch_size(job) // size, 1)
+    size = batch_size(job, workers.processes)
     batches = batches_of([c for c in range(total) if c not in done], size, apart=job.apart)
     ticks = len(done) * steps
 
@@ -272,8 +252,5 @@ def _run_all(
             progress(ticks, total * steps)
 
     on_step(0)
-    if not batches:
-        return
-    for _ in workers.run(job, batches, together=together, on_step=on_step):
-        if enough is not None and enough.exists():
-            break
+    if batches:
+        deque(workers.run(job, batches, together=max(batch_size(job) // size, 1), on_step=on_step), maxlen=0)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections import deque
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,8 +16,6 @@ from scex_sumo.converters.datasets.writer import write_tracks
 from scex_sumo.extrapolation.assignments import listing
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.loop.measure import Recorded, handover_jumps, overlapping_at_first
-from scex_sumo.extrapolation.processes.workers import Workers
-from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.design import DENSITIES, densities_table
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
@@ -38,19 +34,14 @@ COPY_M = 0.5  # between the centres of copies
 HANDOVER_M = 0.5  # jump that gets a note
 
 
-def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, workers: Workers) -> Part:
+def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None) -> Part:
     """Write the tables of a run whose parts are all in the folder.
-
-    Args:
-        workers: if there are any, one writes the tracks meanwhile.
 
     Returns:
         All futures, with their first step only.
     """
-    these = folder, job.scene, len(job.assignment), job.settings
-    written = workers.submit(partial(_write_tracks, *these), where="over the tracks")
-    parts = _write_each(*these) if written is None else _each(*these)
-    part, intervals = joined_parts([_first_step(part) for part in parts]), job.intervals
+    part = joined_parts([_first_step(part) for part in _written_tracks(folder, job)])
+    intervals = job.intervals
     columns = job.settings.columns
     metrics = values_table(columns, part.values, part.defined, part.futures)
     assert part.collisions is not None and part.encounters is not None
@@ -91,30 +82,15 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None, *, w
     write_tracks(folder.path / "seed.csv", job.scene)
     save_road(folder.path, job.road)
     save_intentions(folder.path, job.scene.intentions)
-    if written is not None:
-        from scex_sumo.extrapolation.processes.pool import succeeded
-
-        if not succeeded(written):
-            _write_tracks(*these)
     return part
 
 
-def _each(folder: ResultFolder, scene: SeedScene, futures: int, settings: RunSettings) -> Iterator[Part]:
-    rows = scene.vehicles * (LOGGED_HISTORY + settings.steps)
-    return folder.in_order(futures, size=max(ROWS_AT_ONCE // rows, 1))
-
-
-def _write_each(
-    folder: ResultFolder, scene: SeedScene, futures: int, settings: RunSettings
-) -> Iterator[Part]:
+def _written_tracks(folder: ResultFolder, job: Job) -> Iterator[Part]:
+    rows = job.scene.vehicles * (LOGGED_HISTORY + job.settings.steps)
     with folder.writer("tracks.parquet") as add_tracks:
-        for part in _each(folder, scene, futures, settings):
-            add_tracks(tracks_table(scene, part))
+        for part in folder.in_order(len(job.assignment), size=max(ROWS_AT_ONCE // rows, 1)):
+            add_tracks(tracks_table(job.scene, part))
             yield part
-
-
-def _write_tracks(folder: ResultFolder, scene: SeedScene, futures: int, settings: RunSettings) -> None:
-    deque(_write_each(folder, scene, futures, settings), maxlen=0)
 
 
 def _first_step(part: Part) -> Part:

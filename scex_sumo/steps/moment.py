@@ -19,7 +19,7 @@ from scex_sumo.results.info import BASELINE, PAGE, REFERENCE
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.pairs import PAIRS_FILE
 from scex_sumo.scene import SeedScene
-from scex_sumo.steps.reference import reference_ahead, run_reference
+from scex_sumo.steps.reference import run_reference
 
 
 def run_moment(
@@ -45,12 +45,11 @@ def run_moment(
     off = [] if is_tested else [BASELINE]
     off += [] if human is not None else [REFERENCE, PAIRS_FILE, DECISION]
     start.folder.remove([*off, *([] if options.report else [PAGE])])
-    ahead = reference_ahead(job, human, workers, options) if human is not None else None
     run = finished(start, workers, extras)
     if is_tested:
         _run_baseline(job, workers, options)
     if human is not None:
-        run_reference(job, human, workers, options, ahead, extras)
+        run_reference(job, human, workers, options, extras)
         decide_run(run, job.scene)
     if options.report:
         from scex_sumo.page.report.report import write_report

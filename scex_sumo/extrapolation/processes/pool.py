@@ -16,7 +16,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from typing import Any, TypeAlias, TypeVar
 
@@ -54,7 +54,6 @@ class Pool:
         """One phrase for each worker that died and was replaced."""
         self._folder = TemporaryFolder()
         self._workers = [WorkerProcess(self._folder.name, simulates) for _ in range(processes)]
-        self._calls: dict[WorkerProcess, Future[Any]] = {}
 
     def __enter__(self) -> Pool:
         return self
@@ -69,11 +68,6 @@ class Pool:
         for worker in self._workers:
             worker.join()
         self._folder.cleanup()
-
-    @property
-    def free(self) -> list[WorkerProcess]:
-        """Workers that do no function of `submit`."""
-        return [worker for worker in self._workers if worker not in self._calls or self._calls[worker].done()]
 
     def run(
         self, work: Work, batches: Sequence[IntArray], tick: OnStep, *, together: int = 1
@@ -164,11 +158,10 @@ class Pool:
 
         With ``on_step`` the function gets a function of one number, which calls ``on_step`` here.
         """
-        worker = (self.free or self._workers)[-1]
+        worker = self._workers[-1]
         work = pickled(partial(_calling, function, on_step is not None))
         order = partial(worker.do, work, None, on_step or (lambda futures: None))
-        self._calls[worker] = worker.thread.submit(self._try_twice, worker, where, order)
-        return self._calls[worker]
+        return worker.thread.submit(self._try_twice, worker, where, order)
 
     def _try_twice(self, worker: WorkerProcess, where: str, order: Callable[[], Report]) -> Any:
         """Return the result of an order, from a second process if the first one dies."""
@@ -186,14 +179,6 @@ class Pool:
             if len(reasons) == 1:
                 self.deaths.append(f"a worker died {where} ({reasons[0]}) and was replaced")
         raise WorkersDied(where, reasons)
-
-
-def succeeded(future: Future[Any]) -> bool:
-    """Wait for a submitted function; return False if workers died of it."""
-    with suppress(WorkersDied):
-        future.result()
-        return True
-    return False
 
 
 @contextmanager

@@ -14,8 +14,6 @@ from typing import TYPE_CHECKING, Any
 from scex_sumo.base.errors import SimulationError, UsageError
 
 if TYPE_CHECKING:
-    from concurrent.futures import Future
-
     from scex_sumo.base.arrays import IntArray
     from scex_sumo.extrapolation.job import Job
     from scex_sumo.extrapolation.processes.pool import Pool
@@ -90,20 +88,6 @@ class Workers:
         with batch_runner(job, slots) as run_here:
             for batch in batches:
                 yield run_here(batch, tick)
-
-    @property
-    def free(self) -> int:
-        """Number of processes, this one included, that do no function of `submit`."""
-        return 1 if self.pool is None else 1 + len(self.pool.free)
-
-    def submit(self, function: Callable[[], Any], *, where: str, waits: bool = False) -> Future[Any] | None:
-        """Let a worker of the pool call a function, see `Pool.submit`.
-
-        None without a worker, and without a free one unless the function ``waits`` for it.
-        """
-        if self.pool is None or not (waits or self.pool.free):
-            return None
-        return self.pool.submit(function, where=where)
 
 
 _idle: dict[tuple[Any, ...], Workers] = {}
