@@ -106,7 +106,7 @@ def find_conflicts(
         vehicle: only pairs with this one; None: all.
 
     Returns:
-        Rows of pairs that are within `NEAR_M` at the moment, or whose ways touch.
+        Rows by future and pair: of pairs within `NEAR_M` at the moment, and where their ways touch.
     """
     futures, _, vehicles = states.shape
     ways = ways_of(states, np.tile(length, futures), np.tile(width, futures), planned)
@@ -122,10 +122,13 @@ def find_conflicts(
     apart = np.hypot(*(v[0, now, one] - v[0, now, two] for v in (states.x, states.y)))
     number = np.full((vehicles, vehicles), -1)
     number[one, two] = np.arange(len(one))
-    touching = number[own.own % vehicles, own.other % vehicles]
-    near = np.flatnonzero(np.isin(np.arange(len(one)), touching) | (apart < NEAR_M))
-    place = np.searchsorted(near, touching) * futures + own.own // vehicles
-    return _filled(ways, (own, other), place, (one[near], two[near]), futures, now)
+    touch = own.own // vehicles * len(one) + number[own.own % vehicles, own.other % vehicles]
+    rows = np.tile(apart < NEAR_M, futures)
+    rows[touch] = True
+    kept = np.flatnonzero(rows)
+    future, pair = np.divmod(kept, max(len(one), 1))
+    place = np.searchsorted(kept, touch)
+    return _filled(ways, (own, other), place, (future, one[pair], two[pair]), vehicles, now)
 
 
 def ways_of(states: States, length: FloatArray, width: FloatArray, planned: FloatArray | None) -> Ways:
@@ -138,20 +141,18 @@ def _filled(
     ways: Ways,
     shared: tuple[Shared, Shared],
     place: IntArray,
-    pairs: tuple[IntArray, IntArray],
-    futures: int,
+    rows: tuple[IntArray, IntArray, IntArray],
+    vehicles: int,
     now: int,
 ) -> Conflicts:
-    """Return the rows of pairs in all futures; ``place`` (n,) is the row of each shared stretch."""
-    vehicles, count = len(ways.length) // futures, len(pairs[0]) * futures
-    future = np.tile(np.arange(futures), len(pairs[0]))
-    one, two = (np.repeat(side, futures) for side in pairs)
+    """Return the conflicts of rows: future and both vehicles; ``place`` (n,) is the row of each stretch."""
+    future, one, two = rows
     braking, braking_step, brakes_one = needed_by_pairs(ways, *shared, now=now)
     margins = time_margins(ways, shared[0].own, shared[0].other, now=now)
     gap, gap_step = _gaps(ways, future * vehicles + one, future * vehicles + two, now)
 
     def spread(values: FloatArray | IntArray | BoolArray, empty: float) -> np.ndarray[tuple[int], np.dtype]:
-        whole = np.full(count, empty, dtype=values.dtype)
+        whole = np.full(len(future), empty, dtype=values.dtype)
         whole[place] = values
         return whole
 
