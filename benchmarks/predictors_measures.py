@@ -330,7 +330,7 @@ def judged(test: TestScene, scene: SeedScene, states: States) -> Loop:
 
 def _on_map(scene: SeedScene, road: Road, states: States) -> BoolArray:
     """(V, T) whether the whole box is before the end of the mapped road, on the nearest of its paths."""
-    paths = seed_paths(scene, road, None, 18.0)
+    paths = seed_paths(scene, road, 18.0)
     end = path_room(paths, road).end
     vehicles, steps = states.shape
     nearest = np.full((vehicles, steps), np.inf)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from typing import Any, Literal, Protocol, TypeAlias, TypeGuard, runtime_checkable
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Final, Literal, Protocol, TypeAlias, TypeGuard, runtime_checkable
 
 import numpy as np
 
@@ -14,13 +14,11 @@ from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 
 PLAN_STEPS = 30
+_PACKAGE: Final = __name__.partition(".")[0]
 MIN_PARAMETER, MAX_PARAMETER = 1e-6, 1e6  # beyond them sums and squares could overflow
 MAX_PATHS = 1000  # of one vehicle
 Sight: TypeAlias = Literal["itself", "everyone"]
-"""States that a plan depends on: the vehicle's own, or those of all vehicles.
-
-A model has it as attribute ``sight``. None or no attribute: plans also depend on random numbers.
-"""
+"""States that a plan depends on: the vehicle's own, or those of all vehicles."""
 BY_ITSELF = "had no plan of its own"  # reason of a fallback if the model gives none
 
 
@@ -73,23 +71,61 @@ Behavior: TypeAlias = BatchBehavior | SingleVehicleBehavior
 """A driver: it plans for many vehicles at once, or for one."""
 
 
-def layer_with(model: Any, attribute: str) -> Any:
-    """Return the outermost layer of a model that has an attribute; None if none has it.
+class Driver:
+    """What a model of this package declares beyond `plan`; a user's model declares nothing.
 
-    An adapter of this package, such as the guard, has the model that it wraps as attribute ``inner``.
+    Attributes:
+        inner: the model that an adapter, such as the guard, wraps.
+        driven_by_sumo: whether SUMO moves its vehicles; see `DrivenBySumo`.
+        source_file: of a user's model.
     """
-    while not hasattr(model, attribute):
-        if not (_is_ours(model) and hasattr(model, "inner")):
-            return None
+
+    inner: Any = None
+    driven_by_sumo: ClassVar[bool] = False
+    source_file: Path | None = None
+
+    @property
+    def sight(self) -> Sight | None:
+        """States that plans depend on; None: random numbers, too."""
+        return None
+
+    @property
+    def weights_sha256(self) -> str | None:
+        """SHA-256 of learned weights."""
+        return None
+
+    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Any:
+        """Return the drive of vehicles along their paths, an `Intent`; None: they have only plans."""
+        return None
+
+    def clear_of_others(self) -> Any:
+        """Return a copy that steers away from vehicles beside it, or the model if it cannot."""
+        return self
+
+    def keep_images(self) -> None:
+        """Keep features of map images in the user's cache."""
+
+    def try_on(
+        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> None:
+        """Raise a `ScexError` if no plan for these vehicles is usable."""
+
+
+def layers(model: Any) -> Iterator[Driver]:
+    """Yield a driver of this package and those that it wraps; a user's may inherit what it is not."""
+    while isinstance(model, Driver) and type(model).__module__.startswith(f"{_PACKAGE}."):
+        yield model
         model = model.inner
-    return model
+
+
+def declared(model: Any) -> Driver:
+    """Return what a model declares: itself, or nothing for a user's."""
+    return next(layers(model), Driver())
 
 
 def is_built_in(model: Any) -> bool:
     """Return whether a model is a driver of this package, below all adapters, and not one of a user's."""
-    while _is_ours(model) and hasattr(model, "inner"):
-        model = model.inner
-    return _is_ours(model) and ".plug_in." not in type(model).__module__
+    return any(layer.inner is None for layer in layers(model))
 
 
 class DrivenBySumo(Protocol):
@@ -116,22 +152,17 @@ class DrivenBySumo(Protocol):
 
 def is_driven_by_sumo(model: Any) -> TypeGuard[DrivenBySumo]:
     """Return whether SUMO moves the model's vehicles; the model then gives their routes."""
-    return bool(getattr(model, "driven_by_sumo", False))
+    return isinstance(model, Driver) and model.driven_by_sumo
 
 
 def sight_of(model: Any) -> Sight | None:
     """Return which states a model's plans depend on; None for a user's model: possibly all."""
-    return getattr(model, "sight", None) if _is_ours(model) else None
+    return declared(model).sight
 
 
 def clear_of_others(model: Any) -> Any:
     """Return a copy of a model that steers away from vehicles beside it, or the model if it cannot."""
-    return model.clear_of_others() if hasattr(model, "clear_of_others") else model
-
-
-def _is_ours(model: Any) -> bool:
-    """Return whether a model's class is of this package: a user's may inherit what does not hold for it."""
-    return type(model).__module__.partition(".")[0] == __name__.partition(".")[0]
+    return next((layer.clear_of_others() for layer in layers(model)), model)
 
 
 def check_positive(parameters: Any, *names: str, zero: bool = False) -> None:
@@ -145,18 +176,7 @@ def check_positive(parameters: Any, *names: str, zero: bool = False) -> None:
 
 
 def check_path(path: Any) -> None:
-    """Raise a `UsageError` unless a path is an index, ``straight``, ``random``, lane ids, or points."""
-    if isinstance(path, bool):
+    """Raise a `UsageError` unless a path is an index, ``straight`` or ``random``."""
+    number = isinstance(path, int) and not isinstance(path, bool) and abs(path) < MAX_PATHS
+    if not (number or path in ("straight", "random")):
         raise UsageError(f"path: got {path!r}; give an index from left to right, straight, or random")
-    if (isinstance(path, int) and abs(path) < MAX_PATHS) or path in ("straight", "random"):
-        return
-    if isinstance(path, tuple) and path:
-        if all(isinstance(p, int) for p in path):
-            return
-        points = all(isinstance(p, tuple) and len(p) == 2 and all(map(math.isfinite, p)) for p in path)
-        if points and len(path) >= 2:
-            return
-    raise UsageError(
-        f"path: got {path!r}; give an index from left to right, straight, random, a tuple of lane ids, "
-        "or a tuple of at least two (x, y) points"
-    )

@@ -27,7 +27,6 @@ class ModelEntry:
         parameters: the defaults by name of a model without a profile; ``EMPTY`` if there is none.
         path_words: values of the parameter ``path`` beside an index, ``straight`` and ``random``.
         takes_guard: whether it has the parameter ``guard``.
-        guard: profile of its guard; None for the default one.
         is_own: whether it is the user's; a vehicle that it is assigned to is under test.
         may_fail: whether plans may be unusable, as those of users', so that a fallback planner stands by.
         moves: road users that it moves, e.g. ``pedestrian``; (): vehicles.
@@ -41,7 +40,6 @@ class ModelEntry:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     path_words: tuple[str, ...] = ()
     takes_guard: bool = True
-    guard: Any = None
     may_fail: bool = True
     is_own: bool = True
     moves: tuple[str, ...] = ()

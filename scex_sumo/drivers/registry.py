@@ -305,7 +305,7 @@ def build(spec: ModelSpec, *, fallback: bool = False) -> BatchBehavior:
         return model
     from scex_sumo.humans.guard.guarded import Guarded
 
-    return Guarded(model, entry.guard)
+    return Guarded(model)
 
 
 def _maker(spec: ModelSpec) -> tuple[Callable[[], Any], bool]:

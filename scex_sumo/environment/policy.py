@@ -9,7 +9,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.base import PLAN_STEPS, Driver
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.driving.projection import path_positions
 from scex_sumo.environment.agent import controlled, planned
@@ -20,7 +20,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
 
-class PolicyDriver:
+class PolicyDriver(Driver):
     """Driver that asks a policy of `SeedVectorEnv`; its action is held until the next plan.
 
     Args:

@@ -121,7 +121,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         self._vehicle = tracks.index(self.agent)
         self._reward = reward
         self._surroundings = surroundings or Surroundings(neighbours=8, lanes=16)
-        self._paths = seed_paths(scene, self.road, None, steps * STEP_S + 5.0)
+        self._paths = seed_paths(scene, self.road, steps * STEP_S + 5.0)
         last = int(self._paths.count[self._vehicle]) - 1
         path = whole_number(f"path of vehicle {self.agent}", path, -last - 1, last)
         self._row = self._paths.choose(path, np.full(num_envs, self._vehicle), np.zeros(num_envs))

@@ -13,7 +13,7 @@ from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.base.sending import SentOnce
-from scex_sumo.behaviors.base import BatchBehavior, layer_with
+from scex_sumo.behaviors.base import BatchBehavior, Driver, layers
 from scex_sumo.converters.tracks.road_users import PEOPLE
 from scex_sumo.drivers.registry import (
     ModelSpec,
@@ -94,23 +94,23 @@ class ModelSet(SentOnce):
     @cached_property
     def weights(self) -> dict[str, str]:
         """SHA-256 of each learned model's weights, by name."""
-        return {str(spec): model.weights_sha256 for spec, model in self._with("weights_sha256")}
+        return {str(spec): sha for spec, model in self._layers() if (sha := model.weights_sha256) is not None}
 
     @cached_property
     def sources(self) -> dict[str, str]:
         """SHA-256 of the source file of each of the user's models, by name."""
-        files = {str(s): model.source_file for s, model in self._with("source_file") if is_own(s)}
-        return {name: sha256_of(file) for name, file in files.items() if file is not None and file.is_file()}
+        files = {str(s): file for s, model in self._layers() if is_own(s) and (file := model.source_file)}
+        return {name: sha256_of(file) for name, file in files.items() if file.is_file()}
 
     def keep_images(self) -> None:
         """Let learned drivers cache their map features on the disk."""
-        for _, model in self._with("keep_images"):
+        for _, model in self._layers():
             model.keep_images()
 
-    def _with(self, attribute: str) -> Iterator[tuple[ModelSpec, Any]]:
-        """Yield the spec of each model that has an attribute, and the layer that has it."""
+    def _layers(self) -> Iterator[tuple[ModelSpec, Driver]]:
+        """Yield the spec of each model, and each of its layers."""
         for spec, model in zip(self.specs, self.built, strict=True):
-            if (layer := layer_with(model, attribute)) is not None:
+            for layer in layers(model):
                 yield spec, layer
 
     def draw(self, scene: SeedScene, *, futures: int | None, seed: int, keep: bool = False) -> IntArray:
@@ -160,13 +160,11 @@ class ModelSet(SentOnce):
         history = history_at(scene, scene.history.repeat(1), futures, draw, step=0)
         tracks = scene.track_ids.tolist()
         for index, driver in enumerate(self.built):
-            fallible = layer_with(driver, "try_on")
-            if fallible is None:
-                continue
             mine = [self.fixed.get(t, index if index < len(self.drawn) else -1) == index for t in tracks]
             vehicle = np.flatnonzero(np.array(mine, dtype=np.bool_))
             who = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
-            fallible.try_on(history, scene.road, who, [future_generator(seed, 0)])
+            for layer in layers(driver):
+                layer.try_on(history, scene.road, who, [future_generator(seed, 0)])
 
     def to_json(self) -> dict[str, Any]:
         """Return the models' entries of ``run.json``."""

@@ -1,29 +1,23 @@
-"""Attention: glances away from the road, reaction times, and braking for conflicts as people do.
+"""Attention: glances away from the road, reaction times, and room to boxes beside.
 
 A driver acts on what it saw one reaction time ago. If it looked away then, it follows no leader and brakes
-late. Otherwise it brakes for a conflict as soon as that needs noticeable braking, and as hard as needed. It
-keeps clear of boxes beside it.
+late for a conflict. It keeps clear of boxes beside it.
 """
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.draws import normal_quantiles, uniforms
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, SLOPE_SPEED, rear_axle
 from scex_sumo.behaviors.driving.projection import foot_points
-from scex_sumo.humans.guard.conflicts import StopLines
-from scex_sumo.humans.guard.guarded import arriving_later, line_motion, needed_braking, retimed
 from scex_sumo.humans.guard.side_clearance import offsets_beside
 from scex_sumo.humans.observed.observations import View
 from scex_sumo.humans.parameters import HumanParameters
-from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan
+from scex_sumo.scene import STEP_S
 
 GLANCE = 100_000  # salt of draws, beyond those of all steps; glances may begin before 0 s
 
@@ -81,52 +75,6 @@ def looks_away(
         lasts = np.where(there < factor, lasts, 0.0)
         away |= (time_s >= start[:, None]) & (time_s < (start + lasts)[:, None])
     return away
-
-
-def yielding(plan: Plan, view: View, road: Road, aware: BoolArray) -> Plan:
-    """Return plans (n, H) slowed down for conflicts while their drivers are aware of them (n, H)."""
-    bounds = partial(responses, aware=aware, human=view.human)
-    return retimed(plan, view.history, road, view.who, view.human.conflict, bounds)
-
-
-def responses(
-    lines: StopLines,
-    first: IntArray,
-    step: int,
-    s: FloatArray,
-    v: FloatArray,
-    *,
-    aware: BoolArray,
-    human: HumanParameters,
-) -> FloatArray:
-    """Return the highest speed after a step of each vehicle with a stop line, m/s; see `Bounds`.
-
-    A driver brakes as hard as needed once that is noticeable: from ``onset_mps2`` on, later if both miss each
-    other with constant velocity, or if it looks away. When and how hard drivers respond is decided here.
-    """
-    t = step * STEP_S
-    needed = needed_braking(lines, t, s + human.stop_gap_m, v, human.entry_gap_m)
-    # It is enough to arrive after one that crosses has left.
-    k = np.flatnonzero((lines.speed == 0) & np.isfinite(lines.until))
-    left, way = np.maximum(lines.until[k] - t, STEP_S), lines.position[k] - s[k] - human.stop_gap_m
-    needed[k] = np.minimum(needed[k], arriving_later(way, left, v[k]))
-    onset = np.where(lines.safe, human.safe_onset, 1.0) * human.onset_mps2
-    onset = np.where(aware[lines.row, step], onset, np.maximum(onset, human.looming_mps2))
-    most = np.where(lines.firm, human.conflict_braking_mps2, human.conflict.yield_deceleration)
-    # One that enters further behind looks out itself.
-    behind = (lines.enter > t) & (lines.position + lines.speed * lines.enter < s - human.fall_back_m)
-    acts = (needed > onset) & (lines.until > t) & ~behind
-    allowed = np.where(acts, v - np.minimum(needed, most) * STEP_S, np.inf)
-    # Nearer than the stop gap a driver creeps, also behind one that closes in or crosses soon.
-    position, leader = line_motion(lines, t)
-    gap, soon = position - s, np.where(lines.speed == 0, human.crossing_s, 0.0)
-    close = (gap >= 0) & (lines.enter <= t + soon)
-    close |= ~lines.safe & (gap > -human.fall_back_m) & (lines.enter <= t)
-    close &= (gap < human.stop_gap_m) & (lines.until > t)
-    creeps = np.maximum(leader + gap / human.creep_s, v - human.conflict_braking_mps2 * STEP_S)
-    allowed = np.where(close, np.minimum(allowed, creeps), allowed)
-    lowest: FloatArray = np.minimum.reduceat(allowed, first)
-    return lowest
 
 
 def kept_clear(aside: FloatArray, view: View) -> FloatArray:

@@ -17,13 +17,14 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.draws import normal_quantiles, uniforms
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.base import PLAN_STEPS, check_path, check_positive
+from scex_sumo.behaviors.base import PLAN_STEPS, Driver, check_path, check_positive
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, REAR_AXLE_SHARE, Accelerate, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import clipped, path_positions
 from scex_sumo.behaviors.models.idm import desired_speeds
-from scex_sumo.humans.attention import awareness, kept_clear, yielding
+from scex_sumo.humans.attention import awareness, kept_clear
+from scex_sumo.humans.guard.guarded import yielding
 from scex_sumo.humans.late import still_unaware, unchanged
 from scex_sumo.humans.lines.driven_line import redrawn
 from scex_sumo.humans.lines.lanes import change_offsets, change_shares, lanes_beside
@@ -58,8 +59,6 @@ if TYPE_CHECKING:
 
 MAX_SPREAD = 100
 DRIVER, PATH, STARTS, START = 0, 7, 8, 10  # salts of draws; each plan has its own start
-VARIATION, SIDE = slice(4), slice(4, 7)  # columns of a driver's draws
-HEADWAY, CRAWL, CHANGE, PULL, DRAWS = 7, 8, 9, 10, 11
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +84,33 @@ class LikelyProfile:
             check_path(self.path)
 
 
-class LikelyDriver:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Draws:
+    """Random numbers in [0, 1) of n drivers, the same in all plans of a future."""
+
+    variation: FloatArray  # (n, 4) of accelerations, see `students`
+    side: FloatArray  # (n, 3) of the place in the lane
+    headway: FloatArray  # (n,)
+    crawl: FloatArray  # (n,) speed of one that stands
+    change: FloatArray  # (n,) of lanes
+    pull: FloatArray  # (n,) acceleration from standing
+
+    @classmethod
+    def of(cls, route_draw: FloatArray) -> Draws:
+        """Draw for drivers by their `SceneHistory.route_draw` (n,)."""
+        drawn = uniforms(route_draw, 11, DRIVER)
+        headway, crawl, change, pull = drawn[:, 7:].T
+        return cls(
+            variation=drawn[:, :4],
+            side=drawn[:, 4:7],
+            headway=headway,
+            crawl=crawl,
+            change=change,
+            pull=pull,
+        )
+
+
+class LikelyDriver(Driver):
     """A random driver for every vehicle of every future."""
 
     def __init__(self, profile: LikelyProfile, human: HumanParameters | None = None) -> None:
@@ -101,7 +126,7 @@ class LikelyDriver:
         s, _, _ = path_positions(history, who, paths, row)
         human = human_of(history.scene, self.human)
         view = View(history=history, who=who, paths=paths, row=row, s=s, human=human)
-        draws = uniforms(history.route_draw[who.future, who.vehicle], DRAWS, DRIVER)
+        draws = Draws.of(history.route_draw[who.future, who.vehicle])
         drivers, offsets = self._drivers(view, draws), self._offsets(view, road, draws)
         leaders, obeyed = leaders_of(view, offsets[:, 0]), self._obeyed(view, road)
         aware = awareness(view, leaders, self.profile.inattention)
@@ -112,7 +137,7 @@ class LikelyDriver:
         accelerate = unchanged(accelerate, unaware)
         aside = kept_clear(offsets, view)
         plan = drive(history, who, paths, row, accelerate, aside=aside, parallel=True)
-        yielded = yielding(plan, view, road, aware)
+        yielded = yielding(plan, history, road, who, human, aware)
         yielded.assign(unaware, plan[unaware])
         return yielded
 
@@ -131,7 +156,7 @@ class LikelyDriver:
     def _obeyed(self, view: View, road: Road) -> Obeyed | None:
         """Return what rules ask of drivers; None without rules."""
         history = view.history
-        if history.scene.rules is None or isinstance(self.profile.path, tuple):
+        if history.scene.rules is None:
             return None
         from scex_sumo.humans.obedience import obedience
 
@@ -139,18 +164,18 @@ class LikelyDriver:
         _, rows = self._paths(history, road, VehicleIndex(future=future, vehicle=vehicle))
         return obedience(view, rows.reshape(history.now.shape), self.profile.spread)
 
-    def _drivers(self, view: View, draws: FloatArray) -> Drivers:
+    def _drivers(self, view: View, draws: Draws) -> Drivers:
         human, spread, observed, row = view.human, self.profile.spread, view.observed, view.row
         shown, vehicle = view.shown, view.who.vehicle
         speed = shown.speed[vehicle]
         headway = np.exp(
-            human.headway_log[0] + spread * human.headway_log[1] * normal_quantiles(draws[:, HEADWAY])
+            human.headway_log[0] + spread * human.headway_log[1] * normal_quantiles(draws.headway)
         )
-        crawl = speed * (1 + np.minimum(spread, 1.0) * (2 * draws[:, CRAWL] - 1))
-        pull = np.exp(spread * human.pull_spread * normal_quantiles(draws[:, PULL]))
+        crawl = speed * (1 + np.minimum(spread, 1.0) * (2 * draws.crawl - 1))
+        pull = np.exp(spread * human.pull_spread * normal_quantiles(draws.pull))
         stands = speed < human.standing_mps
         share, top = vehicle_types(view.scene)[vehicle].T
-        normal, mean, unsure = students(draws[:, VARIATION]), observed.mean_features, observed.spread_features
+        normal, mean, unsure = students(draws.variation), observed.mean_features, observed.spread_features
         drivers = Drivers(
             speed=speed,
             acceleration=shown.acceleration[vehicle],
@@ -165,11 +190,11 @@ class LikelyDriver:
         )
         return replace(drivers, habit=shown_habit(view, drivers))
 
-    def _offsets(self, view: View, road: Road, draws: FloatArray) -> FloatArray:
+    def _offsets(self, view: View, road: Road, draws: Draws) -> FloatArray:
         """Return (n, 31) wanted offsets from the path now and after each step, m, left positive."""
         human, spread, step = view.human, self.profile.spread, view.history.step
-        deviation = spread * students(draws[:, SIDE])[:, 0]
-        choice = draws[:, CHANGE] if spread else np.full(len(draws), 0.5)
+        deviation = spread * students(draws.side)[:, 0]
+        choice = draws.change if spread else np.full(len(draws.change), 0.5)
         left, right = change_shares(view.scene, road, view.paths, human)[view.row].T
         lateral = view.observed.lateral[view.row]
         beside = lanes_beside(view.scene, road, view.paths, human)[view.row]

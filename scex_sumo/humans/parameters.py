@@ -17,21 +17,9 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.files import sha256_of
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmProfile
-from scex_sumo.humans.guard.corridors import GuardProfile
 
 SUMO_ACCELERATION_MPS2, SUMO_BRAKING_MPS2 = 2.6, 4.5  # of SUMO's default type
 SHIPPED = Path(__file__).with_name("parameters.json")
-CONFLICT = GuardProfile(
-    comfort_deceleration=4.0,
-    reaction_time=0.5,
-    minimum_gap=0.3,
-    margin=0.15,
-    alongside_margin=0.05,
-    time_margin=0.3,
-    touching=1e-3,
-    contact_time=2.4,
-    braking_margin=0.3,
-)
 IDM = replace(CALIBRATED, habit_memory=6.0)
 MEAN_RANGES = ((-4, 4), (-4, 1.6), (-8, 8), (-2, 2), (-5, 10), (0, 4), (-6, 6))
 
@@ -138,7 +126,17 @@ class HumanParameters:
     watching_mps2: float = 0.3  # m/s² | braking that forbids a glance | Tijerina et al. 2004; value chosen
     watching_gap_m: float = 0.5  # m | least gap in it | chosen
     # Yielding: braking for conflicts
-    conflict: GuardProfile = CONFLICT  # see there | search for conflicts | chosen
+    conflict_margin_m: float = 0.15  # m | of a planned way beyond the width, on each side | chosen
+    alongside_margin_m: float = 0.05  # m | the same for vehicles alongside or oncoming | chosen
+    conflict_margin_s: float = 0.3  # s | between two at a crossing | chosen
+    contact_s: float = 2.4  # s | time for which planned boxes must not touch expected ones | chosen
+    touching_m: float = 1e-3  # m | nearer in the seed scene: trailers, overlapping tracks; ignored | chosen
+    order_margin_m: float = 1.0  # m | at a crossing; closer cases go by number | chosen
+    order_margin_mps2: float = 0.3  # m/s² | of needed braking: the one that needs less gives way | chosen
+    yielding_mps2: float = 5.5  # m/s² | limit of braking for vehicles that are not there yet | chosen
+    leader_braking_mps2: float = 4.0  # m/s² | limit of the braking of leaders that goes on | chosen
+    ahead_s: float = 0.5  # s | with that braking: length of the way beyond the plan | chosen
+    release_mps2: float = 2.0  # m/s² | acceleration back to a planned speed | chosen
     onset_mps2: float = 0.8  # m/s² | needed braking for a response | chosen by error and coverage
     safe_onset: float = 3.0  # 1 | factor if both miss each other with constant velocity | chosen
     looming_mps2: float = 2.0  # m/s² | onset if looking away | Lamble et al. 1999; value chosen
@@ -148,6 +146,7 @@ class HumanParameters:
     fall_back_m: float = 3.0  # m | overlap up to which a driver falls back behind one that closes in | chosen
     crossing_s: float = 1.0  # s | before one that crosses: a driver stays out of its way | chosen
     creep_s: float = 1.0  # s | time constant of closing a smaller gap | chosen
+    creep_gap_m: float = 0.0  # m | gap that creeping ends at | chosen
     beside_gap_m: float = 0.3  # m | between boxes beside each other | chosen
     passing_gap_m: float = 1.0  # m | to people beside, if 0.5 m aside is enough | chosen
     max_slope: float = 0.3  # 1 | of the way across over the way along | chosen

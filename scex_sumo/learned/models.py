@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from scex_sumo.behaviors.base import Sight
+from scex_sumo.behaviors.base import Driver, Sight
 from scex_sumo.behaviors.driving.motion import Intent
 from scex_sumo.learned.profiles import Profile, weights_file
 from scex_sumo.road import Road
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from scex_sumo.learned.driver import LearnedDriver
 
 
-class LearnedModel:
+class LearnedModel(Driver):
     """A model with a network; the path-following driver plans for vehicles off the map."""
 
     name: ClassVar[str]

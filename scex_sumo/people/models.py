@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.behaviors.base import PLAN_STEPS, Sight, check_positive
+from scex_sumo.behaviors.base import PLAN_STEPS, Driver, Sight, check_positive
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
@@ -37,7 +37,7 @@ class KeepsWayProfile:
         check_positive(self, "braking")
 
 
-class KeepsWay:
+class KeepsWay(Driver):
     """Keeps the velocity of the seed scene, and waits for vehicles: see `way_to_wait`."""
 
     sight: Sight = "everyone"
@@ -70,7 +70,7 @@ class StopsProfile:
         check_positive(self, "braking")
 
 
-class Stops:
+class Stops(Driver):
     """Stops at once."""
 
     sight: Sight = "itself"
@@ -100,7 +100,7 @@ class StepsOutProfile:
         check_positive(self, "speed")
 
 
-class StepsOut:
+class StepsOut(Driver):
     """Walks straight across the line of the vehicle that comes next in the seed scene, and on."""
 
     sight: Sight = "itself"

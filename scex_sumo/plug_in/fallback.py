@@ -16,7 +16,16 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.blame import own_error_reason
 from scex_sumo.base.errors import OutOfTimeError, ScexError
 from scex_sumo.base.staying import staying
-from scex_sumo.behaviors.base import BY_ITSELF, PLAN_STEPS, BatchBehavior, Sight, clear_of_others, sight_of
+from scex_sumo.behaviors.base import (
+    BY_ITSELF,
+    PLAN_STEPS,
+    BatchBehavior,
+    Driver,
+    Sight,
+    declared,
+    layers,
+    sight_of,
+)
 from scex_sumo.behaviors.driving.motion import Intent
 from scex_sumo.humans.lines.nearest_path import follow_path
 from scex_sumo.plug_in.time_limit import time_limit
@@ -34,7 +43,7 @@ STATES = ("x", "y", "heading", "speed")
 Answer = tuple[Plan, list[str], BoolArray]  # plans, why each fell back, whether it must be replaced
 
 
-class Fallible:
+class Fallible(Driver):
     """A model with a fallback: the path-following driver plans for vehicles without a usable plan.
 
     A call that raises is repeated future by future, then vehicle by vehicle.
@@ -42,29 +51,24 @@ class Fallible:
 
     def __init__(self, model: BatchBehavior, name: str) -> None:
         self.inner = model
-        self.name = name
+        self.name, self.source_file = name, source_file(model)
 
     @property
     def sight(self) -> Sight | None:
         """What a plan depends on."""
         return sight_of(self.inner)
 
-    @property
-    def source_file(self) -> Path | None:
-        """File of a user's model; None if there is none."""
-        return source_file(self.inner)
-
     def clear_of_others(self) -> Fallible:
         """Return a copy whose model steers away from vehicles beside it."""
-        return Fallible(clear_of_others(self.inner), self.name)
+        return Fallible(
+            next((layer.clear_of_others() for layer in layers(self.inner)), self.inner), self.name
+        )
 
     def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent | None:
         """Return the drive of a model of this package along paths; None if it may need a fallback."""
-        intend: Any = getattr(self.inner, "intend", None)
         intent: Intent | None = None
-        if intend is not None:
-            with suppress(Exception):  # `plan` meets it again
-                intent = intend(history, road, who)
+        with suppress(Exception):  # `plan` meets it again
+            intent = declared(self.inner).intend(history, road, who)
         return intent
 
     def plan(

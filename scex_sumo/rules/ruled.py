@@ -79,7 +79,7 @@ class RuledDriver(IdmDriver):
         paths, row = chosen_paths(history, road, who, path)
         hold: FloatArray | None = None
         way: FloatArray | None = None
-        if history.scene.rules is not None and not isinstance(path, tuple):
+        if history.scene.rules is not None:
             from scex_sumo.rules.holds import lights, obeyed
             from scex_sumo.rules.states import straight_traffic
 

@@ -107,7 +107,6 @@ def test_parameters_reach_the_model_and_the_others_keep_their_defaults() -> None
     assert isinstance(built, IdmDriver)
     assert (built.profile.time_headway, built.profile.path) == (0.7, 2)
     assert built.profile.comfort_deceleration == entry_of("risky_driver").profile.comfort_deceleration
-    assert build(ModelSpec(name="risky_driver", parameters={"path": (1, 12)})).profile.path == (1, 12)  # type: ignore[attr-defined]
 
 
 def test_sumo_models_are_built_with_their_parameters_and_a_path() -> None:

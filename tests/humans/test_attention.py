@@ -13,9 +13,9 @@ from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths
 from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
-from scex_sumo.humans.attention import kept_clear, looks_away, responses, yielding
+from scex_sumo.humans.attention import kept_clear, looks_away
 from scex_sumo.humans.guard.conflicts import StopLines
-from scex_sumo.humans.guard.guarded import arriving_later
+from scex_sumo.humans.guard.guarded import arriving_later, responses, yielding
 from scex_sumo.humans.observed.observations import View, leaders_of
 from scex_sumo.humans.parameters import human_parameters
 from scex_sumo.road import Road
@@ -109,7 +109,7 @@ def test_drivers_brake_for_a_vehicle_that_their_planned_way_touches() -> None:
     way = Plan(x=x[None], y=y[None], heading=np.zeros((1, 30)), speed=np.full((1, 30), 10.0))
     who = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
     aware = np.ones((1, 30), dtype=bool)
-    made = yielding(way, view_of(history, roads.straight(), who), roads.straight(), aware)
+    made = yielding(way, history, roads.straight(), who, HUMAN, aware)
     other = 108.0 + 6.0 * time
     beside = np.abs(made.y[0] - 3.2) < 1.8
     assert (made.x[0] + 4.5 < other)[beside].all()
@@ -175,7 +175,7 @@ def responding(*vehicles: roads.Vehicle) -> Plan:
         speed=np.repeat(now.speed, 30, axis=1),
     )
     aware = np.ones((n, 30), dtype=bool)
-    return yielding(steady, view_of(roads.present(scene), CROSS, who), CROSS, aware)
+    return yielding(steady, roads.present(scene), CROSS, who, HUMAN, aware)
 
 
 def test_a_vehicle_that_creeps_towards_a_crossing_gives_way_to_a_fast_one() -> None:

@@ -18,7 +18,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
-from scex_sumo.behaviors.base import PLAN_STEPS, Sight
+from scex_sumo.behaviors.base import PLAN_STEPS, Driver, Sight
 from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
 from scex_sumo.behaviors.driving.projection import (
     bend_at,
@@ -327,7 +327,7 @@ class Intent:
         return replace(self, kind=kind if self.kind is None else self.kind[kind])
 
 
-class DrivesAlong(ABC):
+class DrivesAlong(Driver, ABC):
     """Base of models whose plan is a drive along a path.
 
     Attributes:

@@ -16,12 +16,11 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache, recent
-from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.smoothing import drivable, resample
 from scex_sumo.geometry.polylines import arc_lengths, length_of, nearest
 from scex_sumo.geometry.rectangles import seen_from
 from scex_sumo.road import Road
-from scex_sumo.roads.routes import candidate_paths, centreline, extended
+from scex_sumo.roads.routes import CandidatePath, candidate_paths, centreline, extended
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 
 DS_M = 0.5
@@ -33,9 +32,8 @@ BESIDE_M, BESIDE_COS = (25.0, 8.0), 0.87  # along and across, to a vehicle that 
 _RECENT = 4  # sets of lines of a road: with recorded and with estimated headings, smoothed and driven
 COARSE = 8  # for the first step of a projection
 COLUMNS = ("x", "y", "cos", "sin", "heading", "curvature")
-PathChoice: TypeAlias = (
-    int | Literal["straight", "random"] | tuple[int, ...] | tuple[tuple[float, float], ...]
-)
+OFF_ROAD = CandidatePath(lanes=(), s=0.0, probability=1.0, angle=0.0)
+PathChoice: TypeAlias = int | Literal["straight", "random"]
 Redraw: TypeAlias = Callable[[Road, Sequence["PathLine"], FloatArray, FloatArray], FloatArray]
 
 
@@ -63,7 +61,7 @@ class SeedPaths:
 
         Args:
             path: index from left to right, clamped to the vehicle's last path (-1 is the rightmost);
-                ``straight``; ``random``, by `draw`; else the only given path.
+                ``straight``; ``random``, by `draw`.
             vehicle: (n,) index into the seed scene.
             draw: (n,) in [0, 1).
         """
@@ -77,10 +75,8 @@ class SeedPaths:
             return np.asarray(first + passed)
         if path == "straight":
             return np.asarray(first + self.straight[vehicle])
-        if isinstance(path, int):
-            index = path if path >= 0 else count + path
-            return np.asarray(first + np.clip(index, 0, count - 1))
-        return first
+        index = path if path >= 0 else count + path
+        return np.asarray(first + np.clip(index, 0, count - 1))
 
     @cached_property
     def bend(self) -> tuple[FloatArray, FloatArray]:
@@ -111,7 +107,7 @@ def chosen_paths(
     """Return smooth paths of all vehicles, long enough for the present step, and the (n,) rows to follow.
 
     Args:
-        path: index from left to right, ``straight``, ``random`` (by the future's draw), lane ids, or points.
+        path: index from left to right, ``straight`` or ``random`` (by the future's draw).
         beside: as in `seed_paths`, so ``redraw``.
 
     Example:
@@ -125,7 +121,7 @@ def chosen_paths(
     # together need memory in proportion to its steps.
     further = max(0, ceil((history.step * STEP_S - 3.0) / LONGER_S))
     horizon = FIRST_HORIZON_S + LONGER_S * (2 ** further.bit_length() - 1)
-    paths = seed_paths(history.scene, road, given_path(path), horizon, beside, redraw)
+    paths = seed_paths(history.scene, road, horizon, beside, redraw)
     return paths, paths.choose(path, who.vehicle, history.route_draw[who.future, who.vehicle])
 
 
@@ -133,7 +129,6 @@ def chosen_paths(
 def seed_paths(
     scene: SeedScene,
     road: Road,
-    given: tuple[int, ...] | tuple[tuple[float, float], ...] | None = None,
     horizon_s: float = FIRST_HORIZON_S,
     beside: bool = False,
     redraw: Redraw | None = None,
@@ -141,12 +136,11 @@ def seed_paths(
     """Tabulate the candidate paths of a seed scene.
 
     Args:
-        given: lane ids or points of one path for all vehicles.
         horizon_s: time for which the fastest vehicle stays on its table, s.
         beside: the path of a vehicle off the mapped lanes is parallel to that of a vehicle near it on them.
         redraw: makes other lines of (P, N, 2) smoothed and raw centrelines, e.g. those that people drive.
     """
-    smooth = _smooth_lines(scene, road, given, horizon_s, beside)
+    smooth = _smooth_lines(scene, road, horizon_s, beside)
     paths = _tabulate(road, smooth, redraw)
     if not scene.intentions:
         return paths
@@ -160,35 +154,18 @@ def seed_paths(
 def _smooth_lines(
     scene: SeedScene,
     road: Road,
-    given: tuple[int, ...] | tuple[tuple[float, float], ...] | None,
     horizon_s: float,
     beside: bool,
 ) -> _SmoothLines:
     """Return the smoothed candidate paths of a seed scene, arguments as of `seed_paths`."""
-    if beside and all(line.on_road for line in _smooth_lines(scene, road, given, horizon_s, False).lines):
-        return _smooth_lines(scene, road, given, horizon_s, False)
+    if beside and all(line.on_road for line in _smooth_lines(scene, road, horizon_s, False).lines):
+        return _smooth_lines(scene, road, horizon_s, False)
     now = scene.now
     ahead = max(15.0 * horizon_s, horizon_s * float(now.speed.max(initial=0.0)) + 40.0)
-    candidates = candidate_paths(road, scene) if given is None else None
     lines: list[list[PathLine]] = []
-    for v in range(scene.vehicles):
-        pose = (float(now.x[v]), float(now.y[v]), float(now.heading[v]))
-        if candidates is None:
-            assert given is not None
-            options = [_given(road, given, pose, ahead)]
-        else:
-            options = [
-                PathLine(
-                    *centreline(road, p.lanes, p.s, BEHIND_M, ahead),
-                    p.lanes,
-                    p.probability,
-                    p.angle,
-                    straight_on=p.straight_on,
-                    intended=p.intended,
-                )
-                for p in candidates[v]
-            ] or [_straight(pose, ahead)]
-        lines.append(options)
+    for v, routes in enumerate(candidate_paths(road, scene)):
+        options = [PathLine(*centreline(road, p.lanes, p.s, BEHIND_M, ahead), p) for p in routes]
+        lines.append(options or [_straight(scene, v, ahead)])
     if beside:
         lines = [
             some if some[0].on_road else _beside(scene, lines, v) or some for v, some in enumerate(lines)
@@ -211,16 +188,16 @@ def _recent_lines(road: Road) -> dict[tuple[Any, ...], FloatArray]:
 
 @dataclass(frozen=True)
 class PathLine:
-    """Centreline of a path before it is smoothed, and the lane under each of its points."""
+    """Centreline (P, 2) of a path before it is smoothed, m, and the lane under each of its points."""
 
     points: FloatArray
-    owner: IntArray | None
-    lanes: tuple[int, ...]
-    share: float = 1.0
-    angle: float = 0.0
-    on_road: bool = True
-    straight_on: bool = True
-    intended: bool = False
+    owner: IntArray | None = None
+    route: CandidatePath = OFF_ROAD
+
+    @property
+    def on_road(self) -> bool:
+        """False for a straight line, or one parallel to another vehicle's path."""
+        return bool(self.route.lanes)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -237,12 +214,10 @@ class _SmoothLines:
     limit: FloatArray
 
 
-def _straight(pose: tuple[float, float, float], ahead: float) -> PathLine:
-    x, y, heading = pose
+def _straight(scene: SeedScene, v: int, ahead: float) -> PathLine:
+    x, y, heading = (float(values[v]) for values in (scene.now.x, scene.now.y, scene.now.heading))
     s = np.array([-BEHIND_M, ahead])
-    return PathLine(
-        np.column_stack([x + s * np.cos(heading), y + s * np.sin(heading)]), None, (), on_road=False
-    )
+    return PathLine(np.column_stack([x + s * np.cos(heading), y + s * np.sin(heading)]))
 
 
 def _beside(scene: SeedScene, lines: list[list[PathLine]], v: int) -> list[PathLine]:
@@ -261,39 +236,13 @@ def _beside(scene: SeedScene, lines: list[list[PathLine]], v: int) -> list[PathL
     step = np.gradient(points, axis=0)
     normal = np.column_stack([-step[:, 1], step[:, 0]]) / np.hypot(*step.T)[:, None]
     k = int(BEHIND_M / DS_M)
-    return [PathLine(points + normal[k] @ (place - points[k]) * normal, None, (), on_road=False)]
-
-
-def _given(
-    road: Road,
-    given: tuple[int, ...] | tuple[tuple[float, float], ...],
-    pose: tuple[float, float, float],
-    ahead: float,
-) -> PathLine:
-    if isinstance(given[0], tuple):
-        points = np.array(given, dtype=np.float64)
-        owner: IntArray | None = None
-        ids: tuple[int, ...] = ()
-    else:
-        ids = tuple(i for i in given if isinstance(i, int))
-        unknown = [i for i in ids if i not in road.vehicle_lanes]
-        if unknown:
-            raise UsageError(f"path: lane {unknown[0]} is no vehicle lane of {road.name}; check the lane ids")
-        points, owner = centreline(road, ids, 0.0, BEHIND_M, ahead + 400.0)
-    s = nearest(points, pose[0], pose[1])
-    arc = arc_lengths(points)
-    inside = (arc > s - BEHIND_M) & (arc < s + ahead)
-    ends = resample(points, 2, BEHIND_M + ahead, s - BEHIND_M)
-    cut = np.vstack([ends[:1], points[inside], ends[1:]])
-    if owner is not None:
-        owner = np.concatenate([owner[inside][:1], owner[inside], owner[inside][-1:]])
-    return PathLine(cut, owner, ids)
+    return [PathLine(points + normal[k] @ (place - points[k]) * normal)]
 
 
 def _tabulate(road: Road, smooth_lines: _SmoothLines, redraw: Redraw | None) -> SeedPaths:
     lines, count, samples = smooth_lines.lines, smooth_lines.count, smooth_lines.raw.shape[1]
     known = _recent_lines(road)
-    key = (redraw, *(line.lanes for line in lines), smooth_lines.raw.tobytes())
+    key = (redraw, *(line.route.lanes for line in lines), smooth_lines.raw.tobytes())
     even = recent(known, key, _RECENT, partial(_evenly, road, smooth_lines, redraw))
     centre = even.reshape(-1, 2).mean(axis=0)
     some = even[:, ::COARSE] - centre
@@ -305,7 +254,7 @@ def _tabulate(road: Road, smooth_lines: _SmoothLines, redraw: Redraw | None) -> 
         count=count,
         straight=np.array([_straightest(lines[part]) for part in parts]),
         draw_edges=np.concatenate([np.cumsum(shares[part]) / shares[part].sum() for part in parts]),
-        lanes=tuple(line.lanes for line in lines),
+        lanes=tuple(line.route.lanes for line in lines),
         on_road=np.array([line.on_road for line in lines])[first],
         table=_columns(even).reshape(-1, 2 * len(COLUMNS)),
         samples=samples,
@@ -326,20 +275,21 @@ def _evenly(road: Road, given: _SmoothLines, redraw: Redraw | None) -> FloatArra
 
 def _shares(lines: list[PathLine]) -> FloatArray:
     """Return the share of each path of a vehicle in random draws: an intended one has all."""
-    intended = np.array([float(line.intended) for line in lines])
-    return intended if intended.any() else np.array([line.share for line in lines])
+    intended = np.array([float(line.route.intended) for line in lines])
+    return intended if intended.any() else np.array([line.route.probability for line in lines])
 
 
 def _straightest(lines: list[PathLine]) -> int:
     """Return the index of the intended path, else of the straightest from the most probable lane."""
-    if any(line.intended for line in lines):
-        return next(k for k, line in enumerate(lines) if line.intended)
+    routes = [line.route for line in lines]
+    if any(route.intended for route in routes):
+        return next(k for k, route in enumerate(routes) if route.intended)
     by_lane: dict[tuple[int, ...], float] = {}
-    for line in lines:
-        by_lane[line.lanes[:1]] = by_lane.get(line.lanes[:1], 0.0) + line.share
+    for route in routes:
+        by_lane[route.lanes[:1]] = by_lane.get(route.lanes[:1], 0.0) + route.probability
     likeliest = max(by_lane, key=lambda lane: by_lane[lane])
-    some = [k for k, line in enumerate(lines) if line.lanes[:1] == likeliest and line.straight_on]
-    return min((abs(lines[k].angle), k) for k in some)[1]
+    some = [k for k, route in enumerate(routes) if route.lanes[:1] == likeliest and route.straight_on]
+    return min((abs(routes[k].angle), k) for k in some)[1]
 
 
 def _of_lanes(road: Road, points: FloatArray, owner: IntArray, samples: int) -> tuple[FloatArray, FloatArray]:
@@ -366,12 +316,7 @@ def planned_lanes(
     scene: SeedScene, road: Road, path: PathChoice, vehicle: IntArray, draw: FloatArray
 ) -> list[tuple[int, ...]]:
     """Return (n) lane ids of paths, extended by 500 m; empty off the mapped lanes."""
-    paths = seed_paths(scene, road, given_path(path))
+    paths = seed_paths(scene, road)
     rows = paths.choose(path, vehicle, draw).tolist()
     whole = {row: extended(road, paths.lanes[row], ROUTE_M) if paths.lanes[row] else () for row in {*rows}}
     return [whole[row] for row in rows]
-
-
-def given_path(path: PathChoice) -> tuple[int, ...] | tuple[tuple[float, float], ...] | None:
-    """Return lanes or points that the caller gave as path, else None."""
-    return None if isinstance(path, int | str) else path

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray, least_of
 from scex_sumo.behaviors.driving.paths import BEHIND_M, COARSE, DS_M, SeedPaths
+from scex_sumo.geometry.polylines import wrap
 from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex
 
 POINTS_AT_ONCE = 1 << 10  # their distances to all samples fit the processor's cache
 LAP_WEIGHT = 0.01  # (m off the path)² per (m off the expected arc length)²
+OTHER_PATH = 1.0  # a vehicle is on another path if that fits better than the straightest by this
+OFFSET_SIGMA_M, HEADING_SIGMA_RAD = 0.8, 0.15
 
 
 def clipped(values: FloatArray, low: FloatArray | float, high: FloatArray | float) -> FloatArray:
@@ -98,6 +101,42 @@ def path_positions(
     """
     now = history.now[who.future, who.vehicle]
     return foot_points(paths, row, now.x, now.y, expected_way(history, who))
+
+
+def nearest_paths(
+    paths: SeedPaths,
+    straight: IntArray,
+    vehicle: IntArray,
+    way: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    heading: FloatArray,
+) -> tuple[IntArray, tuple[FloatArray, FloatArray, FloatArray]]:
+    """Return rows (n,) of the paths that vehicles are on, the straightest in doubt, and `foot_points`."""
+    row = straight.copy()
+    feet = foot_points(paths, row, x, y, way)
+    best = _misfit(feet, heading)
+    doubt = np.flatnonzero((best > OTHER_PATH) & (paths.count[vehicle] > 1))
+    if not len(doubt):
+        return row, feet
+    count = paths.count[vehicle[doubt]]
+    i = np.repeat(doubt, count)
+    candidate = np.repeat(paths.first[vehicle[doubt]] - (np.cumsum(count) - count), count) + np.arange(len(i))
+    others = foot_points(paths, candidate, x[i], y[i], way[i])
+    misfit = _misfit(others, heading[i])
+    chosen = least_of(i, misfit, candidate)
+    chosen = chosen[misfit[chosen] < best[i[chosen]] - OTHER_PATH]
+    row[i[chosen]] = candidate[chosen]
+    for values, better in zip(feet, others, strict=True):
+        values[i[chosen]] = better[chosen]
+    return row, feet
+
+
+def _misfit(feet: tuple[FloatArray, FloatArray, FloatArray], heading: FloatArray) -> FloatArray:
+    _, offset, path_heading = feet
+    error = wrap(heading - path_heading)
+    misfit: FloatArray = (offset / OFFSET_SIGMA_M) ** 2 + (error / HEADING_SIGMA_RAD) ** 2
+    return misfit
 
 
 def _nearest_sample(

@@ -52,8 +52,7 @@ class IdmProfile:
         curve_acceleration: comfortable lateral acceleration in m/s²; 0 does not slow down for curves.
         curve_deceleration: braking before a curve in m/s².
         path: index from left to right (clamped to the last; -1 is the rightmost), ``straight`` (the
-            straightest from the most probable lane), ``random`` (drawn per future and vehicle), lane ids, or
-            points.
+            straightest from the most probable lane) or ``random`` (drawn per future and vehicle).
     """
 
     comfort_deceleration: float

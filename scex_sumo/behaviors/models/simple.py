@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.base import PLAN_STEPS, Sight, check_path, check_positive
+from scex_sumo.behaviors.base import PLAN_STEPS, Driver, Sight, check_path, check_positive
 from scex_sumo.behaviors.driving.motion import DrivesAlong, Intent, drive_along
 from scex_sumo.behaviors.driving.paths import PathChoice, chosen_paths
 from scex_sumo.road import Road
@@ -76,7 +76,7 @@ class ReplayProfile:
         check_path(self.path)
 
 
-class Replay:
+class Replay(Driver):
     """Repeats the recorded future, then keeps the last speed along the path."""
 
     def __init__(self, profile: ReplayProfile) -> None:

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Final
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.sumo.car_following import OWN_MODEL, SUMO_MODELS, check_driver
-from scex_sumo.behaviors.base import Sight, check_path
+from scex_sumo.behaviors.base import Driver, Sight, check_path
 from scex_sumo.behaviors.driving.motion import drive_along
 from scex_sumo.behaviors.driving.paths import PathChoice, planned_lanes
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, VehicleIndex
 
 
-class SumoDriver:
+class SumoDriver(Driver):
     """A SUMO car-following model: the world leaves the vehicle to SUMO, this class gives its route.
 
     Attributes:
@@ -29,7 +28,7 @@ class SumoDriver:
         UsageError: SUMO has no such model or parameter, or its result would depend on the tile.
     """
 
-    driven_by_sumo: Final = True
+    driven_by_sumo = True
 
     def __init__(
         self, model: str, parameters: Mapping[str, str] | None = None, *, path: PathChoice = "straight"

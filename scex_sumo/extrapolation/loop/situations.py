@@ -9,7 +9,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import IntArray, distinct
 from scex_sumo.base.cache import owner_cache
-from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior, is_built_in, sight_of
+from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior, declared, is_built_in, sight_of
 from scex_sumo.behaviors.driving.motion import DrivesAlong, Intent, driven, handed_out, own_motion
 from scex_sumo.road import Road
 from scex_sumo.roads.mirror import mirrored_history, mirrored_road, mirrored_states
@@ -82,12 +82,11 @@ def _intents(
 
 def _intent(model: BatchBehavior, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent | None:
     """Return the intent of a learned driver along paths, once for equal situations; None for other models."""
-    intend = getattr(model, "intend", None)
-    if isinstance(model, DrivesAlong) or intend is None or sight_of(model) is None:
+    if isinstance(model, DrivesAlong) or sight_of(model) is None:
         return None
     first, kind = _situations(model, history, who)
     few, asked, futures = _in_few(history, who[first])
-    intent: Intent | None = intend(few, road, asked)
+    intent: Intent | None = declared(model).intend(few, road, asked)
     if intent is None:
         return None
     here = VehicleIndex(future=futures[intent.who.future], vehicle=intent.who.vehicle)

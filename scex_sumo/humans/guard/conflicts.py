@@ -13,12 +13,12 @@ from scex_sumo.humans.guard.corridors import (
     SAMPLE_S,
     SAMPLES,
     Expected,
-    GuardProfile,
     PlannedWays,
     expected,
     onto_ways,
 )
 from scex_sumo.humans.guard.side_clearance import box_distances
+from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, States, VehicleIndex
 
@@ -73,26 +73,23 @@ class _View:
     around: Expected
     history: SceneHistory
     who: VehicleIndex
-    profile: GuardProfile
+    human: HumanParameters
 
 
 def find_stop_lines(
-    paths: PlannedWays, history: SceneHistory, road: Road, who: VehicleIndex, profile: GuardProfile
+    paths: PlannedWays, history: SceneHistory, road: Road, who: VehicleIndex, human: HumanParameters
 ) -> StopLines:
     """Find all stop lines of n vehicles with planned ways.
 
-    With `GuardProfile.contact_time`, they include the places where planned and expected boxes first touch.
+    They include the places where planned and expected boxes first touch.
     """
-    view = _View(paths=paths, around=expected(history, road), history=history, who=who, profile=profile)
+    view = _View(paths=paths, around=expected(history, road), history=history, who=who, human=human)
     i, j = _near_pairs(view)
     parts = [
         _stop_lines_of(view, i[k : k + MAX_PAIRS], j[k : k + MAX_PAIRS])
         for k in range(0, max(1, len(i)), MAX_PAIRS)
     ]
-    lines = _joined(parts)
-    if not profile.contact_time:
-        return lines
-    lines = _joined([lines, _contacts(view, i, j)])
+    lines = _joined([*parts, _contacts(view, i, j)])
     order = np.argsort(lines.row, kind="stable")
     return StopLines(**{f.name: getattr(lines, f.name)[order] for f in fields(StopLines)})
 
@@ -106,7 +103,7 @@ def _joined(parts: Sequence[StopLines]) -> StopLines:
 def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     """Return the places where pairs apart first touch, if the other is ahead then."""
     paths, around, scene, steps = view.paths, view.around, view.history.scene, round(SAMPLE_S / STEP_S)
-    samples = int(view.profile.contact_time / SAMPLE_S) + 1
+    samples = int(view.human.contact_s / SAMPLE_S) + 1
     future, vehicle = view.who.future[i], view.who.vehicle[i]
     sizes = (
         (scene.length[vehicle], scene.width[vehicle]),
@@ -151,9 +148,7 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     leave = np.where(gone.any(axis=1), gone.argmax(axis=1), np.inf)
     follows = leave <= first + steps
     line = np.where(follows, np.maximum(around.others.states.speed[future, j] * along, 0.0), 0.0)
-    braking = np.where(
-        line > 0, np.minimum(around.braking[future, j], view.profile.comfort_deceleration), 0.0
-    )
+    braking = np.where(line > 0, np.minimum(around.braking[future, j], view.human.leader_braking_mps2), 0.0)
     none = np.zeros(len(k))
     return StopLines(
         row=i,
@@ -162,7 +157,7 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
         deceleration=braking,
         stop_time=np.where(braking > 0, line / np.maximum(braking, 1e-9), np.inf),
         enter=np.where(follows, 0.0, STEP_S * first),
-        until=np.where(follows, np.inf, STEP_S * leave + view.profile.time_margin),
+        until=np.where(follows, np.inf, STEP_S * leave + view.human.conflict_margin_s),
         firm=none == 0,
         safe=none != 0,
     )
@@ -172,7 +167,7 @@ def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:
     """Return pairs whose motions have overlapping bounds."""
     paths, around, scene, who = view.paths, view.around, view.history.scene, view.who
     others = around.others
-    half = np.sqrt(scene.length**2 + scene.width**2)[who.vehicle] / 2 + view.profile.margin
+    half = np.sqrt(scene.length**2 + scene.width**2)[who.vehicle] / 2 + view.human.conflict_margin_m
     reach = half[:, None] + np.sqrt(others.length**2 + others.width**2) / 2
     near = others.present[who.future] & (paths.arc[:, -1] > 0.0)[:, None]
     for planned, other in ((paths.corner_x, around.x), (paths.corner_y, around.y)):
@@ -180,8 +175,8 @@ def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:
         near &= low - reach <= planned.max(axis=1)[:, None]
         near &= high + reach >= planned.min(axis=1)[:, None]
     near[np.arange(len(who)), who.vehicle] = False
-    if view.profile.touching > 0:
-        near[:, : scene.vehicles] &= (box_distances(scene) >= view.profile.touching)[who.vehicle]
+    if view.human.touching_m > 0:
+        near[:, : scene.vehicles] &= (box_distances(scene) >= view.human.touching_m)[who.vehicle]
     i, j = np.nonzero(near)
     return i, j
 
@@ -200,22 +195,22 @@ class _Blocked:
 
 def _stop_lines_of(view: _View, i: IntArray, j: IntArray) -> StopLines:
     """Return the stop lines of pairs: vehicle i of the n, other j of the M."""
-    paths, around, who, profile = view.paths, view.around, view.who, view.profile
+    paths, around, who, human = view.paths, view.around, view.who, view.human
     blocked = _blocked(view, i, j)
     some = blocked.inside.any(axis=0)
     i, j = i[some], j[some]
     blocked = _Blocked(**{f.name: getattr(blocked, f.name)[:, some] for f in fields(_Blocked)})
     v, v_other = paths.start_speed[i], np.maximum(around.others.states.speed[who.future[i], j], 0.0)
-    meeting = _meetings(blocked, v, v_other, profile)
+    meeting = _meetings(blocked, v, v_other, human)
     obstacle = around.others.obstacle[j]
-    yields = _yields(meeting, v, v_other, ~obstacle, j < who.vehicle[i], profile)
+    yields = _yields(meeting, v, v_other, ~obstacle, j < who.vehicle[i], human)
     # A vehicle that is through before the other one comes need not wait.
-    before = (meeting.enter - profile.time_margin) / STEP_S
+    before = (meeting.enter - human.conflict_margin_s) / STEP_S
     before = np.clip(before, 0, paths.arc.shape[1] - 1).astype(np.int64)
     yields &= (meeting.enter == 0) | (paths.arc[i, before] <= meeting.high)
     k = np.flatnonzero(yields)
     speed, in_front = meeting.speed[k], meeting.enter[k] == 0
-    braking = np.minimum(around.braking[who.future[i], j], profile.comfort_deceleration)[k]
+    braking = np.minimum(around.braking[who.future[i], j], human.leader_braking_mps2)[k]
     braking = np.where(in_front & (speed > 0), braking, 0.0)
     return StopLines(
         row=i[k],
@@ -224,7 +219,7 @@ def _stop_lines_of(view: _View, i: IntArray, j: IntArray) -> StopLines:
         deceleration=braking,
         stop_time=np.where(braking > 0, speed / np.maximum(braking, 1e-9), np.inf),
         enter=meeting.enter[k],
-        until=meeting.leave[k] + profile.time_margin,
+        until=meeting.leave[k] + human.conflict_margin_s,
         firm=in_front | (speed == 0) | meeting.stops[k],
         safe=_stay_apart(view, i[k], j[k], np.where(speed > 0, SAFE_S, SAFE_STOP_S)),
     )
@@ -269,7 +264,7 @@ class _Meeting:
     stops: BoolArray  # the vehicle can stop before the entry
 
 
-def _meetings(blocked: _Blocked, v: FloatArray, v_other: FloatArray, profile: GuardProfile) -> _Meeting:
+def _meetings(blocked: _Blocked, v: FloatArray, v_other: FloatArray, human: HumanParameters) -> _Meeting:
     """Find where and when pairs meet."""
     inside, pair = blocked.inside, np.arange(len(v))
     enter = inside.argmax(axis=0)
@@ -295,8 +290,7 @@ def _meetings(blocked: _Blocked, v: FloatArray, v_other: FloatArray, profile: Gu
         high=np.where(inside, blocked.high, -np.inf).max(axis=0),
         lead=v * (SAMPLE_S * crossing) - blocked.s[crossing, pair],
         # Behind one that goes the same way, it is enough to reach its speed.
-        stops=np.maximum(entry, AT_ONCE_M)
-        >= np.maximum(v - speed, 0.0) ** 2 / (2 * profile.yield_deceleration),
+        stops=np.maximum(entry, AT_ONCE_M) >= np.maximum(v - speed, 0.0) ** 2 / (2 * human.yielding_mps2),
     )
 
 
@@ -306,27 +300,27 @@ def _yields(
     v_other: FloatArray,
     gives_way: BoolArray,
     other_first: BoolArray,
-    profile: GuardProfile,
+    human: HumanParameters,
 ) -> BoolArray:
     """Return (P,) whether the vehicle gives way.
 
     It does to one inside the corridor and not behind. Else the only one that can stop gives way; if both or
-    neither can, the later one at the crossing, and close cases by number; see `GuardProfile.braking_margin`.
+    neither can, the one that needs less braking, behind one that goes the same way the later one; close cases
+    go by number.
 
     Args:
         gives_way: (P,) whether the other ever gives way.
         other_first: (P,) whether the other's number is smaller.
     """
     faster = np.where(meeting.speed > 0, np.maximum(v_other - v, 0.0), v_other)
-    other_stops = gives_way & (meeting.enter >= faster / (2 * profile.yield_deceleration))
+    other_stops = gives_way & (meeting.enter >= faster / (2 * human.yielding_mps2))
     # So they never both go, although each sees the other's way a little differently.
-    margin = profile.order_margin
+    margin = human.order_margin_m
     later = np.where(other_first, meeting.lead < margin + ORDER_DOUBT_M, meeting.lead < -margin)
-    if profile.braking_margin:
-        needs = v**2 / np.maximum(meeting.entry, MIN_WAY_M) / 2
-        other_needs = v_other / np.maximum(meeting.enter, STEP_S) / 2
-        less = needs < other_needs + np.where(other_first, 1, -1) * profile.braking_margin
-        later = np.where((meeting.speed == 0) & gives_way, less, later)
+    needs = v**2 / np.maximum(meeting.entry, MIN_WAY_M) / 2
+    other_needs = v_other / np.maximum(meeting.enter, STEP_S) / 2
+    less = needs < other_needs + np.where(other_first, 1, -1) * human.order_margin_mps2
+    later = np.where((meeting.speed == 0) & gives_way, less, later)
     yields = np.where(meeting.stops == other_stops, later, meeting.stops)
     result: BoolArray = np.where(meeting.enter == 0, meeting.lead < 0, yields)
     return result
@@ -334,11 +328,11 @@ def _yields(
 
 def _blocked(view: _View, i: IntArray, j: IntArray) -> _Blocked:
     """Project the others j onto the corridors of the vehicles i."""
-    paths, around, profile = view.paths, view.around, view.profile
+    paths, around, human = view.paths, view.around, view.human
     future, vehicle = view.who.future[i], view.who.vehicle[i]
     # Pairs are the last axis, so that operations run along memory.
     x, y, heading = (np.ascontiguousarray(a[future, j].T) for a in (around.x, around.y, around.heading))
-    s, offset, line_cos, line_sin, swing = onto_ways(paths, i, x, y)
+    s, offset, line_cos, line_sin = onto_ways(paths, i, x, y)
     ahead, left = np.cos(heading), np.sin(heading)
     cos, sin = ahead * line_cos + left * line_sin, left * line_cos - ahead * line_sin
     half_length, half_width = around.others.length[j] / 2, around.others.width[j] / 2
@@ -348,6 +342,6 @@ def _blocked(view: _View, i: IntArray, j: IntArray) -> _Blocked:
     low, high = s - extent, s + extent
     # Alongside or head-on, the full margin would stop vehicles that pass within their lanes.
     beside = (low[0] < 0) & (high[0] > 0)
-    margin = np.where(beside | (cos < TOWARDS), profile.alongside_margin, profile.margin)
-    inside = (body <= margin + swing) & (low <= paths.corner_arc[i, -1])
+    margin = np.where(beside | (cos < TOWARDS), human.alongside_margin_m, human.conflict_margin_m)
+    inside = (body <= margin) & (low <= paths.corner_arc[i, -1])
     return _Blocked(inside=inside, s=s, offset=offset, cos=cos, low=low, high=high)

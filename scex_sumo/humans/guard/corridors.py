@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, IntArray, least_of
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.cache import owner_cache
-from scex_sumo.behaviors.base import check_positive
 from scex_sumo.behaviors.driving.leaders import Everyone, everyone
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, rear_axle
-from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths
-from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
+from scex_sumo.behaviors.driving.paths import chosen_paths
+from scex_sumo.behaviors.driving.projection import expected_way, nearest_paths, sample_paths
 from scex_sumo.geometry.polylines import wrap
+from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
@@ -23,9 +23,6 @@ VERTEX_STEPS = 3  # planned steps between two vertices of the corridor
 MIN_WAY_M = 1e-3
 DRIFT_S = 1.5  # motion across the path dies out with this time constant
 BRAKING_STEPS = 5  # driven steps over which a leader's braking is measured, at most
-OTHER_PATH = 1.0  # a vehicle is on another path if that fits better than the straightest by this
-OFFSET_SIGMA_M = 0.8
-HEADING_SIGMA_RAD = 0.15
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,8 +41,6 @@ class PlannedWays:
     corner_arc: FloatArray  # (n, G) m
     corner_cos: FloatArray  # (n, G - 1) direction to the next vertex
     corner_sin: FloatArray  # (n, G - 1)
-    # (2, n, G - 1) reach of the body's ends beyond half its width, left and right, m
-    swing: FloatArray
 
     def poses(self, rows: IntArray, s: FloatArray, speed: FloatArray) -> States:
         """Return states (r, H) at arc lengths (r, H)."""
@@ -66,8 +61,10 @@ class PlannedWays:
         )
 
 
-def planned_paths(plan: Plan, history: SceneHistory, who: VehicleIndex, profile: GuardProfile) -> PlannedWays:
-    """Arrange plans by arc length."""
+def planned_paths(
+    plan: Plan, history: SceneHistory, who: VehicleIndex, human: HumanParameters
+) -> PlannedWays:
+    """Arrange plans (n, H) by arc length."""
     now = history.now[who.future, who.vehicle]
     x = np.concatenate([now.x[:, None], plan.x], axis=1)
     y = np.concatenate([now.y[:, None], plan.y], axis=1)
@@ -76,12 +73,12 @@ def planned_paths(plan: Plan, history: SceneHistory, who: VehicleIndex, profile:
     np.cumsum(np.sqrt(np.diff(x, axis=1) ** 2 + np.diff(y, axis=1) ** 2), axis=1, out=arc[:, 1:])
     speed = np.maximum(plan.speed, 0.0)
     last = speed[:, -1]
-    ahead = 5.0 + last * profile.reaction_time + last**2 / (2 * profile.comfort_deceleration)
+    ahead = 5.0 + last * human.ahead_s + last**2 / (2 * human.leader_braking_mps2)
     corners = np.append(np.arange(0, x.shape[1] - 1, VERTEX_STEPS), x.shape[1] - 1)
     end = heading[:, -1]
     corner_x = np.column_stack([x[:, corners], x[:, -1] + ahead * np.cos(end)])
     corner_y = np.column_stack([y[:, corners], y[:, -1] + ahead * np.sin(end)])
-    cos, sin, length = _directions(corner_x, corner_y)
+    cos, sin = _directions(corner_x, corner_y)
     return PlannedWays(
         x=x,
         y=y,
@@ -94,12 +91,11 @@ def planned_paths(plan: Plan, history: SceneHistory, who: VehicleIndex, profile:
         corner_arc=np.column_stack([arc[:, corners], arc[:, -1] + ahead]),
         corner_cos=cos,
         corner_sin=sin,
-        swing=_swing(cos, sin, length, heading[:, corners], history.scene.length[who.vehicle]),
     )
 
 
-def _directions(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return cosine, sine and length (n, G - 1) of segments."""
+def _directions(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return cosine and sine (n, G - 1) of segments."""
     dx, dy = np.diff(x, axis=1), np.diff(y, axis=1)
     length = np.sqrt(dx**2 + dy**2)
     safe = np.maximum(length, 1e-9)
@@ -107,43 +103,16 @@ def _directions(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, F
     still = length < MIN_WAY_M
     cos = np.where(still, dx[:, -1:] / safe[:, -1:], dx / safe)
     sin = np.where(still, dy[:, -1:] / safe[:, -1:], dy / safe)
-    return cos, sin, length
-
-
-def _swing(
-    cos: FloatArray, sin: FloatArray, way: FloatArray, heading: FloatArray, length: FloatArray
-) -> FloatArray:
-    """Return `PlannedWays.swing`, from the body's angle to its way and the curvature."""
-    half = length[:, None] / 2
-    # At each vertex but the last: sine of the body's angle to the mean direction of both segments.
-    c, s = cos.copy(), sin.copy()
-    c[:, 1:] += cos[:, :-1]
-    s[:, 1:] += sin[:, :-1]
-    norm = np.maximum(np.sqrt(c**2 + s**2), 1e-9)
-    crab = (np.sin(heading) * c - np.cos(heading) * s) / norm
-    turn = np.zeros_like(cos)
-    turn[:, 1:] = sin[:, 1:] * cos[:, :-1] - cos[:, 1:] * sin[:, :-1]
-    between = np.ones_like(way)
-    between[:, 1:] = (way[:, 1:] + way[:, :-1]) / 2
-    bend = turn / np.maximum(between, 1.0) * half**2 / 2
-    front, rear = half * crab - bend, -half * crab - bend
-    left = np.maximum(np.maximum(front, rear), 0.0)
-    right = np.maximum(np.maximum(-front, -rear), 0.0)
-    swing = np.stack([left, right])
-    # A segment is swept by the body at both of its ends.
-    swing[:, :, :-1] = np.maximum(swing[:, :, :-1], swing[:, :, 1:])
-    swing[:, :, 1:] = np.maximum(swing[:, :, 1:], swing[:, :, :-1])
-    bounded: FloatArray = np.minimum(swing, half)
-    return bounded
+    return cos, sin
 
 
 def onto_ways(
     paths: PlannedWays, i: IntArray, x: FloatArray, y: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Project places (K, P) onto the middle lines of corridors i (P,).
 
     Returns:
-        (K, P) arc length, offset (left positive), cosine and sine of the direction, swing on that side.
+        (K, P) arc length, offset (left positive), cosine and sine of the direction.
     """
     begin_x, begin_y, begin = (a[i].T.copy() for a in (paths.corner_x, paths.corner_y, paths.corner_arc))
     cos, sin = paths.corner_cos[i].T.copy(), paths.corner_sin[i].T.copy()  # (G - 1, P)
@@ -166,8 +135,7 @@ def onto_ways(
     px, py = x - begin_x.take(at), y - begin_y.take(at)
     ahead, side = px * cos + py * sin, py * cos - px * sin
     foot = np.minimum(np.maximum(ahead, low.take(at)), high.take(at))
-    swing = np.where(side >= 0, *(swing.take(i * len(low) + best) for swing in paths.swing))
-    return begin.take(at) + foot, np.copysign(np.sqrt(square), side), cos, sin, swing
+    return begin.take(at) + foot, np.copysign(np.sqrt(square), side), cos, sin
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -216,7 +184,7 @@ def _along_paths(
     # The rear axle follows the path, as in `drive`.
     length = history.scene.length[vehicle]
     axle_x, axle_y = rear_axle(now, length)
-    row, (s, offset, path_heading) = _nearest_path(paths, straight, vehicle, way, axle_x, axle_y, now.heading)
+    row, (s, offset, path_heading) = nearest_paths(paths, straight, vehicle, way, axle_x, axle_y, now.heading)
     error = wrap(now.heading - path_heading)
     v = np.maximum(now.speed, 0.0)
     drift = v * np.sin(error)
@@ -231,83 +199,3 @@ def _along_paths(
     ahead = (REAR_AXLE_SHARE * length)[:, None]
     x, y = px - sin * side + ahead * np.cos(heading), py + cos * side + ahead * np.sin(heading)
     return x.reshape(*shape, -1), y.reshape(*shape, -1), heading.reshape(*shape, -1)
-
-
-def _nearest_path(
-    paths: SeedPaths,
-    straight: IntArray,
-    vehicle: IntArray,
-    way: FloatArray,
-    x: FloatArray,
-    y: FloatArray,
-    heading: FloatArray,
-) -> tuple[IntArray, tuple[FloatArray, FloatArray, FloatArray]]:
-    """Return rows (n,) of the paths that vehicles are on, the straightest in doubt, and `foot_points`."""
-    row = straight.copy()
-    feet = foot_points(paths, row, x, y, way)
-    best = _misfit(feet, heading)
-    doubt = np.flatnonzero((best > OTHER_PATH) & (paths.count[vehicle] > 1))
-    if not len(doubt):
-        return row, feet
-    count = paths.count[vehicle[doubt]]
-    i = np.repeat(doubt, count)
-    candidate = np.repeat(paths.first[vehicle[doubt]] - (np.cumsum(count) - count), count) + np.arange(len(i))
-    others = foot_points(paths, candidate, x[i], y[i], way[i])
-    misfit = _misfit(others, heading[i])
-    chosen = least_of(i, misfit, candidate)
-    chosen = chosen[misfit[chosen] < best[i[chosen]] - OTHER_PATH]
-    row[i[chosen]] = candidate[chosen]
-    for values, better in zip(feet, others, strict=True):
-        values[i[chosen]] = better[chosen]
-    return row, feet
-
-
-def _misfit(feet: tuple[FloatArray, FloatArray, FloatArray], heading: FloatArray) -> FloatArray:
-    _, offset, path_heading = feet
-    error = wrap(heading - path_heading)
-    misfit: FloatArray = (offset / OFFSET_SIGMA_M) ** 2 + (error / HEADING_SIGMA_RAD) ** 2
-    return misfit
-
-
-@dataclass(frozen=True, kw_only=True)
-class GuardProfile:
-    """Parameters of `Guarded`.
-
-    Attributes:
-        comfort_deceleration: ``b`` in m/s², of the vehicle and its leader.
-        max_deceleration: in emergencies, m/s².
-        safe_deceleration: for others that are missed with constant velocity and heading, m/s².
-        yield_deceleration: for vehicles that are not there yet, m/s².
-        reaction_time: ``tau`` in s; the time between two plans.
-        minimum_gap: bumper to bumper, m.
-        release_acceleration: back to the planned speed, m/s².
-        margin: of the corridor beyond the width, on each side, m.
-        alongside_margin: the same for vehicles alongside or oncoming, m.
-        time_margin: to crossing vehicles, s.
-        touching: pairs nearer than this in the seed scene are ignored, m, e.g. trailers, overlapping tracks.
-        order_margin: of a crossing; closer cases go by number, m.
-        contact_time: for which planned boxes must not touch expected ones, s.
-        braking_margin: if above 0, of two at a crossing the one that needs less braking gives way, not the
-            later one; smaller differences go by number, m/s².
-    """
-
-    comfort_deceleration: float = 4.5
-    max_deceleration: float = 9.0
-    safe_deceleration: float = 2.5
-    yield_deceleration: float = 5.5
-    reaction_time: float = 0.5
-    minimum_gap: float = 1.0
-    release_acceleration: float = 2.0
-    margin: float = 0.3
-    alongside_margin: float = 0.1
-    time_margin: float = 0.4
-    touching: float = 1e-3
-    order_margin: float = 1.0
-    contact_time: float = 0.0
-    braking_margin: float = 0.0
-
-    def __post_init__(self) -> None:
-        names = [field.name for field in fields(self)]
-        positive = [name for name in names if name.endswith("eleration")]
-        check_positive(self, *positive)
-        check_positive(self, *(name for name in names if name not in positive), zero=True)

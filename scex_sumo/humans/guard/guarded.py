@@ -1,67 +1,34 @@
-"""Guard around a model: a safe-speed bound along the planned way."""
+"""Guard: it keeps the way of a plan and lowers the speed for conflicts, as early and as hard as people do."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
-from typing import TypeAlias
 
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.behaviors.base import BatchBehavior, Sight, clear_of_others, sight_of
-from scex_sumo.humans.guard.conflicts import SAFE_S, StopLines, find_stop_lines
-from scex_sumo.humans.guard.corridors import GuardProfile, PlannedWays, planned_paths
+from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior, Driver, Sight, clear_of_others, sight_of
+from scex_sumo.humans.guard.conflicts import StopLines, find_stop_lines
+from scex_sumo.humans.guard.corridors import PlannedWays, planned_paths
+from scex_sumo.humans.parameters import HumanParameters, human_parameters
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
 
 LAST_GAP_M = 0.2  # that hard braking aims for
-MORE_THAN_NEEDED = 1.5  # braking limit, times the least braking that is enough
 LEAP_MPS2 = 6.0  # a plan that gains speed faster than this, or more way in a step, leaps
 LEAP_M = 0.1
 MIN_CHANGE_MPS = 1e-6  # a bound that lowers a speed by less does not count
 
-Bounds: TypeAlias = Callable[[StopLines, IntArray, int, FloatArray, FloatArray], FloatArray]
-"""Return the highest speed (n,) of vehicles with stop lines after a step, m/s, which braking can reach.
 
-Arguments: the stop lines; the first line (n,) of each vehicle; the step; place (P,), m along its plan, and
-speed (P,), m/s, of each line's vehicle.
-"""
+class Guarded(Driver):
+    """A model whose vehicles brake for others as human-like drivers do that never look away.
 
-
-def safe_speed(
-    gap_m: FloatArray, leader_speed_mps: FloatArray, *, deceleration: float, reaction_time: float
-) -> FloatArray:
-    """Return (n,) speeds from which vehicles stop behind leaders that brake with b, m/s.
-
-    v_safe = -bτ + √((bτ)² + v_leader² + 2·b·gap).
-
-    Args:
-        gap_m: (n,) free way; may be negative.
-        deceleration: b, m/s².
-        reaction_time: τ, s.
-
-    Source: Krauss 1998.
-    """
-    lag = deceleration * reaction_time
-    square = lag**2 + leader_speed_mps**2 + 2 * deceleration * gap_m
-    speed: FloatArray = np.sqrt(np.maximum(square, 0.0)) - lag
-    return np.maximum(speed, 0.0)
-
-
-class Guarded:
-    """A model whose vehicles drive slowly enough to stop for others.
-
-    The way of the plan stays. Speeds stay below `safe_speed` for leaders in the swept corridor and for
-    crossings that others reach first. Braking is as hard as needed, and gentle for others that are missed
-    with constant velocity and heading. A model with
-    ``clear_of_others`` also steers away from vehicles beside it.
+    The way of the plan stays. A model with ``clear_of_others`` also steers away from vehicles beside it.
     """
 
-    def __init__(self, model: BatchBehavior, profile: GuardProfile | None = None) -> None:
-        self.inner: BatchBehavior = clear_of_others(model)
-        self.profile = profile or GuardProfile()
+    def __init__(self, model: BatchBehavior) -> None:
+        self.inner = clear_of_others(model)
 
     @property
     def sight(self) -> Sight | None:
@@ -72,29 +39,25 @@ class Guarded:
         self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Return the model's plan, slowed down where necessary."""
-        plan = self.inner.plan(history, road, who, rng)
-        return slowed(plan, history, road, who, self.profile) if len(who) else plan
+        plan, aware = self.inner.plan(history, road, who, rng), np.ones((len(who), PLAN_STEPS), bool)
+        human = replace(human_parameters(), creep_gap_m=LAST_GAP_M)
+        return yielding(plan, history, road, who, human, aware) if len(who) else plan
 
 
-def slowed(plan: Plan, history: SceneHistory, road: Road, who: VehicleIndex, profile: GuardProfile) -> Plan:
-    """Re-time a plan (n, H) along its way so that vehicles can always stop."""
-    return retimed(plan, history, road, who, profile, partial(_bounds, profile=profile))
-
-
-def retimed(
+def yielding(
     plan: Plan,
     history: SceneHistory,
     road: Road,
     who: VehicleIndex,
-    profile: GuardProfile,
-    bounds: Bounds,
+    human: HumanParameters,
+    aware: BoolArray,
 ) -> Plan:
-    """Re-time a plan (n, H) along its way under the bounds of its stop lines."""
-    paths = planned_paths(plan, history, who, profile)
-    holds = find_stop_lines(paths, history, road, who, profile).joined_by(_leaping(paths))
-    if not len(holds.row):
+    """Return plans (n, H) slowed down for conflicts while their drivers are aware of them (n, H)."""
+    paths = planned_paths(plan, history, who, human)
+    lines = find_stop_lines(paths, history, road, who, human).joined_by(_leaping(paths))
+    if not len(lines.row):
         return plan
-    speed, arc, changed = _timed(paths, holds, profile, bounds)
+    speed, arc, changed = _timed(paths, lines, aware, human)
     rows = np.flatnonzero(changed)
     if not len(rows):
         return plan
@@ -112,22 +75,24 @@ def _leaping(paths: PlannedWays) -> IntArray:
 
 
 def _timed(
-    paths: PlannedWays, holds: StopLines, profile: GuardProfile, bounds: Bounds
+    paths: PlannedWays, lines: StopLines, aware: BoolArray, human: HumanParameters
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return speeds and arc lengths (n, H), and (n,) which vehicles are slowed."""
     speed, arc = paths.speed.copy(), paths.arc[:, 1:].copy()
     changed = np.zeros(len(speed), dtype=np.bool_)
-    rows, first = np.unique(holds.row, return_index=True)  # rows are sorted
+    rows, first = np.unique(lines.row, return_index=True)  # rows are sorted
     s, v = np.zeros(len(rows)), paths.start_speed[rows]
     # Vehicles are the last axis, so that operations run along memory.
     planned, arcs = paths.speed[rows].T.copy(), paths.arc[rows].T.copy()
     way, held = np.diff(arcs, axis=0), np.zeros(len(rows), dtype=np.bool_)
-    count = np.diff(np.append(first, len(holds.row)))
+    count = np.diff(np.append(first, len(lines.row)))
     gain = np.diff(planned, axis=0, prepend=v[None]) / STEP_S
-    gain = np.maximum(np.where(gain > LEAP_MPS2, 0.0, gain), profile.release_acceleration)
+    gain = np.maximum(np.where(gain > LEAP_MPS2, 0.0, gain), human.release_mps2)
     timed = np.empty((2, *planned.shape))
     for step, (speed_then, way_then) in enumerate(zip(planned, way, strict=True)):
-        bound = bounds(holds, first, step, np.repeat(s, count), np.repeat(v, count))
+        bound = responses(
+            lines, first, step, np.repeat(s, count), np.repeat(v, count), aware=aware, human=human
+        )
         wanted = np.minimum(np.minimum(speed_then, bound), v + gain[step] * STEP_S)
         following = np.maximum(np.minimum(wanted, speed_then), 0.0)
         moved = (v + following) * (STEP_S / 2)
@@ -140,36 +105,50 @@ def _timed(
     return speed, arc, changed
 
 
-def _bounds(
-    holds: StopLines, first: IntArray, step: int, s: FloatArray, v: FloatArray, *, profile: GuardProfile
+def responses(
+    lines: StopLines,
+    first: IntArray,
+    step: int,
+    s: FloatArray,
+    v: FloatArray,
+    *,
+    aware: BoolArray,
+    human: HumanParameters,
 ) -> FloatArray:
-    """Return the guard's `Bounds`."""
+    """Return the highest speed after a step of each vehicle with a stop line, m/s.
+
+    A driver brakes as hard as needed once that is noticeable: from ``onset_mps2`` on, later if both miss each
+    other with constant velocity, or if it looks away. When and how hard drivers respond is decided here.
+    """
     t = step * STEP_S
-    position, leader = line_motion(holds, t)
-    gap = position - s
-    safe = partial(safe_speed, deceleration=profile.comfort_deceleration, reaction_time=profile.reaction_time)
-    bound = np.where(gap < 0, 0.0, safe(gap - profile.minimum_gap, leader))
-    early = np.flatnonzero((holds.enter > t) & (holds.speed > 0))
-    if len(early):
-        # It must not reach the place before the vehicle that it will follow.
-        ahead = holds.position[early] + holds.speed[early] * holds.enter[early] - s[early]
-        wait = safe(ahead - profile.minimum_gap, np.zeros_like(ahead))
-        wait = np.maximum(wait, np.maximum(ahead, 0.0) / np.maximum(holds.enter[early] - t, STEP_S))
-        bound[early] = np.minimum(bound[early], wait)
-    mild = min(profile.safe_deceleration, profile.comfort_deceleration)
-    most = np.where(holds.firm, profile.max_deceleration, profile.comfort_deceleration)
-    most[early] = np.minimum(most[early], profile.yield_deceleration)
-    limit = np.clip(MORE_THAN_NEEDED * needed_braking(holds, t, s, v), mild, most)
-    # Behind a vehicle abreast that comes over later, it falls back gently.
-    abreast = (holds.enter > 0) & (holds.position < 0)
-    limit = np.where((holds.safe | abreast) & (t < SAFE_S / 2), mild, limit)
-    allowed = np.where(holds.until > t, np.maximum(bound, v - limit * STEP_S), np.inf)
+    needed = needed_braking(lines, t, s + human.stop_gap_m, v, human.entry_gap_m)
+    # It is enough to arrive after one that crosses has left.
+    k = np.flatnonzero((lines.speed == 0) & np.isfinite(lines.until))
+    left, way = np.maximum(lines.until[k] - t, STEP_S), lines.position[k] - s[k] - human.stop_gap_m
+    needed[k] = np.minimum(needed[k], arriving_later(way, left, v[k]))
+    onset = np.where(lines.safe, human.safe_onset, 1.0) * human.onset_mps2
+    onset = np.where(aware[lines.row, step], onset, np.maximum(onset, human.looming_mps2))
+    most = np.where(lines.firm, human.conflict_braking_mps2, human.yielding_mps2)
+    # One that enters further behind looks out itself.
+    behind = (lines.enter > t) & (lines.position + lines.speed * lines.enter < s - human.fall_back_m)
+    acts = (needed > onset) & (lines.until > t) & ~behind
+    allowed = np.where(acts, v - np.minimum(needed, most) * STEP_S, np.inf)
+    # Nearer than the stop gap a driver creeps, also behind one that closes in or crosses soon.
+    position, leader = line_motion(lines, t)
+    gap, soon = position - s, np.where(lines.speed == 0, human.crossing_s, 0.0)
+    close = (gap >= 0) & (lines.enter <= t + soon)
+    close |= ~lines.safe & (gap > -human.fall_back_m) & (lines.enter <= t)
+    close &= (gap < human.stop_gap_m) & (lines.until > t)
+    creeps = np.maximum(
+        leader + (gap - human.creep_gap_m) / human.creep_s, v - human.conflict_braking_mps2 * STEP_S
+    )
+    allowed = np.where(close, np.minimum(allowed, creeps), allowed)
     lowest: FloatArray = np.minimum.reduceat(allowed, first)
     return lowest
 
 
 def needed_braking(
-    holds: StopLines, t: float, s: FloatArray, v: FloatArray, entry_gap_m: float = LAST_GAP_M
+    lines: StopLines, t: float, s: FloatArray, v: FloatArray, entry_gap_m: float
 ) -> FloatArray:
     """Return (P,) constant decelerations with which vehicles just stay behind their stop lines, m/s².
 
@@ -179,17 +158,17 @@ def needed_braking(
         v: (P,) m/s.
         entry_gap_m: to a vehicle that enters later.
     """
-    position, leader = line_motion(holds, t)
+    position, leader = line_motion(lines, t)
     room = 2 * np.maximum(position - s - LAST_GAP_M, LAST_GAP_M)
     needed: FloatArray = np.maximum(v - leader, 0.0) ** 2 / room
-    brakes = np.flatnonzero((holds.deceleration > 0) & (leader > 0))
-    to_stop = leader[brakes] ** 2 / holds.deceleration[brakes]
+    brakes = np.flatnonzero((lines.deceleration > 0) & (leader > 0))
+    to_stop = leader[brakes] ** 2 / lines.deceleration[brakes]
     needed[brakes] = np.maximum(needed[brakes], v[brakes] ** 2 / (room[brakes] + to_stop))
-    early = np.flatnonzero((holds.enter > t) & (holds.speed > 0))
-    ahead = holds.position[early] + holds.speed[early] * holds.enter[early] - s[early] - entry_gap_m
+    early = np.flatnonzero((lines.enter > t) & (lines.speed > 0))
+    ahead = lines.position[early] + lines.speed[early] * lines.enter[early] - s[early] - entry_gap_m
     # It is enough to stop before the place, or to arrive no sooner than the other one.
     stop = v[early] ** 2 / (2 * np.maximum(ahead, LAST_GAP_M))
-    left = np.maximum(holds.enter[early] - t, STEP_S)
+    left = np.maximum(lines.enter[early] - t, STEP_S)
     needed[early] = np.minimum(stop, arriving_later(ahead, left, v[early]))
     return needed
 
@@ -204,8 +183,8 @@ def arriving_later(way: FloatArray, time_s: FloatArray, v: FloatArray) -> FloatA
     return np.where(stops, v**2 / (2 * np.maximum(way, LAST_GAP_M)), late)
 
 
-def line_motion(holds: StopLines, t: float) -> tuple[FloatArray, FloatArray]:
+def line_motion(lines: StopLines, t: float) -> tuple[FloatArray, FloatArray]:
     """Return positions (P,) m and speeds (P,) m/s of stop lines at a time."""
-    gone = np.minimum(t, holds.stop_time)
-    position: FloatArray = holds.position + holds.speed * gone - 0.5 * holds.deceleration * gone**2
-    return position, np.maximum(holds.speed - holds.deceleration * gone, 0.0)
+    gone = np.minimum(t, lines.stop_time)
+    position: FloatArray = lines.position + lines.speed * gone - 0.5 * lines.deceleration * gone**2
+    return position, np.maximum(lines.speed - lines.deceleration * gone, 0.0)

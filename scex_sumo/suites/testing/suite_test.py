@@ -14,7 +14,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import check_output, sha256_of, write_atomic, write_output
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
-from scex_sumo.behaviors.base import is_driven_by_sumo, layer_with
+from scex_sumo.behaviors.base import is_driven_by_sumo, layers
 from scex_sumo.drivers.registry import ModelSpec, build, model_specs
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.folder import Failure, StudyFolder
@@ -178,9 +178,8 @@ def _spec(given: Any) -> ModelSpec:
 
 def _source(spec: ModelSpec) -> str | None:
     """Return the SHA-256 of the file of a function; None without one."""
-    layer = layer_with(build(spec, fallback=True), "source_file")
-    file = None if layer is None else layer.source_file
-    return sha256_of(file) if file is not None and file.is_file() else None
+    files = (layer.source_file for layer in layers(build(spec, fallback=True)))
+    return next((sha256_of(file) for file in files if file is not None and file.is_file()), None)
 
 
 def _chosen(suite: Suite, names: Sequence[str] | None) -> list[Case]:
