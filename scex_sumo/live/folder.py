@@ -24,6 +24,7 @@ from scex_sumo.page.document import Document, card, page_table
 from scex_sumo.page.figures.charts import Plane
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.timeline import SHAPES, Happening, shapes_legend, timeline
+from scex_sumo.results.tables.columns import schema
 from scex_sumo.results.tables.pairs import once_in
 
 LEADS: Final = "leads.parquet"
@@ -34,35 +35,9 @@ MOST: Final = 10
 APART_S: Final = 3.0
 """Two of them with the same pair are so far apart."""
 
-RISK_SCHEMA: Final = pa.schema(
-    [
-        ("time_s", pa.float64()),
-        ("hits", pa.string()),
-        ("other", pa.string()),
-        ("kind", pa.string()),
-        ("human_like", pa.float64()),
-        ("stress", pa.float64()),
-        ("how", pa.string()),
-        ("needed_braking", pa.float64()),
-        ("contact_s", pa.float64()),
-        ("x", pa.float64()),
-        ("y", pa.float64()),
-        ("doubt", pa.string()),
-    ]
-)
+RISK_SCHEMA: Final = schema("time_s hits other kind human_like stress how needed_braking contact_s x y doubt")
 """One row a moment and pair, the most probable first; moments without a pair have none."""
-_LEADS_SCHEMA = pa.schema(
-    [
-        ("hits", pa.string()),
-        ("other", pa.string()),
-        ("conflict_s", pa.float64()),
-        ("what", pa.string()),
-        ("value", pa.float64()),
-        ("risk_s", pa.float64()),
-        ("human_like", pa.float64()),
-        ("lead_s", pa.float64()),
-    ]
-)
+_LEADS_SCHEMA = schema("hits other conflict_s what value risk_s human_like lead_s")
 _REGION_M = 40.0
 _WIDE_PX = 1000
 

@@ -11,6 +11,7 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, numbers_in
 from scex_sumo.base.errors import ResultError
 from scex_sumo.metrics.registry import Metric
+from scex_sumo.results.tables.columns import schema
 from scex_sumo.statistics.density import BANDWIDTH, Density, mixed_density
 from scex_sumo.statistics.intervals import DesignIntervals
 
@@ -68,9 +69,7 @@ def column_of(table: pa.Table, column: str) -> FloatArray:
 
 
 DENSITIES = "densities.parquet"
-DENSITIES_SCHEMA = pa.schema(
-    [("metric", pa.string()), *((name, pa.float64()) for name in ("x", "pdf", "cdf", "low", "high", "atom"))]
-)
+DENSITIES_SCHEMA = schema("metric x pdf cdf low high atom")
 
 
 def metric_density(values: FloatArray, half_width: float, *, bandwidth: float = BANDWIDTH) -> Density:

@@ -13,6 +13,7 @@ from scex_sumo.base.arrays import BoolArray, IntArray
 from scex_sumo.metrics.collisions import KINDS
 from scex_sumo.metrics.encounters import Encounters
 from scex_sumo.metrics.events import EVENTS, MEASURED
+from scex_sumo.results.tables.columns import schema
 from scex_sumo.results.tables.cut_sets import CUT_SETS, LIFTS, DrawnModels, cut_set_words
 from scex_sumo.results.tables.outcomes import first_contacts
 from scex_sumo.results.tables.pairs import arrow, ends
@@ -27,42 +28,24 @@ ENCOUNTERS: Final = "encounters.parquet"
 QUESTIONS: Final = (*EVENTS, "critical")
 """Probabilities of a pair, each with ``_low`` and ``_high``; ``critical`` is any of the others."""
 
-SCHEMA: Final = pa.schema(
-    [
-        ("track_id", pa.int64()),
-        ("other_id", pa.int64()),
-        ("name", pa.string()),
-        ("other_name", pa.string()),
-        *((name + end, pa.float64()) for name in QUESTIONS for end in ("", "_low", "_high")),
-        ("met", pa.float64()),
-        ("consequence", pa.float64()),
-        ("kind", pa.string()),
-        ("relative_speed", pa.float64()),
-        ("expected_mais3", pa.float64()),
-        *((f"gap_p{percent:02}", pa.float64()) for percent in (5, 50, 95)),
-        ("future", pa.int64()),
-        ("gap", pa.float64()),
-        ("model", pa.string()),
-        ("other_model", pa.string()),
-        ("time_s", pa.float64()),
-        ("x", pa.float64()),
-        ("y", pa.float64()),
-        ("place", pa.string()),
-        ("doubt", pa.string()),
-        ("cut_sets", CUT_SETS),
-        ("lifts", LIFTS),
-    ]
+SCHEMA: Final = schema(
+    "track_id other_id name other_name",
+    (name + end for name in QUESTIONS for end in ("", "_low", "_high")),
+    "met consequence kind relative_speed expected_mais3 gap_p05 gap_p50 gap_p95 future gap model other_model",
+    "time_s x y place doubt cut_sets lifts",
+    consequence=pa.float64(),
+    cut_sets=CUT_SETS,
+    lifts=LIFTS,
 )
 """One row a pair; ``met`` is the share of futures in which the pair has an encounter, ``expected_mais3`` the
 mean number of severely injured occupants (MAIS 3+, one in each vehicle) over all futures. ``consequence`` is
 the share in which the two touch, but one of them had collided before; nothing else counts those contacts.
 ``cut_sets`` and ``lifts``, see `DrawnModels`, are of collisions, else of the most frequent event."""
 
-OUTCOMES_SCHEMA: Final = pa.schema(
-    [
-        *((name, pa.int64()) for name in ("future", "track_a", "track_b")),
-        *((event.column, pa.float32()) for event in MEASURED),
-    ]
+OUTCOMES_SCHEMA: Final = schema(
+    "future track_a track_b",
+    (event.column for event in MEASURED),
+    **{event.column: pa.float32() for event in MEASURED},
 )
 """One row a pair and future in which the value of some event is defined, sorted by pair and future.
 

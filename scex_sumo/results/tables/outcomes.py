@@ -27,6 +27,7 @@ from scex_sumo.geometry.rectangles import Rectangles
 from scex_sumo.metrics.base import SceneTracks
 from scex_sumo.metrics.collisions import KINDS, SIDES, Collisions, Moves
 from scex_sumo.metrics.encounters import Encounters
+from scex_sumo.results.tables.columns import schema
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
 
@@ -235,21 +236,9 @@ def _with_before(road: Road, lane: int) -> tuple[int, ...]:
 
 
 COLLISIONS: Final = "collisions.parquet"
-COLLISIONS_SCHEMA: Final = pa.schema(
-    [
-        ("future", pa.int64()),
-        ("step", pa.int64()),
-        ("time_s", pa.float64()),
-        ("track_id", pa.int64()),
-        ("other_id", pa.int64()),
-        ("kind", pa.string()),
-        ("side", pa.string()),
-        ("other_side", pa.string()),
-        *((name, pa.float64()) for name in ("relative_speed", "overlap", "x", "y")),
-        *((name, pa.float64()) for name in ("delta_v", "delta_v_other", "p_mais3", "p_mais3_other")),
-        ("fault", pa.string()),
-        ("consequence", pa.bool_()),
-    ]
+COLLISIONS_SCHEMA: Final = schema(
+    "future step time_s track_id other_id kind side other_side relative_speed overlap x y",
+    "delta_v delta_v_other p_mais3 p_mais3_other fault consequence",
 )
 """``step`` is the first one after the impact at ``time_s``; both count from the seed moment. ``delta_v`` to
 ``fault`` are those of `Severity`; ``p_mais3`` is null for types that the curve does not cover. A

@@ -9,6 +9,8 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 
+from scex_sumo.results.tables.columns import schema
+
 PAIRS_FILE: Final = "pairs.parquet"
 
 TOLD: Final = 1e-7
@@ -16,36 +18,23 @@ TOLD: Final = 1e-7
 
 NARROW: Final = "\u202f"  # no-break space within a number
 
-PAIRS: Final = pa.schema(
-    [
-        ("track_id", pa.int64()),  # of the vehicle that has to brake, or enters later: it hits or follows
-        ("other_id", pa.int64()),
-        ("name", pa.string()),  # SUMO's name of the first one in a simulation, else its track id
-        ("other_name", pa.string()),
-        ("person", pa.string()),  # kind and name of a pedestrian or cyclist as the other one
-        ("probability", pa.float64()),  # of a contact within 3 s
-        (
-            "least",
-            pa.float64(),
-        ),  # contacts a tenth as frequent, or the error of few futures; so ``most``
-        ("most", pa.float64()),
-        ("what", pa.string()),  # kind of conflict, `scex_sumo.decision.words.WHAT`
-        ("how", pa.string()),
-        ("place", pa.string()),  # one of `roads.places.PLACES`; null off the lanes
-        ("future", pa.int32()),  # with the largest P but one
-        ("futures", pa.int32()),  # with a tenth of its P or more
-        ("collide", pa.float64()),  # share of the futures with a contact
-        ("needed_braking", pa.float64()),  # in that future, m/s²; 0: none
-        ("time_margin", pa.float64()),  # in that future, s; null: they do not cross
-        ("gap_m", pa.float64()),  # least distance in that future, m
-        ("conflict_s", pa.float64()),  # after the moment
-        ("speed_mps", pa.float64()),  # between the two then
-        ("x", pa.float64()),  # of the first one then, m; so ``y``
-        ("y", pa.float64()),
-        ("doubt", pa.string()),
-    ]
+PAIRS: Final = schema(
+    "track_id other_id name other_name person probability least most what how place future futures collide",
+    "needed_braking time_margin gap_m conflict_s speed_mps x y doubt",
+    future=pa.int32(),
+    futures=pa.int32(),
 )
-"""Columns of ``pairs.parquet``."""
+"""Columns of ``pairs.parquet``: one row a pair.
+
+``track_id`` is that of the vehicle which has to brake, or enters later: it hits or follows the other one.
+``name`` is SUMO's in a simulation, ``person`` kind and name of a pedestrian or cyclist. ``probability`` is of
+a contact within 3 s, ``least`` and ``most`` with contacts a tenth and ten times as frequent, or the error of
+few futures. ``what`` is one of `scex_sumo.decision.words.WHAT`, ``place`` one of `roads.places.PLACES`, null
+off the lanes. ``future`` has the largest P but one, ``futures`` have a tenth of its P or more, ``collide`` is
+the share of the futures with a contact. In that future: ``needed_braking`` in m/s² (0: none), ``time_margin``
+in s (null: they do not cross), least ``gap_m``, ``conflict_s`` after the moment, ``speed_mps`` between the
+two, ``x`` and ``y`` of the first one then.
+"""
 
 
 def told_pairs(run: Any, *, doubtful: bool = False) -> list[dict[str, Any]]:

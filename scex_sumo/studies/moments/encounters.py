@@ -10,22 +10,19 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scex_sumo.base.arrays import BoolArray, IntArray
+from scex_sumo.results.tables.columns import schema
 from scex_sumo.studies.moments.folder import MomentRef, as_row
 from scex_sumo.studies.moments.pairs import PAIRS
 
 _PLACE: Final = ("location", "recording", "case", "seed", "time_s")
 _CONSECUTIVE = 1.5  # times between two moments of one encounter, over the time between two moments
 
-_FIRST = (
-    *((name, PAIRS.field(name).type) for name in ("track_id", "other_id", "what")),
-    *((name, pa.float64() if name == "time_s" else pa.string()) for name in _PLACE),
-    *(("first_s", pa.float64()), ("last_s", pa.float64()), ("moments", pa.int64())),
-)
+_FIRST = schema("track_id other_id what", _PLACE, "first_s last_s moments")
 ENCOUNTERS: Final = pa.schema(
     [
         *_FIRST,
-        *(field for field in PAIRS if field.name not in [*dict(_FIRST), "doubt"]),
-        ("doubt", pa.string()),
+        *(field for field in PAIRS if field.name not in [*_FIRST.names, "doubt"]),
+        *schema("doubt"),
     ]
 )
 

@@ -10,10 +10,11 @@ from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.decision.decide import is_to_be_tested
 from scex_sumo.decision.moment import human_part, pairs_of_part
 from scex_sumo.decision.typology import kinds_of
+from scex_sumo.results.tables.columns import schema
 from scex_sumo.results.tables.pairs import PAIRS as DECIDED
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 
-PAIRS = pa.schema([*DECIDED, ("to_test", pa.bool_()), ("conflict", pa.string())])
+PAIRS = pa.schema([*DECIDED, *schema("to_test conflict")])
 """Columns of pairs; ``conflict`` is one of `typology.CONFLICTS`, null where nobody asks for it."""
 
 

@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.results.tables.columns import schema
 from scex_sumo.studies.moments.encounters import ENCOUNTERS, with_columns
 from scex_sumo.studies.rank.triage import BOTH, DATA_ERROR, judged
 
@@ -22,11 +23,9 @@ _NEAR: Final = ("gap_m", "time_margin", "time_s", "first_s", "last_s", "conflict
 SAID: Final = "a data error, as the triage says"
 RANKED: Final = pa.schema(
     [
-        ("rank", pa.int64()),
+        *schema("rank"),
         *(field for field in ENCOUNTERS if field.name != "doubt"),
-        *((name, pa.float64()) for name in STRESS),
-        ("doubt", pa.string()),
-        *((name, pa.string()) for name in TRIAGE),
+        *schema(STRESS, "doubt", TRIAGE),
     ]
 )
 """Columns of encounters in an order."""

@@ -14,18 +14,12 @@ from scex_sumo.base.errors import TrackError
 from scex_sumo.base.files import replacing
 from scex_sumo.decision.decide import span
 from scex_sumo.page.document import Column, Row
+from scex_sumo.results.tables.columns import schema
 from scex_sumo.results.tables.pairs import any_of, arrow, one_in
 from scex_sumo.studies.moments.folder import as_row
 from scex_sumo.studies.rank.ranking_run import RankingRun
 
-MOMENTS: Final = pa.schema(
-    [
-        *((name, pa.string()) for name in ("seed", "location", "recording", "case")),
-        *((name, pa.float64()) for name in ("time_s", "human_p_collision")),
-        ("vehicles", pa.int64()),
-        ("failure", pa.string()),
-    ]
-)
+MOMENTS: Final = schema("seed location recording case time_s human_p_collision vehicles failure")
 """Columns of ``moments.parquet``."""
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import pyarrow as pa
 
@@ -13,6 +11,7 @@ from scex_sumo.extrapolation.loop.measure import measure_outcome, recorded_steps
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.metrics.events import MEASURED
 from scex_sumo.metrics.registry import metric_of
+from scex_sumo.results.tables.columns import schema
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.validate.noise import along_tracks
 from scex_sumo.studies.validate.scores import covered, crps, rank_among
@@ -22,27 +21,18 @@ MOVING_MPS = 0.5
 ENCOUNTER_M = 10.0  # a pair that comes this near in some future is an encounter
 
 _NUMBERS = ("error_of_mean_m", "mean_error_m", "least_error_m", "constant_velocity_error_m")
-
-
-def _schema(*groups: tuple[pa.DataType, Sequence[str]]) -> pa.Schema:
-    return pa.schema([(name, kind) for kind, names in groups for name in names])
-
-
-POSITIONS = _schema(
-    (pa.int64(), ("track_id",)),
-    (pa.bool_(), ("moving",)),
-    (pa.int64(), ("second",)),
-    (pa.float64(), _NUMBERS),
-    (pa.bool_(), ("along_covered", "across_covered", "along_seen", "across_seen")),
-    (pa.float64(), ("along_rank", "across_rank")),
+POSITIONS = schema(
+    "track_id moving second",
+    _NUMBERS,
+    "along_covered across_covered along_seen across_seen along_rank across_rank",
 )
-ENCOUNTERS = _schema(
-    (pa.int64(), ("first", "second")),
-    (pa.float64(), ("recorded_m",)),
-    (pa.bool_(), ("covered", "seen")),
-    (pa.float64(), ("rank", "crps_m", "crps_seen_m", "constant_velocity_error_m")),
-    (pa.float64(), [f"{event.name}_forecast" for event in MEASURED]),
-    (pa.bool_(), [f"{event.name}_{what}" for event in MEASURED for what in ("happened", "straight")]),
+_OUTCOMES = [f"{event.name}_{what}" for event in MEASURED for what in ("happened", "straight")]
+ENCOUNTERS = schema(
+    "first second recorded_m covered seen rank crps_m crps_seen_m constant_velocity_error_m",
+    (f"{event.name}_forecast" for event in MEASURED),
+    _OUTCOMES,
+    rank=pa.float64(),
+    **dict.fromkeys(_OUTCOMES, pa.bool_()),
 )
 
 
