@@ -25,8 +25,7 @@ from scex_sumo.behaviors.driving.motion import drive as along
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points
 from scex_sumo.drivers.registry import model_specs
-from scex_sumo.suites.choice import Chosen, choose
-from scex_sumo.suites.cut import Cutter, recordings_of
+from scex_sumo.suites.catalogue import Chosen, Cutter, choose, recordings_of
 from scex_sumo.suites.drive import drive
 from scex_sumo.suites.estimate import Design, Rate
 from scex_sumo.suites.population import Population, read_population

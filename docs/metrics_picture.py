@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
-from scex_sumo.evaluation.pair_values import evaluate_pairs
+from scex_sumo.evaluation.tables import evaluate_pairs
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.scene import STEP_S, States
 

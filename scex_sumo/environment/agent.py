@@ -1,14 +1,19 @@
-"""The agent's actions and rewards: next state from controls or a plan, progress, comfort."""
+"""The agent's observations, actions and rewards: next state from controls or a plan, progress, comfort."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from numbers import Integral
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import UsageError
+from scex_sumo.behaviors.driving.paths import SeedPaths
+from scex_sumo.behaviors.driving.projection import sample_paths
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.plug_in.predictor import completed
 from scex_sumo.scene import STEP_S, States
@@ -90,3 +95,69 @@ def planned(now: States, action: FloatArray) -> States:
         heading=wrap(now.heading[:, None] + heading),
         speed=speed,
     )
+
+
+def whole_number(name: str, value: Any, low: int, high: int) -> int:
+    """Return an argument as an int; raise a `UsageError` unless it is a whole number from low to high."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or not low <= int(value) <= high:
+        raise UsageError(f"{name}: got {value!r}, needs a whole number from {low} to {high:,}")
+    return int(value)
+
+
+def one_of(name: str, value: Any, known: Sequence[str]) -> str:
+    """Return an argument; raise a `UsageError` unless it is one of the known words."""
+    if not isinstance(value, str) or value not in known:
+        raise UsageError(f"{name}: unknown {value!r}; known: {', '.join(known)}")
+    return value
+
+
+def finite_numbers(name: str, values: Any, shape: tuple[int, ...]) -> FloatArray:
+    """Return values as an array; raise a `UsageError` unless they are finite real numbers of a shape."""
+    try:
+        array = np.asarray(values)
+    except ValueError:  # rows of different lengths
+        raise UsageError(f"{name}: got rows of different lengths, needs shape {shape}") from None
+    if array.dtype.kind not in "fiub":
+        raise UsageError(f"{name}: got values of type {array.dtype.name}, needs real numbers")
+    if array.shape != shape:
+        raise UsageError(f"{name}: got shape {array.shape}, needs {shape}")
+    if not np.isfinite(array).all():
+        raise UsageError(f"{name}: got {np.count_nonzero(~np.isfinite(array))} values that are not finite")
+    return np.asarray(array, dtype=np.float64)
+
+
+PATH_POINTS, PATH_SPACING_M = 10, 3.0  # of the agent's path ahead
+MAX_OBSERVED = 1000.0  # m, m/s; larger values are cut
+Observation: TypeAlias = NDArray[np.float32] | dict[str, NDArray[np.float32]]
+
+
+def path_ahead(paths: SeedPaths, row: IntArray, way: FloatArray, now: States) -> FloatArray:
+    """Return (N, 10, 2) points of paths ahead of agents, in their frames, m.
+
+    Args:
+        row: (N,) paths; ``way`` (N,) arc lengths of the agents on them, m.
+    """
+    ahead = PATH_SPACING_M * np.arange(1, PATH_POINTS + 1)
+    s = (way[:, None] + ahead).ravel()
+    x, y = sample_paths(paths, np.repeat(row, PATH_POINTS), s)[:2].reshape(2, -1, PATH_POINTS)
+    dx, dy = x - now.x[:, None], y - now.y[:, None]
+    cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
+    return np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=-1)
+
+
+def observed(arrays: Mapping[str, FloatArray], *, flat: bool) -> Observation:
+    """Return the observation of N agents by their named arrays; ``flat`` as `gymnasium.spaces.flatten`."""
+    if not flat:
+        return {name: _cut(values.astype(np.float32)) for name, values in arrays.items()}
+    return _cut(
+        np.concatenate(
+            [arrays[name].reshape(len(arrays[name]), -1) for name in sorted(arrays)],
+            axis=1,
+            dtype=np.float32,
+            casting="same_kind",
+        )
+    )
+
+
+def _cut(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.clip(values, -MAX_OBSERVED, MAX_OBSERVED, out=values)

@@ -9,7 +9,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import MissingExtraError, UsageError
-from scex_sumo.environment.observation import Observation
+from scex_sumo.environment.agent import Observation
 from scex_sumo.environment.vector_env import SeedVectorEnv
 
 try:

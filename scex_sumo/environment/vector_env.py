@@ -18,9 +18,20 @@ from scex_sumo.behaviors.base import PLAN_STEPS, is_driven_by_sumo
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.drivers.registry import DEFAULT_MODELS
-from scex_sumo.environment.agent import AgentSteps, Reward, controlled, default_reward, planned
-from scex_sumo.environment.checks import finite_numbers, one_of, whole_number
-from scex_sumo.environment.observation import MAX_OBSERVED, Observation, observed, path_ahead
+from scex_sumo.environment.agent import (
+    MAX_OBSERVED,
+    AgentSteps,
+    Observation,
+    Reward,
+    controlled,
+    default_reward,
+    finite_numbers,
+    observed,
+    one_of,
+    path_ahead,
+    planned,
+    whole_number,
+)
 from scex_sumo.extrapolation.assignments import future_generator, listing, random_assignments, route_draws
 from scex_sumo.extrapolation.job import ruled
 from scex_sumo.extrapolation.loop.crashes import Crashes, slide

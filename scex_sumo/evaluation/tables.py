@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
@@ -12,14 +13,20 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.evaluation.blocks import Block, blocks
-from scex_sumo.evaluation.pair_values import evaluate_pairs
-from scex_sumo.metrics.base import PAPER, MetricParameters
+from scex_sumo.metrics.base import PAPER, MetricParameters, PlannedPaths, Rows, SceneTracks
 from scex_sumo.metrics.collisions import CONTACT_M2, Collisions, find_collisions
-from scex_sumo.metrics.evaluate import ScenarioValues, evaluate
+from scex_sumo.metrics.evaluate import (
+    PAPER_PRESET,
+    ScenarioValues,
+    dense,
+    evaluate,
+    samples_of,
+    scene_batches,
+)
 from scex_sumo.metrics.extrema import Worst, scene_sums
+from scex_sumo.metrics.pairs.scenes import Samples
 from scex_sumo.metrics.registry import Metric, metrics_named
-from scex_sumo.results.tables.outcomes import after_collision
-from scex_sumo.results.tables.worst import other_ids
+from scex_sumo.results.tables.outcomes import after_collision, other_ids
 
 Level: TypeAlias = Literal["pair", "scene", "scenario", "worst"]
 LEVELS: Final[tuple[Level, ...]] = ("pair", "scene", "scenario", "worst")
@@ -216,3 +223,47 @@ class _Cases:
                 **flag,
             }
         )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PairValues(Rows):
+    """Nanoscopic values of one metric, one row per ordered pair (or vehicle) where defined."""
+
+    future: IntArray
+    step: IntArray  # on the step axis of the tracks, history included
+    vehicle: IntArray
+    other: IntArray | None  # the second vehicle; None for metrics of single vehicles
+    value: FloatArray  # ``ttc`` in s, not inverted; inf is a value
+
+
+def evaluate_pairs(
+    tracks: SceneTracks,
+    planned: PlannedPaths | None,
+    *,
+    preset: str = PAPER_PRESET,
+    parameters: MetricParameters = PAPER,
+    metrics: Sequence[str | Metric] | None = None,
+) -> dict[str, PairValues]:
+    """Evaluate all pairs by metric, sorted by future, step, vehicle, other; see `evaluate`."""
+    chosen = metrics_named(metrics)
+    parts: dict[str, list[PairValues]] = {metric.name: [] for metric in chosen}
+    for start, scenes in scene_batches(tracks, planned, preset=preset, parameters=parameters):
+        for metric in chosen:
+            samples = samples_of(metric, scenes, quick=False)
+            parts[metric.name].append(_rows(dense(samples, scenes), start, tracks.first))
+    return {name: PairValues.join(part) for name, part in parts.items()}
+
+
+def _rows(samples: Samples, first_future: int, first_step: int) -> PairValues:
+    entry, future, step = np.nonzero(samples.defined)
+    value = samples.value[entry, future, step]
+    vehicle = samples.row[entry]
+    other = None if samples.other is None else samples.other[entry]
+    if samples.symmetric and other is not None:
+        vehicle, other = np.concatenate([vehicle, other]), np.concatenate([other, vehicle])
+        future, step, value = np.tile(future, 2), np.tile(step, 2), np.tile(value, 2)
+    keys = (vehicle, step, future) if other is None else (other, vehicle, step, future)
+    rows = PairValues(
+        future=future + first_future, step=step + first_step, vehicle=vehicle, other=other, value=value
+    )
+    return rows.take(np.lexsort(keys))

@@ -117,8 +117,7 @@ def _drawn(
     candidates: list[SeedScene], count: int, seed: int, tick: Progress | None
 ) -> tuple[list[SeedScene], dict[str, Any]]:
     """Return scenes drawn by their critical encounters, and the content of the file of weights."""
-    from scex_sumo.generators.critical_scenes import FUTURES, MODELS, encounter_scores
-    from scex_sumo.generators.sampling import sample_by_score
+    from scex_sumo.generators.critical_scenes import FUTURES, MODELS, encounter_scores, sample_by_score
 
     scores = encounter_scores(candidates, seed=seed, progress=tick)
     if not scores.any():

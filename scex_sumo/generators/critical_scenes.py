@@ -1,4 +1,4 @@
-"""Scores of generated scenes: critical encounters in a few short futures of each."""
+"""Choice of generated scenes: distinct and critical ones, by encounters in a few short futures of each."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.progress import Progress
 from scex_sumo.extrapolation.job import Job, run_in_memory
@@ -44,3 +44,48 @@ def encounter_scores(
             assert part.encounters is not None
             scores[k] = answers_of(encounters_of_rows(part.encounters))["critical"].sum() / FUTURES
     return scores
+
+
+PLAIN_SHARE: Final = 0.2
+"""Share of the draws that the scores do not decide."""
+
+
+def sample_by_score(score: FloatArray, count: int, rng: np.random.Generator) -> tuple[IntArray, FloatArray]:
+    """Draw candidates by their scores, each at most once, with weights that keep shares.
+
+    The scores decide on 80 % of the draws, so no weight is far above 5 / ``count``.
+
+    Args:
+        score: (N,) from 0; only ratios matter, and scores of 0 alone give equal chances.
+        count: at most N.
+
+    Returns:
+        (count,) candidates, ascending, and their weights. These sum to 1; the weighted share of a property
+        estimates its share among all candidates.
+
+    Source: Madow 1949 (systematic sampling by size), Hájek 1971 (weights).
+    """
+    share = np.full(len(score), 1 / len(score))
+    if score.sum() > 0:
+        share = PLAIN_SHARE * share + (1 - PLAIN_SHARE) * score / score.sum()
+    drawn, chance = drawn_by_size(share, count, rng)
+    return drawn, 1 / chance / (1 / chance).sum()
+
+
+def drawn_by_size(size: FloatArray, count: int, rng: np.random.Generator) -> tuple[IntArray, FloatArray]:
+    """Draw ``count`` candidates, ascending, with chances min(1, factor x size); return both."""
+    if not count:
+        return np.empty(0, dtype=np.int64), np.empty(0)
+    certain, factor = np.zeros(len(size), dtype=np.bool_), np.inf
+    while not certain.all():
+        factor = (count - certain.sum()) / max(float(size[~certain].sum()), 1e-300)
+        above = ~certain & (size * factor >= 1)
+        if not above.any():
+            break
+        certain |= above
+    chance = np.where(certain, 1.0, np.minimum(size * min(factor, 1e300), 1.0))
+    order = np.lexsort((rng.random(len(size)), size))  # so that weights add up almost the same in each draw
+    ends = np.cumsum(chance[order])
+    at = np.searchsorted(ends, (rng.random() + np.arange(count)) * ends[-1] / count, side="right")
+    drawn = np.sort(order[np.minimum(at, len(size) - 1)])
+    return drawn, chance[drawn]

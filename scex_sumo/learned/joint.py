@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, uniforms
 from scex_sumo.base.cache import owner_cache
-from scex_sumo.base.draws import uniforms
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths

@@ -1,4 +1,4 @@
-"""Case on disk: seed scene, map, who drives what, tags, and files for simulators."""
+"""Case on disk: seed scene, map, who drives what, OpenLABEL tags, and files for simulators."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ import numpy as np
 
 from scex_sumo.base.errors import ScexError, reason_of
 from scex_sumo.base.files import TemporaryFolder, sha256_of, write_atomic
+from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.converters.datasets.writer import write_tracks
+from scex_sumo.decision import typology
 from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.options import RunOptions
@@ -23,10 +25,9 @@ from scex_sumo.results.info import describe
 from scex_sumo.results.participants import everybody
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Plan, SceneHistory, States, VehicleIndex
-from scex_sumo.studies.moments.pairs import recorded
+from scex_sumo.studies.moments.encounters import recorded
 from scex_sumo.studies.rank.stage import stage_of_motion
 from scex_sumo.suites.drive import PEOPLE, REPLAN, STEPS, Driven
-from scex_sumo.suites.openlabel import openlabel_tags
 from scex_sumo.suites.rules_json import lights_to_json, rules_to_json
 from scex_sumo.suites.suite import CASE, MAPS
 
@@ -173,3 +174,55 @@ def write_exports(folder: Path, driven: Driven, told: Mapping[str, Any], formats
             except ScexError as error:
                 notes.append(f"{folder.name}: no {name}: {reason_of(error)}")
     return notes
+
+
+ONTOLOGY: Final = "https://openlabel.asam.net/V1-0-0/ontologies/"
+OWN: Final = "scex-sumo:pre-crash-kinds"
+_CROSSES: Final = ("JunctionIntersection", "MotionCross")
+_KINDS: Final[Mapping[str, tuple[str, ...]]] = {
+    typology.LEAD_STOPPED: ("MotionStop",),
+    typology.LEAD_DECELERATING: ("MotionDecelerate",),
+    typology.LEAD_SLOWER: ("MotionDrive",),
+    typology.LEAD_MOVING: ("MotionDrive",),
+    typology.LANE_CHANGE: ("MotionCutIn",),
+    typology.MERGE: ("MotionTowards",),
+    typology.ENTRY: ("JunctionRoundabout", "MotionTowards"),
+    typology.CROSSING: _CROSSES,
+    typology.ACROSS_OPPOSITE: (*_CROSSES, "MotionTurnLeft"),
+    typology.ACROSS_LATERAL: (*_CROSSES, "MotionTurnLeft"),
+    typology.INTO_PATH: ("JunctionIntersection", "MotionTurn"),
+    typology.HEAD_ON: ("MotionTowards",),
+}
+_PEOPLE: Final = {"pedestrian": "HumanPedestrian", "cyclist": "HumanCyclist"}
+
+
+def openlabel_tags(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the OpenLABEL document of a case by the content of ``case.json``."""
+    kind = content["kind"]
+    words = ["RoadUserVehicle", "OddDynamicElements", "SceneryDrivableArea", *_KINDS.get(kind, ())]
+    if kind in typology.WALKING:
+        person, moves = kind.split()
+        words += [_PEOPLE[person], "MotionCross" if moves == "crossing" else "MotionDrive"]
+    tags: list[dict[str, Any]] = [{"ontology_uid": "0", "type": word} for word in words]
+    speed, weight = content["speeds_mps"][0], content["weight"]
+    tags += [
+        {"ontology_uid": "0", "type": "SubjectVehicleSpeed", "tag_data": _number("speed_mps", speed)},
+        {"ontology_uid": "1", "type": kind.replace(" ", "_").replace(",", "")},
+        {"ontology_uid": "1", "type": "weight", "tag_data": _number("encounters", weight)},
+    ]
+    return {
+        "openlabel": {
+            "metadata": {
+                "schema_version": "1.0.0",
+                "tagged_file": "case.json",
+                "annotator": f"scex-sumo {__version__}",
+                "name": content["name"],
+            },
+            "ontologies": {"0": ONTOLOGY, "1": OWN},
+            "tags": {str(k): tag for k, tag in enumerate(tags)},
+        }
+    }
+
+
+def _number(name: str, value: float) -> dict[str, Any]:
+    return {"num": [{"name": name, "type": "value", "val": round(float(value), 4)}]}

@@ -4,24 +4,33 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from scex_sumo.base.arguments import checked
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import own_folder, remove, write_atomic
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.datasets.find import find_recordings
+from scex_sumo.converters.registries import Recording
 from scex_sumo.decision.typology import CONFLICTS
+from scex_sumo.evaluation.recordings import load_recording, seed_at
 from scex_sumo.exporters.request import EXPORTERS
+from scex_sumo.extrapolation.job import ruled
+from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.folder import OutputFolder
 from scex_sumo.results.info import versions
+from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import plain
+from scex_sumo.studies.moments.run import net_of, pack_road
 from scex_sumo.studies.rank.rank import rank
 from scex_sumo.suites.case import FORMATS, shown, write_case
-from scex_sumo.suites.choice import Chosen, check_count, choose
-from scex_sumo.suites.cut import Cutter, recordings_of
 from scex_sumo.suites.drive import drive
 from scex_sumo.suites.page import CaseCard, catalogue_card, write_catalogue_page
 from scex_sumo.suites.population import RISK_WORDS, Population, is_ranking, read_population
@@ -194,3 +203,93 @@ def _info(population: Population, cases: Sequence[_WrittenCase]) -> dict[str, An
         "exposure": exposure,
         "cases": [dict(one.about) for one in cases],
     }
+
+
+def recordings_of(population: Population) -> dict[str, Recording]:
+    """Return the recordings of a population by name."""
+    return {recording.name: recording for recording in find_recordings(list(population.roots))}
+
+
+class Cutter:
+    """Recording that gives seed scenes."""
+
+    def __init__(self, recordings: Mapping[str, Recording], name: str) -> None:
+        """Load one of some recordings; raise a `UsageError` if it is gone."""
+        if name not in recordings:
+            raise UsageError(f"{name}: a recording of the ranking that is not found any more; rank again")
+        self.name, self._loaded = name, load_recording(recordings[name])
+        self._net = net_of(pack_road(self._loaded.road), True)
+        self._bare = replace(self._loaded.road, net=None)
+
+    def scene(self, row: Mapping[str, Any]) -> SeedScene:
+        """Return the seed scene of a candidate with its rules, without the road's own net."""
+        scene = seed_at(self._loaded, row["time_s"], case=row["case"] or None)
+        return replace(ruled(scene, self._net, RunSettings())[0], road=self._bare)
+
+
+LEAST: Final = 2
+"""Least number of cases: one has no variance."""
+EVEN: Final = 0.7
+"""Part of the draw by number of encounters; the other part is by people's P."""
+_HALVINGS = 100
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chosen:
+    """Chosen candidates, (n,) each, kind by kind, those with the largest P of people first.
+
+    Attributes:
+        index: into the population.
+        chance: probability of being drawn.
+    """
+
+    index: IntArray
+    chance: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+
+def check_count(count: int) -> None:
+    """Raise a `UsageError` for a number of cases of which no variance is known."""
+    if count < LEAST:
+        raise UsageError(f"--count: got {count}, needs at least {LEAST}")
+
+
+def choose(population: Population, count: int, *, seed: int = 0) -> Chosen:
+    """Draw candidates, at least one of each kind if ``count`` suffices for that; all if there are no more.
+
+    Systematic sampling: the chances of all candidates in a row, ordered by kind and P of people, are cut at
+    equal steps. So each kind has its expected number of cases or the next one, and cases of high and low P.
+    """
+    check_count(count)
+    chance = chances(population, count)
+    order = np.lexsort((-population.column("probability"), population.kind))
+    steps = np.concatenate([[0.0], np.cumsum(chance[order])]) + np.random.default_rng(seed).random()
+    index = order[np.diff(np.floor(steps + _ROUNDING)) > 0]
+    return Chosen(index=index, chance=chance[index])
+
+
+def chances(population: Population, count: int) -> FloatArray:
+    """Return the probability (N,) with which each candidate becomes one of ``count`` cases."""
+    share = population.column("share")
+    contacts = share * population.column("probability")
+    size = EVEN * share / share.sum() + (1 - EVEN) * contacts / contacts.sum()
+    _, kind = np.unique(population.kind, return_inverse=True)
+    held, sizes = np.bincount(kind), np.bincount(kind, size)
+    cases = between(sizes, min(1.0, count / len(held)), held, min(count, len(size)))
+    chance = np.empty(len(size))
+    for number, expected in enumerate(cases):
+        chance[kind == number] = between(size[kind == number], 0.0, 1.0, expected)
+    return chance
+
+
+def between(shares: ArrayLike, least: ArrayLike, most: ArrayLike, total: float) -> FloatArray:
+    """Return values (n,) in proportion to positive shares, within bounds, that sum to a total."""
+    shares = np.asarray(shares, dtype=np.float64)
+    low, high = 0.0, total / float(shares.min())
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if np.clip(middle * shares, least, most).sum() < total else (low, middle)
+    return np.asarray(np.clip(high * shares, least, most))

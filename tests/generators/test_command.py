@@ -14,9 +14,8 @@ from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.generators.command import generate_command
-from scex_sumo.generators.critical_scenes import encounter_scores
+from scex_sumo.generators.critical_scenes import encounter_scores, sample_by_score
 from scex_sumo.generators.generate import generated_scene
-from scex_sumo.generators.sampling import sample_by_score
 from scex_sumo.generators.scene_model import load_scenes
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed

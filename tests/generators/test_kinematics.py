@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scex_sumo.generators.kinematics import REAR_AXLE_SHARE, body_states
+from scex_sumo.generators.drive import REAR_AXLE_SHARE, body_states
 
 LENGTH = 4.5
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.evaluation.pair_values import PairValues, evaluate_pairs
+from scex_sumo.evaluation.tables import PairValues, evaluate_pairs
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.formulas.wttc import worst_time_to_collision
 from tests.metrics import slow

@@ -9,7 +9,7 @@ import pytest
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, UsageError
-from scex_sumo.evaluation.pair_values import evaluate_pairs
+from scex_sumo.evaluation.tables import evaluate_pairs
 from scex_sumo.metrics import evaluate as evaluation
 from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate

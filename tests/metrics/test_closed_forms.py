@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from scex_sumo.evaluation.pair_values import evaluate_pairs
+from scex_sumo.evaluation.tables import evaluate_pairs
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate
 from tests.metrics.scenes import one_scene, paths_of, with_speeds

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from scex_sumo.evaluation.pair_values import evaluate_pairs
+from scex_sumo.evaluation.tables import evaluate_pairs
 from scex_sumo.metrics.base import PlannedPaths
 from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.metrics.registry import columns_of, metrics_named

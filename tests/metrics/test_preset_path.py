@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.evaluation.pair_values import evaluate_pairs
+from scex_sumo.evaluation.tables import evaluate_pairs
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.scene import STEP_S, States
 from tests.metrics.scenes import one_scene, random_run

@@ -18,7 +18,7 @@ import pytest
 
 import scex_sumo as scex
 from scex_sumo.base.errors import InputError, UsageError
-from scex_sumo.evaluation.pair_values import evaluate_pairs
+from scex_sumo.evaluation.tables import evaluate_pairs
 from scex_sumo.metrics import registry
 from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.metrics.registry import (

@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from scex_sumo.evaluation.pair_values import evaluate_pairs
+from scex_sumo.evaluation.tables import evaluate_pairs
 from scex_sumo.metrics import evaluate as evaluation
 from scex_sumo.metrics.base import PAPER, PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate, track_pairs

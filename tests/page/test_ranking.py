@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from scex_sumo import example_path
-from scex_sumo.studies.rank.triage import read_triage
+from scex_sumo.studies.rank.encounters import read_triage
 from tests.command import scex
 from tests.page.report.test_browser import BACK
 

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.evaluation.pair_values import evaluate_pairs
+from scex_sumo.evaluation.tables import evaluate_pairs
 from scex_sumo.extrapolation.settings import read_under_test
 from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.metrics.registry import COLUMNS

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.suites.choice import between, chances, choose
+from scex_sumo.suites.catalogue import between, chances, choose
 from scex_sumo.suites.population import Population
 from tests.suites.populations import KINDS, population
 

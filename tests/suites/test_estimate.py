@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from scex_sumo.suites.choice import choose
+from scex_sumo.suites.catalogue import choose
 from scex_sumo.suites.estimate import Design, Rate
 from tests.suites.populations import population
 

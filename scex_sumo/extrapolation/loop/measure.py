@@ -22,8 +22,7 @@ from scex_sumo.metrics.evaluate import PAPER_PRESET, ScenarioValues, evaluate
 from scex_sumo.metrics.pairs.scenes import Scenes
 from scex_sumo.metrics.registry import Metric
 from scex_sumo.results.participants import everybody, with_everybody
-from scex_sumo.results.tables.outcomes import Severity, severity_of
-from scex_sumo.results.tables.worst import worst_table
+from scex_sumo.results.tables.outcomes import Severity, severity_of, worst_table
 from scex_sumo.scene import HISTORY_STEPS, LOGGED_HISTORY, STEP_S, SeedScene, States
 from scex_sumo.world.plain import PlainWorld
 

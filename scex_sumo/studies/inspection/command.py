@@ -53,7 +53,7 @@ def inspect_command(
     if map_path.is_dir() and (tracks, case, time, origin, out) == (None,) * 5:
         recordings = recordings_of_folder(map_path)
         if len(recordings) > 1:
-            from scex_sumo.studies.inspection.folder import inspect_folder
+            from scex_sumo.studies.inspection.answer import inspect_folder
 
             return partial(dict, inspect_folder(recordings))
     map_path, tracks = map_and_tracks(map_path, tracks)

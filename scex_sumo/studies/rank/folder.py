@@ -7,8 +7,8 @@ import pyarrow as pa
 from scex_sumo.decision.moment import FUTURES as HUMAN_FUTURES
 from scex_sumo.extrapolation.job import ruled
 from scex_sumo.scene import SeedScene
+from scex_sumo.studies.moments.encounters import pairs_of_moment
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef, StudyFolder, as_row, from_row
-from scex_sumo.studies.moments.pairs import pairs_of_moment
 from scex_sumo.studies.moments.run import MomentTask, attempt, net_of
 
 REPORTS = "moments"

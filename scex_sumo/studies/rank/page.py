@@ -33,13 +33,12 @@ from scex_sumo.results.tables.pairs import arrow, once_in
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.moments.run import MomentTask, attempt, net_of, written
-from scex_sumo.studies.rank.encounters import TRIAGE, with_stress
+from scex_sumo.studies.rank.encounters import KEY, TRIAGE, VERDICTS, with_stress
 from scex_sumo.studies.rank.folder import REPORTS
 from scex_sumo.studies.rank.glance import box_of, glance, places_of
 from scex_sumo.studies.rank.ranking_run import RankingRun
 from scex_sumo.studies.rank.stage import Stage, stage_of_future
 from scex_sumo.studies.rank.table import page_columns, stress_words
-from scex_sumo.studies.rank.triage import KEY, VERDICTS
 
 HTML = "ranking.html"
 SCRIPTS = ("loop.js", "stage.js", "timeline.js", "triage.js")

@@ -21,13 +21,11 @@ from scex_sumo.converters.registries import Window
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.workers import moment_workers
-from scex_sumo.studies.rank.encounters import PROBABILITY, Order
+from scex_sumo.studies.rank.encounters import PROBABILITY, Order, read_triage
 from scex_sumo.studies.rank.folder import RankFolder, run_moment
 from scex_sumo.studies.rank.page import write_ranking_page
-from scex_sumo.studies.rank.ranking_run import RankingRun
-from scex_sumo.studies.rank.settings import RankSettings
+from scex_sumo.studies.rank.ranking_run import RankingRun, RankSettings
 from scex_sumo.studies.rank.table import moments_table, write_table
-from scex_sumo.studies.rank.triage import read_triage
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

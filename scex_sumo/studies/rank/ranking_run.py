@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
+from dataclasses import dataclass
 from functools import cached_property
 
 import pyarrow as pa
@@ -13,11 +14,10 @@ from scex_sumo.converters.registries import Recording
 from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
 from scex_sumo.studies.moments.encounters import encounters_of
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef
-from scex_sumo.studies.moments.run import MomentTask
+from scex_sumo.studies.moments.run import MomentTask, StudySettings
 from scex_sumo.studies.moments.workers import Done, MomentWorkers, Work
 from scex_sumo.studies.rank.encounters import BY_PROBABILITY, Order
 from scex_sumo.studies.rank.folder import RankFolder
-from scex_sumo.studies.rank.settings import RankSettings
 
 _AHEAD = 8  # seed scenes built before a worker asks for them
 _NO_FUTURES = range(0)
@@ -156,3 +156,18 @@ class RankingRun:
         expected = moments * len(self.recordings) / known if known else len(self.recordings)
         if self._progress is not None:
             self._progress(self._done, max(round(expected), self._done))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RankSettings(StudySettings):
+    """Settings of a ranking; ``run.futures`` are those of the moments on the page.
+
+    Attributes:
+        top: encounters on the page.
+    """
+
+    top: int = 10
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.check_positive("top")

@@ -15,7 +15,7 @@ from scex_sumo.page.report.scene import Box, lane_lines, outline_svg, road_svg, 
 from scex_sumo.results.participants import everybody, with_everybody
 from scex_sumo.results.parts import Part
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
-from scex_sumo.studies.moments.pairs import recorded
+from scex_sumo.studies.moments.encounters import recorded
 
 _MARGIN_M = 10.0
 _MIN_WIDTH_M = 45.0  # width of a picture

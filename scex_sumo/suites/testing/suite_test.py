@@ -20,8 +20,7 @@ from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.folder import Failure, StudyFolder
 from scex_sumo.studies.moments.workers import moment_workers
 from scex_sumo.suites.suite import SUITE, Case, Suite, open_suite
-from scex_sumo.suites.testing.outputs import junit_text, markdown_text
-from scex_sumo.suites.testing.page import write_test_page
+from scex_sumo.suites.testing.outputs import junit_text, markdown_text, write_test_page
 from scex_sumo.suites.testing.result import (
     VERDICTS,
     compared,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.metrics.evaluate import evaluate
-from scex_sumo.results.tables.worst import worst_table
+from scex_sumo.results.tables.outcomes import worst_table
 from tests.metrics.scenes import random_run
 
 

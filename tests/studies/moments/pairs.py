@@ -6,8 +6,8 @@ from typing import Any
 
 import pyarrow as pa
 
+from scex_sumo.studies.moments.encounters import PAIRS
 from scex_sumo.studies.moments.folder import MomentRef
-from scex_sumo.studies.moments.pairs import PAIRS
 
 
 def moment(

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.studies.rank.triage import read_triage
+from scex_sumo.studies.rank.encounters import read_triage
 
 HEAD = "recording,case,track_id,other_id,first_s,last_s,time_s,verdict,note\n"
 
