@@ -91,10 +91,10 @@ def check_output(path: Path, *inputs: Path | None) -> Path:
     """
     try:
         target = path.resolve()
-        if not target.exists():
+        if not path.exists():
             return target
-        if not target.is_file():
-            raise ResultError(f"{path}: is {_kind_of(target)}; give the name of a file")
+        if not path.is_file():  # a pipe of /dev/stdout has no file as its target
+            raise ResultError(f"{path}: is {_kind_of(path)}; give the name of a file")
         if any(one is not None and one.exists() and target.samefile(one) for one in inputs):
             raise ResultError(f"{path}: is an input of this command; give another name")
         if _fingerprint(target) not in _written():

@@ -28,8 +28,8 @@ LEAD_STOPPED, LEAD_DECELERATING, LEAD_SLOWER, LEAD_MOVING = LEADING = (
 )
 LANE_CHANGE, MERGE, ENTRY, HEAD_ON = "lane change", "merge", "roundabout entry", "head-on"
 CROSSING = "straight crossing paths"
-ACROSS_OPPOSITE = "left turn across path, opposite"
-ACROSS_LATERAL = "left turn across path, lateral"
+ACROSS_OPPOSITE = "turn across path, opposite"
+ACROSS_LATERAL = "turn across path, lateral"
 INTO_PATH = "turn into path"
 WALKING: Final = tuple(f"{who} {way}" for who in ("pedestrian", "cyclist") for way in ("crossing", "along"))
 CONFLICTS: Final = (
@@ -162,10 +162,11 @@ def _kind(
     for lead, follower in ((0, 1), (1, 0)):
         if _leads(scene, both[lead], ways[follower]):
             return _lead_kind(scene, driven, both[lead], both[follower])
-    turned = [way.turned(at) for way, at in zip(ways, place, strict=True)]
+    assert scene.road is not None
+    inwards = -1.0 if scene.road.left_hand else 1.0  # a turn across the oncoming lane
+    turned = [inwards * way.turned(at) for way, at in zip(ways, place, strict=True)]
     here = [(way.x[at], way.y[at]) for way, at in zip(ways, place, strict=True)]
     points = np.array([*here, *((way.x[0], way.y[0]) for way in ways)])
-    assert scene.road is not None
     _, meets, *stands = places_of(scene.road, points)
     apart = float(_apart(*ways).min())
     circles = meets == "ring" and (now < _OPPOSED_RAD or apart < _MEETING_M)
@@ -208,17 +209,19 @@ def _go_on_together(ways: list[_Way], place: tuple[int, int]) -> bool:
 
 
 def _across(came: float, turned: list[float], *, together: bool, crosses: bool) -> str:
-    """Return the kind of two vehicles of different headings, by their turns, positive to the left.
+    """Return the kind of two vehicles of different headings, by their turns.
+
+    A turn is positive to the side of oncoming traffic: the left where traffic drives on the right.
 
     Args:
         came: angle between their headings now or a second ago, rad.
     """
     straight = [abs(turn) < _TURNS_RAD for turn in turned]
-    left = [turn >= _TURNS_RAD for turn in turned]
+    across = any(turn >= _TURNS_RAD for turn in turned)
     if together:
         return MERGE if all(straight) else INTO_PATH
     if came >= _OPPOSED_RAD:
-        return ACROSS_OPPOSITE if any(left) and crosses else HEAD_ON
-    if any(left):
+        return ACROSS_OPPOSITE if across and crosses else HEAD_ON
+    if across:
         return ACROSS_LATERAL
     return CROSSING if all(straight) else INTO_PATH

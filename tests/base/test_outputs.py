@@ -57,10 +57,13 @@ def test_only_regular_files_are_replaced(tmp_path: Path) -> None:
     pipe, circle = tmp_path / "pipe", tmp_path / "circle"
     os.mkfifo(pipe)
     circle.symlink_to(circle)
-    for path, why in ((Path("/dev/full"), "is no regular file"), (pipe, "is no regular file")):
+    ends = os.pipe()  # as /dev/stdout in front of another program
+    for path in (Path("/dev/full"), pipe, Path(f"/dev/fd/{ends[1]}")):
         for write in (lambda path: write_output(path, b""), lambda path: replacing(path).__enter__()):
-            with pytest.raises(ResultError, match=why):
+            with pytest.raises(ResultError, match="is no regular file"):
                 write(path)
+    for end in ends:
+        os.close(end)
     with pytest.raises(ResultError, match="is a folder; give the name of a file"):
         check_output(tmp_path)
     with pytest.raises(ResultError, match="circle: cannot write"):

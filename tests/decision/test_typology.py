@@ -124,12 +124,12 @@ def test_two_that_pass_each_other_after_a_turn_do_not_cross() -> None:
         (
             ((0.0, -20.0, 90.0, 9.0), (-30.0, 8.0, 0.0, 10.0)),
             ((10.0, np.pi / 2), STRAIGHT),
-            "left turn across path, lateral",
+            "turn across path, lateral",
         ),
         (
             ((15.0, 3.2, 180.0, 6.0), (-30.0, 0.0, 0.0, 10.0)),
             (LEFT, STRAIGHT),
-            "left turn across path, opposite",
+            "turn across path, opposite",
         ),
         (
             ((5.0, -18.0, 90.0, 6.0), (-30.0, 0.0, 0.0, 10.0)),
@@ -147,6 +147,10 @@ def test_kinds_of_two_vehicles(
     vehicles: tuple[Vehicle, Vehicle], turns: tuple[tuple[float, ...], ...], expected: str
 ) -> None:
     assert kind(scene(*vehicles, turns=turns)) == expected
+    mirrored = [(x, -y, -heading, speed) for x, y, heading, speed in vehicles]
+    bent = tuple((turn[0], -turn[1]) if turn else turn for turn in turns)
+    left_hand = Road(name="plain", lanes={}, left_hand=True)
+    assert kind(scene(*mirrored, turns=bent, road=left_hand)) == expected
 
 
 def quarter(number: int, radius: float = 20.0) -> Lane:

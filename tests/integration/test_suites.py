@@ -231,6 +231,9 @@ def test_wrong_input_is_one_line(place: Path, tmp_path: Path) -> None:
     assert "SUMO drives it" in refused(suite, under_test="sumo:EIDM")
     assert "names 2 models" in refused(suite, under_test="standard_driver,constant_velocity")
     assert "--futures: got 2" in refused(suite, futures=2)
+    for junit in ("/dev/full", tmp_path):
+        assert "give the name of a file" in refused(suite, junit=junit)
+    assert not (tmp_path / "out").exists()  # before any case runs
     copy = tmp_path / "copy"
     shutil.copytree(suite, copy)
     info = json.loads((copy / "suite.json").read_text())

@@ -16,8 +16,8 @@ from tests.converters.maps import straight, write_map
 @pytest.mark.parametrize(
     ("beside", "said"),
     [
-        (1, "warning: 1 of 3 vehicles are on no mapped lane and will drive straight (3)\n"),
-        (2, "warning: 2 of 3 vehicles are on no mapped lane and will drive straight (2, 3)\n"),
+        (1, "warning: 1 of 3 vehicles are on no mapped lane of their direction and will drive straight (3)\n"),
+        (2, "warning: 2 of 3 vehicles are on no mapped lane of their direction and will drive straight (2, 3)\n"),
     ],
 )
 def test_vehicles_beside_the_lanes_are_counted_and_many_of_them_are_a_warning(

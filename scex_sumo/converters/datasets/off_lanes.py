@@ -32,7 +32,7 @@ def explain_off_lanes(
     else:
         why = doubt.removeprefix("warning: ") if doubt else explain_mismatch(samples, road)
     forced = "; read_seed(..., force=True) runs it all the same" if len(off) < scene.vehicles else ""
-    beside = f"{len(off)} of {scene.vehicles} vehicles are on no mapped lane"
+    beside = f"{len(off)} of {scene.vehicles} vehicles are on no mapped lane of their direction"
     return TrackError(f"{scene.name}: {beside}; {why}{forced}")
 
 
