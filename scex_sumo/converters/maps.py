@@ -6,8 +6,6 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.cache import cached_object
 from scex_sumo.base.errors import MapError
@@ -16,6 +14,7 @@ from scex_sumo.converters.lanelet.origin import recorded_origin
 from scex_sumo.converters.naming import in_memory, other_content, refuse_unreadable
 from scex_sumo.converters.registries import MapFormat, dataset_of, map_format, refuse_folder
 from scex_sumo.road import Area, Georeference, Lane, MapLoss, Marking, Regulation, Road
+from scex_sumo.roads.check import check_road
 
 MAPS_READ = ".osm, .xml (CommonRoad), .net.xml, .xodr"
 _PARTS = (Area, Georeference, Lane, MapLoss, Marking, Regulation, Road)
@@ -58,27 +57,8 @@ def read_map(
     with in_memory(path):
         road = read(path, origin=origin, **options)
     if not read.__module__.startswith(f"{__package__.partition('.')[0]}."):
-        _check_own(path, road)
+        check_road(road, str(path))
     return replace(road, file=path)
-
-
-def _check_own(path: Path, road: Road) -> None:
-    """Raise a `MapError` for what a road of another package's format cannot have."""
-    for number, lane in road.lanes.items():
-        said = f"{path}: lane {number}"
-        if lane.lane_id != number:
-            raise MapError(f"{said}: its lane_id is {lane.lane_id}; give it its key in lanes")
-        named = ("successors", "predecessors", "left", "right")
-        others = [(name, i) for name in named for i in np.atleast_1d(getattr(lane, name) or []).tolist()]
-        if missing := [(name, i) for name, i in others if i not in road.lanes]:
-            raise MapError(f"{said}: {missing[0][0]} names {missing[0][1]}, which is no lane of the map")
-        for name in ("width_m", "speed_limit_mps"):
-            if not 0 < (value := getattr(lane, name)) < np.inf:
-                raise MapError(f"{said}: {name} is {value}; needs more than 0")
-        for name in ("centreline", "left_bound", "right_bound"):
-            line = np.asarray(getattr(lane, name))
-            if line.ndim != 2 or line.shape[1] != 2 or len(line) < 2 or not np.isfinite(line).all():
-                raise MapError(f"{said}: {name} is no line of 2 or more finite points (P, 2)")
 
 
 def _read_lanelet2(

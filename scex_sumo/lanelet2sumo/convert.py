@@ -17,6 +17,7 @@ from scex_sumo.base.version import __version__, version_of
 from scex_sumo.converters.net.sumo_net import OPENDRIVE, RECORDED, SumoNet, WrittenNet, net_file
 from scex_sumo.converters.registries import map_format
 from scex_sumo.road import MapLoss, Road
+from scex_sumo.roads.check import check_road
 from scex_sumo.scene import STEP_S
 
 
@@ -94,7 +95,10 @@ def _written(road: Road, signals: Path | None = None) -> WrittenNet:
     from scex_sumo.lanelet2sumo.copy import copy_net
     from scex_sumo.lanelet2sumo.net import write_net  # in milliseconds, most nets come from the cache
 
-    return (write_net if road.net is None else copy_net)(road, signals)
+    if road.net is not None:
+        return copy_net(road, signals)
+    check_road(road, f"road {road.name}")
+    return write_net(road, signals)
 
 
 _LANES, _DRAWING = ".lanes.csv", ".add.xml"

@@ -106,7 +106,8 @@ def with_warnings(scene: SeedScene, off: list[int], doubts: Sequence[str]) -> Se
     notes = []
     if off:
         shown, beside = listed(scene.track_ids[v] for v in off), f"{len(off)} of {scene.vehicles} vehicles"
-        notes.append(f"warning: {beside} are on no mapped lane of their direction and will drive straight ({shown})")
+        where = "on no mapped lane of their direction"
+        notes.append(f"warning: {beside} are {where} and will drive straight ({shown})")
     return dataclasses.replace(scene, notes=(*scene.notes, *notes, *doubts))
 
 

@@ -260,7 +260,9 @@ def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["joint"])
-def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monkeypatch, kind: str) -> None:
+def test_the_command_goes_on_where_it_was_interrupted_and_its_weights_say_what_they_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kind: str
+) -> None:
     short = replace(SAMPLING, copies=0)
     monkeypatch.setattr(dataset_module.SampleOptions, "__call__", None, raising=False)
     monkeypatch.setattr("scex_sumo.learned.training.data.dataset.SampleOptions", lambda **given: short)
@@ -271,7 +273,19 @@ def test_the_command_writes_weights_that_say_what_they_are(tmp_path: Path, monke
         (folder / source.name).write_bytes(source.read_bytes())
     out = tmp_path / "mine.safetensors"
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+    def stopped(run: Trainer, tick: object) -> dict[str, float]:
+        if run.epoch == 1:
+            raise KeyboardInterrupt
+        return epoch(run, tick)  # type: ignore[arg-type]
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        epoch = Trainer._epoch
+        patch.setattr(Trainer, "_epoch", stopped)
+        train_command(kind, [folder], out, epochs=2)
+    assert "has the checkpoint after epoch 1; the same command goes on" in capsys.readouterr().err
     train_command(kind, [folder], out, epochs=2)
+    assert "goes on after epoch 1" in capsys.readouterr().out
     meta = load_weights(out, kind).meta
     assert meta["sites"] == ["motorway_merge"]
     assert meta["command"] == f"scex-sumo train {kind} --data data --seed 0 --epochs 2"
