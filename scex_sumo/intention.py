@@ -8,6 +8,8 @@ from typing import Final, NamedTuple
 
 PARKS: Final = 1
 """Flag of a stop beside the lane."""
+MAX_BEHIND: Final = 3
+"""Edges on which the body of a vehicle may still be."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +45,8 @@ class Intention:
 
     Attributes:
         edges: SUMO's edges of the route from the vehicle's on.
+        behind: edges of the route before these, on which its body may still be.
+        lane: SUMO's name of its lane, "" where it is not known.
         model: SUMO's name of its car-following model.
         vehicle_class: SUMO's class, e.g. ``taxi``.
         parameters: attributes of its ``vType`` that make no driver random.
@@ -55,6 +59,8 @@ class Intention:
     """
 
     edges: tuple[str, ...]
+    behind: tuple[str, ...] = ()
+    lane: str = ""
     model: str = "Krauss"
     vehicle_class: str = "passenger"
     parameters: Mapping[str, str] = field(default_factory=dict)

@@ -19,7 +19,7 @@ from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.xml import net_root
 from scex_sumo.exporters.request import Request
-from scex_sumo.intention import Intention
+from scex_sumo.intention import MAX_BEHIND, Intention
 from scex_sumo.results.road import load_intentions
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 from scex_sumo.world.batch import vehicle_ids
@@ -108,7 +108,8 @@ def _later(intention: Intention | None, ahead: tuple[str, ...], after_s: float) 
         for stop in intention.stops
     )
     edges = ahead if first is None else intention.edges[first:]
-    return replace(intention, edges=edges, stops=stops, change_mps=0.0)
+    behind = intention.behind if first == 0 else intention.edges[: first or 0][-MAX_BEHIND:]
+    return replace(intention, edges=edges, behind=behind, lane="", stops=stops, change_mps=0.0)
 
 
 def _driven(scene: SeedScene, vehicle: int, edges: tuple[str, ...]) -> SumoDriven:

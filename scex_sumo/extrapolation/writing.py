@@ -16,6 +16,7 @@ from scex_sumo.converters.datasets.writer import write_tracks
 from scex_sumo.extrapolation.assignments import listing
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.loop.measure import Recorded, handover_jumps, overlapping_at_first
+from scex_sumo.extrapolation.loop.uncounted import touch_in_simulation
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.design import DENSITIES, densities_table
 from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
@@ -124,11 +125,18 @@ def outcome_notes(scene: SeedScene, recorded: Recorded | None) -> list[str]:
     pairs = [f"{ids[a]} and {ids[b]}" for a, b in overlaps if (a, b) not in copies]
     if pairs:
         notes.append(f"boxes that overlap at the seed moment do not count as collisions: {listed(pairs)}")
+    nets = touch_in_simulation(scene)
+    if nets:
+        pairs = [f"{scene.names[a]} and {scene.names[b]}" for a, b in nets]
+        notes.append(
+            "bodies that touch as SUMO itself drives, where the net's lanes split or turn sharply, "
+            f"do not count as collisions: {listed(pairs)}"
+        )
     if recorded is None:
         return notes
     info = recorded_info(scene, recorded)
     assert info is not None
-    twins = {frozenset((ids[a], ids[b])) for a, b in copies}
+    twins = {frozenset((ids[a], ids[b])) for a, b in (*copies, *nets)}
     seen = [
         f"{a} and {b} at {time_s:.1f} s"
         for a, b, time_s in info["overlaps"]

@@ -110,9 +110,9 @@ class Contacts:
     """Contacts of pairs in futures simulated step by step; the first are those of `find_collisions`."""
 
     def __init__(
-        self, start: States, length: FloatArray, width: FloatArray, people: BoolArray | None = None
+        self, start: States, length: FloatArray, width: FloatArray, uncounted: BoolArray | None = None
     ) -> None:
-        """Begin at the seed moment with states (V,); pairs of two ``people`` (V,) do not count."""
+        """Begin at the seed moment with states (V,); pairs in ``uncounted`` (V, V) never collide."""
         self._length, self._width = length, width
         self._one, self._two = np.triu_indices(len(length), 1)
         self._reach = (np.hypot(length, width) / 2)[self._one] + (np.hypot(length, width) / 2)[self._two]
@@ -120,8 +120,8 @@ class Contacts:
         overlap = overlap_area(*boxes)
         self._limit = np.where(overlap > CONTACT_M2, OVERLAP_M2, CONTACT_M2)
         self._limit[overlap > OVERLAP_M2] = np.inf
-        if people is not None:
-            self._limit[people[self._one] & people[self._two]] = np.inf
+        if uncounted is not None:
+            self._limit[uncounted[self._one, self._two]] = np.inf
         self._anchor: States | None = None
         self._rows = np.empty(0, dtype=np.int64)  # near pairs, flat index into (C, P)
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray
+from scex_sumo.geometry.polylines import along, length_of, nearest
 from scex_sumo.intention import PARKS
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.world.base import SumoDriven
@@ -64,6 +65,9 @@ class SumoDrivers:
         for d in self._driven:
             key = self._batch.id_of(d.future, d.vehicle)
             if self._sumo.vehicle.getLaneID(key):
+                if (intention := self._scene.intention(d.vehicle)) is not None and intention.lane:
+                    with suppress(*refused):  # the lane is not on the route
+                        self._put_on_lane(key, tile_id(self._batch.slots[d.future], intention.lane))
                 end = tile_id(self._batch.slots[d.future], d.edges[-1])
                 self._route_ends[key] = end if d.arrival is None else None
             else:
@@ -72,6 +76,18 @@ class SumoDrivers:
         self._plan_stops()
         self._go_on_changing()
         self._watch_route_ends()
+
+    def _put_on_lane(self, key: str, lane: str) -> None:
+        """Put a vehicle on its lane: where lanes fork or meet, SUMO takes any of them."""
+        ask = self._sumo.vehicle
+        if ask.getLaneID(key) == lane:
+            return
+        shape, front = np.array(self._sumo.lane.getShape(lane)), ask.getPosition(key)
+        at = nearest(shape, *front)
+        (dx, dy), (ux, uy) = front - along(shape, at), along(shape, at + 0.1) - along(shape, at - 0.1)
+        aside = (ux * dy - uy * dx) / np.hypot(ux, uy)
+        ask.moveTo(key, lane, at / length_of(shape) * self._sumo.lane.getLength(lane))
+        ask.setLateralLanePosition(key, float(aside))
 
     def _plan_stops(self) -> None:
         for d in self._driven:

@@ -285,10 +285,12 @@ class SumoWorld:
             if d := by_sumo.get(index):
                 self._routes += 1
                 route = f"route{self._routes}"
-                self._sumo.route.add(route, [tile_id(slot, edge) for edge in d.edges])
+                intention = self._scene.intention(v)
+                behind = () if intention is None else intention.behind
+                self._sumo.route.add(route, [tile_id(slot, edge) for edge in (*behind, *d.edges)])
                 kind = self._types.driven(v, d.model, d.parameters)
                 self._sumo.vehicle.add(key, route, kind, arrivalPos=d.arrival or "max")
-                if (intention := self._scene.intention(v)) is not None:
+                if intention is not None:
                     self._sumo.vehicle.setSpeedFactor(key, intention.speed_factor)
             elif not batch.walking[future, v]:
                 self._sumo.vehicle.add(key, tile_id(slot, ANY_ROUTE), self._types.overridden(v))

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.extrapolation.loop.uncounted import uncounted
 from scex_sumo.metrics.collisions import Contacts
 from scex_sumo.results.tables.outcomes import masses
 from scex_sumo.scene import STEP_S, SeedScene, States
@@ -31,7 +32,7 @@ class Crashes:
 
     def __init__(self, scene: SeedScene, futures: int) -> None:
         """Begin at the seed moment."""
-        self._contacts = Contacts(scene.now, scene.length, scene.width, scene.people)
+        self._contacts = Contacts(scene.now, scene.length, scene.width, uncounted(scene))
         mass = masses(scene.types, scene.length)
         self._mass = np.where(np.isnan(mass), np.nanmean(mass) if (mass > 0).any() else 1.0, mass)
         self.crashed: BoolArray = np.zeros((futures, scene.vehicles), dtype=np.bool_)

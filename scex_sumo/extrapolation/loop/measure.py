@@ -14,6 +14,7 @@ from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.models.simple import Replay, ReplayProfile
 from scex_sumo.conflicts.pairs import Conflicts, find_conflicts
 from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
+from scex_sumo.extrapolation.loop.uncounted import uncounted
 from scex_sumo.geometry.rectangles import Rectangles, overlap_area
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.collisions import CONTACT_M2, OVERLAP_M2, Collisions, find_collisions
@@ -77,8 +78,8 @@ def measure_outcome(
     present = None if counted is None else counted[None].repeat(len(rollout.futures), axis=0)
     tracks, planned = _evaluated(scene, rollout, present)
     hits = find_collisions(tracks, limit_m2=limit_m2)
-    # Two people that touch have not collided: what hits one of them later is no consequence.
-    hits = _of_pairs(hits, None if scene.people is None else np.flatnonzero(~scene.people).tolist())
+    # What hits one of these later is no consequence.
+    hits = hits.take(np.flatnonzero(~uncounted(scene)[hits.first, hits.second]))
     hits = _of_pairs(hits.with_consequences() if rollout.with_crashes else hits, vehicles)
     met: list[Encounters] = []
 
@@ -118,6 +119,9 @@ def measure_conflicts(scene: SeedScene, rollout: Rollout, *, vehicle: int | None
         people=whole.people,
         vehicle=vehicle,
     )
+    nets = np.zeros((whole.vehicles, whole.vehicles), np.bool_)
+    nets[: scene.vehicles, : scene.vehicles] = uncounted(scene)
+    found = found.take(np.flatnonzero(~nets[found.one, found.two]))
     return found if rollout.present is None else found.before(left)
 
 

@@ -19,7 +19,7 @@ from scex_sumo.converters.net.reading import lane_places, read_ends
 from scex_sumo.converters.net.text import points_of
 from scex_sumo.converters.xml import net_root
 from scex_sumo.geometry.polylines import along, length_of
-from scex_sumo.intention import PARKS, Intention, Stop
+from scex_sumo.intention import MAX_BEHIND, PARKS, Intention, Stop
 
 INTENTIONS_S = 1.0  # between records of intentions
 MAX_EDGES, MAX_STOPS = 50, 3  # of a vehicle that are kept
@@ -47,11 +47,14 @@ def intentions_now(
     for name in names:
         attributes = types.get(str(vehicles.getTypeID(name)), {})
         index = max(int(vehicles.getRouteIndex(name)), 0)
-        stops = range(len(vehicles.getStops(name, MAX_STOPS)))
+        route = vehicles.getRoute(name)[max(index - MAX_BEHIND, 0) : index + MAX_EDGES]
+        behind, stops = min(index, MAX_BEHIND), range(len(vehicles.getStops(name, MAX_STOPS)))
         yield (
             name,
             Intention(
-                edges=tuple(map(sys.intern, vehicles.getRoute(name)[index : index + MAX_EDGES])),
+                edges=tuple(map(sys.intern, route[behind:])),
+                behind=tuple(map(sys.intern, route[:behind])),
+                lane=sys.intern(str(vehicles.getLaneID(name))),
                 model=attributes.get("carFollowModel", model),
                 vehicle_class=str(vehicles.getVehicleClass(name)),
                 parameters=_usable_parameters(attributes),
@@ -114,7 +117,7 @@ def intention_at(
     """Return the last intention before a time, else the first one after it; stops count from the time.
 
     Args:
-        asked: whether all intentions were recorded at this time; else no change of lane is known.
+        asked: whether all intentions were recorded at this time; else lane and change of lane are unknown.
     """
     if not changes:
         return None
@@ -124,8 +127,8 @@ def intention_at(
         dataclasses.replace(stop, until_s=stop.until_s - time_s if stop.until_s >= 0 else -1.0)
         for stop in intention.stops
     ]
-    change_mps = intention.change_mps if asked else 0.0
-    return dataclasses.replace(intention, stops=tuple(stops), change_mps=change_mps)
+    intention = dataclasses.replace(intention, stops=tuple(stops))
+    return intention if asked else dataclasses.replace(intention, lane="", change_mps=0.0)
 
 
 def with_lanes(net: Path, intentions: Sequence[Intention | None]) -> tuple[Intention | None, ...]:

@@ -102,8 +102,7 @@ def _completed(recorded: Recorded, path: Path, names: Mapping[str, str], scene: 
             notes.append(f"vehicles that wait to be inserted are left out: {waiting}")
     notes += on_lights
     vehicles = {str(track): names[str(track)] for track in scene.track_ids}
-    # Drivers of the sublane model are always beside the middle of their lane.
-    asked = round(time_s, 3) in recorded.asked_s and not recorded.lateral_m
+    asked = round(time_s, 3) in recorded.asked_s
     changes = [recorded.intentions.get(name, ()) for name in vehicles.values()]
     intentions = [intention_at(of_vehicle, time_s, asked=asked) for of_vehicle in changes]
     if road is not None and road.net is not None and any(intentions):
@@ -233,6 +232,8 @@ class Recorder:
         self.recorded.asked_s.add(time_s)
         known = self._types, self._arrivals
         for name, intention in intentions_now(self._sumo.vehicle, names, *known, self._model, time_s):
+            if self.recorded.lateral_m:  # always beside the middle of the lane
+                intention = dataclasses.replace(intention, change_mps=0.0)
             changes = self.recorded.intentions.setdefault(self._labels[False, name], [])
             while changes and changes[-1][0] >= time_s:
                 changes.pop()
