@@ -138,11 +138,24 @@ def test_sumo_s_drivers_are_where_sumo_alone_drives_them(name: str, time_s: floa
     configuration = small / f"sumo/{name}.sumocfg"
     own = driven_by_sumo(configuration)
     scene, states = future_of_sumo(configuration, time_s)
-    ahead = scene.length[:, None] / 2
+    assert_there(scene, states, own[round(time_s + 2.9, 1)])  # a step of SUMO is named by its beginning
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_saved_state_goes_on_as_sumo_does_on_both_sides(side: str, small: Path) -> None:
+    net = small / f"sumo/lefthand/{side}.net.xml"
+    own = driven_by_sumo(net.with_name(f"{side}.sumocfg"))
+    scene = scex.read_seed(net, tracks=net.with_name(f"{side}.state.xml"))  # saved at 5 s
+    states = extrapolate(scene, models="sumo:own", futures=1, out=small / "out").states(0)
+    assert_there(scene, states, own[7.9])
+
+
+def assert_there(scene: scex.SeedScene, states: scex.States, own: dict[str, tuple[float, float]]) -> None:
+    """Each vehicle that has not arrived ends within 30 cm of one of SUMO's own."""
+    ahead, there = scene.length[:, None] / 2, np.array(list(own.values()))
     x, y = states.x + ahead * np.cos(states.heading), states.y + ahead * np.sin(states.heading)
-    there = np.array(list(own[round(time_s + 2.9, 1)].values()))  # a step of SUMO is named by its beginning
     ends = np.stack([x[:, -1], y[:, -1]], axis=1)
-    for end in ends[np.isfinite(ends).all(axis=1)]:  # the others have arrived
+    for end in ends[np.isfinite(ends).all(axis=1)]:
         assert np.linalg.norm(there - end, axis=1).min() < 0.3
 
 
