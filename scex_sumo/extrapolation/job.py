@@ -131,14 +131,15 @@ def _looking_ahead(scene: SeedScene, horizon_s: float) -> SeedScene:
 
 
 def has_rules(scene: SeedScene) -> bool:
-    """Whether the road of a scene has rules, or its recording has lights, people at crosswalks, or queues."""
+    """Whether the road of a scene has rules or crossing lanes, or its recording lights, queues or people."""
     road = scene.road
     if road is None:
         return False
     people = scene.obstacles is not None or scene.people is not None
     crossed = people and any(area.kind == "crosswalk" for area in road.areas)
     queues = int((scene.now.speed < STANDING_MPS).sum()) >= QUEUED
-    return bool(road.regulations or road.net or crossed or queues or signals_of(scene))
+    meet = any(lane.conflicts for lane in road.lanes.values())
+    return bool(road.regulations or road.net or meet or crossed or queues or signals_of(scene))
 
 
 def batches_of(futures: Sequence[int], size: int, *, apart: bool = True) -> list[IntArray]:

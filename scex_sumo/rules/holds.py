@@ -14,6 +14,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import everyone
 from scex_sumo.behaviors.driving.paths import SeedPaths
+from scex_sumo.rules.link import NO_SIGN
 from scex_sumo.rules.passages import RuledWays, crosswalk_areas, ruled_ways
 from scex_sumo.rules.states import STANDS_MPS, Lit, Traffic
 from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex
@@ -174,7 +175,7 @@ def _at_lights(me: _Drivers, ways: RuledWays, lit: Lit) -> tuple[FloatArray, Flo
     waited = (me.stood[driver] & (gap < AT_LINE_M)) | me.goes_on(driver, gap)
     sign &= ~waited & (needed <= me.of("priority_mps2", driver))
     stops |= sign & (me.of("priority", driver) != 0)
-    opened = ready | lit.of("green", *light) | ((light[1] < 0) & np.isin(state, list("smw=")))
+    opened = ready | lit.of("green", *light) | ((light[1] < 0) & np.isin(state, [*"smw=", NO_SIGN]))
     return me.least(driver, gap, stops & ahead), me.least(driver, gap, opened & ahead)
 
 
@@ -188,6 +189,7 @@ def _giving_way(me: _Drivers, ways: RuledWays, traffic: Traffic, lit: Lit) -> Fl
     coming = speed**2 / (2 * np.maximum(line, 0.1)) > COMING_MPS2
     light = future, ways.signal[other]
     held = (line > -PASSED_M) & (lit.of("red", *light) | lit.of("yellow", *light)) & ~coming
+    held |= ways.unsigned[entry] & (speed < STANDS_MPS)  # it may see a red light
     arrives = _time(ways.other_span[pair, 0] - front, speed, speed)
     leaves = _time(ways.other_span[pair, 1] - rear, speed, speed)
     going = np.maximum(v, GOING_MPS)
@@ -219,10 +221,10 @@ def _meetings(me: _Drivers, ways: RuledWays, traffic: Traffic, lit: Lit) -> tupl
 
 
 def _way_to_stop(me: _Drivers, ways: RuledWays, driver: IntArray, pair: IntArray) -> FloatArray:
-    """Return (m,) ways to the lines, m; to the conflict for drivers that are within the junction."""
+    """Return (m,) ways to the lines, m; to the conflict within the junction, and where no line is told."""
     line = ways.stop[ways.own[pair]] - me.front[driver]
     zone = ways.own_span[pair, 0] - BEFORE_ZONE_M - me.front[driver]
-    return np.where(line <= -PASSED_M, zone, line)
+    return np.where((line <= -PASSED_M) | ways.unsigned[ways.own[pair]], zone, line)
 
 
 def _time(way: FloatArray, v: FloatArray, most: FloatArray) -> FloatArray:

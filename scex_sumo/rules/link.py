@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
+from scex_sumo.geometry.polylines import heading, turn
+
+NO_SIGN = ""  # state of links of which a map says nothing
+OPPOSED_RAD, TURNS_RAD = np.deg2rad(135.0), np.deg2rad(30.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -18,3 +25,23 @@ class Link:
     state: str
     light: tuple[str, int] | None
     yields: frozenset[int]
+
+    @property
+    def headings(self) -> tuple[float, float]:
+        """Headings at its beginning and its end, rad."""
+        return heading(self.line, end=False), heading(self.line, end=True)
+
+
+def turns_that_wait(links: Sequence[Link]) -> list[Link]:
+    """Return the links of a junction without rules, of which those across oncoming traffic yield to it."""
+    ways = {link.row: link.headings for link in links}
+
+    def comes(row: int, link: Link) -> bool:
+        begins, ends = ways[row]
+        opposed = abs(turn(begins, link.headings[0])) > OPPOSED_RAD
+        return opposed and abs(turn(begins, ends)) < TURNS_RAD < abs(turn(*link.headings))
+
+    return [
+        replace(link, state=NO_SIGN, yields=frozenset(row for row in link.yields if comes(row, link)))
+        for link in links
+    ]

@@ -21,7 +21,7 @@ from scex_sumo.geometry.polylines import without_repeats
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.road import Passage, Road, Rules, Signal
 from scex_sumo.rules.apparent import apparent_lights
-from scex_sumo.rules.link import Link
+from scex_sumo.rules.link import Link, turns_that_wait
 from scex_sumo.scene import STEP_S, SeedScene
 
 BOTH_WAYS = "wZ="  # link states of which two may give way to each other
@@ -88,7 +88,7 @@ def _rules_of_road(road: Road, lanes: LaneTable, net: _NetFile) -> Rules:
 def _with_apparent_lights(
     scene: SeedScene, road: Road, lanes: LaneTable, net: _NetFile, rules: Rules
 ) -> Rules:
-    """Add the lights that a road without regulations apparently has."""
+    """Add the lights that a road without regulations apparently has; elsewhere turns across traffic wait."""
     passages, stops, notes = list(rules.passages), list(rules.stop_lines), list(rules.notes)
     signals: dict[tuple[str, int], Signal] = {}
     for junction, links in _links_by_junction(road, net).items():
@@ -99,6 +99,10 @@ def _with_apparent_lights(
             stops += lines
             why = f"vehicles queue on {len(lines)} lanes before it"
             notes.append(f"junction {junction} apparently has lights, whose states are inferred: {why}")
+        else:
+            turns = turns_that_wait(links)
+            waits = any(link.yields for link in turns)
+            passages += _passages(turns, len(passages), {}, lanes) if waits else ()
     return replace(
         rules,
         passages=tuple(passages),

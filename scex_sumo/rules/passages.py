@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -13,6 +14,7 @@ from scex_sumo.base.cache import owner_cache
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
 from scex_sumo.geometry.polylines import along, length_of, samples
 from scex_sumo.road import Rules
+from scex_sumo.rules.link import NO_SIGN
 
 NEAR_M = 1.5  # between a path and the passage that it takes; the next lane is 3 m away
 LONGER = 1.3, 4.0  # a path may be so many times longer than a passage, and m
@@ -52,6 +54,11 @@ class RuledWays:
     merges: BoolArray
     vehicle: IntArray
     walks: FloatArray
+
+    @cached_property
+    def unsigned(self) -> BoolArray:
+        """(E,) whether the map says nothing of the passages."""
+        return np.array([state == NO_SIGN for state in self.state], dtype=np.bool_)
 
 
 @owner_cache

@@ -131,7 +131,7 @@ def _verdict(code: int, said: str, peak_bytes: int) -> str:
         return "died"
     if peak_bytes > LIMIT_BYTES:
         return "memory"
-    told = ("note: ", "warning: ")
+    told = ("note: ", "warning: ", "waiting up to ")  # the last one on a slow machine
     lines = [line for line in said.splitlines() if line.strip() and not line.startswith(told)]
     if max((len(line) for line in said.splitlines()), default=0) > LONGEST_LINE:
         return "words"

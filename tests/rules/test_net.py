@@ -7,14 +7,20 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
+import pytest
 
 import scex_sumo as scex
+from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.sumo_net import LaneTable
 from scex_sumo.extrapolation.job import has_rules
+from scex_sumo.geometry.polylines import bend
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.road import Area, Road
+from scex_sumo.roads.mirror import mirrored_road
 from scex_sumo.rules.net import read_rules, with_rules
 from tests.behaviors.roads import scene_of, straight
+from tests.converters.maps import write_map
+from tests.lanelet2sumo.judge.adversarial import intersection
 
 # A street from a to b, and one from c to d that crosses it and gives way.
 NET = """<net>
@@ -78,3 +84,25 @@ def test_runs_of_one_moment_share_its_scene_with_rules(tmp_path: Path) -> None:
     assert with_rules(ruled, second) == (ruled, notes)  # the reference of the run
     second.path.write_text(second.path.read_text().replace('state="m"', 'state="s"'))
     assert with_rules(ruled, second)[0] is not ruled
+
+
+@pytest.mark.parametrize("left_hand", [False, True])
+def test_where_a_map_says_nothing_a_turn_across_oncoming_traffic_waits(
+    left_hand: bool, tmp_path: Path
+) -> None:
+    drawn = intersection()
+    road = read_road(
+        write_map(tmp_path / "m.osm", drawn.lanelets, lines=drawn.lines, relations=drawn.relations)
+    )
+    road = mirrored_road(road) if left_hand else road
+    scene = replace(scene_of((40.0, 3.0, np.pi, 9.0)), road=road)
+    assert has_rules(scene)
+    rules = with_rules(scene, converted(road, tmp_path / "m.net.xml"))[0].rules
+    assert rules is not None
+    turns = [passage for passage in rules.passages if passage.yields_to]
+    assert len(rules.passages) == 12 and len(turns) == 4
+    for turn in turns:
+        (oncoming,) = (rules.passages[k].line for k in turn.yields_to)
+        assert bend(turn.line) * (-1 if left_hand else 1) > 1.0
+        assert abs(bend(oncoming)) < 0.1
+        assert (turn.line[1] - turn.line[0]) @ (oncoming[1] - oncoming[0]) < 0
