@@ -34,7 +34,7 @@ class Link:
 
 def turns_that_wait(links: Sequence[Link]) -> list[Link]:
     """Return the links of a junction without rules, of which those across oncoming traffic yield to it."""
-    ways = {link.row: link.headings for link in links}
+    ways = {link.row: link.headings for link in links}  # not of crosswalks, to which links yield, too
 
     def comes(row: int, link: Link) -> bool:
         begins, ends = ways[row]
@@ -42,6 +42,10 @@ def turns_that_wait(links: Sequence[Link]) -> list[Link]:
         return opposed and abs(turn(begins, ends)) < TURNS_RAD < abs(turn(*link.headings))
 
     return [
-        replace(link, state=NO_SIGN, yields=frozenset(row for row in link.yields if comes(row, link)))
+        replace(
+            link,
+            state=NO_SIGN,
+            yields=frozenset(row for row in link.yields & ways.keys() if comes(row, link)),
+        )
         for link in links
     ]

@@ -17,6 +17,7 @@ from scex_sumo.geometry.polylines import bend
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.road import Area, Road
 from scex_sumo.roads.mirror import mirrored_road
+from scex_sumo.rules.link import Link, turns_that_wait
 from scex_sumo.rules.net import read_rules, with_rules
 from tests.behaviors.roads import scene_of, straight
 from tests.converters.maps import write_map
@@ -35,6 +36,7 @@ NET = """<net>
   <connection from="a" to="b" fromLane="0" toLane="0" via=":j_0_0" LIGHT state="M"/>
   <connection from="c" to="d" fromLane="0" toLane="0" via=":j_1_0" state="m"/>
 </net>"""
+LINK = {"lanes": ("a_0",), "junction": "j", "row": 0, "state": "M", "light": None}
 LANES = LaneTable([(1, "a_0"), (2, ":j_0_0"), (3, "b_0"), (11, "c_0"), (12, ":j_1_0"), (13, "d_0")])
 LOGIC = """<tlLogic id="t" programID="PROGRAMME" offset="OFFSET">
   <phase duration="20" state="G"/><phase duration="3" state="y"/><phase duration="30" state="r"/></tlLogic>"""
@@ -101,6 +103,8 @@ def test_where_a_map_says_nothing_a_turn_across_oncoming_traffic_waits(
     assert rules is not None
     turns = [passage for passage in rules.passages if passage.yields_to]
     assert len(rules.passages) == 12 and len(turns) == 4
+    (link,) = turns_that_wait([Link(**LINK, line=np.array([(0.0, 0), (9, 0)]), yields=frozenset({5}))])
+    assert link.yields == frozenset()  # row 5 is a crosswalk
     for turn in turns:
         (oncoming,) = (rules.passages[k].line for k in turn.yields_to)
         assert bend(turn.line) * (-1 if left_hand else 1) > 1.0
