@@ -37,15 +37,9 @@ def turns_that_wait(links: Sequence[Link]) -> list[Link]:
     ways = {link.row: link.headings for link in links}  # not of crosswalks, to which links yield, too
 
     def comes(row: int, link: Link) -> bool:
-        begins, ends = ways[row]
-        opposed = abs(turn(begins, link.headings[0])) > OPPOSED_RAD
-        return opposed and abs(turn(begins, ends)) < TURNS_RAD < abs(turn(*link.headings))
+        (begins, ends), (mine, my_end) = ways[row], link.headings
+        opposed = abs(turn(begins, mine)) > OPPOSED_RAD
+        return bool(opposed and abs(turn(begins, ends)) < TURNS_RAD < abs(turn(mine, my_end)))
 
-    return [
-        replace(
-            link,
-            state=NO_SIGN,
-            yields=frozenset(row for row in link.yields & ways.keys() if comes(row, link)),
-        )
-        for link in links
-    ]
+    oncoming = [frozenset(row for row in link.yields & ways.keys() if comes(row, link)) for link in links]
+    return [replace(link, state=NO_SIGN, yields=rows) for link, rows in zip(links, oncoming, strict=True)]
