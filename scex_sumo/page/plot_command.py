@@ -96,11 +96,10 @@ def _print_probabilities(runs: Sequence[Run], labels: Sequence[str]) -> None:
     from scex_sumo.reports.run_table import console_table, print_table
 
     rows: list[Sequence[str]] = [["futures", *(str(run.futures) for run in runs)]]
-    if all(run.outcomes for run in runs):
-        rows.append(["collision", *(run.collision.percent for run in runs)])
+    rows.append(["collision", *(run.collision.percent for run in runs)])
     humans = [run.reference for run in runs]
     if any(humans):
-        shares = (human.collision.percent if human and human.outcomes else "–" for human in humans)
+        shares = (human.collision.percent if human else "–" for human in humans)
         rows.append(["collision, human-like", *shares])
     for column, limit in runs[0].thresholds.items():
         metric = runs[0].metric(column)

@@ -21,7 +21,6 @@ from scex_sumo.reports.run_table import MAIN, counted, extra_rows, participants,
 from scex_sumo.results.decision import DISAGREE, DOUBTFUL, NOTHING, TEST, VERDICTS
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.cut_sets import cut_set_words
-from scex_sumo.results.tables.encounters import ENCOUNTERS
 from scex_sumo.results.tables.pairs import NARROW, any_of, arrow, once_in, one_in, told_pairs
 
 LINES: Final = 14  # of the answer
@@ -101,19 +100,15 @@ def _ordered(lines: Sequence[PairLine]) -> list[PairLine]:
 def _candidates(run: Run) -> list[PairLine]:
     """Return at most `_MOST` pairs, those first that stay on a card with fewer lines."""
     people = told_pairs(run)
-    stress = worst_stress(run) if (run.folder / ENCOUNTERS).is_file() else []
-    stress = [one for one in stress if one.row["collision"] > 0]
+    stress = [one for one in worst_stress(run) if one.row["collision"] > 0]
     shares = {frozenset(one.pair): float(one.row["collision"]) for one in stress}
     known = {frozenset((row["track_id"], row["other_id"])): row for row in people}
     chosen = dict.fromkeys([*known][:_FROM_PEOPLE])
     chosen |= dict.fromkeys(frozenset(one.pair) for one in stress)
     chosen |= dict.fromkeys(known)
     meeting = {frozenset(one.pair): one for one in stress}
-    has_stress = bool(run.outcomes)
     return [
-        _of_people(known[pair], shares.get(pair, 0.0) if has_stress else None)
-        if pair in known
-        else _of_stress(meeting[pair])
+        _of_people(known[pair], shares.get(pair, 0.0)) if pair in known else _of_stress(meeting[pair])
         for pair in [*chosen][:_MOST]
     ]
 
@@ -167,7 +162,7 @@ def decided_line(run: Run) -> PairLine | None:
 def any_cells(run: Run) -> list[str]:
     """Return the line of any pair, under the heads of `PairLine.cells`."""
     told = [row["probability"] for row in told_pairs(run)]
-    saturated = bool(run.outcomes) and run.collision.value >= SATURATED and not run.info.get("region")
+    saturated = run.collision.value >= SATURATED and not run.info.get("region")
     many = run.info["seed_scene"]["vehicles"] >= MANY
     hint = "one vehicle: --region TRACK" if saturated and many else ""
     return ["any", hint, chance(any_of(told)) if told else "–", _collides(run), ""]
@@ -302,8 +297,6 @@ def _lines_of(table: Table, wide: int) -> list[Text]:
 
 
 def _collides(run: Run) -> str:
-    if not run.outcomes:
-        return "–"
     found = run.collision
     half = (found.high - found.low) / 2
     if half < 0.005:

@@ -12,7 +12,6 @@ from scex_sumo.drivers.registry import mixes
 from scex_sumo.results.probability import Encounter
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import (
-    ENCOUNTERS,
     arrows,
     criticality,
     event_of,
@@ -59,8 +58,8 @@ class Meeting:
 
     @property
     def doubt(self) -> str | None:
-        """Why the data of the pair are doubtful; None if they are not, and in results of older versions."""
-        doubt = self.row.get("doubt")
+        """Why the data of the pair are doubtful; None if they are not."""
+        doubt = self.row["doubt"]
         return None if doubt is None else str(doubt)
 
     def words(self) -> str:
@@ -81,8 +80,6 @@ def meetings(run: Run, region: Region | None = None) -> list[Meeting]:
     A pair that meets in the stress test has a human-like line only if it is critical there. Both lines name
     the pair alike, as it is critical in the stress test, else as it is in the human-like futures.
     """
-    if not (run.folder / ENCOUNTERS).is_file():
-        return []
     possible = {frozenset((row["track_id"], row["other_id"])): row for row in run.encounters.to_pylist()}
     encounters, human = [], run.reference
     for row in [] if human is None else human.encounters.to_pylist():

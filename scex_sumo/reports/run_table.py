@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from scex_sumo.base.errors import listed
-from scex_sumo.metrics.registry import COLLISION, PAPER_METRICS, critical_columns
+from scex_sumo.metrics.registry import PAPER_METRICS, critical_columns
 from scex_sumo.reports.encounter_rows import (
     STRESS_TEST,
     Meeting,
@@ -26,7 +26,6 @@ from scex_sumo.reports.encounter_rows import (
 )
 from scex_sumo.results.design import is_critical
 from scex_sumo.results.run import Run
-from scex_sumo.results.tables.encounters import ENCOUNTERS
 from scex_sumo.results.tables.horizons import horizons_of
 from scex_sumo.statistics.density import Interval
 
@@ -61,15 +60,10 @@ def stress_lines(run: Run) -> list[str]:
     """Return the stress test: share of collisions and the worst encounters in words."""
     worst = grouped(worst_stress(run))[:_WORST]
     which = "other " if run.baseline is not None else ""
-    head = f"{STRESS_TEST}: {_collides(run)}" if run.outcomes else f"{STRESS_TEST}:"
-    lines = []
-    if worst:
-        lines.append(f"{head}; a vehicle hits or follows → another (how, where, after what time):")
-    elif (run.folder / ENCOUNTERS).is_file():
-        lines.append(f"{head}; no {which}encounter of two vehicles is critical in any future")
-    elif run.outcomes:
-        lines.append(head)
-    return [*lines, *(f"  {sentence(group)}" for group in worst), *_left_out(meetings(run))]
+    listed_below = "a vehicle hits or follows → another (how, where, after what time):"
+    none = f"no {which}encounter of two vehicles is critical in any future"
+    head = f"{STRESS_TEST}: {_collides(run)}; {listed_below if worst else none}"
+    return [head, *(f"  {sentence(group)}" for group in worst), *_left_out(meetings(run))]
 
 
 def _collides(run: Run) -> str:
@@ -82,10 +76,9 @@ def _left_out(encounters: list[Meeting]) -> list[str]:
     return [f"left out as doubtful: {listed(doubts)}"] if doubts else []
 
 
-def expected_injuries(run: Run) -> float | None:
-    """Return the expected number of severe injuries (MAIS 3+) in a future; None in older results."""
-    there = (run.folder / ENCOUNTERS).is_file() and "expected_mais3" in run.encounters.column_names
-    return float(np.sum(np.asarray(run.encounters["expected_mais3"]))) if there else None
+def expected_injuries(run: Run) -> float:
+    """Return the expected number of severe injuries (MAIS 3+) in a future."""
+    return float(np.sum(np.asarray(run.encounters["expected_mais3"])))
 
 
 def print_line(text: str, console: Console) -> None:
@@ -163,18 +156,14 @@ def summary_table(run: Run, *, every: bool = False) -> Table:
     shares = ("P(critical)",) if likely is None else ("human-like", "stress test")
     heads = ("recorded", "median", "critical if", *shares, "95 %", "defined")
     rows: list[Sequence[str] | None] = []
-    if COLLISION in run.metrics.column_names:
-        human = () if likely is None else (_tight(likely.collision.share),)
-        collided = _shares(run.collision)
-        rows.append(("collision", _recorded_overlaps(run), "–", "any", *human, *collided, "all"))
-    for seconds in horizons_of(int(run.info.get("steps", 0))) if run.outcomes else ():
+    human = () if likely is None else (_tight(likely.collision.share),)
+    rows.append(("collision", _recorded_overlaps(run), "–", "any", *human, *_shares(run.collision), "all"))
+    for seconds in horizons_of(int(run.info.get("steps", 0))):
         human = () if likely is None else (_tight(likely.p_collision_by(seconds).share),)
         collided = _shares(run.p_collision_by(seconds))
         rows.append((f"collision by {seconds:g} s", *("–",) * 2, "any", *human, *collided, "all"))
-    if (injuries := expected_injuries(run)) is not None:
-        expected = None if likely is None else expected_injuries(likely)
-        human = () if likely is None else ("–" if expected is None else f"{1000 * expected:.2f}",)
-        rows.append((SEVERITY, *("–",) * 3, *human, f"{1000 * injuries:.2f}", "–", "all"))
+    human = () if likely is None else (f"{1000 * expected_injuries(likely):.2f}",)
+    rows.append((SEVERITY, *("–",) * 3, *human, f"{1000 * expected_injuries(run):.2f}", "–", "all"))
     for name, values in extra_rows(run).items():
         cells = [row_cell(value) for value in values]
         rows.append((name, *("–",) * 3, *([] if likely is None else cells[1:]), cells[0], "–", "all"))
@@ -250,7 +239,7 @@ def _median(run: Run, column: str) -> str:
     samples = run.samples(column)
     median = float(np.median(samples)) if len(samples) else None
     extreme = median is not None and (median == 0 or np.isinf(median))
-    return "collides" if extreme and run.outcomes and run.collision.value >= 0.5 else _number(median)
+    return "collides" if extreme and run.collision.value >= 0.5 else _number(median)
 
 
 def _defined(run: Run, column: str, likely: Run | None) -> str:

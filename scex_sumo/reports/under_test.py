@@ -84,9 +84,8 @@ def verdict(tested: UnderTest) -> str:
         if p_value < _CHANCE:
             word = "worse" if one.newly_critical > one.no_longer_critical else "better"
             parts = [f"collides {'more' if word == 'worse' else 'less'} often", *parts]
-    if tested.injuries is not None:
-        before, after = (1000 * tested.injuries[k].mean() for k in ("baseline", "under_test"))
-        text += f", severe injuries per 1000 {before:.2f} → {after:.2f}"
+    before, after = (1000 * tested.injuries[k].mean() for k in ("baseline", "under_test"))
+    text += f", severe injuries per 1000 {before:.2f} → {after:.2f}"
     return f"{text}; verdict: {word}" + (f" ({'; '.join(parts)}; p < {_CHANCE:g})" if parts else "")
 
 
@@ -146,7 +145,7 @@ def under_test_rows(tested: UnderTest, columns: Sequence[str] | None = None) -> 
                 chance_text(p_share),
             ]
         )
-        if is_share and tested.injuries is not None:
+        if is_share:
             before, after = tested.injuries["baseline"], tested.injuries["under_test"]
             counts = f"{int((after > before).sum())} : {int((after < before).sum())}"
             means = [1000 * float(side.mean()) for side in (before, after)]

@@ -61,10 +61,11 @@ class Run:
         self.own_metrics = described_metrics(self.info.get("metrics", ()))
 
     def __repr__(self) -> str:
-        name = self.info["seed_scene"]["name"]
-        collision = f", a collision in {self.collision.percent}" if self.outcomes else ""
-        decision = f". {self.decision.sentence}" if self.decision is not None else ""
-        return f"Run({str(self.folder)!r}: {self.info['futures']} futures of {name}{collision}{decision})"
+        name, decision = self.info["seed_scene"]["name"], self.decision
+        collision, said = self.collision.percent, "" if decision is None else f". {decision.sentence}"
+        return (
+            f"Run({str(self.folder)!r}: {self.futures} futures of {name}, a collision in {collision}{said})"
+        )
 
     def _repr_html_(self) -> str:
         """Return the page in a frame, whose sandbox keeps its script from the notebook."""
@@ -259,11 +260,6 @@ class Run:
         return [name for name in self.metrics.column_names if name not in ("future", COLLISION)]
 
     @property
-    def outcomes(self) -> list[str]:
-        """``collision``, if the result has this column."""
-        return [name for name in self.metrics.column_names if name == COLLISION]
-
-    @property
     def futures(self) -> int:
         """Number of futures."""
         return int(self.metrics.num_rows)
@@ -275,7 +271,7 @@ class Run:
 
     def column(self, text: str) -> str:
         """Return the metric column of a printed name; raise a `UsageError` if there is none."""
-        if text.strip().lower() in self.outcomes:
+        if text.strip().lower() == COLLISION:
             return COLLISION
         return column_named(text, self.columns, self.own_metrics)
 
@@ -303,7 +299,7 @@ class Run:
 
     @property
     def horizons_s(self) -> tuple[float, ...]:
-        """Times by which the metrics of longer futures are known, too; () for 3 s and in older results."""
+        """Times by which the metrics of longer futures are known, too; () for 3 s."""
         there = (self.folder / HORIZONS).is_file()
         return horizons_of(int(self.info["steps"])) if there else ()
 

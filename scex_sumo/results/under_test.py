@@ -62,8 +62,7 @@ class UnderTest:
         metrics: one row per future over the vehicles' own pairs, null where undefined.
         baseline: the same without the models under test.
         own_metrics: as of `Run`.
-        injuries: (C,) expected severe injuries (MAIS 3+) in the vehicles' own collisions; None in older
-            results.
+        injuries: (C,) expected severe injuries (MAIS 3+) in the vehicles' own collisions.
 
     Example:
         >>> scene = scex.read_seed(scex.example_path("roundabout"))
@@ -80,13 +79,13 @@ class UnderTest:
         thresholds: Mapping[str, float],
         intervals: DesignIntervals,
         *,
-        without: DesignIntervals | None = None,
-        injuries: Mapping[Driven, FloatArray] | None = None,
+        without: DesignIntervals,
+        injuries: Mapping[Driven, FloatArray],
         own: Mapping[str, Metric] = MappingProxyType({}),
     ) -> None:
         self.vehicles, self.metrics, self.baseline = dict(vehicles), metrics, baseline
         self.thresholds, self.injuries, self.own_metrics = thresholds, injuries, own
-        self.intervals = {"under_test": intervals, "baseline": without or intervals}
+        self.intervals = {"under_test": intervals, "baseline": without}
         self.columns = [name for name in metrics.column_names if name != "future"]
 
     @classmethod
@@ -107,12 +106,9 @@ class UnderTest:
         )
         if without["future"] != tested["future"]:
             raise ResultError(f"{run.baseline.folder}: its futures are not those of {run.folder}; run again")
-        injuries = None
-        if "p_mais3" in run.collisions.column_names:
-            injuries = {
-                k: _own_injuries(first_contacts(one.collisions), known, one.futures)
-                for k, one in driven.items()
-            }
+        injuries = {
+            k: _own_injuries(first_contacts(one.collisions), known, one.futures) for k, one in driven.items()
+        }
         return cls(
             {int(track): model for track, model in known.items()},
             tested,

@@ -29,7 +29,7 @@ def run_answer(run: Run) -> dict[str, Any]:
         "notes": [*scene.get("notes", ()), *run.info["net_notes"], *run.info["run_notes"]],
         "collision": {
             "recorded": None if recorded is None else len(recorded["overlaps"]),
-            **_both(run, lambda one: one.collision if one.outcomes else None),
+            **_both(run, lambda one: one.collision),
             "words": {"stress_test": _in_words(run), "human_like": _in_words(run.reference)},
         },
         "metrics": [_metric(run, column) for column in critical_columns(run.columns)],
@@ -49,7 +49,7 @@ def _both(run: Run, share: Any) -> dict[str, Any]:
 
 
 def _in_words(run: Run | None) -> str | None:
-    return run.collision.percent if run is not None and run.outcomes else None
+    return None if run is None else run.collision.percent
 
 
 def _metric(run: Run, column: str) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import writing
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.run import Run
-from scex_sumo.results.tables.encounters import ENCOUNTERS, precedence_words, share_of
+from scex_sumo.results.tables.encounters import precedence_words, share_of
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 from scex_sumo.views.replay import write_view
 from scex_sumo.world.drawings import FutureView
@@ -37,8 +37,7 @@ def write_first(run: Run) -> Path:
         step = round((told.time_s or 0.0) / STEP_S)
         words = (told.how or told.what or "").replace("; ", " · ")  # SUMO takes no semicolon
         return _write(human, [_event_view(human, told.future, told.pair, step, words)])
-    there = (run.folder / ENCOUNTERS).is_file()
-    met = [row for row in run.encounters.to_pylist() if row["critical"] > 0] if there else []
+    met = [row for row in run.encounters.to_pylist() if row["critical"] > 0]
     if met:
         return write_encounter(run, met[0]["track_id"], met[0]["other_id"])
     return write_future(run, 0)

@@ -65,9 +65,15 @@ def folder_of(path: Path, tested: Columns, baseline: Columns) -> Run:
         count = len(next(iter(values.values())))
         columns = {c: pa.array(values.get(c, [None] * count), pa.float64()) for c in COLUMNS}
         pq.write_table(pa.table({"future": list(range(count)), **columns}), folder / "under_test.parquet")
-        pq.write_table(pa.table({"future": list(range(count))}), folder / "metrics.parquet")
-        hits = {"future": [0, 0, 3], "track_id": [17, 8, 9], "other_id": [9, 9, 8]}
-        hits |= {"p_mais3": [0.1, 0.5, 0.5], "p_mais3_other": [0.02, None, 0.5]}
+        metrics = {"future": list(range(count)), "collision": [False] * count}
+        pq.write_table(pa.table(metrics), folder / "metrics.parquet")
+        hits = {
+            "future": [0, 0, 3],
+            "track_id": [17, 8, 9],
+            "other_id": [9, 9, 8],
+            "consequence": [False] * 3,
+        }
+        hits |= {"p_mais3": [0.1, 0.5, 0.5], "p_mais3_other": [0.02, None, 0.5], "consequence": [False] * 3}
         pq.write_table(pa.table(hits).slice(0 if vehicles["17"] else 1), folder / "collisions.parquet")
         info = {
             "under_test": vehicles,

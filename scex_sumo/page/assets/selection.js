@@ -48,7 +48,7 @@ function makeSelection(run, state) {
     return rows.filter((row) => state.filters.has("pair") || isEvent(row)).map((row) => {
       const hit = share(row, bits.collision), { future, step, gap } = typicalOf(row);
       const shown = { range: range(hit), gap: gap < NEAR_M ? gap : null, after: future < 0 ? null : step / 10 };
-      for (const [name, bit] of Object.entries(bits)) shown[name] = bit === bits.collision || encounters.known ? share(row, bit).value : null;
+      for (const [name, bit] of Object.entries(bits)) shown[name] = share(row, bit).value;
       return { ...row, future, step, said: null, cells: row.cells.map((cell, i) => encounters.columns[i].selected ? shown[encounters.columns[i].selected] : cell) };
     });
   }

@@ -15,8 +15,8 @@ from scex_sumo.page.report.encounter_table import HEADS, encounter_cells
 from scex_sumo.reports.card import any_cells, decided_line, pair_lines
 from scex_sumo.reports.encounter_rows import HUMAN_LIKE, driven_as, meetings
 from scex_sumo.results.probability import critical_outcomes
-from scex_sumo.results.run import PAIR_OUTCOMES, Run
-from scex_sumo.results.tables.outcomes import COLLISIONS, first_contacts
+from scex_sumo.results.run import Run
+from scex_sumo.results.tables.outcomes import first_contacts
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 
 BITS = {name: 1 << number for number, name in enumerate(EVENTS)}
@@ -46,12 +46,12 @@ def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dic
         vehicles = tuple(where[v] for v in (row["track_id"], row["other_id"]) if v in where)
         groups.setdefault((metric, vehicles, step, float(f"{value:.3g}")), []).append(row["future"])
 
-    for row in _rows(run, "worst.parquet"):
+    for row in run.worst.to_pylist():
         if row["metric"] in number:
             step = row["timestamp_ms"] // 100 - LOGGED_HISTORY
             if np.isfinite(row["value"]) or sides[number[row["metric"]]] == "right":
                 add(number[row["metric"]], row, step, row["value"])
-    for row in _rows(run, COLLISIONS):
+    for row in run.collisions.to_pylist():
         add(_COLLISION, row, row["step"], row["relative_speed"])
     signs = [1 if side == "left" else -1 for side in sides] + [-1]  # the last sign: collisions
     order = sorted(groups.items(), key=lambda item: (item[0][0], signs[item[0][0]] * item[0][3], item[0][2]))
@@ -85,7 +85,7 @@ def collided_futures(both: Sequence[Run]) -> list[int]:
     """Return the futures of all sets with a collision, those of the second set after the first."""
     firsts, found = np.cumsum([0, *(run.futures for run in both)]).tolist(), set[int]()
     for first, run in zip(firsts, both, strict=False):
-        found |= {first + row["future"] for row in _rows(run, COLLISIONS)}
+        found |= {first + row["future"] for row in run.collisions.to_pylist()}
     return sorted(found)
 
 
@@ -104,11 +104,9 @@ def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids
             continue
         hits = first_contacts(run.collisions)
         tables = [(hits, ("track_id", "other_id"), np.full(hits.num_rows, sum(BITS.values())))]
-        if (run.folder / PAIR_OUTCOMES).is_file():
-            met = run.pair_outcomes
-            critical = critical_outcomes(met)
-            bits = np.sum([BITS[name] * happens for name, happens in critical.items()], axis=0)
-            tables.append((met, ("track_a", "track_b"), bits))
+        critical = critical_outcomes(met := run.pair_outcomes)
+        bits = np.sum([BITS[name] * happens for name, happens in critical.items()], axis=0)
+        tables.append((met, ("track_a", "track_b"), bits))
         for rows, names, values in tables:
             at = number[tuple([where[t] for t in rows[name].to_pylist()] for name in names)]
             events[at[at >= 0], np.asarray(rows["future"])[at >= 0]] |= values[at >= 0]
@@ -186,8 +184,7 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
                 "step": round(row["time_s"] / STEP_S),
             }
         )
-    known = (run.folder / PAIR_OUTCOMES).is_file()  # not in results of older versions
-    return {"columns": columns, "rows": rows, "pairs": list(pairs), "known": known}
+    return {"columns": columns, "rows": rows, "pairs": list(pairs)}
 
 
 def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:
@@ -198,10 +195,6 @@ def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:
         for name in columns
     ]
     return np.stack([np.asarray(part, dtype=np.float64) for part in parts])
-
-
-def _rows(run: Run, name: str) -> list[dict[str, Any]]:
-    return list(run.table(name).to_pylist()) if (run.folder / name).is_file() else []
 
 
 def _short(value: float | None) -> float | None:

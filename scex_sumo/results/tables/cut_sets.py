@@ -159,7 +159,7 @@ def cut_set_words(row: Mapping[str, Any]) -> list[str]:
     """
     told: list[tuple[int, dict[int, list[str]]]] = []
     names = dict(zip((row["track_id"], row["other_id"]), ends(row), strict=True))
-    for one in row.get("cut_sets") or ():  # older results have none
+    for one in row["cut_sets"] or ():
         own = {track: [model] for track, model in zip(one["track_ids"], one["models"], strict=True)}
         for k, (futures, models) in enumerate(told):
             differ = [track for track in own if own[track] != models.get(track)]

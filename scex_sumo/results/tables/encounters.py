@@ -232,7 +232,7 @@ def in_words(row: Mapping[str, Any]) -> str:
     gap = "more than 10" if row["gap"] is None else f"{row['gap']:.1f}"
     name, event = event_of(row)
     if not name:
-        share = row.get("consequence")  # older results have none
+        share = row["consequence"]
         later = f", touches in {share:.1%} after an earlier collision" if share else ""
         return f"{head}{event}, typically {gap} m apart{later}"
     if sets := cut_set_words(row):

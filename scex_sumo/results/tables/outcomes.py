@@ -281,8 +281,6 @@ def collisions_table(
 
 def first_contacts(collisions: pa.Table) -> pa.Table:
     """Return the rows of ``collisions.parquet`` without consequences of earlier collisions."""
-    if "consequence" not in collisions.column_names:  # of an older version
-        return collisions
     return collisions.filter(pc.invert(collisions["consequence"]))
 
 

@@ -36,7 +36,7 @@ def read_table(file: Path, *, columns: Sequence[str] = (), rows: int | None = No
 
 def read_metrics(file: Path, *, rows: int | None, own: Mapping[str, Metric]) -> ArrowTable:
     """Read ``metrics.parquet``: futures in order, and numbers of known metrics or ``own`` ones."""
-    table = read_table(file, columns=("future",), rows=rows)
+    table = read_table(file, columns=("future", COLLISION), rows=rows)
     if table["future"].to_pylist() != list(range(table.num_rows)):
         raise ResultError(f"{file}: its futures are not 0 to {table.num_rows - 1}; run again")
     for name in table.column_names[1:]:

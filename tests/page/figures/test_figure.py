@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from matplotlib.figure import Figure
 from rich.console import Console
@@ -17,6 +18,7 @@ from scex_sumo.page.figures.figure import COLORS, draw_figure, plot
 from scex_sumo.reports.run_table import summary_table
 from scex_sumo.results.folder import ResultFolder, tracks_table, values_table
 from scex_sumo.results.run import Run, open_run
+from scex_sumo.results.tables.encounters import SCHEMA
 from tests.results.test_folder import part_of
 from tests.seeds import straight_seed
 
@@ -31,7 +33,10 @@ def run(tmp_path: Path) -> Run:
     defined = np.ones(values.shape, dtype=bool)
     defined[:, COLUMNS.index("gap_time")] = False
     defined[::2, COLUMNS.index("ttc")] = False
-    folder.write_table("metrics.parquet", values_table(COLUMNS, values, defined, np.arange(FUTURES)))
+    metrics = values_table(COLUMNS, values, defined, np.arange(FUTURES))
+    metrics = metrics.append_column("collision", pa.array([False] * FUTURES))
+    folder.write_table("metrics.parquet", metrics)
+    folder.write_table("encounters.parquet", SCHEMA.empty_table())
     folder.write_table("recorded.parquet", values_table(COLUMNS, values[8:9], defined[8:9]))
     part = part_of(list(range(FUTURES)), steps=4)
     folder.write_table("tracks.parquet", tracks_table(straight_seed(), part))

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo import example_path
@@ -427,17 +426,4 @@ def test_the_driver_under_test_has_its_table_and_curves(browser: Any, tmp_path: 
         return new Set(new Uint32Array(data.buffer)).size;
     }"""
     assert canvases.first.evaluate(drawn) > 10
-    page.close()
-
-
-def test_a_result_without_encounters_says_so(browser: Any, run: Run, tmp_path: Path) -> None:
-    copy = tmp_path / "out"
-    shutil.copytree(run.folder, copy)
-    for name in ("collisions.parquet", "encounters.parquet"):
-        (copy / name).unlink()
-    pq.write_table(run.metrics.drop_columns(["collision"]), copy / "metrics.parquet")
-    page = browser.new_page()
-    page.goto(write_report(open_run(copy)).resolve().as_uri())
-    page.wait_for_selector("#worst tr.go", state="attached")
-    assert text(page, "#pairs tfoot").split() == ["any", "–"]
     page.close()
