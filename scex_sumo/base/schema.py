@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
-from scex_sumo.base.errors import ResultError, ScexError, one_line
+from scex_sumo.base.errors import ResultError, one_line
 
 Schema: TypeAlias = Mapping[str, Any]
 
@@ -40,14 +40,14 @@ def or_null(schema: Schema) -> Schema:
     return {**schema, "type": [schema["type"], "null"]}
 
 
-def read_json(file: Path, schema: Schema, remedy: str, *, error: type[ScexError] = ResultError) -> Any:
-    """Return the content of a JSON file that fits a schema; else raise ``error`` in one line."""
+def read_json(file: Path, schema: Schema, remedy: str) -> Any:
+    """Return the content of a JSON file that fits a schema; else raise a `ResultError`."""
     try:
         return parse_json(file.read_bytes(), schema)
     except OSError as cause:
-        raise error(f"{file}: cannot be read: {cause.strerror or cause}; {remedy}") from None
+        raise ResultError(f"{file}: cannot be read: {cause.strerror or cause}; {remedy}") from None
     except ValueError as cause:
-        raise error(f"{file}: {one_line(cause)[:160]}; {remedy}") from None
+        raise ResultError(f"{file}: {one_line(cause)[:160]}; {remedy}") from None
 
 
 def parse_json(text: bytes | str, schema: Schema) -> Any:

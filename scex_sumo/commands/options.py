@@ -75,7 +75,8 @@ AnyWorkers = Annotated[
         envvar="SCEX_WORKERS",
     ),
 ]
-Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace another run's result.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace another result.")]
+OutFolder = Annotated[Path, typer.Option("-o", "--out", metavar="OUT", help="Folder of the result.")]
 InRegion = Annotated[
     str | None,
     typer.Option(

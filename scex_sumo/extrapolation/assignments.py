@@ -14,6 +14,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.statistics.designs import balanced
 
 MAX_COMBINATIONS = 10_000
+_LISTED = 12  # ids in a message
 _ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM, _, _PEOPLE_STREAM = range(6)
 
 
@@ -137,7 +138,7 @@ def route_draws(futures: Sequence[int] | IntArray, vehicles: int, *, seed: int) 
     return np.stack([future_generator(seed, int(c), _ROUTE_STREAM).random(vehicles) for c in futures])
 
 
-def listing(ids: Sequence[int], most: int = 12) -> str:
+def listing(ids: Sequence[int]) -> str:
     """Return ids as text: the first few, and how many there are."""
-    shown = ", ".join(str(i) for i in ids[:most])
-    return shown if len(ids) <= most else f"{shown}, ... ({len(ids)} in all)"
+    shown = ", ".join(str(i) for i in ids[:_LISTED])
+    return shown if len(ids) <= _LISTED else f"{shown}, ... ({len(ids)} in all)"

@@ -12,6 +12,7 @@ from typer import Argument, Option
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import check_output, remember
 from scex_sumo.commands.console import output_console, warn
+from scex_sumo.commands.options import OutFolder
 from scex_sumo.commands.shared import Answer
 
 if TYPE_CHECKING:
@@ -50,9 +51,7 @@ def watch_command(
     futures: Annotated[int, Option(help="Futures of the stress test of each moment; 0: none.")] = 64,
     models: Annotated[str | None, Option(metavar="MIX", help="Models of the stress test.")] = None,
     workers: Annotated[int, Option(help="Processes.")] = 2,
-    out: Annotated[
-        Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/watch.", show_default=False)
-    ] = Path("out") / "watch",
+    out: OutFolder = Path("out") / "watch",
 ) -> Answer:
     """Watch a SUMO simulation: what could happen next, while it runs."""
     from scex_sumo.formats.sumo.scenario import RISK

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from scex_sumo.commands.console import progress_bar, resumable, warn
-from scex_sumo.commands.options import Every, Processes, Roots
+from scex_sumo.commands.options import Every, OutFolder, Overwrite, Processes, Roots
 from scex_sumo.commands.shared import Answer
+from scex_sumo.studies.moments.command import run_study
 
 if TYPE_CHECKING:
     from scex_sumo.suites.suite import Suite
@@ -27,26 +26,16 @@ def catalogue_command(
     ] = "openscenario,commonroad,sumo",
     licence: Annotated[str, Option(metavar="TEXT", help="Sentence on what the recordings allow.")] = "",
     workers: Processes = "auto",
-    overwrite: Annotated[bool, Option("--overwrite", help="Replace another suite.")] = False,
-    out: Annotated[Path, Option("-o", "--out", metavar="OUT", help="Folder of the suite.")] = Path("suite"),
+    overwrite: Overwrite = False,
+    out: OutFolder = Path("suite"),
 ) -> Answer:
     """Make a weighted test suite of recordings, or of rankings."""
+    options = {**locals()}
     from scex_sumo.suites.catalogue import PAGE, catalogue
 
-    with progress_bar("cases") as tick, resumable("seeds", out):
-        suite = catalogue(
-            roots,
-            out=out,
-            count=count,
-            every=every,
-            formats=() if to == "none" else tuple(name.strip() for name in to.split(",")),
-            licence=licence,
-            workers=workers,
-            overwrite=overwrite,
-            command=["scex-sumo", *sys.argv[1:]],
-            progress=tick,
-        )
-    warn(suite.info["notes"])
+    names = options.pop("to")
+    options["formats"] = () if names == "none" else tuple(name.strip() for name in names.split(","))
+    suite = run_study(catalogue, "cases", **options)
     _print_coverage(suite)
     print(f"result: {out / 'suite.json'}")
     print(f"look:   {out / PAGE}")

@@ -244,9 +244,9 @@ def in_words(row: Mapping[str, Any]) -> str:
     return f"{head}{event} in {share_of(row, name).percent}, typically {apart}{drivers}"
 
 
-def arrows(rows: Sequence[Mapping[str, Any]], most: int = 3) -> str:
+def arrows(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the pairs of rows in words, e.g. ``1 → 2, 2 → 3, ...``."""
-    return ", ".join([*map(arrow, rows[:most]), *["..."][: len(rows) - most]])
+    return ", ".join([*map(arrow, rows[:3]), *["..."][: len(rows) - 3]])
 
 
 def is_queue(pairs: Sequence[tuple[int, int]]) -> bool:

@@ -8,11 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from scex_sumo.commands.console import warn
-from scex_sumo.commands.options import (
-    AnyWorkers,
-    Every,
-    Roots,
-)
+from scex_sumo.commands.options import AnyWorkers, Every, OutFolder, Overwrite, Roots
 from scex_sumo.commands.shared import Answer
 from scex_sumo.studies.moments.command import Models, run_study
 
@@ -43,10 +39,8 @@ def rank_command(
         Path | None, Option(metavar="CSV", help="Verdicts saved on the page of a ranking.")
     ] = None,
     workers: AnyWorkers = "auto",
-    overwrite: Annotated[bool, Option("--overwrite", help="Replace another ranking.")] = False,
-    out: Annotated[
-        Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/ranking.", show_default=False)
-    ] = Path("out") / "ranking",
+    overwrite: Overwrite = False,
+    out: OutFolder = Path("out") / "ranking",
 ) -> Answer:
     """Rank the encounters of a dataset: which are worth testing."""
     options = {**locals()}

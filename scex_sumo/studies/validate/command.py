@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Option
 
 from scex_sumo.commands.console import warn
-from scex_sumo.commands.options import AnyWorkers, Every, Roots
+from scex_sumo.commands.options import AnyWorkers, Every, OutFolder, Overwrite, Roots
 from scex_sumo.commands.shared import Answer
 from scex_sumo.studies.moments.command import Models, run_study
 
@@ -30,10 +30,8 @@ def validate_command(
     ] = "all",
     steps: Annotated[int, Option(help="Steps of 0.1 s of a future: 30, or 50, 80.")] = 30,
     workers: AnyWorkers = "auto",
-    overwrite: Annotated[bool, Option("--overwrite", help="Replace another validation.")] = False,
-    out: Annotated[
-        Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/validation.", show_default=False)
-    ] = Path("out") / "validation",
+    overwrite: Overwrite = False,
+    out: OutFolder = Path("out") / "validation",
 ) -> Answer:
     """Compare forecasts of models with what really happened."""
     options = {**locals(), "models": "likely" if models is None else models}

@@ -12,6 +12,9 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 
+_CENTRAL = 0.9  # share of the samples
+_DRAWS = 400  # of groups
+
 
 @dataclass(frozen=True, kw_only=True)
 class BrierParts:
@@ -85,12 +88,12 @@ def reliability(forecast: FloatArray, happened: BoolArray, *, bins: int = 10) ->
     return Reliability(forecast=mean[0], observed=mean[1], count=count[used].astype(np.int64))
 
 
-def calibration_error(forecast: FloatArray, happened: BoolArray, *, bins: int = 10) -> float:
+def calibration_error(forecast: FloatArray, happened: BoolArray) -> float:
     """Return the expected calibration error: mean |forecast - observed| of `reliability`.
 
     Source: Naeini, Cooper, Hauskrecht 2015.
     """
-    diagram = reliability(forecast, happened, bins=bins)
+    diagram = reliability(forecast, happened)
     return float(diagram.count @ np.abs(diagram.forecast - diagram.observed) / len(forecast))
 
 
@@ -142,12 +145,12 @@ def rank_among(samples: FloatArray, outcome: float, rng: np.random.Generator) ->
     return float((below + rng.random() * (equal + 1)) / (len(samples) + 1))
 
 
-def covered(samples: FloatArray, outcome: float, share: float = 0.9) -> bool:
-    """Return whether an outcome lies within the central share of samples (C,), ends included.
+def covered(samples: FloatArray, outcome: float) -> bool:
+    """Return whether an outcome lies within the central 90 % of samples (C,), ends included.
 
     Quantiles are at plotting positions k / (C + 1). Source: Hyndman and Fan 1996, definition 6.
     """
-    low, high = np.quantile(samples, [(1 - share) / 2, (1 + share) / 2], method="weibull")
+    low, high = np.quantile(samples, [(1 - _CENTRAL) / 2, (1 + _CENTRAL) / 2], method="weibull")
     return bool(low <= outcome <= high)
 
 
@@ -168,9 +171,7 @@ def histogram_log_likelihood(
     return result
 
 
-def group_bootstrap(
-    statistic: Callable[[IntArray], float], groups: IntArray, *, draws: int = 400, seed: int = 0
-) -> tuple[float, float]:
+def group_bootstrap(statistic: Callable[[IntArray], float], groups: IntArray) -> tuple[float, float]:
     """Return the 95 % interval of a statistic from whole groups drawn with replacement.
 
     Args:
@@ -183,10 +184,10 @@ def group_bootstrap(
     if len(names) < 2:
         return float("nan"), float("nan")
     members = [np.flatnonzero(groups == name) for name in names]
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     values_drawn = [
         statistic(np.concatenate([members[k] for k in rng.integers(0, len(names), len(names))]))
-        for _ in range(draws)
+        for _ in range(_DRAWS)
     ]
     known = [value for value in values_drawn if np.isfinite(value)]
     if not known:

@@ -9,7 +9,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from scex_sumo.commands.console import progress_bar, resumable
-from scex_sumo.commands.options import AnyWorkers
+from scex_sumo.commands.options import AnyWorkers, OutFolder, Overwrite
 from scex_sumo.commands.shared import Answer
 
 EXAMPLE = "out/suite --under-test standard_driver"
@@ -36,10 +36,8 @@ def test_command(
         Path | None, Option(metavar="JSON", help="test.json of another or an older function.")
     ] = None,
     workers: AnyWorkers = "auto",
-    overwrite: Annotated[bool, Option("--overwrite", help="Replace another test.")] = False,
-    out: Annotated[
-        Path, Option("-o", "--out", metavar="OUT", help="Folder; else out/test.", show_default=False)
-    ] = Path("out") / "test",
+    overwrite: Overwrite = False,
+    out: OutFolder = Path("out") / "test",
 ) -> Answer:
     """Test a driving function on a suite: better or worse than people."""
     from scex_sumo.base.errors import ScexError
