@@ -1,15 +1,16 @@
-"""Errors of users' own code, with its line."""
+"""Errors of users' own code, with its line; a process that such code cannot end."""
 
 from __future__ import annotations
 
 import functools
+import os
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from scex_sumo.base.errors import OwnCodeError, ScexError, reason_of
-from scex_sumo.base.staying import staying
 
 MAX_REASON = 200  # characters
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -66,3 +67,23 @@ def _own_frame(error: BaseException) -> traceback.FrameSummary | None:
 
 def _short(words: str) -> str:
     return words if len(words) <= MAX_REASON else f"{words[: MAX_REASON - 3]}..."
+
+
+end_process = os._exit  # which `staying` replaces
+
+
+@contextmanager
+def staying() -> Iterator[None]:
+    """Turn ``os._exit`` of others' code into SystemExit: it would end the process without a line."""
+    before, process = os._exit, os.getpid()
+
+    def refuse(status: int) -> NoReturn:
+        if os.getpid() != process:  # one that the code has forked
+            end_process(status)
+        raise SystemExit(f"os._exit({status})")
+
+    os._exit = refuse
+    try:
+        yield
+    finally:
+        os._exit = before

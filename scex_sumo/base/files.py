@@ -1,4 +1,4 @@
-"""Files written whole or not at all, locks of folders, temporary folders, the cache folder."""
+"""Files and tables written whole or not at all, locks of folders, temporary folders, the cache folder."""
 
 from __future__ import annotations
 
@@ -13,8 +13,13 @@ import tempfile
 import weakref
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from scex_sumo.base.errors import ResultError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
 
 _WRITING = ".writing"
 
@@ -279,3 +284,26 @@ def _is_alive(process: int) -> bool:
     except PermissionError:
         return True
     return True
+
+
+TABLE_SUFFIXES = (".parquet", ".csv")
+
+
+def write_table(table: pa.Table, path: Path, *inputs: Path) -> None:
+    """Write a table as Parquet or CSV, as `output`."""
+    import pyarrow.parquet as pq
+
+    with output(path, *inputs) as temporary:
+        if path.suffix == ".parquet":
+            pq.write_table(table, temporary)
+        else:
+            with temporary.open("wb") as file:
+                write_csv(table, file)
+
+
+def write_csv(table: pa.Table, file: Any) -> None:
+    """Write a table as CSV to an open binary file."""
+    from pyarrow import csv
+
+    csv.write_csv(table, file, csv.WriteOptions(quoting_style="needed"))
+    file.flush()

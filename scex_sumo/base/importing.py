@@ -13,8 +13,8 @@ from importlib.abc import MetaPathFinder
 from pathlib import Path
 from typing import Any
 
+from scex_sumo.base.blame import own_error_reason, staying
 from scex_sumo.base.errors import MissingExtraError, UsageError
-from scex_sumo.base.staying import staying
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -140,8 +140,6 @@ def import_object(path: str, *, hint: str = "", own: bool = False) -> Any:
     except (Exception, SystemExit) as error:
         reason = f"raised {type(error).__name__}: {error}"
         if own:
-            from scex_sumo.base.blame import own_error_reason
-
             reason = own_error_reason(error)
         raise UsageError(f"{path}: importing {name} {reason}") from error
     if not attribute:

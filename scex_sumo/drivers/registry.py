@@ -9,9 +9,9 @@ from functools import partial
 from typing import Any, Final
 
 from scex_sumo.base.arguments import checked
+from scex_sumo.base.blame import staying
 from scex_sumo.base.errors import ScexError, UsageError, nearest
 from scex_sumo.base.importing import Registry, import_object
-from scex_sumo.base.staying import staying
 from scex_sumo.behaviors.base import BatchBehavior, Behavior, SingleVehicleBehavior
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver
 from scex_sumo.behaviors.models.simple import (

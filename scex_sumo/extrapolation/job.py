@@ -30,9 +30,9 @@ from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.design import design_intervals
+from scex_sumo.results.folder import horizons_table
 from scex_sumo.results.parts import Part, joined_parts, save_part
 from scex_sumo.results.tables.conflicts import conflicts_table
-from scex_sumo.results.tables.horizons import horizons_table
 from scex_sumo.results.tables.outcomes import collisions_table, encounter_rows
 from scex_sumo.road import Road
 from scex_sumo.roads.mirror import mirrored_road, mirrored_scene

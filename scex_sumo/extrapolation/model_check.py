@@ -7,9 +7,8 @@ import time
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
-from scex_sumo.base.blame import own_error_reason
+from scex_sumo.base.blame import own_error_reason, staying
 from scex_sumo.base.errors import ScexError, UsageError
-from scex_sumo.base.staying import staying
 from scex_sumo.behaviors.base import BatchBehavior, is_driven_by_sumo
 from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.extrapolation.assignments import future_generator, route_draws

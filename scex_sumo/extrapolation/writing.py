@@ -19,13 +19,12 @@ from scex_sumo.extrapolation.loop.measure import Recorded, handover_jumps, overl
 from scex_sumo.extrapolation.loop.uncounted import touch_in_simulation
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.design import DENSITIES, densities_table
-from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
+from scex_sumo.results.folder import HORIZONS, ResultFolder, assignments_table, tracks_table, values_table
 from scex_sumo.results.parts import Part, joined_parts
 from scex_sumo.results.road import save_intentions, save_road
 from scex_sumo.results.run import PAIR_OUTCOMES, UNDER_TEST
 from scex_sumo.results.tables.conflicts import CONFLICTS
 from scex_sumo.results.tables.encounters import ENCOUNTERS, encounters_table, outcomes_table
-from scex_sumo.results.tables.horizons import HORIZONS
 from scex_sumo.results.tables.outcomes import COLLISIONS, collided, encounters_of_rows
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene
 

@@ -13,8 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.base.files import write_output
-from scex_sumo.commands.tables import write_table
+from scex_sumo.base.files import write_output, write_table
 from scex_sumo.formats.sumo.scenario import RISK, options_of
 from scex_sumo.live.device import SEEN, Lead
 from scex_sumo.live.focus import BUSIEST

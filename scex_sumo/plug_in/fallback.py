@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.blame import own_error_reason
+from scex_sumo.base.blame import own_error_reason, staying
 from scex_sumo.base.errors import OutOfTimeError, ScexError
-from scex_sumo.base.staying import staying
 from scex_sumo.behaviors.base import (
     BY_ITSELF,
     PLAN_STEPS,

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+from scex_sumo.base.blame import end_process
 from scex_sumo.base.errors import OutOfTimeError, last_words
-from scex_sumo.base.staying import end_process
 
 QUIET_S = 2.0  # after which a line says that the run waits
 RETURN_S = 5.0  # for Python code to end by the error that is raised in it

@@ -9,9 +9,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 from scex_sumo.drivers.registry import mixes
-from scex_sumo.results.probability import Encounter
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import (
+    Encounter,
     arrows,
     criticality,
     event_of,

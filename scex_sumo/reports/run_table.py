@@ -25,8 +25,8 @@ from scex_sumo.reports.encounter_rows import (
     worst_stress,
 )
 from scex_sumo.results.design import is_critical
+from scex_sumo.results.folder import horizons_of
 from scex_sumo.results.run import Run
-from scex_sumo.results.tables.horizons import horizons_of
 from scex_sumo.statistics.density import Interval
 
 SEVERITY: Final = "severe injuries [‰]"

@@ -17,10 +17,10 @@ from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.metrics.registry import COLLISION, Metric, column_named, described_metrics, metric_of
 from scex_sumo.results.decision import Decision, read_decision
 from scex_sumo.results.design import column_of, half_widths, intervals_of, is_critical, metric_density
+from scex_sumo.results.folder import HORIZONS, horizons_of
 from scex_sumo.results.info import BASELINE, PAGE, REFERENCE, read_info
-from scex_sumo.results.probability import Encounter
 from scex_sumo.results.road import load_road
-from scex_sumo.results.tables.horizons import HORIZONS, horizons_of
+from scex_sumo.results.tables.encounters import Encounter
 from scex_sumo.results.tables.reading import read_assignments, read_metrics, read_table
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States, named

@@ -28,8 +28,7 @@ from scex_sumo.scene import HISTORY_STEPS, STEP_S, Plan, SceneHistory, States, V
 from scex_sumo.studies.moments.encounters import recorded
 from scex_sumo.studies.rank.stage import stage_of_motion
 from scex_sumo.suites.drive import PEOPLE, REPLAN, STEPS, Driven
-from scex_sumo.suites.rules_json import lights_to_json, rules_to_json
-from scex_sumo.suites.suite import CASE, MAPS
+from scex_sumo.suites.suite import CASE, MAPS, lights_to_json, rules_to_json
 
 FORMATS: Final = ("openscenario", "commonroad", "sumo")
 SEED: Final = "seed.csv"

@@ -1,10 +1,10 @@
-"""Suite on disk: ``suite.json``, its cases, maps, and what is checked when it is opened."""
+"""Suite on disk: ``suite.json``, its cases, maps and rules, and what is checked when it is opened."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Final
@@ -17,10 +17,9 @@ from scex_sumo.base.files import refuse_special_files, sha256_of
 from scex_sumo.base.schema import COUNT, NUMBER, PLAIN_NAME, TEXT, TRACK, listed, or_null, read_json, record
 from scex_sumo.converters.maps import read_map
 from scex_sumo.results.tables.states import read_scene
-from scex_sumo.road import Road
+from scex_sumo.road import Passage, Road, Rules, Signal
 from scex_sumo.scene import SeedScene
 from scex_sumo.suites.estimate import Design
-from scex_sumo.suites.rules_json import LIGHTS, RULES, rules_of_json
 
 SUITE: Final = "suite.json"
 CASE: Final = "case.json"
@@ -34,6 +33,16 @@ _SEED_SCENE = {
     **{"name": PLAIN_NAME, "track_ids": listed(TRACK, 2), "time_s": NUMBER, "location": TEXT, "map": TEXT},
     "origin": or_null(listed(NUMBER, 2, 2)),
 }
+_LINE = listed(listed(NUMBER, 2, 2), 2)
+_PASSAGE = record(
+    {
+        **{"line": _LINE, "lanes": listed(TRACK, 1), "state": TEXT, "yields_to": listed(COUNT)},
+        "signal": {"type": "integer", "minimum": -1},
+    }
+)
+_LINES = dict.fromkeys(("stop_lines", "crosswalks"), listed(_LINE))
+RULES: Final = record({"passages": listed(_PASSAGE), **_LINES})
+LIGHTS: Final = listed(record({"letters": TEXT, "ends_s": listed(NUMBER), "start_s": NUMBER}))
 _CASE: Final = record(
     {
         "seed_scene": record(_SEED_SCENE, {"rules": or_null(TEXT)}),
@@ -149,3 +158,49 @@ def open_suite(folder: str | Path) -> Suite:
     if len({one["name"] for one in info["cases"]}) < len(info["cases"]):
         raise ResultError(f"{file}: a case has the name of another one; {AGAIN}")
     return Suite(folder=folder, info=info)
+
+
+def rules_to_json(rules: Rules) -> dict[str, Any]:
+    """Return rules without their lights."""
+    return {
+        "passages": [_plain(one) for one in rules.passages],
+        "stop_lines": [line.tolist() for line in rules.stop_lines],
+        "crosswalks": [outline.tolist() for outline in rules.crosswalks],
+    }
+
+
+def lights_to_json(rules: Rules) -> list[dict[str, Any]]:
+    """Return the lights of rules; one without letters is unknown."""
+    return [_plain(one) for one in rules.signals]
+
+
+def _plain(one: Passage | Signal) -> dict[str, Any]:
+    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(one).items()}
+
+
+def rules_of_json(content: Mapping[str, Any], lights: Sequence[Mapping[str, Any]]) -> Rules:
+    """Return the rules of `rules_to_json`, of the schema `RULES`, with lights of `LIGHTS`.
+
+    Raises:
+        ValueError: they do not fit each other.
+    """
+    passages, tuples = content["passages"], ("lanes", "yields_to")
+    others = max((k for one in passages for k in one["yields_to"]), default=-1)
+    if others >= len(passages) or max((one["signal"] for one in passages), default=-1) >= len(lights):
+        raise ValueError("a passage names a passage or a light that is not there")
+    for one in lights:
+        ends = [0.0, *one["ends_s"]]
+        if ends != sorted({*ends}) or len(one["letters"]) != len(one["ends_s"]):
+            raise ValueError("a light has not one end for each phase, one after the other")
+    names = {kind: [field.name for field in fields(kind)] for kind in (Passage, Signal)}
+    passages = [{name: one[name] for name in names[Passage]} for one in passages]
+    signals = [{name: one[name] for name in names[Signal]} for one in lights]
+    return Rules(
+        passages=tuple(
+            Passage(**{**one, "line": np.array(one["line"]), **{name: tuple(one[name]) for name in tuples}})
+            for one in passages
+        ),
+        signals=tuple(Signal(**{**one, "ends_s": np.array(one["ends_s"])}) for one in signals),
+        stop_lines=tuple(np.array(line) for line in content["stop_lines"]),
+        crosswalks=tuple(np.array(outline) for outline in content["crosswalks"]),
+    )

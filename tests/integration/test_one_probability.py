@@ -18,9 +18,9 @@ from scex_sumo.metrics.events import EVENTS
 from scex_sumo.page.report.contents import report_contents
 from scex_sumo.reports.card import any_cells
 from scex_sumo.reports.run_table import expected_injuries, print_details
-from scex_sumo.results.probability import Encounter
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.cut_sets import cut_set_words
+from scex_sumo.results.tables.encounters import Encounter
 from scex_sumo.steps.answers import run_answer
 from tests.command import scex
 from tests.runs import extrapolate

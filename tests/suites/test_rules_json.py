@@ -10,7 +10,7 @@ import pytest
 
 from scex_sumo.base.schema import faults
 from scex_sumo.road import Passage, Rules, Signal
-from scex_sumo.suites.rules_json import LIGHTS, RULES, lights_to_json, rules_of_json, rules_to_json
+from scex_sumo.suites.suite import LIGHTS, RULES, lights_to_json, rules_of_json, rules_to_json
 
 
 def test_rules_and_lights_come_back() -> None:

@@ -27,16 +27,15 @@ from scex_sumo.page.report.contents import report_contents
 from scex_sumo.page.report.report import filled_report
 from scex_sumo.page.report.scene import Box, lane_lines, road_svg
 from scex_sumo.reports.run_table import counted
-from scex_sumo.results.probability import Encounter
+from scex_sumo.results.tables.encounters import Encounter
 from scex_sumo.results.tables.fallbacks import fallback_lines
 from scex_sumo.results.tables.pairs import arrow, once_in
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.moments.run import MomentTask, attempt, net_of, written
 from scex_sumo.studies.rank.encounters import KEY, TRIAGE, VERDICTS, with_stress
-from scex_sumo.studies.rank.folder import REPORTS
 from scex_sumo.studies.rank.glance import box_of, glance, places_of
-from scex_sumo.studies.rank.ranking_run import RankingRun
+from scex_sumo.studies.rank.ranking_run import REPORTS, RankingRun
 from scex_sumo.studies.rank.stage import Stage, stage_of_future
 from scex_sumo.studies.rank.table import page_columns, stress_words
 

@@ -22,9 +22,8 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.workers import moment_workers
 from scex_sumo.studies.rank.encounters import PROBABILITY, Order, read_triage
-from scex_sumo.studies.rank.folder import RankFolder, run_moment
 from scex_sumo.studies.rank.page import write_ranking_page
-from scex_sumo.studies.rank.ranking_run import RankingRun, RankSettings
+from scex_sumo.studies.rank.ranking_run import RankFolder, RankingRun, RankSettings, run_moment
 from scex_sumo.studies.rank.table import moments_table, write_table
 
 

@@ -17,7 +17,7 @@ import pytest
 import scex_sumo
 from scex_sumo.base.errors import UsageError
 from scex_sumo.studies.moments.workers import DaskWorkers
-from scex_sumo.studies.rank.folder import run_moment
+from scex_sumo.studies.rank.ranking_run import run_moment
 from tests.command import scex, started
 
 distributed = pytest.importorskip("distributed")

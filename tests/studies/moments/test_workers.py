@@ -20,8 +20,7 @@ from scex_sumo.scene import SceneHistory, SeedScene, States
 from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.moments.run import MomentTask, attempt, built, pack_road
 from scex_sumo.studies.moments.workers import LocalWorkers
-from scex_sumo.studies.rank.folder import run_moment
-from scex_sumo.studies.rank.ranking_run import RankSettings
+from scex_sumo.studies.rank.ranking_run import RankSettings, run_moment
 
 SETTINGS = RankSettings(run=RunSettings(models="standard_driver,risky_driver", futures=96))
 

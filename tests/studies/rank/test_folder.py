@@ -9,7 +9,7 @@ import pytest
 
 from scex_sumo.base.errors import ResultError
 from scex_sumo.studies.moments.folder import Listing
-from scex_sumo.studies.rank.folder import RankFolder
+from scex_sumo.studies.rank.ranking_run import RankFolder
 from tests.studies.moments.pairs import moment_ref, pairs_table
 
 PLAN = {"futures": 4, "seed": 0}

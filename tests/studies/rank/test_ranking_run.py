@@ -20,8 +20,7 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.moments.run import MomentTask
 from scex_sumo.studies.moments.workers import Done
-from scex_sumo.studies.rank.folder import RankFolder
-from scex_sumo.studies.rank.ranking_run import RankingRun, RankSettings
+from scex_sumo.studies.rank.ranking_run import RankFolder, RankingRun, RankSettings
 from scex_sumo.studies.rank.table import MOMENTS, moments_table
 from tests.studies.moments.pairs import pairs_table
 
