@@ -8,8 +8,8 @@ from collections import OrderedDict
 from typing import Any
 from uuid import uuid4
 
-from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.errors import UsageError
+from scex_sumo.base.owned import owner_cache
 
 MAX_COPIES = 8
 

@@ -14,8 +14,8 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.errors import ScexError
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import is_driven_by_sumo
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.converters.signals import signals_of

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.geometry.polylines import arc_lengths, wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import match

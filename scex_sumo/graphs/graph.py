@@ -8,8 +8,8 @@ import numpy as np
 
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.errors import UsageError
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import SEEN_COLUMNS, seen_from
 from scex_sumo.graphs.edges import EDGE_COLUMNS, KINDS, Edges, Located, scene_edges

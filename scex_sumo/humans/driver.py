@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, normal_quantiles, uniforms
-from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.errors import UsageError
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS, Driver, check_path, check_positive
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, REAR_AXLE_SHARE, Accelerate, curve_speeds, drive

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, normal_quantiles, uniforms
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.motion import Accelerate
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import foot_points

@@ -10,9 +10,10 @@ from functools import partial
 from pathlib import Path
 
 from scex_sumo.base.arguments import checked
-from scex_sumo.base.cache import cached_object, owner_cache
+from scex_sumo.base.cache import cached_object
 from scex_sumo.base.errors import MapError, UsageError
 from scex_sumo.base.files import check_output, sha256_of, write_atomic, write_output
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.base.version import __version__, version_of
 from scex_sumo.converters.net.sumo_net import OPENDRIVE, RECORDED, SumoNet, WrittenNet, net_file
 from scex_sumo.converters.registries import map_format

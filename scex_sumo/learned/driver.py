@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, distinct
-from scex_sumo.base.cache import cached_bytes, owner_cache
+from scex_sumo.base.cache import cached_bytes
 from scex_sumo.base.errors import InputError
 from scex_sumo.base.files import sha256_of
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.motion import Intent, driven
 from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths
 from scex_sumo.graphs.graph import scene_graph

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.errors import UsageError
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import check_positive
 from scex_sumo.geometry.polylines import along, length_of
 from scex_sumo.geometry.rectangles import seen_from

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.converters.tracks.road_users import PEOPLE, obstacle_size, person_kind, road_user
 from scex_sumo.roads.misplaced import misplaced
 from scex_sumo.scene import HISTORY_STEPS, Obstacles, SeedScene, States

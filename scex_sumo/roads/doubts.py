@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, IntArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.geometry.rectangles import Rectangles, separation
 from scex_sumo.roads.matching import off_road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene

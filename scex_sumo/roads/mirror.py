@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.road import Lane, Road, Rules
 from scex_sumo.scene import SceneHistory, SeedScene, States
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.geometry.polylines import headings, length_of, project, samples
 from scex_sumo.road import Lane, Road
 from scex_sumo.roads.conflicts import conflicts

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.geometry.crossings import intersect
 from scex_sumo.geometry.polylines import along, arc_lengths, length_of
 from scex_sumo.road import Lane, Road

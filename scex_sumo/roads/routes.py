@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache, recent
+from scex_sumo.base.owned import owner_cache, recent
 from scex_sumo.geometry.polylines import (
     along,
     arc_lengths,

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.geometry.polylines import heading, turn
 from scex_sumo.road import Rules

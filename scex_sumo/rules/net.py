@@ -11,8 +11,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.cache import owner_cache
 from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.converters.net.sumo_net import RECORDED, LaneTable, SumoNet
 from scex_sumo.converters.net.text import points_of
 from scex_sumo.converters.signals import signals_of

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
 from scex_sumo.geometry.polylines import along, length_of, samples
 from scex_sumo.road import Rules

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.geometry.rectangles import seen_from

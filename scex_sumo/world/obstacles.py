@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.converters.tracks.road_users import obstacle_kinds, road_user
 from scex_sumo.scene import HISTORY_STEPS, REPLAYED, Obstacles, SeedScene, States
 from scex_sumo.world.batch import MATCH_M, NO_LANE, OWN_LANE, RunningBatch, to_sumo

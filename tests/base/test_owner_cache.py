@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import weakref
 
-from scex_sumo.base import cache as module
+from scex_sumo.base import owned as module
 from scex_sumo.behaviors.driving.motion import curve_speeds
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.models.idm import desired_speeds

@@ -15,10 +15,9 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache, recent
+from scex_sumo.base.owned import owner_cache, recent
 from scex_sumo.behaviors.driving.smoothing import drivable, resample
 from scex_sumo.geometry.polylines import arc_lengths, length_of, nearest
-from scex_sumo.geometry.rectangles import seen_from
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import CandidatePath, candidate_paths, centreline, extended
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
@@ -222,13 +221,16 @@ def _straight(scene: SeedScene, v: int, ahead: float) -> PathLine:
 
 def _beside(scene: SeedScene, lines: list[list[PathLine]], v: int) -> list[PathLine]:
     """Return the path of a vehicle off the lanes, parallel to the straightest one of a vehicle near it."""
-    x, y, cos, _, _ = seen_from(scene.now[v], scene.now).T
-    near = (np.abs(x) < BESIDE_M[0]) & (np.abs(y) < BESIDE_M[1]) & (cos > BESIDE_COS)
+    now, me = scene.now, scene.now[v]
+    cos, sin, dx, dy = np.cos(me.heading), np.sin(me.heading), now.x - me.x, now.y - me.y
+    x, y = cos * dx + sin * dy, cos * dy - sin * dx
+    near = (np.abs(x) < BESIDE_M[0]) & (np.abs(y) < BESIDE_M[1])
+    near &= np.cos(now.heading - me.heading) > BESIDE_COS
     near &= np.array([some[0].on_road for some in lines])
     if not near.any():
         return []
     options = lines[int(np.argmin(np.where(near, np.abs(x) + 2 * np.abs(y), np.inf)))]
-    line, place = options[_straightest(options)].points, np.array([scene.now.x[v], scene.now.y[v]])
+    line, place = options[_straightest(options)].points, np.array([me.x, me.y])
     back = line[1] - line[0]
     line = np.vstack([line[0] - 2 * BESIDE_M[0] * back / np.hypot(*back), line])
     s = nearest(line, *place)

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray, distinct
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import Sight, check_path, check_positive
 from scex_sumo.behaviors.driving.leaders import Leaders, find_leaders
 from scex_sumo.behaviors.driving.motion import (

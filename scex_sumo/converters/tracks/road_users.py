@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.scene import HISTORY_STEPS, Obstacles
 
 RUNNING_MPS: Final = 3.0

@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.models.simple import Replay, ReplayProfile
 from scex_sumo.conflicts.pairs import Conflicts, find_conflicts
 from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from scex_sumo.base.arrays import IntArray, distinct
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior, declared, is_built_in, sight_of
 from scex_sumo.behaviors.driving.motion import DrivesAlong, Intent, driven, handed_out, own_motion
 from scex_sumo.road import Road

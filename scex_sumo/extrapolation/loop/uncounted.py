@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.metrics.base import SceneTracks
 from scex_sumo.metrics.collisions import CONTACT_M2, find_collisions

@@ -278,13 +278,10 @@ def _meetings(blocked: _Blocked, v: FloatArray, v_other: FloatArray, human: Huma
     line = np.where(inside, blocked.low - speed * (SAMPLE_S * np.arange(SAMPLES))[:, None], np.inf)
     position = line.min(axis=0)
     entry = np.where(speed > 0, blocked.low[enter, pair], position)
-    # Vehicles that approach each other share the way between them.
-    share = blocked.low[0] * v / np.maximum(v + v_other, 0.1)
-    towards = (enter == 0) & (cos < TOWARDS)
     return _Meeting(
         enter=SAMPLE_S * enter,
         leave=np.where(leave == SAMPLES, np.inf, SAMPLE_S * leave),
-        position=np.where(towards, np.maximum(position, share), position),
+        position=position,
         speed=speed,
         entry=entry,
         high=np.where(inside, blocked.high, -np.inf).max(axis=0),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.leaders import Everyone, everyone
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, rear_axle
 from scex_sumo.behaviors.driving.paths import chosen_paths

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray, IntArray, uniforms
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.motion import rear_axle
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import refine

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.leaders import Leaders, find_ahead
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, curve_speeds, rear_axle
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths

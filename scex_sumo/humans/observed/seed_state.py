@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE
 from scex_sumo.behaviors.driving.paths import BEHIND_M, seed_paths
 from scex_sumo.behaviors.driving.projection import foot_points

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.cache import owner_cache
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.geometry.polylines import along, length_of
 from scex_sumo.learned.inputs.surface import cells_of, fill, lane_outline
 from scex_sumo.road import Lane, Road
