@@ -27,7 +27,6 @@ from scex_sumo.humans.guard.guarded import yielding
 from scex_sumo.humans.late import still_unaware, unchanged
 from scex_sumo.humans.lines.driven_line import redrawn
 from scex_sumo.humans.lines.lanes import change_offsets, change_shares, lanes_beside
-from scex_sumo.humans.lines.later import later_changes
 from scex_sumo.humans.observed.observations import (
     LEADER_MOVES,
     View,
@@ -201,10 +200,7 @@ class LikelyDriver(Driver):
         changes = np.clip(changes, -human.max_change_m, human.max_change_m)
         keeps = np.where(choice > 1 - right, changes[:, 1], lane_offsets(view, deviation))
         time_s = np.arange(step, step + PLAN_STEPS + 1, dtype=np.float64) * STEP_S
-        offsets = lateral_offsets(lateral, np.where(choice < left, changes[:, 0], keeps), time_s, human)
-        if not spread or time_s[0] < human.lateral_s - 1e-9:
-            return offsets
-        return later_changes(view, road, offsets, view.history.route_draw[view.who.future, view.who.vehicle])
+        return lateral_offsets(lateral, np.where(choice < left, changes[:, 0], keeps), time_s, human)
 
     def _waits(self, view: View, leaders: Leaders, obeyed: Obeyed | None) -> FloatArray:
         """Return (n,) s for which vehicles stand from now on."""

@@ -107,8 +107,6 @@ class HumanParameters:
     occupied_across_m: float = 2.5  # m | beside a vehicle; one further away is on a third lane | chosen
     occupied_headway_s: float = 0.3  # s | smaller headways, ahead or behind, are no gap | chosen
     occupied_min_share: float = 0.2  # 1 | least probability of a change to an occupied lane | chosen
-    later_rate: float = 0.0117  # 1/s | of changes to a free lane, each side | fitted: lane_changes.py, MONA
-    later_s: float = 6.6  # s | duration of a change that begins later | fitted: lane_changes.py, MONA
     lateral_doubt: float = 8.0  # 1/(m/s²) | lateral motion counts by 0.7 at a scatter of 1 / this | chosen
     # Path
     path_costs: FloatArray  # 1 | (5,) of `path_features` | fitted
@@ -188,7 +186,6 @@ def simulated(human: HumanParameters) -> HumanParameters:
         # Both ends of its vehicles are on the lane: a heading across it in a bend is no motion across it.
         max_lateral=0.0,
         keep_scale_m=0.02,
-        later_rate=1e-9,
         passing_gap_m=human.beside_gap_m,
     )
 

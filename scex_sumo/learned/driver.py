@@ -90,7 +90,7 @@ class LearnedDriver:
 
     Attributes:
         keeps: whether image features of maps stay in the user's cache.
-        leaves_map: whether it drives vehicles that are off the map, too, beside those on it.
+        leaves_map: whether it drives vehicles that are off the map, too.
         clear: whether it steers away from vehicles beside it.
     """
 
@@ -190,7 +190,7 @@ class LearnedDriver:
         return 0.0
 
     def _paths(self, history: SceneHistory, road: Road, who: VehicleIndex) -> tuple[SeedPaths, IntArray]:
-        paths, row = chosen_paths(history, road, who, _plain(self.profile.path), beside=self.leaves_map)
+        paths, row = chosen_paths(history, road, who, _plain(self.profile.path))
         if self.profile.path == "likeliest":
             choice = choice_of(history.scene, self, road)
             row = choice.likeliest[who.vehicle]
@@ -216,7 +216,7 @@ def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
     """Run the network in the seed scene."""
     history = SceneHistory.of_scene(scene)
     everyone = VehicleIndex(future=np.zeros(scene.vehicles, np.int64), vehicle=np.arange(scene.vehicles))
-    paths, _ = chosen_paths(history, road, everyone, _plain(driver.profile.path), beside=driver.leaves_map)
+    paths, _ = chosen_paths(history, road, everyone, _plain(driver.profile.path))
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     pairs = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     _, modes = driver.predict(history, road, pairs, paths, np.arange(len(vehicle)))

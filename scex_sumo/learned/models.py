@@ -92,6 +92,9 @@ class JointPredictor(LearnedModel):
 
     name, kind = "joint_predictor", "joint"
 
+    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> None:
+        """Vehicles move together: there are only plans."""
+
     @cached_property
     def driver(self) -> LearnedDriver:
         """The network."""

@@ -17,7 +17,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache, recent
 from scex_sumo.behaviors.driving.smoothing import drivable, resample
-from scex_sumo.geometry.polylines import arc_lengths, length_of, nearest
+from scex_sumo.geometry.polylines import arc_lengths
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import CandidatePath, candidate_paths, centreline, extended
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
@@ -27,7 +27,6 @@ BEHIND_M = 20.0  # behind the centre, for the rear axle and vehicles behind
 FIRST_HORIZON_S = 8.0  # 3 s of a future, 3 s of a plan, and some acceleration
 LONGER_S = 5.0  # longer futures get tables that are longer by 1, 3, 7, ... times this
 ROUTE_M = 500.0  # of the routes for SUMO
-BESIDE_M, BESIDE_COS = (25.0, 8.0), 0.87  # along and across, to a vehicle that drives in parallel
 _RECENT = 4  # sets of lines of a road: with recorded and with estimated headings, smoothed and driven
 COARSE = 8  # for the first step of a projection
 COLUMNS = ("x", "y", "cos", "sin", "heading", "curvature")
@@ -45,7 +44,7 @@ class SeedPaths:
     straight: IntArray  # (V,) index of the straightest path from the most probable lane
     draw_edges: FloatArray  # (P,) upper edge in [0, 1] of the path's share of `SceneHistory.route_draw`
     lanes: tuple[tuple[int, ...], ...]  # (P) lane ids; empty off the mapped lanes
-    on_road: BoolArray  # (V,) False off the mapped lanes, where the path is a straight line or `beside`
+    on_road: BoolArray  # (V,) False off the mapped lanes, where the path is a straight line
     # (P * N, 12) per sample: each of `COLUMNS`, then its change to the next sample
     table: FloatArray
     samples: int  # N, samples per path, `DS_M` apart
@@ -100,14 +99,13 @@ def chosen_paths(
     who: VehicleIndex,
     path: PathChoice,
     *,
-    beside: bool = False,
     redraw: Redraw | None = None,
 ) -> tuple[SeedPaths, IntArray]:
     """Return smooth paths of all vehicles, long enough for the present step, and the (n,) rows to follow.
 
     Args:
         path: index from left to right, ``straight`` or ``random`` (by the future's draw).
-        beside: as in `seed_paths`, so ``redraw``.
+        redraw: as in `seed_paths`.
 
     Example:
         >>> history = scex.SceneHistory.of_scene(scex.read_seed(scex.example_path("roundabout")))
@@ -120,7 +118,7 @@ def chosen_paths(
     # together need memory in proportion to its steps.
     further = max(0, ceil((history.step * STEP_S - 3.0) / LONGER_S))
     horizon = FIRST_HORIZON_S + LONGER_S * (2 ** further.bit_length() - 1)
-    paths = seed_paths(history.scene, road, horizon, beside, redraw)
+    paths = seed_paths(history.scene, road, horizon, redraw)
     return paths, paths.choose(path, who.vehicle, history.route_draw[who.future, who.vehicle])
 
 
@@ -129,17 +127,15 @@ def seed_paths(
     scene: SeedScene,
     road: Road,
     horizon_s: float = FIRST_HORIZON_S,
-    beside: bool = False,
     redraw: Redraw | None = None,
 ) -> SeedPaths:
     """Tabulate the candidate paths of a seed scene.
 
     Args:
         horizon_s: time for which the fastest vehicle stays on its table, s.
-        beside: the path of a vehicle off the mapped lanes is parallel to that of a vehicle near it on them.
         redraw: makes other lines of (P, N, 2) smoothed and raw centrelines, e.g. those that people drive.
     """
-    smooth = _smooth_lines(scene, road, horizon_s, beside)
+    smooth = _smooth_lines(scene, road, horizon_s)
     paths = _tabulate(road, smooth, redraw)
     if not scene.intentions:
         return paths
@@ -154,21 +150,14 @@ def _smooth_lines(
     scene: SeedScene,
     road: Road,
     horizon_s: float,
-    beside: bool,
 ) -> _SmoothLines:
     """Return the smoothed candidate paths of a seed scene, arguments as of `seed_paths`."""
-    if beside and all(line.on_road for line in _smooth_lines(scene, road, horizon_s, False).lines):
-        return _smooth_lines(scene, road, horizon_s, False)
     now = scene.now
     ahead = max(15.0 * horizon_s, horizon_s * float(now.speed.max(initial=0.0)) + 40.0)
     lines: list[list[PathLine]] = []
     for v, routes in enumerate(candidate_paths(road, scene)):
         options = [PathLine(*centreline(road, p.lanes, p.s, BEHIND_M, ahead), p) for p in routes]
         lines.append(options or [_straight(scene, v, ahead)])
-    if beside:
-        lines = [
-            some if some[0].on_road else _beside(scene, lines, v) or some for v, some in enumerate(lines)
-        ]
     every, count = list(chain.from_iterable(lines)), np.array([len(some) for some in lines], dtype=np.int64)
     raw = np.stack([resample(line.points, int((BEHIND_M + ahead) / DS_M) + 1, DS_M) for line in every])
     own_speed = np.repeat(now.speed, count)
@@ -195,7 +184,7 @@ class PathLine:
 
     @property
     def on_road(self) -> bool:
-        """False for a straight line, or one parallel to another vehicle's path."""
+        """False for a straight line off the mapped lanes."""
         return bool(self.route.lanes)
 
 
@@ -217,28 +206,6 @@ def _straight(scene: SeedScene, v: int, ahead: float) -> PathLine:
     x, y, heading = (float(values[v]) for values in (scene.now.x, scene.now.y, scene.now.heading))
     s = np.array([-BEHIND_M, ahead])
     return PathLine(np.column_stack([x + s * np.cos(heading), y + s * np.sin(heading)]))
-
-
-def _beside(scene: SeedScene, lines: list[list[PathLine]], v: int) -> list[PathLine]:
-    """Return the path of a vehicle off the lanes, parallel to the straightest one of a vehicle near it."""
-    now, me = scene.now, scene.now[v]
-    cos, sin, dx, dy = np.cos(me.heading), np.sin(me.heading), now.x - me.x, now.y - me.y
-    x, y = cos * dx + sin * dy, cos * dy - sin * dx
-    near = (np.abs(x) < BESIDE_M[0]) & (np.abs(y) < BESIDE_M[1])
-    near &= np.cos(now.heading - me.heading) > BESIDE_COS
-    near &= np.array([some[0].on_road for some in lines])
-    if not near.any():
-        return []
-    options = lines[int(np.argmin(np.where(near, np.abs(x) + 2 * np.abs(y), np.inf)))]
-    line, place = options[_straightest(options)].points, np.array([me.x, me.y])
-    back = line[1] - line[0]
-    line = np.vstack([line[0] - 2 * BESIDE_M[0] * back / np.hypot(*back), line])
-    s = nearest(line, *place)
-    points = resample(line, int(length_of(line) / DS_M), DS_M, s - BEHIND_M)
-    step = np.gradient(points, axis=0)
-    normal = np.column_stack([-step[:, 1], step[:, 0]]) / np.hypot(*step.T)[:, None]
-    k = int(BEHIND_M / DS_M)
-    return [PathLine(points + normal[k] @ (place - points[k]) * normal)]
 
 
 def _tabulate(road: Road, smooth_lines: _SmoothLines, redraw: Redraw | None) -> SeedPaths:

@@ -29,7 +29,7 @@ ROUND_M = 1.0  # of a Gaussian filter of the knots' shifts
 
 def driven_paths(scene: SeedScene, road: Road) -> SeedPaths:
     """Tabulate the lines that people drive, as `chosen_paths` does first."""
-    return seed_paths(scene, road, FIRST_HORIZON_S, False, redrawn)
+    return seed_paths(scene, road, FIRST_HORIZON_S, redrawn)
 
 
 def redrawn(road: Road, lines: Sequence[PathLine], smooth: FloatArray, raw: FloatArray) -> FloatArray:

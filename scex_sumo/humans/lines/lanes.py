@@ -12,7 +12,7 @@ from scex_sumo.geometry.polylines import samples
 from scex_sumo.humans.observed.observations import last_second, observations_of
 from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.road import Lane, Road
-from scex_sumo.scene import SeedScene, States
+from scex_sumo.scene import SeedScene
 
 _POINT_M = 4.0
 
@@ -77,19 +77,8 @@ def lanes_occupied(scene: SeedScene, human: HumanParameters, headway_s: float = 
     Args:
         headway_s: of a vehicle behind that counts, too.
     """
-    return occupied_sides(scene, np.arange(scene.vehicles), scene.now[None], human, headway_s)
-
-
-def occupied_sides(
-    scene: SeedScene, vehicle: IntArray, others: States, human: HumanParameters, headway_s: float
-) -> BoolArray:
-    """Return (n, 2) whether a vehicle is, or soon will be, on the left, and on the right of vehicles (n,).
-
-    Args:
-        others: (n, V) or (1, V) states of all vehicles.
-    """
-    index = (np.arange(len(others.x)) if len(others.x) > 1 else 0, vehicle)
-    now, length, width = others[index][:, None], scene.length[vehicle, None], scene.width[vehicle, None]
+    others = scene.now
+    now, length, width = others[:, None], scene.length[:, None], scene.width[:, None]
     cos, sin = np.cos(now.heading), np.sin(now.heading)
     dx, dy = others.x - now.x, others.y - now.y
     ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
@@ -101,7 +90,7 @@ def occupied_sides(
     behind = np.where(ahead + soon * opening < 0, others.speed, now.speed)
     near = apart < human.occupied_along_m + headway_s * behind
     near &= (room > -human.occupied_along_m) & (room < human.occupied_across_m)
-    near[np.arange(len(vehicle)), vehicle] = False
+    np.fill_diagonal(near, False)
     return np.stack([(near & side).any(axis=1) for side in (left > 0, left < 0)], axis=1)
 
 

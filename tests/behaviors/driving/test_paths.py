@@ -16,7 +16,7 @@ from scex_sumo.behaviors.driving.paths import (
     planned_lanes,
     seed_paths,
 )
-from scex_sumo.behaviors.driving.projection import foot_points, sample_paths
+from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.geometry.polylines import arc_lengths, nearest
 from tests.behaviors import roads
 
@@ -107,17 +107,3 @@ def test_all_paths_of_a_long_future_take_memory_in_proportion_to_its_steps() -> 
         tables[id(paths)] = paths.samples
     assert len(tables) <= 8
     assert sum(tables.values()) < 2.2 * max(tables.values()) < 2.2 * 2 * 15 * (600 + 8) / DS_M
-
-
-def test_a_vehicle_off_the_lanes_can_keep_beside_one_on_them() -> None:
-    left = roads.road(roads.lane(1, [(-60.0, 0.0), (0.0, 0.0), *map(tuple, roads.arc(30.0, 1.5))]))
-    scene = roads.scene_of((-5.0, 0.2, 0.0, 5.0), (-4.0, -6.0, 0.0, 5.0), (-4.0, -60.0, 0.0, 5.0))
-    paths, alone = seed_paths(scene, left, beside=True), seed_paths(scene, left)
-    assert paths.on_road.tolist() == alone.on_road.tolist() == [True, False, False]
-    assert np.array_equal(line(paths, 0), line(alone, 0))
-    assert np.array_equal(line(paths, 2), line(alone, 2))  # nothing on the lanes is near it
-    s, across, _ = foot_points(paths, np.ones(1, int), np.array([-4.0]), np.array([-6.0]), np.array([20.0]))
-    assert abs(s[0] - BEHIND_M) < 0.1 and abs(across[0]) < 0.1
-    x, y = sample_paths(paths, np.full(2, 1), BEHIND_M + np.array([4.0, 34.0]))[:2]
-    assert np.hypot(x, y - 30.0) == pytest.approx(36.0, abs=0.3)  # 6 m outside the arc
-    assert np.abs(line(alone, 1)[:, 1] + 6.0).max() < 1e-9
