@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.errors import UsageError, listed
 from scex_sumo.base.sending import SentOnce
 
 if TYPE_CHECKING:
@@ -216,6 +217,14 @@ class SeedScene(SentOnce):
     def names(self) -> list[str]:
         """(V,) SUMO's names of the vehicles of a simulation, else the track ids."""
         return [str(named(self.source, track)) for track in self.track_ids.tolist()]
+
+    def track_of(self, name: int | str, option: str) -> int:
+        """Return the track id of a vehicle by SUMO's name or by the id; `UsageError` of an option without."""
+        known = dict(zip(map(str, self.names), self.track_ids.tolist(), strict=True))
+        known = {str(track): track for track in known.values()} | known
+        if str(name) not in known:
+            raise UsageError(f"{option} {name}: not in the seed scene; its vehicles: {listed(self.names)}")
+        return int(known[str(name)])
 
     def intention(self, vehicle: int) -> Intention | None:
         """Return what SUMO knows of a vehicle by its index; None for recordings."""

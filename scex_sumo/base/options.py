@@ -96,6 +96,12 @@ def last_of_list(incomplete: str, names: Iterable[str]) -> list[str]:
     return [f"{typed}{comma}{name}" for name in names if name.startswith(last)]
 
 
+def number_or_name(text: str) -> int | str:
+    """Return the track id, or SUMO's name of a vehicle, that an option names."""
+    word = text.strip()
+    return int(word) if word.removeprefix("-").isdecimal() else word
+
+
 def numbers_by_name(option: str, entries: Iterable[str], form: str) -> dict[str, float]:
     """Return ``NAME=NUMBER`` entries of an option as a mapping.
 

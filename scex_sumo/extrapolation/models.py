@@ -48,8 +48,8 @@ class ModelSet(SentOnce):
 
     drawn: tuple[ModelSpec, ...]
     specs: tuple[ModelSpec, ...]
-    fixed: Mapping[int, int]
-    tested: Mapping[int, str | None]
+    fixed: Mapping[Any, int]
+    tested: Mapping[Any, str | None]
     people: Mapping[str, Mapping[int, float]]
     built: tuple[BatchBehavior, ...]
 
@@ -61,7 +61,7 @@ class ModelSet(SentOnce):
         walking = _of_people(settings, [spec for spec in settings.drawn if moved_by(spec)])
         if not any(spec.weight > 0 for spec in drawn):
             raise UsageError("--models: names no model of vehicles; give one, e.g. standard_driver")
-        specs, fixed = {str(spec): spec for spec in drawn}, {}
+        specs, fixed = {str(spec): spec for spec in drawn}, dict[Any, int]()
         for track, given in [*settings.assign.items(), *tested.items()]:
             if given is None:
                 continue
@@ -70,7 +70,7 @@ class ModelSet(SentOnce):
                 option = "--under-test" if track in tested else "--assign"
                 raise UsageError(f"{option} {track}={given}: names {len(wanted)} models; give one")
             refuse_namesake(wanted[0], specs.setdefault(str(wanted[0]), wanted[0]))
-            fixed[int(track)] = list(specs).index(str(wanted[0]))
+            fixed[track] = list(specs).index(str(wanted[0]))
         specs |= {str(spec): spec for spec in walking if str(spec) not in specs}
         place = {name: index for index, name in enumerate(specs)}
         kinds = {kind for spec in walking for kind in moved_by(spec)}

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.options import last_of_list, numbers_by_name, option
+from scex_sumo.base.options import last_of_list, number_or_name, numbers_by_name, option
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.drivers.registry import DEFAULT_MODELS, ModelSpec, is_own, known_names, mixes, model_specs
 from scex_sumo.metrics.registry import (
@@ -56,27 +56,26 @@ def complete_models(incomplete: str) -> list[str]:
     return last_of_list(incomplete, [*mixes(), *known_names()])
 
 
-def read_assign(entries: Sequence[str], option: str = "--assign") -> dict[int, str]:
-    """Read ``TRACK=MODEL`` entries of an option, each vehicle once."""
-    result: dict[int, str] = {}
+def read_assign(entries: Sequence[str], option: str = "--assign") -> dict[int | str, str]:
+    """Read ``TRACK=MODEL`` entries of an option, each vehicle once; a track id, or SUMO's name."""
+    result: dict[int | str, str] = {}
     for entry in entries:
-        track, equals, model = entry.partition("=")
-        if not equals or not model or not track.strip().lstrip("-").isdigit():
+        track, _, model = entry.partition("=")
+        if not model or not track.strip():
             raise UsageError(f"{option} {entry}: needs TRACK=MODEL, e.g. {option} 17=emergency_brake")
-        if int(track) in result:
-            raise UsageError(f"{option} {entry}: vehicle {int(track)} is given twice; give it one model")
-        result[int(track)] = model
+        if number_or_name(track) in result:
+            raise UsageError(f"{option} {entry}: vehicle {track} is given twice; give it one model")
+        result[number_or_name(track)] = model
     return result
 
 
-def read_under_test(entries: Sequence[str]) -> dict[int, str | None]:
+def read_under_test(entries: Sequence[str]) -> dict[int | str, str | None]:
     """Read ``TRACK=MODEL`` entries, or ``TRACK`` alone for a vehicle that is driven as drawn."""
-    alone = [entry for entry in entries if entry.strip().isdigit()]
-    models = read_assign([entry for entry in entries if entry not in alone], "--under-test")
-    for entry in alone:
-        if int(entry) in models:
-            raise UsageError(f"--under-test {entry}: vehicle {int(entry)} is given twice; give it once")
-    return {**models, **{int(entry): None for entry in alone}}
+    alone = [number_or_name(entry) for entry in entries if "=" not in entry]
+    models = read_assign([entry for entry in entries if "=" in entry], "--under-test")
+    if twice := [track for track in alone if track in models]:
+        raise UsageError(f"--under-test {twice[0]}: vehicle {twice[0]} is given twice; give it once")
+    return {**models, **dict.fromkeys(alone)}
 
 
 def read_thresholds(entries: Sequence[str]) -> dict[str, float]:
@@ -90,7 +89,7 @@ class RunSettings:
 
     Attributes:
         models: a list, too; an entry is text, a `ModelSpec`, or a driver's class, function or object.
-        assign: by track id; an entry as of ``models``. A model of the user's is under test.
+        assign: by track id or SUMO's name; an entry as of ``models``. A model of the user's is under test.
         under_test: by track id, as ``assign``; None for a vehicle that is driven as drawn.
         futures: ``"all"`` runs every combination; 385, as in the paper, gives a 95 % interval of
             at most +-5 %.
@@ -127,7 +126,7 @@ class RunSettings:
         takes=str,
         complete=complete_models,
     )
-    assign: Mapping[int, Driver] = option(
+    assign: Mapping[Any, Driver] = option(
         "A vehicle's model; repeatable.",
         factory=dict,
         metavar="TRACK=MODEL",
@@ -135,7 +134,7 @@ class RunSettings:
         several=True,
         read=read_assign,
     )
-    under_test: Mapping[int, Driver | None] = option(
+    under_test: Mapping[Any, Driver | None] = option(
         "A driving function under test, measured apart; repeatable.",
         factory=dict,
         metavar="TRACK=MODEL",
@@ -223,6 +222,18 @@ class RunSettings:
         """The region in which pairs count; None for everywhere."""
         assert not isinstance(self.region, str | int)
         return self.region
+
+    def numbered(self, scene: SeedScene) -> RunSettings:
+        """Return settings that name vehicles by track ids only.
+
+        Raises:
+            UsageError: the scene has no vehicle of a name.
+        """
+        assign = {scene.track_of(name, "--assign"): given for name, given in self.assign.items()}
+        tested = {scene.track_of(name, "--under-test"): given for name, given in self.under_test.items()}
+        if {*assign} == {*self.assign} and {*tested} == {*self.under_test}:
+            return self
+        return replace(self, assign=assign, under_test=tested)
 
     def vehicles_that_count(self, scene: SeedScene) -> tuple[int, ...] | None:
         """Return the indices of the vehicles whose pairs count; None for all."""

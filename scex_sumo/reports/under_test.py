@@ -105,7 +105,8 @@ def own_encounters(run: Run) -> list[str]:
         shares = ["0 %" if one is None else share_of(one, event).percent for one in rows if event]
         place = ", ".join(part for part in (row["kind"], row["place"], f"{row['time_s']:.1f} s") if part)
         if shares:
-            lines.append(f"{row['track_id']} → {row['other_id']} ({place}): {words} in {' → '.join(shares)}")
+            one, other = map(run.name_of, track_ids(row))
+            lines.append(f"{one} → {other} ({place}): {words} in {' → '.join(shares)}")
     return lines
 
 

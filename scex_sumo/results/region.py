@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.base.options import number_or_name
 from scex_sumo.scene import HISTORY_STEPS, REPLAYED, STEP_S, Obstacles, SeedScene, States
 
 NEAR_M: Final = 50.0
@@ -31,7 +32,7 @@ class Region:
 
     Attributes:
         circle: x, y and radius, m.
-        around: track id of a vehicle; the radius is then `AROUND_M`.
+        around: track id or SUMO's name of a vehicle; the radius is then `AROUND_M`.
 
     Raises:
         UsageError: both are given, or the circle is none.
@@ -44,7 +45,7 @@ class Region:
     """
 
     circle: tuple[float, float, float] | None = None
-    around: int | None = None
+    around: int | str | None = None
 
     def __post_init__(self) -> None:
         if self.circle is not None and self.around is not None:
@@ -58,12 +59,9 @@ class Region:
         Raises:
             UsageError: there is none, or no vehicle of this id.
         """
-        ids, now, circle = scene.track_ids.tolist(), scene.now, self.circle
+        now, circle = scene.now, self.circle
         if self.around is not None:
-            if self.around not in ids:
-                known = ", ".join(map(str, ids))
-                raise UsageError(f"--region {self.around}: not in the seed scene; its vehicles: {known}")
-            centre = ids.index(self.around)
+            centre = scene.track_ids.tolist().index(scene.track_of(self.around, "--region"))
             circle = float(now.x[centre]), float(now.y[centre]), AROUND_M
         if circle is None:
             return None
@@ -118,20 +116,20 @@ class Region:
 
 
 def region_of(given: str | int | None) -> Region:
-    """Return the region of a text ``X,Y,R``, or around a vehicle of this track id; of None: everywhere.
+    """Return the region of a text ``X,Y,R``, or around a vehicle of this id or name; of None: everywhere.
 
     Raises:
         UsageError: it is another text.
     """
     if given is None or isinstance(given, int):
         return Region(around=given)
-    if given.strip().removeprefix("-").isdecimal():
-        return Region(around=int(given))
+    if "," not in given:
+        return Region(around=number_or_name(given))
     try:
         x, y, radius = (float(part) for part in given.split(","))
     except ValueError:
         raise UsageError(
-            f"--region {given}: needs X,Y,R in m, or the track id of a vehicle, e.g. --region 1010,985,40"
+            f"--region {given}: needs X,Y,R in m, or a vehicle, e.g. --region 1010,985,40"
         ) from None
     return Region(circle=(x, y, radius))
 

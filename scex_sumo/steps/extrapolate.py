@@ -39,8 +39,8 @@ class RunKeywords(TypedDict, total=False):
     steps: int
     replan: int
     models: Models
-    assign: Mapping[int, Driver]
-    under_test: Mapping[int, Driver | None]
+    assign: Mapping[Any, Driver]
+    under_test: Mapping[Any, Driver | None]
     region: Region | str | int | None
     metrics: str | Sequence[str | Metric]
     thresholds: Mapping[str, float]

@@ -39,6 +39,8 @@ def run_moment(
     Raises:
         ScexError: as of `extrapolate`.
     """
+    if (numbered := settings.numbered(scene)) is not settings:
+        settings, models = numbered, None
     start = opened(scene, settings, options, models or models_of(settings, options))
     human, job = options.human, start.job
     is_tested = any(model is not None for model in settings.under_test.values())

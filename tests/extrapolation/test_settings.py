@@ -17,6 +17,7 @@ from scex_sumo.behaviors.spec import ModelSpec
 from scex_sumo.extrapolation.extras import run_options
 from scex_sumo.extrapolation.options import RunOptions
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.results.region import Region
 from scex_sumo.steps.run_command import run_command
 from tests.seeds import straight_seed
 
@@ -56,7 +57,7 @@ def test_more_states_than_a_machine_holds_are_refused_with_their_number() -> Non
         ({"thresholds": {"nope": 1.0}}, "thresholds: unknown metric 'nope'"),
         ({"worker": 2}, "unknown option 'worker'; nearest: workers"),
         ({"seed": 1.5}, "^seed: got 1.5, needs int"),
-        ({"assign": 3}, r"^assign: got 3, needs Mapping\[int"),
+        ({"assign": 3}, r"^assign: got 3, needs Mapping\["),
         ({"reference": "nope"}, "unknown behavior 'nope'"),
         ({"out": Path(__file__)}, r"out .*test_settings.py: is a file"),
     ],
@@ -110,3 +111,13 @@ def test_cores_on_which_something_runs_are_not_idle(monkeypatch: pytest.MonkeyPa
         line = f"0.10 0.20 0.30 {running}/412 991"
         monkeypatch.setattr("pathlib.Path.read_text", lambda path, line=line: line)
         assert idle_cores() == idle
+
+
+def test_a_vehicle_of_a_simulation_is_named_as_sumo_names_it() -> None:
+    scene = dataclasses.replace(straight_seed(2), source={"vehicles": {"0": "main.47", "1": "0"}})
+    settings = RunSettings(models="replay", assign={"main.47": "replay"}, under_test={0: None})
+    assert settings.numbered(scene).assign == {0: "replay"}
+    assert settings.numbered(scene).under_test == {1: None}  # a name before a track id
+    with pytest.raises(UsageError, match="--region main4: not in the seed scene; its vehicles"):
+        Region(around="main4").vehicles(scene)
+    assert Region(around="main.47").vehicles(scene) == (0, 1)

@@ -67,7 +67,7 @@ def test_a_region_is_checked() -> None:
     assert region_of("16") == region_of(16) == Region(around=16)
     assert region_of(None).vehicles(scene) is None
     for text, words in (
-        ("1,2", "--region 1,2: needs X,Y,R in m, or the track id of a vehicle"),
+        ("1,2", "--region 1,2: needs X,Y,R in m, or a vehicle"),
         ("1,2,-3", "a radius above 0 m"),
     ):
         with pytest.raises(UsageError, match=words):

@@ -27,7 +27,7 @@ from tests.metrics.scenes import random_run
 def test_vehicles_under_test_are_read_with_and_without_a_model() -> None:
     assert read_under_test(("17=acc:Acc:time_gap=2", "23")) == {17: "acc:Acc:time_gap=2", 23: None}
     for entries, words in (
-        (("x=acc:Acc",), "--under-test x=acc:Acc: needs TRACK=MODEL, e.g. --under-test 17=emergency_brake"),
+        (("=acc:Acc",), "--under-test =acc:Acc: needs TRACK=MODEL, e.g. --under-test 17=emergency_brake"),
         (("17=",), "needs TRACK=MODEL"),
         (("17=replay", "17"), "--under-test 17: vehicle 17 is given twice"),
         (("17=replay", "17=replay"), "vehicle 17 is given twice; give it one model"),
