@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Final
 
 from scex_sumo.decision.of_run import decide_run
 from scex_sumo.drivers.registry import parse_models
@@ -19,7 +20,13 @@ from scex_sumo.results.info import BASELINE, PAGE, REFERENCE
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.pairs import PAIRS_FILE
 from scex_sumo.scene import SeedScene
-from scex_sumo.steps.reference import run_reference
+from scex_sumo.world.base import WORLDS
+
+REFERENCE_FUTURES: Final = 32
+"""With more, P of the most probable pair varies as much from seed to seed."""
+LEAST_FUTURES: Final = 16
+"""A reference of 3 s has as many at least, however few the run has; so has a moment in ``rank``."""
+_LEAST_STEPS: Final = 30 * LEAST_FUTURES
 
 
 def run_moment(
@@ -79,3 +86,40 @@ def _run_baseline(job: Job, workers: Workers, options: RunOptions) -> None:
     folder, bar = job.folder / BASELINE, lambda label: options.bar("baseline futures")
     own = dataclasses.replace(options, gui=False, out=folder, overwrite=True, bar=bar)
     run_scene(job.scene, settings, workers=workers, options=own)
+
+
+def run_reference(
+    job: Job, models: str, workers: Workers, options: RunOptions, extras: Sequence[Extra]
+) -> None:
+    """Run the reference with all workers; a finished one is kept."""
+    own = dataclasses.replace(
+        options,
+        out=job.folder / REFERENCE,
+        bar=lambda label: options.bar("human-like futures"),
+        gui=False,
+        extra=(),
+        overwrite=True,
+        is_reference=True,
+    )
+    wanted = reference_settings(job.settings, models, len(job.assignment))
+    run_scene(job.scene, wanted, workers=workers, options=own, extras=extras)
+
+
+def reference_settings(settings: RunSettings, models: str, futures: int) -> RunSettings:
+    """Return the settings of the reference of a run with this number of futures."""
+    return dataclasses.replace(
+        settings,
+        models=models,
+        assign={},
+        under_test={},
+        futures=reference_futures(futures, settings.steps),
+        world="checked" if WORLDS.load(settings.world).has_sumo else "plain",
+    )
+
+
+def reference_futures(futures: int, steps: int) -> int:
+    """Return the number of futures of the reference of a run.
+
+    At most as many as the run has, but at least `LEAST_FUTURES` of 3 s, or others of that cost.
+    """
+    return min(REFERENCE_FUTURES, max(futures, _LEAST_STEPS // steps))

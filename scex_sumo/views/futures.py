@@ -16,7 +16,7 @@ from scex_sumo.base.files import writing
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import precedence_words, share_of
-from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 from scex_sumo.views.replay import write_view
 from scex_sumo.world.drawings import FutureView
 
@@ -144,28 +144,18 @@ def _overlap(run: Run, row: dict[str, Any]) -> bool:
     )
 
 
-def _future_view(
-    run: Run, number: int, *, title: str = "", states: States | None = None, **event: Any
-) -> FutureView:
-    return FutureView(
-        number=number,
-        states=run.states(number) if states is None else states,
-        models=run.models_of(number if states is None else 0),
-        title=title,
-        past=LOGGED_HISTORY,
-        **event,
-    )
+def _future_view(run: Run, number: int, *, title: str = "", **event: Any) -> FutureView:
+    states, models = run.states(number), run.models_of(number)
+    return FutureView(number=number, states=states, models=models, title=title, past=LOGGED_HISTORY, **event)
 
 
-def _event_view(
-    run: Run, number: int, tracks: Sequence[int], step: int, what: str, states: States | None = None
-) -> FutureView:
+def _event_view(run: Run, number: int, tracks: Sequence[int], step: int, what: str) -> FutureView:
     ids = list(run.info["seed_scene"]["track_ids"])
     stop = LOGGED_HISTORY - 1 + step  # the clock begins with the last second before the moment
     when = f"after {step * STEP_S:.1f} s (clock {(stop + 1) * STEP_S:.1f} s)"
     title = f"{what} · {_named(run, tracks)} {when}{precedence_words(run.info, tracks)}"
     event = [ids.index(track) for track in tracks if track in ids]  # people who are replayed have none
-    return _future_view(run, number, title=title, states=states, event=event, stop=stop)
+    return _future_view(run, number, title=title, event=event, stop=stop)
 
 
 def colors_of(run: Run) -> dict[str, Rgb]:

@@ -11,7 +11,7 @@ import pytest
 from scex_sumo.reports.run_table import summary_table
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
-from scex_sumo.steps.reference import REFERENCE_FUTURES, reference_futures
+from scex_sumo.steps.moment import REFERENCE_FUTURES, reference_futures
 from tests.runs import extrapolate
 
 

@@ -19,8 +19,7 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
-from scex_sumo.steps.moment import run_moment
-from scex_sumo.steps.reference import REFERENCE_FUTURES
+from scex_sumo.steps.moment import REFERENCE_FUTURES, run_moment
 
 NEW_PROCESSES = True
 
