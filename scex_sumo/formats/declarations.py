@@ -10,6 +10,7 @@ from scex_sumo.formats.recognition import (
     is_argoverse_map,
     is_commonroad,
     is_commonroad_recording,
+    is_esmini_log,
     is_fcd,
     is_highd_map,
     is_levelx,
@@ -17,6 +18,7 @@ from scex_sumo.formats.recognition import (
     is_opendd,
     is_opendd_map,
     is_opendrive,
+    is_openscenario,
     is_osi,
     is_py123d,
     is_py123d_map,
@@ -87,6 +89,24 @@ def _opendrive() -> Any:
     from scex_sumo.formats.opendrive.reader import OPENDRIVE
 
     return OPENDRIVE
+
+
+def _openscenario_map() -> Any:
+    from scex_sumo.formats.openscenario.reader import OPENSCENARIO_MAP
+
+    return OPENSCENARIO_MAP
+
+
+def _openscenario() -> Any:
+    from scex_sumo.formats.openscenario.reader import OPENSCENARIO
+
+    return OPENSCENARIO
+
+
+def _esmini() -> Any:
+    from scex_sumo.formats.openscenario.reader import ESMINI
+
+    return ESMINI
 
 
 def _open_street_map() -> Any:
@@ -172,6 +192,7 @@ COMMONROAD_MAP = Declaration(is_commonroad, _commonroad_map)
 HIGHD_MAP = Declaration(is_highd_map, _highd)
 OPENDD_MAP = Declaration(is_opendd_map, _opendd_map)
 OPENDRIVE = Declaration(is_opendrive, _opendrive)
+OPENSCENARIO_MAP = Declaration(is_openscenario, _openscenario_map)
 OPEN_STREET_MAP = Declaration(is_open_street_map, _open_street_map)
 OSI_MAP = Declaration(is_osi, _osi_map)
 PY123D_MAP = Declaration(is_py123d_map, _py123d_map)
@@ -181,9 +202,11 @@ SUMO_NET = Declaration(is_sumo_net, _sumo_net)
 
 ARGOVERSE = Declaration(is_argoverse, _argoverse)
 COMMONROAD = Declaration(is_commonroad_recording, _commonroad)
+ESMINI = Declaration(is_esmini_log, _esmini)
 FCD = Declaration(is_fcd, _fcd)
 LEVELX = Declaration(is_levelx, _levelx)
 OPENDD = Declaration(is_opendd, _opendd)
+OPENSCENARIO = Declaration(is_openscenario, _openscenario)
 OSI = Declaration(is_osi, _osi)
 PY123D = Declaration(is_py123d, _py123d)
 SCENARIONET = Declaration(is_scenarionet, _scenarionet)

@@ -138,3 +138,13 @@ def is_opendrive(path: Path) -> bool:
 def is_sind(path: Path) -> bool:
     """Whether a file is a recording of SinD."""
     return unpacked_name(path) in (f"{SIND_VEHICLES}.csv", f"{SIND_WALKERS}.csv")
+
+
+def is_openscenario(path: Path) -> bool:
+    """Whether a file is a scenario of OpenSCENARIO XML, and none of its catalogs."""
+    return path.suffix.lower() == ".xosc" and not (path.is_file() and b"<Catalog " in beginning(path))
+
+
+def is_esmini_log(path: Path) -> bool:
+    """Whether a file is a CSV log of esmini, by its header."""
+    return path.suffix == ".csv" and b"Entitity_Name [-]" in beginning(path)

@@ -71,8 +71,8 @@ def _off_lanes(scene: SeedScene) -> BoolArray:
 
 
 def _exact(scene: SeedScene) -> bool:
-    """Whether SUMO has simulated the scene: vehicles are inserted, arrive, and change lanes in one step."""
-    return scene.source.get("kind") == "simulation"
+    """Whether the scene is simulated: vehicles are inserted, arrive, and change lanes in one step."""
+    return scene.source.get("kind") in ("simulation", "scenario")
 
 
 def _short(scene: SeedScene) -> BoolArray:

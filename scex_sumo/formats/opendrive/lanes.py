@@ -35,9 +35,11 @@ class OpenDriveMap(DrawnMap):
 
     Attributes:
         signals: id of the light of each lane, by name.
+        roads: by id.
     """
 
     signals: dict[Name, str] = field(default_factory=dict)
+    roads: Mapping[str, DrawnRoad] = field(default_factory=dict)
 
 
 def opendrive_map(path: Path, root: Element) -> OpenDriveMap:
@@ -54,6 +56,7 @@ def opendrive_map(path: Path, root: Element) -> OpenDriveMap:
         drawn.note("roads without geometry or lanes left out", *left_out)
     if not roads:
         raise MapError(f"{path}: none of its {len(left_out)} roads has geometry and lanes; export it again")
+    drawn.roads = roads
     drawn.left_hand = 2 * sum(road.left_hand for road in roads.values()) > len(roads)
     after, before, tiny = _links(root, roads)
     for road in roads.values():

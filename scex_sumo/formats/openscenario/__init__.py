@@ -1,0 +1,1 @@
+"""OpenSCENARIO XML: the motion that a scenario itself defines, as a recording."""

@@ -1,0 +1,166 @@
+"""Scenario as written: its parameters and catalogs filled in, its entities, its map.
+
+Source: ASAM OpenSCENARIO XML 1.0 to 1.3.
+"""
+
+from __future__ import annotations
+
+import ast
+import copy
+import math
+import operator
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree.ElementTree import Element
+
+from scex_sumo.converters.xml import unpacked, xml_root
+from scex_sumo.formats.opendrive.reference import number
+
+_KINDS = {"motorbike": "motorcycle", "van": "car", "semitrailer": "truck"}
+_BODIES = {"Vehicle": "car", "Pedestrian": "pedestrian", "MiscObject": "object"}
+_DEFAULTS = (*_BODIES, "Maneuver", "Trajectory", "Route")  # their values are overruled by a reference
+_NAME = re.compile(r"\$(\w+)")
+_LETTERS = 1000  # of an expression
+_OPERATORS: Mapping[type, Callable[..., Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.USub: operator.neg,
+}
+_FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+    **{name: getattr(math, name) for name in ("floor", "ceil", "sqrt", "pow")},
+    **{"round": round, "min": min, "max": max, "abs": abs},
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entity:
+    """Road user of a scenario; its box's centre is ``ahead_m`` ahead and ``left_m`` left of its reference."""
+
+    name: str
+    kind: str
+    length: float
+    width: float
+    ahead_m: float
+    left_m: float
+    is_controlled: bool
+
+
+def read_document(path: Path) -> tuple[Element, dict[str, Entity]]:
+    """Read a scenario; return its root, filled in, and its entities by name.
+
+    Raises:
+        ValueError, ScexError: it is damaged, or names a parameter or an entry that is not there.
+    """
+    root = _root(path)
+    if root.tag != "OpenSCENARIO" or root.find("Storyboard") is None:
+        raise ValueError("it is no scenario of OpenSCENARIO XML")
+    folders = [path.parent / one.get("path", "") for one in root.iterfind("CatalogLocations/*/Directory")]
+    _Filler(file for folder in folders for file in sorted(folder.glob("*.xosc"))).fill(root, {})
+    entities = [_entity(one) for one in root.iterfind("Entities/ScenarioObject")]
+    return root, {one.name: one for one in entities}
+
+
+def map_of(path: Path) -> Path:
+    """Return the OpenDRIVE file that a scenario names; raises `ValueError` if it names none."""
+    root = _root(path)
+    values = {x.get("name"): x.get("value", "") for x in root.iterfind("ParameterDeclarations/*")}
+    file = root.find("RoadNetwork/LogicFile")
+    name = "" if file is None else file.get("filepath", "")
+    name = values.get(name[1:], "") if name.startswith("$") else name
+    if not name.lower().endswith((".xodr", ".xodr.gz")):
+        raise ValueError(f"its road network is {name[-60:]!r}, no OpenDRIVE file")
+    return path.parent / name.replace("\\", "/")
+
+
+def _root(path: Path) -> Element:
+    return xml_root(path, unpacked(path), "export the scenario again")
+
+
+class _Filler:
+    """Fills parameters and entries of catalogs into elements."""
+
+    def __init__(self, files: Iterable[Path]) -> None:
+        self._entries: dict[tuple[str | None, str | None], Element] = {}
+        for catalog in (one for file in files for one in _root(file).iter("Catalog")):
+            for entry in catalog:
+                self._entries.setdefault((catalog.get("name"), entry.get("name")), entry)
+
+    def fill(self, element: Element, values: Mapping[str, str]) -> None:
+        """Replace parameters in attributes, and references to catalogs by their entries."""
+        for one in element.findall("ParameterDeclarations/*"):
+            name, value = one.get("name", ""), _filled(one.get("value", ""), values)
+            values = {name: value} | dict(values) if element.tag in _DEFAULTS else {**values, name: value}
+        for key, text in element.items():
+            element.set(key, _filled(text, values))
+        for k, child in enumerate(element):
+            if child.tag == "CatalogReference":
+                entry = self._entry(child, values, element.tag)
+                element[k] = child if entry is None else entry
+            elif child.tag != "ParameterDeclarations":
+                self.fill(child, values)
+
+    def _entry(self, reference: Element, values: Mapping[str, str], within: str) -> Element | None:
+        catalog, name = (_filled(reference.get(key, ""), values) for key in ("catalogName", "entryName"))
+        if (catalog, name) not in self._entries:
+            if within in ("ScenarioObject", "ManeuverGroup"):
+                raise ValueError(f"entry {name} of catalog {catalog} is in none of its catalog folders")
+            return None  # such as a controller's
+        entry = copy.deepcopy(self._entries[catalog, name])
+        given = reference.iter("ParameterAssignment")
+        self.fill(entry, {x.get("parameterRef", ""): _filled(x.get("value", ""), values) for x in given})
+        return entry
+
+
+def _filled(text: str, values: Mapping[str, str]) -> str:
+    def value(name: re.Match[str]) -> str:
+        if name[1] not in values:
+            raise ValueError(f"parameter {name[1][:40]} is not declared")
+        return values[name[1]]
+
+    if not text.startswith("$"):
+        return text
+    plain = _NAME.sub(value, text.removeprefix("${").removesuffix("}"))
+    if not text.startswith("${"):
+        return plain
+    try:
+        if len(plain) > _LETTERS:
+            raise ValueError
+        return str(_result(ast.parse(plain.strip(), mode="eval").body))
+    except (ArithmeticError, LookupError, SyntaxError, TypeError, ValueError):
+        raise ValueError(f"expression {text[:40]!r} cannot be evaluated") from None
+
+
+def _result(node: ast.expr) -> Any:
+    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
+        return node.value
+    if isinstance(node, ast.BinOp):
+        return _OPERATORS[type(node.op)](_result(node.left), _result(node.right))
+    if isinstance(node, ast.UnaryOp):
+        return _OPERATORS[type(node.op)](_result(node.operand))
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+        return _FUNCTIONS[node.func.id](*map(_result, node.args))
+    raise ValueError
+
+
+def _entity(element: Element) -> Entity:
+    body = next((one for one in element if one.tag in _BODIES), None)
+    if body is None:
+        raise ValueError(f"entity {element.get('name')} is no vehicle, pedestrian or object")
+    kind = body.get("vehicleCategory", "") or _BODIES[body.tag]
+    size, centre = body.find("BoundingBox/Dimensions"), body.find("BoundingBox/Center")
+    length, width = (math.nan if size is None else number(size, name) for name in ("length", "width"))
+    ahead, left = (0.0 if centre is None else number(centre, axis) for axis in ("x", "y"))
+    return Entity(
+        name=element.get("name", ""),
+        kind=_KINDS.get(kind, kind),
+        length=length,
+        width=width,
+        ahead_m=ahead,
+        left_m=left,
+        is_controlled=element.find("ObjectController") is not None,
+    )
