@@ -26,7 +26,13 @@ def own_error_reason(error: BaseException) -> str:
     return _short(f"raised {reason_of(error)}") + place
 
 
-def own_call(said: str, function: Callable[..., Any], needs: type = object) -> Callable[..., Any]:
+def own_call(
+    said: str,
+    function: Callable[..., Any],
+    needs: type = object,
+    *,
+    error: type[ScexError] = OwnCodeError,
+) -> Callable[..., Any]:
     """Return a function of the user's whose errors are one line.
 
     Args:
@@ -34,7 +40,7 @@ def own_call(said: str, function: Callable[..., Any], needs: type = object) -> C
         needs: type of what it has to return; a list is made of any iterable.
 
     Raises:
-        OwnCodeError: it raised, or returned something else. Errors of this package pass.
+        OwnCodeError: it raised, or returned something else; or another ``error``. Those of this package pass.
     """
 
     @functools.wraps(function)
@@ -45,10 +51,10 @@ def own_call(said: str, function: Callable[..., Any], needs: type = object) -> C
                 made = list(made) if needs is list else made
         except ScexError:
             raise
-        except (Exception, SystemExit) as error:
-            raise OwnCodeError(f"{said} {own_error_reason(error)}") from error
+        except (Exception, SystemExit) as cause:
+            raise error(f"{said} {own_error_reason(cause)}") from cause
         if not isinstance(made, needs):
-            raise OwnCodeError(f"{said} returned {type(made).__name__}, needs {needs.__name__}")
+            raise error(f"{said} returned {type(made).__name__}, needs {needs.__name__}")
         return made
 
     return call

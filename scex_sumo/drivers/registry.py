@@ -9,8 +9,8 @@ from functools import partial
 from typing import Any, Final
 
 from scex_sumo.base.arguments import checked
-from scex_sumo.base.blame import staying
-from scex_sumo.base.errors import ScexError, UsageError, nearest
+from scex_sumo.base.blame import own_call
+from scex_sumo.base.errors import UsageError, nearest
 from scex_sumo.base.importing import Registry, import_object
 from scex_sumo.behaviors.base import BatchBehavior, Behavior, SingleVehicleBehavior
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver
@@ -323,17 +323,7 @@ def _maker(spec: ModelSpec) -> tuple[Callable[[], Any], bool]:
 
 
 def _built(name: str, entry: ModelEntry, make: Callable[[], Any]) -> BatchBehavior:
-    try:
-        with staying():
-            model = make()
-    except ScexError:
-        raise
-    except (Exception, SystemExit) as error:  # whatever a user's constructor raises
-        if not entry.is_own:
-            raise
-        from scex_sumo.base.blame import own_error_reason
-
-        raise UsageError(f"{name}: making it {own_error_reason(error)}") from error
+    model = own_call(f"{name}: making it", make, error=UsageError)() if entry.is_own else make()
     if isinstance(model, BatchBehavior):
         return model
     if isinstance(model, SingleVehicleBehavior):
