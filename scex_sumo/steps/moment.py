@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Final
 
-from scex_sumo.decision.of_run import decide_run
 from scex_sumo.drivers.registry import parse_models
 from scex_sumo.extrapolation.engine import checked_models, finished, opened, run_scene
 from scex_sumo.extrapolation.extras import Extra
@@ -58,6 +57,8 @@ def run_moment(
     if is_tested:
         _run_baseline(job, workers, options)
     if human is not None:
+        from scex_sumo.decision.of_run import decide_run
+
         run_reference(job, human, workers, options, extras)
         decide_run(run, job.scene)
     if options.report:
