@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from statistics import NormalDist
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +14,28 @@ FloatArray: TypeAlias = NDArray[np.float64]
 IntArray: TypeAlias = NDArray[np.int64]
 BoolArray: TypeAlias = NDArray[np.bool_]
 
+R = TypeVar("R", bound="Rows")
+
 _FACTOR = np.uint64(0x9E3779B97F4A7C15)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rows:
+    """Table of arrays of one length; a column may be None."""
+
+    def take(self: R, index: IntArray | BoolArray | slice) -> R:
+        """Select rows."""
+        return replace(self, **{name: a if a is None else a[index] for name, a in self._columns()})
+
+    @classmethod
+    def join(cls: type[R], parts: Sequence[R]) -> R:
+        """Concatenate the rows of tables."""
+        columns = zip(*(part._columns() for part in parts), strict=True)
+        arrays = {column[0][0]: [array for _, array in column] for column in columns}
+        return cls(**{name: None if a[0] is None else np.concatenate(a) for name, a in arrays.items()})
+
+    def _columns(self) -> list[tuple[str, Any]]:
+        return [(f.name, getattr(self, f.name)) for f in fields(self)]
 
 
 def distinct(rows: FloatArray) -> tuple[IntArray, IntArray]:

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.conflicts.shared import shares_of_contact
 from scex_sumo.conflicts.ways import Ways
 from scex_sumo.geometry.rectangles import Rectangles, separation
@@ -20,7 +20,7 @@ _AT_ONCE = 1 << 9  # pairs
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Margins:
+class Margins(Rows):
     """Least time margins of n pairs of vehicles that cross.
 
     Attributes:
@@ -45,7 +45,7 @@ def time_margins(ways: Ways, own: IntArray, other: IntArray, *, now: int) -> Mar
         _of_some(ways, own[start : start + _AT_ONCE], other[start : start + _AT_ONCE], now)
         for start in range(0, max(len(own), 1), _AT_ONCE)
     ]
-    return Margins(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])})
+    return Margins.join(parts)
 
 
 def _of_some(ways: Ways, own: IntArray, other: IntArray, now: int) -> Margins:

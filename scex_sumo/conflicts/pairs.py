@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.conflicts.braking import MOST_MPS2, both_braking, needed_braking, recent_acceleration
 from scex_sumo.conflicts.margin import time_margins
 from scex_sumo.conflicts.shared import Shared, shared_stretches
@@ -31,7 +30,7 @@ EVERY: Final = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Conflicts:
+class Conflicts(Rows):
     """Rows of pairs in futures, (N,) each; vehicles by index, ``one`` below ``two``.
 
     Attributes:
@@ -64,10 +63,6 @@ class Conflicts:
     def __len__(self) -> int:
         return len(self.future)
 
-    def take(self, rows: IntArray | BoolArray) -> Conflicts:
-        """Select rows."""
-        return Conflicts(**{name: values[rows] for name, values in vars(self).items()})
-
     def before(self, left: IntArray) -> Conflicts:
         """Return the rows without what comes after a vehicle has left, by the steps (C, V) until then."""
         last = np.minimum(left[self.future, self.one], left[self.future, self.two])
@@ -77,12 +72,6 @@ class Conflicts:
             margin=np.where(self.margin_step > last, np.inf, self.margin),
             gap=np.where(self.gap_step > last, NEAR_M, self.gap),
         )
-
-    @classmethod
-    def join(cls, parts: Sequence[Conflicts]) -> Conflicts:
-        """Join rows of batches."""
-        names = [field.name for field in fields(cls)]
-        return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
 def find_conflicts(

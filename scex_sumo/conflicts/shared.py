@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.conflicts.ways import NODES, Ways
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, axis_separations, separation
@@ -16,7 +16,7 @@ _BLOCK = 8  # nodes that are looked at together first
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Shared:
+class Shared(Rows):
     """Stretches (n, N) of n vehicles' ways that others block, by the node at which the other one is.
 
     Attributes:
@@ -29,10 +29,6 @@ class Shared:
     other: IntArray
     enter: FloatArray
     leave: FloatArray
-
-    def take(self, rows: IntArray | BoolArray | slice) -> Shared:
-        """Select rows."""
-        return Shared(**{name: values[rows] for name, values in vars(self).items()})
 
     def least_angle(self, ways: Ways) -> FloatArray:
         """Return the least angle (n,) of both headings where the ways touch, rad."""
@@ -58,7 +54,7 @@ def shared_stretches(ways: Ways, one: IntArray, two: IntArray) -> tuple[Shared, 
         part = slice(start, start + _AT_ONCE)
         for found, some in zip(_of_some(ways, one[part], two[part]), parts, strict=True):
             some.append(found)
-    return _joined(parts[0]), _joined(parts[1])
+    return Shared.join(parts[0]), Shared.join(parts[1])
 
 
 def _of_some(ways: Ways, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
@@ -123,9 +119,3 @@ def shares_of_contact(one: Rectangles, then: Rectangles, two: Rectangles) -> Flo
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(apart > 0, touching / (touching - apart), np.inf).min(axis=0)
     return np.where(np.isfinite(share), share, 0.0)
-
-
-def _joined(parts: list[Shared]) -> Shared:
-    return Shared(
-        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])}
-    )

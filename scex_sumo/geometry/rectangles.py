@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, Rows
 from scex_sumo.scene import States
 
 SEEN_COLUMNS = ("x", "y", "cos", "sin", "speed")
@@ -20,7 +20,7 @@ _NEXT = [1, 2, 3, 0]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Rectangles:
+class Rectangles(Rows):
     """Oriented rectangles, (N,) centre, direction of the length (rad) and half sizes, m."""
 
     x: FloatArray
@@ -34,10 +34,6 @@ class Rectangles:
         """Return the outlines of vehicles; lengths and widths, m, broadcast to the states."""
         x, y, heading = states.x, states.y, states.heading
         return cls(x=x, y=y, heading=heading, half_length=length / 2, half_width=width / 2)
-
-    def part(self, index: IntArray | tuple[slice, ...]) -> Rectangles:
-        """Return the rectangles at an index."""
-        return Rectangles(**{name: values[index] for name, values in vars(self).items()})
 
 
 def outlines(states: States, length: FloatArray, width: FloatArray, shape: FloatArray = BOX) -> FloatArray:

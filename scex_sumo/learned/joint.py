@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, uniforms
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows, uniforms
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
@@ -106,7 +106,7 @@ class JointDriver(LearnedDriver):
             inputs, tokens = self.predict(history, road, who, paths, row)
             now = history.now[who.future, who.vehicle]
             way, offset, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
-            ahead = _ahead(history, inputs).joined_with(_crossing(history, paths, row, way))
+            ahead = _Pairs.join([_ahead(history, inputs), _crossing(history, paths, row, way)])
             # so a plan and the next one draw the same
             salt = FIRST_SALT + REDRAW_SALT * attempt + history.step // TOKEN_STEPS
             draw = uniforms(history.route_draw[who.future, who.vehicle], 2, salt)
@@ -203,17 +203,13 @@ def _with_leaders(draw: FloatArray, inputs: PathInputs) -> FloatArray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Pairs:
+class _Pairs(Rows):
     """Vehicles that must be able to stop behind another, (k,) each."""
 
     follower: IntArray
     leader: IntArray  # -1 for an obstacle, which keeps its speed
     gap: FloatArray  # m; where it is negative, the follower falls back
     speed: FloatArray  # of the leader along the follower's way, m/s
-
-    def joined_with(self, others: _Pairs) -> _Pairs:
-        """Return the pairs of both."""
-        return _Pairs(**{name: np.append(a, getattr(others, name)) for name, a in vars(self).items()})
 
     def bound(self, speed: FloatArray, acceleration: FloatArray) -> FloatArray:
         """Return (n,) accelerations up to which vehicles can stop if leaders accelerate as given, m/s²."""

@@ -5,9 +5,8 @@ Axes: C (future), T (step), V (vehicle), R (replan), H (planned step), P (unorde
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any, Final, TypeVar
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,27 +17,6 @@ from scex_sumo.scene import STEP_S, States
 
 MAX_MAGNITUDE: Final = 1e12
 """Largest coordinate, heading, speed or size; squares of larger ones may overflow."""
-
-R = TypeVar("R", bound="Rows")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Rows:
-    """Table of arrays of one length; a column may be None."""
-
-    def take(self: R, index: IntArray) -> R:
-        """Select rows by index."""
-        return replace(self, **{name: a if a is None else a[index] for name, a in self._columns()})
-
-    @classmethod
-    def join(cls: type[R], parts: Sequence[R]) -> R:
-        """Concatenate the rows of tables."""
-        columns = zip(*(part._columns() for part in parts), strict=True)
-        arrays = {column[0][0]: [array for _, array in column] for column in columns}
-        return cls(**{name: None if a[0] is None else np.concatenate(a) for name, a in arrays.items()})
-
-    def _columns(self) -> list[tuple[str, Any]]:
-        return [(f.name, getattr(self, f.name)) for f in fields(self)]
 
 
 def backward_acceleration(speed: FloatArray, present: BoolArray | None, step_s: float) -> FloatArray:

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import (
     Rectangles,
@@ -23,7 +23,7 @@ from scex_sumo.geometry.rectangles import (
     relative_pose,
     separation,
 )
-from scex_sumo.metrics.base import Rows, SceneTracks
+from scex_sumo.metrics.base import SceneTracks
 from scex_sumo.scene import States
 
 OVERLAP_M2: Final = 0.1

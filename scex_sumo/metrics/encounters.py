@@ -11,8 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.metrics.base import Rows
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.metrics.collisions import Collisions
 from scex_sumo.metrics.events import EVENTS, Event
 from scex_sumo.metrics.formulas.crossing import pet

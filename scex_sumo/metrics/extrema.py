@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.metrics.base import Rows
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.metrics.pairs.scenes import Entries, Samples, Scenes
 from scex_sumo.metrics.registry import Metric
 

@@ -114,7 +114,7 @@ def _near(scene: SeedScene, one: IntArray, other: IntArray) -> tuple[BoolArray, 
         half_width=boxes.half_width + NEAR_M / 2,
     )
     near = [
-        separation(reach.part(a), own.part(b)) < 0
+        separation(reach.take(a), own.take(b)) < 0
         for reach, own, a, b in ((longer, boxes, one, other), (boxes, longer, one, other))
     ]
-    return near[0] | near[1], np.asarray(separation(boxes.part(one), boxes.part(other)) < 0)
+    return near[0] | near[1], np.asarray(separation(boxes.take(one), boxes.take(other)) < 0)

@@ -91,7 +91,7 @@ class RuledDriver(IdmDriver):
         for driver, group in zip(drivers, groups, strict=True):
             k = slice(end, end := end + len(group))
             held = None if hold is None else hold[k]
-            intent = driver.behind(leaders.part(k), history, group, paths, row[k], held)
+            intent = driver.behind(leaders.take(k), history, group, paths, row[k], held)
             if sideways := driver.profile.sideways:
                 from scex_sumo.rules.sideways import offsets
 

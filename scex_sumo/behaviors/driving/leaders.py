@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, least_of
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows, least_of
 from scex_sumo.behaviors.driving.paths import COARSE, DS_M, SeedPaths
 from scex_sumo.behaviors.driving.projection import refine
 from scex_sumo.scene import SceneHistory, States, VehicleIndex
@@ -18,20 +18,16 @@ CORRIDOR_MARGIN_M = 0.3  # of the driver's corridor, beyond its width on each si
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Leaders:
+class Leaders(Rows):
     """The leader of each of n vehicles."""
 
     gap: FloatArray  # (n,) bumper to bumper, m; inf without a leader, negative on overlap
     speed: FloatArray  # (n,) along the path, m/s; 0 without a leader
     index: IntArray  # (n,) column: vehicles first, then obstacles; -1 without a leader
 
-    def part(self, keep: slice) -> Leaders:
-        """Return those of some vehicles."""
-        return Leaders(gap=self.gap[keep], speed=self.speed[keep], index=self.index[keep])
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Ahead:
+class Ahead(Rows):
     """The k vehicles and obstacles in the way of n drivers."""
 
     driver: IntArray  # (k,) the driver
@@ -40,10 +36,6 @@ class Ahead:
     speed: FloatArray  # (k,) component along the path, m/s
     cos: FloatArray  # (k,) cosine of its heading against the path's
     leaves: FloatArray  # (k,) s until it has left the driver's corridor with constant velocity
-
-    def part(self, keep: BoolArray) -> Ahead:
-        """Return those to keep (k,)."""
-        return Ahead(**{name: values[keep] for name, values in vars(self).items()})
 
     def leaders(self, n: int) -> Leaders:
         """Return the one with the smallest gap for each of the n drivers."""
@@ -145,7 +137,7 @@ def find_ahead(
     ]
     for number, part in enumerate(parts):
         part.driver[:] += number * size
-    return Ahead(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])})
+    return Ahead.join(parts)
 
 
 def _ahead_of(
@@ -195,7 +187,7 @@ def _ahead_of(
     to_go = np.abs(offset) - body + width[i] / 2 - np.sign(across) * offset
     leaves = np.maximum(to_go, 0.0) / np.maximum(np.abs(across), MIN_ACROSS_MPS)
     pairs = Ahead(driver=i, other=j, gap=gap, speed=speed, cos=cos, leaves=leaves)
-    return pairs.part(counts)
+    return pairs.take(counts)
 
 
 def _first_guess(

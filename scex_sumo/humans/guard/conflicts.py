@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, between
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows, between
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.humans.guard.corridors import (
     SAMPLE_S,
@@ -36,7 +35,7 @@ CROSSING_M = 0.5  # the crossing is where the offset is this near to the smalles
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class StopLines:
+class StopLines(Rows):
     """P moving stop lines of n vehicles, sorted by row.
 
     The vehicle's centre stays behind position + speed·t - deceleration·t²/2.
@@ -89,15 +88,8 @@ def find_stop_lines(
         _stop_lines_of(view, i[k : k + MAX_PAIRS], j[k : k + MAX_PAIRS])
         for k in range(0, max(1, len(i)), MAX_PAIRS)
     ]
-    lines = _joined([*parts, _contacts(view, i, j)])
-    order = np.argsort(lines.row, kind="stable")
-    return StopLines(**{f.name: getattr(lines, f.name)[order] for f in fields(StopLines)})
-
-
-def _joined(parts: Sequence[StopLines]) -> StopLines:
-    return StopLines(
-        **{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(StopLines)}
-    )
+    lines = StopLines.join([*parts, _contacts(view, i, j)])
+    return lines.take(np.argsort(lines.row, kind="stable"))
 
 
 def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray, Rows
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.leaders import everyone
 from scex_sumo.behaviors.driving.paths import SeedPaths
@@ -26,7 +26,7 @@ ASIDE_M, ASIDE_S = 0.5, 1.0  # largest shift, and its time constant, away from a
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Boxes:
+class _Boxes(Rows):
     s: FloatArray  # arc length of the centre, m
     offset: FloatArray  # of the centre from the path, m, left positive
     sine: FloatArray  # of the angle to the path
@@ -56,9 +56,6 @@ class _Boxes:
             along=(cos * length + sin * width) / 2,
             across=(cos * width + sin * length) / 2,
         )
-
-    def take(self, k: IntArray) -> _Boxes:
-        return _Boxes(**{name: values[k] for name, values in vars(self).items()})
 
 
 def offsets_beside(

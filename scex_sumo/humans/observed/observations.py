@@ -116,7 +116,7 @@ def leaders_of(view: View, aside: FloatArray) -> Leaders:
     speed = history.now.speed[who.future, who.vehicle][ahead.driver]
     arrives = np.maximum(ahead.gap, 0.0) / np.maximum(speed, human.standing_mps)
     stays = ahead.leaves + human.clear_s > arrives
-    return ahead.part((ahead.cos >= human.along_cos) | stays).leaders(len(who))
+    return ahead.take((ahead.cos >= human.along_cos) | stays).leaders(len(who))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

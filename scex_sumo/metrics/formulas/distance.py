@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.geometry.rectangles import distance_apart
-from scex_sumo.metrics.base import Rows
 from scex_sumo.metrics.pairs.near import least_of_near
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 

@@ -15,9 +15,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.geometry.rectangles import separated
-from scex_sumo.metrics.base import Rows
 from scex_sumo.metrics.formulas.distance import MARGIN, OutlinePairs, in_chunks, outline_pairs
 from scex_sumo.metrics.pairs.near import least_of_near
 from scex_sumo.metrics.pairs.scenes import PairValues, Samples, Scenes

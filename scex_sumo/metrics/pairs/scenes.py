@@ -10,8 +10,8 @@ from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.metrics.base import MetricParameters, PlannedPaths, Rows, SceneTracks, backward_acceleration
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
+from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks, backward_acceleration
 
 T = TypeVar("T")
 E = TypeVar("E", bound="PairRows")
