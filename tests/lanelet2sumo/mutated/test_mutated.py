@@ -75,7 +75,14 @@ def test_nobody_starts_on_lanelets_that_begin_within_an_intersection(tmp_path: P
     whole = cut_road(read(example(CROSSING), tmp_path), 3)
     gone = {3 * i for i in (30031, 30035)}  # the first third of two ways across
     kept = {i: lane for i, lane in whole.lanes.items() if i not in gone}
-    a_road = replace(whole, lanes={i: _without(lane, gone) for i, lane in kept.items()})
+    rules = []
+    for rule in whole.regulations:
+        left = {
+            k: tuple(i for i in getattr(rule, k) if i not in gone) for k in ("lanes", "yielding", "priority")
+        }
+        rules.append(replace(rule, **left))
+    lanes = {i: _without(lane, gone) for i, lane in kept.items()}
+    a_road = replace(whole, lanes=lanes, regulations=tuple(rules))
     report = judged(a_road, tmp_path / "mutated.net.xml")
     assert (report["arrived"], report["overlapping_pairs"], report["teleports"]) == (120, 0, 0)
     assert {edge for edge, _ in Network(tmp_path / "mutated.net.xml").origins} == {
