@@ -61,8 +61,9 @@ def _needed(
 
 
 def _in_reach(ways: Ways, shared: Shared, acceleration: FloatArray, steps: IntArray) -> BoolArray:
-    """Return whether (n, S) the own vehicle reaches the shared stretch, and the other one, too, in time."""
+    """Return whether (n, S) both may reach the shared stretch in time; one that reverses may always."""
     own, other = (shared.own[:, None], steps), (shared.other[:, None], steps)
+    reverses = np.minimum(ways.states.speed[own], ways.states.speed[other]) < 0
     known = ~np.isnan(shared.enter)
     first, last = np.argmax(known, axis=1), NODES - 1 - np.argmax(known[:, ::-1], axis=1)
     spacing = ways.spacing[shared.other][:, None]
@@ -71,7 +72,7 @@ def _in_reach(ways: Ways, shared: Shared, acceleration: FloatArray, steps: IntAr
     enter = np.fmin.reduce(shared.enter, axis=1)[:, None] - _SLACK_M
     leave = np.fmax.reduce(shared.leave, axis=1)[:, None] + _SLACK_M
     reached = ways.arc[own] + ways.states.speed[own] * HORIZON_S
-    return np.asarray(meets & (reached >= enter) & (ways.arc[own] <= leave))
+    return np.asarray(reverses | (meets & (reached >= enter) & (ways.arc[own] <= leave)))
 
 
 def both_braking(ways: Ways, shared: Shared, steps: IntArray) -> FloatArray:

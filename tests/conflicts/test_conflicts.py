@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -63,6 +63,37 @@ def test_a_slower_leader_needs_the_closing_speed_squared_over_twice_the_gap(
         return
     # The time of the least distance is looked for every 0.2 s.
     assert found.braking[0] == pytest.approx(closing**2 / (2 * later), rel=0.05)
+
+
+def _hundredths(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.integers(round(100 * low), round(100 * high)).map(lambda count: count / 100)
+
+
+_motion = st.tuples(
+    *(_hundredths(low, high) for low, high in ((-15, 15), (-15, 15), (-3.1, 3.1), (0, 8), (-3, 2)))
+)
+
+
+@given(
+    motions=st.lists(_motion, min_size=4, max_size=4),
+    reverses=st.lists(st.booleans(), min_size=4, max_size=4),
+)
+def test_what_is_left_out_as_out_of_reach_needs_no_braking(
+    motions: list[Motion], reverses: list[bool]
+) -> None:
+    states, size = driven(*motions), np.full(4, 1.0)
+    backwards = np.array(reverses)
+    turned = replace(
+        states,
+        heading=states.heading + np.where(backwards, np.pi, 0.0),
+        speed=np.where(backwards, -states.speed, states.speed),
+    )
+    found = find_conflicts(turned, LENGTH * size, WIDTH * size, now=NOW)
+    with pytest.MonkeyPatch.context() as patch:
+        everything = lambda ways, shared, acceleration, steps: np.ones((len(shared.own), len(steps)), bool)  # noqa: E731
+        patch.setattr("scex_sumo.conflicts.braking._in_reach", everything)
+        whole = find_conflicts(turned, LENGTH * size, WIDTH * size, now=NOW)
+    assert (found.braking == whole.braking).all() and (found.braking_step == whole.braking_step).all()
 
 
 def test_behind_a_braking_leader_both_stop_in_time() -> None:
