@@ -6,11 +6,9 @@ command line does; `extrapolate` translates them for callers in Python.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
-from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from scex_sumo.base.errors import UsageError, nearest
 
@@ -118,27 +116,3 @@ def numbers_by_name(option: str, entries: Iterable[str], form: str) -> dict[str,
         if not name:
             raise UsageError(f"{option} {entry}: needs {form}")
     return numbers
-
-
-AUTO: Final = "auto"
-
-
-def read_workers(text: str) -> int | str:
-    """Read a number of processes, or ``auto``."""
-    if text != AUTO and not text.strip().lstrip("-").isdigit():
-        raise UsageError(f"--workers {text}: needs a number or {AUTO}")
-    return text if text == AUTO else int(text)
-
-
-def cores() -> int:
-    """Return the number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def idle_cores() -> int:
-    """Return the number of cores on which nothing else runs at this moment, at least 1; all where unknown."""
-    try:
-        running = int(Path("/proc/loadavg").read_text().split()[3].partition("/")[0])
-    except (OSError, ValueError, IndexError):
-        return cores()
-    return max(cores() - (running - 1), 1)

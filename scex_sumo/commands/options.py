@@ -7,7 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from scex_sumo.base.options import AUTO, cores, last_of_list, read_workers
+from scex_sumo.base.options import last_of_list
+from scex_sumo.base.processes import AUTO, cores, read_workers
 
 
 def complete_metrics(incomplete: str) -> list[str]:

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.options import AUTO, idle_cores, option, read_workers
+from scex_sumo.base.options import option
+from scex_sumo.base.processes import AUTO, idle_cores, read_workers
 from scex_sumo.base.progress import Progress
 from scex_sumo.drivers.registry import is_own, model_specs
 from scex_sumo.extrapolation.settings import MAX_FUTURES, PEOPLE, RunSettings

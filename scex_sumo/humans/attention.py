@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, normal_quantiles, uniforms
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.draws import normal_quantiles, uniforms
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, SLOPE_SPEED, rear_axle

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, normal_quantiles, uniforms
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.draws import normal_quantiles, uniforms
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS, Driver, check_path, check_positive

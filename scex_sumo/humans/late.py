@@ -11,7 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, normal_quantiles, uniforms
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.draws import normal_quantiles, uniforms
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.motion import Accelerate
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths

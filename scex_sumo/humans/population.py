@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, normal_quantiles
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.draws import normal_quantiles
 from scex_sumo.humans.parameters import HumanParameters
 
 DEGREES = 4  # of freedom of Student's distribution: few, for rare large deviations

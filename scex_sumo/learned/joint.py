@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows, uniforms
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
+from scex_sumo.base.draws import uniforms
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths

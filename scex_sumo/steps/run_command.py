@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
-from scex_sumo.base.options import AUTO, from_command_line, read_workers, split_options
+from scex_sumo.base.options import from_command_line, split_options
+from scex_sumo.base.processes import AUTO, read_workers
 from scex_sumo.commands.console import output_console, progress_bar, resumable, warn
 from scex_sumo.commands.generated import with_options
 from scex_sumo.commands.options import MapPath

@@ -12,7 +12,8 @@ import pytest
 
 from scex_sumo import extrapolate
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.options import idle_cores, options_of
+from scex_sumo.base.options import options_of
+from scex_sumo.base.processes import idle_cores
 from scex_sumo.behaviors.spec import ModelSpec
 from scex_sumo.extrapolation.extras import run_options
 from scex_sumo.extrapolation.options import RunOptions
@@ -106,7 +107,7 @@ def test_as_many_processes_as_help(
 
 
 def test_cores_on_which_something_runs_are_not_idle(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("scex_sumo.base.options.cores", lambda: 4)
+    monkeypatch.setattr("scex_sumo.base.processes.cores", lambda: 4)
     for running, idle in ((1, 4), (2, 3), (9, 1)):
         line = f"0.10 0.20 0.30 {running}/412 991"
         monkeypatch.setattr("pathlib.Path.read_text", lambda path, line=line: line)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from scex_sumo.base.arrays import FloatArray, uniforms
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.draws import uniforms
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.paths import seed_paths
