@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -253,4 +252,4 @@ def _run_all(job: Job, workers: Workers, progress: Progress | None) -> None:
 
     on_step(0)
     if batches:
-        deque(workers.run(job, batches, together=max(batch_size(job) // size, 1), on_step=on_step), maxlen=0)
+        workers.run(job, batches, together=max(batch_size(job) // size, 1), on_step=on_step)

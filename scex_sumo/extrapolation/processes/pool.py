@@ -69,9 +69,7 @@ class Pool:
             worker.join()
         self._folder.cleanup()
 
-    def run(
-        self, work: Work, batches: Sequence[IntArray], tick: OnStep, *, together: int = 1
-    ) -> Iterator[IntArray]:
+    def run(self, work: Work, batches: Sequence[IntArray], tick: OnStep, *, together: int) -> None:
         """Run batches of futures, here and in the workers; see `Workers.run`."""
         left, reports = _Batches(batches, 1 + len(self._workers), together), queue.SimpleQueue[Report]()
         busy = self._workers[: max(len(batches) - 1, 0)]
@@ -80,7 +78,7 @@ class Pool:
             worker.thread.submit(self._share, worker, packed, left, reports)
         unfinished = sum(map(len, batches))
 
-        def read() -> Iterator[IntArray]:
+        def read() -> None:
             nonlocal unfinished
             kind, content = reports.get()
             if kind == "step":
@@ -89,17 +87,16 @@ class Pool:
                 raise content
             else:
                 unfinished -= len(content)
-                yield content
 
         try:
             with work() as run_here:
                 for batch in left.taken():
-                    yield run_here(batch, tick)
+                    run_here(batch, tick)
                     unfinished -= len(batch)
                     while not reports.empty():
-                        yield from read()
+                        read()
             while unfinished:
-                yield from read()
+                read()
         finally:
             left.clear()
 

@@ -62,17 +62,14 @@ class Workers:
         job: Job,
         batches: Sequence[IntArray],
         *,
-        together: int = 1,
-        on_step: Callable[[int], None] | None = None,
-    ) -> Iterator[IntArray]:
+        together: int,
+        on_step: Callable[[int], None],
+    ) -> None:
         """Run batches of futures, here and in the pool, and save their parts in the result folder.
 
         Args:
             together: batches that a process may run as one.
             on_step: called with a number of futures when they have made a step.
-
-        Yields:
-            The futures of each finished batch, in any order.
 
         Raises:
             SimulationError: two workers died over the same batch.
@@ -81,13 +78,12 @@ class Workers:
         from scex_sumo.extrapolation.job import batch_runner
 
         slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
-        tick = on_step or (lambda futures: None)
         if self.pool is not None:
-            yield from self.pool.run(partial(batch_runner, job, slots), batches, tick, together=together)
+            self.pool.run(partial(batch_runner, job, slots), batches, on_step, together=together)
             return
         with batch_runner(job, slots) as run_here:
             for batch in batches:
-                yield run_here(batch, tick)
+                run_here(batch, on_step)
 
 
 _idle: dict[tuple[Any, ...], Workers] = {}

@@ -95,7 +95,9 @@ class Storyboard:
         self._all = [part for story in self._stories for part in story.all()]
 
     def _mover(self, element: Element, name: str = "entityRef") -> Mover:
-        entity = element.get(name, "")
+        return self._named(element.get(name, ""))
+
+    def _named(self, entity: str) -> Mover:
         if entity not in self.movers:
             raise ValueError(f"entity {entity[:40]!r} is not there")
         return self.movers[entity]
@@ -103,9 +105,7 @@ class Storyboard:
     def _pose(self, element: Element) -> Pose:
         """Return the pose of the position within an element."""
         position = element if element.tag.startswith("TargetPosition") else _needed(element, "Position")
-        if not len(position):
-            raise ValueError(f"a {element.tag} has no position")
-        return placed(position[0], self._places, lambda name: self._mover(Element("", entityRef=name)).pose)
+        return placed(_first(position), self._places, lambda name: self._named(name).pose)
 
     def step(self, time_s: float) -> bool:
         """Begin what its triggers let begin at a time, and move on by `TICK_S`; False at the stop trigger.
