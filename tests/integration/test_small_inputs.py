@@ -85,9 +85,9 @@ def test_in_japan_who_turns_right_waits_for_who_comes_straight_on(small: Path) -
     assert yields[link["l1", "s"]][link["l5", "r"]] == "0"
 
     turns = {1: "likely_driver:path=straight", 2: "likely_driver:path=0"}
-    run = extrapolate(scene, assign=turns, futures=24, steps=50, out=small / "out")
-    waits = [run.states(future).speed[1, -1] < 3.0 for future in range(24)]
-    assert np.mean(waits) > 0.3  # people take short gaps
+    run = extrapolate(scene, assign=turns, futures=96, steps=50, out=small / "out")
+    waits = [run.states(future).speed[1, -1] < 3.0 for future in range(96)]
+    assert np.mean(waits) > 0.5  # some take the gap
 
     turns = {1: "standard_driver:path=straight", 2: "standard_driver:path=0"}
     speed = extrapolate(scene, assign=turns, futures=1, steps=30, out=small / "standard").states(0).speed

@@ -143,7 +143,8 @@ def test_a_result_is_judged_and_drawn_where_the_metric_is_not_registered(
     run = result_with(tmp_path, "speed_gap", [4.0, 12.0, 26.0], metrics=described, thresholds=limits)
     assert run.p_critical("speed_gap").value == pytest.approx(2 / 3)
     assert run.most_critical("speed_gap") == 2
-    assert str([*summary_table(run).columns[0].cells][-1]) == "difference of speeds [m/s]"
+    shown = [str(cell) for cell in summary_table(run).columns[0].cells]
+    assert shown == ["collision", "severe injuries [‰]", "difference of speeds [m/s]"]
     (panel,) = draw_figure([run], "density", tmp_path / "densities.svg")
     assert (panel.get_title(loc="left"), panel.get_xlabel()) == ("difference of speeds", "[m/s]")
     with pytest.raises(UsageError, match="known from a result only"):
