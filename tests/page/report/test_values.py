@@ -49,6 +49,7 @@ def test_the_strips_have_the_course_of_the_pair_as_text(page: Any, run: Run) -> 
 
 
 def test_a_threshold_beyond_the_axis_is_within_reach_and_says_its_value(page: Any) -> None:
+    page.wait_for_selector(f"{CHART} .sr td", state="attached")  # the charts are drawn
     own = float(page.input_value(LIMIT))
     page.fill(LIMIT, "99")
     page.locator(LIMIT).blur()
