@@ -1,10 +1,11 @@
 """Futures of SUMO simulations against SUMO itself, from the same moment on and without random driving.
 
-    python -m benchmarks.what_if A.sumocfg B.sumocfg --times 60,120 [--models sumo:own,standard_driver]
+    python -m benchmarks.what_if [A.sumocfg ...] [--times 60,100,140] [--model sumo:own] [--own-step]
 
-Each vehicle's position 3 s later in a future and in the simulation that goes on: number, median, 95 % and
-largest distance in m, then the vehicles that have left the simulation but not the future ("phantoms"), and
-the future but not the simulation ("lost"). Without files: the simulations of SUMO's own games with cars.
+Without files: the ten of `benchmarks.simulations`, at steps of 0.1 s or at their own ones. The table has the
+vehicles, the median and largest distance in m after 3 s and 8 s, vehicles that left the simulation but not
+the future ("too many"), and the future but not the simulation ("missing"); then, of persons with
+``--vru model``, their number, median and largest distance after 3 s.
 """
 
 from __future__ import annotations
@@ -13,90 +14,126 @@ import argparse
 import json
 import subprocess
 import sys
+import tempfile
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from scex_sumo.base.sumo.programs import sumo_home
+from benchmarks.simulations import ten_simulations
 
-STEPS = 30
-GAMES = ("cross", "square", "ramp", "corridor", "grid6", "fkk_in", "A10KW", "fokr_bs_demo")
-OPTIONS = ("--step-length", "0.1", "--no-step-log", "--no-warnings", "--xml-validation", "never")
+STEPS, AFTER = 80, (30, 80)
+OPTIONS = ("--no-step-log", "--no-warnings", "--xml-validation", "never")
+STILL = ("--pedestrian.striping.dawdling", "0")
 CHANGES = ("--lanechange.duration", "3")  # as in futures: lane changes take their time
 
 
-def positions(sumo, names):  # type: ignore[no-untyped-def]
-    """Return (x, y) of the centre of each vehicle that is still driving."""
+def positions(sumo: Any, names: set[str]) -> dict[str, tuple[float, float]]:
+    """Return (x, y) of the centre of each vehicle or person that is still there."""
     found = {}
-    for name in set(names) & set(sumo.vehicle.getIDList()):
-        (x, y), heading = sumo.vehicle.getPosition(name), np.radians(90 - sumo.vehicle.getAngle(name))
-        half = sumo.vehicle.getLength(name) / 2
-        found[name] = (x - half * np.cos(heading), y - half * np.sin(heading))
+    for domain in (sumo.vehicle, sumo.person):
+        for name in names & set(domain.getIDList()):
+            (x, y), heading = domain.getPosition(name), np.radians(90 - domain.getAngle(name))
+            half = domain.getLength(name) / 2
+            found[name] = (x - half * np.cos(heading), y - half * np.sin(heading))
     return {name: place for name, place in found.items() if abs(place[0]) < 1e8}
 
 
-def compare(config: str, time_s: float, model: str) -> None:
-    """Print one line of JSON: distances of one simulation's vehicles at one time, phantoms and lost ones."""
+def compare(config: str, time_s: float, model: str, own_step: bool) -> None:
+    """Print as JSON the distances after 3 s and 8 s, vehicles too many and missing, those of persons."""
     import libsumo as sumo
 
     import scex_sumo as scex
 
     warnings.simplefilter("ignore")
-    by_sublanes = b"lateral-resolution" in Path(config).read_bytes()
-    sumo.start(["sumo", "-c", config, *OPTIONS, *(() if by_sublanes else CHANGES)])
+    text = Path(config).read_bytes()
+    how = [*(() if own_step else ("--step-length", "0.1")), *STILL]
+    sumo.start(["sumo", "-c", config, *OPTIONS, *how, *(() if b"lateral-resolution" in text else CHANGES)])
     watch = scex.watch(sumo)
     while sumo.simulation.getTime() < time_s and sumo.simulation.getMinExpectedNumber():
         sumo.simulationStep()
     for name in sumo.vehicle.getIDList():
         sumo.vehicle.setImperfection(name, 0.0)
     run = watch.extrapolate(futures=1, models=model, steps=STEPS, reference="none")
-    names = {int(track): name for track, name in watch.scene().source["vehicles"].items()}
-    for _ in range(STEPS):
-        sumo.simulationStep()
-        for name in sumo.simulation.getDepartedIDList():
-            sumo.vehicle.setImperfection(name, 0.0)
-    there = positions(sumo, names.values())
-    last = run.tracks.filter(run.tracks["frame_id"].to_numpy() == run.tracks["frame_id"].to_numpy().max())
-    off = {
-        names[track]: float(np.hypot(x - there[names[track]][0], y - there[names[track]][1]))
-        for track, x, y in zip(*(last[key].to_pylist() for key in ("track_id", "x", "y")), strict=True)
-        if x is not None and names[track] in there
-    }
-    here = {
-        names[track]
-        for track, x in zip(last["track_id"].to_pylist(), last["x"].to_pylist(), strict=True)
-        if x is not None
-    }
-    print(json.dumps([list(off.values()), len(here - there.keys()), len(there.keys() - here)]))
+    walking = [] if watch.scene().obstacles is None else [walked(watch, model)]
+    off: list[list[float]] = []
+    gone = [0, 0]
+    begin = sumo.simulation.getTime()
+    for steps in AFTER:
+        while sumo.simulation.getTime() < begin + steps / 10 - 1e-6:
+            sumo.simulationStep()
+            for name in sumo.simulation.getDepartedIDList():
+                sumo.vehicle.setImperfection(name, 0.0)
+        here = places(run, steps)
+        there = positions(sumo, set(known(run).values()))
+        off.append([float(np.hypot(*np.subtract(here[n], there[n]))) for n in here.keys() & there.keys()])
+        gone = [gone[0] + len(here.keys() - there.keys()), gone[1] + len(there.keys() - here.keys())]
+        if steps == AFTER[0]:
+            people = [
+                float(np.hypot(*np.subtract(places(one, steps)[n], there[n])))
+                for one in walking
+                for there in [positions(sumo, set(known(one).values()))]
+                for n in (places(one, steps).keys() & there.keys()) - here.keys()
+            ]
+    print(json.dumps([*off, *gone, people]))
+
+
+def walked(watch: Any, model: str) -> Any:
+    """Return a run in which persons walk by their models."""
+    return watch.extrapolate(futures=1, models=model, steps=STEPS, reference="none", vru="model")
+
+
+def known(run: Any) -> dict[int, str]:
+    """Return SUMO's names by track id."""
+    return {int(track): name for track, name in run.info["seed_scene"]["source"]["vehicles"].items()}
+
+
+def places(run: Any, steps: int) -> dict[str, tuple[float, float]]:
+    """Return (x, y) of the vehicles that are still in the future after some steps, by SUMO's name."""
+    states, names = run.states(0)[:, steps - STEPS - 1], known(run)
+    tracks = run.info["seed_scene"]["track_ids"]
+    rows = zip(tracks, states.x.tolist(), states.y.tolist(), strict=True)
+    return {names.get(track, str(track)): (x, y) for track, x, y in rows if np.isfinite(x)}
 
 
 def main() -> None:
+    """Print a row for each simulation."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("configs", nargs="*", type=Path)
-    parser.add_argument("--times", default="60,120")
-    parser.add_argument("--models", default="sumo:own,standard_driver")
-    parser.add_argument("--one", nargs=3, help=argparse.SUPPRESS)
+    parser.add_argument("--times", default="60,100,140")
+    parser.add_argument("--model", default="sumo:own")
+    parser.add_argument("--own-step", action="store_true")
+    parser.add_argument("--one", nargs=2, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.one:
-        config, at, model = given.one
-        return compare(config, float(at), model)
-    games = sumo_home() / "tools" / "game"
-    for config in given.configs or [games / f"{name}.sumocfg" for name in GAMES]:
-        for model in given.models.split(","):
-            off, phantoms, lost = list[float](), 0, 0
-            for at in given.times.split(","):
-                one = ["-m", "benchmarks.what_if", "--one", str(config.resolve()), at, model]
-                done = subprocess.run([sys.executable, *one], capture_output=True, text=True)
-                if done.returncode:
-                    print(f"{config.stem} {at} s: {done.stderr.strip().splitlines()[-1]}")
-                    continue
-                found, more, fewer = json.loads(done.stdout.splitlines()[-1])
-                off, phantoms, lost = off + found, phantoms + more, lost + fewer
-            if off:
-                middle, high = np.quantile(off, [0.5, 0.95])
-                numbers = f"{len(off):5} {middle:7.3f} {high:7.2f} {max(off):7.2f} {phantoms:3} {lost:3}"
-                print(f"{config.stem:12} {model:16} {numbers}")
+        config, at = given.one
+        return compare(config, float(at), given.model, given.own_step)
+    print(
+        "| Simulation | vehicles | 3 s | 8 s | too many | missing | persons |\n|---|---|---|---|---|---|---|"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        for config in given.configs or ten_simulations(Path(folder)):
+            print(row(config, given), flush=True)
+    return None
+
+
+def row(config: Path, given: argparse.Namespace) -> str:
+    """Return the table's row of a simulation."""
+    parts: list[Any] = []
+    for at in given.times.split(","):
+        one = ["-m", "benchmarks.what_if", "--one", str(config.resolve()), at, "--model", given.model]
+        one += ["--own-step"] * given.own_step
+        done = subprocess.run([sys.executable, *one], capture_output=True, text=True, check=False)
+        if done.returncode:
+            return f"| {config.parent.name} | {at} s: {done.stderr.strip().splitlines()[-1]} |"
+        parts.append(json.loads(done.stdout.splitlines()[-1]))
+    soon, late, people = ([value for part in parts for value in part[k]] for k in (0, 1, 4))
+    name = config.parent.name if config.stem == "m" else config.stem
+    told = [f"{np.median(values):.2f}, {max(values):.2f}" if values else "–" for values in (soon, late)]
+    walk = f"{len(people)}: {np.median(people):.2f}, {max(people):.2f}" if people else "–"
+    more, fewer = (sum(part[k] for part in parts) for k in (2, 3))
+    return f"| {name} | {len(soon)} | {told[0]} | {told[1]} | {more} | {fewer} | {walk} |"
 
 
 if __name__ == "__main__":
