@@ -6,7 +6,7 @@ import contextlib
 import io
 import re
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 from xml.etree import ElementTree
@@ -35,9 +35,8 @@ def unpacked(path: Path) -> bytes:
 def xml_root(path: Path, content: bytes, remedy: str = "build the net again with netconvert") -> Element:
     """Parse the content of a file."""
     try:
-        with contextlib.suppress(_Begun):
-            scan(io.BytesIO(content), _begun)
         with _as_value_error():
+            _refuse_declarations(io.BytesIO(content))
             root = ElementTree.fromstring(content)
         level, depth = [root], 1
         while level := [child for element in level for child in element]:
@@ -48,38 +47,25 @@ def xml_root(path: Path, content: bytes, remedy: str = "build the net again with
 
 
 def xml_elements(path: Path) -> Iterator[tuple[str, Element]]:
-    """Yield each element of a file at its ``start`` and ``end``; clear those that are done with.
+    """Yield each element of a file at its ``start`` and ``end``; those below the root are gone after it.
 
     Raises:
         ValueError, LookupError, OSError, EOFError, zlib.error: it is damaged, or not read.
     """
-    with open_binary(path) as file, contextlib.suppress(_Begun):
-        scan(file, _begun)
-    depth = 0
-    with open_binary(path) as file, _as_value_error():
-        for event, element in ElementTree.iterparse(file, events=("start", "end")):
-            depth = _checked(depth + (1 if event == "start" else -1))
-            yield event, element
-
-
-def scan(file: BinaryIO, start: Callable[[str, dict[str, str]], None]) -> None:
-    """Call a function with the name and the attributes of each element of a file; see `xml_elements`."""
-    depth = 0
-
-    def begin(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal depth
-        depth = _checked(depth + 1)
-        start(tag, attributes)
-
-    def end(_: str) -> None:
-        nonlocal depth
-        depth -= 1
-
-    parser = expat.ParserCreate()
-    parser.StartElementHandler, parser.EndElementHandler = begin, end
-    parser.StartDoctypeDeclHandler = _refuse
+    above: list[Element] = []
     with _as_value_error():
-        parser.ParseFile(file)
+        with open_binary(path) as file:
+            _refuse_declarations(file)
+        with open_binary(path) as file:
+            for event, element in ElementTree.iterparse(file, events=("start", "end")):
+                if event == "start":
+                    above.append(element)
+                    _checked(len(above))
+                yield event, element
+                if event == "end":
+                    above.pop()
+                    if len(above) == 1:
+                        above[0].clear()
 
 
 class _Begun(Exception):
@@ -92,6 +78,13 @@ def _begun(*_: object) -> None:
 
 def _refuse(*_: object) -> None:
     raise ValueError("has a DOCTYPE, which could read other files")
+
+
+def _refuse_declarations(file: BinaryIO) -> None:
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.StartDoctypeDeclHandler = _begun, _refuse
+    with contextlib.suppress(_Begun):
+        parser.ParseFile(file)
 
 
 def _checked(depth: int) -> int:

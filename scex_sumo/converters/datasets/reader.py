@@ -8,18 +8,23 @@ from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
+
 from scex_sumo.base.errors import ScexError
 from scex_sumo.base.progress import Progress
 from scex_sumo.converters.cleaning.align import align_tracks
 from scex_sumo.converters.cleaning.checks import Check, lost_vehicles, without_explained
 from scex_sumo.converters.cleaning.plausibility import plausibility
 from scex_sumo.converters.cleaning.repair import repair_tracks
+from scex_sumo.converters.datasets.moment import STAMP_MS
+from scex_sumo.converters.datasets.sample import interpolated
 from scex_sumo.converters.datasets.scene import CleanRecording
 from scex_sumo.converters.naming import in_memory, refuse_unreadable
 from scex_sumo.converters.registries import Dataset, Window, dataset_of
 from scex_sumo.converters.tracks.check import check_values
 from scex_sumo.converters.tracks.evidence import Evidence, evidence
-from scex_sumo.converters.tracks.rows import TrackTable, other_rate
+from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, other_rate
+from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S
 
@@ -92,8 +97,6 @@ def repaired(
     table, before = dataset.repair(table)
     table, after = repair_tracks(table, exact=dataset.simulated)
     if other_rate(table.step_s):
-        from scex_sumo.converters.datasets.resample import resample_tracks
-
         vehicles, others = resample_tracks(table.vehicles), resample_tracks(table.others)
         recorded_s = table.step_s
         table = replace(table, vehicles=vehicles, others=others, step_s=STEP_S, recorded_step_s=recorded_s)
@@ -112,3 +115,32 @@ def _siblings(paths: Sequence[Path]) -> Iterator[tuple[str, Evidence]]:
 @lru_cache(maxsize=128)
 def _evidence(path: Path, _changed_ns: int) -> Evidence:
     return evidence(repaired(*read_recorded([path]), dataset_of(path))[0].vehicles)
+
+
+def resample_tracks(rows: TrackRows) -> TrackRows:
+    """Sample tracks at every full 0.1 s of the recording's clock; shorter pieces are left out."""
+    begin, end = rows.pieces
+    step_ms = 1000.0 * STEP_S
+    low = np.ceil((rows.timestamp_ms[begin] - STAMP_MS) / step_ms).astype(np.int64)
+    high = np.floor((rows.timestamp_ms[end] + STAMP_MS) / step_ms).astype(np.int64)
+    count = np.maximum(high - low + 1, 0)
+    piece = np.repeat(np.arange(len(begin)), count)
+    frame = np.arange(len(piece)) - (np.cumsum(count) - count)[piece] + low[piece]
+    at = interpolated(rows, begin[piece], end[piece], step_ms * frame)
+    used, track = np.unique(rows.track[at.nearest], return_inverse=True)
+    return TrackRows(
+        case=rows.case[at.nearest],
+        track=track.astype(np.int64),
+        segment=piece.astype(np.int64),
+        labels=tuple(rows.labels[k] for k in used),
+        types=tuple(rows.types[k] for k in used),
+        frame_id=frame,
+        timestamp_ms=step_ms * frame,
+        x=at.x,
+        y=at.y,
+        vx=at.vx,
+        vy=at.vy,
+        psi_rad=wrap(at.heading),
+        length=rows.length[at.nearest],
+        width=rows.width[at.nearest],
+    )

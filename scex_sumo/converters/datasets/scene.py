@@ -57,8 +57,6 @@ def take_scene(
         raise TrackError(f"{table.path}: no motor vehicle among the tracks ({why}); give others")
     case_id, warnings = "", tuple[str, ...]()
     if table.has_cases:
-        from scex_sumo.converters.datasets.cases import choose_case
-
         index = choose_case(table, case, time_s)
         case_id = table.cases[index]
         table = table.case(index)
@@ -224,3 +222,30 @@ def _moment_name(name: str, case_id: str, moment_ms: float) -> str:
 def _source(table: TrackTable, case_id: str, moment_ms: float) -> dict[str, Any]:
     tracks = {"kind": "tracks", "tracks": str(table.path.absolute()), "time_s": moment_ms / 1000.0}
     return tracks | ({"case": case_id, **marked_vehicles(table.path, case_id)} if case_id else {})
+
+
+def choose_case(table: TrackTable, case: str | float | None, time_s: float | None) -> int:
+    """Index of the case by its id; else the first one if a time is given; else the busiest one."""
+    if case is None:
+        if time_s is not None:
+            return int(table.vehicles.case.min())
+        candidates = find_moments(table)
+        if not candidates:
+            raise TrackError(
+                f"{table.path}: no case has a vehicle in frame {CASE_FRAME}; choose with --case ID --time S"
+            )
+        return table.cases.index(busiest(candidates).case)
+    if str(case) in table.cases:
+        return table.cases.index(str(case))
+    for index, name in enumerate(table.cases):
+        if _as_number(name) == _as_number(str(case)):
+            return index
+    examples = ", ".join(table.cases[:3]) + (", ..." if len(table.cases) > 3 else "")
+    raise TrackError(f"{table.path}: no case {case}; it has {len(table.cases)} cases: {examples}")
+
+
+def _as_number(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text

@@ -153,11 +153,8 @@ def _xml(path: Path) -> tuple[list[str], list[str], FloatArray]:
 def _elements(path: Path) -> Iterator[tuple[float, Element]]:
     time = 0.0
     for event, element in xml_elements(path):
-        if element.tag == "timestep":
-            if event == "start":
-                time = float(element.get("time", "nan"))
-            else:
-                element.clear()
+        if element.tag == "timestep" and event == "start":
+            time = float(element.get("time", "nan"))
         elif event == "end" and element.tag in ("vehicle", "person"):
             yield time, element
 

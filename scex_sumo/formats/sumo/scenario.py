@@ -18,15 +18,15 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from scex_sumo.base.errors import MapError, SimulationError, TrackError
+from scex_sumo.base.errors import MapError, SimulationError, TrackError, one_line
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.progress import Progress
 from scex_sumo.base.sumo.programs import checked_path, environment, program
-from scex_sumo.converters.naming import beginning, map_name, open_binary
+from scex_sumo.converters.naming import beginning, map_name
 from scex_sumo.converters.net.reading import allowed_content
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.converters.xml import is_utf8, scan, unpacked, xml_root
+from scex_sumo.converters.xml import is_utf8, unpacked, xml_elements, xml_root
 from scex_sumo.extrapolation.processes.pool import in_other_process
 from scex_sumo.formats.recognition import is_simulation, is_state
 from scex_sumo.formats.sumo.intentions import INTENTIONS_S
@@ -219,19 +219,17 @@ def _is_output_parameter(tag: str, attributes: Mapping[str, str]) -> bool:
 def _names_files(file: Path) -> bool:
     """Whether a file of SUMO's names a file to write, or to read besides."""
     names = False
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal names
-        if tag == "vType":
-            _check_scale(file, attributes.get(SCALE, "1"))
-        elif tag in _FLOWS:
-            _check_flow(file, attributes)
-        names |= tag in _READERS or _is_output_parameter(tag, attributes)
-        names |= any(name in attributes for name in _WRITERS)
-
     try:
-        with open_binary(file) as stream:
-            scan(stream, start)
+        for event, element in xml_elements(file):
+            tag, attributes = element.tag, element.attrib
+            if event == "end":
+                continue
+            if tag == "vType":
+                _check_scale(file, attributes.get(SCALE, "1"))
+            elif tag in _FLOWS:
+                _check_flow(file, attributes)
+            names |= tag in _READERS or _is_output_parameter(tag, attributes)
+            names |= any(name in attributes for name in _WRITERS)
     except (OSError, EOFError, LookupError, zlib.error, ValueError) as error:
         raise MapError(f"{file}: cannot be read: {error}; SUMO needs XML here") from None
     return names
@@ -304,7 +302,7 @@ def _run(config: Path, given: Mapping[str, str], record: Callable[[Any], Recorde
                 sumo.close()
         except failed as error:
             said = [line.removeprefix("Error: ") for line in messages() if line.startswith("Error: ")]
-            reason = " ".join([*dict.fromkeys(said)][:2]) or str(error)
+            reason = one_line(" ".join([*dict.fromkeys(said)][:2]) or error)
             raise SimulationError(f"{config}: SUMO stops: {reason.replace(folder + '/', '')}") from None
         finally:
             os.chdir(before)
