@@ -5,212 +5,129 @@ from __future__ import annotations
 from typing import Any
 
 from scex_sumo.converters.registries import Declaration
-from scex_sumo.formats.recognition import (
-    is_argoverse,
-    is_argoverse_map,
-    is_commonroad,
-    is_commonroad_recording,
-    is_esmini_log,
-    is_fcd,
-    is_highd_map,
-    is_levelx,
-    is_open_street_map,
-    is_opendd,
-    is_opendd_map,
-    is_opendrive,
-    is_openscenario,
-    is_osi,
-    is_py123d,
-    is_py123d_map,
-    is_scenarionet,
-    is_simulation,
-    is_sind,
-    is_spat,
-    is_state,
-    is_sumo_net,
-)
-
-
-def _argoverse_map() -> Any:
-    from scex_sumo.formats.argoverse import ARGOVERSE_MAP
-
-    return ARGOVERSE_MAP
+from scex_sumo.formats import recognition as files
 
 
 def _argoverse() -> Any:
-    from scex_sumo.formats.argoverse import ARGOVERSE
+    from scex_sumo.formats import argoverse
 
-    return ARGOVERSE
-
-
-def _commonroad_map() -> Any:
-    from scex_sumo.formats.commonroad.reader import COMMONROAD
-
-    return COMMONROAD
+    return argoverse
 
 
-def _commonroad() -> Any:
-    from scex_sumo.formats.commonroad.tracks import COMMONROAD
+def _commonroad_reader() -> Any:
+    from scex_sumo.formats.commonroad import reader
 
-    return COMMONROAD
-
-
-def _fcd() -> Any:
-    from scex_sumo.formats.sumo.fcd import FCD
-
-    return FCD
+    return reader
 
 
-def _highd() -> Any:
-    from scex_sumo.formats.levelx import HIGHD
+def _commonroad_tracks() -> Any:
+    from scex_sumo.formats.commonroad import tracks
 
-    return HIGHD
+    return tracks
 
 
 def _levelx() -> Any:
-    from scex_sumo.formats.levelx import LEVELX
+    from scex_sumo.formats import levelx
 
-    return LEVELX
-
-
-def _opendd_map() -> Any:
-    from scex_sumo.formats.opendd import OPENDD_MAP
-
-    return OPENDD_MAP
+    return levelx
 
 
 def _opendd() -> Any:
-    from scex_sumo.formats.opendd import OPENDD
+    from scex_sumo.formats import opendd
 
-    return OPENDD
-
-
-def _opendrive() -> Any:
-    from scex_sumo.formats.opendrive.reader import OPENDRIVE
-
-    return OPENDRIVE
+    return opendd
 
 
-def _openscenario_map() -> Any:
-    from scex_sumo.formats.openscenario.reader import OPENSCENARIO_MAP
+def _opendrive_reader() -> Any:
+    from scex_sumo.formats.opendrive import reader
 
-    return OPENSCENARIO_MAP
+    return reader
 
 
 def _openscenario() -> Any:
-    from scex_sumo.formats.openscenario.reader import OPENSCENARIO
+    from scex_sumo.formats.openscenario import reader
 
-    return OPENSCENARIO
-
-
-def _esmini() -> Any:
-    from scex_sumo.formats.openscenario.reader import ESMINI
-
-    return ESMINI
-
-
-def _open_street_map() -> Any:
-    from scex_sumo.formats.sumo.imported import OPEN_STREET_MAP
-
-    return OPEN_STREET_MAP
-
-
-def _osi_map() -> Any:
-    from scex_sumo.formats.osi import OSI_MAP
-
-    return OSI_MAP
+    return reader
 
 
 def _osi() -> Any:
-    from scex_sumo.formats.osi import OSI
+    from scex_sumo.formats import osi
 
-    return OSI
-
-
-def _py123d_map() -> Any:
-    from scex_sumo.formats.py123d import PY123D_MAP
-
-    return PY123D_MAP
+    return osi
 
 
 def _py123d() -> Any:
-    from scex_sumo.formats.py123d import PY123D
+    from scex_sumo.formats import py123d
 
-    return PY123D
-
-
-def _scenarionet_map() -> Any:
-    from scex_sumo.formats.scenarionet import SCENARIONET_MAP
-
-    return SCENARIONET_MAP
+    return py123d
 
 
 def _scenarionet() -> Any:
-    from scex_sumo.formats.scenarionet import SCENARIONET
+    from scex_sumo.formats import scenarionet
 
-    return SCENARIONET
-
-
-def _simulation_map() -> Any:
-    from scex_sumo.formats.sumo.scenario import SCENARIO_MAP
-
-    return SCENARIO_MAP
-
-
-def _simulation() -> Any:
-    from scex_sumo.formats.sumo.scenario import SCENARIO
-
-    return SCENARIO
+    return scenarionet
 
 
 def _sind() -> Any:
-    from scex_sumo.formats.sind import SIND
+    from scex_sumo.formats import sind
 
-    return SIND
+    return sind
 
 
 def _spat() -> Any:
-    from scex_sumo.formats.spat import SPAT
+    from scex_sumo.formats import spat
 
-    return SPAT
+    return spat
 
 
-def _state() -> Any:
-    from scex_sumo.formats.sumo.scenario import SAVED
+def _sumo_fcd() -> Any:
+    from scex_sumo.formats.sumo import fcd
 
-    return SAVED
+    return fcd
+
+
+def _sumo_imported() -> Any:
+    from scex_sumo.formats.sumo import imported
+
+    return imported
 
 
 def _sumo_net() -> Any:
-    from scex_sumo.formats.sumo.net import SUMO_NET
+    from scex_sumo.formats.sumo import net
 
-    return SUMO_NET
+    return net
 
 
-ARGOVERSE_MAP = Declaration(is_argoverse_map, _argoverse_map)
-COMMONROAD_MAP = Declaration(is_commonroad, _commonroad_map)
-HIGHD_MAP = Declaration(is_highd_map, _highd)
-OPENDD_MAP = Declaration(is_opendd_map, _opendd_map)
-OPENDRIVE = Declaration(is_opendrive, _opendrive)
-OPENSCENARIO_MAP = Declaration(is_openscenario, _openscenario_map)
-OPEN_STREET_MAP = Declaration(is_open_street_map, _open_street_map)
-OSI_MAP = Declaration(is_osi, _osi_map)
-PY123D_MAP = Declaration(is_py123d_map, _py123d_map)
-SCENARIONET_MAP = Declaration(is_scenarionet, _scenarionet_map)
-SIMULATION_MAP = Declaration(is_simulation, _simulation_map)
-SUMO_NET = Declaration(is_sumo_net, _sumo_net)
+def _sumo_scenario() -> Any:
+    from scex_sumo.formats.sumo import scenario
 
-ARGOVERSE = Declaration(is_argoverse, _argoverse)
-COMMONROAD = Declaration(is_commonroad_recording, _commonroad)
-ESMINI = Declaration(is_esmini_log, _esmini)
-FCD = Declaration(is_fcd, _fcd)
-LEVELX = Declaration(is_levelx, _levelx)
-OPENDD = Declaration(is_opendd, _opendd)
-OPENSCENARIO = Declaration(is_openscenario, _openscenario)
-OSI = Declaration(is_osi, _osi)
-PY123D = Declaration(is_py123d, _py123d)
-SCENARIONET = Declaration(is_scenarionet, _scenarionet)
-SIMULATION = Declaration(is_simulation, _simulation)
-SIND = Declaration(is_sind, _sind)
-SPAT = Declaration(is_spat, _spat)
-STATE = Declaration(is_state, _state)
+    return scenario
+
+
+ARGOVERSE_MAP = Declaration(files.is_argoverse_map, lambda: _argoverse().ARGOVERSE_MAP)
+COMMONROAD_MAP = Declaration(files.is_commonroad, lambda: _commonroad_reader().COMMONROAD)
+HIGHD_MAP = Declaration(files.is_highd_map, lambda: _levelx().HIGHD)
+OPENDD_MAP = Declaration(files.is_opendd_map, lambda: _opendd().OPENDD_MAP)
+OPENDRIVE = Declaration(files.is_opendrive, lambda: _opendrive_reader().OPENDRIVE)
+OPENSCENARIO_MAP = Declaration(files.is_openscenario, lambda: _openscenario().OPENSCENARIO_MAP)
+OPEN_STREET_MAP = Declaration(files.is_open_street_map, lambda: _sumo_imported().OPEN_STREET_MAP)
+OSI_MAP = Declaration(files.is_osi, lambda: _osi().OSI_MAP)
+PY123D_MAP = Declaration(files.is_py123d_map, lambda: _py123d().PY123D_MAP)
+SCENARIONET_MAP = Declaration(files.is_scenarionet, lambda: _scenarionet().SCENARIONET_MAP)
+SIMULATION_MAP = Declaration(files.is_simulation, lambda: _sumo_scenario().SCENARIO_MAP)
+SUMO_NET = Declaration(files.is_sumo_net, lambda: _sumo_net().SUMO_NET)
+
+ARGOVERSE = Declaration(files.is_argoverse, lambda: _argoverse().ARGOVERSE)
+COMMONROAD = Declaration(files.is_commonroad_recording, lambda: _commonroad_tracks().COMMONROAD)
+ESMINI = Declaration(files.is_esmini_log, lambda: _openscenario().ESMINI)
+FCD = Declaration(files.is_fcd, lambda: _sumo_fcd().FCD)
+LEVELX = Declaration(files.is_levelx, lambda: _levelx().LEVELX)
+OPENDD = Declaration(files.is_opendd, lambda: _opendd().OPENDD)
+OPENSCENARIO = Declaration(files.is_openscenario, lambda: _openscenario().OPENSCENARIO)
+OSI = Declaration(files.is_osi, lambda: _osi().OSI)
+PY123D = Declaration(files.is_py123d, lambda: _py123d().PY123D)
+SCENARIONET = Declaration(files.is_scenarionet, lambda: _scenarionet().SCENARIONET)
+SIMULATION = Declaration(files.is_simulation, lambda: _sumo_scenario().SCENARIO)
+SIND = Declaration(files.is_sind, lambda: _sind().SIND)
+SPAT = Declaration(files.is_spat, lambda: _spat().SPAT)
+STATE = Declaration(files.is_state, lambda: _sumo_scenario().SAVED)
