@@ -31,8 +31,7 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.behaviors.driving.leaders import find_leaders
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S
-from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths, seed_paths
-from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths, expected_way, seed_paths
 from scex_sumo.behaviors.models.idm import IdmProfile, desired_speed, idm_acceleration, seed_motion
 from scex_sumo.drivers.registry import build, entry_of, parse_models
 from scex_sumo.extrapolation.loop.rollout import history_at
@@ -109,7 +108,7 @@ def path_taken(scene: SeedScene, paths: SeedPaths, vehicle: IntArray) -> tuple[I
     for step in (9, 19, 29):
         x, y = scene.future.x[vehicle, step], scene.future.y[vehicle, step]
         way = BEHIND_M + scene.now.speed[vehicle] * (step + 1) * STEP_S
-        off = np.maximum(off, np.abs(foot_points(paths, row, x[owner], y[owner], way[owner])[1]))
+        off = np.maximum(off, np.abs(paths.foot_points(row, x[owner], y[owner], way[owner])[1]))
     order = np.lexsort((row, off, owner))
     best = order[np.unique(owner[order], return_index=True)[1]]
     return row[best], off[best]
@@ -126,7 +125,7 @@ def samples_of(scene: SeedScene, profile: IdmProfile) -> Samples | None:
     vehicle, row = vehicle[good], row[good]
     history, who = present(scene), VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     now = scene.now[vehicle]
-    s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
+    s, _, _ = paths.foot_points(row, now.x, now.y, expected_way(history, who))
     leaders = find_leaders(
         history,
         who,
@@ -139,7 +138,7 @@ def samples_of(scene: SeedScene, profile: IdmProfile) -> Samples | None:
     )
     future = scene.future[vehicle]
     ways = [
-        foot_points(paths, row, future.x[:, k], future.y[:, k], s + now.speed * (k + 1) * STEP_S)[0] - s
+        paths.foot_points(row, future.x[:, k], future.y[:, k], s + now.speed * (k + 1) * STEP_S)[0] - s
         for k in range(STEPS)
     ]
     ahead = np.clip((s / DS_M).astype(np.int64)[:, None] + np.arange(AHEAD), 0, paths.samples - 1)

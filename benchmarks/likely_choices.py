@@ -11,7 +11,6 @@ from likely_samples import HUMAN, STEPS, Samples
 from scipy.optimize import minimize
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
-from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.humans.lines.driven_line import driven_paths
 from scex_sumo.humans.lines.lanes import change_features
 from scex_sumo.humans.observed.observations import (
@@ -156,7 +155,7 @@ def choices_of(recorded: SeedScene) -> Iterator[Choice]:
         rows = paths.first[v] + np.arange(paths.count[v])
         whole = np.full(len(rows), 1.0)
         way = 20.0 + 3.0 * scene.now.speed[v]
-        off = np.abs(foot_points(paths, rows, later.x[j] * whole, later.y[j] * whole, way * whole)[1])
+        off = np.abs(paths.foot_points(rows, later.x[j] * whole, later.y[j] * whole, way * whole)[1])
         if off.min() > OFF_PATH_M or off.max() < off.min() + 1.5:
             continue
         share = np.diff(paths.draw_edges[rows], prepend=0.0)

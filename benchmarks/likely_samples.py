@@ -11,8 +11,7 @@ from calibrate import AHEAD, OFF_PATH_M, path_taken, present
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import rear_axle
-from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
-from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, expected_way
 from scex_sumo.humans.lines.driven_line import driven_paths
 from scex_sumo.humans.lines.lanes import lanes_beside, lanes_occupied
 from scex_sumo.humans.observed.observations import (
@@ -112,12 +111,12 @@ def samples_of(scene: SeedScene) -> Samples | None:
         return None
     history, who = present(scene), VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     now, future, seen = scene.now[vehicle], scene.future[vehicle], observations_of(scene, paths, HUMAN)
-    s, _, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
+    s, _, _ = paths.foot_points(row, now.x, now.y, expected_way(history, who))
     view = View(history=history, who=who, paths=paths, row=row, s=s, human=HUMAN)
     leaders = leaders_of(view, seen.lateral[row, 0])
     gap, leader_speed = _leader_ways(scene, paths, row, s, leaders.index, leaders.gap, leaders.speed)
     ways = [
-        foot_points(paths, row, future.x[:, k], future.y[:, k], s + now.speed * (k + 1) * STEP_S)[0] - s
+        paths.foot_points(row, future.x[:, k], future.y[:, k], s + now.speed * (k + 1) * STEP_S)[0] - s
         for k in range(STEPS)
     ]
     at = np.clip((s / DS_M).astype(np.int64)[:, None] + np.arange(AHEAD), 0, paths.samples - 1)
@@ -126,7 +125,7 @@ def samples_of(scene: SeedScene) -> Samples | None:
     slope = 2 * HUMAN.idm.curve_deceleration * DS_M * np.arange(AHEAD)
     curves = np.sqrt(np.minimum.accumulate((square + slope)[:, ::-1], axis=1)[:, ::-1] - slope)
     x, y = rear_axle(future[:, STEPS - 1], scene.length[vehicle])
-    _, side, _ = foot_points(paths, row, x, y, s + ways[-1])
+    _, side, _ = paths.foot_points(row, x, y, s + ways[-1])
     shown = last_second(scene, HUMAN)
     return Samples(
         speed=shown.speed[vehicle],
@@ -188,10 +187,10 @@ def _leader_ways(
     if len(known):
         leader = scene.future[index[known]]
         first = scene.now[index[known]]
-        start = foot_points(paths, row[known], first.x, first.y, s[known] + np.minimum(gap[known], 100.0))[0]
+        start = paths.foot_points(row[known], first.x, first.y, s[known] + np.minimum(gap[known], 100.0))[0]
         for k in range(STEPS):
             guess = start + speed[known] * time[k + 1]
-            there = foot_points(paths, row[known], leader.x[:, k], leader.y[:, k], guess)[0]
+            there = paths.foot_points(row[known], leader.x[:, k], leader.y[:, k], guess)[0]
             gaps[known, k + 1] = gap[known] + there - start
         speeds[known, 1:] = leader.speed[:, :STEPS]
     return gaps, speeds

@@ -22,10 +22,10 @@ from scex_sumo import find_recordings, load_recording, recording_moments, seed_a
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.conflicts.braking import needed_braking
+from scex_sumo.conflicts.driven import DrivenPaths
 from scex_sumo.conflicts.margin import time_margins
 from scex_sumo.conflicts.pairs import NEAR_M, Conflicts, find_conflicts, least_braking
 from scex_sumo.conflicts.shared import shared_stretches
-from scex_sumo.conflicts.ways import Ways
 from scex_sumo.decision.law import law, over_futures
 from scex_sumo.decision.moment import human_part
 from scex_sumo.evaluation.split import Split, split_moments
@@ -154,7 +154,7 @@ def _pairs(scene: SeedScene, whole: BoolArray) -> tuple[IntArray, IntArray]:
 
 
 def _near_misses(scene: SeedScene, recorded: States, one: IntArray, two: IntArray) -> BoolArray:
-    ways = Ways.of(recorded, scene.length, scene.width, None)
+    ways = DrivenPaths.of(recorded, scene.length, scene.width, None)
     margins = time_margins(ways, one, two, now=HISTORY_STEPS)
     later, earlier = np.where(margins.own_is_later, [one, two], [two, one])
     before = np.maximum(margins.step - np.rint(np.minimum(margins.margin, 9.0) / STEP_S).astype(int), 0)
@@ -177,7 +177,7 @@ def _near_misses(scene: SeedScene, recorded: States, one: IntArray, two: IntArra
 
 
 def ttc_on_ways(
-    ways: Ways, enter: FloatArray, leave: FloatArray, own: int, other: int, steps: IntArray
+    ways: DrivenPaths, enter: FloatArray, leave: FloatArray, own: int, other: int, steps: IntArray
 ) -> FloatArray:
     """Return (S,) time to collision of two vehicles that keep their speeds and ways, s; inf: none."""
     t = np.arange(0.05, 3.0, 0.05)
@@ -205,7 +205,7 @@ def _rivals(scene: SeedScene, one: IntArray, two: IntArray) -> dict[str, FloatAr
     gap = rectangle_distance(*boxes)
     hit = gap <= 0
     ttc = np.where(hit.any(axis=1), STEP_S * (1 + np.argmax(hit, axis=1)), np.inf)
-    ways = Ways.of(States.concatenate([past, ahead], axis=1), scene.length, scene.width, None)
+    ways = DrivenPaths.of(States.concatenate([past, ahead], axis=1), scene.length, scene.width, None)
     braking = np.zeros(len(one))
     own, other = shared_stretches(ways, one, two)
     still, now = np.zeros_like(ways.states.speed), np.array([HISTORY_STEPS])

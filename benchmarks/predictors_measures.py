@@ -12,7 +12,6 @@ from scex_sumo import example_path
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior
 from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths, seed_paths
-from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
@@ -341,8 +340,8 @@ def _on_map(scene: SeedScene, road: Road, states: States) -> BoolArray:
     for k in range(int(paths.count.max())):
         some = np.flatnonzero(paths.count > k)
         row = np.repeat((paths.first + k)[some], steps)
-        s, d, _ = foot_points(
-            paths, row, states.x[some].ravel(), states.y[some].ravel(), expected[some].ravel()
+        s, d, _ = paths.foot_points(
+            row, states.x[some].ravel(), states.y[some].ravel(), expected[some].ravel()
         )
         s, d = s.reshape(len(some), steps), np.abs(d).reshape(len(some), steps)
         closer = d < nearest[some]

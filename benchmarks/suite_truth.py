@@ -22,8 +22,7 @@ import numpy as np
 
 from scex_sumo.behaviors.driving.leaders import find_leaders
 from scex_sumo.behaviors.driving.motion import drive as along
-from scex_sumo.behaviors.driving.paths import chosen_paths
-from scex_sumo.behaviors.driving.projection import expected_way, foot_points
+from scex_sumo.behaviors.driving.paths import chosen_paths, expected_way
 from scex_sumo.drivers.registry import model_specs
 from scex_sumo.suites.catalogue import Chosen, Cutter, choose, recordings_of
 from scex_sumo.suites.drive import drive
@@ -40,7 +39,7 @@ class Acc:
         """Keep the first speed, and 2 m with 1.8 s to the leader."""
         paths, row = chosen_paths(history, road, who, "straight")
         own = history.now[who.future, who.vehicle]
-        s, _, _ = foot_points(paths, row, own.x, own.y, expected_way(history, who))
+        s, _, _ = paths.foot_points(row, own.x, own.y, expected_way(history, who))
         far = {"clearance": 1.5, "radius": 100.0, "obstacle_clearance": 1.5}
         leader = find_leaders(history, who, paths, row, s, **far)
         pace = history.scene.now.speed[who.vehicle]

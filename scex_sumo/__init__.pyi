@@ -6,7 +6,7 @@ from .behaviors.base import Behavior as Behavior
 from .behaviors.driving.leaders import find_leaders as find_leaders
 from .behaviors.driving.motion import drive as drive
 from .behaviors.driving.paths import chosen_paths as chosen_paths
-from .behaviors.driving.projection import path_positions as path_positions
+from .behaviors.driving.paths import path_positions as path_positions
 from .behaviors.spec import ModelSpec as ModelSpec
 from .converters.datasets.find import find_recordings as find_recordings
 from .converters.lanelet.reader import read_road as read_road

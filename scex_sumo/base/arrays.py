@@ -37,6 +37,12 @@ class Rows:
         return [(f.name, getattr(self, f.name)) for f in fields(self)]
 
 
+def clipped(values: FloatArray, low: FloatArray | float, high: FloatArray | float) -> FloatArray:
+    """Return ``np.clip``, without its overhead for small arrays."""
+    result: FloatArray = np.minimum(np.maximum(values, low), high)
+    return result
+
+
 def distinct(rows: FloatArray) -> tuple[IntArray, IntArray]:
     """Find the distinct rows of an array (n, K), compared bit by bit.
 

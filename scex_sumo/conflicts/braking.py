@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.conflicts.driven import HORIZON_S, NODES, DrivenPaths
 from scex_sumo.conflicts.shared import Shared
-from scex_sumo.conflicts.ways import HORIZON_S, NODES, Ways
 from scex_sumo.scene import STEP_S
 
 MOST_MPS2: Final = 20.0
@@ -25,7 +25,9 @@ _ACCELERATES_S = 1.0
 _SLACK_M = 1e-6  # of rounding, where what is out of reach is left out
 
 
-def needed_braking(ways: Ways, shared: Shared, acceleration: FloatArray, steps: IntArray) -> FloatArray:
+def needed_braking(
+    ways: DrivenPaths, shared: Shared, acceleration: FloatArray, steps: IntArray
+) -> FloatArray:
     """Return (n, S) needed braking of the own vehicles at some steps, m/s²; 0 where none is needed.
 
     Args:
@@ -39,7 +41,7 @@ def needed_braking(ways: Ways, shared: Shared, acceleration: FloatArray, steps: 
 
 
 def _needed(
-    ways: Ways, shared: Shared, acceleration: FloatArray, row: IntArray, step: IntArray
+    ways: DrivenPaths, shared: Shared, acceleration: FloatArray, row: IntArray, step: IntArray
 ) -> FloatArray:
     """Return the needed braking (m,) of the own vehicles of rows (m,) at steps (m,)."""
     own, other = (shared.own[row], step), (shared.other[row], step)
@@ -60,7 +62,7 @@ def _needed(
     return np.asarray(np.where(led & since[..., -1], MOST_MPS2, needed))
 
 
-def _in_reach(ways: Ways, shared: Shared, acceleration: FloatArray, steps: IntArray) -> BoolArray:
+def _in_reach(ways: DrivenPaths, shared: Shared, acceleration: FloatArray, steps: IntArray) -> BoolArray:
     """Return whether (n, S) both may reach the shared stretch in time; one that reverses may always."""
     own, other = (shared.own[:, None], steps), (shared.other[:, None], steps)
     reverses = np.minimum(ways.states.speed[own], ways.states.speed[other]) < 0
@@ -75,7 +77,7 @@ def _in_reach(ways: Ways, shared: Shared, acceleration: FloatArray, steps: IntAr
     return np.asarray(reverses | (meets & (reached >= enter) & (ways.arc[own] <= leave)))
 
 
-def both_braking(ways: Ways, shared: Shared, steps: IntArray) -> FloatArray:
+def both_braking(ways: DrivenPaths, shared: Shared, steps: IntArray) -> FloatArray:
     """Return (n, S) deceleration of both vehicles with which two that face each other stop in time, m/s².
 
     0 where the other one is not on the way ahead, `MOST_MPS2` where they touch already.
@@ -109,7 +111,9 @@ def distance(speed: FloatArray, acceleration: FloatArray, times_s: FloatArray = 
     return np.asarray(np.where(acceleration < 0, slowing, growing))
 
 
-def _blocked(ways: Ways, shared: Shared, row: IntArray, arc: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _blocked(
+    ways: DrivenPaths, shared: Shared, row: IntArray, arc: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return the stretches (m, K) of rows (m,) that are blocked while the others are at an arc length, m."""
     node = np.clip(arc / ways.spacing[shared.other[row]][:, None], 0, NODES - 1)
     below = np.minimum(node.astype(np.int64), NODES - 2)

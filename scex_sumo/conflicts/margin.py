@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
+from scex_sumo.conflicts.driven import DrivenPaths
 from scex_sumo.conflicts.shared import shares_of_contact
-from scex_sumo.conflicts.ways import Ways
 from scex_sumo.geometry.rectangles import Rectangles, separation
 from scex_sumo.scene import STEP_S
 
@@ -34,7 +34,7 @@ class Margins(Rows):
     own_is_later: BoolArray
 
 
-def time_margins(ways: Ways, own: IntArray, other: IntArray, *, now: int) -> Margins:
+def time_margins(ways: DrivenPaths, own: IntArray, other: IntArray, *, now: int) -> Margins:
     """Return the least time margins of pairs of vehicles on driven ways.
 
     Args:
@@ -48,7 +48,7 @@ def time_margins(ways: Ways, own: IntArray, other: IntArray, *, now: int) -> Mar
     return Margins.join(parts)
 
 
-def _of_some(ways: Ways, own: IntArray, other: IntArray, now: int) -> Margins:
+def _of_some(ways: DrivenPaths, own: IntArray, other: IntArray, now: int) -> Margins:
     states, steps = ways.states, ways.states.shape[1]
     one, two = states[own][:, :, None], states[other][:, None]
     reach = (np.hypot(ways.length, ways.width) / 2)[own] + (np.hypot(ways.length, ways.width) / 2)[other]
@@ -73,7 +73,9 @@ def _of_some(ways: Ways, own: IntArray, other: IntArray, now: int) -> Margins:
     return Margins(margin=margin, step=later, own_is_later=is_own)
 
 
-def _between(ways: Ways, own: IntArray, other: IntArray, first: IntArray, second: IntArray) -> FloatArray:
+def _between(
+    ways: DrivenPaths, own: IntArray, other: IntArray, first: IntArray, second: IntArray
+) -> FloatArray:
     """Return the steps (n,), with a fraction, by which margins of whole steps are too large.
 
     The earlier vehicle leaves after its step, the later one has entered before its step.
@@ -85,5 +87,5 @@ def _between(ways: Ways, own: IntArray, other: IntArray, first: IntArray, second
     return np.where(towards == 0, 0.0, leaves + enters)
 
 
-def _box(ways: Ways, row: IntArray, step: IntArray) -> Rectangles:
+def _box(ways: DrivenPaths, row: IntArray, step: IntArray) -> Rectangles:
     return Rectangles.of(ways.states[row, step], ways.length[row], ways.width[row])

@@ -10,9 +10,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.conflicts.braking import MOST_MPS2, both_braking, needed_braking, recent_acceleration
+from scex_sumo.conflicts.driven import DrivenPaths
 from scex_sumo.conflicts.margin import time_margins
 from scex_sumo.conflicts.shared import Shared, shared_stretches
-from scex_sumo.conflicts.ways import Ways
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.scene import States
 
@@ -120,14 +120,16 @@ def find_conflicts(
     return _filled(ways, (own, other), place, (future, one[pair], two[pair]), vehicles, now)
 
 
-def ways_of(states: States, length: FloatArray, width: FloatArray, planned: FloatArray | None) -> Ways:
+def ways_of(states: States, length: FloatArray, width: FloatArray, planned: FloatArray | None) -> DrivenPaths:
     """Return the ways of all vehicles (C * V rows) of futures, by states (C, T, V) and sizes (C * V,)."""
     rows = states.map(lambda values: values.swapaxes(1, 2).reshape(len(length), -1))
-    return Ways.of(rows, length, width, None if planned is None else planned.reshape(2, len(length), -1))
+    return DrivenPaths.of(
+        rows, length, width, None if planned is None else planned.reshape(2, len(length), -1)
+    )
 
 
 def _filled(
-    ways: Ways,
+    ways: DrivenPaths,
     shared: tuple[Shared, Shared],
     place: IntArray,
     rows: tuple[IntArray, IntArray, IntArray],
@@ -162,7 +164,7 @@ def _filled(
 
 
 def needed_by_pairs(
-    ways: Ways, own: Shared, other: Shared, *, now: int
+    ways: DrivenPaths, own: Shared, other: Shared, *, now: int
 ) -> tuple[FloatArray, IntArray, BoolArray]:
     """Return (n,) needed braking that lasts, the steps until then, and whether it is the first one's.
 
@@ -180,7 +182,9 @@ def needed_by_pairs(
     return np.maximum(most, since), EVERY * begins, np.asarray(first)
 
 
-def braking_at(ways: Ways, own: Shared, other: Shared, steps: IntArray) -> tuple[FloatArray, FloatArray]:
+def braking_at(
+    ways: DrivenPaths, own: Shared, other: Shared, steps: IntArray
+) -> tuple[FloatArray, FloatArray]:
     """Return (n, k) needed braking of pairs at steps (k,), and that of the first vehicle alone, m/s²."""
     acceleration = recent_acceleration(ways.states.speed)
     each = [needed_braking(ways, side, acceleration, steps) for side in (own, other)]
@@ -202,7 +206,7 @@ def least_braking(one: FloatArray, two: FloatArray) -> FloatArray:
     return np.asarray(np.where(np.isfinite(least), least, np.where(hopeless, MOST_MPS2, 0.0)))
 
 
-def _gaps(ways: Ways, one: IntArray, two: IntArray, now: int) -> tuple[FloatArray, IntArray]:
+def _gaps(ways: DrivenPaths, one: IntArray, two: IntArray, now: int) -> tuple[FloatArray, IntArray]:
     """Return (n,) distance of the outlines when the centres are nearest, m, and the steps until then."""
     states = ways.states[:, now:]
     apart = np.hypot(states.x[one] - states.x[two], states.y[one] - states.y[two])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
-from scex_sumo.conflicts.ways import NODES, Ways
+from scex_sumo.conflicts.driven import NODES, DrivenPaths
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, axis_separations, separation
 
@@ -30,15 +30,15 @@ class Shared(Rows):
     enter: FloatArray
     leave: FloatArray
 
-    def least_angle(self, ways: Ways) -> FloatArray:
+    def least_angle(self, ways: DrivenPaths) -> FloatArray:
         """Return the least angle (n,) of both headings where the ways touch, rad."""
         node = np.nan_to_num(np.rint(self.enter / ways.spacing[self.own][:, None])).astype(np.int64)
-        own = ways.nodes.heading[self.own[:, None], np.clip(node, 0, NODES - 1)]
-        angle = np.abs(wrap(own - ways.nodes.heading[self.other]))
+        own = ways.heading[self.own[:, None], np.clip(node, 0, NODES - 1)]
+        angle = np.abs(wrap(own - ways.heading[self.other]))
         return np.asarray(np.where(np.isnan(self.enter), np.inf, angle).min(axis=1, initial=np.inf))
 
 
-def shared_stretches(ways: Ways, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
+def shared_stretches(ways: DrivenPaths, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
     """Return the shared stretches of pairs of ways: of the first ones, and of the second ones.
 
     Pairs that share nothing are left out.
@@ -57,7 +57,7 @@ def shared_stretches(ways: Ways, one: IntArray, two: IntArray) -> tuple[Shared, 
     return Shared.join(parts[0]), Shared.join(parts[1])
 
 
-def _of_some(ways: Ways, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
+def _of_some(ways: DrivenPaths, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
     pair, at, other = _near_nodes(ways, one, two)
     gaps = separation(ways.outlines(one[pair], at), ways.outlines(two[pair], other))
     touch = np.unique(pair[gaps <= 0])
@@ -68,13 +68,13 @@ def _of_some(ways: Ways, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
     return _stretches(ways, one, two, hit.swapaxes(1, 2)), _stretches(ways, two, one, hit)
 
 
-def _near_nodes(ways: Ways, one: IntArray, two: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+def _near_nodes(ways: DrivenPaths, one: IntArray, two: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     """Return pair and both nodes where outlines may touch, and the nodes next to these."""
     half = np.hypot(ways.length, ways.width) / 2
     reach = half[one] + half[two] + np.maximum(ways.spacing[one], ways.spacing[two])
     coarse = _BLOCK // 2 + _BLOCK * np.arange(NODES // _BLOCK)
     wide = reach + (ways.spacing[one] + ways.spacing[two]) * _BLOCK / 2
-    x, y = ways.nodes.x, ways.nodes.y
+    x, y = ways.x, ways.y
     dx = x[one][:, coarse, None] - x[two][:, None, coarse]
     dy = y[one][:, coarse, None] - y[two][:, None, coarse]
     pair, i, j = np.nonzero(dx * dx + dy * dy < (wide * wide)[:, None, None])
@@ -86,7 +86,7 @@ def _near_nodes(ways: Ways, one: IntArray, two: IntArray) -> tuple[IntArray, Int
     return pair[row], first[row, a], second[row, b]
 
 
-def _stretches(ways: Ways, own: IntArray, other: IntArray, hit: BoolArray) -> Shared:
+def _stretches(ways: DrivenPaths, own: IntArray, other: IntArray, hit: BoolArray) -> Shared:
     """Return where ways are blocked, by whether outlines touch (n, other's node, own node)."""
     pair, node = np.nonzero(hit.any(axis=2))
     inside = hit[pair, node]

@@ -7,20 +7,19 @@ and how the ways go on from there. docs/catalogue.md has the table of rules.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.conflicts.ways import Ways
+from scex_sumo.conflicts.driven import DrivenPaths
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.results.participants import everybody, with_everybody
 from scex_sumo.results.parts import Part
 from scex_sumo.results.tables.pairs import TOLD
 from scex_sumo.roads.places import places_of
-from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
 LEAD_STOPPED, LEAD_DECELERATING, LEAD_SLOWER, LEAD_MOVING = LEADING = (
     *("lead vehicle stopped", "lead vehicle decelerating"),
@@ -49,29 +48,6 @@ _SPACING_M = 1.0
 _SECOND = round(1.0 / STEP_S)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Way:
-    """Way of one road user from now on: samples (N,) `_SPACING_M` apart, straight on beyond its nodes."""
-
-    x: FloatArray
-    y: FloatArray
-    heading: FloatArray
-    before: float  # heading a second ago
-
-    def turned(self, at: int) -> float:
-        """Return the turn from a second ago until `_BEYOND_M` after a sample, positive to the left, rad."""
-        heading = self.heading[self._beyond(at)]
-        return float(heading - self.heading[0] + wrap(self.heading[0] - self.before))
-
-    def beyond(self, at: int) -> tuple[float, float, float]:
-        """Return x, y and heading `_BEYOND_M` after a sample."""
-        k = self._beyond(at)
-        return float(self.x[k]), float(self.y[k]), float(self.heading[k])
-
-    def _beyond(self, at: int) -> int:
-        return int(min(at + _BEYOND_M / _SPACING_M, len(self.x) - 1))
-
-
 def kinds_of(scene: SeedScene, rows: Sequence[Mapping[str, Any]], part: Part) -> list[str | None]:
     """Return the kind of the conflict of each pair of a moment; None below `TOLD`.
 
@@ -80,7 +56,7 @@ def kinds_of(scene: SeedScene, rows: Sequence[Mapping[str, Any]], part: Part) ->
         rows: as of `decision.pairs.PAIRS`.
         part: the human-like futures; with plans, ways go on as planned, else straight on.
     """
-    whole, ways = everybody(scene), dict[int, Ways]()
+    whole, ways = everybody(scene), dict[int, DrivenPaths]()
     place = {int(track): v for v, track in enumerate(whole.track_ids)}
     kinds: list[str | None] = []
     for row in rows:
@@ -94,15 +70,15 @@ def kinds_of(scene: SeedScene, rows: Sequence[Mapping[str, Any]], part: Part) ->
     return kinds
 
 
-def _ways_of(scene: SeedScene, part: Part, row: int) -> Ways:
+def _ways_of(scene: SeedScene, part: Part, row: int) -> DrivenPaths:
     whole, states = everybody(scene), with_everybody(scene, part.states[row : row + 1])[0].swapaxes(0, 1)
     planned = None
     if part.plan_x is not None and part.plan_y is not None and scene.vehicles == whole.vehicles:
         planned = np.stack([plan[row, -1] for plan in (part.plan_x, part.plan_y)])
-    return Ways.of(states, whole.length, whole.width, planned)
+    return DrivenPaths.of(states, whole.length, whole.width, planned)
 
 
-def conflict_of(scene: SeedScene, one: int, other: int, ways: Ways) -> str:
+def conflict_of(scene: SeedScene, one: int, other: int, ways: DrivenPaths) -> str:
     """Return the kind of the conflict of two road users by index, one of `CONFLICTS`; their order is free.
 
     Args:
@@ -110,28 +86,32 @@ def conflict_of(scene: SeedScene, one: int, other: int, ways: Ways) -> str:
         ways: (V,) of all in one future, driven from a second before the moment on.
     """
     both = one, other
-    found = [_way(scene, ways, v) for v in both]
-    place = _meeting_samples(*found)
-    turn = abs(wrap(found[0].heading[place[0]] - found[1].heading[place[1]]))
-    return _person_kind(scene, both, turn) or _kind(scene, ways, both, found, place)
+    ahead = [_ahead(scene, ways, v) for v in both]
+    place = _meeting_samples(*ahead)
+    turn = abs(wrap(ahead[0].heading[place[0]] - ahead[1].heading[place[1]]))
+    return _person_kind(scene, both, turn) or _kind(scene, ways, both, ahead, place)
 
 
-def _way(scene: SeedScene, ways: Ways, v: int) -> _Way:
-    nodes = ways.nodes[v]
-    along, now = ways.spacing[v] * np.arange(len(nodes.x)), ways.arc[v, HISTORY_STEPS]
+def _ahead(scene: SeedScene, ways: DrivenPaths, v: int) -> States:
+    """Return the path of a road user from now on, `_SPACING_M` apart."""
+    now = ways.arc[v, HISTORY_STEPS]
     reach = max(ways.arc[v, -1] - now, 8.0 * scene.now.speed[v], _BEYOND_M) + _BEYOND_M
     s = now + np.arange(0.0, reach, _SPACING_M)
-    heading = np.interp(s, along, np.unwrap(nodes.heading))
-    further = np.maximum(s - along[-1], 0.0)
-    return _Way(
-        x=np.interp(s, along, nodes.x) + further * np.cos(heading),
-        y=np.interp(s, along, nodes.y) + further * np.sin(heading),
-        heading=heading,
-        before=float(scene.history.heading[v, -1 - _SECOND]),
-    )
+    x, y, _, _, heading, _ = ways.at(np.full(len(s), v), s)
+    return States(x=x, y=y, heading=heading, speed=np.zeros_like(s))
 
 
-def _meeting_samples(one: _Way, other: _Way) -> tuple[int, int]:
+def _beyond(path: States, at: int) -> States:
+    """Return where a path is `_BEYOND_M` after a sample."""
+    return path[int(min(at + _BEYOND_M / _SPACING_M, len(path.x) - 1))]
+
+
+def _turned(path: States, before: float, at: int) -> float:
+    """Return the turn from a heading before until `_BEYOND_M` after a sample, positive to the left, rad."""
+    return float(_beyond(path, at).heading - path.heading[0] + wrap(path.heading[0] - before))
+
+
+def _meeting_samples(one: States, other: States) -> tuple[int, int]:
     """Return the samples at which two ways first come within 2 m, along both; else the nearest ones."""
     apart = _apart(one, other)
     k, m = np.nonzero(apart <= max(_MEETING_M, float(apart.min())))
@@ -139,7 +119,7 @@ def _meeting_samples(one: _Way, other: _Way) -> tuple[int, int]:
     return int(k[first]), int(m[first])
 
 
-def _apart(one: _Way, other: _Way) -> FloatArray:
+def _apart(one: States, other: States) -> FloatArray:
     return np.hypot(one.x[:, None] - other.x, one.y[:, None] - other.y)
 
 
@@ -155,40 +135,41 @@ def _person_kind(scene: SeedScene, both: tuple[int, int], turn: float) -> str | 
 
 
 def _kind(
-    scene: SeedScene, driven: Ways, both: tuple[int, int], ways: list[_Way], place: tuple[int, int]
+    scene: SeedScene, driven: DrivenPaths, both: tuple[int, int], paths: list[States], place: tuple[int, int]
 ) -> str:
-    now = abs(wrap(ways[0].heading[0] - ways[1].heading[0]))
-    came = max(now, abs(wrap(ways[0].before - ways[1].before)))
+    now = abs(wrap(paths[0].heading[0] - paths[1].heading[0]))
+    before = scene.history.heading[list(both), -1 - _SECOND].tolist()
+    came = max(now, abs(wrap(before[0] - before[1])))
     for lead, follower in ((0, 1), (1, 0)):
-        if _leads(scene, both[lead], ways[follower]):
+        if _leads(scene, both[lead], paths[follower]):
             return _lead_kind(scene, driven, both[lead], both[follower])
     assert scene.road is not None
     inwards = -1.0 if scene.road.left_hand else 1.0  # a turn across the oncoming lane
-    turned = [inwards * way.turned(at) for way, at in zip(ways, place, strict=True)]
-    here = [(way.x[at], way.y[at]) for way, at in zip(ways, place, strict=True)]
-    points = np.array([*here, *((way.x[0], way.y[0]) for way in ways)])
+    turned = [inwards * _turned(*given) for given in zip(paths, before, place, strict=True)]
+    here = [(path.x[at], path.y[at]) for path, at in zip(paths, place, strict=True)]
+    points = np.array([*here, *((path.x[0], path.y[0]) for path in paths)])
     _, meets, *stands = places_of(scene.road, points)
-    apart = float(_apart(*ways).min())
+    apart = float(_apart(*paths).min())
     circles = meets == "ring" and (now < _OPPOSED_RAD or apart < _MEETING_M)
     turns = now >= _ALONG_RAD
     if (turns or stands != ["ring", "ring"]) and (circles or "ring" in stands):
         return ENTRY
-    if not turns and abs(wrap(ways[0].heading[place[0]] - ways[1].heading[place[1]])) < _IN_LINE_RAD:
+    if not turns and abs(wrap(paths[0].heading[place[0]] - paths[1].heading[place[1]])) < _IN_LINE_RAD:
         return MERGE if meets == "merge" else LANE_CHANGE
-    return _across(came, turned, together=_go_on_together(ways, place), crosses=apart < _CROSS_M)
+    return _across(came, turned, together=_go_on_together(paths, place), crosses=apart < _CROSS_M)
 
 
-def _leads(scene: SeedScene, lead: int, way: _Way) -> bool:
+def _leads(scene: SeedScene, lead: int, path: States) -> bool:
     """Whether a vehicle is on the way of another one, came along it, and goes in its direction."""
     states = scene.history[lead]
-    apart, past = (np.hypot(way.x - states.x[k], way.y - states.y[k]) for k in (-1, -1 - _SECOND))
+    apart, past = (np.hypot(path.x - states.x[k], path.y - states.y[k]) for k in (-1, -1 - _SECOND))
     nearest = int(np.argmin(apart))
-    turn = abs(wrap(states.heading[-1] - way.heading[nearest]))
+    turn = abs(wrap(states.heading[-1] - path.heading[nearest]))
     inside = (apart[nearest] + past.min()) / 2 < _IN_LINE_M
     return bool(nearest > 0 and inside and turn < _IN_LINE_RAD)
 
 
-def _lead_kind(scene: SeedScene, driven: Ways, lead: int, follower: int) -> str:
+def _lead_kind(scene: SeedScene, driven: DrivenPaths, lead: int, follower: int) -> str:
     speed, later = scene.now.speed, min(HISTORY_STEPS + _SECOND, driven.states.shape[1] - 1)
     slows = min(
         speed[lead] - scene.history.speed[lead, -1 - _SECOND],
@@ -201,11 +182,11 @@ def _lead_kind(scene: SeedScene, driven: Ways, lead: int, follower: int) -> str:
     return LEAD_SLOWER if speed[follower] - speed[lead] > _SLOWER_MPS else LEAD_MOVING
 
 
-def _go_on_together(ways: list[_Way], place: tuple[int, int]) -> bool:
+def _go_on_together(paths: list[States], place: tuple[int, int]) -> bool:
     """Whether two ways are still one `_BEYOND_M` after they came together."""
-    (x, y, heading), (x2, y2, heading2) = (w.beyond(at) for w, at in zip(ways, place, strict=True))
-    along = abs(wrap(heading - heading2)) < _IN_LINE_RAD
-    return bool(along and np.hypot(x - x2, y - y2) < 2 * _MEETING_M)
+    one, other = (_beyond(path, at) for path, at in zip(paths, place, strict=True))
+    along = abs(wrap(one.heading - other.heading)) < _IN_LINE_RAD
+    return bool(along and np.hypot(one.x - other.x, one.y - other.y) < 2 * _MEETING_M)
 
 
 def _across(came: float, turned: list[float], *, together: bool, crosses: bool) -> str:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.paths import SeedPaths
-from scex_sumo.behaviors.driving.projection import sample_paths
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.plug_in.predictor import completed
 from scex_sumo.scene import STEP_S, States
@@ -139,7 +138,7 @@ def path_ahead(paths: SeedPaths, row: IntArray, way: FloatArray, now: States) ->
     """
     ahead = PATH_SPACING_M * np.arange(1, PATH_POINTS + 1)
     s = (way[:, None] + ahead).ravel()
-    x, y = sample_paths(paths, np.repeat(row, PATH_POINTS), s)[:2].reshape(2, -1, PATH_POINTS)
+    x, y = paths.at(np.repeat(row, PATH_POINTS), s)[:2].reshape(2, -1, PATH_POINTS)
     dx, dy = x - now.x[:, None], y - now.y[:, None]
     cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
     return np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=-1)

@@ -10,8 +10,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import PLAN_STEPS, Driver
-from scex_sumo.behaviors.driving.paths import chosen_paths
-from scex_sumo.behaviors.driving.projection import path_positions
+from scex_sumo.behaviors.driving.paths import chosen_paths, path_positions
 from scex_sumo.environment.agent import controlled, finite_numbers, observed, one_of, path_ahead, planned
 from scex_sumo.plug_in.inputs import Surroundings, predictor_inputs
 from scex_sumo.road import Road

@@ -15,8 +15,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.behaviors.base import PLAN_STEPS, is_driven_by_sumo
-from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, seed_paths
-from scex_sumo.behaviors.driving.projection import foot_points
+from scex_sumo.behaviors.driving.paths import BEHIND_M, seed_paths
 from scex_sumo.drivers.registry import DEFAULT_MODELS
 from scex_sumo.environment.agent import (
     MAX_OBSERVED,
@@ -291,13 +290,11 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         """Return (N,) arc lengths and offsets of the agents on their path, m."""
         now, start = self._agent_now(), float(self.scene.now.speed[self._vehicle])
         expected = BEHIND_M + self._age * STEP_S * (start + now.speed) / 2
-        way, offset, _ = foot_points(self._paths, self._row, now.x, now.y, expected)
+        way, offset, _ = self._paths.foot_points(self._row, now.x, now.y, expected)
         return way, offset
 
     def _speed_limit(self) -> FloatArray:
-        at = np.clip((self._way / DS_M).astype(np.int64), 0, self._paths.samples - 1)
-        limit: FloatArray = self._paths.speed_limit[self._row, at]
-        return limit
+        return self._paths.speed_limit.ravel()[self._paths.sample_at(self._row, self._way)]
 
     def _arrays(self) -> dict[str, FloatArray]:
         every = np.arange(self.num_envs)

@@ -13,7 +13,6 @@ from scex_sumo.base.draws import normal_quantiles, uniforms
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, SLOPE_SPEED, rear_axle
-from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.humans.guard.side_clearance import offsets_beside
 from scex_sumo.humans.observed.observations import View
 from scex_sumo.humans.parameters import HumanParameters
@@ -108,7 +107,7 @@ def kept_clear(aside: FloatArray, view: View) -> FloatArray:
     k = np.flatnonzero((held != front).any(axis=1))
     x, y = rear_axle(history.now[who.future[k], who.vehicle[k]], length[k])
     kept = aside.copy()
-    kept[k, 0] = foot_points(paths, row[k], x, y, (s - REAR_AXLE_SHARE * length)[k])[1]
+    kept[k, 0] = paths.foot_points(row[k], x, y, (s - REAR_AXLE_SHARE * length)[k])[1]
     follows = 1 - np.exp(-moved[k] / reach[k, None])
     for step in range(held.shape[1]):
         kept[k, step + 1] = kept[k, step] + (held[k, step] - kept[k, step]) * follows[:, step]

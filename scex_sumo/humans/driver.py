@@ -20,8 +20,7 @@ from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS, Driver, check_path, check_positive
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, REAR_AXLE_SHARE, Accelerate, curve_speeds, drive
-from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
-from scex_sumo.behaviors.driving.projection import clipped, path_positions
+from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths, path_positions
 from scex_sumo.behaviors.models.idm import desired_speeds
 from scex_sumo.humans.attention import awareness, kept_clear
 from scex_sumo.humans.guard.guarded import yielding
@@ -307,12 +306,11 @@ def accelerations(
     human, paths, begin_s = view.human, view.paths, view.history.step * STEP_S
     limits = desired_speeds(paths, human.idm.speed, human.idm.speed_factor)
     curves = curve_speeds(paths, human.idm.curve_acceleration, human.idm.curve_deceleration)
-    first, last = view.row * paths.samples, paths.samples - 1
     ahead = REAR_AXLE_SHARE * view.scene.length[view.who.vehicle]
     headway = headway_to(view, drivers, leaders)
 
     def at(s: FloatArray) -> IntArray:
-        return first + clipped((s + ahead) * (1 / DS_M), 0.0, last).astype(np.int64)
+        return paths.sample_at(view.row, s + ahead)
 
     def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
         now = Situation(

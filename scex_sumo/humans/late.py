@@ -16,10 +16,9 @@ from scex_sumo.base.draws import normal_quantiles, uniforms
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.motion import Accelerate
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
-from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.conflicts.braking import needed_braking, recent_acceleration
+from scex_sumo.conflicts.driven import HORIZON_S, DrivenPaths
 from scex_sumo.conflicts.shared import shared_stretches
-from scex_sumo.conflicts.ways import HORIZON_S, Ways
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, VehicleIndex
 
 SCALES: Final = ((1.5, 4.5, 7.5, 11.0), (0.25, 0.33, 0.5, 0.6))
@@ -81,11 +80,11 @@ def needs(scene: SeedScene, paths: SeedPaths) -> FloatArray:
     """Return (V,) braking that vehicles have needed for 0.4 s, m/s²; 0 for those that brake already."""
     past, now = scene.history, scene.now
     row = paths.first + paths.straight
-    s, _, _ = foot_points(paths, row, now.x, now.y, np.full(scene.vehicles, BEHIND_M))
+    s, _, _ = paths.foot_points(row, now.x, now.y, np.full(scene.vehicles, BEHIND_M))
     reach = np.maximum(HORIZON_S * now.speed, 1.0)[:, None]
     at = (s[:, None] + reach * np.linspace(0.05, 1.0, _POINTS)) / DS_M
     index = row[:, None] * paths.samples + np.clip(np.rint(at), 0, paths.samples - 1).astype(np.int64)
-    ways = Ways.of(past, scene.length, scene.width, paths.table[index, :2].transpose(2, 0, 1))
+    ways = DrivenPaths.of(past, scene.length, scene.width, paths.table[index, :2].transpose(2, 0, 1))
     one, two = np.triu_indices(scene.vehicles, 1)
     acceleration = recent_acceleration(past.speed)
     steps, need = np.array([HISTORY_STEPS - _BEFORE, HISTORY_STEPS]), np.zeros(scene.vehicles)

@@ -11,9 +11,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, clipped
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S
-from scex_sumo.behaviors.driving.projection import clipped
 from scex_sumo.behaviors.models.idm import (
     IdmParameters,
     desired_speed,

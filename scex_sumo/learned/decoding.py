@@ -6,8 +6,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, Intent, driven, map_plan
-from scex_sumo.behaviors.driving.paths import SeedPaths
-from scex_sumo.behaviors.driving.projection import path_positions
+from scex_sumo.behaviors.driving.paths import SeedPaths, path_positions
 from scex_sumo.humans.guard.side_clearance import offsets_beside, reached
 from scex_sumo.learned.inputs.surface import path_room
 from scex_sumo.road import Road

@@ -13,8 +13,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.base.draws import uniforms
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
-from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
+from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, expected_way
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance, seen_from
 from scex_sumo.humans.observed.observations import path_weights
 from scex_sumo.humans.observed.seed_state import estimated_history
@@ -106,7 +105,7 @@ class JointDriver(LearnedDriver):
         for _ in range(PLAN_STEPS // TOKEN_STEPS):
             inputs, tokens = self.predict(history, road, who, paths, row)
             now = history.now[who.future, who.vehicle]
-            way, offset, _ = foot_points(paths, row, now.x, now.y, expected_way(history, who))
+            way, offset, _ = paths.foot_points(row, now.x, now.y, expected_way(history, who))
             ahead = _Pairs.join([_ahead(history, inputs), _crossing(history, paths, row, way)])
             # so a plan and the next one draw the same
             salt = FIRST_SALT + REDRAW_SALT * attempt + history.step // TOKEN_STEPS
@@ -324,7 +323,7 @@ def _conflicts(paths: SeedPaths) -> _Conflicts:
     owner = np.repeat(np.arange(len(paths.count)), paths.count)
     s = BEHIND_M + np.arange(0.0, LOOK_M, SPACING_M)
     n = len(s)
-    at = sample_paths(paths, np.repeat(np.arange(len(owner)), n), np.tile(s, len(owner)))
+    at = paths.at(np.repeat(np.arange(len(owner)), n), np.tile(s, len(owner)))
     x, y = xy = at[:2].reshape(2, -1, n)
     low, high = xy.min(axis=2) - CLEARANCE_M, xy.max(axis=2)
     meet = (owner[:, None] != owner) & (low[:, :, None] < high[:, None]).all(0)

@@ -64,7 +64,7 @@ class RuledWays:
 @owner_cache
 def ruled_ways(paths: SeedPaths, rules: Rules) -> RuledWays:
     """Find the passages on all paths, and where they conflict."""
-    table = paths.table.reshape(len(paths.lanes), paths.samples, -1)
+    table = paths.table.reshape(*paths.x.shape, -1)
     entries: list[tuple[int, int, float, float, float]] = []
     boxes = shapely.STRtree([shapely.LineString(p.line) for p in rules.passages])
     stops = shapely.STRtree([shapely.LineString(line) for line in rules.stop_lines])

@@ -9,8 +9,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache
-from scex_sumo.behaviors.driving.paths import SeedPaths
-from scex_sumo.behaviors.driving.projection import path_positions
+from scex_sumo.behaviors.driving.paths import SeedPaths, path_positions
 from scex_sumo.road import Rules
 from scex_sumo.scene import SceneHistory, VehicleIndex
 

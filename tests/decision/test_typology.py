@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.conflicts.ways import Ways
+from scex_sumo.conflicts.driven import DrivenPaths
 from scex_sumo.decision.moment import human_part, pairs_of_part
 from scex_sumo.decision.typology import conflict_of, kinds_of
 from scex_sumo.extrapolation.job import ruled
@@ -29,7 +29,7 @@ class Found:
     """A scene, with the way that each drives in 3 s at its speed, and in the 3 s planned after these."""
 
     scene: SeedScene
-    ways: Ways
+    ways: DrivenPaths
 
 
 def scene(
@@ -82,7 +82,7 @@ def scene(
         road=road or Road(name="plain", lanes={}),
     )
     after = slice(HISTORY_STEPS + 1 + STEPS, None)
-    return Found(whole, Ways.of(driven, *size, np.stack([xs[:, after], ys[:, after]])))
+    return Found(whole, DrivenPaths.of(driven, *size, np.stack([xs[:, after], ys[:, after]])))
 
 
 def kind(found: Found) -> str:

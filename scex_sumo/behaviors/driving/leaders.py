@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows, least_of
-from scex_sumo.behaviors.driving.paths import COARSE, DS_M, SeedPaths
-from scex_sumo.behaviors.driving.projection import refine
+from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
+from scex_sumo.geometry.paths import COARSE
 from scex_sumo.scene import SceneHistory, States, VehicleIndex
 
 LATER_WEIGHT = 0.1  # m² per m along the path; the nearest coarse sample is up to 4 m² off
@@ -166,7 +166,7 @@ def _ahead_of(
         reach += float(np.abs(aside).max(initial=0.0))
     i, j, guess = _first_guess(paths, row, s_centre, ox, oy, near, radius, reach + COARSE * DS_M)
     x, y = ox[i, j], oy[i, j]
-    s, offset, path_heading = refine(paths, row[i], guess, x, y, 3)
+    s, offset, path_heading = paths.refine(row[i], guess, x, y, 3)
     if aside is not None:
         offset = offset - aside[i]
     turn = others.states.heading[who.future[i], j] - path_heading

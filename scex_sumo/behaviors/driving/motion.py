@@ -16,18 +16,10 @@ from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray, clipped
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS, Driver, Sight
-from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
-from scex_sumo.behaviors.driving.projection import (
-    bend_at,
-    clipped,
-    expected_way,
-    foot_points,
-    refine,
-    sample_paths,
-)
+from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths, expected_way
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
@@ -78,8 +70,8 @@ def _present_bend(
     chord = np.sqrt((x - px) ** 2 + (y - py) ** 2)
     turned = wrap(now.heading - before.heading)
     way = chord * (1 + turned**2 / 24)  # arc over a chord
-    then, _, _ = refine(paths, row, s - way, px, py, 2)
-    bend = turned / np.maximum(way, 0.02) - _bend_beside(bend_at(paths, row, then + way / 2), aside, v)
+    then, _, _ = paths.refine(row, s - way, px, py, 2)
+    bend = turned / np.maximum(way, 0.02) - _bend_beside(paths.bend_at(row, then + way / 2), aside, v)
     # A padded history is straight in a curve; a standing vehicle can turn its wheels first.
     most = _bend_limit(v, _urgency(wrap(now.heading - heading)))
     return np.where(way > 0.02, clipped(bend, -most, most), 0.0)
@@ -120,7 +112,7 @@ def drive(
     now = history.now[who.future, who.vehicle]
     begin = now if start is None else start
     x, y = rear_axle(begin, length)
-    s, _, path_heading = foot_points(paths, row, x, y, expected_way(history, who))
+    s, _, path_heading = paths.foot_points(row, x, y, expected_way(history, who))
     heading = path_heading + wrap(begin.heading - path_heading)
     v = np.maximum(begin.speed, 0.0)
     # The steering angle is known for the present state only.
@@ -135,7 +127,7 @@ def drive(
         moved = np.where(
             following >= 0, (v + following) * (STEP_S / 2), v**2 / np.maximum(-2 * a, 1e-9)
         )  # fmt: skip
-        px, py, cos, sin, path_heading, _ = sample_paths(paths, row, s)
+        px, py, cos, sin, path_heading, _ = paths.at(row, s)
         dx, dy = x - px, y - py
         s = s + (cos * dx + sin * dy)
         offset, lead = cos * dy - sin * dx, None
@@ -144,7 +136,7 @@ def drive(
             lead = _lead(wanted, step, moved)
             beside = wanted[step] if parallel else None
         bend = _steer(bend, offset, heading - path_heading, v, moved, lead)
-        curvature = _bend_beside(bend_at(paths, row, s + moved / 2), beside, v)
+        curvature = _bend_beside(paths.bend_at(row, s + moved / 2), beside, v)
         most = np.maximum(np.abs(curvature), CURVATURE_LIMIT)
         turn = clipped(curvature + bend, -most, most)
         bend = turn - curvature
@@ -262,8 +254,7 @@ def _slowing_for_curves(
     speeds = curve_speeds(paths, CURVE_ACCELERATION, CURVE_DECELERATION)
 
     def allowed(s: FloatArray) -> FloatArray:
-        sample = clipped((s + ahead) * (1 / DS_M), 0.0, paths.samples - 1.0).astype(np.int64)
-        return np.asarray(speeds[row * paths.samples + sample])
+        return np.asarray(speeds[paths.sample_at(row, s + ahead)])
 
     def limited(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
         # A moment ahead too, so that the car does not lag behind.

@@ -1,11 +1,11 @@
-"""Path tables of a seed scene: candidate paths of all vehicles, smoothed and sampled.
+"""Paths of a seed scene: candidate paths of all vehicles, smoothed and sampled; places of vehicles on them.
 
 A path depends on the vehicle's pose in the seed scene and is the same in all futures.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import chain
@@ -14,10 +14,11 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, least_of
 from scex_sumo.base.owned import owner_cache, recent
 from scex_sumo.behaviors.driving.smoothing import drivable, resample
-from scex_sumo.geometry.polylines import arc_lengths
+from scex_sumo.geometry.paths import Paths
+from scex_sumo.geometry.polylines import arc_lengths, wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import CandidatePath, candidate_paths, centreline, extended
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
@@ -27,17 +28,17 @@ BEHIND_M = 20.0  # behind the centre, for the rear axle and vehicles behind
 FIRST_HORIZON_S = 8.0  # 3 s of a future, 3 s of a plan, and some acceleration
 LONGER_S = 5.0  # longer futures get tables that are longer by 1, 3, 7, ... times this
 ROUTE_M = 500.0  # of the routes for SUMO
+OTHER_PATH = 1.0  # a vehicle is on another path if that fits better than the straightest by this
+OFFSET_SIGMA_M, HEADING_SIGMA_RAD = 0.8, 0.15
 _RECENT = 4  # sets of lines of a road: with recorded and with estimated headings, smoothed and driven
-COARSE = 8  # for the first step of a projection
-COLUMNS = ("x", "y", "cos", "sin", "heading", "curvature")
 OFF_ROAD = CandidatePath(lanes=(), s=0.0, probability=1.0, angle=0.0)
 PathChoice: TypeAlias = int | Literal["straight", "random"]
-Redraw: TypeAlias = Callable[[Road, Sequence["PathLine"], FloatArray, FloatArray], FloatArray]
+Redraw: TypeAlias = Callable[[Road, "RouteLines"], FloatArray]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SeedPaths:
-    """All candidate paths of all vehicles of a seed scene."""
+class SeedPaths(Paths):
+    """All candidate paths of all vehicles of a seed scene, sampled every `DS_M`."""
 
     first: IntArray  # (V,) row of the first path; paths of a vehicle are consecutive, left to right
     count: IntArray  # (V,) number of paths, at least 1
@@ -45,13 +46,7 @@ class SeedPaths:
     draw_edges: FloatArray  # (P,) upper edge in [0, 1] of the path's share of `SceneHistory.route_draw`
     lanes: tuple[tuple[int, ...], ...]  # (P) lane ids; empty off the mapped lanes
     on_road: BoolArray  # (V,) False off the mapped lanes, where the path is a straight line
-    # (P * N, 12) per sample: each of `COLUMNS`, then its change to the next sample
-    table: FloatArray
-    samples: int  # N, samples per path, `DS_M` apart
     speed_limit: FloatArray  # (P, N) m/s; off the lanes, the vehicle's own speed
-    # (P, 3, M) every `COARSE`-th sample as -2x, -2y, x² + y², relative to `centre` (2,), m
-    coarse: FloatArray
-    centre: FloatArray
     slow_in_curves: bool  # every model slows down for curves; False on the maps that the models come with
 
     def choose(self, path: PathChoice, vehicle: IntArray, draw: FloatArray) -> IntArray:
@@ -77,14 +72,9 @@ class SeedPaths:
         return np.asarray(first + np.clip(index, 0, count - 1))
 
     @cached_property
-    def bend(self) -> tuple[FloatArray, FloatArray]:
-        """(P * N,) curvature and its change to the next sample, 1/m, each contiguous."""
-        return np.ascontiguousarray(self.table[:, 5]), np.ascontiguousarray(self.table[:, 11])
-
-    @cached_property
     def curve_curvature(self) -> FloatArray:
         """(P, N) |curvature| averaged over 3 m, 1/m, for curve speeds."""
-        k = np.abs(self.table.reshape(len(self.lanes), self.samples, -1)[:, :, 5])
+        k = np.abs(self.bend[0].reshape(self.x.shape))
         reach = int(1.5 / DS_M)
         padded = np.pad(k, ((0, 0), (reach, reach)), mode="edge")
         width = 2 * reach + 1
@@ -133,40 +123,59 @@ def seed_paths(
 
     Args:
         horizon_s: time for which the fastest vehicle stays on its table, s.
-        redraw: makes other lines of (P, N, 2) smoothed and raw centrelines, e.g. those that people drive.
+        redraw: makes other lines (P, N, 2) of candidate lines, e.g. those that people drive.
     """
-    smooth = _smooth_lines(scene, road, horizon_s)
-    paths = _tabulate(road, smooth, redraw)
+    lines = _route_lines(scene, road, horizon_s)
+    paths = _sampled(road, lines, redraw)
     if not scene.intentions:
         return paths
     factor = [1.0 if known is None else known.speed_factor for known in scene.intentions]
-    on_road = np.array([line.on_road for line in smooth.lines])
-    factors = np.where(on_road, np.repeat(factor, smooth.count), 1.0)
+    factors = np.where([bool(lanes) for lanes in paths.lanes], np.repeat(factor, paths.count), 1.0)
     return replace(paths, speed_limit=paths.speed_limit * factors[:, None])
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RouteLines:
+    """Centrelines of K candidate paths before they are sampled as `SeedPaths`.
+
+    Attributes:
+        count: (V,) of each vehicle.
+        points: (P, 2) of each centreline, m; ``owner`` (P,) the lane under each point, None off the lanes.
+        raw: (K, N, 2) centrelines, every `DS_M`, m; ``smooth`` as a car can drive them.
+        limit: (K, N) of the speed, m/s.
+    """
+
+    count: IntArray
+    routes: list[CandidatePath]
+    points: list[FloatArray]
+    owner: list[IntArray | None]
+    raw: FloatArray
+    smooth: FloatArray
+    limit: FloatArray
+
+
 @owner_cache
-def _smooth_lines(
-    scene: SeedScene,
-    road: Road,
-    horizon_s: float,
-) -> _SmoothLines:
-    """Return the smoothed candidate paths of a seed scene, arguments as of `seed_paths`."""
+def _route_lines(scene: SeedScene, road: Road, horizon_s: float) -> RouteLines:
+    """Return the centrelines of the candidate paths of a seed scene, arguments as of `seed_paths`."""
     now = scene.now
     ahead = max(15.0 * horizon_s, horizon_s * float(now.speed.max(initial=0.0)) + 40.0)
-    lines: list[list[PathLine]] = []
-    for v, routes in enumerate(candidate_paths(road, scene)):
-        options = [PathLine(*centreline(road, p.lanes, p.s, BEHIND_M, ahead), p) for p in routes]
-        lines.append(options or [_straight(scene, v, ahead)])
-    every, count = list(chain.from_iterable(lines)), np.array([len(some) for some in lines], dtype=np.int64)
-    raw = np.stack([resample(line.points, int((BEHIND_M + ahead) / DS_M) + 1, DS_M) for line in every])
+    choices = [routes or [OFF_ROAD] for routes in candidate_paths(road, scene)]
+    routes, count = list(chain.from_iterable(choices)), np.array([len(some) for some in choices], np.int64)
+    points, owner = list[FloatArray](), list[IntArray | None]()
+    for v, route in zip(np.repeat(np.arange(len(count)), count).tolist(), routes, strict=True):
+        line = centreline(road, route.lanes, route.s, BEHIND_M, ahead) if route.lanes else None
+        points.append(_straight(scene, v, ahead) if line is None else line[0])
+        owner.append(None if line is None else line[1])
+    raw = np.stack([resample(line, int((BEHIND_M + ahead) / DS_M) + 1, DS_M) for line in points])
     own_speed = np.repeat(now.speed, count)
     width, limit = np.full(raw.shape[:2], 3.5), np.repeat(own_speed[:, None], raw.shape[1], axis=1)
-    for k, line in enumerate(every):
-        if line.owner is not None:
-            width[k], limit[k] = _of_lanes(road, line.points, line.owner, raw.shape[1])
+    for k, lane in enumerate(owner):
+        if lane is not None:
+            width[k], limit[k] = _of_lanes(road, points[k], lane, raw.shape[1])
     smooth = drivable(raw, np.maximum(width, 1.0) / 2, DS_M)
-    return _SmoothLines(lines=every, count=count, raw=raw, smooth=smooth, limit=limit)
+    return RouteLines(
+        count=count, routes=routes, points=points, owner=owner, raw=raw, smooth=smooth, limit=limit
+    )
 
 
 @owner_cache
@@ -174,83 +183,49 @@ def _recent_lines(road: Road) -> dict[tuple[Any, ...], FloatArray]:
     return {}
 
 
-@dataclass(frozen=True)
-class PathLine:
-    """Centreline (P, 2) of a path before it is smoothed, m, and the lane under each of its points."""
-
-    points: FloatArray
-    owner: IntArray | None = None
-    route: CandidatePath = OFF_ROAD
-
-    @property
-    def on_road(self) -> bool:
-        """False for a straight line off the mapped lanes."""
-        return bool(self.route.lanes)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _SmoothLines:
-    """Lines of all vehicles, ``count`` (V,) of each; ``limit`` (K, N) of the speed, m/s.
-
-    ``raw``, ``smooth`` are (K, N, 2), m.
-    """
-
-    lines: list[PathLine]
-    count: IntArray
-    raw: FloatArray
-    smooth: FloatArray
-    limit: FloatArray
-
-
-def _straight(scene: SeedScene, v: int, ahead: float) -> PathLine:
+def _straight(scene: SeedScene, v: int, ahead: float) -> FloatArray:
     x, y, heading = (float(values[v]) for values in (scene.now.x, scene.now.y, scene.now.heading))
     s = np.array([-BEHIND_M, ahead])
-    return PathLine(np.column_stack([x + s * np.cos(heading), y + s * np.sin(heading)]))
+    return np.column_stack([x + s * np.cos(heading), y + s * np.sin(heading)])
 
 
-def _tabulate(road: Road, smooth_lines: _SmoothLines, redraw: Redraw | None) -> SeedPaths:
-    lines, count, samples = smooth_lines.lines, smooth_lines.count, smooth_lines.raw.shape[1]
-    known = _recent_lines(road)
-    key = (redraw, *(line.route.lanes for line in lines), smooth_lines.raw.tobytes())
-    even = recent(known, key, _RECENT, partial(_evenly, road, smooth_lines, redraw))
-    centre = even.reshape(-1, 2).mean(axis=0)
-    some = even[:, ::COARSE] - centre
-    first = np.cumsum(count) - count
-    parts = [slice(f, f + n) for f, n in zip(first, count, strict=True)]
-    shares = np.concatenate([_shares(lines[part]) for part in parts])
+def _sampled(road: Road, lines: RouteLines, redraw: Redraw | None) -> SeedPaths:
+    key = (redraw, *(route.lanes for route in lines.routes), lines.raw.tobytes())
+    even = recent(_recent_lines(road), key, _RECENT, partial(_evenly, road, lines, redraw))
+    step = np.gradient(even, axis=1)
+    first = np.cumsum(lines.count) - lines.count
+    parts = [slice(f, f + n) for f, n in zip(first, lines.count, strict=True)]
+    shares = np.concatenate([_shares(lines.routes[part]) for part in parts])
     return SeedPaths(
+        spacing=np.full(len(even), DS_M),
+        x=np.ascontiguousarray(even[..., 0]),
+        y=np.ascontiguousarray(even[..., 1]),
+        heading=np.unwrap(np.arctan2(step[..., 1], step[..., 0]), axis=1),
         first=first,
-        count=count,
-        straight=np.array([_straightest(lines[part]) for part in parts]),
+        count=lines.count,
+        straight=np.array([_straightest(lines.routes[part]) for part in parts]),
         draw_edges=np.concatenate([np.cumsum(shares[part]) / shares[part].sum() for part in parts]),
-        lanes=tuple(line.route.lanes for line in lines),
-        on_road=np.array([line.on_road for line in lines])[first],
-        table=_columns(even).reshape(-1, 2 * len(COLUMNS)),
-        samples=samples,
-        speed_limit=smooth_lines.limit,
-        coarse=np.stack([-2 * some[..., 0], -2 * some[..., 1], (some**2).sum(-1)], 1),
-        centre=centre,
+        lanes=tuple(route.lanes for route in lines.routes),
+        on_road=np.array([bool(route.lanes) for route in lines.routes])[first],
+        speed_limit=lines.limit,
         slow_in_curves=road.sumo_lanes,
     )
 
 
-def _evenly(road: Road, given: _SmoothLines, redraw: Redraw | None) -> FloatArray:
+def _evenly(road: Road, lines: RouteLines, redraw: Redraw | None) -> FloatArray:
     """Return the lines (K, N, 2) that are driven, every `DS_M`."""
-    smooth = given.smooth
-    if redraw is not None:
-        smooth = redraw(road, given.lines, smooth.copy(), given.raw)
-    return np.stack([resample(line, given.raw.shape[1], DS_M) for line in smooth])
+    driven = lines.smooth if redraw is None else redraw(road, lines)
+    return np.stack([resample(line, driven.shape[1], DS_M) for line in driven])
 
 
-def _shares(lines: list[PathLine]) -> FloatArray:
+def _shares(routes: list[CandidatePath]) -> FloatArray:
     """Return the share of each path of a vehicle in random draws: an intended one has all."""
-    intended = np.array([float(line.route.intended) for line in lines])
-    return intended if intended.any() else np.array([line.route.probability for line in lines])
+    intended = np.array([float(route.intended) for route in routes])
+    return intended if intended.any() else np.array([route.probability for route in routes])
 
 
-def _straightest(lines: list[PathLine]) -> int:
+def _straightest(routes: list[CandidatePath]) -> int:
     """Return the index of the intended path, else of the straightest from the most probable lane."""
-    routes = [line.route for line in lines]
     if any(route.intended for route in routes):
         return next(k for k, route in enumerate(routes) if route.intended)
     by_lane: dict[tuple[int, ...], float] = {}
@@ -270,17 +245,6 @@ def _of_lanes(road: Road, points: FloatArray, owner: IntArray, samples: int) -> 
     return width[at], np.array([lane.speed_limit_mps for lane in lanes])[at]
 
 
-def _columns(even: FloatArray) -> FloatArray:
-    step = np.gradient(even, axis=1)
-    heading = np.unwrap(np.arctan2(step[..., 1], step[..., 0]), axis=1)  # without jumps of 2 pi
-    curvature = np.gradient(heading, DS_M, axis=1)
-    columns = np.stack([even[..., 0], even[..., 1], np.cos(heading), np.sin(heading), heading, curvature], -1)
-    slope = np.diff(columns, axis=1, append=columns[:, -1:])
-    # The last step goes on straight, for positions past the end.
-    slope[:, -1, :2] = DS_M * columns[:, -1, 2:4]
-    return np.concatenate([columns, slope], -1)
-
-
 def planned_lanes(
     scene: SeedScene, road: Road, path: PathChoice, vehicle: IntArray, draw: FloatArray
 ) -> list[tuple[int, ...]]:
@@ -289,3 +253,67 @@ def planned_lanes(
     rows = paths.choose(path, vehicle, draw).tolist()
     whole = {row: extended(road, paths.lanes[row], ROUTE_M) if paths.lanes[row] else () for row in {*rows}}
     return [whole[row] for row in rows]
+
+
+def expected_way(history: SceneHistory, who: VehicleIndex) -> FloatArray:
+    """Return (n,) rough arc lengths, m, from the mean of first and present speed, to distinguish laps."""
+    first = history.scene.now.speed[who.vehicle]
+    now = history.now.speed[who.future, who.vehicle]
+    return BEHIND_M + history.step * STEP_S * (first + now) / 2
+
+
+def path_positions(
+    history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return where vehicles are now on rows of paths.
+
+    Returns:
+        (n,) arc length of the centre, m; (n,) distance from the path, m, left positive; (n,) heading of the
+        path there, rad, unwrapped.
+
+    Example:
+        >>> history = scex.SceneHistory.of_scene(scex.read_seed(scex.example_path("roundabout")))
+        >>> who = scex.VehicleIndex(future=np.array([0]), vehicle=np.array([3]))
+        >>> paths, row = scex.chosen_paths(history, history.scene.road, who, "straight")
+        >>> s, offset, heading = scex.path_positions(history, who, paths, row)
+        >>> s.shape, bool(abs(offset[0]) < 2.0)
+        ((1,), True)
+    """
+    now = history.now[who.future, who.vehicle]
+    return paths.foot_points(row, now.x, now.y, expected_way(history, who))
+
+
+def nearest_paths(
+    paths: SeedPaths,
+    straight: IntArray,
+    vehicle: IntArray,
+    way: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    heading: FloatArray,
+) -> tuple[IntArray, tuple[FloatArray, FloatArray, FloatArray]]:
+    """Return paths (n,) that vehicles are on, the straightest in doubt, and their `Paths.foot_points`."""
+    row = straight.copy()
+    feet = paths.foot_points(row, x, y, way)
+    best = _misfit(feet, heading)
+    doubt = np.flatnonzero((best > OTHER_PATH) & (paths.count[vehicle] > 1))
+    if not len(doubt):
+        return row, feet
+    count = paths.count[vehicle[doubt]]
+    i = np.repeat(doubt, count)
+    candidate = np.repeat(paths.first[vehicle[doubt]] - (np.cumsum(count) - count), count) + np.arange(len(i))
+    others = paths.foot_points(candidate, x[i], y[i], way[i])
+    misfit = _misfit(others, heading[i])
+    chosen = least_of(i, misfit, candidate)
+    chosen = chosen[misfit[chosen] < best[i[chosen]] - OTHER_PATH]
+    row[i[chosen]] = candidate[chosen]
+    for values, better in zip(feet, others, strict=True):
+        values[i[chosen]] = better[chosen]
+    return row, feet
+
+
+def _misfit(feet: tuple[FloatArray, FloatArray, FloatArray], heading: FloatArray) -> FloatArray:
+    _, offset, path_heading = feet
+    error = wrap(heading - path_heading)
+    misfit: FloatArray = (offset / OFFSET_SIGMA_M) ** 2 + (error / HEADING_SIGMA_RAD) ** 2
+    return misfit

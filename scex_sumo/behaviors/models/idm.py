@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, IntArray, distinct
+from scex_sumo.base.arrays import FloatArray, IntArray, clipped, distinct
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import Sight, check_path, check_positive
 from scex_sumo.behaviors.driving.leaders import Leaders, find_leaders
@@ -20,8 +20,7 @@ from scex_sumo.behaviors.driving.motion import (
     curve_speeds,
     own_motion,
 )
-from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths
-from scex_sumo.behaviors.driving.projection import clipped, path_positions
+from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths, path_positions
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex
 
@@ -249,12 +248,11 @@ class IdmDriver(DrivesAlong):
             else None
         )
         habit = seed_motion(history, who)
-        base, last = row * paths.samples, paths.samples - 1.0
         # speeds are those at the centre, while the rear axle follows the table
         ahead = REAR_AXLE_SHARE * history.scene.length[who.vehicle]
 
         def at(s: FloatArray) -> IntArray:
-            return base + clipped((s + ahead) * (1 / DS_M), 0.0, last).astype(np.int64)
+            return paths.sample_at(row, s + ahead)
 
         def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
             gap = leader_gap + leader_speed * (step * STEP_S) - travelled

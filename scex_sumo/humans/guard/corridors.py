@@ -10,8 +10,7 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.leaders import Everyone, everyone
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, rear_axle
-from scex_sumo.behaviors.driving.paths import chosen_paths
-from scex_sumo.behaviors.driving.projection import expected_way, nearest_paths, sample_paths
+from scex_sumo.behaviors.driving.paths import chosen_paths, expected_way, nearest_paths
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.road import Road
@@ -192,9 +191,7 @@ def _along_paths(
     # The drift dies out; the offset stays.
     side = offset[:, None] + drift[:, None] * (DRIFT_S * (1 - fade))
     at = s[:, None] + (v * np.cos(error))[:, None] * t
-    px, py, cos, sin, direction, _ = sample_paths(paths, np.repeat(row, len(t)), at.ravel()).reshape(
-        6, *at.shape
-    )
+    px, py, cos, sin, direction, _ = paths.at(np.repeat(row, len(t)), at.ravel()).reshape(6, *at.shape)
     heading = direction + error[:, None] * fade
     ahead = (REAR_AXLE_SHARE * length)[:, None]
     x, y = px - sin * side + ahead * np.cos(heading), py + cos * side + ahead * np.sin(heading)

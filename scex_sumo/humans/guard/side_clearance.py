@@ -10,7 +10,6 @@ from scex_sumo.base.arrays import FloatArray, IntArray, Rows
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.leaders import everyone
 from scex_sumo.behaviors.driving.paths import SeedPaths
-from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
@@ -45,7 +44,7 @@ class _Boxes(Rows):
         width: FloatArray,
     ) -> _Boxes:
         """Project boxes onto paths, near arc lengths."""
-        s, offset, direction = foot_points(paths, row, states.x, states.y, near)
+        s, offset, direction = paths.foot_points(row, states.x, states.y, near)
         turned = wrap(states.heading - direction)
         cos, sin = np.abs(np.cos(turned)), np.abs(np.sin(turned))
         return cls(

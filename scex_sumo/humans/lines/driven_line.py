@@ -7,13 +7,11 @@ spring draws it to the centreline.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.behaviors.driving.paths import DS_M, FIRST_HORIZON_S, PathLine, SeedPaths, seed_paths
+from scex_sumo.behaviors.driving.paths import DS_M, FIRST_HORIZON_S, RouteLines, SeedPaths, seed_paths
 from scex_sumo.behaviors.driving.smoothing import gaussian
 from scex_sumo.geometry.polylines import arc_lengths
 from scex_sumo.humans.observed.room import CLEAR_M, lane_bounds
@@ -32,13 +30,15 @@ def driven_paths(scene: SeedScene, road: Road) -> SeedPaths:
     return seed_paths(scene, road, FIRST_HORIZON_S, redrawn)
 
 
-def redrawn(road: Road, lines: Sequence[PathLine], smooth: FloatArray, raw: FloatArray) -> FloatArray:
+def redrawn(road: Road, lines: RouteLines) -> FloatArray:
     """Return the driven lines of the paths that lie on lanes, and the others as they are; see `Redraw`."""
-    known, at = [k for k, line in enumerate(lines) if line.owner is not None], DS_M * np.arange(raw.shape[1])
-    if known:
-        room = np.stack([room_of(road, lines[k].points, lines[k].owner, at) for k in known])  # type: ignore[arg-type]
-        smooth[known] = driven_lines(smooth[known], raw[known], room, DS_M)
-    return smooth
+    driven, at = lines.smooth.copy(), DS_M * np.arange(lines.raw.shape[1], dtype=np.float64)
+    given = enumerate(zip(lines.points, lines.owner, strict=True))
+    room = {k: room_of(road, points, owner, at) for k, (points, owner) in given if owner is not None}
+    if room:
+        known = list(room)
+        driven[known] = driven_lines(driven[known], lines.raw[known], np.stack([*room.values()]), DS_M)
+    return driven
 
 
 def room_of(road: Road, points: FloatArray, owner: IntArray, at: FloatArray) -> FloatArray:

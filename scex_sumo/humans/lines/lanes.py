@@ -7,7 +7,6 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
-from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.geometry.polylines import samples
 from scex_sumo.humans.observed.observations import last_second, observations_of
 from scex_sumo.humans.parameters import HumanParameters
@@ -50,7 +49,7 @@ def lanes_beside(scene: SeedScene, road: Road, paths: SeedPaths, human: HumanPar
         x, y = np.concatenate([line for _, line in pairs]).T
         ahead, near = _ahead(scene, vehicle[row], x, y, reach[row, 1] + 2 * farthest)
         row, x, y, ahead = row[near], x[near], y[near], ahead[near]
-        s, offset, _ = foot_points(paths, row, x, y, BEHIND_M + ahead)
+        s, offset, _ = paths.foot_points(row, x, y, BEHIND_M + ahead)
         way, off = s - BEHIND_M, sign * offset
         good = (way > reach[row, 0]) & (way < reach[row, 1]) & (off > nearest) & (off < farthest)
         count = np.bincount(row[good], minlength=len(vehicle))

@@ -6,8 +6,7 @@ import numpy as np
 
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.motion import driven
-from scex_sumo.behaviors.driving.paths import chosen_paths
-from scex_sumo.behaviors.driving.projection import expected_way, nearest_paths
+from scex_sumo.behaviors.driving.paths import chosen_paths, expected_way, nearest_paths
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road

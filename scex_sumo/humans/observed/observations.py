@@ -11,7 +11,6 @@ from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.leaders import Leaders, find_ahead
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, curve_speeds, rear_axle
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
-from scex_sumo.behaviors.driving.projection import bend_at, foot_points
 from scex_sumo.behaviors.models.idm import (
     HABIT_STEPS,
     desired_speeds,
@@ -224,7 +223,7 @@ def observations_of(scene: SeedScene, paths: SeedPaths, human: HumanParameters) 
     row, shown, idm = np.arange(len(vehicle)), last_second(scene, human), human.idm
     who = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     now, speed = scene.now[vehicle], shown.speed[vehicle]
-    s, _, _ = foot_points(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
+    s, _, _ = paths.foot_points(row, now.x, now.y, np.full(len(row), BEHIND_M))
     view = View(history=history, who=who, paths=paths, row=row, s=s, human=human)
     lateral = _lateral(view)
     leaders = leaders_of(view, lateral[:, 0])
@@ -236,8 +235,8 @@ def observations_of(scene: SeedScene, paths: SeedPaths, human: HumanParameters) 
         leader=leaders.index,
         gap=gap,
         leader_speed=leaders.speed,
-        limit=desired_speeds(paths, idm.speed, idm.speed_factor)[_sample(paths, row, s)],
-        curve=curves[_sample(paths, row, s + speed * CURVE_TIME_S)],
+        limit=desired_speeds(paths, idm.speed, idm.speed_factor)[paths.sample_at(row, s)],
+        curve=curves[paths.sample_at(row, s + speed * CURVE_TIME_S)],
         headway=kept_headway(gap, speed, human),
         lateral=lateral,
         bends=_bends(view),
@@ -247,16 +246,11 @@ def observations_of(scene: SeedScene, paths: SeedPaths, human: HumanParameters) 
     )
 
 
-def _sample(paths: SeedPaths, row: IntArray, s: FloatArray) -> IntArray:
-    """Return (n,) index of the nearest sample before each place."""
-    return row * paths.samples + np.clip(s / DS_M, 0, paths.samples - 1).astype(np.int64)
-
-
 def _mean_features(view: View, leaders: Leaders, gap: FloatArray, near: BoolArray) -> FloatArray:
     """Return (P, 8); see `PathObservations`."""
     human, shown, vehicle = view.human, view.shown, view.who.vehicle
     there = view.paths.curve_curvature.ravel()[
-        _sample(view.paths, view.row, view.s + human.curve_ahead_s * shown.speed[vehicle])
+        view.paths.sample_at(view.row, view.s + human.curve_ahead_s * shown.speed[vehicle])
     ]
     speed, ahead = shown.speed[vehicle], int((BEHIND_M + human.limit_ahead_m) / DS_M)
     features = (
@@ -275,7 +269,7 @@ def _mean_features(view: View, leaders: Leaders, gap: FloatArray, near: BoolArra
 def _bends(view: View) -> FloatArray:
     """Return (P, 2); see `PathObservations`."""
     way = view.human.lateral_s * view.shown.speed[view.who.vehicle]
-    there = np.stack([bend_at(view.paths, view.row, s) for s in (view.s, view.s + way)], axis=1)
+    there = np.stack([view.paths.bend_at(view.row, s) for s in (view.s, view.s + way)], axis=1)
     return np.clip(there, -view.human.max_bend, view.human.max_bend)
 
 
@@ -301,11 +295,11 @@ def _lateral(view: View) -> FloatArray:
     scene, vehicle, paths, human = view.scene, view.who.vehicle, view.paths, view.human
     now, speed = scene.now[vehicle], view.shown.speed[vehicle]
     x, y = rear_axle(now, scene.length[vehicle])
-    s, offset, along = foot_points(paths, view.row, x, y, np.full(len(vehicle), BEHIND_M))
+    s, offset, along = paths.foot_points(view.row, x, y, np.full(len(vehicle), BEHIND_M))
     before = scene.history[vehicle, -1 - HABIT_STEPS].heading
     turn_rate = wrap(now.heading - before) / (HABIT_STEPS * STEP_S)
     swerve = speed * np.sin(now.heading - along)
-    turning = speed * (turn_rate - speed * bend_at(paths, view.row, s))
+    turning = speed * (turn_rate - speed * paths.bend_at(view.row, s))
     limit = np.array([human.max_offset_m, human.max_lateral, human.max_lateral])
     return np.asarray(np.clip(np.column_stack([offset, swerve, turning]), -limit, limit))
 
@@ -321,7 +315,7 @@ def path_features(scene: SeedScene, paths: SeedPaths, human: HumanParameters) ->
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     row, shown = np.arange(len(vehicle)), last_second(scene, human)
     now, speed = scene.now[vehicle], shown.speed[vehicle]
-    s, _, heading = foot_points(paths, row, now.x, now.y, np.full(len(row), BEHIND_M))
+    s, _, heading = paths.foot_points(row, now.x, now.y, np.full(len(row), BEHIND_M))
     needed = braking_for_turns(paths, s, speed, human.turn_mps2, human)
     shown_braking = np.clip(shown.acceleration[vehicle], *human.missing_range_mps2)
     missing = np.where(needed > 0, needed + shown_braking, 0.0)
@@ -329,7 +323,7 @@ def path_features(scene: SeedScene, paths: SeedPaths, human: HumanParameters) ->
     return np.column_stack(
         [
             np.clip(missing, 0.0, human.max_missing_mps2),
-            np.maximum(now.speed - allowed[_sample(paths, row, s)], 0.0),
+            np.maximum(now.speed - allowed[paths.sample_at(row, s)], 0.0),
             np.abs(wrap(now.heading - heading)),
             *_after_turn(scene, paths, human),
         ]
@@ -347,7 +341,7 @@ def _after_turn(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> t
     chord, course = way * np.sinc(turn / (2 * np.pi)), now.heading + turn / 2
     x, y = x + chord * np.cos(course), y + chord * np.sin(course)
     row = np.arange(len(vehicle))
-    _, offset, heading = foot_points(paths, row, x[vehicle], y[vehicle], BEHIND_M + way[vehicle])
+    _, offset, heading = paths.foot_points(row, x[vehicle], y[vehicle], BEHIND_M + way[vehicle])
     return np.abs(offset), np.abs(wrap((now.heading + turn)[vehicle] - heading))
 
 

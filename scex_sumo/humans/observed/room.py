@@ -8,7 +8,6 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.paths import SeedPaths
-from scex_sumo.behaviors.driving.projection import sample_paths
 from scex_sumo.road import Road
 
 CLEAR_M = 1.4  # of the line from the bounds of its lanes
@@ -37,7 +36,7 @@ def room_at(road: Road, paths: SeedPaths, s: FloatArray) -> FloatArray:
     Args:
         s: (P,) place on each path, m.
     """
-    x, y = sample_paths(paths, np.arange(len(s)), s)[:2]
+    x, y = paths.at(np.arange(len(s)), s)[:2]
     row = np.repeat(np.arange(len(s)), [len(lanes) for lanes in paths.lanes])
     lanes = [lane for some in paths.lanes for lane in some]
     bounds, areas = lane_bounds(road), lane_areas(road)

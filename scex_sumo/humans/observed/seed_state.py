@@ -14,7 +14,6 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE
 from scex_sumo.behaviors.driving.paths import BEHIND_M, seed_paths
-from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.humans.guard.side_clearance import box_distances
 from scex_sumo.road import Road
@@ -92,7 +91,7 @@ def _path_headings(scene: SeedScene, road: Road) -> FloatArray:
     paths, past = seed_paths(scene, road), scene.history
     row, steps = np.repeat(paths.first + paths.straight, past.shape[1]), past.map(np.ravel)
     way = np.repeat(np.maximum(scene.now.speed, 0.0), past.shape[1]) * np.tile(_TIME, scene.vehicles)
-    return foot_points(paths, row, steps.x, steps.y, BEHIND_M + way)[2].reshape(past.shape)
+    return paths.foot_points(row, steps.x, steps.y, BEHIND_M + way)[2].reshape(past.shape)
 
 
 def _smoothed(values: FloatArray, steady: FloatArray, usual: float, outlier: float) -> FloatArray:

@@ -8,8 +8,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import Ahead, find_ahead
-from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
-from scex_sumo.behaviors.driving.projection import expected_way, foot_points, sample_paths
+from scex_sumo.behaviors.driving.paths import SeedPaths, expected_way
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.learned.inputs.surface import path_room
 from scex_sumo.road import Road
@@ -109,14 +108,14 @@ def path_inputs(
         radius: perception radius for leaders, m.
     """
     now = history.now[who.future, who.vehicle]
-    s, offset, path_heading = foot_points(paths, row, now.x, now.y, expected_way(history, who))
+    s, offset, path_heading = paths.foot_points(row, now.x, now.y, expected_way(history, who))
     room = path_room(paths, road)
     left, right = room.at(row, s)
     half = history.scene.width[who.vehicle] / 2
     sides = np.maximum(np.column_stack([left, right]) - half[:, None], 0.0)
     acceleration, yaw_rate = rates(history, who)
     past = history.states[who.future, who.vehicle]
-    here = sample_paths(paths, row, s)
+    here = paths.at(row, s)
     error = wrap(now.heading - path_heading)
     motion = np.column_stack(
         [
@@ -158,9 +157,8 @@ def _road_ahead(
     n, k = len(row), len(AHEAD_M)
     rows = np.repeat(row, k)
     at = (s[:, None] + np.array(AHEAD_M)).ravel()
-    px, py, _, _, heading, curvature = sample_paths(paths, rows, at).reshape(6, n, k)
-    index = np.clip(at * (1 / DS_M), 0, paths.samples - 1).astype(np.int64)
-    limit = paths.speed_limit.ravel()[rows * paths.samples + index].reshape(n, k)
+    px, py, _, _, heading, curvature = paths.at(rows, at).reshape(6, n, k)
+    limit = paths.speed_limit.ravel()[paths.sample_at(rows, at)].reshape(n, k)
     cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
     dx, dy = px - now.x[:, None], py - now.y[:, None]
     return np.concatenate(

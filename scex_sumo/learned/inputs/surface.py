@@ -119,7 +119,7 @@ def fill(grid: BoolArray | FloatArray, outline: FloatArray, low: FloatArray, cel
 def path_room(paths: SeedPaths, road: Road) -> PathRoom:
     """Measure the room beside all paths of a seed scene by rays to both sides."""
     surface = surface_of(road)
-    table = paths.table.reshape(len(paths.lanes), paths.samples, -1)[:, ::STRIDE]
+    table = paths.table.reshape(*paths.x.shape, -1)[:, ::STRIDE]
     x, y, cos, sin = (table[..., k] for k in range(4))
     inside = surface.at(x, y) > 0
     left = _march(surface, x, y, -sin, cos)

@@ -8,10 +8,10 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.conflicts.driven import DrivenPaths
 from scex_sumo.conflicts.margin import time_margins
 from scex_sumo.conflicts.pairs import EVERY, braking_at, ways_of
 from scex_sumo.conflicts.shared import Shared, shared_stretches
-from scex_sumo.conflicts.ways import Ways
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 
@@ -41,7 +41,7 @@ def time_margin(scenes: Scenes) -> Samples:
     return _samples(scenes, own, value, np.isfinite(value))
 
 
-def _touching(scenes: Scenes) -> tuple[Ways, Shared, Shared]:
+def _touching(scenes: Scenes) -> tuple[DrivenPaths, Shared, Shared]:
     """Return the ways of all vehicles in all futures, and the stretches that two of a future share."""
     tracks, plan = scenes.tracks, scenes.planned
     futures, _, vehicles = tracks.states.shape

@@ -7,7 +7,6 @@ import pytest
 
 from scex_sumo.behaviors.driving.leaders import Leaders, everyone, find_leaders
 from scex_sumo.behaviors.driving.paths import BEHIND_M, seed_paths
-from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.road import Road
 from scex_sumo.scene import Obstacles, States, VehicleIndex
 from tests.behaviors import roads
@@ -29,7 +28,7 @@ def leaders(
     who = VehicleIndex(future=np.array([0]), vehicle=np.array([0]))
     paths = seed_paths(scene, roads.straight() if where is None else where)
     row = paths.choose(0, who.vehicle, np.zeros(1))
-    s, _, _ = foot_points(paths, row, np.array([own[0]]), np.array([own[1]]), np.array([BEHIND_M]))
+    s, _, _ = paths.foot_points(row, np.array([own[0]]), np.array([own[1]]), np.array([BEHIND_M]))
     return find_leaders(history, who, paths, row, s, clearance=clearance, radius=radius)
 
 

@@ -16,7 +16,6 @@ from scex_sumo.behaviors.driving.paths import (
     planned_lanes,
     seed_paths,
 )
-from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.geometry.polylines import arc_lengths, nearest
 from tests.behaviors import roads
 
@@ -63,8 +62,8 @@ def test_a_curve_of_ten_metres_keeps_its_place_and_curvature() -> None:
 
 def test_a_projection_gives_arc_length_offset_and_heading() -> None:
     paths = seed_paths(roads.scene_of((30.0, 0.0, 0.0, 8.0)), roads.straight())
-    s, offset, heading = foot_points(
-        paths, np.array([0, 0]), np.array([31.3, 60.2]), np.array([0.7, -4.0]), np.full(2, BEHIND_M)
+    s, offset, heading = paths.foot_points(
+        np.array([0, 0]), np.array([31.3, 60.2]), np.array([0.7, -4.0]), np.full(2, BEHIND_M)
     )
     assert s == pytest.approx(BEHIND_M + np.array([1.3, 30.2]))
     assert offset == pytest.approx([0.7, -4.0])

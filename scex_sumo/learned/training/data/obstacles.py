@@ -8,8 +8,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import find_leaders
-from scex_sumo.behaviors.driving.paths import SeedPaths, seed_paths
-from scex_sumo.behaviors.driving.projection import path_positions, sample_paths
+from scex_sumo.behaviors.driving.paths import SeedPaths, path_positions, seed_paths
 from scex_sumo.learned.inputs.surface import path_room
 from scex_sumo.learned.training.data.targets import right_paths
 from scex_sumo.road import Road
@@ -64,7 +63,7 @@ def _places(
     gap = np.minimum(STOP_GAP_M + own.speed**2 / (2 * braking), MAX_GAP_M)
     at = s + gap + (scene.length[vehicle] + SIZE_M[0]) / 2
     leader = find_leaders(history, who, paths, row, s, clearance=1.5, radius=150.0)
-    px, py, _, _, heading, _ = sample_paths(paths, row, at)
+    px, py, _, _, heading, _ = paths.at(row, at)
     place = States(x=px, y=py, heading=heading, speed=np.zeros_like(px))
     free = leader.gap > gap + SIZE_M[0] + STOP_GAP_M
     return place, free & (at + SIZE_M[0] < path_room(paths, road).end[row])

@@ -15,7 +15,6 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.files import replacing
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, seed_paths
-from scex_sumo.behaviors.driving.projection import sample_paths
 from scex_sumo.extrapolation.loop.rollout import history_at
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.graphs.graph import scene_graph
@@ -198,7 +197,7 @@ def _goals(
     way = BEHIND_M + history.step * STEP_S * history.scene.now.speed[who.vehicle]
     s_then, d_then, s_true, d_true = along_paths(paths, row, recorded, future, start_way=way)
     s_now, d_now, _, _ = along_paths(paths, row, present, present[:, None], start_way=way)
-    heading = sample_paths(paths, row, s_now)[4]
+    heading = paths.at(row, s_now)[4]
     s_here, d_here, _, _ = along_paths(paths, row, actual, actual[:, None], start_way=way)
     aside, ahead = d_here - d_then, s_here - s_then
     lean = np.tan(np.clip(wrap(actual.heading - recorded.heading), -MAX_SLOPE, MAX_SLOPE))
@@ -233,4 +232,4 @@ def _catch_up(ahead: FloatArray, faster: FloatArray, steps: int) -> FloatArray:
 
 def _sampled(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
     n, steps = s.shape
-    return sample_paths(paths, np.repeat(row, steps), s.ravel()).reshape(6, n, steps)
+    return paths.at(np.repeat(row, steps), s.ravel()).reshape(6, n, steps)

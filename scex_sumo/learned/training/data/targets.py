@@ -6,7 +6,6 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
-from scex_sumo.behaviors.driving.projection import foot_points
 from scex_sumo.scene import States
 
 AMBIGUOUS_M = 0.3  # two paths this near over the recorded future are both right
@@ -26,11 +25,11 @@ def along_paths(
     """
     n, steps = future.x.shape
     way = np.full(n, BEHIND_M) if start_way is None else start_way
-    s0, d0, _ = foot_points(paths, row, start.x, start.y, way)
+    s0, d0, _ = paths.foot_points(row, start.x, start.y, way)
     step_x = np.diff(np.concatenate([start.x[:, None], future.x], 1), axis=1)
     step_y = np.diff(np.concatenate([start.y[:, None], future.y], 1), axis=1)
     expected = s0[:, None] + np.cumsum(np.hypot(step_x, step_y), axis=1)
-    s, d, _ = foot_points(paths, np.repeat(row, steps), future.x.ravel(), future.y.ravel(), expected.ravel())
+    s, d, _ = paths.foot_points(np.repeat(row, steps), future.x.ravel(), future.y.ravel(), expected.ravel())
     return s0, d0, s.reshape(n, steps), d.reshape(n, steps)
 
 

@@ -1,4 +1,4 @@
-"""Ways of vehicles in futures: driven, then as planned, then straight on; by arc length."""
+"""Driven paths of vehicles in futures: driven, then as planned, then straight on."""
 
 from __future__ import annotations
 
@@ -9,39 +9,38 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.geometry.paths import Paths
 from scex_sumo.geometry.rectangles import Rectangles
 from scex_sumo.scene import States
 
 HORIZON_S: Final = 8.0
 """Time for which a vehicle goes on from each step."""
 NODES: Final = 64
-"""Poses of a way, equally far from each other."""
+"""Samples of a path, equally far from each other."""
 
 _MOVED_M = 0.01  # a shorter step has no direction
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Ways:
-    """Ways of R vehicles of futures, driven in T steps.
+class DrivenPaths(Paths):
+    """Paths of R vehicles of futures, driven in T steps, with `NODES` samples.
 
     Attributes:
         states: (R, T) as driven.
         length: (R,) m; so ``width``.
         arc: (R, T) arc length at each step, m.
-        spacing: (R,) between two nodes, m.
-        nodes: (R, N) poses along the way; their speed means nothing.
     """
 
     states: States
     length: FloatArray
     width: FloatArray
     arc: FloatArray
-    spacing: FloatArray
-    nodes: States
 
     @classmethod
-    def of(cls, states: States, length: FloatArray, width: FloatArray, planned: FloatArray | None) -> Ways:
-        """Build the ways of vehicles.
+    def of(
+        cls, states: States, length: FloatArray, width: FloatArray, planned: FloatArray | None
+    ) -> DrivenPaths:
+        """Build the paths of vehicles.
 
         Args:
             states: (R, T) as driven.
@@ -57,24 +56,29 @@ class Ways:
         at = spacing[:, None] * np.arange(NODES)
         # A row at a time: its values are the same in any batch. Standing vehicles have equal arc lengths, of
         # which np.interp takes the last one.
-        values = [
+        x, y, heading = (
             np.array([np.interp(*row) for row in zip(at, line, v, strict=True)]).reshape(at.shape)
             for v in (x, y, heading)
-        ]
-        nodes = States(x=values[0], y=values[1], heading=values[2], speed=np.zeros_like(at))
-        return cls(states=states, length=length, width=width, arc=arc, spacing=spacing, nodes=nodes)
+        )
+        size = {"length": length, "width": width}
+        return cls(states=states, arc=arc, spacing=spacing, x=x, y=y, heading=heading, **size)
 
     @cached_property
     def box(self) -> FloatArray:
-        """(4, R) least x, least y, largest x, largest y of the outlines along the way, m."""
+        """(4, R) least x, least y, largest x, largest y of the outlines along the path, m."""
         reach = np.hypot(self.length, self.width) / 2
-        x, y = self.nodes.x, self.nodes.y
-        low = [x.min(axis=1) - reach, y.min(axis=1) - reach]
-        return np.stack([*low, x.max(axis=1) + reach, y.max(axis=1) + reach])
+        low = [self.x.min(axis=1) - reach, self.y.min(axis=1) - reach]
+        return np.stack([*low, self.x.max(axis=1) + reach, self.y.max(axis=1) + reach])
 
     def outlines(self, row: IntArray, node: IntArray) -> Rectangles:
-        """Return outlines of vehicles at nodes of their ways."""
-        return Rectangles.of(self.nodes[row, node], self.length[row], self.width[row])
+        """Return outlines of vehicles at samples of their paths."""
+        return Rectangles(
+            x=self.x[row, node],
+            y=self.y[row, node],
+            heading=self.heading[row, node],
+            half_length=self.length[row] / 2,
+            half_width=self.width[row] / 2,
+        )
 
 
 def _lines(states: States, planned: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
