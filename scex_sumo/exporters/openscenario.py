@@ -20,6 +20,7 @@ from scex_sumo.exporters.opendrive.of_run import opendrive_of
 from scex_sumo.exporters.request import Participant, Request
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
+SPEEDS = "speeds_mps"  # property of an entity: those at its vertices
 _DELAY = "{}_delay"  # parameter of a vehicle
 _WHEELBASE = 0.58  # of the length, around the centre
 _KINDS = {  # OpenSCENARIO's category, height in m, mass in kg
@@ -46,7 +47,7 @@ _README = """# {name}: {count} future(s) for OpenSCENARIO players
   far ahead along the heading. Lengths and widths are as recorded; wheelbases are {axles:.0%} of the length,
   heights and masses are usual ones.
 - An entity `vehicle17`, `pedestrian17` or `bicycle17` is track 17; its property `model`
-  says which behaviour model drove it.
+  says which behaviour model drove it, `speeds_mps` its speeds at the vertices.
 - A parameter `vehicle17_delay` (s, 0 or more) lets the trajectory begin later: those of {pair}. Until then
   the vehicle stands at its start.
 {ego}- Pedestrians and cyclists stand where they appear first until they do, and are deleted after they were
@@ -126,9 +127,10 @@ def _scenario_text(xosc: Any, request: Request, future: int, road_file: str, fla
     for participant in request.participants(future):
         name = f"{_role(participant)}{participant.name}"
         model = "recorded" if participant.vehicle is None else models[participant.vehicle]
-        entities.add_scenario_object(name, _entity(xosc, participant, model))
-        states = participant.states[begin:]
+        entity, states = _entity(xosc, participant, model), participant.states[begin:]
+        entities.add_scenario_object(name, entity)
         there = np.flatnonzero(participant.present[begin:])  # straight lines bridge gaps in a track
+        entity.add_property(SPEEDS, " ".join(f"{speed:.4f}" for speed in states.speed[there]))
         if not len(there):
             continue
         places = _vertices(xosc, participant, states[there], level=0.0 if flat else None)

@@ -14,6 +14,19 @@ from typing import Final
 
 from tests.formats.commonroad.commonroad_maps import Lanelet, Vehicle, write_scenario
 from tests.formats.levelx.levelx_files import Mover, write_highd
+from tests.formats.openscenario.scenarios import (
+    after,
+    at,
+    begins,
+    change_lane,
+    event,
+    of,
+    scenario,
+    set_speed,
+    story,
+    tag,
+    time,
+)
 from tests.formats.sumo.simulations import OUTPUTS
 from tests.fuzz import drawn, suites
 from tests.fuzz.forked import CACHE, Ended, run_forked
@@ -322,9 +335,25 @@ def _exports(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]
     file = rng.choice([*sorted(work.glob("future.*")), *sorted(work.glob("[cs][rn]/*.[xp]*"))])
     how = _twice(file, rng)
     name = str(file.relative_to(work))
-    tracks = {"csv": "--tracks", "xml": "--fcd"}.get(name.rpartition(".")[2], "")
-    own = [name] if "/" in name else [map_path.name, tracks, name]
+    own = [name] if "/" in name else [map_path.name, "--tracks", name]
     return f"{name}: {how}", rng.choice((["run", *own, *RUN], ["inspect", *own], ["metrics", name]))
+
+
+def _openscenario(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
+    """A future as a scenario of OpenSCENARIO, or one of actions and triggers, or their road."""
+    if rng.random() < 0.5:
+        shutil.copytree(sources.exports() / "xo", work, dirs_exist_ok=True)
+    else:
+        near = of("Ego", tag("ReachPositionCondition", at(-1, 80), tolerance=1))
+        turn = change_lane('<RelativeTargetLane entityRef="Ego" value="1"/>', "sinusoidal", 3.0)
+        go = event("go", set_speed(5, "linear", "rate", 2), after(near))
+        stories = story("Ego", go) + story("Other", event("turn", turn, after(time(1))))
+        scenario(work, begins("Ego", at(-1, 50), 20) + begins("Other", at(-2, 200), 10), stories, stop_s=4)
+    (case,), (road,) = work.glob("*.xosc"), work.glob("*.xodr")
+    file = rng.choice((case, case, road))
+    how = _twice(file, rng)
+    own = [case.name, "--time", "1"]
+    return f"{file.name}: {how}", rng.choice((["run", *own, *RUN], ["inspect", *own], ["metrics", case.name]))
 
 
 def _trace(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
@@ -372,6 +401,7 @@ KINDS: Final[Mapping[str, Callable[[Sources, Path, Random], tuple[str, list[str]
     "py123d": _drawn(drawn.py123d),
     "opendd": _drawn(drawn.opendd),
     "exports": _exports,
+    "openscenario": _openscenario,
     "traces": _trace,
     "suites": suites.suite,
     "scenes": suites.scenes,

@@ -32,7 +32,7 @@ def mutated(file: Path, rng: Random) -> str:
     """Mutate a file in place once; says how."""
     kind = file.name.removesuffix(".gz").rpartition(".")[2]
     ways: list[Callable[[Path, Random], str]] = [bytes_changed]
-    if kind in ("csv", "osm", "xml"):
+    if kind in ("csv", "osm", "xml", "xosc", "xodr", "kml"):
         ways = [bytes_changed, _text, _text, _text, _text]
     if kind == "csv":
         ways += [_column] * 6

@@ -32,6 +32,7 @@ EXPORTS: Final = {
     "scenarionet": "sn",
     "omega-prime": "future.mcap",
     "osi": "trace.osi",
+    "openscenario": "xo",
 }
 _INTERRUPTED = (
     "from scex_sumo.results.folder import OutputFolder as F\n"

@@ -21,6 +21,7 @@ KINDS = (
     "columns",
     "detectors",
     "opendd",
+    "openscenario",
     "scenes",
     "outputs",
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.tags import COUNTRIES
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import MapFormat
@@ -11,6 +12,7 @@ from scex_sumo.converters.xml import unpacked, xml_root
 from scex_sumo.formats.lane_maps.lane_map import drawn_road
 from scex_sumo.formats.opendrive.lanes import opendrive_map
 from scex_sumo.formats.recognition import is_opendrive
+from scex_sumo.formats.samples.boxes import one_line
 from scex_sumo.road import Road
 
 
@@ -27,7 +29,9 @@ def opendrive_road(path: Path, content: bytes) -> Road:
     country = signed if signed in COUNTRIES else None
     projection = (root.findtext("header/geoReference") or "").strip()
     projection = projection if projection.startswith("+proj") else ""
-    return drawn_road(opendrive_map(path, root), name=map_name(path), country=country, projection=projection)
+    with one_line(MapError, path, "road of OpenDRIVE"):
+        drawn = opendrive_map(path, root)
+        return drawn_road(drawn, name=map_name(path), country=country, projection=projection)
 
 
 OPENDRIVE = MapFormat(is_mine=is_opendrive, read=read_opendrive, opendrive=unpacked)

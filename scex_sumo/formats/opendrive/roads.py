@@ -125,7 +125,9 @@ class DrawnRoad:
     def _pieces(self, sections: list[Element], starts: list[float], k: int) -> Iterator[Piece]:
         s = self.line.s
         first = int(np.searchsorted(s, starts[k] - 1e-6))
-        last = int(np.searchsorted(s, starts[k + 1] - 1e-6)) if k + 1 < len(starts) else len(s) - 1
+        last = len(s) - 1  # sections that begin beyond it are not there
+        if k + 1 < len(starts):
+            last = min(int(np.searchsorted(s, starts[k + 1] - 1e-6)), last)
         if last <= first:
             return
         rows = slice(first, last + 1)

@@ -10,7 +10,7 @@ import copy
 import math
 import operator
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,14 +24,11 @@ _BODIES = {"Vehicle": "car", "Pedestrian": "pedestrian", "MiscObject": "object"}
 _DEFAULTS = (*_BODIES, "Maneuver", "Trajectory", "Route")  # their values are overruled by a reference
 _NAME = re.compile(r"\$(\w+)")
 _LETTERS = 1000  # of an expression
-_OPERATORS: Mapping[type, Callable[..., Any]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.USub: operator.neg,
+_OPERATORS: Mapping[type, Any] = {
+    **{ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul},
+    **{ast.Div: operator.truediv, ast.USub: operator.neg},
 }
-_FUNCTIONS: Mapping[str, Callable[..., Any]] = {
+_FUNCTIONS: Mapping[str, Any] = {
     **{name: getattr(math, name) for name in ("floor", "ceil", "sqrt", "pow")},
     **{"round": round, "min": min, "max": max, "abs": abs},
 }
@@ -39,7 +36,11 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Entity:
-    """Road user of a scenario; its box's centre is ``ahead_m`` ahead and ``left_m`` left of its reference."""
+    """Road user of a scenario; its box's centre is ``ahead_m`` ahead and ``left_m`` left of its reference.
+
+    Attributes:
+        speeds: at the vertices of its trajectory, m/s, where our own export wrote the file.
+    """
 
     name: str
     kind: str
@@ -48,6 +49,7 @@ class Entity:
     ahead_m: float
     left_m: float
     is_controlled: bool
+    speeds: tuple[float, ...]
 
 
 def read_document(path: Path) -> tuple[Element, dict[str, Entity]]:
@@ -67,11 +69,8 @@ def read_document(path: Path) -> tuple[Element, dict[str, Entity]]:
 
 def map_of(path: Path) -> Path:
     """Return the OpenDRIVE file that a scenario names; raises `ValueError` if it names none."""
-    root = _root(path)
-    values = {x.get("name"): x.get("value", "") for x in root.iterfind("ParameterDeclarations/*")}
-    file = root.find("RoadNetwork/LogicFile")
+    file = read_document(path)[0].find("RoadNetwork/LogicFile")
     name = "" if file is None else file.get("filepath", "")
-    name = values.get(name[1:], "") if name.startswith("$") else name
     if not name.lower().endswith((".xodr", ".xodr.gz")):
         raise ValueError(f"its road network is {name[-60:]!r}, no OpenDRIVE file")
     return path.parent / name.replace("\\", "/")
@@ -99,17 +98,16 @@ class _Filler:
             element.set(key, _filled(text, values))
         for k, child in enumerate(element):
             if child.tag == "CatalogReference":
-                entry = self._entry(child, values, element.tag)
-                element[k] = child if entry is None else entry
+                element[k] = self._entry(child, values, element.tag)
             elif child.tag != "ParameterDeclarations":
                 self.fill(child, values)
 
-    def _entry(self, reference: Element, values: Mapping[str, str], within: str) -> Element | None:
+    def _entry(self, reference: Element, values: Mapping[str, str], within: str) -> Element:
         catalog, name = (_filled(reference.get(key, ""), values) for key in ("catalogName", "entryName"))
         if (catalog, name) not in self._entries:
             if within in ("ScenarioObject", "ManeuverGroup"):
                 raise ValueError(f"entry {name} of catalog {catalog} is in none of its catalog folders")
-            return None  # such as a controller's
+            return reference  # such as a controller's
         entry = copy.deepcopy(self._entries[catalog, name])
         given = reference.iter("ParameterAssignment")
         self.fill(entry, {x.get("parameterRef", ""): _filled(x.get("value", ""), values) for x in given})
@@ -128,22 +126,21 @@ def _filled(text: str, values: Mapping[str, str]) -> str:
     if not text.startswith("${"):
         return plain
     try:
-        if len(plain) > _LETTERS:
-            raise ValueError
-        return str(_result(ast.parse(plain.strip(), mode="eval").body))
+        return str(_result(ast.parse(plain[:_LETTERS].strip(), mode="eval").body))
     except (ArithmeticError, LookupError, SyntaxError, TypeError, ValueError):
         raise ValueError(f"expression {text[:40]!r} cannot be evaluated") from None
 
 
-def _result(node: ast.expr) -> Any:
-    if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
-        return node.value
-    if isinstance(node, ast.BinOp):
-        return _OPERATORS[type(node.op)](_result(node.left), _result(node.right))
-    if isinstance(node, ast.UnaryOp):
-        return _OPERATORS[type(node.op)](_result(node.operand))
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-        return _FUNCTIONS[node.func.id](*map(_result, node.args))
+def _result(node: ast.AST) -> Any:
+    match node:
+        case ast.Constant(value=int() | float() as value):
+            return value
+        case ast.BinOp(left=left, op=op, right=right):
+            return _OPERATORS[type(op)](_result(left), _result(right))
+        case ast.UnaryOp(op=op, operand=operand):
+            return _OPERATORS[type(op)](_result(operand))
+        case ast.Call(func=ast.Name(id=name), args=args):
+            return _FUNCTIONS[name](*map(_result, args))
     raise ValueError
 
 
@@ -155,6 +152,7 @@ def _entity(element: Element) -> Entity:
     size, centre = body.find("BoundingBox/Dimensions"), body.find("BoundingBox/Center")
     length, width = (math.nan if size is None else number(size, name) for name in ("length", "width"))
     ahead, left = (0.0 if centre is None else number(centre, axis) for axis in ("x", "y"))
+    speeds = body.find("Properties/Property[@name='speeds_mps']")
     return Entity(
         name=element.get("name", ""),
         kind=_KINDS.get(kind, kind),
@@ -163,4 +161,5 @@ def _entity(element: Element) -> Entity:
         ahead_m=ahead,
         left_m=left,
         is_controlled=element.find("ObjectController") is not None,
+        speeds=() if speeds is None else tuple(map(float, speeds.get("value", "").split())),
     )

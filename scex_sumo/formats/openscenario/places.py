@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -15,7 +15,7 @@ from scex_sumo.formats.lane_maps.lane_map import DrawnLane, polyline
 from scex_sumo.formats.opendrive.lanes import OpenDriveMap
 from scex_sumo.formats.opendrive.reference import number
 from scex_sumo.formats.opendrive.roads import Name
-from scex_sumo.geometry.polylines import along, arc_lengths, heading, project, turn
+from scex_sumo.geometry.polylines import along, arc_lengths, bend, length_of, project, turn
 
 AHEAD_M = 3000.0  # of a way
 BESIDE_M = 3.5  # from the middle of a lane: farther, a place is on none
@@ -37,7 +37,7 @@ class Pose:
     def moved(self, ahead: float, left: float) -> Pose:
         """Return the pose moved in its own frame."""
         c, s = math.cos(self.heading), math.sin(self.heading)
-        return Pose(x=self.x + c * ahead - s * left, y=self.y + s * ahead + c * left, heading=self.heading)
+        return replace(self, x=self.x + c * ahead - s * left, y=self.y + s * ahead + c * left, lane=None)
 
     def seen(self, other: Pose) -> tuple[float, float]:
         """Return how far another place is ahead and to the left, m."""
@@ -50,33 +50,46 @@ class Pose:
         return replace(self, heading=self.heading + math.pi)
 
 
-NOWHERE: Final = Pose(x=math.nan, y=math.nan, heading=0.0)
-
-
+@dataclass(kw_only=True, eq=False)
 class Way:
-    """Middle of the lanes ahead from where the first one begins; ``against`` their direction or not."""
+    """Line along which something drives: lanes in a row, a trajectory, or straight on.
 
-    def __init__(self, lanes: Sequence[Name], lines: Sequence[FloatArray], *, against: bool) -> None:
-        self.against, self._lanes = against, lanes
-        self._line = np.concatenate([lines[0], *(line[1:] for line in lines[1:])])
-        self._arc = arc_lengths(self._line)
-        self._starts = self._arc[np.cumsum([0, *(len(line) - 1 for line in lines[:-1])])]
-        self.length = float(self._arc[-1])
+    Attributes:
+        points: (n, 2) m; ``headings`` (n,) rad there, None: those of the segments.
+        lanes: their names, from the ``starts`` (L,) m on; ``against`` their direction or not.
+        times_s: (n,) at which a trajectory passes its points; ``speeds`` (n,) m/s there, if known.
+    """
 
-    def at(self, arc: float, left: float) -> Pose:
+    points: FloatArray
+    headings: FloatArray | None = None
+    lanes: Sequence[Name] = ()
+    starts: FloatArray | None = None
+    against: bool = False
+    times_s: FloatArray | None = None
+    speeds: FloatArray | None = None
+
+    def __post_init__(self) -> None:
+        self.arcs = arc_lengths(self.points)
+
+    def at(self, arc: float, left: float = 0.0) -> Pose:
         """Return the pose to the left of an arc length."""
-        k = int(np.clip(np.searchsorted(self._arc, arc, side="right") - 1, 0, len(self._arc) - 2))
-        (x0, y0), (x1, y1), (x, y) = *self._line[k : k + 2], along(self._line, arc)
-        return Pose(x=float(x), y=float(y), heading=math.atan2(y1 - y0, x1 - x0)).moved(0.0, left)
+        x, y = (float(np.interp(arc, self.arcs, values)) for values in self.points.T)
+        if self.headings is not None:
+            return Pose(x=x, y=y, heading=float(np.interp(arc, self.arcs, self.headings))).moved(0.0, left)
+        k = int(np.clip(np.searchsorted(self.arcs, arc, side="right") - 1, 0, len(self.arcs) - 2))
+        dx, dy = self.points[k + 1] - self.points[k]
+        return Pose(x=x, y=y, heading=math.atan2(dy, dx)).moved(0.0, left)
 
     def project(self, pose: Pose) -> tuple[float, float]:
         """Return the arc length of a place and how far it is to the left, m."""
-        arc = float(project(np.array([[pose.x, pose.y]]), self._line)[0][0])
-        return arc, self.at(arc, 0.0).seen(pose)[1]
+        arc = float(project(np.array([[pose.x, pose.y]]), self.points)[0][0])
+        return arc, self.at(arc).seen(pose)[1]
 
     def lane_at(self, arc: float) -> Name:
-        """Return the lane at an arc length."""
-        return self._lanes[max(int(np.searchsorted(self._starts, arc, side="right")) - 1, 0)]
+        """Return the lane at an arc length; raises `UnknownMotion` if it is on none."""
+        if self.starts is None:
+            raise UnknownMotion("a road user on no lane changes lanes")
+        return self.lanes[max(int(np.searchsorted(self.starts, arc, side="right")) - 1, 0)]
 
 
 class Places:
@@ -105,7 +118,7 @@ class Places:
         return lane
 
     def at_station(self, road: str, s: float, t: float, lane: int | None = None) -> Pose:
-        """Return the pose beside the middle of a lane, headed as it is driven, or the reference line."""
+        """Return the pose beside the middle of a lane, or the reference line, and headed along this line."""
         if road not in self._roads:
             raise ValueError(f"its map has no road {road}")
         whole, name = self._roads[road], None
@@ -113,10 +126,9 @@ class Places:
             name = self.known((road, whole.piece_at(s), lane))
             part = whole.pieces[name[1]]
             t += float(np.interp(s, part.s, part.borders[lane].mean(axis=0)))
-        x, y = (float(np.interp(s, whole.line.s, whole.line.places[:, axis])) for axis in (0, 1))
-        turned = float(np.interp(s, whole.line.s, np.unwrap(whole.line.headings)))
-        there = replace(Pose(x=x, y=y, heading=turned).moved(0.0, t), lane=name)
-        return there.back if name is not None and self.direction(name) < 0 else there
+        rows = (*whole.line.places.T, np.unwrap(whole.line.headings))
+        x, y, turned = (float(np.interp(s, whole.line.s, row)) for row in rows)
+        return replace(Pose(x=x, y=y, heading=turned).moved(0.0, t), lane=name)
 
     def _turned(self, lane: Name, pose: Pose) -> tuple[float, float, float]:
         """Return the arc length of a place along a lane, its distance, and the turn of its heading."""
@@ -129,50 +141,48 @@ class Places:
         """Return the lane on which a pose is: the nearest, driven along before against; None beside all."""
         if pose.lane is not None or not math.isfinite(pose.x + pose.y):
             return pose.lane
-        near = []
-        for name in self._lines:
-            _, gap, turned = self._turned(name, pose)
-            if gap < BESIDE_M:
-                near.append((gap + 2 * min(turned, math.pi - turned + 0.5), name))
-        return min(near)[1] if near else None
+        near = ((name, *self._turned(name, pose)[1:]) for name in self._lines)
+        costs = [
+            (gap + 2 * min(turned, math.pi - turned + 0.5), n) for n, gap, turned in near if gap < BESIDE_M
+        ]
+        return min(costs)[1] if costs else None
 
-    def way(self, pose: Pose, roads: Sequence[str] = ()) -> Way | None:
-        """Return the way ahead of a pose, over some roads or straight on; None beside all lanes."""
+    def way(self, pose: Pose, roads: Sequence[str] = ()) -> Way:
+        """Return the way ahead of a pose, over some roads or straight on; beside all lanes a line."""
         lane = self.lane_of(pose)
         if lane is None:
-            return None
+            ahead = pose.moved(AHEAD_M, 0.0)
+            return Way(points=np.array([[pose.x, pose.y], [ahead.x, ahead.y]]))
         arc, _, turned = self._turned(lane, pose)
         against, lanes, length, roads = turned > math.pi / 2, [lane], -arc, [*roads]
-        while length < AHEAD_M:
+        while (length := length + length_of(self._lines[lanes[-1]])) < AHEAD_M:
             roads = roads[roads.index(lanes[-1][0]) + 1 :] if lanes[-1][0] in roads else roads
-            length += float(arc_lengths(self._lines[lanes[-1]])[-1])
             beyond = self._beyond(lanes[-1], against)
             if not beyond:
                 break
-            wanted = self._towards(beyond, roads[0], against) if roads else None
-            lanes.append(min(beyond, key=self._bend) if wanted is None else wanted)
-        lines = [self._lines[name][::-1] if against else self._lines[name] for name in lanes]
-        return Way(lanes, lines, against=against)
+            costs = [
+                (self._lanes_to(name, roads, against), abs(bend(self._lines[name])), name) for name in beyond
+            ]
+            lanes.append(min(costs)[2])
+        lines = [self._lines[name][:: -1 if against else 1] for name in lanes]
+        starts = np.cumsum([0.0, *map(length_of, lines[:-1])])
+        points = np.concatenate([lines[0], *(line[1:] for line in lines[1:])])
+        return Way(points=points, lanes=lanes, starts=starts, against=against)
 
     def _beyond(self, name: Name, against: bool) -> list[Name]:
         lane = self._lanes[name]
         near: Sequence[Any] = (lane.predecessors if against else lane.successors) or ()
         return [name for name in near if name in self._lines]
 
-    def _bend(self, name: Name) -> float:
-        line = self._lines[name]
-        return abs(turn(heading(line, end=False), heading(line, end=True)))
-
-    def _towards(self, beyond: Sequence[Name], road: str, against: bool) -> Name | None:
-        """Return the lane of some from which the fewest lanes lead to a road; None if none does."""
-        layer, seen = {name: name for name in beyond}, set(beyond)
-        while layer:
-            if there := [first for name, first in layer.items() if name[0] == road]:
-                return there[0]
-            onward = {n: first for name, first in layer.items() for n in self._beyond(name, against)}
-            layer = {name: first for name, first in onward.items() if name not in seen}
-            seen.update(layer)
-        return None
+    def _lanes_to(self, lane: Name, roads: Sequence[str], against: bool) -> float:
+        """Return how many lanes lead from one to the first of some roads; infinite if none do."""
+        layer, seen, count = [lane], {lane}, 0.0
+        while roads and layer:
+            if any(name[0] == roads[0] for name in layer):
+                return count
+            layer = list({n for name in layer for n in self._beyond(name, against)} - seen)
+            seen, count = seen.union(layer), count + 1
+        return math.inf
 
 
 def placed(position: Element, places: Places, pose_of: Callable[[str], Pose]) -> Pose:
@@ -186,43 +196,37 @@ def placed(position: Element, places: Places, pose_of: Callable[[str], Pose]) ->
         ValueError: the map has no such place.
     """
     kind, turned = position.tag, position.find("Orientation")
-    h = 0.0 if turned is None else number(turned, "h", "0")
-    relative = turned is not None and turned.get("type") == "relative"
+    along_road = None
     if kind == "WorldPosition":
         return Pose(x=number(position, "x"), y=number(position, "y"), heading=number(position, "h", "0"))
     if kind in ("LanePosition", "RoadPosition"):
-        of_lane = kind == "LanePosition"
-        lane, t = (int(number(position, "laneId")), "offset") if of_lane else (None, "t")
-        pose = places.at_station(
-            position.get("roadId", ""), number(position, "s"), number(position, t, "0"), lane
-        )
-        if turned is None:
-            return pose
-        along_road = pose.back if pose.lane is not None and places.direction(pose.lane) < 0 else pose
-        return replace(pose, heading=h + (along_road.heading if relative else 0.0))
-    if kind == "RelativeObjectPosition":
+        lane = int(number(position, "laneId")) if kind == "LanePosition" else None
+        beside = number(position, "t" if lane is None else "offset", "0")
+        along_road = places.at_station(position.get("roadId", ""), number(position, "s"), beside, lane)
+        against = along_road.lane is not None and places.direction(along_road.lane) < 0
+        there = along_road.back if against else along_road
+    elif kind == "RelativeObjectPosition":
         own = pose_of(position.get("entityRef", ""))
         there = own.moved(number(position, "dx"), number(position, "dy"))
     elif kind == "RelativeLanePosition":
         there = _beside(position, places, pose_of(position.get("entityRef", "")))
     else:
         raise UnknownMotion(f"{kind} is not read")
-    return there if turned is None else replace(there, heading=h + (there.heading if relative else 0.0))
+    if turned is None:
+        return there
+    from_heading = (along_road or there).heading if turned.get("type") == "relative" else 0.0
+    return replace(there, heading=number(turned, "h", "0") + from_heading)
 
 
 def _beside(position: Element, places: Places, own: Pose) -> Pose:
     lane = places.lane_of(own)
     if lane is None:
         raise ValueError(f"{position.get('entityRef')} is on no lane")
-    goal, ds = (
-        places.beside(lane, int(number(position, "dLane"))),
-        number(position, "ds", position.get("dsLane", "0")),
-    )
+    goal = places.beside(lane, int(number(position, "dLane")))
+    ds = number(position, "ds", position.get("dsLane", "0"))
     backwards = places.direction(lane) * ds < 0
-    along_road = -1 if backwards else 1
     way = places.way(replace(own.back if backwards else own, lane=goal))
-    assert way is not None
     arc = way.project(own)[0] + abs(ds)
-    left = number(position, "offset", "0") * places.direction(lane) * along_road
+    left = number(position, "offset", "0") * places.direction(lane) * (-1 if backwards else 1)
     there = replace(way.at(arc, left), lane=way.lane_at(arc))
     return there.back if backwards else there

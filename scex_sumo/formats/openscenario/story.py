@@ -14,11 +14,11 @@ from scex_sumo.formats.opendrive.reference import number
 from scex_sumo.formats.openscenario.document import Entity
 from scex_sumo.formats.openscenario.motion import (
     TICK_S,
-    Change,
-    Following,
     Mover,
-    Synchronised,
-    trajectory_of,
+    changing,
+    following,
+    synchronising,
+    trajectory,
 )
 from scex_sumo.formats.openscenario.places import Places, Pose, UnknownMotion, placed
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
@@ -37,14 +37,13 @@ _STILL = (  # actions without a part in the motion
 )
 _GROUPS = ("LongitudinalAction", "LateralAction", "RoutingAction", "ControllerAction")
 _SWITCHES = ("longitudinal", "lateral", "activateLongitudinal", "activateLateral")
-_APART = (
-    "DistanceCondition",
-    "RelativeDistanceCondition",
-    "TimeHeadwayCondition",
-    "TimeToCollisionCondition",
-)
 _PARTS = {"Story": "Act", "Act": "ManeuverGroup", "ManeuverGroup": "Maneuver", "Maneuver": "Event"}
 _STANDBY, _RUNNING, _COMPLETE = "standbyState", "runningState", "completeState"
+_EDGES: Mapping[str, Callable[[bool, bool], bool]] = {
+    "rising": lambda before, now: now and not before,
+    "falling": lambda before, now: before and not now,
+    "risingOrFalling": lambda before, now: now != before,
+}
 
 
 @dataclass(eq=False)
@@ -53,23 +52,19 @@ class Part:
 
     element: Element
     above: Part | None
-    parts: list[Part] = field(default_factory=list)
     state: str = _STANDBY
     changed: tuple[str, float] = ("", -1.0)
     times: int = 0
     running: list[tuple[Mover, str, Any]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.parts = [Part(x, self) for x in self.element.findall(_PARTS.get(self.element.tag, "Nothing"))]
 
     def all(self) -> Iterator[Part]:
         """Yield it and all below."""
         yield self
         for part in self.parts:
             yield from part.all()
-
-
-def _part(element: Element, above: Part | None) -> Part:
-    part = Part(element, above)
-    part.parts = [_part(one, part) for one in element.findall(_PARTS.get(element.tag, "Nothing"))]
-    return part
 
 
 class Storyboard:
@@ -81,17 +76,18 @@ class Storyboard:
     """
 
     def __init__(self, root: Element, entities: Mapping[str, Entity], places: Places) -> None:
-        board = _needed(root, "Storyboard")
-        self.movers = {name: Mover(entity, places) for name, entity in entities.items()}
+        board, nowhere = _needed(root, "Storyboard"), Pose(x=math.nan, y=math.nan, heading=0.0)
+        way = places.way(nowhere)
+        self.movers = {name: Mover(one, places, nowhere, way) for name, one in entities.items()}
         self._places, self._time, self.over_s = places, 0.0, math.inf
         self._fired: dict[Element, tuple[bool, float]] = {}
         self._stop = board.find("StopTrigger")
         for private in board.iterfind("Init/Actions/Private"):
             for action in private:
-                self._begin(action, [self._mover(private)], None)
+                self._begin(action, [self._mover(private)], [])
         for action in board.iterfind("Init/Actions/GlobalAction"):
-            self._begin(action, [], None)
-        self._stories = [_part(story, None) for story in board.findall("Story")]
+            self._begin(action, [], [])
+        self._stories = [Part(story, None) for story in board.findall("Story")]
         self._all = [part for story in self._stories for part in story.all()]
 
     def _mover(self, element: Element, name: str = "entityRef") -> Mover:
@@ -129,12 +125,19 @@ class Storyboard:
         part.state, part.changed = state, (transition, self._time)
 
     def _advance(self, part: Part) -> None:
-        if part.element.tag == "Event":
-            self._advance_event(part)
-            return
+        """Begin a part of the storyboard, what is below it, or end it."""
+        is_event = part.element.tag == "Event"
+        if is_event and part.state == _RUNNING:
+            part.running = [one for one in part.running if getattr(one[0], one[1]) is one[2]]
+            if not part.running:
+                again = part.times < number(part.element, "maximumExecutionCount", "1")
+                self._turn(part, _STANDBY if again else _COMPLETE, "endTransition")
         if part.state == _STANDBY and self._is_on(part.element.find("StartTrigger"), otherwise=True):
-            self._turn(part, _RUNNING, "startTransition")
-        if part.state != _RUNNING:
+            if is_event:
+                self._start(part)
+            else:
+                self._turn(part, _RUNNING, "startTransition")
+        if is_event or part.state != _RUNNING:
             return
         if self._is_on(part.element.find("StopTrigger"), otherwise=False):
             for below in part.all():
@@ -145,41 +148,34 @@ class Storyboard:
         if all(one.state == _COMPLETE for one in part.parts):
             self._turn(part, _COMPLETE, "endTransition")
 
-    def _advance_event(self, event: Part) -> None:
-        if event.state == _RUNNING:
-            event.running = [one for one in event.running if getattr(one[0], one[1]) is one[2]]
-            if not event.running:
-                again = event.times < number(event.element, "maximumExecutionCount", "1")
-                self._turn(event, _STANDBY if again else _COMPLETE, "endTransition")
-        maneuver = event.above
-        if (
-            event.state != _STANDBY
-            or not maneuver
-            or not self._is_on(event.element.find("StartTrigger"), otherwise=True)
-        ):
-            return
-        others = [one for one in maneuver.parts if one is not event and one.state == _RUNNING]
+    def _start(self, event: Part) -> None:
+        """Begin the actions of an event, by its priority over others of its maneuver."""
+        assert event.above is not None and event.above.above is not None
+        others = [one for one in event.above.parts if one is not event and one.state == _RUNNING]
         if event.element.get("priority") == "skip" and others:
             return
         for one in others if event.element.get("priority") in ("override", "overwrite") else ():
             self._end(one)
         self._turn(event, _RUNNING, "startTransition")
         event.times += 1
-        group = maneuver.above.element if maneuver.above is not None else event.element
-        actors = [self._mover(one) for one in group.iterfind("Actors/EntityRef")]
+        actors = [self._mover(one) for one in event.above.above.element.iterfind("Actors/EntityRef")]
         for body in (one for action in event.element.findall("Action") for one in action):
-            self._begin(body, actors, event)
+            self._begin(body, actors, event.running)
 
     def _end(self, part: Part) -> None:
         if part.state == _COMPLETE:
             return
         for mover, domain, action in part.running:
-            if getattr(mover, domain) is action:
+            if getattr(mover, domain) is not action:
+                continue
+            if domain == "way":
+                mover.put(mover.pose)
+            else:
                 setattr(mover, domain, None)
         part.running = []
         self._turn(part, _COMPLETE, "stopTransition")
 
-    def _begin(self, action: Element, movers: list[Mover], event: Part | None) -> None:
+    def _begin(self, action: Element, movers: list[Mover], running: list[tuple[Mover, str, Any]]) -> None:
         """Begin an action of some road users, or of the world."""
         body = action[0] if len(action) else action
         if body.tag == "EntityAction":
@@ -192,32 +188,35 @@ class Storyboard:
                 raise UnknownMotion(f"{body.tag} decides from then on")
             inner = body[0] if body.tag in _GROUPS and len(body) else body
             for mover in movers:
-                domain, made = self._made(inner, mover)
-                if domain:
-                    setattr(mover, domain, made)
-                if domain and event is not None:
-                    event.running.append((mover, domain, made))
+                if (domain := self._begun(inner, mover)) and getattr(mover, domain) is not None:
+                    running.append((mover, domain, getattr(mover, domain)))
 
-    def _made(self, action: Element, mover: Mover) -> tuple[str, Any]:
-        """Return what an action of a road user begins: along, across or on a path; else it is over."""
+    def _begun(self, action: Element, mover: Mover) -> str:
+        """Begin an action of a road user; return what it changes until it is over: along, across or way."""
         kind = action.tag
         if kind == "TeleportAction":
             mover.put(self._pose(action))
         elif kind == "SpeedAction":
-            return self._speed_change(action, mover)
+            return self._change_speed(action, mover)
         elif kind == "LongitudinalDistanceAction":
-            return "along", Following(action, self._mover(action))
+            mover.along = following(mover, action, self._mover(action))
+            return "along"
         elif kind == "SynchronizeAction":
             final = action.find("FinalSpeed/AbsoluteSpeed")
-            goals = [self._pose(_needed(action, name)) for name in ("TargetPosition", "TargetPositionMaster")]
-            final_mps = None if final is None else number(final, "value")
-            return "along", Synchronised(
-                goals[0], self._mover(action, "masterEntityRef"), goals[1], final_mps
+            goal, masters = (
+                self._pose(_needed(action, name)) for name in ("TargetPosition", "TargetPositionMaster")
             )
+            final_mps = None if final is None else number(final, "value")
+            mover.along = synchronising(
+                mover, goal, self._mover(action, "masterEntityRef"), masters, final_mps
+            )
+            return "along"
         elif kind == "LaneChangeAction":
-            return "across", self._lane_change(action, mover)
+            return self._change_lane(action, mover)
         elif kind == "FollowTrajectoryAction":
-            return "path", trajectory_of(action, self._time, self._pose)
+            mover.way = trajectory(action, mover, self._time, self._pose)
+            mover.arc, mover.left, mover.across = 0.0, 0.0, None
+            return "way"
         elif kind in ("AssignRouteAction", "AcquirePositionAction"):
             goals = [self._pose(one) for one in [*action.iter("Waypoint")] or [action]]
             lanes = [self._places.lane_of(goal) for goal in goals]
@@ -229,64 +228,53 @@ class Storyboard:
                 raise UnknownMotion(f"a controller drives {mover.entity.name} from then on")
         elif kind not in _STILL:
             raise UnknownMotion(f"{kind} of {mover.entity.name} is not read")
-        return "", None
+        return ""
 
-    def _speed_change(self, action: Element, mover: Mover) -> tuple[str, Any]:
-        target = _first(_needed(action, "SpeedActionTarget"))
+    def _change_speed(self, action: Element, mover: Mover) -> str:
+        target, dynamics = (
+            _first(_needed(action, "SpeedActionTarget")),
+            _needed(action, "SpeedActionDynamics"),
+        )
         value, stays = number(target, "value"), target.get("continuous") == "true"
         other = self._mover(target) if target.tag == "RelativeTargetSpeed" else None
-        is_factor = target.get("speedTargetValueType") == "factor"
 
         def wanted() -> float:
             """Return the target speed now, m/s."""
-            added = 0.0 if other is None else other.speed
-            return added * value if is_factor else added + value
+            theirs = 0.0 if other is None else other.speed
+            return theirs * value if target.get("speedTargetValueType") == "factor" else theirs + value
 
         fixed = wanted()
-        wanted_now = wanted if stays else lambda: fixed
-        change = Change("speed", _needed(action, "SpeedActionDynamics"), wanted_now, stays=stays)
-        if change.is_step and not stays:
-            mover.speed = fixed
-            return "", None
-        return "along", change
+        mover.along = changing(mover, "speed", dynamics, wanted if stays else lambda: fixed, stays=stays)
+        if dynamics.get("dynamicsShape", "step") == "step" and not stays:
+            mover.speed, mover.along = fixed, None
+        return "along"
 
-    def _lane_change(self, action: Element, mover: Mover) -> Change:
-        if mover.way is None:
-            raise UnknownMotion(f"{mover.entity.name} is on no lane for its {action.tag}")
+    def _change_lane(self, action: Element, mover: Mover) -> str:
         target, lane = _first(_needed(action, "LaneChangeTarget")), mover.way.lane_at(mover.arc)
         if target.tag == "AbsoluteTargetLane":
             goal = self._places.known((*lane[:2], int(number(target, "value"))))
         else:
             other = self._mover(target)
-            theirs, against = (
-                (lane, mover.way.against)
-                if other.way is None
-                else (other.way.lane_at(other.arc), other.way.against)
-            )
-            leftwards = -self._places.direction(theirs) if against else self._places.direction(theirs)
+            theirs = other.way.lane_at(other.arc)
+            leftwards = self._places.direction(theirs) * (-1 if other.way.against else 1)
             goal = self._places.beside((*lane[:2], theirs[2]), leftwards * int(number(target, "value")))
         here = mover.pose
         mover.put(Pose(x=here.x, y=here.y, heading=here.heading, lane=goal))
-        left = (
-            number(action, "targetLaneOffset", "0")
-            * self._places.direction(goal)
-            * (-1 if mover.way.against else 1)
-        )
-        return Change("left", _needed(action, "LaneChangeActionDynamics"), lambda: left)
+        leftwards = self._places.direction(goal) * (-1 if mover.way.against else 1)
+        left = number(action, "targetLaneOffset", "0") * leftwards
+        mover.across = changing(mover, "left", _needed(action, "LaneChangeActionDynamics"), lambda: left)
+        return "across"
 
     def _is_on(self, trigger: Element | None, *, otherwise: bool) -> bool:
         """Return whether a trigger fires now; ``otherwise`` if there is none."""
         if trigger is None or not len(trigger):
             return otherwise
-        unknown = None
-        for group in trigger.findall("ConditionGroup"):
-            results = [self._condition(one) for one in group.findall("Condition")]
-            if all(result is True for result in results):
-                return True
-            if not any(result is False for result in results):
-                unknown = next(result for result in results if isinstance(result, str))
-        if unknown is not None:
-            raise UnknownMotion(f"a trigger waits for a {unknown}")
+        groups = [[self._condition(one) for one in group.findall("Condition")] for group in trigger]
+        if any(all(result is True for result in group) for group in groups):
+            return True
+        if unknown := [group for group in groups if False not in group]:
+            kind = next(result for result in unknown[0] if isinstance(result, str))
+            raise UnknownMotion(f"a trigger waits for a {kind}")
         return False
 
     def _condition(self, condition: Element) -> bool | str:
@@ -296,12 +284,8 @@ class Storyboard:
         if isinstance(now, str):
             return now
         before, fires = self._fired.get(condition, (False, math.inf))
-        edges = {
-            "rising": now and not before,
-            "falling": before and not now,
-            "risingOrFalling": now != before,
-        }
-        met, delay = edges.get(condition.get("conditionEdge", ""), now), number(condition, "delay", "0")
+        edge, delay = _EDGES.get(condition.get("conditionEdge", "")), number(condition, "delay", "0")
+        met = now if edge is None else edge(before, now)
         fires = min(fires, self._time + delay) if met else fires
         self._fired[condition] = now, fires
         return self._time >= fires - 1e-9 if delay > 0 else met
@@ -312,13 +296,10 @@ class Storyboard:
         if one.tag != "StoryboardElementStateCondition":
             return one.tag
         name = one.get("storyboardElementRef", "").replace("::", "/").rpartition("/")[2]
-        kind, wanted = one.get("storyboardElementType", "").lower(), one.get("state", "")
-        parts = [
-            part
-            for part in self._all
-            if part.element.tag.lower() == kind and part.element.get("name") == name
-        ]
-        if kind == "action":
+        kind, wanted = one.get("storyboardElementType", ""), one.get("state", "")
+        parts = [part for part in self._all if part.element.tag.lower() == kind.lower()]
+        parts = [part for part in parts if part.element.get("name") == name]
+        if kind.lower() == "action":
             parts = [
                 part
                 for part in self._all
@@ -327,43 +308,48 @@ class Storyboard:
         if not parts:
             raise ValueError(f"{kind[:20]} {name[:40]!r} is not in its storyboard")
         if wanted.endswith("Transition"):
-            return any(
-                part.changed[0] == wanted and self._time - part.changed[1] < 1.5 * TICK_S for part in parts
-            )
+            return any(x.changed[0] == wanted and self._time - x.changed[1] < 1.5 * TICK_S for x in parts)
         return any(part.state == wanted for part in parts)
 
     def _by_entity(self, body: Element) -> bool | str:
         rule, condition = _needed(body, "TriggeringEntities"), _first(_needed(body, "EntityCondition"))
         movers = [mover for one in rule.findall("EntityRef") if (mover := self._mover(one)).there]
-        results = [self._holds(condition, mover) for mover in movers]
-        if unknown := next((result for result in results if isinstance(result, str)), None):
+        measured = [self._measured(condition, mover) for mover in movers]
+        if unknown := next((result for result in measured if isinstance(result, str)), None):
             return unknown
+        how, value = _RULES[condition.get("rule", "greaterThan")], number(condition, "value", "0")
+        if condition.tag == "ReachPositionCondition":
+            how, value = _RULES["lessOrEqual"], number(condition, "tolerance")
+        results = [how(one, value) for one in measured if not isinstance(one, str)]
         return bool(results) and (all if rule.get("triggeringEntitiesRule") == "all" else any)(results)
 
-    def _holds(self, one: Element, mover: Mover) -> bool | str:
-        """Return whether a condition holds for a road user; its kind if it is not read."""
-        rule, value = _RULES[one.get("rule", "greaterThan")], number(one, "value", "0")
+    def _measured(self, one: Element, mover: Mover) -> float | str:
+        """Return the value of a road user that a condition compares; its kind if it is not read."""
         if one.tag == "SpeedCondition":
-            return rule(mover.speed, value)
+            return mover.speed
         if one.tag == "RelativeSpeedCondition":
-            return rule(mover.speed - self._mover(one).speed, value)
+            return mover.speed - self._mover(one).speed
         if one.tag == "TraveledDistanceCondition":
-            return mover.travelled >= value
+            return mover.travelled + 1e-9
         if one.tag == "ReachPositionCondition":
-            return math.hypot(*mover.pose.seen(self._pose(one))) <= number(one, "tolerance")
-        if one.tag not in _APART:
+            return math.hypot(*mover.pose.seen(self._pose(one)))
+        by_time = one.tag in ("TimeHeadwayCondition", "TimeToCollisionCondition")
+        if not by_time and one.tag not in ("DistanceCondition", "RelativeDistanceCondition"):
             return one.tag
         named = one if one.get("entityRef") else one.find(".//EntityRef")
         other = None if named is None else self._mover(named)
         goal = (
-            self._pose(_first(one) if one.find("Position") is None else one) if other is None else other.pose
+            other.pose
+            if other is not None
+            else self._pose(one if one.find("Position") is not None else _first(one))
         )
         apart = self._apart(one, mover, goal, other)
-        if one.tag.endswith("DistanceCondition"):
-            return rule(apart, value)
-        by_time = one.tag == "TimeHeadwayCondition"
-        closing = mover.speed if by_time or other is None else mover.speed - other.speed
-        return closing > 1e-6 and rule(apart / closing, value)
+        if not by_time:
+            return apart
+        closing = mover.speed
+        if one.tag == "TimeToCollisionCondition" and other is not None:
+            closing -= other.speed
+        return apart / closing if closing > 1e-6 else math.inf
 
     def _apart(self, one: Element, mover: Mover, goal: Pose, other: Mover | None) -> float:
         """Return the distance that a condition means, m."""
@@ -385,9 +371,9 @@ class Storyboard:
 
 def _box(mover: Mover) -> Rectangles:
     at, size = mover.centre, mover.entity
+    names = ("x", "y", "heading", "half_length", "half_width")
     values = (at.x, at.y, at.heading, size.length / 2, size.width / 2)
-    x, y, heading, half_length, half_width = (np.array([value]) for value in values)
-    return Rectangles(x=x, y=y, heading=heading, half_length=half_length, half_width=half_width)
+    return Rectangles(**{name: np.array([value]) for name, value in zip(names, values, strict=True)})
 
 
 def _needed(element: Element, name: str) -> Element:

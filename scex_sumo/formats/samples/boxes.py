@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.errors import InputError, TrackError, reason_of
+from scex_sumo.base.errors import InputError, TrackError
 from scex_sumo.converters.tracks.check import MAX_VALUES
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackTable
@@ -52,8 +52,8 @@ def one_line(error: type[InputError], path: Path, what: str) -> Iterator[None]:
         name = re.sub(r'.*"(.*)".*', r"\1", str(key.args[0]))[:160]  # of a column, in a sentence of Arrow
         raise error(f"{path}: no {name} in it; take the file as published") from None
     except (*_DAMAGE, sqlite3.Error, shapely.errors.ShapelyError) as why:
-        reason = " ".join(reason_of(why).split())[:160]
-        raise error(f"{path}: no {what} can be read ({reason}); fetch the file again") from None
+        reason = " ".join(str(why).split())[:160] or "it is damaged"
+        raise error(f"{path}: no {what} can be read: {reason}; mend it, or fetch it again") from None
 
 
 def checked(table: Any) -> Any:

@@ -202,6 +202,12 @@ def test_beside_a_lane_that_opens_the_others_keep_their_centres(tmp_path: Path) 
     assert check_net(net.path, read, net.lanes).problems() == []
 
 
+def test_a_section_that_begins_beyond_the_end_of_its_road_is_not_there(tmp_path: Path) -> None:
+    lane = lane_of(-1, width(0, 3.5))
+    late = plain_road("1", section(0, lane) + section(9000, lane))
+    assert end(read_map(written(tmp_path, late)))[1] == pytest.approx(-1.75)
+
+
 def test_lanes_of_sections_follow_by_their_links(tmp_path: Path) -> None:
     link = '<link><predecessor id="{}"/></link>'
     first = section(0, lane_of(-1, width(0, 3.5)) + lane_of(-2, width(0, 3.5)))

@@ -58,7 +58,7 @@ def test_our_exports_come_back_as_the_same_moment(exported: tuple[Path, Path]) -
         states = states[[known.index(track) for track in scene.track_ids]]
         now, then, ahead = scene.now, states[:, 9], states[:, 10:40]
         assert np.hypot(now.x - then.x, now.y - then.y).max() < 1e-5
-        assert np.abs(now.speed - then.speed).max() < 0.15  # positions every 0.1 s tell no more
+        assert np.abs(now.speed - then.speed).max() < 1e-4
         assert scene.future is not None and len(known) == scene.vehicles
         assert np.hypot(scene.future.x[:, :30] - ahead.x, scene.future.y[:, :30] - ahead.y).max() < 1e-5
 
