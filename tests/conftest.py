@@ -31,6 +31,11 @@ def shared_data() -> Path | None:
     return folder if folder.is_dir() else None
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """One process more than cores: a third of the time a test waits for a program, a page or a clock."""
+    return (os.cpu_count() or 1) + 1
+
+
 @pytest.fixture(scope="session")
 def data() -> Path:
     """The real maps and recordings; skips the test where they are absent."""
