@@ -51,8 +51,14 @@ def pair_table(
     alike = np.bincount(pair, contact >= _ALIKE * contact[decides][pair], minlength=len(keys))
     collide = np.bincount(pair, conflicts.gap <= 0, minlength=len(keys)) / futures
     ranked = np.argsort(-probability, kind="stable")
-    told = _Told(whole, conflicts, rule, states_of)
-    rows = [told.row(int(decides[k]), float(probability[k])) for k in ranked.tolist()]
+    told = _Told(whole, conflicts.take(decides[ranked]), rule, states_of)
+    rows = [told.row(k, float(p)) for k, p in enumerate(probability[ranked])]
+    placed = [row for row in rows if "x" in row]
+    if placed:
+        assert whole.road is not None
+        places = places_of(whole.road, np.array([[row["x"], row["y"]] for row in placed]))
+        for row, place in zip(placed, places, strict=True):
+            row["place"] = place
     own = np.array([[row.pop("_own"), row.pop("_other")] for row in rows], dtype=np.int64).reshape(-1, 2)
     columns: dict[str, Any] = {name: [row.get(name) for row in rows] for name in PAIRS.names}
     columns |= {
@@ -74,18 +80,19 @@ def _names(whole: SeedScene) -> list[str]:
 
 
 class _Told:
-    """What is told of pairs, by the row of `Conflicts` that has the largest share of P."""
+    """What is told of pairs, by its row of `Conflicts` that has the largest share of P."""
 
     def __init__(
         self, whole: SeedScene, conflicts: Conflicts, rule: Law, states_of: Callable[[int], States]
     ) -> None:
-        self._whole, self._conflicts, self._rule, self._states_of = whole, conflicts, rule, states_of
+        self._whole, self._conflicts, self._states_of = whole, conflicts, states_of
+        self._parts = np.array(rule.parts(conflicts, whole.types))  # (3, P)
         self._names = _names(whole)
         self._people = whole.people if whole.people is not None else np.zeros(whole.vehicles, np.bool_)
         self._states: dict[int, States] = {}
 
     def row(self, at: int, probability: float) -> dict[str, Any]:
-        """Return the columns of `PAIRS` that one future tells, and both indices."""
+        """Return the columns of `PAIRS` that one future tells, but for its place, and both indices."""
         found = self._conflicts
         one, two, future = int(found.one[at]), int(found.two[at]), int(found.future[at])
         axis, first, step = self._axis(at)
@@ -113,14 +120,11 @@ class _Told:
             return {**row, "what": kind}
         states = self._of(future)
         both = states[[own, other], min(step, states.shape[1] - 1)]
-        place = np.array([[both.x[0], both.y[0]]])
-        assert self._whole.road is not None
         vx, vy = (np.diff(both.speed * turn(both.heading))[0] for turn in (np.cos, np.sin))
         return {
             **row,
             "what": kind,
             "how": how(states[[own, other]], axis, row, kind, (self._names[own], self._names[other])),
-            "place": places_of(self._whole.road, place)[0],
             "speed_mps": float(np.hypot(vx, vy)),
             "x": float(both.x[0]),
             "y": float(both.y[0]),
@@ -137,9 +141,7 @@ class _Told:
     def _axis(self, at: int) -> tuple[str, bool, int]:
         """Return what decides in a row, whether the first vehicle responds, and the step."""
         found = self._conflicts
-        braking, margin, gap = (
-            float(part[0]) for part in self._rule.parts(found.take(np.array([at])), self._whole.types)
-        )
+        braking, margin, gap = self._parts[:, at].tolist()
         brakes, later = bool(found.brakes_one[at]), bool(found.later_one[at])
         if found.gap[at] <= 0:
             return "contact", brakes if found.braking[at] > 0 else later, int(found.gap_step[at])
