@@ -6,6 +6,7 @@ report, in one process. The plain bare loop is libsumo as its documentation has 
 medians.
 
     python benchmarks/whole_command.py [MAP.osm --synthetic 11] [--repeat 3] [--workers 2]
+    python benchmarks/whole_command.py --loaded    # modules and lines of the package that commands load
 """
 
 from __future__ import annotations
@@ -29,6 +30,32 @@ COMMANDS = {
     "a run of one future, --reference none": ["--futures", "1", "--reference", "none"],
 }
 GOALS = dict(zip(COMMANDS, (0.9, 1.6, 0.6, 0.4), strict=True))
+RUN = "run", str(DEFAULT_MAP), "--workers", "1"
+LOADED = {
+    "a default run": ["run", str(DEFAULT_MAP), "--futures", "4"],
+    "a bare run": [
+        "run",
+        *(str(DEFAULT_MAP), "--futures", "4", "--models", "rules"),
+        "--reference",
+        "none",
+        "--no-report",
+    ],
+    "import of the Intelligent Driver Model": [],
+}
+COUNT = """
+import atexit, sys
+def count():
+    ours = [module for name, module in sys.modules.items() if name.startswith("scex_sumo")]
+    files = [module.__file__ for module in ours if str(getattr(module, "__file__", "")).endswith(".py")]
+    lines = [sum(1 for _ in open(file)) for file in files]
+    print("LOADED", sum(lines), sum(n > 15 for n in lines))
+atexit.register(count)
+if len(sys.argv) == 1:
+    import scex_sumo.behaviors.models.idm
+else:
+    from scex_sumo.cli import main
+    main()
+"""
 HERE = Path(__file__).resolve().parent
 STEPS = 30
 
@@ -60,15 +87,25 @@ def _absolute(path: str) -> Path:
     return Path(path).resolve()
 
 
+def loaded(folder: Path) -> None:
+    """Print the lines and modules (longer than 15 lines) that commands load, their caches warm."""
+    for name, given in LOADED.items():
+        out = ["-o", f"{folder}/out", "--overwrite", "-q"] if given else []
+        printed = [spent([sys.executable, "-c", COUNT, *given, *out])[2] for _ in range(2)][1]
+        _, lines, modules = printed.splitlines()[-1].split()
+        print(f"{name}: {int(lines):,} lines in {modules} modules")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("map", type=_absolute, nargs="?", default=DEFAULT_MAP)
     parser.add_argument("--synthetic", type=int, help="vehicles that SUMO places on the map")
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--workers", type=int, default=0, help="also the wall time with so many processes")
+    parser.add_argument("--loaded", action="store_true", help="what commands load, alone")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        commands(options, Path(folder))
+        loaded(Path(folder)) if options.loaded else commands(options, Path(folder))
 
 
 def commands(options: argparse.Namespace, folder: Path) -> None:

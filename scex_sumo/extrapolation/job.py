@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import pyarrow as pa
@@ -35,11 +35,9 @@ from scex_sumo.results.parts import Part, joined_parts, save_part
 from scex_sumo.results.tables.conflicts import conflicts_table
 from scex_sumo.results.tables.outcomes import collisions_table, encounter_rows
 from scex_sumo.road import Road
-from scex_sumo.roads.mirror import mirrored_road, mirrored_scene
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene
 from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.world.base import WORLDS, BatchStart, Simulator, SumoDriven, WorldRequest
-from scex_sumo.world.mirror import MirroredSimulator
 from scex_sumo.world.tiles import TILE_SLOTS
 
 OnStep = Callable[[int], None]
@@ -200,9 +198,11 @@ def _simulator(job: Job, slots: Sequence[int]) -> Simulator:
     )
     simulator = WORLDS.load(job.settings.world)
     # sumo-gui shows the map as it is.
-    in_mirror = job.road.left_hand and simulator.has_sumo and not job.gui
-    opened: Any = MirroredSimulator(simulator, request) if in_mirror else simulator(request)
-    return cast("Simulator", opened)
+    if not (job.road.left_hand and simulator.has_sumo) or job.gui:
+        return cast("Simulator", simulator(request))
+    from scex_sumo.world.mirror import MirroredSimulator
+
+    return cast("Simulator", MirroredSimulator(simulator, request))
 
 
 def _run_and_save(job: Job, simulator: Simulator, futures: IntArray, on_step: OnStep) -> IntArray:
@@ -288,8 +288,11 @@ def _batch(job: Job, futures: IntArray) -> Batch:
 
 def _driven_by_sumo(job: Job, batch: Batch) -> list[SumoDriven]:
     driven = []
-    scene = mirrored_scene(job.scene) if job.road.left_hand else job.scene
-    road = mirrored_road(job.road) if job.road.left_hand else job.road
+    scene, road = job.scene, job.road
+    if road.left_hand:
+        from scex_sumo.roads.mirror import mirrored_road, mirrored_scene
+
+        scene, road = mirrored_scene(scene), mirrored_road(road)
     for index, model in enumerate(batch.models):
         if not is_driven_by_sumo(model):
             continue

@@ -11,7 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from scex_sumo.base.errors import MapError
-from scex_sumo.converters.net.mirror import mirrored_content
 from scex_sumo.converters.net.sumo_net import WrittenNet, lane_table
 from scex_sumo.geometry.polylines import length_of
 from scex_sumo.lanelet2sumo.drawing import extras_text
@@ -24,7 +23,6 @@ from scex_sumo.lanelet2sumo.topology.graph import Topology
 from scex_sumo.lanelet2sumo.topology.rows import build_rows
 from scex_sumo.road import Lane, MapLoss, Road
 from scex_sumo.roads.conflicts import Conflict, conflicts
-from scex_sumo.roads.mirror import mirrored_road
 
 SHORTEST_M = 0.01
 JOINED_M = 0.3  # between consecutive bus or bicycle lanes
@@ -33,6 +31,9 @@ JOINED_M = 0.3  # between consecutive bus or bicycle lanes
 def write_net(road: Road, signals: Path | None = None) -> WrittenNet:
     """Write a road as a SUMO net, with recorded signal phases if given, as `scex.convert`."""
     if road.left_hand:
+        from scex_sumo.converters.net.mirror import mirrored_content
+        from scex_sumo.roads.mirror import mirrored_road
+
         image = write_net(mirrored_road(road), signals)
         return replace(image, content=mirrored_content(image.content), drawing=extras_text(road))
     lanes = road.vehicle_lanes

@@ -21,7 +21,6 @@ from scex_sumo.base.errors import MapError
 from scex_sumo.converters.net.text import points_of
 from scex_sumo.converters.xml import change_words, net_root
 from scex_sumo.road import Road
-from scex_sumo.roads.mirror import mirrored_line
 
 DEFAULT_WIDTH_M = 3.2  # SUMO's own for lanes without a width
 MAX_M = 1e8  # of coordinates
@@ -138,6 +137,8 @@ class NetContent:
 
     def mirrored(self) -> NetContent:
         """Return the mirror image: the lanes of a net with traffic on the left count from the right."""
+        from scex_sumo.roads.mirror import mirrored_line
+
         lanes = {i: replace(lane, shape=mirrored_line(lane.shape)) for i, lane in self.lanes.items()}
         return replace(self, lanes=lanes)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -12,7 +12,6 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.models.simple import Replay, ReplayProfile
-from scex_sumo.conflicts.pairs import Conflicts, find_conflicts
 from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.loop.uncounted import uncounted
 from scex_sumo.geometry.rectangles import Rectangles, overlap_area
@@ -26,6 +25,9 @@ from scex_sumo.results.participants import everybody, with_everybody
 from scex_sumo.results.tables.outcomes import Severity, severity_of, worst_table
 from scex_sumo.scene import HISTORY_STEPS, LOGGED_HISTORY, STEP_S, SeedScene, States
 from scex_sumo.world.plain import PlainWorld
+
+if TYPE_CHECKING:
+    from scex_sumo.conflicts.pairs import Conflicts
 
 P = TypeVar("P", Collisions, Encounters)
 
@@ -97,6 +99,8 @@ def measure_conflicts(scene: SeedScene, rollout: Rollout, *, vehicle: int | None
     Args:
         vehicle: only those with this one; None: all.
     """
+    from scex_sumo.conflicts.pairs import find_conflicts
+
     states, whole = with_everybody(scene, rollout.states), everybody(scene)
     after = rollout.states.shape[1] % rollout.replan or rollout.replan
     plan = np.stack([rollout.plan_x, rollout.plan_y])[:, :, -1, :, after:]

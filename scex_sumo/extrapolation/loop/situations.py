@@ -12,7 +12,6 @@ from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior, declared, is_built_in, sight_of
 from scex_sumo.behaviors.driving.motion import DrivesAlong, Intent, driven, handed_out, own_motion
 from scex_sumo.road import Road
-from scex_sumo.roads.mirror import mirrored_history, mirrored_road, mirrored_states
 from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 
 
@@ -48,6 +47,8 @@ def _mirrored_plans(
     steps: int,
 ) -> Iterator[tuple[int, Plan]]:
     """Yield the plans on a road with traffic on the left: our models see its mirror image, others itself."""
+    from scex_sumo.roads.mirror import mirrored_history, mirrored_road, mirrored_states
+
     nobody = VehicleIndex(future=np.empty(0, dtype=np.int64), vehicle=np.empty(0, dtype=np.int64))
     own = [is_built_in(model) for model in models]
     ours = [who if mine else nobody for who, mine in zip(groups, own, strict=True)]
