@@ -16,7 +16,7 @@ from scex_sumo.base.errors import InputError, ScexError
 from scex_sumo.metrics.base import PAPER, MetricParameters, PlannedPaths, SceneTracks
 from scex_sumo.metrics.extrema import SceneValues, Worst, extrema, scene_mean
 from scex_sumo.metrics.pairs.leaders import preset_named
-from scex_sumo.metrics.pairs.near import meeting_pairs, near_pairs
+from scex_sumo.metrics.pairs.near import meeting_pairs, near_pairs, scheduled
 from scex_sumo.metrics.pairs.scenes import Entries, Preset, Samples, Scenes, TrackPairs
 from scex_sumo.metrics.registry import METRICS, Metric, columns_of, metrics_named
 
@@ -144,9 +144,8 @@ def scene_batches(
                 planned=None if plans is None else plans.futures(part),
                 parameters=parameters,
                 preset=rules,
-                shared=of_all if meeting is None else None,
             )
-            scenes = scenes.with_near(near, of_near).with_meeting(meeting, of_all)
+            scenes = scheduled(scenes, near, meeting, (of_all, of_near))
             yield begin + start, scenes
             scenes.release()
         for each in both:

@@ -23,7 +23,7 @@ def distance(scenes: Scenes) -> Samples:
 
 def gap(scenes: Scenes) -> Samples:
     """Compute the body gap of all pairs, m; 0 on overlap."""
-    return scenes.of_all_pairs(gaps_of)
+    return scenes.of_some_pairs(gaps_of)
 
 
 def least_distance(scenes: Scenes) -> Samples:

@@ -90,13 +90,13 @@ def _first_touch(
 
 def wttc(scenes: Scenes) -> Samples:
     """Compute the WTTC of all pairs, s."""
-    return scenes.of_all_pairs(_disc_times)
+    return scenes.of_some_pairs(_disc_times)
 
 
 def _disc_times(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
     if not pair.size:
         return np.empty(0)
-    radius, limit = np.hypot(scenes.length / 2, scenes.width / 2), scenes.max_acceleration
+    radius = np.hypot(scenes.length / 2, scenes.width / 2)
     x, y, vx, vy = (
         a.reshape(scenes.vehicles, -1)
         for a in (scenes.x, scenes.y, scenes.speed * scenes.cos, scenes.speed * scenes.sin)
@@ -110,7 +110,7 @@ def _disc_times(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
             dvx=vx[two, scene] - vx[one, scene],
             dvy=vy[two, scene] - vy[one, scene],
             radius=scenes.size_of(radius, one, scene) + scenes.size_of(radius, two, scene),
-            acceleration=scenes.size_of(limit, one, scene) + scenes.size_of(limit, two, scene),
+            acceleration=np.full(one.shape, 2 * scenes.parameters.max_acceleration),
         )
 
     return in_chunks(pair, scene, of_chunk)
@@ -123,13 +123,13 @@ def least_wttc(scenes: Scenes) -> Samples:
 
 def _within(scenes: Scenes) -> Callable[[float], float]:
     """Return the distance that two vehicles can close in a time, m by s."""
-    limit = 2 * scenes.max_acceleration.max(initial=0.0)
+    limit = 2 * scenes.parameters.max_acceleration
     closing = 2 * np.abs(scenes.speed).max(initial=0.0)
     return lambda time_s: float(closing * time_s + limit * time_s * time_s / 2)
 
 
 def _disc_bounds(scenes: Scenes) -> FloatArray:
-    radius, limit = np.hypot(scenes.length / 2, scenes.width / 2), scenes.max_acceleration
+    radius = np.hypot(scenes.length / 2, scenes.width / 2)
     vx, vy = scenes.speed * scenes.cos, scenes.speed * scenes.sin
 
     def of_part(part: slice) -> FloatArray:
@@ -139,7 +139,7 @@ def _disc_bounds(scenes: Scenes) -> FloatArray:
         closing = (dx * (vx[two] - vx[one]) + dy * (vy[two] - vy[one])) / np.where(
             distance > 0, distance, 1.0
         )
-        both = np.broadcast_to(limit[one] + limit[two], spare.shape)
+        both = np.full(spare.shape, 2 * scenes.parameters.max_acceleration)
         least = _tangent_meets_parabola(np.maximum(spare, 0.0), closing, both)
         return np.where(scenes.both_present[part], np.where(spare > 0, least, 0.0), np.inf)
 
@@ -219,15 +219,12 @@ def _tangent_meets_parabola(spare: FloatArray, slope: FloatArray, limit: FloatAr
 
 def wttc_path(scenes: Scenes) -> Samples:
     """Compute the WTTC of the outlines of all pairs, s."""
-    return scenes.of_all_pairs(_worst_times)
+    return scenes.of_some_pairs(_worst_times)
 
 
 def _worst_times(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
-    limit = scenes.max_acceleration
-
     def of_chunk(pair: IntArray, scene: IntArray) -> FloatArray:
-        one, two = (side[pair] for side in scenes.pairs)
-        both = scenes.size_of(limit, one, scene) + scenes.size_of(limit, two, scene)
+        both = np.full(pair.shape, 2 * scenes.parameters.max_acceleration)
         return worst_time_of_outlines(outline_pairs(scenes, pair, scene), both)
 
     return in_chunks(pair, scene, of_chunk)
@@ -257,8 +254,6 @@ def _shortest(scenes: Scenes, *, bounds: Callable[[Scenes], FloatArray], times: 
 
 
 def _outline_bounds(scenes: Scenes) -> FloatArray:
-    limit = scenes.max_acceleration
-
     def of_part(part: slice) -> FloatArray:
         first, second = (side[part] for side in scenes.pairs)
         distance = scenes.distance[part]
@@ -270,7 +265,7 @@ def _outline_bounds(scenes: Scenes) -> FloatArray:
             across = ny * scenes.cos[side] - nx * scenes.sin[side]
             near -= scenes.length[side] / 2 * np.abs(along) + scenes.width[side] / 2 * np.abs(across)
             closing += sign * along * scenes.speed[side]
-        both = np.broadcast_to(limit[first] + limit[second], near.shape)
+        both = np.full(near.shape, 2 * scenes.parameters.max_acceleration)
         least = _tangent_meets_parabola(np.maximum(near, 0.0), closing, both)
         return np.where(scenes.both_present[part], np.where(near > 0, least, 0.0), np.inf)
 

@@ -1,15 +1,16 @@
-"""Near pairs of a batch of futures, and extrema that are found from them alone."""
+"""Scheduler of rows: near pairs of a batch of futures, pairs whose ways may meet, extrema from them alone."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
-from scex_sumo.metrics.pairs.scenes import Following, Samples, Scenes
+from scex_sumo.metrics.pairs.scenes import Following, Near, Samples, Scenes, Some, TrackPairs
 
 NEAR_M: Final = 20.0
 """Pairs whose circles are always farther apart than this are no near pairs."""
@@ -81,6 +82,27 @@ def meeting_pairs(
     return np.flatnonzero(meets) if np.count_nonzero(meets) < MAX_SHARE * len(one) else None
 
 
+def scheduled(
+    scenes: Scenes,
+    near: tuple[IntArray, FloatArray] | None,
+    meeting: IntArray | None,
+    shared: tuple[TrackPairs | None, TrackPairs | None],
+) -> Scenes:
+    """Return scenes with their near pairs and those whose ways may meet, as of the functions above.
+
+    Args:
+        shared: values of equal tracks: of the pairs that may meet, and of the near ones.
+    """
+    close = None
+    if near is not None:
+        close = Near(scenes=scenes.of_pair_numbers(near[0], shared[1]), pair=near[0], apart=near[1])
+    if meeting is None:
+        return replace(scenes, near=close, shared=shared[0])
+    among = close and replace(close.among(meeting, close.scenes), apart=close.apart[meeting])
+    some = replace(scenes.of_pair_numbers(meeting, shared[0]), near=among)
+    return replace(scenes, near=close, meeting=Some(scenes=some, pair=meeting))
+
+
 def least_of_near(
     scenes: Scenes, values: Callable[[Scenes], Samples], within: Callable[[float], float]
 ) -> Samples:
@@ -125,5 +147,21 @@ def soonest_following(scenes: Scenes) -> Following:
         some = np.flatnonzero(far & ((apart <= reach * fastest) | np.isinf(reach)))
         scene, size = np.flatnonzero(late), max(PAIR_STEPS // max(len(some), 1), 1)
         for part in (scene[start : start + size] for start in range(0, len(scene), size)):
-            found.append((scenes.of_scenes(part, some).following, some, part))
+            found.append((_of_scenes(scenes, part, some).following, some, part))
     return Following.join([scenes.numbered(*each) for each in found])
+
+
+def _of_scenes(scenes: Scenes, scene: IntArray, pairs: IntArray) -> Scenes:
+    """Return scenes, by flat index into (C, T), as steps of one future, with pairs by number."""
+    at, tracks = np.divmod(scene, max(scenes.shape[1], 1)), scenes.tracks
+    at = at[0], at[1] + tracks.first
+    tracks = replace(
+        tracks,
+        states=tracks.states.map(lambda values: values[at][None]),
+        present=None if tracks.present is None else tracks.present[at][None],
+        acceleration=scenes.all_acceleration[at][None],
+        length=np.atleast_2d(tracks.length)[0],  # sizes of one future: unused by leaders
+        width=np.atleast_2d(tracks.width)[0],
+        first=0,
+    )
+    return replace(scenes.of_pair_numbers(pairs), tracks=tracks, planned=None)

@@ -177,11 +177,6 @@ class Scenes:
         return np.atleast_2d(self.tracks.width).T[:, :, None]
 
     @cached_property
-    def max_acceleration(self) -> FloatArray:
-        """(V, 1, 1) m/s²."""
-        return np.full((self.vehicles, 1, 1), self.parameters.max_acceleration)
-
-    @cached_property
     def pairs(self) -> tuple[IntArray, IntArray]:
         """(P,) first and (P,) second vehicle of every unordered pair."""
         if self.chosen is not None:
@@ -249,37 +244,6 @@ class Scenes:
         chosen = first[pairs], second[pairs]
         return replace(self, chosen=chosen, shared=shared, near=None, meeting=None, _derived={})
 
-    def of_scenes(self, scene: IntArray, pairs: IntArray) -> Scenes:
-        """Return scenes, by flat index into (C, T), as steps of one future, with pairs by number."""
-        at, tracks = np.divmod(scene, max(self.shape[1], 1)), self.tracks
-        at = at[0], at[1] + tracks.first
-        tracks = replace(
-            tracks,
-            states=tracks.states.map(lambda values: values[at][None]),
-            present=None if tracks.present is None else tracks.present[at][None],
-            acceleration=self.all_acceleration[at][None],
-            length=np.atleast_2d(tracks.length)[0],  # sizes of one future: unused by leaders
-            width=np.atleast_2d(tracks.width)[0],
-            first=0,
-        )
-        return replace(self.of_pair_numbers(pairs), tracks=tracks, planned=None)
-
-    def with_near(self, found: tuple[IntArray, FloatArray] | None, shared: TrackPairs | None) -> Scenes:
-        """Return the same scenes with near pairs, as of `near_pairs`, whose values are ``shared``."""
-        if found is None:
-            return self
-        pairs, apart = found
-        return replace(self, near=Near(scenes=self.of_pair_numbers(pairs, shared), pair=pairs, apart=apart))
-
-    def with_meeting(self, pairs: IntArray | None, shared: TrackPairs | None) -> Scenes:
-        """Return the same scenes with the pairs whose ways may meet; the near ones are among them."""
-        if pairs is None:
-            return self
-        scenes, near = self.of_pair_numbers(pairs, shared), self.near
-        if near is not None:
-            near = replace(near.among(pairs, near.scenes), apart=near.apart[pairs])
-        return replace(self, meeting=Some(scenes=replace(scenes, near=near), pair=pairs))
-
     def once(self, make: Callable[[Scenes], T]) -> T:
         """Return ``make(self)``, computed once for all metrics."""
         if make not in self._derived:
@@ -327,17 +291,13 @@ class Scenes:
         future, step = np.divmod(scene, max(self.shape[1], 1))
         return self.shared.at(values, self.shared.row[pair, future], step)
 
-    def of_all_pairs(self, values: PairValues) -> Samples:
-        """Return samples of all pairs."""
-        table = self.at_pairs(values, *np.divmod(np.arange(self.distance.size), self.count))
-        return self.unordered(table.reshape(self.distance.shape))
-
-    def of_some_pairs(self, values: PairValues, wanted: BoolArray) -> Samples:
-        """Return samples of the (P, C, T) wanted pairs."""
-        table = np.zeros(wanted.shape)
-        at = np.flatnonzero(wanted)
+    def of_some_pairs(self, values: PairValues, wanted: BoolArray | None = None) -> Samples:
+        """Return samples of the (P, C, T) wanted pairs; None: of all."""
+        table: FloatArray = np.zeros((len(self.pairs[0]), *self.shape))
+        at = np.arange(table.size) if wanted is None else np.flatnonzero(wanted)
         table.reshape(-1)[at] = self.at_pairs(values, *np.divmod(at, self.count))
-        return replace(self.unordered(table), defined=wanted)
+        samples = self.unordered(table)
+        return samples if wanted is None else replace(samples, defined=wanted)
 
     def flat_of(self, where: IntArray) -> tuple[IntArray, IntArray]:
         """Convert flat indices into (2P, C, T) to those of both vehicles into (V, C, T)."""
