@@ -66,11 +66,11 @@ class States:
         return self.map(lambda values: values.swapaxes(first, second))
 
     def ahead(self, way: FloatArray, speed: FloatArray) -> States:
-        """Return states (n, T) straight ahead of these (n,), by ways (n, T) in m, with speeds (n, T)."""
+        """Return states (..., T) straight ahead of these (...), by ways (..., T), m, with speeds (..., T)."""
         return States(
-            x=self.x[:, None] + way * np.cos(self.heading)[:, None],
-            y=self.y[:, None] + way * np.sin(self.heading)[:, None],
-            heading=np.repeat(self.heading[:, None], way.shape[1], axis=1),
+            x=self.x[..., None] + way * np.cos(self.heading)[..., None],
+            y=self.y[..., None] + way * np.sin(self.heading)[..., None],
+            heading=np.repeat(self.heading[..., None], way.shape[-1], axis=-1),
             speed=speed,
         )
 

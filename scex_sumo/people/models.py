@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -179,8 +179,7 @@ def walked(
         way = way + (v + following) * (STEP_S / 2)
         v = following
         speeds[:, step], ways[:, step] = v, way
-    x, y = now.x[:, None] + ways * np.cos(heading)[:, None], now.y[:, None] + ways * np.sin(heading)[:, None]
-    return Plan(x=x, y=y, heading=np.repeat(wrap(heading)[:, None], PLAN_STEPS, axis=1), speed=speeds)
+    return Plan(**vars(replace(now, heading=wrap(heading)).ahead(ways, speeds)))
 
 
 def _across(history: SceneHistory, who: VehicleIndex) -> FloatArray:

@@ -110,15 +110,12 @@ def measure_conflicts(scene: SeedScene, rollout: Rollout, *, vehicle: int | None
         states, plan = _until_they_leave(states, left, plan)
     last = states[:, -1, scene.vehicles :]
     way = last.speed[..., None] * STEP_S * np.arange(1, plan.shape[-1] + 1)
-    straight = last.map(lambda values: values[..., None])
-    people = np.stack(
-        [straight.x + way * np.cos(straight.heading), straight.y + way * np.sin(straight.heading)]
-    )
+    people = last.ahead(way, way)
     found = find_conflicts(
         states,
         whole.length,
         whole.width,
-        np.concatenate([plan, people], axis=2),
+        np.concatenate([plan, [people.x, people.y]], axis=2),
         now=HISTORY_STEPS,
         people=whole.people,
         vehicle=vehicle,

@@ -7,15 +7,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows, between
+from scex_sumo.behaviors.driving.leaders import Everyone
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
-from scex_sumo.humans.guard.corridors import (
-    SAMPLE_S,
-    SAMPLES,
-    Expected,
-    PlannedWays,
-    expected,
-    onto_ways,
-)
+from scex_sumo.humans.guard.corridors import SAMPLE_S, SAMPLES, PlannedWays, expected, onto_ways
 from scex_sumo.humans.guard.side_clearance import box_distances
 from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.road import Road
@@ -69,7 +63,9 @@ class _View:
     """Arguments of the search for stop lines of n vehicles."""
 
     paths: PlannedWays
-    around: Expected
+    others: Everyone
+    motion: States  # (C, M, K) expected of the others
+    braking: FloatArray  # (C, M) of the others at present, m/s²
     history: SceneHistory
     who: VehicleIndex
     human: HumanParameters
@@ -82,7 +78,10 @@ def find_stop_lines(
 
     They include the places where planned and expected boxes first touch.
     """
-    view = _View(paths=paths, around=expected(history, road), history=history, who=who, human=human)
+    others, motion, braking = expected(history, road)
+    view = _View(
+        paths=paths, others=others, motion=motion, braking=braking, history=history, who=who, human=human
+    )
     i, j = _near_pairs(view)
     parts = [
         _stop_lines_of(view, i[k : k + MAX_PAIRS], j[k : k + MAX_PAIRS])
@@ -94,18 +93,18 @@ def find_stop_lines(
 
 def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     """Return the places where pairs apart first touch, if the other is ahead then."""
-    paths, around, scene, steps = view.paths, view.around, view.history.scene, round(SAMPLE_S / STEP_S)
+    paths, others, scene, steps = view.paths, view.others, view.history.scene, round(SAMPLE_S / STEP_S)
     samples = int(view.human.contact_s / SAMPLE_S) + 1
     future, vehicle = view.who.future[i], view.who.vehicle[i]
     sizes = (
         (scene.length[vehicle], scene.width[vehicle]),
-        (around.others.length[j], around.others.width[j]),
+        (others.length[j], others.width[j]),
     )
     reach = sum(np.hypot(*size) for size in sizes) / 2
     own = slice(0, samples * steps, steps)
-    dx = around.x[future, j, :samples] - paths.x[i, own]
-    dy = around.y[future, j, :samples] - paths.y[i, own]
-    speed = paths.start_speed[i] + np.maximum(around.others.states.speed[future, j], 0.0)
+    dx = view.motion.x[future, j, :samples] - paths.x[i, own]
+    dy = view.motion.y[future, j, :samples] - paths.y[i, own]
+    speed = paths.start_speed[i] + np.maximum(others.states.speed[future, j], 0.0)
     near = np.flatnonzero((np.hypot(dx, dy) < (reach + speed * SAMPLE_S / 2)[:, None]).any(axis=1))
     i, j, future = i[near], j[near], future[near]
     own_size, size = ((length[near, None], width[near, None]) for length, width in sizes)
@@ -116,31 +115,27 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
         heading=paths.heading[i][:, time],
         speed=np.zeros((len(i), len(time))),
     )
-    x, y, heading = (
-        between(a[future, j, :samples], time / steps) for a in (around.x, around.y, around.heading)
-    )
-    other = States(x=x, y=y, heading=heading, speed=one.speed)
+    other = view.motion[future, j, :samples].map(lambda values: between(values, time / steps))
     boxes = Rectangles.of(one, *own_size), Rectangles.of(other, *size)
     distance = rectangle_distance(*boxes)
     touches = distance <= np.minimum(CONTACT_M, distance[:, :1] / 2)
     touches[:, 0] = False
     first, k = touches.argmax(axis=1), np.arange(len(i))
     cos, sin = np.cos(one.heading[k, first]), np.sin(one.heading[k, first])
-    ahead = cos * (x - one.x)[k, first] + sin * (y - one.y)[k, first] > 0
+    ahead = cos * (other.x - one.x)[k, first] + sin * (other.y - one.y)[k, first] > 0
     k = np.flatnonzero(touches.any(axis=1) & ahead & (distance[:, 0] > 0))
     first, i, j, future = first[k], i[k], j[k], future[k]
-    along = np.cos(heading[k, first] - one.heading[k, first])
+    along = np.cos(other.heading[k, first] - one.heading[k, first])
     # One that crosses in front stays at the place until it has passed; one ahead leaves it at once.
     time = np.arange((SAMPLES - 1) * steps + 1)
-    x, y, heading = (between(a[future, j], time / steps) for a in (around.x, around.y, around.heading))
-    other = States(x=x, y=y, heading=heading, speed=np.zeros_like(x))
+    later = view.motion[future, j].map(lambda values: between(values, time / steps))
     here = Rectangles.of(one[k, first][:, None], *(a[k] for a in own_size))
-    held = rectangle_distance(here, Rectangles.of(other, *(a[k] for a in size))) <= CONTACT_M
+    held = rectangle_distance(here, Rectangles.of(later, *(a[k] for a in size))) <= CONTACT_M
     gone = ~held & (time > first[:, None])
     leave = np.where(gone.any(axis=1), gone.argmax(axis=1), np.inf)
     follows = leave <= first + steps
-    line = np.where(follows, np.maximum(around.others.states.speed[future, j] * along, 0.0), 0.0)
-    braking = np.where(line > 0, np.minimum(around.braking[future, j], view.human.leader_braking_mps2), 0.0)
+    line = np.where(follows, np.maximum(others.states.speed[future, j] * along, 0.0), 0.0)
+    braking = np.where(line > 0, np.minimum(view.braking[future, j], view.human.leader_braking_mps2), 0.0)
     none = np.zeros(len(k))
     return StopLines(
         row=i,
@@ -157,12 +152,11 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
 
 def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:
     """Return pairs whose motions have overlapping bounds."""
-    paths, around, scene, who = view.paths, view.around, view.history.scene, view.who
-    others = around.others
+    paths, others, scene, who = view.paths, view.others, view.history.scene, view.who
     half = np.sqrt(scene.length**2 + scene.width**2)[who.vehicle] / 2 + view.human.conflict_margin_m
     reach = half[:, None] + np.sqrt(others.length**2 + others.width**2) / 2
     near = others.present[who.future] & (paths.arc[:, -1] > 0.0)[:, None]
-    for planned, other in ((paths.corner_x, around.x), (paths.corner_y, around.y)):
+    for planned, other in ((paths.corner_x, view.motion.x), (paths.corner_y, view.motion.y)):
         low, high = other.min(axis=2)[who.future], other.max(axis=2)[who.future]
         near &= low - reach <= planned.max(axis=1)[:, None]
         near &= high + reach >= planned.min(axis=1)[:, None]
@@ -187,14 +181,14 @@ class _Blocked:
 
 def _stop_lines_of(view: _View, i: IntArray, j: IntArray) -> StopLines:
     """Return the stop lines of pairs: vehicle i of the n, other j of the M."""
-    paths, around, who, human = view.paths, view.around, view.who, view.human
+    paths, others, who, human = view.paths, view.others, view.who, view.human
     blocked = _blocked(view, i, j)
     some = blocked.inside.any(axis=0)
     i, j = i[some], j[some]
     blocked = _Blocked(**{f.name: getattr(blocked, f.name)[:, some] for f in fields(_Blocked)})
-    v, v_other = paths.start_speed[i], np.maximum(around.others.states.speed[who.future[i], j], 0.0)
+    v, v_other = paths.start_speed[i], np.maximum(others.states.speed[who.future[i], j], 0.0)
     meeting = _meetings(blocked, v, v_other, human)
-    obstacle = around.others.obstacle[j]
+    obstacle = others.obstacle[j]
     yields = _yields(meeting, v, v_other, ~obstacle, j < who.vehicle[i], human)
     # A vehicle that is through before the other one comes need not wait.
     before = (meeting.enter - human.conflict_margin_s) / STEP_S
@@ -202,7 +196,7 @@ def _stop_lines_of(view: _View, i: IntArray, j: IntArray) -> StopLines:
     yields &= (meeting.enter == 0) | (paths.arc[i, before] <= meeting.high)
     k = np.flatnonzero(yields)
     speed, in_front = meeting.speed[k], meeting.enter[k] == 0
-    braking = np.minimum(around.braking[who.future[i], j], human.leader_braking_mps2)[k]
+    braking = np.minimum(view.braking[who.future[i], j], human.leader_braking_mps2)[k]
     braking = np.where(in_front & (speed > 0), braking, 0.0)
     return StopLines(
         row=i[k],
@@ -222,17 +216,17 @@ def _stay_apart(view: _View, i: IntArray, j: IntArray, time_s: FloatArray) -> Bo
 
     A small present margin may shrink a little.
     """
-    around, who, scene = view.around, view.who, view.history.scene
+    others, who, scene = view.others, view.who, view.history.scene
     future, vehicle = who.future[i], who.vehicle[i]
-    one, two = view.history.now[future, vehicle], around.others.states[future, j]
-    braking = around.braking[future, j]
+    one, two = view.history.now[future, vehicle], others.states[future, j]
+    braking = view.braking[future, j]
     t = np.arange(0.0, SAFE_STOP_S + 1e-9, SAFE_STEP_S)
     braked = np.minimum(t, (np.maximum(two.speed, 0.0) / np.maximum(braking, 1e-9))[:, None])
     ways = (
         np.maximum(one.speed, 0.0)[:, None] * t,
         np.maximum(two.speed, 0.0)[:, None] * braked - braking[:, None] / 2 * braked**2,
     )
-    sizes = (scene.length[vehicle], scene.width[vehicle]), (around.others.length[j], around.others.width[j])
+    sizes = (scene.length[vehicle], scene.width[vehicle]), (others.length[j], others.width[j])
     boxes = [
         Rectangles.of(now.ahead(way, way), length[:, None], width[:, None])
         for now, way, (length, width) in zip((one, two), ways, sizes, strict=True)
@@ -317,14 +311,14 @@ def _yields(
 
 def _blocked(view: _View, i: IntArray, j: IntArray) -> _Blocked:
     """Project the others j onto the corridors of the vehicles i."""
-    paths, around, human = view.paths, view.around, view.human
+    paths, others, human = view.paths, view.others, view.human
     future, vehicle = view.who.future[i], view.who.vehicle[i]
     # Pairs are the last axis, so that operations run along memory.
-    x, y, heading = (np.ascontiguousarray(a[future, j].T) for a in (around.x, around.y, around.heading))
-    s, offset, line_cos, line_sin = onto_ways(paths, i, x, y)
-    ahead, left = np.cos(heading), np.sin(heading)
+    motion = view.motion[future, j].map(lambda values: np.ascontiguousarray(values.T))
+    s, offset, line_cos, line_sin = onto_ways(paths, i, motion.x, motion.y)
+    ahead, left = np.cos(motion.heading), np.sin(motion.heading)
     cos, sin = ahead * line_cos + left * line_sin, left * line_cos - ahead * line_sin
-    half_length, half_width = around.others.length[j] / 2, around.others.width[j] / 2
+    half_length, half_width = others.length[j] / 2, others.width[j] / 2
     length, width = view.history.scene.length[vehicle], view.history.scene.width[vehicle]
     extent = np.abs(cos) * half_length + np.abs(sin) * half_width + length / 2
     body = np.abs(offset) - np.abs(sin) * half_length - np.abs(cos) * half_width - width / 2

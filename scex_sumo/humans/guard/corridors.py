@@ -137,37 +137,28 @@ def onto_ways(
     return begin.take(at) + foot, np.copysign(np.sqrt(square), side), cos, sin
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Expected:
-    """Expected poses (C, M, K) at the K = `SAMPLES` moments; M = V + O, vehicles first."""
-
-    others: Everyone
-    x: FloatArray
-    y: FloatArray
-    heading: FloatArray
-    braking: FloatArray  # (C, M) present deceleration, m/s², at least 0
-
-
 @owner_cache
-def expected(history: SceneHistory, road: Road) -> Expected:
-    """Predict vehicles along their paths, and pedestrians and cyclists straight on, at present speeds."""
+def expected(history: SceneHistory, road: Road) -> tuple[Everyone, States, FloatArray]:
+    """Predict vehicles along their paths, and pedestrians and cyclists straight on, at present speeds.
+
+    Returns:
+        All of M = V + O, vehicles first; (C, M, K) poses at the K = `SAMPLES` moments; (C, M) present
+        deceleration, m/s², at least 0.
+    """
     others = everyone(history)
-    now = others.states
     t: FloatArray = SAMPLE_S * np.arange(SAMPLES, dtype=np.float64)
-    way = np.maximum(now.speed, 0.0)[..., None] * t
-    x = now.x[..., None] + way * np.cos(now.heading)[..., None]
-    y = now.y[..., None] + way * np.sin(now.heading)[..., None]
-    heading = np.repeat(now.heading[..., None], SAMPLES, axis=2)
+    way = np.maximum(others.states.speed, 0.0)[..., None] * t
+    motion = others.states.ahead(way, np.zeros_like(way))
     vehicles, driven = history.scene.vehicles, np.flatnonzero(~others.obstacle)
     along = _along_paths(history, road, t)
-    for straight, bent in zip((x, y, heading), along, strict=True):
+    for straight, bent in zip((motion.x, motion.y, motion.heading), along, strict=True):
         straight[:, driven] = bent[:, driven]
-    braking, change = np.zeros(now.shape), np.diff(history.states.speed) / STEP_S
+    braking, change = np.zeros(others.states.shape), np.diff(history.states.speed) / STEP_S
     # Recorded speeds leap, which does not change the median; driven ones do not.
     steps = min(history.step, BRAKING_STEPS)
     mean = change[..., -steps:].mean(axis=-1) if steps else np.median(change, axis=-1)
     braking[:, :vehicles] = np.maximum(-mean, 0.0)
-    return Expected(others=others, x=x, y=y, heading=heading, braking=braking)
+    return others, motion, braking
 
 
 def _along_paths(

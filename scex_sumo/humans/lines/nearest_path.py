@@ -30,11 +30,4 @@ def follow_path(history: SceneHistory, road: Road, who: VehicleIndex) -> Plan:
 def _straight_on(history: SceneHistory, who: VehicleIndex) -> Plan:
     now = history.now[who.future, who.vehicle]
     speed = np.maximum(now.speed, 0.0)[:, None] * np.ones(PLAN_STEPS)
-    heading = now.heading[:, None] * np.ones(PLAN_STEPS)
-    way = speed * STEP_S * np.arange(1, PLAN_STEPS + 1)
-    return Plan(
-        x=now.x[:, None] + way * np.cos(heading),
-        y=now.y[:, None] + way * np.sin(heading),
-        heading=heading,
-        speed=speed,
-    )
+    return Plan(**vars(now.ahead(speed * STEP_S * np.arange(1, PLAN_STEPS + 1), speed)))
