@@ -30,7 +30,7 @@ CROSSING = "straight crossing paths"
 ACROSS_OPPOSITE = "turn across path, opposite"
 ACROSS_LATERAL = "turn across path, lateral"
 INTO_PATH = "turn into path"
-WALKING: Final = tuple(f"{who} {way}" for who in ("pedestrian", "cyclist") for way in ("crossing", "along"))
+WALKING: Final = tuple(f"{kind} {way}" for kind in ("pedestrian", "cyclist") for way in ("crossing", "along"))
 CONFLICTS: Final = (
     *LEADING,
     *(LANE_CHANGE, MERGE, ENTRY, CROSSING, ACROSS_OPPOSITE, ACROSS_LATERAL, INTO_PATH, HEAD_ON),

@@ -63,8 +63,8 @@ def _planned(
     model: BatchBehavior, name: str, history: SceneHistory
 ) -> tuple[FloatArray, VehicleIndex, float]:
     """Return plans (n, 4, 30), whose they are, and the seconds that one takes."""
-    count, vehicles = history.now.shape
-    future, vehicle = np.indices((count, vehicles)).reshape(2, -1)
+    count, columns = history.now.shape
+    future, vehicle = np.indices((count, columns)).reshape(2, -1)
     who = VehicleIndex(future=future, vehicle=vehicle)
     rng = [future_generator(0, number) for number in history.futures.tolist()]
     road, began = history.scene.road, time.perf_counter()

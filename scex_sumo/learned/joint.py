@@ -66,7 +66,7 @@ class JointDriver(LearnedDriver):
     ) -> tuple[Plan, BoolArray]:
         """Roll out all vehicles of the futures of `who`; other models' vehicles are predicted, too."""
         futures, future = np.unique(who.future, return_inverse=True)
-        vehicles = history.scene.vehicles
+        count = history.scene.vehicles
         here = history.part(futures)
         everyone = _everyone(here)
         _, rows = self._paths(here, road, everyone)
@@ -76,10 +76,10 @@ class JointDriver(LearnedDriver):
             if not len(again):
                 break
             part = here.part(again)
-            k = (again[:, None] * vehicles + np.arange(vehicles)).ravel()
+            k = (again[:, None] * count + np.arange(count)).ravel()
             redrawn, finite[k] = self._roll(part, road, _everyone(part), paths, rows[k], attempt)
             rolled.assign(k, redrawn)
-        mine = future * vehicles + who.vehicle
+        mine = future * count + who.vehicle
         chosen = finite[mine]
         plan = rolled[mine[chosen]]
         return Plan(**vars(plan)), chosen
@@ -100,7 +100,7 @@ class JointDriver(LearnedDriver):
         row: IntArray,
         attempt: int = 0,
     ) -> tuple[States, BoolArray]:
-        futures, vehicles, _ = history.states.shape
+        futures, count, _ = history.states.shape
         finite, parts = np.ones(len(who), dtype=np.bool_), []
         for _ in range(PLAN_STEPS // TOKEN_STEPS):
             inputs, tokens = self.predict(history, road, who, paths, row)
@@ -124,7 +124,7 @@ class JointDriver(LearnedDriver):
                 plan.assign(k, drives(who[k], row[k], acceleration[k], offset[k], sideways[k]))
             parts.append(plan)
             states = States.concatenate(
-                [history.states[:, :, TOKEN_STEPS:], plan.map(lambda a: a.reshape(futures, vehicles, -1))], 2
+                [history.states[:, :, TOKEN_STEPS:], plan.map(lambda a: a.reshape(futures, count, -1))], 2
             )
             history = replace(history, states=states, step=history.step + TOKEN_STEPS)
         return States.concatenate(parts, 1), finite

@@ -125,10 +125,10 @@ def way_to_wait(history: SceneHistory, who: VehicleIndex, *, gap_s: float, braki
     or behind a vehicle ahead. Who cannot stop before it, or is in the way of a vehicle that comes, goes on.
     """
     scene = history.scene
-    vehicles = np.arange(scene.vehicles) if scene.people is None else np.flatnonzero(~scene.people)
-    me, other = history.now[who.future, who.vehicle], history.now[:, vehicles][who.future]
+    drivers = np.arange(scene.vehicles) if scene.people is None else np.flatnonzero(~scene.people)
+    me, other = history.now[who.future, who.vehicle], history.now[:, drivers][who.future]
     half = (scene.length[who.vehicle] + scene.width[who.vehicle])[:, None] / 4
-    half_length, half_width = scene.length[vehicles] / 2 + half, scene.width[vehicles] / 2 + half
+    half_length, half_width = scene.length[drivers] / 2 + half, scene.width[drivers] / 2 + half
     cos, sin = np.cos(other.heading), np.sin(other.heading)
     dx, dy = me.x[:, None] - other.x, me.y[:, None] - other.y
     ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx

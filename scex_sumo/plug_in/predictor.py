@@ -82,16 +82,16 @@ class Predictor:
             from scex_sumo.graphs.graph import scene_graph  # few runs need it
 
             graph = scene_graph(history, road)
-        vehicles = history.now.shape[1]
+        count = history.now.shape[1]
         calls = self._calls(who)
         predicted = []
         for at in calls:
             future = 0 if self.batched else int(who.future[at[0]])
             given: dict[str, Any] = {name: values[at] for name, values in arrays.items()}
             if graph is not None:
-                given["graph"] = graph if self.batched else graph_of_future(graph, future, vehicles)
+                given["graph"] = graph if self.batched else graph_of_future(graph, future, count)
             if "node" in self.inputs:
-                given["node"] = (who.future[at] * vehicles if self.batched else 0) + who.vehicle[at]
+                given["node"] = (who.future[at] * count if self.batched else 0) + who.vehicle[at]
             if "rng" in self.inputs:
                 given["rng"] = rng[future]
             predicted.append(trajectories(self.function(**given), len(at)))

@@ -166,7 +166,7 @@ def responding(*vehicles: roads.Vehicle) -> Plan:
     """Responses of all vehicles to each other at present, if they meant to go straight on."""
     scene = roads.scene_of(*vehicles)
     n = scene.vehicles
-    who = VehicleIndex(future=np.zeros(n, dtype=int), vehicle=np.arange(n))
+    drivers = VehicleIndex(future=np.zeros(n, dtype=int), vehicle=np.arange(n))
     now, time = scene.now[:, None], 0.1 * np.arange(1, 31)
     steady = Plan(
         x=now.x + now.speed * np.cos(now.heading) * time,
@@ -175,7 +175,7 @@ def responding(*vehicles: roads.Vehicle) -> Plan:
         speed=np.repeat(now.speed, 30, axis=1),
     )
     aware = np.ones((n, 30), dtype=bool)
-    return yielding(steady, roads.present(scene), CROSS, who, HUMAN, aware)
+    return yielding(steady, roads.present(scene), CROSS, drivers, HUMAN, aware)
 
 
 def test_a_vehicle_that_creeps_towards_a_crossing_gives_way_to_a_fast_one() -> None:

@@ -125,9 +125,9 @@ def roll_out(
             history = history_at(scene, window, batch.futures, batch.route_draw, step=step)
             groups = groups_of(np.where(crashed | gone, -1, batch.assignment), len(batch.models))
             for index, model_plan in plans_of(batch.models, groups, history, road, batch.generators):
-                who = groups[index]
-                usable = checked_plan(model_plan, len(who), plan.shape[2], batch.names[index])
-                plan.assign((who.future, who.vehicle), usable)
+                group = groups[index]
+                usable = checked_plan(model_plan, len(group), plan.shape[2], batch.names[index])
+                plan.assign((group.future, group.vehicle), usable)
                 replaced += _replaced(model_plan, groups[index], batch, step)
             left = crashed | gone
             now = window[:, :, -1][left]
