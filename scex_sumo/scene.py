@@ -65,12 +65,12 @@ class States:
         """Exchange two axes."""
         return self.map(lambda values: values.swapaxes(first, second))
 
-    def ahead(self, way: FloatArray, speed: FloatArray) -> States:
+    def ahead(self, distance_m: FloatArray, speed: FloatArray) -> States:
         """Return states (..., T) straight ahead of these (...), by ways (..., T), m, with speeds (..., T)."""
         return States(
-            x=self.x[..., None] + way * np.cos(self.heading)[..., None],
-            y=self.y[..., None] + way * np.sin(self.heading)[..., None],
-            heading=np.repeat(self.heading[..., None], way.shape[-1], axis=-1),
+            x=self.x[..., None] + distance_m * np.cos(self.heading)[..., None],
+            y=self.y[..., None] + distance_m * np.sin(self.heading)[..., None],
+            heading=np.repeat(self.heading[..., None], distance_m.shape[-1], axis=-1),
             speed=speed,
         )
 

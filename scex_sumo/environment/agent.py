@@ -56,10 +56,10 @@ def default_reward(steps: AgentSteps) -> FloatArray:
     A second at the speed limit gives 1. Accelerating by 4 m/s² for a second costs 0.16; driving 1 m beside
     the path for a second costs 0.1.
     """
-    way = steps.progress / np.maximum(steps.speed_limit, 1.0)
+    progress_s = steps.progress / np.maximum(steps.speed_limit, 1.0)
     aside = np.minimum(np.abs(steps.offset), 10.0)
     discomfort = 0.01 * (steps.acceleration**2 + steps.lateral**2) + 0.1 * aside
-    return np.asarray(way - discomfort * steps.seconds - 10.0 * steps.collided)
+    return np.asarray(progress_s - discomfort * steps.seconds - 10.0 * steps.collided)
 
 
 def controlled(now: States, length: FloatArray, action: FloatArray) -> States:
@@ -71,14 +71,14 @@ def controlled(now: States, length: FloatArray, action: FloatArray) -> States:
     acceleration = pedal * np.where(pedal < 0, MAX_BRAKING, MAX_ACCELERATION)
     steering = wheel * MAX_STEERING
     speed = np.maximum(now.speed + acceleration * STEP_S, 0.0)
-    way = (now.speed + speed) / 2 * STEP_S
+    distance_m = (now.speed + speed) / 2 * STEP_S
     base = WHEELBASE * length
     slip = np.arctan(np.tan(steering) / 2)
-    turn = way * np.sin(slip) / (base / 2)
+    turn = distance_m * np.sin(slip) / (base / 2)
     direction = now.heading + slip + turn / 2
     return States(
-        x=now.x + way * np.cos(direction),
-        y=now.y + way * np.sin(direction),
+        x=now.x + distance_m * np.cos(direction),
+        y=now.y + distance_m * np.sin(direction),
         heading=wrap(now.heading + turn),
         speed=speed,
     )
@@ -130,14 +130,14 @@ MAX_OBSERVED = 1000.0  # m, m/s; larger values are cut
 Observation: TypeAlias = NDArray[np.float32] | dict[str, NDArray[np.float32]]
 
 
-def path_ahead(paths: SeedPaths, row: IntArray, way: FloatArray, now: States) -> FloatArray:
+def path_ahead(paths: SeedPaths, row: IntArray, arc_length: FloatArray, now: States) -> FloatArray:
     """Return (N, 10, 2) points of paths ahead of agents, in their frames, m.
 
     Args:
-        row: (N,) paths; ``way`` (N,) arc lengths of the agents on them, m.
+        row: (N,) paths; ``arc_length`` (N,) arc lengths of the agents on them, m.
     """
     ahead = PATH_SPACING_M * np.arange(1, PATH_POINTS + 1)
-    s = (way[:, None] + ahead).ravel()
+    s = (arc_length[:, None] + ahead).ravel()
     x, y = paths.at(np.repeat(row, PATH_POINTS), s)[:2].reshape(2, -1, PATH_POINTS)
     dx, dy = x - now.x[:, None], y - now.y[:, None]
     cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]

@@ -50,13 +50,13 @@ class PolicyDriver(Driver):
         """Plan 3 s; see `BatchBehavior.plan`."""
         paths, row = chosen_paths(history, road, who, self._path)
         now = history.now[who.future, who.vehicle]
-        way, _, _ = path_positions(history, who, paths, row)
+        arc_length, _, _ = path_positions(history, who, paths, row)
         arrays = predictor_inputs(history, road, who, self._surroundings)
-        seen = observed({**arrays, "path": path_ahead(paths, row, way, now)}, flat=self._flat)
+        seen = observed({**arrays, "path": path_ahead(paths, row, arc_length, now)}, flat=self._flat)
         actions = self._action(seen)
         if not self._controls:
-            return _continued(planned(now, _checked(actions, (len(way), *np.shape(actions)[1:2], 2))))
-        shares, states = _checked(actions, (len(way), 2)), [now]
+            return _continued(planned(now, _checked(actions, (len(arc_length), *np.shape(actions)[1:2], 2))))
+        shares, states = _checked(actions, (len(arc_length), 2)), [now]
         for _ in range(PLAN_STEPS):
             states.append(controlled(states[-1], history.scene.length[who.vehicle], shares))
         return Plan(**vars(States.stack(states[1:], axis=1)))

@@ -62,7 +62,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
     _age: IntArray  # (N,) steps since the seed scene
     _future: IntArray  # (N,) numbers of the episodes
     _ended: BoolArray
-    _way: FloatArray  # (N,) arc lengths of the agents on their paths, m
+    _arc_length: FloatArray  # (N,) arc lengths of the agents on their paths, m
     _length: FloatArray
 
     def __init__(
@@ -161,7 +161,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         """Advance all environments by ``hold`` steps; those that had ended begin again instead."""
         actions = finite_numbers("actions", actions, self.action_space.shape or ())
         begins = self._ended.copy()
-        before, came_from = self._agent_now(), self._way
+        before, came_from = self._agent_now(), self._arc_length
         collided = np.zeros(self.num_envs, dtype=bool)
         planned_states = None if self._controls else planned(before, actions)
         for held in range(self.hold):
@@ -173,12 +173,12 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
             collided |= self._advance(mine, moving=~(begins | collided))
         if begins.any():
             self._renew(np.flatnonzero(begins))
-        self._way, offset = self._on_path()
+        self._arc_length, offset = self._on_path()
         after, seconds = self._agent_now(), self.hold * STEP_S
         turn = wrap(after.heading - before.heading)
         done = AgentSteps(
             collided=collided,
-            progress=self._way - came_from,
+            progress=self._arc_length - came_from,
             offset=offset,
             speed=after.speed,
             speed_limit=self._speed_limit(),
@@ -195,7 +195,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
     def begin_again(self, ended: BoolArray) -> Observation:
         """Put the (N,) ended environments to the seed scene at once; return what all agents see."""
         self._renew(np.flatnonzero(ended))
-        self._way, _ = self._on_path()
+        self._arc_length, _ = self._on_path()
         return self._observation()
 
     def _check_vehicles(self, tracks: Sequence[int], assign: Mapping[int, str] | None) -> None:
@@ -225,7 +225,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         self._length = np.full(count, self.scene.length[self._vehicle])
         self._crashes = Crashes(self.scene, count)
         self._renew(np.arange(count))
-        self._way, _ = self._on_path()
+        self._arc_length, _ = self._on_path()
 
     def _renew(self, index: IntArray) -> None:
         self._future[index] += self.num_envs
@@ -290,18 +290,18 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         """Return (N,) arc lengths and offsets of the agents on their path, m."""
         now, start = self._agent_now(), float(self.scene.now.speed[self._vehicle])
         expected = BEHIND_M + self._age * STEP_S * (start + now.speed) / 2
-        way, offset, _ = self._paths.foot_points(self._row, now.x, now.y, expected)
-        return way, offset
+        arc_length, offset, _ = self._paths.foot_points(self._row, now.x, now.y, expected)
+        return arc_length, offset
 
     def _speed_limit(self) -> FloatArray:
-        return self._paths.speed_limit.ravel()[self._paths.sample_at(self._row, self._way)]
+        return self._paths.speed_limit.ravel()[self._paths.sample_at(self._row, self._arc_length)]
 
     def _arrays(self) -> dict[str, FloatArray]:
         every = np.arange(self.num_envs)
         who = VehicleIndex(future=every, vehicle=np.full(self.num_envs, self._vehicle))
         history = self._history(slice(None), 0)
         arrays = predictor_inputs(history, self.road, who, self._surroundings, step=self._age)
-        return {**arrays, "path": path_ahead(self._paths, self._row, self._way, self._agent_now())}
+        return {**arrays, "path": path_ahead(self._paths, self._row, self._arc_length, self._agent_now())}
 
     def _observation(self) -> Observation:
         return observed(self._arrays(), flat=self._flat)

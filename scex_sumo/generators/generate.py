@@ -104,8 +104,8 @@ def generated_scene(
 def _speeds(states: States) -> FloatArray:
     """Return (n, T) speeds of positions; in curves those beside the centreline drive further or less."""
     middle = states.heading[:, 1:] - wrap(np.diff(states.heading)) / 2
-    way = np.diff(states.x) * np.cos(middle) + np.diff(states.y) * np.sin(middle)
-    return np.maximum(np.concatenate([way[:, :1], way], axis=1) / STEP_S, 0.0)
+    distance_m = np.diff(states.x) * np.cos(middle) + np.diff(states.y) * np.sin(middle)
+    return np.maximum(np.concatenate([distance_m[:, :1], distance_m], axis=1) / STEP_S, 0.0)
 
 
 def _drawn(
@@ -122,10 +122,10 @@ def _drawn(
     number = min(CANDIDATES, len(table.cell_lane))
     step_m = ends[-1] / number
 
-    def at(way: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-        cell = np.minimum(np.searchsorted(ends, way, side="right"), len(ends) - 1)
+    def at(distance_m: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+        cell = np.minimum(np.searchsorted(ends, distance_m, side="right"), len(ends) - 1)
         lane = table.cell_lane[cell]
-        s = table.cell_s[cell] + way - (ends[cell] - table.cell_m[cell] / 2)
+        s = table.cell_s[cell] + distance_m - (ends[cell] - table.cell_m[cell] / 2)
         return lane, s, place_features(table, lane, s, others, vehicles=count, total_m=ends[-1], pace=pace)
 
     ways = (np.arange(number) + rng.random()) * step_m
@@ -171,9 +171,9 @@ def _free(table: LaneCells, tries: Placed, others: Placed, motion: States, most_
     free = np.asarray((needed_deceleration(table, tries, others) <= most_mps2).all(axis=1))
     own = _motion(table, tries)
     one, two = np.nonzero(np.broadcast_to(free[:, None], (len(free), len(others.lane))))
-    way = own.speed.max(axis=1)[one] + motion.speed.max(axis=1)[two]
+    closing_mps = own.speed.max(axis=1)[one] + motion.speed.max(axis=1)[two]
     far = np.hypot(own.x[one, 2] - motion.x[two, 2], own.y[one, 2] - motion.y[two, 2])
-    near = far < 2.0 * way + (tries.length[one] + others.length[two]) + CLEAR_M
+    near = far < 2.0 * closing_mps + (tries.length[one] + others.length[two]) + CLEAR_M
     one, two = one[near], two[near]
     boxes = (
         Rectangles.of(states[k], v.length[k, None], v.width[k, None])

@@ -158,8 +158,8 @@ def _moving(line: FloatArray | None, kind: str, rng: np.random.Generator) -> Sta
 
 def _motion(scene: SeedScene) -> States:
     """Return (V, 11 + F) recorded states of vehicles; without a future they go straight on."""
-    way = scene.now.speed[:, None] * (STEP_S * np.arange(1, _STEPS + 1))
-    later = scene.now.ahead(way, np.repeat(scene.now.speed[:, None], _STEPS, axis=1))
+    travelled_m = scene.now.speed[:, None] * (STEP_S * np.arange(1, _STEPS + 1))
+    later = scene.now.ahead(travelled_m, np.repeat(scene.now.speed[:, None], _STEPS, axis=1))
     return States.concatenate([scene.history, later if scene.future is None else scene.future], axis=1)
 
 

@@ -83,14 +83,14 @@ def kept_clear(aside: FloatArray, view: View) -> FloatArray:
     """
     history, who, paths, row, s = view.history, view.who, view.paths, view.row, view.s
     time = STEP_S * np.arange(aside.shape[1])
-    way = np.maximum(history.now[who.future, who.vehicle].speed, 0.0)[:, None] * time
+    travelled_m = np.maximum(history.now[who.future, who.vehicle].speed, 0.0)[:, None] * time
     least, most = offsets_beside(
         history,
         who,
         paths,
         row,
         s,
-        way,
+        travelled_m,
         margin=view.human.beside_gap_m,
         passing=view.human.passing_gap_m,
     )
@@ -98,7 +98,7 @@ def kept_clear(aside: FloatArray, view: View) -> FloatArray:
     middle = np.where(narrow, least, 0.0) / 2 + np.where(narrow, most, 0.0) / 2
     least, most = np.where(narrow, middle, least), np.where(narrow, middle, most)
     steepest = view.human.max_slope
-    moved = np.maximum(np.diff(way, axis=1), SLOPE_SPEED * STEP_S)
+    moved = np.maximum(np.diff(travelled_m, axis=1), SLOPE_SPEED * STEP_S)
     slope = np.clip(np.diff(aside, axis=1) / moved, -steepest, steepest)
     length = history.scene.length[who.vehicle]
     reach = (0.5 + REAR_AXLE_SHARE) * length

@@ -56,7 +56,7 @@ def intent_along(
     """
     now = history.now[who.future, who.vehicle]
     s, present, _ = path_positions(history, who, paths, row)
-    steps, way = acceleration.shape[1], way_of(now.speed, acceleration)
+    steps, travelled_m = acceleration.shape[1], way_of(now.speed, acceleration)
     if offset is None:
         wanted = present[:, None] * np.exp(-STEP_S / RETURN_S * np.arange(steps + 1))
     else:
@@ -64,11 +64,13 @@ def intent_along(
     if road is None:
         wanted = _smoothed(wanted)
     else:
-        least, most = _bounds(history, who, paths, row, s, way, road, clear=clear)
+        least, most = _bounds(history, who, paths, row, s, travelled_m, road, clear=clear)
         # Bounding again would let offsets jump by centimetres, and steering follows their second derivative.
         wanted = _smoothed(np.clip(wanted, least, most))
     # the rear axle follows the path
-    wanted = wanted - (REAR_AXLE_SHARE * history.scene.length[who.vehicle])[:, None] * _slope(wanted, way)
+    wanted = wanted - (REAR_AXLE_SHARE * history.scene.length[who.vehicle])[:, None] * _slope(
+        wanted, travelled_m
+    )
 
     def accelerate(step: int, *_: FloatArray) -> FloatArray:
         return acceleration[:, step]
@@ -82,16 +84,16 @@ def _bounds(
     paths: SeedPaths,
     row: IntArray,
     s: FloatArray,
-    way: FloatArray,
+    travelled_m: FloatArray,
     road: Road,
     *,
     clear: bool,
 ) -> tuple[FloatArray, FloatArray]:
     half = history.scene.width[who.vehicle] / 2 + EDGE_MARGIN_M
-    least, most = bounds_along(road, paths, row, s, way, half)
+    least, most = bounds_along(road, paths, row, s, travelled_m, half)
     if not clear:
         return least, most
-    right, left = offsets_beside(history, who, paths, row, s, way)
+    right, left = offsets_beside(history, who, paths, row, s, travelled_m)
     return _consistent(np.maximum(least, right), np.minimum(most, left))
 
 
@@ -110,26 +112,33 @@ def _smoothed(offset: FloatArray) -> FloatArray:
 def way_of(speed: FloatArray, acceleration: FloatArray) -> FloatArray:
     """Return (n, H + 1) ways from now on, m, of vehicles that stop instead of reversing."""
     v = np.maximum(speed, 0.0)
-    way = np.zeros((len(speed), acceleration.shape[1] + 1))
+    travelled_m = np.zeros((len(speed), acceleration.shape[1] + 1))
     for step in range(acceleration.shape[1]):
         following = np.maximum(v + acceleration[:, step] * STEP_S, 0.0)
-        way[:, step + 1] = way[:, step] + (v + following) * (STEP_S / 2)
+        travelled_m[:, step + 1] = travelled_m[:, step] + (v + following) * (STEP_S / 2)
         v = following
-    return way
+    return travelled_m
 
 
-def _slope(offset: FloatArray, way: FloatArray) -> FloatArray:
-    change, moved = np.diff(offset, axis=1), np.diff(way, axis=1)
+def _slope(offset: FloatArray, travelled_m: FloatArray) -> FloatArray:
+    change, moved = np.diff(offset, axis=1), np.diff(travelled_m, axis=1)
     slope = np.where(moved > STANDING_M, change / np.maximum(moved, STANDING_M), 0.0)
     whole: FloatArray = np.concatenate([slope, slope[:, -1:]], axis=1)
     return np.clip(whole, -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD, out=whole)
 
 
 def bounds_along(
-    road: Road, paths: SeedPaths, row: IntArray, s: FloatArray, way: FloatArray, half_width: FloatArray
+    road: Road,
+    paths: SeedPaths,
+    row: IntArray,
+    s: FloatArray,
+    travelled_m: FloatArray,
+    half_width: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Return (n, H + 1) smallest and largest offset at which a box stays on the drivable surface, m."""
-    left, right = path_room(paths, road).at(np.repeat(row[:, None], way.shape[1], axis=1), s[:, None] + way)
+    left, right = path_room(paths, road).at(
+        np.repeat(row[:, None], travelled_m.shape[1], axis=1), s[:, None] + travelled_m
+    )
     half = half_width[:, None]
     return _consistent(half - reached(right), reached(left) - half)
 

@@ -248,8 +248,8 @@ def _stays(inputs: PathInputs, modes: Modes, *, waits: bool) -> BoolArray:
         return stands
     weight = np.exp(rounded(modes.logits) - rounded(modes.logits).max(1, keepdims=True))
     count = modes.acceleration.shape[1]
-    way = [way_of(speed, rounded(modes.acceleration[:, k]))[:, -1] for k in range(count)]
-    starts = np.sum(weight * (np.stack(way, 1) > START_M), 1) / weight.sum(1)
+    travelled_m = [way_of(speed, rounded(modes.acceleration[:, k]))[:, -1] for k in range(count)]
+    starts = np.sum(weight * (np.stack(travelled_m, 1) > START_M), 1) / weight.sum(1)
     stays = rounded(starts) < START_LIKELY
     moving_leader = (inputs.features[:, LEADER] > 0) & (inputs.features[:, LEADER_SPEED] > STANDING_MPS)
     return np.asarray(stands & (stays | (waits & ~moving_leader)))

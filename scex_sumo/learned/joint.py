@@ -105,8 +105,8 @@ class JointDriver(LearnedDriver):
         for _ in range(PLAN_STEPS // TOKEN_STEPS):
             inputs, tokens = self.predict(history, road, who, paths, row)
             now = history.now[who.future, who.vehicle]
-            way, offset, _ = paths.foot_points(row, now.x, now.y, expected_way(history, who))
-            ahead = _Pairs.join([_ahead(history, inputs), _crossing(history, paths, row, way)])
+            arc_length, offset, _ = paths.foot_points(row, now.x, now.y, expected_way(history, who))
+            ahead = _Pairs.join([_ahead(history, inputs), _crossing(history, paths, row, arc_length)])
             # so a plan and the next one draw the same
             salt = FIRST_SALT + REDRAW_SALT * attempt + history.step // TOKEN_STEPS
             draw = uniforms(history.route_draw[who.future, who.vehicle], 2, salt)
@@ -349,7 +349,7 @@ def _first_run(near: BoolArray) -> tuple[int, int]:
     return begin, begin + int(free[0]) if len(free) else len(near)
 
 
-def _crossing(history: SceneHistory, paths: SeedPaths, row: IntArray, way: FloatArray) -> _Pairs:
+def _crossing(history: SceneHistory, paths: SeedPaths, row: IntArray, arc_length: FloatArray) -> _Pairs:
     """Return vehicles that have to wait before a crossing, and those that come first.
 
     One that cannot stop before the crossing any more comes first; else one that moves and gets there earlier,
@@ -357,7 +357,7 @@ def _crossing(history: SceneHistory, paths: SeedPaths, row: IntArray, way: Float
     """
     scene = history.scene
     table, shape = _conflicts(paths), (-1, scene.vehicles)
-    rows, ways, speeds = row.reshape(shape), way.reshape(shape), np.maximum(history.now.speed, 0.0)
+    rows, ways, speeds = row.reshape(shape), arc_length.reshape(shape), np.maximum(history.now.speed, 0.0)
     future, k = np.nonzero((rows[:, table.vehicle] == table.row).all(axis=2))
     who = table.vehicle[k]
     speed, half = speeds[future[:, None], who], scene.length[who] / 2

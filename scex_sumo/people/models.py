@@ -146,9 +146,9 @@ def way_to_wait(history: SceneHistory, who: VehicleIndex, *, gap_s: float, braki
     follows = (other.speed < STANDING_MPS) | ((ahead < 0) & (np.cos(turn) > 0))
     before = np.where(enters > 0, enters, np.where(follows & (meets > 0), meets, np.inf))
     with np.errstate(invalid="ignore"):  # no way at no speed
-        way = np.where(np.isfinite(meets) & np.isfinite(before), before * speed - WAIT_M, np.inf)
-    stops = (way + WAIT_M >= me.speed[:, None] ** 2 / (2 * braking)) | (enters == 0)
-    return np.asarray(np.where(stops, np.maximum(way, 0.0), np.inf).min(axis=1, initial=np.inf))
+        distance_m = np.where(np.isfinite(meets) & np.isfinite(before), before * speed - WAIT_M, np.inf)
+    stops = (distance_m + WAIT_M >= me.speed[:, None] ** 2 / (2 * braking)) | (enters == 0)
+    return np.asarray(np.where(stops, np.maximum(distance_m, 0.0), np.inf).min(axis=1, initial=np.inf))
 
 
 def walked(
@@ -168,17 +168,17 @@ def walked(
         wait_m: (n,) way to where they wait; inf: they need not.
         braking: m/s², at most.
     """
-    v, way = np.maximum(now.speed, 0.0), np.zeros_like(now.speed)
+    v, travelled_m = np.maximum(now.speed, 0.0), np.zeros_like(now.speed)
     speeds, ways = np.empty((2, len(v), PLAN_STEPS))
     for step in range(PLAN_STEPS):
-        left = wait_m - way
+        left = wait_m - travelled_m
         needed = np.where(left > 0, v**2 / (2 * np.maximum(left, 1e-6)), np.inf)
         eased = v + np.clip(speed - v, -SPEEDING_UP_MPS2 * STEP_S, SPEEDING_UP_MPS2 * STEP_S)
         held = np.minimum(eased, v - np.minimum(needed, braking) * STEP_S)
         following = np.maximum(np.where(needed >= SPEEDING_UP_MPS2 / 2, held, eased), 0.0)
-        way = way + (v + following) * (STEP_S / 2)
+        travelled_m = travelled_m + (v + following) * (STEP_S / 2)
         v = following
-        speeds[:, step], ways[:, step] = v, way
+        speeds[:, step], ways[:, step] = v, travelled_m
     return Plan(**vars(replace(now, heading=wrap(heading)).ahead(ways, speeds)))
 
 

@@ -128,22 +128,22 @@ def completed(values: FloatArray) -> FloatArray:
     A heading follows the motion, and stays below 0.5 m/s; a vehicle that moves against its heading reverses.
     """
     columns = values.shape[2]
-    way = np.diff(values[..., :2], axis=1, prepend=0.0)
-    length = np.hypot(way[..., 0], way[..., 1])
-    heading = values[..., 2] if columns > 2 else _headings(way, length)
+    moves_m = np.diff(values[..., :2], axis=1, prepend=0.0)
+    length = np.hypot(moves_m[..., 0], moves_m[..., 1])
+    heading = values[..., 2] if columns > 2 else _headings(moves_m, length)
     if columns == 4:
         speed = values[..., 3]
     else:
-        ahead = np.cos(heading) * way[..., 0] + np.sin(heading) * way[..., 1]
+        ahead = np.cos(heading) * moves_m[..., 0] + np.sin(heading) * moves_m[..., 1]
         speed = np.copysign(length, ahead) / STEP_S
     return np.stack([values[..., 0], values[..., 1], heading, speed], axis=-1)
 
 
-def _headings(way: FloatArray, length: FloatArray) -> FloatArray:
+def _headings(moves_m: FloatArray, length: FloatArray) -> FloatArray:
     heading = np.zeros(length.shape)
     before = np.zeros(len(length))
     for step in range(length.shape[1]):
-        dx, dy = way[:, step, 0], way[:, step, 1]
+        dx, dy = moves_m[:, step, 0], moves_m[:, step, 1]
         back = np.where(np.cos(before) * dx + np.sin(before) * dy < 0, -1.0, 1.0)
         direction = np.arctan2(back * dy, back * dx)
         before = np.where(length[:, step] > MOVING_M, before + wrap(direction - before), before)

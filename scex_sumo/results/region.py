@@ -143,12 +143,12 @@ def replaying(scene: SeedScene, kept: Sequence[int]) -> SeedScene:
     others, future, now = scene.obstacles, scene.future, scene.now
     if future is None:
         steps = REPLAYED_STEPS if others is None else others.states.shape[1] - HISTORY_STEPS - 1
-        way = now.speed[:, None] * STEP_S * np.arange(1, steps + 1)
+        travelled_m = now.speed[:, None] * STEP_S * np.arange(1, steps + 1)
         future = now[:, None].swapaxes(0, 1).repeat(steps)[:, 0].swapaxes(0, 1)
         future = replace(
             future,
-            x=future.x + way * np.cos(future.heading),
-            y=future.y + way * np.sin(future.heading),
+            x=future.x + travelled_m * np.cos(future.heading),
+            y=future.y + travelled_m * np.sin(future.heading),
         )
     valid = np.ones(future.shape, dtype=np.bool_) if scene.future_valid is None else scene.future_valid
     known = np.ones((len(rest), HISTORY_STEPS + 1), dtype=np.bool_)

@@ -22,8 +22,10 @@ def misplaced(road: Road | None, now: States, names: Sequence[object]) -> list[s
     """Return notes on people (P,) whose place or way contradicts the map."""
     if road is None or not len(names):
         return []
-    way = AHEAD_S * now.speed
-    there = np.stack([now.x + way * np.cos(now.heading), now.y + way * np.sin(now.heading)], axis=1)
+    travelled_m = AHEAD_S * now.speed
+    there = np.stack(
+        [now.x + travelled_m * np.cos(now.heading), now.y + travelled_m * np.sin(now.heading)], axis=1
+    )
     points, ends = shapely.points(now.x, now.y), shapely.points(there)
     walls = [shapely.LineString(m.points) for m in road.markings if m.kind in WALLS and len(m.points) > 1]
     found = {

@@ -227,11 +227,11 @@ def _way_to_stop(me: _Drivers, ways: RuledWays, driver: IntArray, pair: IntArray
     return np.where((line <= -PASSED_M) | ways.unsigned[ways.own[pair]], zone, line)
 
 
-def _time(way: FloatArray, v: FloatArray, most: FloatArray) -> FloatArray:
+def _time(distance_m: FloatArray, v: FloatArray, most: FloatArray) -> FloatArray:
     """Return (m,) times for a way at a speed, or from near standing with an acceleration, s; 0 if passed."""
-    way = np.maximum(way, 0.0)
-    starting = (np.sqrt(v**2 + 2 * START_MPS2 * way) - v) / START_MPS2
-    return np.where(v > 1.0, way / np.maximum(most, 0.1), starting)
+    distance_m = np.maximum(distance_m, 0.0)
+    starting = (np.sqrt(v**2 + 2 * START_MPS2 * distance_m) - v) / START_MPS2
+    return np.where(v > 1.0, distance_m / np.maximum(most, 0.1), starting)
 
 
 def _goes_first(

@@ -78,15 +78,15 @@ class RuledDriver(IdmDriver):
         path = drivers[0].profile.path
         paths, row = chosen_paths(history, road, who, path)
         hold: FloatArray | None = None
-        way: FloatArray | None = None
+        arc_length: FloatArray | None = None
         if history.scene.rules is not None:
             from scex_sumo.rules.holds import lights, obeyed
             from scex_sumo.rules.states import straight_traffic
 
             manner, traffic = _manner(drivers, groups), straight_traffic(history, paths)
             hold = obeyed(history, who, paths, row, traffic, manner, lights(history, paths)).hold
-            way = traffic.way[who.future, who.vehicle] if path == "straight" else None
-        leaders = drivers[0].look(history, who, paths, row, way)
+            arc_length = traffic.arc_length[who.future, who.vehicle] if path == "straight" else None
+        leaders = drivers[0].look(history, who, paths, row, arc_length)
         intents, end = [], 0
         for driver, group in zip(drivers, groups, strict=True):
             k = slice(end, end := end + len(group))

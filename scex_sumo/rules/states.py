@@ -57,7 +57,7 @@ class Traffic:
     """Places of all vehicles on their paths: (C, V) path, centre, front and rear, m, and speed, m/s."""
 
     row: IntArray
-    way: FloatArray
+    arc_length: FloatArray
     front: FloatArray
     rear: FloatArray
     speed: FloatArray
@@ -73,7 +73,7 @@ def traffic_on(history: SceneHistory, paths: SeedPaths, row: IntArray) -> Traffi
     s, half = s.reshape(row.shape), history.scene.length / 2
     return Traffic(
         row=row,
-        way=s,
+        arc_length=s,
         front=s + half,
         rear=s - half,
         speed=np.maximum(now.speed, 0.0),

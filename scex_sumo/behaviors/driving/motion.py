@@ -69,12 +69,14 @@ def _present_bend(
     px, py = rear_axle(before, length)
     chord = np.sqrt((x - px) ** 2 + (y - py) ** 2)
     turned = wrap(now.heading - before.heading)
-    way = chord * (1 + turned**2 / 24)  # arc over a chord
-    then, _, _ = paths.refine(row, s - way, px, py, 2)
-    bend = turned / np.maximum(way, 0.02) - _bend_beside(paths.bend_at(row, then + way / 2), aside, v)
+    arc_length = chord * (1 + turned**2 / 24)  # arc over a chord
+    then, _, _ = paths.refine(row, s - arc_length, px, py, 2)
+    bend = turned / np.maximum(arc_length, 0.02) - _bend_beside(
+        paths.bend_at(row, then + arc_length / 2), aside, v
+    )
     # A padded history is straight in a curve; a standing vehicle can turn its wheels first.
     most = _bend_limit(v, _urgency(wrap(now.heading - heading)))
-    return np.where(way > 0.02, clipped(bend, -most, most), 0.0)
+    return np.where(arc_length > 0.02, clipped(bend, -most, most), 0.0)
 
 
 def drive(
@@ -187,10 +189,12 @@ def _bend_beside(bend: FloatArray, aside: FloatArray | None, v: FloatArray) -> F
 
 
 def _lead(wanted: FloatArray, step: int, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
-    way = np.maximum(moved, SLOPE_SPEED * STEP_S)
+    distance_m = np.maximum(moved, SLOPE_SPEED * STEP_S)
     change = wanted[step + 1] - wanted[step]
     further = wanted[min(step + 2, len(wanted) - 1)] - wanted[step + 1]
-    return change / way, (further - change) / way**2 if step + 2 < len(wanted) else np.zeros_like(way)
+    return change / distance_m, (further - change) / distance_m**2 if step + 2 < len(
+        wanted
+    ) else np.zeros_like(distance_m)
 
 
 def _steer(

@@ -287,14 +287,14 @@ def nearest_paths(
     paths: SeedPaths,
     straight: IntArray,
     vehicle: IntArray,
-    way: FloatArray,
+    expected: FloatArray,
     x: FloatArray,
     y: FloatArray,
     heading: FloatArray,
 ) -> tuple[IntArray, tuple[FloatArray, FloatArray, FloatArray]]:
     """Return paths (n,) that vehicles are on, the straightest in doubt, and their `Paths.foot_points`."""
     row = straight.copy()
-    feet = paths.foot_points(row, x, y, way)
+    feet = paths.foot_points(row, x, y, expected)
     best = _misfit(feet, heading)
     doubt = np.flatnonzero((best > OTHER_PATH) & (paths.count[vehicle] > 1))
     if not len(doubt):
@@ -302,7 +302,7 @@ def nearest_paths(
     count = paths.count[vehicle[doubt]]
     i = np.repeat(doubt, count)
     candidate = np.repeat(paths.first[vehicle[doubt]] - (np.cumsum(count) - count), count) + np.arange(len(i))
-    others = paths.foot_points(candidate, x[i], y[i], way[i])
+    others = paths.foot_points(candidate, x[i], y[i], expected[i])
     misfit = _misfit(others, heading[i])
     chosen = least_of(i, misfit, candidate)
     chosen = chosen[misfit[chosen] < best[i[chosen]] - OTHER_PATH]

@@ -193,18 +193,18 @@ class IdmDriver(DrivesAlong):
         who: VehicleIndex,
         paths: SeedPaths,
         row: IntArray,
-        way: FloatArray | None = None,
+        arc_length: FloatArray | None = None,
     ) -> Leaders:
-        """Return the leaders of vehicles on rows of paths; ``way`` (n,): where they are on them, m."""
+        """Return the leaders of vehicles on rows of paths; ``arc_length`` (n,): where they are on them, m."""
         profile = self.profile
-        if way is None:
-            way, _, _ = path_positions(history, who, paths, row)
+        if arc_length is None:
+            arc_length, _, _ = path_positions(history, who, paths, row)
         return find_leaders(
             history,
             who,
             paths,
             row,
-            way,
+            arc_length,
             clearance=profile.clearance,
             radius=profile.radius,
             obstacle_clearance=profile.obstacle_clearance,
@@ -268,14 +268,14 @@ class IdmDriver(DrivesAlong):
         return accelerate
 
 
-def stopping(accelerate: Accelerate, profile: IdmProfile, way: FloatArray) -> Accelerate:
+def stopping(accelerate: Accelerate, profile: IdmProfile, distance_m: FloatArray) -> Accelerate:
     """Return accelerations of drivers that stop after ways (n,), m, as behind a leader that stands there."""
     braking = LINE_BRAKING * profile.comfort_deceleration
     to_line = replace(profile, minimum_gap=LINE_GAP_M, time_headway=0.0, comfort_deceleration=braking)
 
     def accelerate_and_stop(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
         return np.minimum(
-            accelerate(step, v, travelled, s), holding_acceleration(to_line, v, way - travelled)
+            accelerate(step, v, travelled, s), holding_acceleration(to_line, v, distance_m - travelled)
         )
 
     return accelerate_and_stop

@@ -77,5 +77,5 @@ def slide(now: States, speed: FloatArray, steps: int) -> States:
     """
     time = STEP_S * np.arange(1, steps + 1)
     later = np.maximum(speed[:, None] - CRASH_MPS2 * time, 0.0)
-    way = (speed[:, None] ** 2 - later**2) / (2 * CRASH_MPS2)
-    return now.ahead(way, later)
+    distance_m = (speed[:, None] ** 2 - later**2) / (2 * CRASH_MPS2)
+    return now.ahead(distance_m, later)

@@ -109,8 +109,8 @@ def measure_conflicts(scene: SeedScene, rollout: Rollout, *, vehicle: int | None
         left[:, : scene.vehicles] = rollout.present.sum(axis=1)
         states, plan = _until_they_leave(states, left, plan)
     last = states[:, -1, scene.vehicles :]
-    way = last.speed[..., None] * STEP_S * np.arange(1, plan.shape[-1] + 1)
-    people = last.ahead(way, way)
+    travelled_m = last.speed[..., None] * STEP_S * np.arange(1, plan.shape[-1] + 1)
+    people = last.ahead(travelled_m, travelled_m)
     found = find_conflicts(
         states,
         whole.length,
@@ -237,8 +237,8 @@ def handover_jumps(scene: SeedScene, first: States, by_sumo: BoolArray) -> Float
         by_sumo: (C, V) whether SUMO drives.
     """
     now = scene.now
-    way = now.speed * STEP_S
-    x, y = now.x + way * np.cos(now.heading), now.y + way * np.sin(now.heading)
+    travelled_m = now.speed * STEP_S
+    x, y = now.x + travelled_m * np.cos(now.heading), now.y + travelled_m * np.sin(now.heading)
     jumps: FloatArray = np.hypot(first.x - x, first.y - y)[by_sumo]
     return jumps
 

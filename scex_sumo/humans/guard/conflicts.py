@@ -228,8 +228,8 @@ def _stay_apart(view: _View, i: IntArray, j: IntArray, time_s: FloatArray) -> Bo
     )
     sizes = (scene.length[vehicle], scene.width[vehicle]), (others.length[j], others.width[j])
     boxes = [
-        Rectangles.of(now.ahead(way, way), length[:, None], width[:, None])
-        for now, way, (length, width) in zip((one, two), ways, sizes, strict=True)
+        Rectangles.of(now.ahead(travelled_m, travelled_m), length[:, None], width[:, None])
+        for now, travelled_m, (length, width) in zip((one, two), ways, sizes, strict=True)
     ]
     distance = np.where(t <= time_s[:, None], rectangle_distance(*boxes), np.inf)
     least: BoolArray = distance.min(axis=1) >= np.minimum(SAFE_M, KEPT_SHARE * distance[:, 0])

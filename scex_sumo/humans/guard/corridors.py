@@ -147,8 +147,8 @@ def expected(history: SceneHistory, road: Road) -> tuple[Everyone, States, Float
     """
     others = everyone(history)
     t: FloatArray = SAMPLE_S * np.arange(SAMPLES, dtype=np.float64)
-    way = np.maximum(others.states.speed, 0.0)[..., None] * t
-    motion = others.states.ahead(way, np.zeros_like(way))
+    travelled_m = np.maximum(others.states.speed, 0.0)[..., None] * t
+    motion = others.states.ahead(travelled_m, np.zeros_like(travelled_m))
     vehicles, driven = history.scene.vehicles, np.flatnonzero(~others.obstacle)
     along = _along_paths(history, road, t)
     for straight, bent in zip((motion.x, motion.y, motion.heading), along, strict=True):
@@ -170,11 +170,13 @@ def _along_paths(
     who = VehicleIndex(future=future, vehicle=vehicle)
     paths, straight = chosen_paths(history, road, who, "straight")
     now = history.now.map(np.ravel)
-    way = expected_way(history, who)
+    arc_length = expected_way(history, who)
     # The rear axle follows the path, as in `drive`.
     length = history.scene.length[vehicle]
     axle_x, axle_y = rear_axle(now, length)
-    row, (s, offset, path_heading) = nearest_paths(paths, straight, vehicle, way, axle_x, axle_y, now.heading)
+    row, (s, offset, path_heading) = nearest_paths(
+        paths, straight, vehicle, arc_length, axle_x, axle_y, now.heading
+    )
     error = wrap(now.heading - path_heading)
     v = np.maximum(now.speed, 0.0)
     drift = v * np.sin(error)

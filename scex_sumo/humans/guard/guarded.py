@@ -84,12 +84,12 @@ def _timed(
     s, v = np.zeros(len(rows)), paths.start_speed[rows]
     # Vehicles are the last axis, so that operations run along memory.
     planned, arcs = paths.speed[rows].T.copy(), paths.arc[rows].T.copy()
-    way, held = np.diff(arcs, axis=0), np.zeros(len(rows), dtype=np.bool_)
+    moves_m, held = np.diff(arcs, axis=0), np.zeros(len(rows), dtype=np.bool_)
     count = np.diff(np.append(first, len(lines.row)))
     gain = np.diff(planned, axis=0, prepend=v[None]) / STEP_S
     gain = np.maximum(np.where(gain > LEAP_MPS2, 0.0, gain), human.release_mps2)
     timed = np.empty((2, *planned.shape))
-    for step, (speed_then, way_then) in enumerate(zip(planned, way, strict=True)):
+    for step, (speed_then, way_then) in enumerate(zip(planned, moves_m, strict=True)):
         bound = responses(
             lines, first, step, np.repeat(s, count), np.repeat(v, count), aware=aware, human=human
         )
@@ -124,8 +124,8 @@ def responses(
     needed = needed_braking(lines, t, s + human.stop_gap_m, v, human.entry_gap_m)
     # It is enough to arrive after one that crosses has left.
     k = np.flatnonzero((lines.speed == 0) & np.isfinite(lines.until))
-    left, way = np.maximum(lines.until[k] - t, STEP_S), lines.position[k] - s[k] - human.stop_gap_m
-    needed[k] = np.minimum(needed[k], arriving_later(way, left, v[k]))
+    left, distance_m = np.maximum(lines.until[k] - t, STEP_S), lines.position[k] - s[k] - human.stop_gap_m
+    needed[k] = np.minimum(needed[k], arriving_later(distance_m, left, v[k]))
     onset = np.where(lines.safe, human.safe_onset, 1.0) * human.onset_mps2
     onset = np.where(aware[lines.row, step], onset, np.maximum(onset, human.looming_mps2))
     most = np.where(lines.firm, human.conflict_braking_mps2, human.yielding_mps2)
@@ -173,14 +173,14 @@ def needed_braking(
     return needed
 
 
-def arriving_later(way: FloatArray, time_s: FloatArray, v: FloatArray) -> FloatArray:
+def arriving_later(distance_m: FloatArray, time_s: FloatArray, v: FloatArray) -> FloatArray:
     """Return (P,) constant decelerations with which vehicles come a way, m, in no less than a time, m/s².
 
     On a short way they stop at its end before; beyond the place it no longer matters.
     """
-    late = 2 * np.maximum(v - np.maximum(way, 0.0) / time_s, 0.0) / time_s
-    stops = (way > 0) & (2 * way < v * time_s)
-    return np.where(stops, v**2 / (2 * np.maximum(way, LAST_GAP_M)), late)
+    late = 2 * np.maximum(v - np.maximum(distance_m, 0.0) / time_s, 0.0) / time_s
+    stops = (distance_m > 0) & (2 * distance_m < v * time_s)
+    return np.where(stops, v**2 / (2 * np.maximum(distance_m, LAST_GAP_M)), late)
 
 
 def line_motion(lines: StopLines, t: float) -> tuple[FloatArray, FloatArray]:

@@ -63,7 +63,7 @@ def offsets_beside(
     paths: SeedPaths,
     row: IntArray,
     s: FloatArray,
-    way: FloatArray,
+    travelled_m: FloatArray,
     *,
     margin: float = MARGIN_M,
     passing: float | None = None,
@@ -75,7 +75,7 @@ def offsets_beside(
     Args:
         row: (n,) path of each vehicle.
         s: (n,) arc length of its centre now, m.
-        way: (n, H + 1) further way now and after each step, m.
+        travelled_m: (n, H + 1) further way now and after each step, m.
         margin: between two boxes, m.
         passing: margin to people, who share nothing, m; None: as to vehicles.
     """
@@ -88,8 +88,8 @@ def offsets_beside(
     length, width = everybody.length, everybody.width
     own = _Boxes.of(paths, row, s, now, length[who.vehicle], width[who.vehicle]).take(i)
     other = _Boxes.of(paths, row[i], s[i], everybody.states[who.future[i], j], length[j], width[j])
-    t: FloatArray = STEP_S * np.arange(way.shape[1], dtype=np.float64)
-    ahead = (other.s - own.s)[:, None] + other.ahead[:, None] * t - way[i]
+    t: FloatArray = STEP_S * np.arange(travelled_m.shape[1], dtype=np.float64)
+    ahead = (other.s - own.s)[:, None] + other.ahead[:, None] * t - travelled_m[i]
     along, apart = own.along + other.along, np.abs(other.offset - own.offset)
     beside = (np.abs(ahead[:, 0]) < along) | (apart > own.across + other.across)
     beside &= (np.abs(other.sine) < ALONG) & (np.abs(ahead) < along[:, None] + AHEAD_M).any(axis=1)
@@ -103,7 +103,7 @@ def offsets_beside(
     own_share = np.where(alone, 1.0, 0.5)[:, None]
     room = reached(np.where(counts, np.maximum(own_share * free, -ASIDE_M), np.inf))
     room *= np.where(room < 0, 1 - np.exp(-t / ASIDE_S), 1.0)
-    least, most = np.full(way.shape, -np.inf), np.full(way.shape, np.inf)
+    least, most = np.full(travelled_m.shape, -np.inf), np.full(travelled_m.shape, np.inf)
     left, right = side > 0, side < 0
     np.minimum.at(most, i[left], own.offset[left, None] + room[left])
     np.maximum.at(least, i[right], own.offset[right, None] - room[right])

@@ -50,8 +50,10 @@ def lanes_beside(scene: SeedScene, road: Road, paths: SeedPaths, human: HumanPar
         ahead, near = _ahead(scene, vehicle[row], x, y, reach[row, 1] + 2 * farthest)
         row, x, y, ahead = row[near], x[near], y[near], ahead[near]
         s, offset, _ = paths.foot_points(row, x, y, BEHIND_M + ahead)
-        way, off = s - BEHIND_M, sign * offset
-        good = (way > reach[row, 0]) & (way < reach[row, 1]) & (off > nearest) & (off < farthest)
+        distance_m, off = s - BEHIND_M, sign * offset
+        good = (
+            (distance_m > reach[row, 0]) & (distance_m < reach[row, 1]) & (off > nearest) & (off < farthest)
+        )
         count = np.bincount(row[good], minlength=len(vehicle))
         total = np.bincount(row[good], weights=off[good], minlength=len(vehicle))
         beside[count > 0, side] = total[count > 0] / count[count > 0]

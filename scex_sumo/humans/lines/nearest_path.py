@@ -19,8 +19,10 @@ AGAINST_PATH_RAD = np.pi / 2  # as does one with a larger heading error
 def follow_path(history: SceneHistory, road: Road, who: VehicleIndex) -> Plan:
     """Plan 3 s for vehicles without a plan: ``calibrated_driver`` on the nearest path, or straight on."""
     paths, straight = chosen_paths(history, road, who, "straight")
-    now, way = history.now[who.future, who.vehicle], expected_way(history, who)
-    row, (_, offset, heading) = nearest_paths(paths, straight, who.vehicle, way, now.x, now.y, now.heading)
+    now, arc_length = history.now[who.future, who.vehicle], expected_way(history, who)
+    row, (_, offset, heading) = nearest_paths(
+        paths, straight, who.vehicle, arc_length, now.x, now.y, now.heading
+    )
     off = (np.abs(offset) > OFF_PATH_M) | (np.abs(wrap(now.heading - heading)) > AGAINST_PATH_RAD)
     plan = driven(history, [IdmDriver(CALIBRATED).follow(history, who, paths, row)])[0]
     plan.assign(off, _straight_on(history, who[off]))

@@ -268,15 +268,15 @@ def _mean_features(view: View, leaders: Leaders, gap: FloatArray, near: BoolArra
 
 def _bends(view: View) -> FloatArray:
     """Return (P, 2); see `PathObservations`."""
-    way = view.human.lateral_s * view.shown.speed[view.who.vehicle]
-    there = np.stack([view.paths.bend_at(view.row, s) for s in (view.s, view.s + way)], axis=1)
+    distance_m = view.human.lateral_s * view.shown.speed[view.who.vehicle]
+    there = np.stack([view.paths.bend_at(view.row, s) for s in (view.s, view.s + distance_m)], axis=1)
     return np.clip(there, -view.human.max_bend, view.human.max_bend)
 
 
 def _room(view: View, after_s: float) -> FloatArray:
     """Return (P, 2) room to the left and right of paths after a time at the present speed, m."""
-    road, way = view.scene.road, after_s * view.shown.speed[view.who.vehicle]
-    return np.zeros((len(way), 2)) if road is None else room_at(road, view.paths, view.s + way)
+    road, distance_m = view.scene.road, after_s * view.shown.speed[view.who.vehicle]
+    return np.zeros((len(distance_m), 2)) if road is None else room_at(road, view.paths, view.s + distance_m)
 
 
 def braking_for_turns(
@@ -337,11 +337,11 @@ def _after_turn(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> t
     rate = wrap(now.heading - before) / (HABIT_STEPS * STEP_S)
     turn = np.clip(rate, -human.max_turn_rad_s, human.max_turn_rad_s) * time_s
     x, y = rear_axle(now, scene.length)
-    way = last_second(scene, human).speed * time_s
-    chord, course = way * np.sinc(turn / (2 * np.pi)), now.heading + turn / 2
+    distance_m = last_second(scene, human).speed * time_s
+    chord, course = distance_m * np.sinc(turn / (2 * np.pi)), now.heading + turn / 2
     x, y = x + chord * np.cos(course), y + chord * np.sin(course)
     row = np.arange(len(vehicle))
-    _, offset, heading = paths.foot_points(row, x[vehicle], y[vehicle], BEHIND_M + way[vehicle])
+    _, offset, heading = paths.foot_points(row, x[vehicle], y[vehicle], BEHIND_M + distance_m[vehicle])
     return np.abs(offset), np.abs(wrap((now.heading + turn)[vehicle] - heading))
 
 

@@ -90,8 +90,8 @@ def _path_headings(scene: SeedScene, road: Road) -> FloatArray:
     """(V, 11) headings of the straightest paths beside the vehicles in the last second, rad, unwrapped."""
     paths, past = seed_paths(scene, road), scene.history
     row, steps = np.repeat(paths.first + paths.straight, past.shape[1]), past.map(np.ravel)
-    way = np.repeat(np.maximum(scene.now.speed, 0.0), past.shape[1]) * np.tile(_TIME, scene.vehicles)
-    return paths.foot_points(row, steps.x, steps.y, BEHIND_M + way)[2].reshape(past.shape)
+    distance_m = np.repeat(np.maximum(scene.now.speed, 0.0), past.shape[1]) * np.tile(_TIME, scene.vehicles)
+    return paths.foot_points(row, steps.x, steps.y, BEHIND_M + distance_m)[2].reshape(past.shape)
 
 
 def _smoothed(values: FloatArray, steady: FloatArray, usual: float, outlier: float) -> FloatArray:

@@ -65,8 +65,8 @@ def loss(
             "whole": weights.whole * loss(modes.whole, batch, weights)[0],
         }
         return _whole(parts)
-    way = displacement(batch.start[:, 0], modes.acceleration)
-    off = trajectory_errors(way - batch.s[:, None], modes.offset - batch.d[:, None], weights)
+    travelled_m = displacement(batch.start[:, 0], modes.acceleration)
+    off = trajectory_errors(travelled_m - batch.s[:, None], modes.offset - batch.d[:, None], weights)
     parts = {
         "expected": weights.expected * _mean(off[:, 0], share, total),
         "winner": weights.winner * _mean(_winner(off, weights), share, total),

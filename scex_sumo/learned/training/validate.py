@@ -80,8 +80,8 @@ def _vehicles(modes: ModeTensors, batch: Batch) -> Tensor:
 
 
 def _distances(modes: ModeTensors, batch: Batch) -> Tensor:
-    way = displacement(batch.start[:, 0], modes.acceleration)
-    return torch.hypot(way - batch.s[:, None], modes.offset - batch.d[:, None])
+    travelled_m = displacement(batch.start[:, 0], modes.acceleration)
+    return torch.hypot(travelled_m - batch.s[:, None], modes.offset - batch.d[:, None])
 
 
 def _best(modes: ModeTensors, node: Tensor, ends: Tensor, count: int) -> Tensor:

@@ -142,8 +142,10 @@ def pair_events(scene: SeedScene, states: States, first: IntArray, second: IntAr
     """Return by name (C, P) whether events happen; planned paths are the driven tracks, then straight on."""
     count, steps, _ = states.shape
     last = states[:, -1:]
-    way = last.speed * STEP_S * np.arange(1, PLAN_STEPS + 1)[:, None]
-    along = along_tracks(states, last.x + way * np.cos(last.heading), last.y + way * np.sin(last.heading))
+    travelled_m = last.speed * STEP_S * np.arange(1, PLAN_STEPS + 1)[:, None]
+    along = along_tracks(
+        states, last.x + travelled_m * np.cos(last.heading), last.y + travelled_m * np.sin(last.heading)
+    )
     counted = recorded_steps_of(scene, steps)
     met = measure_outcome(scene, along, metrics=(metric_of("distance"),), counted=counted).encounters
     number = np.full((scene.vehicles, scene.vehicles), -1)

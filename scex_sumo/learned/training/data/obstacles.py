@@ -100,14 +100,14 @@ def standing_gap(history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row
 
 def stopping_way(speed: FloatArray, gap: FloatArray, steps: int) -> FloatArray:
     """Return (n, H) m that vehicles travel until they stand behind one (n,) m ahead."""
-    v, way, ways = speed, np.zeros_like(speed), []
+    v, travelled_m, ways = speed, np.zeros_like(speed), []
     wanted = np.maximum(speed, 8.0)
     for _ in range(steps):
         brakes = STOP_GAP_M + v * HEADWAY_S + v**2 / (2 * np.sqrt(FASTER_MPS2 * SLOWER_MPS2))
-        left = np.maximum(gap - way, 0.1)
+        left = np.maximum(gap - travelled_m, 0.1)
         a = FASTER_MPS2 * (1 - (v / wanted) ** 4 - (brakes / left) ** 2)
         following = np.maximum(v + np.clip(a, -HARDEST_MPS2, FASTER_MPS2) * STEP_S, 0.0)
-        way = way + (v + following) * (STEP_S / 2)
+        travelled_m = travelled_m + (v + following) * (STEP_S / 2)
         v = following
-        ways.append(way)
+        ways.append(travelled_m)
     return np.stack(ways, axis=1)

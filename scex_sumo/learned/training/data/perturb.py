@@ -48,10 +48,10 @@ def measured(history: States, perturbation: Perturbation, rng: np.random.Generat
     size = np.where(rng.random(count) < 0.5, 0.0, perturbation.speed_mps * np.abs(rng.standard_normal(count)))
     calm = np.minimum(history.speed.mean(axis=1) / CALM_MPS, 1.0)
     unit = (size * calm * np.sqrt(2) * ALIKE_S)[:, None]
-    way = unit * smooth[:, 1:]
+    travelled_m = unit * smooth[:, 1:]
     return States(
-        x=history.x + way * np.cos(history.heading),
-        y=history.y + way * np.sin(history.heading),
+        x=history.x + travelled_m * np.cos(history.heading),
+        y=history.y + travelled_m * np.sin(history.heading),
         heading=history.heading,
         speed=np.maximum(history.speed + unit * slope, 0.0),
     )

@@ -194,11 +194,11 @@ def _goals(
 ) -> _Goals:
     """Return targets of each vehicle along each of its paths."""
     present = history.now[who.future, who.vehicle]
-    way = BEHIND_M + history.step * STEP_S * history.scene.now.speed[who.vehicle]
-    s_then, d_then, s_true, d_true = along_paths(paths, row, recorded, future, start_way=way)
-    s_now, d_now, _, _ = along_paths(paths, row, present, present[:, None], start_way=way)
+    expected = BEHIND_M + history.step * STEP_S * history.scene.now.speed[who.vehicle]
+    s_then, d_then, s_true, d_true = along_paths(paths, row, recorded, future, start_way=expected)
+    s_now, d_now, _, _ = along_paths(paths, row, present, present[:, None], start_way=expected)
     heading = paths.at(row, s_now)[4]
-    s_here, d_here, _, _ = along_paths(paths, row, actual, actual[:, None], start_way=way)
+    s_here, d_here, _, _ = along_paths(paths, row, actual, actual[:, None], start_way=expected)
     aside, ahead = d_here - d_then, s_here - s_then
     lean = np.tan(np.clip(wrap(actual.heading - recorded.heading), -MAX_SLOPE, MAX_SLOPE))
     if gap is None:

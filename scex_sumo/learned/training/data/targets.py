@@ -59,14 +59,16 @@ def right_paths(
     return row, owner, distance <= best[owner] + AMBIGUOUS_M
 
 
-def smooth_return(displaced: FloatArray, slope: FloatArray, speed: FloatArray, way: FloatArray) -> FloatArray:
+def smooth_return(
+    displaced: FloatArray, slope: FloatArray, speed: FloatArray, travelled_m: FloatArray
+) -> FloatArray:
     """Return (n, H) m that a displaced vehicle is still off the recorded one on its way back.
 
-    A quintic in the distance travelled ``way`` (n, H) m, to zero without slope and curvature.
+    A quintic in the distance travelled ``travelled_m`` (n, H) m, to zero without slope and curvature.
     ``slope`` (n,) is the tangent of the heading error.
     """
     length = np.maximum(RETURN_M, RETURN_S * speed)[:, None]
-    keep, lean = fading(np.clip(way / length, 0.0, 1.0))
+    keep, lean = fading(np.clip(travelled_m / length, 0.0, 1.0))
     back: FloatArray = displaced[:, None] * keep + slope[:, None] * length * lean
     return back
 
