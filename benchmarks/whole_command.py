@@ -29,7 +29,7 @@ COMMANDS = {
     "a run of one future": ["--futures", "1"],
     "a run of one future, --reference none": ["--futures", "1", "--reference", "none"],
 }
-GOALS = dict(zip(COMMANDS, (0.9, 1.6, 0.6, 0.4), strict=True))
+GOALS = dict(zip(COMMANDS, (0.55, 1.2, 0.3, 0.3), strict=True))
 RUN = "run", str(DEFAULT_MAP), "--workers", "1"
 LOADED = {
     "a default run": ["run", str(DEFAULT_MAP), "--futures", "4"],
