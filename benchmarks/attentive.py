@@ -13,7 +13,6 @@ Seed scenes of the part of the time split are driven for 3 s (--steps) in a worl
 - along, across: share of moving vehicles within 5-95 % along and across the road after 3 s;
 - starts: standing vehicles that move more than 1 m in 3 s, share within 5-95 %, and mean error, m;
 - stands: mean error of the vehicles that stay, m;
-- realism: score of the Waymo Sim Agents Challenge, of 3 s and without lights;
 - brake: share of vehicle-seconds with braking above 3 m/s² (over half a second), futures and recording, %.
 
 Then near misses of pairs whose recorded boxes are apart: sum of forecasts, count, constant velocity's count;
@@ -55,7 +54,6 @@ from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.validate.noise import BoxNoise, as_recorded, box_noise
-from scex_sumo.studies.validate.realism import realism, realism_score
 from scex_sumo.studies.validate.scores import brier, covered
 from scex_sumo.studies.validate.scoring import COLLISION, EVENTS, MIN_DEFINED
 from scex_sumo.studies.validate.vehicles import least_gap, near_pairs, pair_events
@@ -80,7 +78,7 @@ SITES = (
     *UNSEEN,
 )
 COLUMNS = ("vehicles", "brier", "cv", "base", "cover", "least", "P(coll)", "error", "along", "across",
-           "starts", "n", "bias", "stands", "brake", "rec", "realism")  # fmt: skip
+           "starts", "n", "bias", "stands", "brake", "rec")  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -262,16 +260,7 @@ def row_of(found: list[Figures]) -> dict[str, float]:
         "stands": float(np.mean(stands)) if stands else np.nan,
         "brake": 100 * float(np.concatenate(hard).mean()),
         "rec": 100 * float(np.concatenate(hard_real).mean()),
-        "realism": float(np.nanmean([_realism(f) for f in found])),
     }
-
-
-def _realism(f: Figures) -> float:
-    scene = f.case.scene
-    assert scene.future is not None and scene.future_valid is not None and scene.road is not None
-    whole = scene.future_valid[:, :STEPS].all(axis=1)
-    after = scene.future[:, :STEPS].repeat(1).swapaxes(1, 2)
-    return realism_score(realism(f.states, after, scene.length, scene.width, whole, scene.road))
 
 
 def positions(

@@ -34,7 +34,6 @@ from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.moments.folder import Failure, MomentRef, StudyFolder
 from scex_sumo.studies.moments.run import MomentTask, StudySettings, attempt, built, compared, net_of
 from scex_sumo.studies.validate.noise import BoxNoise, as_recorded
-from scex_sumo.studies.validate.realism import realism, realism_score
 from scex_sumo.studies.validate.vehicles import gap_forecasts, position_forecasts
 
 ALL = "all"
@@ -89,14 +88,12 @@ class Forecast:
     Attributes:
         vehicles: see `position_forecasts`.
         encounters: see `gap_forecasts`.
-        realism: one row with the score and the likelihood of each feature.
         seen: metric columns and ``collision`` of each future with errors of boxes, see `as_recorded`.
         futures: the same of each future as driven, and of the three rows beside them.
     """
 
     vehicles: pa.Table
     encounters: pa.Table
-    realism: pa.Table
     seen: pa.Table
     futures: pa.Table
 
@@ -150,13 +147,11 @@ def _forecast(task: ForecastTask, scene: SeedScene, packed: bytes) -> Forecast:
         (np.array([CONSTANT_VELOCITY]), straight.values, straight.collided),
         (np.array([SEED_MOMENT]), first.values, first.collided),
     ]
-    likelihood = realism(futures.states, after, scene.length, scene.width, judged, road)
     return Forecast(
         futures=_futures_table(asked.columns, rows),
         seen=_futures_table(asked.columns, [(numbers, seen.values, seen.collided)]),
         vehicles=position_forecasts(scene, futures.states, seen.states, straight.states, judged, rng),
         encounters=gap_forecasts(scene, futures.states, seen.states, straight.states, after, judged, rng),
-        realism=pa.table({"realism": [realism_score(likelihood)], **{k: [v] for k, v in likelihood.items()}}),
     )
 
 

@@ -139,14 +139,8 @@ def _summary(info: Mapping[str, Any]) -> Html:
         f"Mean Brier score over the paper's thresholds {info['mean_brier']:.3f}; constant velocity has "
         f"{info['mean_brier_constant_velocity']:.3f}, the base rate {info['mean_brier_base_rate']:.3f}.",
         f"P(collision) {collisions_in(info)}.",
-        f"Realism {_shown(info['realism'])}, after that of the Waymo Sim Agents Challenge, of 3 s and "
-        "without lights: to compare mixes with each other, not with that leaderboard.",
     )
     return card("In short", *(element("p", line) for line in lines))
-
-
-def _shown(value: float | None) -> str:
-    return "–" if value is None or math.isnan(value) else f"{value:.3f}"
 
 
 def collisions_in(info: Mapping[str, Any]) -> str:

@@ -154,23 +154,6 @@ def covered(samples: FloatArray, outcome: float) -> bool:
     return bool(low <= outcome <= high)
 
 
-def histogram_log_likelihood(
-    samples: FloatArray, outcome: FloatArray, *, low: float, high: float, bins: int, pseudocount: float = 0.1
-) -> FloatArray:
-    """Return log probabilities (N,) of outcomes (N,) by histograms of samples (C, N), smoothed.
-
-    Values beyond the ends count in the first and the last bin. Source: Montali et al. 2023.
-    """
-    width = (high - low) / bins
-
-    def bin_of(values: FloatArray) -> IntArray:
-        return np.clip(((values - low) / width).astype(np.int64), 0, bins - 1)
-
-    hits = (bin_of(samples) == bin_of(outcome)).sum(axis=0)
-    result: FloatArray = np.log((hits + pseudocount) / (len(samples) + bins * pseudocount))
-    return result
-
-
 def group_bootstrap(statistic: Callable[[IntArray], float], groups: IntArray) -> tuple[float, float]:
     """Return the 95 % interval of a statistic from whole groups drawn with replacement.
 

@@ -105,7 +105,6 @@ class Forecasts:
     group: IntArray
     vehicles: pa.Table
     encounters: pa.Table
-    realism: FloatArray
 
     def of(self, column: str) -> int:
         """Return the index of a column."""
@@ -141,9 +140,6 @@ def gathered(scored: Sequence[tuple[MomentRef, Forecast]]) -> Forecasts:
         group=group,
         vehicles=rows([forecast.vehicles for _, forecast in scored]),
         encounters=rows([forecast.encounters for _, forecast in scored]),
-        realism=np.array(
-            [forecast.realism["realism"][0].as_py() for _, forecast in scored], dtype=np.float64
-        ),
     )
 
 
@@ -332,7 +328,6 @@ def summary(forecasts: Forecasts, events: Sequence[dict[str, Any]]) -> dict[str,
     """Return the main figures."""
     papers = [row for row in events if row["paper"]]
     p, _, overlap = probability(forecasts, next(event for event in EVENTS if event.column == COLLISION))
-    realism = forecasts.realism[np.isfinite(forecasts.realism)]
     return {
         "seeds": len(forecasts.refs),
         "recordings": len(set(forecasts.group.tolist())),
@@ -343,7 +338,6 @@ def summary(forecasts: Forecasts, events: Sequence[dict[str, Any]]) -> dict[str,
         "p_collision": float(p.mean()),
         "p_collision_without_overlap": None if overlap.all() else float(p[~overlap].mean()),
         "recorded_overlaps": float(overlap.mean()),
-        "realism": float(realism.mean()) if len(realism) else None,
     }
 
 

@@ -9,7 +9,6 @@ from scex_sumo.studies.validate.scores import (
     covered,
     crps,
     group_bootstrap,
-    histogram_log_likelihood,
     reliability,
 )
 
@@ -49,12 +48,6 @@ def test_central_share_covers_one_of_many_alike_in_just_that_share_of_cases() ->
     cases = np.random.default_rng(4).random((20_000, 20))
     share = np.mean([covered(case[1:], case[0]) for case in cases])
     assert share == pytest.approx(0.9, abs=0.006)  # 2.8 sigma
-
-
-def test_log_likelihood_smooths_empty_bins() -> None:
-    samples, outcome = np.zeros((4, 2)), np.array([0.0, 9.0])
-    found = np.exp(histogram_log_likelihood(samples, outcome, low=0.0, high=10.0, bins=10, pseudocount=0.1))
-    assert found == pytest.approx([4.1 / 5, 0.1 / 5])
 
 
 def test_bootstrap_draws_whole_groups() -> None:

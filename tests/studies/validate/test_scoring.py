@@ -13,7 +13,6 @@ import pytest
 from scex_sumo.base.errors import ResultError
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.metrics.events import MEASURED
-from scex_sumo.scene import States
 from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.validate.moment import (
     CONSTANT_VELOCITY,
@@ -25,7 +24,6 @@ from scex_sumo.studies.validate.moment import (
     asked_of,
 )
 from scex_sumo.studies.validate.page import write_validation_page
-from scex_sumo.studies.validate.realism import FEATURES, realism, realism_score
 from scex_sumo.studies.validate.scoring import (
     EVENTS,
     encounter_scores,
@@ -39,7 +37,6 @@ from scex_sumo.studies.validate.scoring import (
     verdicts,
 )
 from scex_sumo.studies.validate.vehicles import ENCOUNTERS
-from tests.behaviors import roads
 
 
 def settings(futures: int) -> ValidationSettings:
@@ -78,7 +75,6 @@ def forecast(distance: list[float], recorded: float, error: float = 0.0, name: s
         seen=pa.table({**seen, name: pa.array([d + error for d in distance])}),
         vehicles=vehicles,
         encounters=ENCOUNTERS.empty_table(),
-        realism=pa.table({name: [0.7] for name in ("realism", *FEATURES)}),
     )
 
 
@@ -195,21 +191,6 @@ def test_a_folder_gives_back_what_was_added_and_takes_no_other_validation(tmp_pa
         ForecastFolder(path, {"a": 2})
 
 
-def motion(speed: float, futures: int) -> States:
-    steps = 0.1 * speed * np.arange(1, 31)
-    x = np.broadcast_to(100 + steps[None, :, None], (futures, 30, 1)).copy()
-    return States(x=x, y=np.zeros_like(x), heading=np.zeros_like(x), speed=np.full_like(x, speed))
-
-
-def test_who_drives_as_recorded_is_more_real_than_who_does_not() -> None:
-    size, judged, where = np.array([4.5]), np.array([True]), roads.straight()
-    width = np.array([1.8])
-    same = realism(motion(10.0, 8), motion(10.0, 1), size, width, judged, where)
-    other = realism(motion(2.0, 8), motion(10.0, 1), size, width, judged, where)
-    assert realism_score(same) > realism_score(other)
-    assert same["collision_indication"] == pytest.approx(8.001 / 8.002)
-
-
 @pytest.mark.parametrize("name", ["futures", "vehicles"])
 def test_a_moment_of_which_a_table_is_broken_runs_again(tmp_path: Path, name: str) -> None:
     with ForecastFolder(tmp_path / "out", {"seed": 1}) as folder:
@@ -228,7 +209,7 @@ def test_a_moment_of_which_a_table_is_broken_runs_again(tmp_path: Path, name: st
         assert folder.read(ref(1)).futures.num_rows == 5
 
 
-@pytest.mark.parametrize("name", ["vehicles", "encounters", "realism", "seen", "futures"])
+@pytest.mark.parametrize("name", ["vehicles", "encounters", "seen", "futures"])
 @pytest.mark.parametrize("how", ["no column", "text", "rows", "gone"])
 def test_a_moment_of_which_a_table_was_edited_runs_again(tmp_path: Path, name: str, how: str) -> None:
     with ForecastFolder(tmp_path / "out", {"seed": 1}) as folder:
@@ -239,7 +220,7 @@ def test_a_moment_of_which_a_table_was_edited_runs_again(tmp_path: Path, name: s
         pq.write_table(table.drop_columns(table.column_names[-1:]), file)
     elif how == "text":
         pq.write_table(table.set_column(0, table.column_names[0], pa.array(["x"] * len(table))), file)
-    elif how == "rows" and name in ("realism", "seen", "futures"):
+    elif how == "rows" and name in ("seen", "futures"):
         pq.write_table(table.slice(1), file)
     else:
         file.unlink()
