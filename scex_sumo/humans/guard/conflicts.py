@@ -102,19 +102,14 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     )
     reach = sum(np.hypot(*size) for size in sizes) / 2
     own = slice(0, samples * steps, steps)
-    dx = view.motion.x[future, j, :samples] - paths.x[i, own]
-    dy = view.motion.y[future, j, :samples] - paths.y[i, own]
-    speed = paths.start_speed[i] + np.maximum(others.states.speed[future, j], 0.0)
+    dx = view.motion.x[future, j, :samples] - paths.states.x[i, own]
+    dy = view.motion.y[future, j, :samples] - paths.states.y[i, own]
+    speed = paths.states.speed[i, 0] + np.maximum(others.states.speed[future, j], 0.0)
     near = np.flatnonzero((np.hypot(dx, dy) < (reach + speed * SAMPLE_S / 2)[:, None]).any(axis=1))
     i, j, future = i[near], j[near], future[near]
     own_size, size = ((length[near, None], width[near, None]) for length, width in sizes)
     time = np.arange((samples - 1) * steps + 1)
-    one = States(
-        x=paths.x[i][:, time],
-        y=paths.y[i][:, time],
-        heading=paths.heading[i][:, time],
-        speed=np.zeros((len(i), len(time))),
-    )
+    one = paths.states[i][:, time]
     other = view.motion[future, j, :samples].map(lambda values: between(values, time / steps))
     boxes = Rectangles.of(one, *own_size), Rectangles.of(other, *size)
     distance = rectangle_distance(*boxes)
@@ -186,7 +181,7 @@ def _stop_lines_of(view: _View, i: IntArray, j: IntArray) -> StopLines:
     some = blocked.inside.any(axis=0)
     i, j = i[some], j[some]
     blocked = _Blocked(**{f.name: getattr(blocked, f.name)[:, some] for f in fields(_Blocked)})
-    v, v_other = paths.start_speed[i], np.maximum(others.states.speed[who.future[i], j], 0.0)
+    v, v_other = paths.states.speed[i, 0], np.maximum(others.states.speed[who.future[i], j], 0.0)
     meeting = _meetings(blocked, v, v_other, human)
     obstacle = others.obstacle[j]
     yields = _yields(meeting, v, v_other, ~obstacle, j < who.vehicle[i], human)

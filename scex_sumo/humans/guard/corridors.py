@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,12 +28,8 @@ BRAKING_STEPS = 5  # driven steps over which a leader's braking is measured, at 
 class PlannedWays:
     """Plans of n vehicles by arc length; the present is arc length 0."""
 
-    x: FloatArray  # (n, H + 1) m, the present pose first
-    y: FloatArray  # (n, H + 1) m
-    heading: FloatArray  # (n, H + 1) rad
+    states: States  # (n, H + 1), the present first; speeds are at least 0
     arc: FloatArray  # (n, H + 1) m, does not fall
-    speed: FloatArray  # (n, H) planned, m/s
-    start_speed: FloatArray  # (n,) at present, m/s
     # (n, G) vertices of the middle line, m: planned poses, and one at the braking distance
     corner_x: FloatArray
     corner_y: FloatArray  # (n, G) m
@@ -50,12 +46,11 @@ class PlannedWays:
         i = np.arange(len(rows))[:, None]
         begin, length = arc[i, index], arc[i, index + 1] - arc[i, index]
         share = np.clip((s - begin) / np.where(length > 0, length, 1.0), 0.0, 1.0)
-        x, y, heading = self.x[rows], self.y[rows], self.heading[rows]
-        turn = wrap(heading[i, index + 1] - heading[i, index])
+        before, after = (self.states[rows[:, None], k] for k in (index, index + 1))
         return States(
-            x=x[i, index] + share * (x[i, index + 1] - x[i, index]),
-            y=y[i, index] + share * (y[i, index + 1] - y[i, index]),
-            heading=wrap(heading[i, index] + share * turn),
+            x=before.x + share * (after.x - before.x),
+            y=before.y + share * (after.y - before.y),
+            heading=wrap(before.heading + share * wrap(after.heading - before.heading)),
             speed=speed,
         )
 
@@ -64,27 +59,20 @@ def planned_paths(
     plan: Plan, history: SceneHistory, who: VehicleIndex, human: HumanParameters
 ) -> PlannedWays:
     """Arrange plans (n, H) by arc length."""
-    now = history.now[who.future, who.vehicle]
-    x = np.concatenate([now.x[:, None], plan.x], axis=1)
-    y = np.concatenate([now.y[:, None], plan.y], axis=1)
-    heading = np.concatenate([now.heading[:, None], plan.heading], axis=1)
-    arc = np.zeros_like(x)
+    states = States.concatenate([history.now[who.future, who.vehicle][:, None], plan], axis=1)
+    states = replace(states, speed=np.maximum(states.speed, 0.0))
+    x, y, arc = states.x, states.y, np.zeros(states.shape)
     np.cumsum(np.sqrt(np.diff(x, axis=1) ** 2 + np.diff(y, axis=1) ** 2), axis=1, out=arc[:, 1:])
-    speed = np.maximum(plan.speed, 0.0)
-    last = speed[:, -1]
+    last = states.speed[:, -1]
     ahead = 5.0 + last * human.ahead_s + last**2 / (2 * human.leader_braking_mps2)
     corners = np.append(np.arange(0, x.shape[1] - 1, VERTEX_STEPS), x.shape[1] - 1)
-    end = heading[:, -1]
+    end = states.heading[:, -1]
     corner_x = np.column_stack([x[:, corners], x[:, -1] + ahead * np.cos(end)])
     corner_y = np.column_stack([y[:, corners], y[:, -1] + ahead * np.sin(end)])
     cos, sin = _directions(corner_x, corner_y)
     return PlannedWays(
-        x=x,
-        y=y,
-        heading=heading,
+        states=states,
         arc=arc,
-        speed=speed,
-        start_speed=np.maximum(now.speed, 0.0),
         corner_x=corner_x,
         corner_y=corner_y,
         corner_arc=np.column_stack([arc[:, corners], arc[:, -1] + ahead]),

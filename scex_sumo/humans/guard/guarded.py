@@ -68,8 +68,8 @@ def yielding(
 
 def _leaping(paths: PlannedWays) -> IntArray:
     """Return vehicles whose plan leaps, as a replay does that was slowed down."""
-    v = paths.start_speed
-    fast = paths.speed[:, 0] > v + LEAP_MPS2 * STEP_S
+    v = paths.states.speed[:, 0]
+    fast = paths.states.speed[:, 1] > v + LEAP_MPS2 * STEP_S
     far = paths.arc[:, 1] > (v + LEAP_MPS2 * STEP_S / 2) * STEP_S + LEAP_M
     return np.flatnonzero(fast | far)
 
@@ -78,12 +78,12 @@ def _timed(
     paths: PlannedWays, lines: StopLines, aware: BoolArray, human: HumanParameters
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return speeds and arc lengths (n, H), and (n,) which vehicles are slowed."""
-    speed, arc = paths.speed.copy(), paths.arc[:, 1:].copy()
+    speed, arc = paths.states.speed[:, 1:].copy(), paths.arc[:, 1:].copy()
     changed = np.zeros(len(speed), dtype=np.bool_)
     rows, first = np.unique(lines.row, return_index=True)  # rows are sorted
-    s, v = np.zeros(len(rows)), paths.start_speed[rows]
+    s, v = np.zeros(len(rows)), paths.states.speed[rows, 0]
     # Vehicles are the last axis, so that operations run along memory.
-    planned, arcs = paths.speed[rows].T.copy(), paths.arc[rows].T.copy()
+    planned, arcs = paths.states.speed[rows, 1:].T.copy(), paths.arc[rows].T.copy()
     moves_m, held = np.diff(arcs, axis=0), np.zeros(len(rows), dtype=np.bool_)
     count = np.diff(np.append(first, len(lines.row)))
     gain = np.diff(planned, axis=0, prepend=v[None]) / STEP_S
