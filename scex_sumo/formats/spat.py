@@ -191,8 +191,8 @@ def _read_movements(kml: Path, origin: tuple[float, float]) -> list[_Movement]:
         try:
             lanes[source] = _line(line.text or "", origin)
             ways += _links(source, data)
-        except (IndexError, ValueError) as error:
-            raise MapError(f"{kml}: lane {source[:40]}: {one_line(error)}; needs numbers") from None
+        except (IndexError, ValueError, RuntimeError) as error:  # the last one: no place on Earth
+            raise MapError(f"{kml}: lane {source[:40]}: {one_line(error)}; needs degrees") from None
     return [
         _Movement(source=lanes[a], sink=lanes[b], group=group)
         for a, b, group in ways

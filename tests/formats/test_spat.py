@@ -105,12 +105,12 @@ def test_a_recording_without_its_intersection_is_refused(recording: Path, tmp_pa
         convert(crossing(), tmp_path / "net.net.xml", signals=recording)
 
 
-@pytest.mark.parametrize("wrong", ["east,north,0", "8.4", "nan,nan,0"])
+@pytest.mark.parametrize("wrong", ["east,north,0", "8.4", "nan,nan,0", "8.4,1000,0"])
 def test_a_word_as_a_coordinate_is_refused(wrong: str, recording: Path, tmp_path: Path) -> None:
     file = tmp_path / "crossing.kml"
     place = degrees([(-15, 0.5)])
     file.write_text(file.read_text().replace(place, wrong, 1))
-    with pytest.raises(MapError, match=r"crossing\.kml: lane 1: .*; needs numbers"):
+    with pytest.raises(MapError, match=r"crossing\.kml: lane 1: .*; needs degrees"):
         convert(crossing(), tmp_path / "net.net.xml", signals=recording)
 
 
