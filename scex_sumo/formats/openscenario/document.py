@@ -92,7 +92,7 @@ class _Filler:
     def fill(self, element: Element, values: Mapping[str, str]) -> None:
         """Replace parameters in attributes, and references to catalogs by their entries."""
         for one in element.findall("ParameterDeclarations/*"):
-            name, value = one.get("name", ""), _filled(one.get("value", ""), values)
+            name, value = one.get("name", "").lstrip("$"), _filled(one.get("value", ""), values)
             values = {name: value} | dict(values) if element.tag in _DEFAULTS else {**values, name: value}
         for key, text in element.items():
             element.set(key, _filled(text, values))
@@ -109,8 +109,10 @@ class _Filler:
                 raise ValueError(f"entry {name} of catalog {catalog} is in none of its catalog folders")
             return reference  # such as a controller's
         entry = copy.deepcopy(self._entries[catalog, name])
-        given = reference.iter("ParameterAssignment")
-        self.fill(entry, {x.get("parameterRef", ""): _filled(x.get("value", ""), values) for x in given})
+        given = [
+            (x.get("parameterRef", ""), x.get("value", "")) for x in reference.iter("ParameterAssignment")
+        ]
+        self.fill(entry, {name.lstrip("$"): _filled(value, values) for name, value in given})
         return entry
 
 
@@ -128,7 +130,7 @@ def _filled(text: str, values: Mapping[str, str]) -> str:
     try:
         return str(_result(ast.parse(plain[:_LETTERS].strip(), mode="eval").body))
     except (ArithmeticError, LookupError, SyntaxError, TypeError, ValueError):
-        raise ValueError(f"expression {text[:40]!r} cannot be evaluated") from None
+        return text  # names have some, too; where a number is needed, it is none
 
 
 def _result(node: ast.AST) -> Any:

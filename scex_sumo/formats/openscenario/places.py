@@ -147,6 +147,10 @@ class Places:
         ]
         return min(costs)[1] if costs else None
 
+    def roads_of(self, goals: Sequence[Pose]) -> list[str]:
+        """Return the roads on which the places of a route are."""
+        return [lane[0] for goal in goals if (lane := self.lane_of(goal)) is not None]
+
     def way(self, pose: Pose, roads: Sequence[str] = ()) -> Way:
         """Return the way ahead of a pose, over some roads or straight on; beside all lanes a line."""
         lane = self.lane_of(pose)
@@ -210,6 +214,11 @@ def placed(position: Element, places: Places, pose_of: Callable[[str], Pose]) ->
         there = own.moved(number(position, "dx"), number(position, "dy"))
     elif kind == "RelativeLanePosition":
         there = _beside(position, places, pose_of(position.get("entityRef", "")))
+    elif kind == "RoutePosition" and position.find(".//Waypoint/Position/*") is not None:
+        goals = [placed(one, places, pose_of) for one in position.iterfind(".//Waypoint/Position/*")]
+        way = places.way(goals[0], places.roads_of(goals))
+        coordinates = next((one for one in position.iter() if one.get("pathS")), position)
+        there = way.at(way.project(goals[0])[0] + number(coordinates, "pathS"))
     else:
         raise UnknownMotion(f"{kind} is not read")
     if turned is None:

@@ -219,9 +219,9 @@ class Storyboard:
             return "way"
         elif kind in ("AssignRouteAction", "AcquirePositionAction"):
             goals = [self._pose(one) for one in [*action.iter("Waypoint")] or [action]]
-            lanes = [self._places.lane_of(goal) for goal in goals]
-            mover.roads = [lane[0] for lane in lanes if lane is not None]
-            mover.put(mover.pose)
+            mover.roads = self._places.roads_of(goals)
+            if mover.there:
+                mover.put(mover.pose)
         elif kind in ("ActivateControllerAction", "AssignControllerAction"):
             is_on = any(action.get(name) == "true" for name in _SWITCHES)
             if is_on and (mover.entity.is_controlled or kind.startswith("Assign")):
@@ -245,8 +245,8 @@ class Storyboard:
 
         fixed = wanted()
         mover.along = changing(mover, "speed", dynamics, wanted if stays else lambda: fixed, stays=stays)
-        if dynamics.get("dynamicsShape", "step") == "step" and not stays:
-            mover.speed, mover.along = fixed, None
+        if dynamics.get("dynamicsShape", "step") == "step":
+            mover.speed, mover.along = fixed, mover.along if stays else None
         return "along"
 
     def _change_lane(self, action: Element, mover: Mover) -> str:
@@ -349,7 +349,8 @@ class Storyboard:
         closing = mover.speed
         if one.tag == "TimeToCollisionCondition" and other is not None:
             closing -= other.speed
-        return apart / closing if closing > 1e-6 else math.inf
+        is_ahead = mover.pose.seen(goal)[0] > 0
+        return apart / closing if closing > 1e-6 and is_ahead else math.nan
 
     def _apart(self, one: Element, mover: Mover, goal: Pose, other: Mover | None) -> float:
         """Return the distance that a condition means, m."""

@@ -121,6 +121,17 @@ def test_triggers_fire_when_the_motion_says_so(tmp_path: Path, condition: str, s
     assert axle(rows, 8.9)[2] == 0
 
 
+def test_a_headway_is_that_to_one_ahead_and_names_may_look_like_expressions(tmp_path: Path) -> None:
+    """Other overtakes Ego: 25 m behind at first, 12 m ahead after 37 / 10 s."""
+    headway = near("TimeHeadwayCondition", "Other", 0.6, rule="greaterThan", coordinateSystem="road")
+    brake = event(
+        "brake", set_speed(0), after(headway, "rising").replace('name="c"', 'name="${HWT + _ + 1}"')
+    )
+    init = begins("Ego", at(-1, 50), 20) + begins("Other", at(-2, 25), 30)
+    rows, _ = track(scenario(tmp_path, init, story("Other", brake), stop_s=9), "2")
+    assert axle(rows, 8.9)[0] == pytest.approx(25 + 30 * 3.7, abs=0.9)
+
+
 def test_events_follow_each_other_and_delays_are_kept(tmp_path: Path) -> None:
     of_event = {"storyboardElementType": "event", "storyboardElementRef": "first", "state": "completeState"}
     done = tag("ByValueCondition", tag("StoryboardElementStateCondition", **of_event))
@@ -142,7 +153,7 @@ def test_parameters_expressions_and_catalogs_are_filled_in(tmp_path: Path) -> No
     given = tag("ParameterAssignments", tag("ParameterAssignment", parameterRef="long", value=6.5))
     head = tag("CatalogLocations", tag("VehicleCatalog", tag("Directory", path="cars")))
     refer = '<CatalogReference catalogName="Cars" entryName="car">{}</CatalogReference>'
-    declared = '<ParameterDeclaration name="v" parameterType="double" value="12"/>'
+    declared = '<ParameterDeclaration name="$v" parameterType="double" value="12"/>'  # as ASAM's examples do
     init = begins("Ego", at(-1, 50), "$v") + begins("Other", at(-2, 200), "${2 * $v - max(4, 1)}")
     entities = {"Ego": refer.format(given), "Other": refer.format("")}
     file = scenario(tmp_path, init, entities=entities, declared=declared, head=head)
@@ -161,6 +172,16 @@ def test_positions_relative_to_another_vehicle(tmp_path: Path) -> None:
     ahead = '<Position><RelativeObjectPosition entityRef="Ego" dx="10" dy="2"/></Position>'
     rows, _ = track(scenario(tmp_path, begins("Ego", at(1, 500), 0) + begins("Other", ahead, 0)), "2")
     assert axle(rows, 0)[:2] == pytest.approx((490, WIDTH / 2 - 2), **NEAR)
+
+
+def test_a_position_on_a_route_is_that_far_from_its_first_place(tmp_path: Path) -> None:
+    waypoints = "".join(tag("Waypoint", at(-1, s), routeStrategy="shortest") for s in (20, 400))
+    inside = tag("InRoutePosition", tag("FromLaneCoordinates", pathS=60, laneId=-1))
+    route = tag("RouteRef", tag("Route", waypoints, name="r", closed="false"))
+    init = begins("Ego", tag("Position", tag("RoutePosition", route, inside)), 20) + begins(
+        "Other", at(-2, 9), 0
+    )
+    assert axle(track(scenario(tmp_path, init))[0], 1) == pytest.approx((100, -WIDTH / 2, 20), **NEAR)
 
 
 def follow(shape: str, timing: str = "") -> str:
