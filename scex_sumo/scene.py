@@ -74,6 +74,13 @@ class States:
             speed=speed,
         )
 
+    def ahead_and_left(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return how far places (n..., k...) are ahead of these states (n...), and to their left, m."""
+        frame = (..., *(None,) * (np.ndim(x) - np.ndim(self.x)))
+        cos, sin = np.cos(self.heading)[frame], np.sin(self.heading)[frame]
+        dx, dy = x - self.x[frame], y - self.y[frame]
+        return cos * dx + sin * dy, cos * dy - sin * dx
+
     @classmethod
     def empty(cls, shape: tuple[int, ...]) -> States:
         """Allocate states without values."""

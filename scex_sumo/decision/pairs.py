@@ -133,10 +133,7 @@ class _Told:
     def _is_ahead(self, one: int, other: int) -> bool:
         """Return whether a vehicle is ahead of another one now, along the heading of that one."""
         now = self._whole.now
-        turn = now.heading[other]
-        return bool(
-            (now.x[one] - now.x[other]) * np.cos(turn) + (now.y[one] - now.y[other]) * np.sin(turn) > 0
-        )
+        return bool(now[other].ahead_and_left(now.x[one], now.y[one])[0] > 0)
 
     def _axis(self, at: int) -> tuple[str, bool, int]:
         """Return what decides in a row, whether the first vehicle responds, and the step."""

@@ -139,9 +139,7 @@ def path_ahead(paths: SeedPaths, row: IntArray, arc_length: FloatArray, now: Sta
     ahead = PATH_SPACING_M * np.arange(1, PATH_POINTS + 1)
     s = (arc_length[:, None] + ahead).ravel()
     x, y = paths.at(np.repeat(row, PATH_POINTS), s)[:2].reshape(2, -1, PATH_POINTS)
-    dx, dy = x - now.x[:, None], y - now.y[:, None]
-    cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
-    return np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=-1)
+    return np.stack(now.ahead_and_left(x, y), axis=-1)
 
 
 def observed(arrays: Mapping[str, FloatArray], *, flat: bool) -> Observation:

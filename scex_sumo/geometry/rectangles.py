@@ -183,10 +183,8 @@ def seen_from(now: States, states: States) -> FloatArray:
         (n..., k..., 5): x and y in m, cosine and sine of the relative heading, speed in m/s.
     """
     frame = (..., *(None,) * (len(states.shape) - len(now.shape)))
-    cos, sin = np.cos(now.heading)[frame], np.sin(now.heading)[frame]
-    dx, dy = states.x - now.x[frame], states.y - now.y[frame]
     turn = states.heading - now.heading[frame]
     seen = np.empty((*turn.shape, len(SEEN_COLUMNS)))
-    seen[..., 0], seen[..., 1] = cos * dx + sin * dy, cos * dy - sin * dx
+    seen[..., 0], seen[..., 1] = now.ahead_and_left(states.x, states.y)
     seen[..., 2], seen[..., 3], seen[..., 4] = np.cos(turn), np.sin(turn), states.speed
     return seen

@@ -214,10 +214,8 @@ def _obstacle_ahead(history: SceneHistory) -> FloatArray:
     nearest = np.zeros((*now.shape, 3))
     if obstacles is None or present is None or not present.any():
         return nearest
-    dx, dy = obstacles.x[present] - now.x[..., None], obstacles.y[present] - now.y[..., None]
-    cos, sin = np.cos(now.heading)[..., None], np.sin(now.heading)[..., None]
-    distance = cos * dx + sin * dy - history.scene.length[:, None] / 2
-    offset = cos * dy - sin * dx
+    ahead, offset = now[..., None].ahead_and_left(obstacles.x[present], obstacles.y[present])
+    distance = ahead - history.scene.length[:, None] / 2
     inside = (distance >= 0) & (distance <= CORRIDOR_M) & (np.abs(offset) <= CORRIDOR_HALF_WIDTH_M)
     future, vehicle = np.nonzero(inside.any(axis=-1))
     which = np.where(inside, distance, np.inf)[future, vehicle].argmin(axis=-1)

@@ -129,9 +129,7 @@ def way_to_wait(history: SceneHistory, who: VehicleIndex, *, gap_s: float, braki
     me, other = history.now[who.future, who.vehicle], history.now[:, drivers][who.future]
     half = (scene.length[who.vehicle] + scene.width[who.vehicle])[:, None] / 4
     half_length, half_width = scene.length[drivers] / 2 + half, scene.width[drivers] / 2 + half
-    cos, sin = np.cos(other.heading), np.sin(other.heading)
-    dx, dy = me.x[:, None] - other.x, me.y[:, None] - other.y
-    ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
+    ahead, aside = other.ahead_and_left(me.x[:, None], me.y[:, None])
     speed = scene.now.speed[who.vehicle][:, None]
     turn = scene.now.heading[who.vehicle][:, None] - other.heading
     closing, across = speed * np.cos(turn) - other.speed, speed * np.sin(turn)
@@ -186,10 +184,8 @@ def _across(history: SceneHistory, who: VehicleIndex) -> FloatArray:
     """Return the headings (n,) across the line of the vehicle that comes next; the own one without."""
     scene = history.scene
     now, others = scene.now[who.vehicle], scene.now
-    cos, sin = np.cos(others.heading), np.sin(others.heading)
-    dx, dy = now.x[:, None] - others.x, now.y[:, None] - others.y
-    ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
-    comes = (ahead > 0) & (np.hypot(dx, dy) < FAR_M) & (others.speed > STANDING_MPS)
+    ahead, aside = others[None].ahead_and_left(now.x[:, None], now.y[:, None])
+    comes = (ahead > 0) & (np.hypot(ahead, aside) < FAR_M) & (others.speed > STANDING_MPS)
     if scene.people is not None:
         comes &= ~scene.people
     soon = np.where(comes, (ahead + np.abs(aside)) / np.maximum(others.speed, STANDING_MPS), np.inf)

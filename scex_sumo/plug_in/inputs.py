@@ -181,11 +181,8 @@ def _lanes(road: Road, now: States, surroundings: Surroundings) -> dict[str, NDA
     nearest, mask = _nearest(distance, surroundings.lanes, surroundings.radius)
     if len(pieces) == 0:
         pieces, limit = np.zeros((1, surroundings.points, 2)), np.zeros(1)
-    cos, sin = np.cos(now.heading)[:, None, None], np.sin(now.heading)[:, None, None]
-    dx = pieces[..., 0].take(nearest, axis=0) - now.x[:, None, None]
-    dy = pieces[..., 1].take(nearest, axis=0) - now.y[:, None, None]
-    lanes = np.empty((*dx.shape, 2))
-    lanes[..., 0], lanes[..., 1] = cos * dx + sin * dy, cos * dy - sin * dx
+    places = (pieces[..., axis].take(nearest, axis=0) for axis in (0, 1))
+    lanes = np.stack(now.ahead_and_left(*places), axis=-1)
     lanes[~mask] = 0.0
     return {"lanes": lanes, "lane_limit": np.where(mask, limit[nearest], 0.0), "lane_mask": mask}
 

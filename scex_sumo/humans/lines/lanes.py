@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths
 from scex_sumo.geometry.polylines import samples
@@ -47,7 +47,9 @@ def lanes_beside(scene: SeedScene, road: Road, paths: SeedPaths, human: HumanPar
             continue
         row = np.repeat([r for r, _ in pairs], [len(line) for _, line in pairs])
         x, y = np.concatenate([line for _, line in pairs]).T
-        ahead, near = _ahead(scene, vehicle[row], x, y, reach[row, 1] + 2 * farthest)
+        now = scene.now[vehicle[row]]
+        ahead, _ = now.ahead_and_left(x, y)
+        near = (ahead > 0) & (np.hypot(x - now.x, y - now.y) < reach[row, 1] + 2 * farthest)
         row, x, y, ahead = row[near], x[near], y[near], ahead[near]
         s, offset, _ = paths.foot_points(row, x, y, BEHIND_M + ahead)
         distance_m, off = s - BEHIND_M, sign * offset
@@ -60,17 +62,6 @@ def lanes_beside(scene: SeedScene, road: Road, paths: SeedPaths, human: HumanPar
     return beside
 
 
-def _ahead(
-    scene: SeedScene, vehicle: IntArray, x: FloatArray, y: FloatArray, radius: FloatArray
-) -> tuple[FloatArray, BoolArray]:
-    """Return (n,) distances of points ahead of vehicles, m, and whether they are within a radius, m."""
-    now = scene.now[vehicle]
-    dx, dy = x - now.x, y - now.y
-    ahead = np.cos(now.heading) * dx + np.sin(now.heading) * dy
-    near: BoolArray = (ahead > 0) & (np.hypot(dx, dy) < radius)
-    return ahead, near
-
-
 @owner_cache
 def lanes_occupied(scene: SeedScene, human: HumanParameters, headway_s: float = 0.0) -> BoolArray:
     """Return (V, 2) whether a vehicle is, or soon will be, on the left, and on the right.
@@ -80,9 +71,7 @@ def lanes_occupied(scene: SeedScene, human: HumanParameters, headway_s: float = 
     """
     others = scene.now
     now, length, width = others[:, None], scene.length[:, None], scene.width[:, None]
-    cos, sin = np.cos(now.heading), np.sin(now.heading)
-    dx, dy = others.x - now.x, others.y - now.y
-    ahead, left = cos * dx + sin * dy, cos * dy - sin * dx
+    ahead, left = now.ahead_and_left(others.x, others.y)
     opening = others.speed * np.cos(others.heading - now.heading) - now.speed
     # when they are nearest
     soon = np.clip(-ahead / np.where(opening == 0, 1.0, opening), 0.0, human.occupied_s)

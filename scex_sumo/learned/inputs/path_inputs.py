@@ -159,11 +159,8 @@ def _road_ahead(
     at = (s[:, None] + np.array(AHEAD_M)).ravel()
     px, py, _, _, heading, curvature = paths.at(rows, at).reshape(6, n, k)
     limit = paths.speed_limit.ravel()[paths.sample_at(rows, at)].reshape(n, k)
-    cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
-    dx, dy = px - now.x[:, None], py - now.y[:, None]
-    return np.concatenate(
-        [cos * dx + sin * dy, cos * dy - sin * dx, heading - reference[:, None], curvature, limit], axis=1
-    )
+    places = now.ahead_and_left(px, py)
+    return np.concatenate([*places, heading - reference[:, None], curvature, limit], axis=1)
 
 
 def _unsteady(speed: FloatArray) -> FloatArray:

@@ -213,13 +213,11 @@ def _goals(
         near = np.ones(len(row), dtype=np.bool_)
     d = d_true + smooth_return(aside, lean, actual.speed, travelled)
     px, py, cos, sin, _, _ = _sampled(paths, row, s_now[:, None] + travelled)
-    dx, dy = px - d * sin - present.x[:, None], py + d * cos - present.y[:, None]
-    own_cos, own_sin = np.cos(present.heading)[:, None], np.sin(present.heading)[:, None]
     return _Goals(
         s=travelled,
         d=d,
         start=np.stack([present.speed, d_now, wrap(present.heading - heading), aside], -1),
-        xy=np.stack([own_cos * dx + own_sin * dy, own_cos * dy - own_sin * dx], -1),
+        xy=np.stack(present.ahead_and_left(px - d * sin, py + d * cos), -1),
         near=near & (np.abs(aside) <= MAX_ASIDE_M),
     )
 
