@@ -25,6 +25,7 @@ from benchmarks.simulations import ten_simulations
 
 STEPS, AFTER = 80, (30, 80)
 OPTIONS = ("--no-step-log", "--no-warnings", "--xml-validation", "never")
+PRECISE = ("--save-state.transportables", "true", "--save-state.precision", "12")
 STILL = ("--pedestrian.striping.dawdling", "0")
 CHANGES = ("--lanechange.duration", "3")  # as in futures: lane changes take their time
 
@@ -49,7 +50,9 @@ def compare(config: str, time_s: float, model: str, own_step: bool) -> None:
     warnings.simplefilter("ignore")
     text = Path(config).read_bytes()
     how = [*(() if own_step else ("--step-length", "0.1")), *STILL]
-    sumo.start(["sumo", "-c", config, *OPTIONS, *how, *(() if b"lateral-resolution" in text else CHANGES)])
+    sumo.start(
+        ["sumo", "-c", config, *OPTIONS, *PRECISE, *how, *(() if b"lateral-resolution" in text else CHANGES)]
+    )
     watch = scex.watch(sumo)
     while sumo.simulation.getTime() < time_s and sumo.simulation.getMinExpectedNumber():
         sumo.simulationStep()

@@ -33,10 +33,14 @@ class Stop:
 
 
 class Walk(NamedTuple):
-    """Walk of a person of a SUMO simulation: edges, and where it ends on the last one, m; () unknown."""
+    """Walk of a person of a SUMO simulation: edges, and where it ends on the last one, m; () unknown.
+
+    ``saved`` is what SUMO's saved state has of the person, or of a bicycle.
+    """
 
     edges: tuple[str, ...] = ()
     arrival_m: float = 0.0
+    saved: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +50,6 @@ class Intention:
     Attributes:
         edges: SUMO's edges of the route from the vehicle's on.
         behind: edges of the route before these, on which its body may still be.
-        lane: SUMO's name of its lane, "" where it is not known.
         model: SUMO's name of its car-following model.
         vehicle_class: SUMO's class, e.g. ``taxi``.
         parameters: attributes of its ``vType`` that make no driver random.
@@ -56,11 +59,11 @@ class Intention:
         lanes: lanes of the road along the route, those within junctions included.
         arrival: where it arrives on the last edge, in SUMO's words: a place in m, or e.g. ``max``.
         arrives: x, y in m and heading of its front bumper there, on each lane.
+        saved: what SUMO's saved state has of it, as of `saved.road_users`; "" without one.
     """
 
     edges: tuple[str, ...]
     behind: tuple[str, ...] = ()
-    lane: str = ""
     model: str = "Krauss"
     vehicle_class: str = "passenger"
     parameters: Mapping[str, str] = field(default_factory=dict)
@@ -70,3 +73,4 @@ class Intention:
     lanes: frozenset[int] = frozenset()
     arrival: str = "max"
     arrives: tuple[tuple[float, float, float], ...] = ()
+    saved: str = ""

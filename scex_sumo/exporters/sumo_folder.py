@@ -109,7 +109,7 @@ def _later(intention: Intention | None, ahead: tuple[str, ...], after_s: float) 
     )
     edges = ahead if first is None else intention.edges[first:]
     behind = intention.behind if first == 0 else intention.edges[: first or 0][-MAX_BEHIND:]
-    return replace(intention, edges=edges, behind=behind, lane="", stops=stops, change_mps=0.0)
+    return replace(intention, edges=edges, behind=behind, stops=stops, change_mps=0.0, saved="")
 
 
 def _driven(scene: SeedScene, vehicle: int, edges: tuple[str, ...]) -> SumoDriven:

@@ -124,6 +124,7 @@ class RunningBatch:
         held: (C, V) the same after the last step, never negative.
         obstacles: ids of present obstacles which are vehicles in SUMO.
         gone: (C, V) vehicles that SUMO drove, and that have arrived.
+        loaded: ids of road users that are in SUMO as their simulation saved them.
     """
 
     slots: list[int]
@@ -138,6 +139,7 @@ class RunningBatch:
     shared: SharedVehicles
     gone: BoolArray
     obstacles: set[str] = field(default_factory=set)
+    loaded: set[str] = field(default_factory=set)
     _selected: dict[str, Selection] = field(default_factory=dict)
 
     def id_of(self, future: int, vehicle: int) -> str:

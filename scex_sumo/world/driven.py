@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray
-from scex_sumo.geometry.polylines import along, length_of, nearest
 from scex_sumo.intention import PARKS
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.world.base import SumoDriven
@@ -65,9 +64,6 @@ class SumoDrivers:
         for d in self._driven:
             key = self._batch.id_of(d.future, d.vehicle)
             if self._sumo.vehicle.getLaneID(key):
-                if (intention := self._scene.intention(d.vehicle)) is not None and intention.lane:
-                    with suppress(*refused):  # the lane is not on the route
-                        self._put_on_lane(key, tile_id(self._batch.slots[d.future], intention.lane))
                 end = tile_id(self._batch.slots[d.future], d.edges[-1])
                 self._route_ends[key] = end if d.arrival is None else None
             else:
@@ -77,18 +73,6 @@ class SumoDrivers:
         self._go_on_changing()
         self._watch_route_ends()
 
-    def _put_on_lane(self, key: str, lane: str) -> None:
-        """Put a vehicle on its lane: where lanes fork or meet, SUMO takes any of them."""
-        ask = self._sumo.vehicle
-        if ask.getLaneID(key) == lane:
-            return
-        shape, front = np.array(self._sumo.lane.getShape(lane)), ask.getPosition(key)
-        at = nearest(shape, *front)
-        (dx, dy), (ux, uy) = front - along(shape, at), along(shape, at + 0.1) - along(shape, at - 0.1)
-        aside = (ux * dy - uy * dx) / np.hypot(ux, uy)
-        ask.moveTo(key, lane, at / length_of(shape) * self._sumo.lane.getLength(lane))
-        ask.setLateralLanePosition(key, float(aside))
-
     def _plan_stops(self) -> None:
         for d in self._driven:
             intention = self._scene.intention(d.vehicle)
@@ -96,6 +80,8 @@ class SumoDrivers:
             for stop in () if intention is None else intention.stops:
                 if stop.flags & PARKS:
                     self._parks.add(key)
+                if key in self._batch.loaded:
+                    continue
                 edge, _, lane = stop.lane.rpartition("_")
                 begin_s = STEP_S if stop.until_s >= 0 else 0.0  # a future begins at 0.1 s of its simulation
                 with suppress(*self._refused):  # too near to brake, or off the route

@@ -39,6 +39,8 @@ def put_obstacles(
         slot, (dx, dy) = batch.slots[future], batch.offset[:, future, 0]
         for o in obstacles_in_reach(scene):
             key = tile_id(slot, f"other{others.ids[o]}")
+            if key in batch.loaded:
+                continue
             x, y, turned = float(front_x[o] + dx), float(front_y[o] + dy), float(angle[o])
             if road_user(kinds[o]) == "pedestrian":
                 if present[o] and (at_m := starts[o]) is not None:

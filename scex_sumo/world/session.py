@@ -33,6 +33,7 @@ _OPTIONS = (
     # SUMO must not remove, stop or push moved vehicles.
     *("--collision.action", "none", "--time-to-teleport", "-1", "--max-depart-delay", "-1"),
     *("--default.speeddev", "0", "--pedestrian.striping.dawdling", "0"),
+    *("--save-state.transportables", "true", "--save-state.precision", "12"),
 )
 
 _open = False
@@ -125,12 +126,27 @@ class SumoSession:
         self._sumo: Any = None
         self.errors: tuple[type[Exception], ...] = ()
 
-    def ready(self, module: Any) -> Any:
-        """Return libsumo or traci, connected to an empty simulation with all vehicle types."""
+    def ready(self, module: Any, filled: Callable[[bytes], bytes] | None = None) -> Any:
+        """Return libsumo or traci, connected to an empty simulation with all vehicle types.
+
+        Args:
+            filled: makes of the empty state, after 0.1 s, the one to begin with.
+        """
+        self._empty(module)
+        if filled is not None:
+            begin = self._folder / "begin.xml"
+            with self.refusals("begin as its simulation does"):
+                self._sumo.simulation.step()
+                self._sumo.simulation.saveState(str(begin))
+                begin.write_bytes(filled(begin.read_bytes()))
+                self._sumo.simulation.loadState(str(begin))
+        return self._sumo
+
+    def _empty(self, module: Any) -> None:
         if self._sumo is not None and self._types.complete and not self._types.random:
             with self.refusals("return to the start"):
                 self._sumo.simulation.loadState(str(self._folder / "empty.xml"))
-            return self._sumo
+            return
         self.stop()
         # All tiles with all of SUMO's generators (one a lane): a random driver gets the same numbers in its
         # slot.
@@ -139,7 +155,6 @@ class SumoSession:
         with writing(self._folder):
             options = self._write_files()
         self._start(module, [*options, "--thread-rngs", str(generators)])
-        return self._sumo
 
     def stop(self) -> None:
         """End the simulation."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
     from scex_sumo.world.driven import SumoDrivers
     from scex_sumo.world.persons import Persons
 
+_SAME_M = 0.5  # between a vehicle's start and where its simulation saved it
 __all__ = ["TILE_SLOTS", "SumoDriven", "SumoSimulator", "SumoWorld"]
 
 
@@ -117,8 +120,6 @@ class SumoWorld:
         self._running = None
         self._speeds.clear()
         self._drivers = None
-        self._sumo = self._session.ready(load_sumo(gui=self._gui))
-        self._call = VehicleCalls.of(self._sumo)
         ids = vehicle_ids(wanted, self._scene.track_ids)
         offsets = [self._session.layout.offset(slot) for slot in wanted]
         batch = new_batch(
@@ -130,17 +131,23 @@ class SumoWorld:
             watched=self._gui,
             pedestrians=self._pedestrians,
         )
-        self._running = batch
-        self._persons = self._new_persons(batch)
         batch.refuse_shared_slots()
+        self._running = batch
+        poses = self._poses(start)
+        self._load(batch, driven, poses)
+        self._call = VehicleCalls.of(self._sumo)
+        self._persons = self._new_persons(batch)
         with self._session.refusals(f"set up a batch of {len(wanted)} futures"):
-            poses = self._poses(start)
             self._add_vehicles(batch.split(poses), driven)
-            self._place(poses, batch.everybody, start.speed, np.zeros(start.shape))
+            some = batch.moved if batch.loaded else batch.everybody
+            self._place(poses, some, start.speed, np.zeros(start.shape))
             self._walk(poses)
         if others := self._scene.obstacles:
             self.move_obstacles(*others.at(0))
-        self._advance(batch)
+        if not batch.loaded:
+            self._advance(batch)
+        self._speeds.clear()
+        batch.held = np.where(batch.speed < 0, 0.0, batch.speed)
         if driven:
             from scex_sumo.world.driven import SumoDrivers
 
@@ -244,6 +251,23 @@ class SumoWorld:
             speeds, changes = (values.reshape(-1)[at].tolist() for values in (speed, acceleration))
             self._speeds.extend(zip([some.ids[i] for i in some.watched], speeds, changes, strict=True))
 
+    def _load(self, batch: RunningBatch, driven: Sequence[SumoDriven], poses: Sequence[FloatArray]) -> None:
+        """Get SUMO ready: empty, or with the road users of a simulation as that one saved them."""
+        module = load_sumo(gui=self._gui)
+        if driven and self._scene.intentions:
+            from scex_sumo.world.loaded import state_with, users_of
+
+            users = users_of(self._scene, batch, driven, self._types)
+            filled = partial(state_with, users=users.values(), time_s=self._scene.time_s)
+            self._sumo = self._session.ready(module, filled) if users else None
+            x, y = (dict(zip(batch.ids, values.reshape(-1).tolist(), strict=True)) for values in poses[:2])
+            there = {key: self._sumo.vehicle.getPosition(key) for key in x.keys() & users.keys()}
+            if there and all(math.dist(there[key], (x[key], y[key])) < _SAME_M for key in there):
+                batch.loaded = set(users)
+                batch.obstacles = batch.loaded & set(self._sumo.vehicle.getIDList()) - set(batch.ids)
+                return  # else the scene was changed since
+        self._sumo = self._session.ready(module)
+
     def _new_persons(self, batch: RunningBatch) -> Persons | None:
         """Return the persons of a batch; None if SUMO sees nobody on foot or bicycle in it."""
         self._walked = None
@@ -268,6 +292,8 @@ class SumoWorld:
             self._sumo.simulation.step()
             if self._drivers is not None and (arrived := self._drivers.arrived()):
                 batch.leave(arrived)
+            if batch.loaded:
+                batch.obstacles.difference_update(self._sumo.simulation.getArrivedIDList())
             if self._sumo.vehicle.getIDCount() != len(batch.everybody.ids) + len(batch.obstacles):
                 batch.refuse_losses(self._sumo.vehicle.getIDList())
             set_speed = self._call.setPreviousSpeed
@@ -279,10 +305,13 @@ class SumoWorld:
     def _add_vehicles(self, new: IntArray, driven: Sequence[SumoDriven] = ()) -> None:
         batch, vehicles = self._batch, self._scene.vehicles
         by_sumo = {d.future * vehicles + d.vehicle: d for d in driven}
+        there = batch.loaded
         for index in new.tolist():
             future, v = divmod(index, vehicles)
             key, slot = batch.ids[index], batch.slots[future]
-            if d := by_sumo.get(index):
+            if (d := by_sumo.get(index)) and key in there:
+                continue
+            if d:
                 self._routes += 1
                 route = f"route{self._routes}"
                 intention = self._scene.intention(v)
@@ -293,7 +322,8 @@ class SumoWorld:
                 if intention is not None:
                     self._sumo.vehicle.setSpeedFactor(key, intention.speed_factor)
             elif not batch.walking[future, v]:
-                self._sumo.vehicle.add(key, tile_id(slot, ANY_ROUTE), self._types.overridden(v))
+                if key not in there:
+                    self._sumo.vehicle.add(key, tile_id(slot, ANY_ROUTE), self._types.overridden(v))
                 if batch.mixed[future]:
                     # Else others give way to lane changes that never happen.
                     self._sumo.vehicle.setLaneChangeMode(key, 0)

@@ -13,7 +13,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.sumo.car_following import RANDOM_PARAMETERS, REFUSED, WORDS, known_parameters
 from scex_sumo.converters.net.reading import lane_places, read_ends
 from scex_sumo.converters.net.text import points_of
@@ -54,7 +53,6 @@ def intentions_now(
             Intention(
                 edges=tuple(map(sys.intern, route[behind:])),
                 behind=tuple(map(sys.intern, route[:behind])),
-                lane=sys.intern(str(vehicles.getLaneID(name))),
                 model=attributes.get("carFollowModel", model),
                 vehicle_class=str(vehicles.getVehicleClass(name)),
                 parameters=_usable_parameters(attributes),
@@ -64,26 +62,6 @@ def intentions_now(
                 arrival=arrivals.get(name, "max"),
             ),
         )
-
-
-def types_and_arrivals(sumo: Any) -> tuple[dict[str, dict[str, str]], dict[str, str]]:
-    """Return the attributes of a simulation's vehicle types and where vehicles arrive, as its state has them.
-
-    Empty if it cannot write one here.
-    """
-    with TemporaryFolder() as folder:
-        file = Path(folder, "state.xml")
-        sumo.simulation.saveState(str(file))
-        if not file.is_file():
-            return {}, {}
-        types, arrivals = {}, {}
-        for _, element in ElementTree.iterparse(file):
-            if element.tag == "vType":
-                types[element.get("id", "")] = dict(element.attrib)
-            elif element.tag == "vehicle":
-                arrivals[element.get("id", "")] = element.get("arrivalPos", "max")
-            element.clear()
-    return types, arrivals
 
 
 def _change(vehicles: Any, name: str) -> float:
@@ -117,7 +95,7 @@ def intention_at(
     """Return the last intention before a time, else the first one after it; stops count from the time.
 
     Args:
-        asked: whether all intentions were recorded at this time; else lane and change of lane are unknown.
+        asked: whether all intentions were recorded at this time; else changes of lanes are unknown.
     """
     if not changes:
         return None
@@ -128,7 +106,7 @@ def intention_at(
         for stop in intention.stops
     ]
     intention = dataclasses.replace(intention, stops=tuple(stops))
-    return intention if asked else dataclasses.replace(intention, lane="", change_mps=0.0)
+    return intention if asked else dataclasses.replace(intention, change_mps=0.0)
 
 
 def with_lanes(net: Path, intentions: Sequence[Intention | None]) -> tuple[Intention | None, ...]:

@@ -22,8 +22,9 @@ from scex_sumo.base.errors import listed
 from scex_sumo.converters.datasets.scene import FUTURE_STEPS
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.sumo.fcd import numbers_of, tracks_of
-from scex_sumo.formats.sumo.intentions import intention_at, intentions_now, types_and_arrivals, with_lanes
+from scex_sumo.formats.sumo.intentions import intention_at, intentions_now, with_lanes
 from scex_sumo.formats.sumo.phases import Light, Programme, with_lights
+from scex_sumo.formats.sumo.saved import road_users, saved_state, text_of, types_and_arrivals
 from scex_sumo.intention import Intention, Walk
 from scex_sumo.scene import STEP_S, SeedScene
 
@@ -50,7 +51,7 @@ class Recorded:
         programmes: by light and name.
         walks: times at which each person came to an edge, and its walk from there.
         intentions: changes of what each vehicle is to do, in order of time; stops count from time 0.
-        asked_s: times at which all of them were recorded.
+        states: SUMO's packed states, by the times at which intentions were recorded.
         notes: on the simulation, one sentence each.
         lateral_m: resolution of the sublane model; 0 without it.
     """
@@ -62,7 +63,7 @@ class Recorded:
     programmes: dict[tuple[str, str], Programme] = field(default_factory=dict)
     walks: dict[str, list[tuple[float, Walk]]] = field(default_factory=dict)
     intentions: dict[str, list[tuple[float, Intention]]] = field(default_factory=dict)
-    asked_s: set[float] = field(default_factory=set)
+    states: dict[float, bytes] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     lateral_m: float = 0.0
 
@@ -102,13 +103,28 @@ def _completed(recorded: Recorded, path: Path, names: Mapping[str, str], scene: 
             notes.append(f"vehicles that wait to be inserted are left out: {waiting}")
     notes += on_lights
     vehicles = {str(track): names[str(track)] for track in scene.track_ids}
-    asked = round(time_s, 3) in recorded.asked_s
-    changes = [recorded.intentions.get(name, ()) for name in vehicles.values()]
-    intentions = [intention_at(of_vehicle, time_s, asked=asked) for of_vehicle in changes]
+    state = recorded.states.get(round(time_s, 3))
+    users = road_users(state or b"")
+    known = {
+        name: intention_at(changes, time_s, asked=state is not None)
+        for name, changes in recorded.intentions.items()
+    }
+    saved = {
+        f"{name} (person)" if walks and (False, name) in users else name: text_of(user, known.get(name))
+        for (walks, name), user in users.items()
+    }
+    intentions = [
+        one and dataclasses.replace(one, saved=saved.get(name, ""))
+        for name in vehicles.values()
+        for one in [known.get(name)]
+    ]
     if road is not None and road.net is not None and any(intentions):
         scene = dataclasses.replace(scene, intentions=with_lanes(road.net, intentions))
     if (others := scene.obstacles) is not None:
-        walks = tuple(_last(recorded.walks.get(name, ()), time_s) for name in others.ids)
+        walks = tuple(
+            _last(recorded.walks.get(name, ()), time_s)._replace(saved=saved.get(name, ""))
+            for name in others.ids
+        )
         scene = dataclasses.replace(scene, obstacles=dataclasses.replace(others, walks=walks))
     source: dict[str, Any] = {"kind": "simulation", "simulation": str(path), "time_s": time_s}
     source |= {"vehicles": vehicles, "lateral_m": recorded.lateral_m}
@@ -207,7 +223,9 @@ class Recorder:
         recorded.users = {name: user for name, user in recorded.users.items() if name in kept}
         recorded.walks = {name: what for name, what in recorded.walks.items() if name in kept}
         recorded.intentions = {name: what for name, what in recorded.intentions.items() if name in kept}
-        recorded.asked_s = {asked_s for asked_s in recorded.asked_s if asked_s >= before_s}
+        recorded.states = {
+            asked_s: state for asked_s, state in recorded.states.items() if asked_s >= before_s
+        }
         for changes in recorded.lights.values():
             while len(changes) > 1 and changes[1].since_s < before_s:
                 del changes[0]
@@ -226,10 +244,10 @@ class Recorder:
         """Record where vehicles of the present step go, how they drive and where they stop; None: all do."""
         time_s = round(float(self._sumo.simulation.getTime()), 3)
         names = list(self._sumo.vehicle.getIDList() if names is None else names)
+        state = self.recorded.states[time_s] = saved_state(self._sumo)
         if not self._arrivals.keys() >= set(names):
-            types, self._arrivals = types_and_arrivals(self._sumo)
+            types, self._arrivals = types_and_arrivals(state)
             self._types |= types
-        self.recorded.asked_s.add(time_s)
         known = self._types, self._arrivals
         for name, intention in intentions_now(self._sumo.vehicle, names, *known, self._model, time_s):
             if self.recorded.lateral_m:  # always beside the middle of the lane

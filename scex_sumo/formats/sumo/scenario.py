@@ -33,6 +33,7 @@ from scex_sumo.formats.sumo.intentions import INTENTIONS_S
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.own_sumo import user_sumo
 from scex_sumo.formats.sumo.recorder import Recorded, Recorder
+from scex_sumo.formats.sumo.saved import PRECISE
 from scex_sumo.results.tables.reading import read_table
 from scex_sumo.road import Road
 from scex_sumo.world.session import load_sumo, silence
@@ -116,6 +117,7 @@ class PrivateRun:
                 given[option] = value
         if NET not in given:
             raise MapError(f"{config}: no <net-file> in it; give the configuration of a simulation")
+        given |= {name: value for name, value in PRECISE.items() if name in known}
         self.options = [word for name, value in given.items() for word in (f"--{name}", value)]
 
     def _input(self, option: str, file: Path) -> Path:
@@ -335,13 +337,13 @@ def _recorded(config: Path, sumo: Any, window: Window, on_step: Callable[[int], 
     if begin + step_s < (before := first - step_s):
         while (now := tell()) < before - 5e-4:
             step(min(before, now + max((last - begin) / 200, step_s)))
-    recorder, asked_s = Recorder(sumo), -INTENTIONS_S
+    recorder, asked = Recorder(sumo), -1.0
     while (now := tell()) < last - step_s / 2 and sumo.simulation.getMinExpectedNumber():
         step()
         recorder.take()
-        if (now + step_s) // INTENTIONS_S != asked_s // INTENTIONS_S:
+        if (now + step_s - first + 1e-6) // INTENTIONS_S != asked:
             recorder.take_intentions()
-            asked_s = now + step_s
+            asked = (now + step_s - first + 1e-6) // INTENTIONS_S
     recorded = recorder.recorded
     if not any(kind != "pedestrian" for kind, *_ in recorded.users.values()):
         only = "only pedestrians" if recorded.users else "no vehicle"
