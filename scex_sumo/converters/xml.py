@@ -26,14 +26,18 @@ def unpacked(path: Path) -> bytes:
     try:
         with open_binary(path) as file:
             return file.read()
-    except FileNotFoundError:
-        raise MapError(f"{path}: no such file; check its path") from None
+    except (FileNotFoundError, IsADirectoryError) as error:
+        what = "no such file" if isinstance(error, FileNotFoundError) else "is a folder"
+        raise MapError(f"{path}: {what}; check its path") from None
     except (OSError, EOFError, zlib.error) as error:
         raise MapError(f"{path}: cannot be unpacked ({error}); fetch the file again") from None
 
 
-def xml_root(path: Path, content: bytes, remedy: str = "build the net again with netconvert") -> Element:
-    """Parse the content of a file."""
+def xml_root(
+    path: Path, content: bytes | None = None, remedy: str = "build the net again with netconvert"
+) -> Element:
+    """Parse a file, packed or not, or its content."""
+    content = unpacked(path) if content is None else content
     try:
         with _as_value_error():
             _refuse_declarations(io.BytesIO(content))
@@ -123,7 +127,7 @@ def change_words(root: Element) -> tuple[str, str]:
 
 def net_root(path: Path) -> Element:
     """Return the XML root element of a net."""
-    root = xml_root(path, unpacked(path))
+    root = xml_root(path)
     if root.tag != "net":
         raise MapError(f"{path}: no SUMO net, its root element is <{root.tag}>; give a SUMO .net.xml")
     return root

@@ -20,7 +20,7 @@ from scex_sumo.base.errors import MapError, TrackError, one_line
 from scex_sumo.converters.lanelet.projection import to_local
 from scex_sumo.converters.net.sumo_net import RECORDED
 from scex_sumo.converters.registries import Dataset, SignalFormat
-from scex_sumo.converters.xml import unpacked, xml_root
+from scex_sumo.converters.xml import xml_root
 from scex_sumo.formats.recognition import is_spat
 from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
 from scex_sumo.lanelet2sumo.plan.elements import Connection, NetLayout, Programme
@@ -179,7 +179,7 @@ def _kml_beside(signals: Path) -> Path:
 
 
 def _read_movements(kml: Path, origin: tuple[float, float]) -> list[_Movement]:
-    root = xml_root(kml, unpacked(kml), "needs the KML of the intersection")
+    root = xml_root(kml, remedy="needs the KML of the intersection")
     lanes: dict[str, FloatArray] = {}
     ways: list[tuple[str, str, int]] = []
     for mark in root.findall(".//{*}Placemark"):

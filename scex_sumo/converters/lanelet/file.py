@@ -18,7 +18,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, listed
-from scex_sumo.converters.xml import unpacked, xml_root
+from scex_sumo.converters.xml import xml_root
 
 Tags = Mapping[str, str]
 Points: TypeAlias = Mapping[int, FloatArray]
@@ -105,15 +105,6 @@ def list_ids(ids: Iterable[int | str]) -> str:
     return listed(sorted(set(ids), key=lambda i: (isinstance(i, str), i)))
 
 
-def parse_xml(path: Path, kind: str, ending: str) -> ElementTree.Element:
-    """Parse a map's XML, packed or not, and return its root; ``kind`` and ``ending`` are for messages."""
-    if path.is_dir():
-        raise MapError(f"{path}: is a folder; name the {ending} file in it")
-    if not path.is_file():
-        raise MapError(f"{path}: no such map; name a {kind} {ending} file")
-    return xml_root(path, unpacked(path), f"name a {kind} {ending} file")
-
-
 @dataclass(kw_only=True, eq=False)
 class Findings:
     """Defects of a map: ids of elements by the sentence that says what is wrong with them."""
@@ -142,7 +133,7 @@ def read_map_file(path: str | Path) -> MapFile:
     relations: dict[int, Relation] = {}
     findings = Findings()
     unread: list[str] = []
-    root = parse_xml(path, "Lanelet2", ".osm")
+    root = xml_root(path, remedy="name a Lanelet2 .osm file")
     if root.tag != "osm":
         raise MapError(f"{path}: no Lanelet2 map: its root is <{root.tag}>, not <osm>; name an .osm file")
     local = _is_local(root)

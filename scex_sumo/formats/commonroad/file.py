@@ -16,8 +16,9 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError
-from scex_sumo.converters.lanelet.file import Findings, parse_xml
+from scex_sumo.converters.lanelet.file import Findings
 from scex_sumo.converters.naming import number
+from scex_sumo.converters.xml import xml_root
 from scex_sumo.geometry.polylines import arc_lengths
 
 VERSIONS = ("2018b", "2020a")
@@ -75,7 +76,7 @@ def open_commonroad(path: str | Path) -> CommonRoadFile:
 
 def parse_commonroad(path: Path) -> ElementTree.Element:
     """Root of a CommonRoad file."""
-    root = parse_xml(path, "CommonRoad", ".xml")
+    root = xml_root(path, remedy="name a CommonRoad .xml file")
     if root.tag != "commonRoad":
         what = _ROOTS.get(root.tag, "name a CommonRoad scenario")
         raise MapError(f"{path}: no CommonRoad file, its root is <{root.tag}>: {what}")

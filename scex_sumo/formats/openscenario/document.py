@@ -16,13 +16,14 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
-from scex_sumo.converters.xml import unpacked, xml_root
+from scex_sumo.converters.xml import xml_root
 from scex_sumo.formats.opendrive.reference import number
 
 _KINDS = {"motorbike": "motorcycle", "van": "car", "semitrailer": "truck"}
 _BODIES = {"Vehicle": "car", "Pedestrian": "pedestrian", "MiscObject": "object"}
 _DEFAULTS = (*_BODIES, "Maneuver", "Trajectory", "Route")  # their values are overruled by a reference
 _NAME = re.compile(r"\$(\w+)")
+_REMEDY = "export the scenario again"
 _LETTERS = 1000  # of an expression
 _OPERATORS: Mapping[type, Any] = {
     **{ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul},
@@ -58,7 +59,7 @@ def read_document(path: Path) -> tuple[Element, dict[str, Entity]]:
     Raises:
         ValueError, ScexError: it is damaged, or names a parameter or an entry that is not there.
     """
-    root = _root(path)
+    root = xml_root(path, remedy=_REMEDY)
     if root.tag != "OpenSCENARIO" or root.find("Storyboard") is None:
         raise ValueError("it is no scenario of OpenSCENARIO XML")
     folders = [path.parent / one.get("path", "") for one in root.iterfind("CatalogLocations/*/Directory")]
@@ -76,16 +77,12 @@ def map_of(path: Path) -> Path:
     return path.parent / name.replace("\\", "/")
 
 
-def _root(path: Path) -> Element:
-    return xml_root(path, unpacked(path), "export the scenario again")
-
-
 class _Filler:
     """Fills parameters and entries of catalogs into elements."""
 
     def __init__(self, files: Iterable[Path]) -> None:
         self._entries: dict[tuple[str | None, str | None], Element] = {}
-        for catalog in (one for file in files for one in _root(file).iter("Catalog")):
+        for catalog in (one for file in files for one in xml_root(file, remedy=_REMEDY).iter("Catalog")):
             for entry in catalog:
                 self._entries.setdefault((catalog.get("name"), entry.get("name")), entry)
 

@@ -64,7 +64,7 @@ def _read(
     with one_line(TrackError, path, _WHAT):
         root, entities = read_document(path)
         numbers = _numbers(entities)
-        drawn = opendrive_map(map_path, xml_root(map_path, unpacked(map_path), "export the map again"))
+        drawn = opendrive_map(map_path, xml_root(map_path, remedy="export the map again"))
         story, notes = Storyboard(root, entities, Places(drawn)), []
         for tick in itertools.count():
             time_s = tick * TICK_S

@@ -68,7 +68,7 @@ def options_of(config: Path) -> dict[str, str]:
     """
     if not config.is_file():
         raise MapError(f"{config}: no such file; check the path of the configuration")
-    root = xml_root(config, unpacked(config), "name a SUMO configuration")
+    root = xml_root(config, remedy="name a SUMO configuration")
     if root.tag == "net":
         raise MapError(f"{config}: a SUMO net, no configuration; name it NAME.net.xml")
     options = {}
@@ -134,7 +134,7 @@ class PrivateRun:
         if file not in self._safe:
             self._safe[file] = file  # an include that leads back to this file
             if _names_files(file) or not is_utf8(beginning(file)):
-                root = xml_root(file, unpacked(file), "SUMO needs XML here")
+                root = xml_root(file, remedy="SUMO needs XML here")
                 for element in root.iter():
                     self._make_safe(file, element)
                 self._safe[file] = self._copy(file, ElementTree.tostring(root, encoding="utf-8"))

@@ -122,7 +122,7 @@ def test_a_broken_recording_stops_no_walk_and_is_refused_in_one_line(tmp_path: P
     assert sorted(said) == ["broken", "gone_000", "town_002", "town_003", "town_004"]
     assert not any("\n" in line for line in said.values())
     assert "no column" in said["town_002"] and "empty" in said["town_003"] and "nan" in said["town_004"]
-    assert "gone.osm: no such map" in said["gone_000"]
+    assert "gone.osm: no such file" in said["gone_000"]
 
 
 def test_a_map_whose_origin_is_not_known_is_refused(tmp_path: Path) -> None:
