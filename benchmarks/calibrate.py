@@ -123,12 +123,12 @@ def samples_of(scene: SeedScene, profile: IdmProfile) -> Samples | None:
     row, off = path_taken(scene, paths, vehicle)
     good = (off <= OFF_PATH_M) & paths.on_road[vehicle]
     vehicle, row = vehicle[good], row[good]
-    history, who = present(scene), VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
+    history, vehicles = present(scene), VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     now = scene.now[vehicle]
-    s, _, _ = paths.foot_points(row, now.x, now.y, expected_way(history, who))
+    s, _, _ = paths.foot_points(row, now.x, now.y, expected_way(history, vehicles))
     leaders = find_leaders(
         history,
-        who,
+        vehicles,
         paths,
         row,
         s,
@@ -142,7 +142,7 @@ def samples_of(scene: SeedScene, profile: IdmProfile) -> Samples | None:
         for k in range(STEPS)
     ]
     ahead = np.clip((s / DS_M).astype(np.int64)[:, None] + np.arange(AHEAD), 0, paths.samples - 1)
-    speed, acceleration = seed_motion(history, who)
+    speed, acceleration = seed_motion(history, vehicles)
     return Samples(
         speed=speed,
         acceleration=acceleration,
@@ -212,9 +212,9 @@ class StraightOn:
     """Present speed and heading, without a path: what "constant velocity" means to those who predict."""
 
     def plan(
-        self, history: SceneHistory, road: object, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: object, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        now = history.now[who.future, who.vehicle]
+        now = history.now[vehicles.future, vehicles.vehicle]
         way = now.speed[:, None] * STEP_S * np.arange(1, STEPS + 1)
         x, y = (
             now.x[:, None] + way * np.cos(now.heading)[:, None],
@@ -232,8 +232,8 @@ def displacement(scenes: Sequence[SeedScene], model: BatchBehavior) -> tuple[flo
         if not len(vehicle):
             continue
         assert scene.road is not None and scene.future is not None
-        who = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
-        plan = model.plan(present(scene), scene.road, who, [np.random.default_rng(0)])
+        vehicles = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
+        plan = model.plan(present(scene), scene.road, vehicles, [np.random.default_rng(0)])
         future = scene.future[vehicle]
         off.append(np.hypot(plan.x[:, :STEPS] - future.x[:, :STEPS], plan.y[:, :STEPS] - future.y[:, :STEPS]))
     every = np.concatenate(off)

@@ -109,10 +109,10 @@ def samples_of(scene: SeedScene) -> Samples | None:
     vehicle, row, off = vehicle[good], row[good], off[good]
     if not len(vehicle):
         return None
-    history, who = present(scene), VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
+    history, vehicles = present(scene), VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     now, future, seen = scene.now[vehicle], scene.future[vehicle], observations_of(scene, paths, HUMAN)
-    s, _, _ = paths.foot_points(row, now.x, now.y, expected_way(history, who))
-    view = View(history=history, who=who, paths=paths, row=row, s=s, human=HUMAN)
+    s, _, _ = paths.foot_points(row, now.x, now.y, expected_way(history, vehicles))
+    view = View(history=history, vehicles=vehicles, paths=paths, row=row, s=s, human=HUMAN)
     leaders = leaders_of(view, seen.lateral[row, 0])
     gap, leader_speed = _leader_ways(scene, paths, row, s, leaders.index, leaders.gap, leaders.speed)
     ways = [
@@ -144,7 +144,7 @@ def samples_of(scene: SeedScene) -> Samples | None:
         curves=curves,
         way=np.stack(ways, axis=1),
         wave=behind_a_wave(
-            scene.now.speed[None], leaders, who.future, queue_leaders(scene, paths, HUMAN), HUMAN
+            scene.now.speed[None], leaders, vehicles.future, queue_leaders(scene, paths, HUMAN), HUMAN
         ),
         beside=lanes_beside(scene, scene.road, paths, HUMAN)[row],
         occupied=lanes_occupied(scene, HUMAN)[vehicle],

@@ -102,8 +102,8 @@ def foreseen(scene: SeedScene, vehicle: IntArray, kept: float) -> FloatArray:
 
 def planned(test: TestScene, model: BatchBehavior, vehicle: IntArray) -> FloatArray:
     """(k, H) distances of a model's plans to what the vehicles did, m."""
-    who = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
-    plan = model.plan(SceneHistory.of_scene(test.scene), test.road, who, [np.random.default_rng(0)])
+    vehicles = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
+    plan = model.plan(SceneHistory.of_scene(test.scene), test.road, vehicles, [np.random.default_rng(0)])
     return _distances(test.scene, vehicle, plan.x[:, :PLAN_STEPS], plan.y[:, :PLAN_STEPS])
 
 
@@ -132,10 +132,12 @@ def best_of_six(test: TestScene, driver: LearnedDriver, vehicle: IntArray) -> Fl
     )
     rank = np.arange(len(pair)) - np.searchsorted(owner[pair], owner[pair])
     pair, number = pair[rank < GUESSES], number[rank < GUESSES]
-    who = VehicleIndex(future=np.zeros_like(pair), vehicle=vehicle[owner[pair]])
+    vehicles = VehicleIndex(future=np.zeros_like(pair), vehicle=vehicle[owner[pair]])
     offset = modes.offset[pair, number]
-    plan = plan_along(history, who, paths, row[pair], modes.acceleration[pair, number], offset, road=road)
-    off = _distances(seed, who.vehicle, plan.x, plan.y)[:, -1]
+    plan = plan_along(
+        history, vehicles, paths, row[pair], modes.acceleration[pair, number], offset, road=road
+    )
+    off = _distances(seed, vehicles.vehicle, plan.x, plan.y)[:, -1]
     best = np.full(len(vehicle), np.inf)
     np.minimum.at(best, owner[pair], off)
     return best

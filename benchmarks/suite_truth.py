@@ -35,21 +35,21 @@ FUTURES = 64
 class Acc:
     """Adaptive cruise control that sees leaders on its straightest path, and nothing that crosses it."""
 
-    def plan(self, history: Any, road: Any, who: Any, rng: Any) -> Any:
+    def plan(self, history: Any, road: Any, vehicles: Any, rng: Any) -> Any:
         """Keep the first speed, and 2 m with 1.8 s to the leader."""
-        paths, row = chosen_paths(history, road, who, "straight")
-        own = history.now[who.future, who.vehicle]
-        s, _, _ = paths.foot_points(row, own.x, own.y, expected_way(history, who))
+        paths, row = chosen_paths(history, road, vehicles, "straight")
+        own = history.now[vehicles.future, vehicles.vehicle]
+        s, _, _ = paths.foot_points(row, own.x, own.y, expected_way(history, vehicles))
         far = {"clearance": 1.5, "radius": 100.0, "obstacle_clearance": 1.5}
-        leader = find_leaders(history, who, paths, row, s, **far)
-        pace = history.scene.now.speed[who.vehicle]
+        leader = find_leaders(history, vehicles, paths, row, s, **far)
+        pace = history.scene.now.speed[vehicles.vehicle]
 
         def accelerate(step: int, v: Any, travelled: Any, s: Any) -> Any:
             gap = leader.gap + leader.speed * 0.1 * step - travelled
             follow = 0.25 * (gap - 2.0 - 1.8 * v) + 0.6 * (leader.speed - v)
             return np.clip(np.minimum(0.4 * (pace - v), follow), -3.5, 2.0)
 
-        return along(history, who, paths, row, accelerate)
+        return along(history, vehicles, paths, row, accelerate)
 
 
 FUNCTIONS: Mapping[str, Any] = {

@@ -316,8 +316,8 @@ class VehicleIndex:
         vehicle: (n,) index into the seed scene's vehicles.
 
     Example:
-        >>> who = scex.VehicleIndex(future=np.array([0, 1]), vehicle=np.array([3, 3]))
-        >>> len(who)
+        >>> vehicles = scex.VehicleIndex(future=np.array([0, 1]), vehicle=np.array([3, 3]))
+        >>> len(vehicles)
         2
     """
 

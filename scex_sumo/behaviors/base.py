@@ -32,9 +32,9 @@ class BatchBehavior(Protocol):
     """
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        """Plan at least 30 steps for the n vehicles in ``who``.
+        """Plan at least 30 steps for the n vehicles in ``vehicles``.
 
         It is called once per replan, for all futures of the batch, and changes none of its arguments.
 
@@ -94,7 +94,7 @@ class Driver:
         """SHA-256 of learned weights."""
         return None
 
-    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Any:
+    def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Any:
         """Return the drive of vehicles along their paths, an `Intent`; None: they have only plans."""
         return None
 
@@ -106,7 +106,7 @@ class Driver:
         """Keep features of map images in the user's cache."""
 
     def try_on(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> None:
         """Raise a `ScexError` if no plan for these vehicles is usable."""
 

@@ -28,8 +28,8 @@ def behavior(name: str) -> Callable[[T], T]:
     Example:
         >>> @scex.behavior("parked")
         ... class Parked:
-        ...     def plan(self, history, road, who, rng):
-        ...         now = history.now[who.future, who.vehicle]
+        ...     def plan(self, history, road, vehicles, rng):
+        ...         now = history.now[vehicles.future, vehicles.vehicle]
         ...         x, y, heading = (np.repeat(a[:, None], 30, axis=1) for a in (now.x, now.y, now.heading))
         ...         return scex.Plan(x=x, y=y, heading=heading, speed=np.zeros_like(x))
         >>> [str(model) for model in scex.parse_models("parked")]

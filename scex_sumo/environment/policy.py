@@ -45,20 +45,20 @@ class PolicyDriver(Driver):
         self._surroundings = surroundings or Surroundings(neighbours=8, lanes=16)
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `BatchBehavior.plan`."""
-        paths, row = chosen_paths(history, road, who, self._path)
-        now = history.now[who.future, who.vehicle]
-        arc_length, _, _ = path_positions(history, who, paths, row)
-        arrays = predictor_inputs(history, road, who, self._surroundings)
+        paths, row = chosen_paths(history, road, vehicles, self._path)
+        now = history.now[vehicles.future, vehicles.vehicle]
+        arc_length, _, _ = path_positions(history, vehicles, paths, row)
+        arrays = predictor_inputs(history, road, vehicles, self._surroundings)
         seen = observed({**arrays, "path": path_ahead(paths, row, arc_length, now)}, flat=self._flat)
         actions = self._action(seen)
         if not self._controls:
             return _continued(planned(now, _checked(actions, (len(arc_length), *np.shape(actions)[1:2], 2))))
         shares, states = _checked(actions, (len(arc_length), 2)), [now]
         for _ in range(PLAN_STEPS):
-            states.append(controlled(states[-1], history.scene.length[who.vehicle], shares))
+            states.append(controlled(states[-1], history.scene.length[vehicles.vehicle], shares))
         return Plan(**vars(States.stack(states[1:], axis=1)))
 
     def _action(self, seen: Any) -> Any:

@@ -298,9 +298,9 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
 
     def _arrays(self) -> dict[str, FloatArray]:
         every = np.arange(self.num_envs)
-        who = VehicleIndex(future=every, vehicle=np.full(self.num_envs, self._vehicle))
+        vehicles = VehicleIndex(future=every, vehicle=np.full(self.num_envs, self._vehicle))
         history = self._history(slice(None), 0)
-        arrays = predictor_inputs(history, self.road, who, self._surroundings, step=self._age)
+        arrays = predictor_inputs(history, self.road, vehicles, self._surroundings, step=self._age)
         return {**arrays, "path": path_ahead(self._paths, self._row, self._arc_length, self._agent_now())}
 
     def _observation(self) -> Observation:

@@ -40,9 +40,9 @@ def check_model(text: str) -> tuple[list[str], int, tuple[float, float]]:
     futures = np.arange(FUTURES)
     draw = route_draws(futures, scene.vehicles, seed=0)
     history = history_at(scene, scene.history.repeat(FUTURES), futures, draw, step=0)
-    first, who, seconds = _planned(model, name, history)
+    first, vehicles, seconds = _planned(model, name, history)
     again, _, later = _planned(model, name, history)
-    faults = _defects(first, history, who)
+    faults = _defects(first, history, vehicles)
     if (different := ~_same(first, again)).any():
         faults.append(
             f"{_share(different)} differ when the same is asked again: draw from rng, and keep nothing"
@@ -50,13 +50,13 @@ def check_model(text: str) -> tuple[list[str], int, tuple[float, float]]:
     else:
         part = np.array(OTHER_BATCH)
         other, _, _ = _planned(model, name, history.part(part))
-        rows = [np.flatnonzero(who.future == future) for future in part]
+        rows = [np.flatnonzero(vehicles.future == future) for future in part]
         if (different := ~_same(first[np.concatenate(rows)], other)).any():
             faults.append(
                 f"{_share(different)} differ in a batch of {len(part)} other futures: draw for a vehicle "
                 "from its own future's rng alone, and compute row by row"
             )
-    return faults, len(who), (seconds, later)
+    return faults, len(vehicles), (seconds, later)
 
 
 def _planned(
@@ -65,24 +65,24 @@ def _planned(
     """Return plans (n, 4, 30), whose they are, and the seconds that one takes."""
     count, columns = history.now.shape
     future, vehicle = np.indices((count, columns)).reshape(2, -1)
-    who = VehicleIndex(future=future, vehicle=vehicle)
+    vehicles = VehicleIndex(future=future, vehicle=vehicle)
     rng = [future_generator(0, number) for number in history.futures.tolist()]
     road, began = history.scene.road, time.perf_counter()
     assert road is not None
     try:
         with staying():
-            plan = plan_arrays(model.plan(history, road, who, rng), len(who))
+            plan = plan_arrays(model.plan(history, road, vehicles, rng), len(vehicles))
     except (Exception, SystemExit) as error:  # whatever a user's driver raises
         raise ScexError(f"{name}: {own_error_reason(error)}") from error
-    seconds = (time.perf_counter() - began) / len(who)
-    return np.stack([getattr(plan, key) for key in STATES], axis=1), who, seconds
+    seconds = (time.perf_counter() - began) / len(vehicles)
+    return np.stack([getattr(plan, key) for key in STATES], axis=1), vehicles, seconds
 
 
-def _defects(plans: FloatArray, history: SceneHistory, who: VehicleIndex) -> list[str]:
+def _defects(plans: FloatArray, history: SceneHistory, vehicles: VehicleIndex) -> list[str]:
     x, y, heading, speed = plans.transpose(1, 0, 2)
     plan = Plan(x=x, y=y, heading=heading, speed=speed)
-    defects = [defect for defect in plan_defects(plan, history, who) if defect]
-    return [f"{len(defects)} of {len(who)} plans are unusable: {defects[0]}"] if defects else []
+    defects = [defect for defect in plan_defects(plan, history, vehicles) if defect]
+    return [f"{len(defects)} of {len(vehicles)} plans are unusable: {defects[0]}"] if defects else []
 
 
 def _same(plans: FloatArray, others: FloatArray) -> BoolArray:

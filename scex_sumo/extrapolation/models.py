@@ -162,9 +162,9 @@ class ModelSet(SentOnce):
         for index, driver in enumerate(self.built):
             mine = [self.fixed.get(t, index if index < len(self.drawn) else -1) == index for t in tracks]
             vehicle = np.flatnonzero(np.array(mine, dtype=np.bool_))
-            who = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
+            vehicles = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
             for layer in layers(driver):
-                layer.try_on(history, scene.road, who, [future_generator(seed, 0)])
+                layer.try_on(history, scene.road, vehicles, [future_generator(seed, 0)])
 
     def to_json(self) -> dict[str, Any]:
         """Return the models' entries of ``run.json``."""

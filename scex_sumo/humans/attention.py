@@ -31,7 +31,7 @@ def awareness(view: View, leaders: Leaders, factor: float) -> BoolArray:
         factor: on the share of time of glances.
     """
     history, human = view.history, view.human
-    draw = history.route_draw[view.who.future, view.who.vehicle]
+    draw = history.route_draw[view.vehicles.future, view.vehicles.vehicle]
     seen = STEP_S * np.arange(history.step, history.step + PLAN_STEPS) - human.reaction_s
     watching = _braking_asked(view, leaders) > human.watching_mps2
     away = looks_away(draw, np.broadcast_to(seen, (len(draw), PLAN_STEPS)), human, factor)
@@ -40,11 +40,11 @@ def awareness(view: View, leaders: Leaders, factor: float) -> BoolArray:
 
 def _braking_asked(view: View, leaders: Leaders) -> FloatArray:
     """Return (n,) braking that the leader asked for a second ago, m/s²."""
-    history, who = view.history, view.who
-    speed = history.states.speed[who.future, who.vehicle]
+    history, vehicles = view.history, view.vehicles
+    speed = history.states.speed[vehicles.future, vehicles.vehicle]
     vehicle = np.flatnonzero((leaders.index >= 0) & (leaders.index < history.scene.vehicles))
     before = np.repeat(leaders.speed[:, None], speed.shape[1], axis=1)
-    before[vehicle] = history.states.speed[who.future[vehicle], leaders.index[vehicle]]
+    before[vehicle] = history.states.speed[vehicles.future[vehicle], leaders.index[vehicle]]
     gap = leaders.gap + STEP_S * (speed[:, 1:] - before[:, 1:]).sum(axis=1)
     closing = np.maximum(speed[:, 0] - before[:, 0], 0.0)
     return np.asarray(closing**2 / (2 * np.maximum(gap, view.human.watching_gap_m)))
@@ -81,12 +81,12 @@ def kept_clear(aside: FloatArray, view: View) -> FloatArray:
 
     The front of a long vehicle reaches further to the side than its rear axle, which follows it.
     """
-    history, who, paths, row, s = view.history, view.who, view.paths, view.row, view.s
+    history, vehicles, paths, row, s = view.history, view.vehicles, view.paths, view.row, view.s
     time = STEP_S * np.arange(aside.shape[1])
-    travelled_m = np.maximum(history.now[who.future, who.vehicle].speed, 0.0)[:, None] * time
+    travelled_m = np.maximum(history.now[vehicles.future, vehicles.vehicle].speed, 0.0)[:, None] * time
     least, most = offsets_beside(
         history,
-        who,
+        vehicles,
         paths,
         row,
         s,
@@ -100,12 +100,12 @@ def kept_clear(aside: FloatArray, view: View) -> FloatArray:
     steepest = view.human.max_slope
     moved = np.maximum(np.diff(travelled_m, axis=1), SLOPE_SPEED * STEP_S)
     slope = np.clip(np.diff(aside, axis=1) / moved, -steepest, steepest)
-    length = history.scene.length[who.vehicle]
+    length = history.scene.length[vehicles.vehicle]
     reach = (0.5 + REAR_AXLE_SHARE) * length
     front = aside[:, 1:] + reach[:, None] * slope
     held = np.clip(front, least[:, 1:], most[:, 1:])
     k = np.flatnonzero((held != front).any(axis=1))
-    x, y = rear_axle(history.now[who.future[k], who.vehicle[k]], length[k])
+    x, y = rear_axle(history.now[vehicles.future[k], vehicles.vehicle[k]], length[k])
     kept = aside.copy()
     kept[k, 0] = paths.foot_points(row[k], x, y, (s - REAR_AXLE_SHARE * length)[k])[1]
     follows = 1 - np.exp(-moved[k] / reach[k, None])

@@ -116,37 +116,37 @@ class LikelyDriver(Driver):
         self.human = human or human_parameters()
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `BatchBehavior.plan`."""
         history = estimated_history(history, road)
-        paths, row = self._paths(history, road, who)
-        s, _, _ = path_positions(history, who, paths, row)
+        paths, row = self._paths(history, road, vehicles)
+        s, _, _ = path_positions(history, vehicles, paths, row)
         human = human_of(history.scene, self.human)
-        view = View(history=history, who=who, paths=paths, row=row, s=s, human=human)
-        draws = Draws.of(history.route_draw[who.future, who.vehicle])
+        view = View(history=history, vehicles=vehicles, paths=paths, row=row, s=s, human=human)
+        draws = Draws.of(history.route_draw[vehicles.future, vehicles.vehicle])
         drivers, offsets = self._drivers(view, draws), self._offsets(view, road, draws)
         leaders, obeyed = leaders_of(view, offsets[:, 0]), self._obeyed(view, road)
         aware = awareness(view, leaders, self.profile.inattention)
         waits_s = self._waits(view, leaders, obeyed)
         hold = np.inf if obeyed is None else obeyed.hold
-        unaware = still_unaware(history, paths, who, self.profile.spread)
+        unaware = still_unaware(history, paths, vehicles, self.profile.spread)
         accelerate = accelerations(view, drivers, leaders, aware=aware, waits_s=waits_s, hold=hold)
         accelerate = unchanged(accelerate, unaware)
         aside = kept_clear(offsets, view)
-        plan = drive(history, who, paths, row, accelerate, aside=aside, parallel=True)
-        yielded = yielding(plan, history, road, who, human, aware)
+        plan = drive(history, vehicles, paths, row, accelerate, aside=aside, parallel=True)
+        yielded = yielding(plan, history, road, vehicles, human, aware)
         yielded.assign(unaware, plan[unaware])
         return yielded
 
-    def _paths(self, history: SceneHistory, road: Road, who: VehicleIndex) -> tuple[SeedPaths, IntArray]:
+    def _paths(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> tuple[SeedPaths, IntArray]:
         if self.profile.path != "fitted":
-            return chosen_paths(history, road, who, self.profile.path, redraw=redrawn)  # type: ignore[arg-type]
-        paths, _ = chosen_paths(history, road, who, 0, redraw=redrawn)
+            return chosen_paths(history, road, vehicles, self.profile.path, redraw=redrawn)  # type: ignore[arg-type]
+        paths, _ = chosen_paths(history, road, vehicles, 0, redraw=redrawn)
         edges = path_edges(history.scene, paths, human_of(history.scene, self.human))
-        draw = uniforms(history.route_draw[who.future, who.vehicle], 1, PATH)[:, 0]
-        row = paths.first[who.vehicle]
-        last = row + paths.count[who.vehicle] - 1
+        draw = uniforms(history.route_draw[vehicles.future, vehicles.vehicle], 1, PATH)[:, 0]
+        row = paths.first[vehicles.vehicle]
+        last = row + paths.count[vehicles.vehicle] - 1
         for _ in range(int(paths.count.max(initial=1)) - 1):
             row = row + ((row < last) & (draw >= edges[row]))
         return paths, row
@@ -164,7 +164,7 @@ class LikelyDriver(Driver):
 
     def _drivers(self, view: View, draws: Draws) -> Drivers:
         human, spread, observed, row = view.human, self.profile.spread, view.observed, view.row
-        shown, vehicle = view.shown, view.who.vehicle
+        shown, vehicle = view.shown, view.vehicles.vehicle
         speed = shown.speed[vehicle]
         headway = np.exp(
             human.headway_log[0] + spread * human.headway_log[1] * normal_quantiles(draws.headway)
@@ -204,16 +204,16 @@ class LikelyDriver(Driver):
 
     def _waits(self, view: View, leaders: Leaders, obeyed: Obeyed | None) -> FloatArray:
         """Return (n,) s for which vehicles stand from now on."""
-        human, history, who = view.human, view.history, view.who
-        speed = history.states.speed[who.future, who.vehicle]
+        human, history, vehicles = view.human, view.history, view.vehicles
+        speed = history.states.speed[vehicles.future, vehicles.vehicle]
         now, before = speed[:, -1], speed[:, -2] if history.step else speed[:, -1]
         stands = (now < human.standing_mps) & (now - before < human.starting_mps)
-        route = history.route_draw[who.future, who.vehicle]
+        route = history.route_draw[vehicles.future, vehicles.vehicle]
         starts, draw = uniforms(route, 1, STARTS)[:, 0], uniforms(route, 1, START + history.step)[:, 0]
         if self.profile.spread == 0:
             starts, draw = np.full_like(draw, 0.5), np.full_like(draw, 0.5)
         queue = queue_leaders(history.scene, view.paths, human)
-        wave = behind_a_wave(history.now.speed, leaders, who.future, queue, human)
+        wave = behind_a_wave(history.now.speed, leaders, vehicles.future, queue, human)
         features = start_features(now, leaders.gap, leaders.speed, wave, human)
         rate = np.exp(features @ human.start_weights)
         # The fitted rate says how many start soon; those that do follow the wave.
@@ -248,7 +248,7 @@ def lane_offsets(view: View, deviation: FloatArray) -> FloatArray:
     Args:
         deviation: (n,) Student's draws.
     """
-    human, vehicle = view.human, view.who.vehicle
+    human, vehicle = view.human, view.vehicles.vehicle
     lateral, bends, room = (
         values[view.row] for values in (view.observed.lateral, view.observed.bends, view.observed.room)
     )
@@ -275,13 +275,13 @@ def shown_habit(view: View, drivers: Drivers) -> FloatArray:
         leader_speed=observed.leader_speed[row],
     )
     asked = np.clip(demanded(now, human), -human.max_braking_mps2, human.max_acceleration_mps2)
-    trust = view.shown.trust[view.who.vehicle]
+    trust = view.shown.trust[view.vehicles.vehicle]
     return np.where(drivers.speed < human.standing_mps, 0.0, drivers.acceleration - trust * asked)
 
 
 def headway_to(view: View, drivers: Drivers, leaders: Leaders) -> FloatArray:
     """Return (n,) headways, s; behind a leader other than in the seed scene at most the present one."""
-    speed = view.history.now.speed[view.who.future, view.who.vehicle]
+    speed = view.history.now.speed[view.vehicles.future, view.vehicles.vehicle]
     same = leaders.index == view.observed.leader[view.row]
     kept = kept_headway(leaders.gap, speed, view.human)
     return np.where(same, drivers.headway, np.minimum(drivers.headway, kept))
@@ -306,7 +306,7 @@ def accelerations(
     human, paths, begin_s = view.human, view.paths, view.history.step * STEP_S
     limits = desired_speeds(paths, human.idm.speed, human.idm.speed_factor)
     curves = curve_speeds(paths, human.idm.curve_acceleration, human.idm.curve_deceleration)
-    ahead = REAR_AXLE_SHARE * view.scene.length[view.who.vehicle]
+    ahead = REAR_AXLE_SHARE * view.scene.length[view.vehicles.vehicle]
     headway = headway_to(view, drivers, leaders)
 
     def at(s: FloatArray) -> IntArray:

@@ -41,16 +41,18 @@ _POINTS = 32  # of a path ahead
 _BEFORE = 4  # steps for which it has been necessary
 
 
-def still_unaware(history: SceneHistory, paths: SeedPaths, who: VehicleIndex, spread: float) -> BoolArray:
+def still_unaware(
+    history: SceneHistory, paths: SeedPaths, vehicles: VehicleIndex, spread: float
+) -> BoolArray:
     """Return (n,) whether drivers drive on as they do, because they have not responded yet.
 
     Args:
         spread: on the variation between drivers.
     """
-    need = needs(history.scene, paths)[who.vehicle]
-    draws = uniforms(history.route_draw[who.future, who.vehicle], 2, _SALT)
+    need = needs(history.scene, paths)[vehicles.vehicle]
+    draws = uniforms(history.route_draw[vehicles.future, vehicles.vehicle], 2, _SALT)
     response_s = RESPONSE_S * np.exp(SPREAD * min(spread, 1.0) * normal_quantiles(draws[:, 0]))
-    looks = draws[:, 1] >= share_unseen(need, history.scene.now.speed[who.vehicle])
+    looks = draws[:, 1] >= share_unseen(need, history.scene.now.speed[vehicles.vehicle])
     return np.asarray(~looks & (history.step * STEP_S < response_s))
 
 

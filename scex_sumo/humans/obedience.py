@@ -78,14 +78,14 @@ def obedience(view: View, rows: IntArray, spread: float) -> Obeyed:
     Args:
         rows: (C, V) paths of all vehicles: turn indicators show them.
     """
-    history, who, rules = view.history, view.who, view.history.scene.rules
+    history, vehicles, rules = view.history, view.vehicles, view.history.scene.rules
     assert rules is not None
-    manner = manner_of(history.route_draw[who.future, who.vehicle], spread)
+    manner = manner_of(history.route_draw[vehicles.future, vehicles.vehicle], spread)
     if np.isfinite(view.human.yellow_mps2):
         yellow_s = np.where(np.isinf(manner.yellow_s), np.inf, 0.0)
         manner = replace(manner, yellow_mps2=view.human.yellow_mps2, yellow_s=yellow_s)
     traffic = traffic_on(history, view.paths, rows)
-    return obeyed(history, who, view.paths, view.row, traffic, manner, _lights(view, rules, spread))
+    return obeyed(history, vehicles, view.paths, view.row, traffic, manner, _lights(view, rules, spread))
 
 
 def _lights(view: View, rules: Rules, spread: float) -> Lit:
@@ -108,7 +108,7 @@ def waits_for(rules: Obeyed, view: View, waits_s: FloatArray, free: BoolArray) -
         waits_s: (n,) without rules.
         free: (n,) whether the passage of the first in a queue, or the way of the others, is free.
     """
-    draw = view.history.route_draw[view.who.future, view.who.vehicle]
+    draw = view.history.route_draw[view.vehicles.future, view.vehicles.vehicle]
     soon = -RULE_PARAMETERS.start_s * np.log(uniforms(draw, 1, RELEASE + view.history.step)[:, 0])
     waits_s = np.where((waits_s > 0) & free, np.minimum(waits_s, soon), waits_s)
     return np.where((waits_s > 0) & (rules.hold < RULE_PARAMETERS.held_m), np.inf, waits_s)

@@ -20,7 +20,7 @@ STANDING_M = 0.01  # per step; below, a free trajectory keeps its heading
 
 def plan_along(
     history: SceneHistory,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     acceleration: FloatArray,
@@ -30,13 +30,13 @@ def plan_along(
     clear: bool = False,
 ) -> Plan:
     """Drive along paths with given accelerations and offsets; arguments as of `intent_along`."""
-    intent = intent_along(history, who, paths, row, acceleration, offset, road=road, clear=clear)
+    intent = intent_along(history, vehicles, paths, row, acceleration, offset, road=road, clear=clear)
     return driven(history, [intent], acceleration.shape[1])[0]
 
 
 def intent_along(
     history: SceneHistory,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     acceleration: FloatArray,
@@ -54,8 +54,8 @@ def intent_along(
         road: keeps every box on the drivable surface of this map; None does not.
         clear: also keeps it away from boxes beside it.
     """
-    now = history.now[who.future, who.vehicle]
-    s, present, _ = path_positions(history, who, paths, row)
+    now = history.now[vehicles.future, vehicles.vehicle]
+    s, present, _ = path_positions(history, vehicles, paths, row)
     steps, travelled_m = acceleration.shape[1], way_of(now.speed, acceleration)
     if offset is None:
         wanted = present[:, None] * np.exp(-STEP_S / RETURN_S * np.arange(steps + 1))
@@ -64,23 +64,23 @@ def intent_along(
     if road is None:
         wanted = _smoothed(wanted)
     else:
-        least, most = _bounds(history, who, paths, row, s, travelled_m, road, clear=clear)
+        least, most = _bounds(history, vehicles, paths, row, s, travelled_m, road, clear=clear)
         # Bounding again would let offsets jump by centimetres, and steering follows their second derivative.
         wanted = _smoothed(np.clip(wanted, least, most))
     # the rear axle follows the path
-    wanted = wanted - (REAR_AXLE_SHARE * history.scene.length[who.vehicle])[:, None] * _slope(
+    wanted = wanted - (REAR_AXLE_SHARE * history.scene.length[vehicles.vehicle])[:, None] * _slope(
         wanted, travelled_m
     )
 
     def accelerate(step: int, *_: FloatArray) -> FloatArray:
         return acceleration[:, step]
 
-    return Intent(who=who, paths=paths, row=row, accelerate=accelerate, aside=wanted)
+    return Intent(vehicles=vehicles, paths=paths, row=row, accelerate=accelerate, aside=wanted)
 
 
 def _bounds(
     history: SceneHistory,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     s: FloatArray,
@@ -89,11 +89,11 @@ def _bounds(
     *,
     clear: bool,
 ) -> tuple[FloatArray, FloatArray]:
-    half = history.scene.width[who.vehicle] / 2 + EDGE_MARGIN_M
+    half = history.scene.width[vehicles.vehicle] / 2 + EDGE_MARGIN_M
     least, most = bounds_along(road, paths, row, s, travelled_m, half)
     if not clear:
         return least, most
-    right, left = offsets_beside(history, who, paths, row, s, travelled_m)
+    right, left = offsets_beside(history, vehicles, paths, row, s, travelled_m)
     return _consistent(np.maximum(least, right), np.minimum(most, left))
 
 
@@ -148,12 +148,12 @@ def _consistent(least: FloatArray, most: FloatArray) -> tuple[FloatArray, FloatA
     return np.where(narrow, middle, least), np.where(narrow, middle, most)
 
 
-def plan_freely(history: SceneHistory, who: VehicleIndex, free: FloatArray) -> Plan:
+def plan_freely(history: SceneHistory, vehicles: VehicleIndex, free: FloatArray) -> Plan:
     """Take (n, H, 2) trajectories in the vehicles' frames unchanged, m, with headings along the motion."""
-    step = np.diff(free, axis=1, prepend=np.zeros((len(who), 1, 2)))
+    step = np.diff(free, axis=1, prepend=np.zeros((len(vehicles), 1, 2)))
     moved = np.hypot(step[..., 0], step[..., 1])
     turn = _kept_headings(np.arctan2(step[..., 1], step[..., 0]), moved > STANDING_M)
-    return map_plan(history, who, free[..., 0], free[..., 1], turn, moved / STEP_S)
+    return map_plan(history, vehicles, free[..., 0], free[..., 1], turn, moved / STEP_S)
 
 
 def _kept_headings(turn: FloatArray, moving: BoolArray) -> FloatArray:

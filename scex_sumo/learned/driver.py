@@ -114,101 +114,103 @@ class LearnedDriver:
         return loaded(self.file, self.kind, self.sha256)[1]
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `BatchBehavior.plan`."""
-        paths, row = self._paths(history, road, who)
-        reasons = np.where(self._drives(paths, who), "", OFF_MAP)
+        paths, row = self._paths(history, road, vehicles)
+        reasons = np.where(self._drives(paths, vehicles), "", OFF_MAP)
         usable = np.flatnonzero(reasons == "")
         parts: list[tuple[IntArray, Plan]] = []
         if len(usable):
-            plan, finite = self._drive(history, road, who[usable], paths, row[usable])
+            plan, finite = self._drive(history, road, vehicles[usable], paths, row[usable])
             reasons[usable[~finite]] = NOT_FINITE
             parts.append((usable[finite], plan))
         rest = np.flatnonzero(reasons != "")
         if len(rest) or not parts:
-            parts.append((rest, follow_path(history, road, who[rest])))
+            parts.append((rest, follow_path(history, road, vehicles[rest])))
         return _merged(parts, reasons)
 
-    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent | None:
+    def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Intent | None:
         """Return the drive of these vehicles along their paths; None if some need another plan."""
-        paths, row = self._paths(history, road, who)
-        if self.free or not self._drives(paths, who).all():
+        paths, row = self._paths(history, road, vehicles)
+        if self.free or not self._drives(paths, vehicles).all():
             return None
-        intent, finite = self._intend(history, road, who, paths, row)
+        intent, finite = self._intend(history, road, vehicles, paths, row)
         return intent if finite.all() else None
 
-    def _drives(self, paths: SeedPaths, who: VehicleIndex) -> BoolArray:
-        return np.asarray(paths.on_road[who.vehicle] | self.leaves_map)
+    def _drives(self, paths: SeedPaths, vehicles: VehicleIndex) -> BoolArray:
+        return np.asarray(paths.on_road[vehicles.vehicle] | self.leaves_map)
 
     def predict(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> tuple[PathInputs, Any]:
         """Run the network for n pairs of a vehicle and a path; return its inputs, and `Modes` or `Tokens`."""
         graph = scene_graph(history, road, radius=self.profile.radius)
-        inputs = path_inputs(history, road, who, paths, row, radius=self.profile.radius)
+        inputs = path_inputs(history, road, vehicles, paths, row, radius=self.profile.radius)
         net = self._net
         # Products this small gain nothing from threads, and workers share the cores.
         with _algebra().limit(limits=1):
             if not isinstance(net, GraphImageNet):
                 return inputs, net(graph, inputs)
-            now = history.now[who.future, who.vehicle]
+            now = history.now[vehicles.future, vehicles.vehicle]
             pose = np.stack([now.x, now.y, now.heading], 1)
             first, place = distinct(pose)  # many futures have a vehicle at the same place
             image = image_of(road, net, self.sha256 if self.keeps else "")
             return inputs, net(graph, inputs, image, pose[first], place, self.attention, free=self.free)
 
     def _drive(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> tuple[Plan, BoolArray]:
         """Plan for those of n vehicles with finite outputs; return (n,) which these are, too."""
         if self.free:
-            _, modes = self.predict(history, road, who, paths, row)
-            free = rounded(modes.free[np.arange(len(who)), self._modes(history, road, who, row, modes)])
+            _, modes = self.predict(history, road, vehicles, paths, row)
+            free = rounded(
+                modes.free[np.arange(len(vehicles)), self._modes(history, road, vehicles, row, modes)]
+            )
             finite = _finite(free)
-            return plan_freely(history, who[finite], free[finite]), finite
-        intent, finite = self._intend(history, road, who, paths, row)
+            return plan_freely(history, vehicles[finite], free[finite]), finite
+        intent, finite = self._intend(history, road, vehicles, paths, row)
         return driven(history, [intent])[0], finite
 
     def _intend(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> tuple[Intent, BoolArray]:
         """Return the drive of those of n vehicles with finite outputs, and (n,) which these are."""
-        inputs, modes = self.predict(history, road, who, paths, row)
-        chosen = (np.arange(len(who)), self._modes(history, road, who, row, modes))
+        inputs, modes = self.predict(history, road, vehicles, paths, row)
+        chosen = (np.arange(len(vehicles)), self._modes(history, road, vehicles, row, modes))
         acceleration, offset = rounded(modes.acceleration[chosen]), rounded(modes.offset[chosen])
         if self.profile.mode == "best":
             stays = _stays(inputs, modes, waits=history.step < WAITS_STEPS)
             acceleration = np.where(stays[:, None], STOPPING_MPS2, acceleration)
         finite = _finite(acceleration) & _finite(offset)
         wanted = (acceleration[finite], offset[finite])
-        some = who[finite], paths, row[finite]
+        some = vehicles[finite], paths, row[finite]
         return intent_along(history, *some, *wanted, road=road, clear=self.clear), finite
 
     def path_prior(self, scene: SeedScene, paths: SeedPaths) -> FloatArray | float:
         """Return (P,) numbers to add to the network's logits of paths."""
         return 0.0
 
-    def _paths(self, history: SceneHistory, road: Road, who: VehicleIndex) -> tuple[SeedPaths, IntArray]:
-        paths, row = chosen_paths(history, road, who, _plain(self.profile.path))
+    def _paths(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> tuple[SeedPaths, IntArray]:
+        paths, row = chosen_paths(history, road, vehicles, _plain(self.profile.path))
         if self.profile.path == "likeliest":
             choice = choice_of(history.scene, self, road)
-            row = choice.likeliest[who.vehicle]
+            row = choice.likeliest[vehicles.vehicle]
             if self.profile.mode == "draw":
-                draw = history.route_draw[who.future, who.vehicle]
-                row = paths.first[who.vehicle] + drawn(choice.paths[who.vehicle], draw)
+                draw = history.route_draw[vehicles.future, vehicles.vehicle]
+                row = paths.first[vehicles.vehicle] + drawn(choice.paths[vehicles.vehicle], draw)
         return paths, row
 
     def _modes(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, row: IntArray, modes: Modes
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, row: IntArray, modes: Modes
     ) -> IntArray:
         if self.profile.mode == "draw":
             upper = choice_of(history.scene, self, road).modes[row]
-            draw = history.route_draw[who.future, who.vehicle] * DRAW_DIGITS % 1.0
+            draw = history.route_draw[vehicles.future, vehicles.vehicle] * DRAW_DIGITS % 1.0
             return drawn(upper, draw)
         if self.meta.get("best", "expected") == "likeliest":
             return np.asarray(rounded(modes.logits).argmax(1))
-        return np.zeros(len(who), dtype=np.int64)
+        return np.zeros(len(vehicles), dtype=np.int64)
 
 
 @owner_cache

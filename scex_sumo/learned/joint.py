@@ -62,10 +62,10 @@ class JointDriver(LearnedDriver):
         super().__init__(kind, file, profile, attention=1.0, free=False)
 
     def _drive(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, paths: SeedPaths, row: IntArray
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> tuple[Plan, BoolArray]:
-        """Roll out all vehicles of the futures of `who`; other models' vehicles are predicted, too."""
-        futures, future = np.unique(who.future, return_inverse=True)
+        """Roll out all vehicles of the futures of `vehicles`; other models' vehicles are predicted, too."""
+        futures, future = np.unique(vehicles.future, return_inverse=True)
         count = history.scene.vehicles
         here = history.part(futures)
         everyone = _everyone(here)
@@ -79,7 +79,7 @@ class JointDriver(LearnedDriver):
             k = (again[:, None] * count + np.arange(count)).ravel()
             redrawn, finite[k] = self._roll(part, road, _everyone(part), paths, rows[k], attempt)
             rolled.assign(k, redrawn)
-        mine = future * count + who.vehicle
+        mine = future * count + vehicles.vehicle
         chosen = finite[mine]
         plan = rolled[mine[chosen]]
         return Plan(**vars(plan)), chosen
@@ -95,33 +95,33 @@ class JointDriver(LearnedDriver):
         self,
         history: SceneHistory,
         road: Road,
-        who: VehicleIndex,
+        vehicles: VehicleIndex,
         paths: SeedPaths,
         row: IntArray,
         attempt: int = 0,
     ) -> tuple[States, BoolArray]:
         futures, count, _ = history.states.shape
-        finite, parts = np.ones(len(who), dtype=np.bool_), []
+        finite, parts = np.ones(len(vehicles), dtype=np.bool_), []
         for _ in range(PLAN_STEPS // TOKEN_STEPS):
-            inputs, tokens = self.predict(history, road, who, paths, row)
-            now = history.now[who.future, who.vehicle]
-            arc_length, offset, _ = paths.foot_points(row, now.x, now.y, expected_way(history, who))
+            inputs, tokens = self.predict(history, road, vehicles, paths, row)
+            now = history.now[vehicles.future, vehicles.vehicle]
+            arc_length, offset, _ = paths.foot_points(row, now.x, now.y, expected_way(history, vehicles))
             ahead = _Pairs.join([_ahead(history, inputs), _crossing(history, paths, row, arc_length)])
             # so a plan and the next one draw the same
             salt = FIRST_SALT + REDRAW_SALT * attempt + history.step // TOKEN_STEPS
-            draw = uniforms(history.route_draw[who.future, who.vehicle], 2, salt)
+            draw = uniforms(history.route_draw[vehicles.future, vehicles.vehicle], 2, salt)
             acceleration, sideways = self._chosen(history, draw, tokens, inputs, ahead)
             finite &= np.isfinite(acceleration) & np.isfinite(sideways)
             acceleration[~finite], sideways[~finite] = 0.0, 0.0
             drives = partial(self._driven, history, road, paths=paths)
-            plan = drives(who, row, acceleration, offset, sideways)
+            plan = drives(vehicles, row, acceleration, offset, sideways)
             pairs = _near(history, plan)
             for both in (False, True):
                 k = _yielding(history, plan, pairs, both=both)
                 if not len(k):
                     break
                 acceleration[k], sideways[k] = -SAFE_MPS2, 0.0
-                plan.assign(k, drives(who[k], row[k], acceleration[k], offset[k], sideways[k]))
+                plan.assign(k, drives(vehicles[k], row[k], acceleration[k], offset[k], sideways[k]))
             parts.append(plan)
             states = States.concatenate(
                 [history.states[:, :, TOKEN_STEPS:], plan.map(lambda a: a.reshape(futures, count, -1))], 2
@@ -133,7 +133,7 @@ class JointDriver(LearnedDriver):
         self,
         history: SceneHistory,
         road: Road,
-        who: VehicleIndex,
+        vehicles: VehicleIndex,
         row: IntArray,
         acceleration: FloatArray,
         offset: FloatArray,
@@ -148,7 +148,7 @@ class JointDriver(LearnedDriver):
         later = STEP_S * np.arange(1, TOKEN_STEPS + 1)
         return plan_along(
             history,
-            who,
+            vehicles,
             paths,
             row,
             np.repeat(acceleration[:, None], TOKEN_STEPS, axis=1),
@@ -359,9 +359,9 @@ def _crossing(history: SceneHistory, paths: SeedPaths, row: IntArray, arc_length
     table, shape = _conflicts(paths), (-1, scene.vehicles)
     rows, ways, speeds = row.reshape(shape), arc_length.reshape(shape), np.maximum(history.now.speed, 0.0)
     future, k = np.nonzero((rows[:, table.vehicle] == table.row).all(axis=2))
-    who = table.vehicle[k]
-    speed, half = speeds[future[:, None], who], scene.length[who] / 2
-    at = ways[future[:, None], who]
+    vehicles = table.vehicle[k]
+    speed, half = speeds[future[:, None], vehicles], scene.length[vehicles] / 2
+    at = ways[future[:, None], vehicles]
     room, rest = table.span[k, :, 0] - at - half, table.span[k, :, 1] - at + half
     committed = speed**2 > 2 * SAFE_MPS2 * np.maximum(room, 0.0)
     arrival = np.where(speed > SLOW_MPS, np.maximum(room, 0.0) / np.maximum(speed, SLOW_MPS), np.inf)
@@ -371,7 +371,7 @@ def _crossing(history: SceneHistory, paths: SeedPaths, row: IntArray, arc_length
     waits = ~committed[:, 0] & (committed[:, 1] | later) & (rest[:, 1] > 0)
     behind = room[:, 0] - room[:, 1] - 2 * half[:, 1]  # to the other one's rear where the paths have merged
     follows = np.isinf(rest).all(axis=1) & (room[:, 1] < 0) & (behind > 0)
-    node = future[:, None] * scene.vehicles + who
+    node = future[:, None] * scene.vehicles + vehicles
     return _Pairs(
         follower=node[waits, 0],
         leader=np.where(follows, node[:, 1], -1)[waits],

@@ -64,15 +64,15 @@ class LearnedModel(Driver):
         other.driver.clear = True
         return other
 
-    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent | None:
+    def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Intent | None:
         """Return the drive of these vehicles along their paths; None if some need another plan."""
-        return self.driver.intend(history, road, who)
+        return self.driver.intend(history, road, vehicles)
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `BatchBehavior.plan`."""
-        return self.driver.plan(history, road, who, rng)
+        return self.driver.plan(history, road, vehicles, rng)
 
 
 class GraphPredictor(LearnedModel):
@@ -92,7 +92,7 @@ class JointPredictor(LearnedModel):
 
     name, kind = "joint_predictor", "joint"
 
-    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> None:
+    def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> None:
         """Vehicles move together: there are only plans."""
 
     @cached_property

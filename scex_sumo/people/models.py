@@ -46,13 +46,17 @@ class KeepsWay(Driver):
         self.profile = profile
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `BatchBehavior.plan`."""
-        shown, profile = history.scene.now[who.vehicle], self.profile
-        wait = way_to_wait(history, who, gap_s=profile.gap, braking=profile.braking)
+        shown, profile = history.scene.now[vehicles.vehicle], self.profile
+        wait = way_to_wait(history, vehicles, gap_s=profile.gap, braking=profile.braking)
         return walked(
-            history.now[who.future, who.vehicle], shown.speed, shown.heading, wait, braking=profile.braking
+            history.now[vehicles.future, vehicles.vehicle],
+            shown.speed,
+            shown.heading,
+            wait,
+            braking=profile.braking,
         )
 
 
@@ -79,10 +83,10 @@ class Stops(Driver):
         self.profile = profile
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `BatchBehavior.plan`."""
-        now, nothing = history.now[who.future, who.vehicle], np.zeros(len(who))
+        now, nothing = history.now[vehicles.future, vehicles.vehicle], np.zeros(len(vehicles))
         return walked(now, nothing, now.heading, nothing, braking=self.profile.braking)
 
 
@@ -109,15 +113,15 @@ class StepsOut(Driver):
         self.profile = profile
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `BatchBehavior.plan`."""
-        speed = np.maximum(history.scene.now.speed[who.vehicle], self.profile.speed)
-        free = np.full(len(who), np.inf)
-        return walked(history.now[who.future, who.vehicle], speed, _across(history, who), free)
+        speed = np.maximum(history.scene.now.speed[vehicles.vehicle], self.profile.speed)
+        free = np.full(len(vehicles), np.inf)
+        return walked(history.now[vehicles.future, vehicles.vehicle], speed, _across(history, vehicles), free)
 
 
-def way_to_wait(history: SceneHistory, who: VehicleIndex, *, gap_s: float, braking: float) -> FloatArray:
+def way_to_wait(history: SceneHistory, vehicles: VehicleIndex, *, gap_s: float, braking: float) -> FloatArray:
     """Return the way (n,) to where people wait for a vehicle, m; inf for those that go on.
 
     A person and a vehicle are expected to keep their velocities for 4 s. The person waits if it would then
@@ -126,12 +130,12 @@ def way_to_wait(history: SceneHistory, who: VehicleIndex, *, gap_s: float, braki
     """
     scene = history.scene
     drivers = np.arange(scene.vehicles) if scene.people is None else np.flatnonzero(~scene.people)
-    me, other = history.now[who.future, who.vehicle], history.now[:, drivers][who.future]
-    half = (scene.length[who.vehicle] + scene.width[who.vehicle])[:, None] / 4
+    me, other = history.now[vehicles.future, vehicles.vehicle], history.now[:, drivers][vehicles.future]
+    half = (scene.length[vehicles.vehicle] + scene.width[vehicles.vehicle])[:, None] / 4
     half_length, half_width = scene.length[drivers] / 2 + half, scene.width[drivers] / 2 + half
     ahead, aside = other.ahead_and_left(me.x[:, None], me.y[:, None])
-    speed = scene.now.speed[who.vehicle][:, None]
-    turn = scene.now.heading[who.vehicle][:, None] - other.heading
+    speed = scene.now.speed[vehicles.vehicle][:, None]
+    turn = scene.now.heading[vehicles.vehicle][:, None] - other.heading
     closing, across = speed * np.cos(turn) - other.speed, speed * np.sin(turn)
     reach = half_length + gap_s * np.maximum(other.speed, 0.0)
     enters, meets = np.full((2, *ahead.shape), np.inf)
@@ -180,15 +184,15 @@ def walked(
     return Plan(**vars(replace(now, heading=wrap(heading)).ahead(ways, speeds)))
 
 
-def _across(history: SceneHistory, who: VehicleIndex) -> FloatArray:
+def _across(history: SceneHistory, vehicles: VehicleIndex) -> FloatArray:
     """Return the headings (n,) across the line of the vehicle that comes next; the own one without."""
     scene = history.scene
-    now, others = scene.now[who.vehicle], scene.now
+    now, others = scene.now[vehicles.vehicle], scene.now
     ahead, aside = others[None].ahead_and_left(now.x[:, None], now.y[:, None])
     comes = (ahead > 0) & (np.hypot(ahead, aside) < FAR_M) & (others.speed > STANDING_MPS)
     if scene.people is not None:
         comes &= ~scene.people
     soon = np.where(comes, (ahead + np.abs(aside)) / np.maximum(others.speed, STANDING_MPS), np.inf)
-    next_one, row = np.argmin(soon, axis=1), np.arange(len(who))
+    next_one, row = np.argmin(soon, axis=1), np.arange(len(vehicles))
     towards = others.heading[next_one] - np.sign(aside[row, next_one]) * (np.pi / 2)
     return np.where(np.isfinite(soon[row, next_one]), towards, now.heading)

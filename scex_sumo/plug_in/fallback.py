@@ -63,30 +63,30 @@ class Fallible(Driver):
             next((layer.clear_of_others() for layer in layers(self.inner)), self.inner), self.name
         )
 
-    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent | None:
+    def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Intent | None:
         """Return the drive of a model of this package along paths; None if it may need a fallback."""
         intent: Intent | None = None
         with suppress(Exception):  # `plan` meets it again
-            intent = declared(self.inner).intend(history, road, who)
+            intent = declared(self.inner).intend(history, road, vehicles)
         return intent
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Return the plan with `Plan.fallback` and `Plan.reasons`; see `BatchBehavior.plan`."""
-        plan, reasons, bad = self._ask(history, road, who, rng)
+        plan, reasons, bad = self._ask(history, road, vehicles, rng)
         if bad.any():
-            plan.assign(bad, follow_path(history, road, who[bad]))
+            plan.assign(bad, follow_path(history, road, vehicles[bad]))
         return replace(plan, fallback=np.array([r != "" for r in reasons], bool), reasons=tuple(reasons))
 
     def try_on(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> None:
         """Raise a `ScexError` if the model has no usable plan for any of these vehicles."""
-        plan = self.plan(history, road, who, rng)
-        if len(who) == 0 or plan.fallback is None or not plan.fallback.all():
+        plan = self.plan(history, road, vehicles, rng)
+        if len(vehicles) == 0 or plan.fallback is None or not plan.fallback.all():
             return
-        none = f"no usable plan for any of {len(who)} vehicles of the seed scene"
+        none = f"no usable plan for any of {len(vehicles)} vehicles of the seed scene"
         why = f"{self._short_name()}: {none}: {plan.reasons[0]}"
         if not is_ours(self.inner):
             why += (
@@ -104,29 +104,31 @@ class Fallible(Driver):
         return time_limit(f"the driver {self._short_name()}", MAX_CALL_S + MAX_VEHICLE_S * vehicles)
 
     def _ask(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Answer:
-        if isinstance(self.inner, SingleVehicle) and len(who) > 1:  # plans for one vehicle at a time anyway
-            return self._ask_each(history, road, who, np.arange(len(who)), rng)
-        futures = np.unique(who.future).tolist() if len(who) > 1 else []
+        if (
+            isinstance(self.inner, SingleVehicle) and len(vehicles) > 1
+        ):  # plans for one vehicle at a time anyway
+            return self._ask_each(history, road, vehicles, np.arange(len(vehicles)), rng)
+        futures = np.unique(vehicles.future).tolist() if len(vehicles) > 1 else []
         before = [rng[future].bit_generator.state for future in futures]
         try:
-            with staying(), self._limited(len(who)):
-                planned = self.inner.plan(history, road, who, rng)
-            plan = plan_arrays(planned, len(who))
-            defects = plan_defects(plan, history, who)
+            with staying(), self._limited(len(vehicles)):
+                planned = self.inner.plan(history, road, vehicles, rng)
+            plan = plan_arrays(planned, len(vehicles))
+            defects = plan_defects(plan, history, vehicles)
         except OutOfTimeError:
             raise
         except (Exception, SystemExit) as error:  # of a user's code
-            if len(who) == 1:
+            if len(vehicles) == 1:
                 return _blank(1), [own_error_reason(error)], np.ones(1, dtype=np.bool_)
             for future, state in zip(futures, before, strict=True):
                 rng[future].bit_generator.state = state
-            single = np.arange(len(who))
-            parts = np.unique(who.future, return_inverse=True)[1] if len(futures) > 1 else single
-            return self._ask_each(history, road, who, parts, rng)
-        said = plan.reasons or (BY_ITSELF,) * len(who)
-        fell = np.zeros(len(who), bool) if plan.fallback is None else plan.fallback
+            single = np.arange(len(vehicles))
+            parts = np.unique(vehicles.future, return_inverse=True)[1] if len(futures) > 1 else single
+            return self._ask_each(history, road, vehicles, parts, rng)
+        said = plan.reasons or (BY_ITSELF,) * len(vehicles)
+        fell = np.zeros(len(vehicles), bool) if plan.fallback is None else plan.fallback
         reasons = [d or (s if f else "") for d, s, f in zip(defects, said, fell, strict=True)]
         return plan, reasons, np.array([d != "" for d in defects], bool)
 
@@ -134,16 +136,16 @@ class Fallible(Driver):
         self,
         history: SceneHistory,
         road: Road,
-        who: VehicleIndex,
+        vehicles: VehicleIndex,
         part: IntArray,
         rng: Sequence[np.random.Generator],
     ) -> Answer:
-        count = len(who)
+        count = len(vehicles)
         whole = _blank(count)
         reasons, bad = [""] * count, np.zeros(count, dtype=np.bool_)
         for number in range(int(part.max()) + 1):
             at = np.flatnonzero(part == number)
-            plan, why, bad[at] = self._ask(history, road, who[at], rng)
+            plan, why, bad[at] = self._ask(history, road, vehicles[at], rng)
             whole.assign(at, plan)
             for index, reason in zip(at.tolist(), why, strict=True):
                 reasons[index] = reason
@@ -169,20 +171,20 @@ def plan_arrays(plan: Any, count: int) -> Plan:
     return Plan(**parts, fallback=getattr(plan, "fallback", None), reasons=getattr(plan, "reasons", ()))
 
 
-def plan_defects(plan: Plan, history: SceneHistory, who: VehicleIndex) -> list[str]:
+def plan_defects(plan: Plan, history: SceneHistory, vehicles: VehicleIndex) -> list[str]:
     """Return why each plan is unusable; an empty text for a usable plan.
 
     A plan must be finite, in what a vehicle can do (`RANGES`), and no state more than 5 m from the straight
     continuation of the motion before it. Positions, speed and heading must tell roughly the same motion.
     """
-    reasons = [""] * len(who)
+    reasons = [""] * len(vehicles)
     for key in STATES:
         values, (least, most) = getattr(plan, key), RANGES.get(key, (-np.inf, np.inf))
         finite = np.isfinite(values)
         for row, step in _first(~(finite & (values >= least) & (values <= most)), reasons):
             needs = f"{values[row, step]:g} at step {step + 1}; needs {least:g} to {most:g}"
             reasons[row] = f"plan.{key} is {needs if finite[row, step] else 'not finite'}"
-    off, moved, told = _motion(plan, history, who)
+    off, moved, told = _motion(plan, history, vehicles)
     for row, step in _first(off > JUMP_M, reasons):
         where = "starts" if step == 0 else f"jumps at step {step + 1} to"
         reasons[row] = f"plan {where} {off[row, step]:.1f} m from where the vehicle's motion leads"
@@ -199,9 +201,9 @@ def _first(bad: BoolArray, reasons: Sequence[str]) -> list[tuple[int, int]]:
     return [(row, int(np.argmax(bad[row]))) for row in rows.tolist()]
 
 
-def _motion(plan: Plan, history: SceneHistory, who: VehicleIndex) -> tuple[FloatArray, ...]:
+def _motion(plan: Plan, history: SceneHistory, vehicles: VehicleIndex) -> tuple[FloatArray, ...]:
     """Return deviations (n, H) from the straight motion, and ways ahead (n,) by positions and by speed, m."""
-    now = history.now[who.future, who.vehicle]
+    now = history.now[vehicles.future, vehicles.vehicle]
     step = now.speed * STEP_S
     x = np.concatenate([(now.x - step * np.cos(now.heading))[:, None], now.x[:, None], plan.x], axis=1)
     y = np.concatenate([(now.y - step * np.sin(now.heading))[:, None], now.y[:, None], plan.y], axis=1)

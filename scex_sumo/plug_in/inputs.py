@@ -81,7 +81,7 @@ class Surroundings:
 def predictor_inputs(
     history: SceneHistory,
     road: Road,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     surroundings: Surroundings,
     names: Collection[str] = ARRAYS,
     *,
@@ -101,17 +101,17 @@ def predictor_inputs(
         step: (n,) steps since the seed scene; None for the history's.
     """
     scene = history.scene
-    past = history.states[who.future, who.vehicle]
+    past = history.states[vehicles.future, vehicles.vehicle]
     now = past[:, -1]
     kinds = np.array([vehicle_kind(word) for word in scene.types], dtype=np.int64)
     inputs: dict[str, NDArray[Any]] = {
         "history": seen_from(now, past),
-        "size": np.stack([scene.length, scene.width], axis=-1)[who.vehicle],
-        "kind": kinds[who.vehicle],
+        "size": np.stack([scene.length, scene.width], axis=-1)[vehicles.vehicle],
+        "kind": kinds[vehicles.vehicle],
     }
     if any(name.startswith("neighbour") for name in names):
-        steps = np.full(len(who), history.step) if step is None else step
-        inputs |= _others(history, who, now, surroundings, kinds, steps)
+        steps = np.full(len(vehicles), history.step) if step is None else step
+        inputs |= _others(history, vehicles, now, surroundings, kinds, steps)
     if any(name.startswith("lane") for name in names):
         inputs |= _lanes(road, now, surroundings)
     return {name: inputs[name] for name in names}
@@ -125,7 +125,7 @@ def vehicle_kind(word: str) -> int:
 
 def _others(
     history: SceneHistory,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     now: States,
     surroundings: Surroundings,
     kinds: IntArray,
@@ -133,8 +133,8 @@ def _others(
 ) -> dict[str, NDArray[Any]]:
     scene, states, obstacles = history.scene, history.states, history.scene.obstacles
     size = np.stack([scene.length, scene.width], axis=-1)
-    distance = _apart(now, history.now[who.future])
-    distance[np.arange(len(who)), who.vehicle] = np.inf
+    distance = _apart(now, history.now[vehicles.future])
+    distance[np.arange(len(vehicles)), vehicles.vehicle] = np.inf
     if obstacles is not None:
         # Obstacles are replayed: their past is the recorded one.
         steps = np.minimum(step[:, None] + np.arange(HISTORY_STEPS + 1), obstacles.states.shape[1] - 1)
@@ -144,7 +144,7 @@ def _others(
         size = np.concatenate([size, np.stack([obstacles.length, obstacles.width], axis=-1)])
         kinds = np.concatenate([kinds, [vehicle_kind(word) for word in obstacles.types]])
     nearest, mask = _nearest(distance, surroundings.neighbours, surroundings.radius)
-    past = states[who.future[:, None], np.minimum(nearest, scene.vehicles - 1)]
+    past = states[vehicles.future[:, None], np.minimum(nearest, scene.vehicles - 1)]
     if obstacles is not None:
         row, column = np.nonzero(nearest >= scene.vehicles)
         which = nearest[row, column] - scene.vehicles

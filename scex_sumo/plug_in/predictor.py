@@ -71,11 +71,11 @@ class Predictor:
             raise UsageError(f"predictor {name_of(function)}: rng belongs to one future; leave out batched")
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Predict for all vehicles; see `BatchBehavior.plan`."""
         arrays = predictor_inputs(
-            history, road, who, self.surroundings, [name for name in self.inputs if name in ARRAYS]
+            history, road, vehicles, self.surroundings, [name for name in self.inputs if name in ARRAYS]
         )
         graph: SceneGraph | None = None
         if "graph" in self.inputs:
@@ -83,29 +83,29 @@ class Predictor:
 
             graph = scene_graph(history, road)
         count = history.now.shape[1]
-        calls = self._calls(who)
+        calls = self._calls(vehicles)
         predicted = []
         for at in calls:
-            future = 0 if self.batched else int(who.future[at[0]])
+            future = 0 if self.batched else int(vehicles.future[at[0]])
             given: dict[str, Any] = {name: values[at] for name, values in arrays.items()}
             if graph is not None:
                 given["graph"] = graph if self.batched else graph_of_future(graph, future, count)
             if "node" in self.inputs:
-                given["node"] = (who.future[at] * count if self.batched else 0) + who.vehicle[at]
+                given["node"] = (vehicles.future[at] * count if self.batched else 0) + vehicles.vehicle[at]
             if "rng" in self.inputs:
                 given["rng"] = rng[future]
             predicted.append(trajectories(self.function(**given), len(at)))
-        whole = np.zeros((len(who), PLAN_STEPS, 4))
+        whole = np.zeros((len(vehicles), PLAN_STEPS, 4))
         if calls:
             whole[np.concatenate(calls)] = completed(np.concatenate(predicted))
         x, y, heading, speed = np.moveaxis(whole, -1, 0)
-        return map_plan(history, who, x, y, heading, speed.copy())
+        return map_plan(history, vehicles, x, y, heading, speed.copy())
 
-    def _calls(self, who: VehicleIndex) -> list[IntArray]:
-        if self.batched or len(who) == 0:
-            return [np.arange(len(who))] if len(who) else []
-        order = np.argsort(who.future, kind="stable")
-        return np.split(order, np.flatnonzero(np.diff(who.future[order])) + 1)
+    def _calls(self, vehicles: VehicleIndex) -> list[IntArray]:
+        if self.batched or len(vehicles) == 0:
+            return [np.arange(len(vehicles))] if len(vehicles) else []
+        order = np.argsort(vehicles.future, kind="stable")
+        return np.split(order, np.flatnonzero(np.diff(vehicles.future[order])) + 1)
 
 
 def trajectories(predicted: Any, count: int) -> FloatArray:

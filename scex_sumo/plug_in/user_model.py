@@ -96,13 +96,13 @@ class SingleVehicle:
         self.radius: float | None = getattr(model, "radius", None)
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Ask the model for one vehicle after the other; see `BatchBehavior.plan`."""
         now = history.now
         plans = []
-        alone = {c: history.part(slice(c, c + 1)) for c in np.unique(who.future).tolist()}
-        for c, v in zip(who.future.tolist(), who.vehicle.tolist(), strict=True):
+        alone = {c: history.part(slice(c, c + 1)) for c in np.unique(vehicles.future).tolist()}
+        for c, v in zip(vehicles.future.tolist(), vehicles.vehicle.tolist(), strict=True):
             visible = road
             if self.radius is not None:
                 visible = narrow_road(road, float(now.x[c, v]), float(now.y[c, v]), self.radius)

@@ -91,7 +91,7 @@ class Obeyed:
 
 def obeyed(
     history: SceneHistory,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     traffic: Traffic,
@@ -108,7 +108,7 @@ def obeyed(
     rules = history.scene.rules
     assert rules is not None
     ways = ruled_ways(paths, rules)
-    me = _Drivers(who, row, traffic, manner)
+    me = _Drivers(vehicles, row, traffic, manner)
     gap, opened = _at_lights(me, ways, lit)
     gap = np.minimum(gap, _giving_way(me, ways, traffic, lit))
     gap = np.minimum(gap, _at_crosswalks(me, ways, history))
@@ -118,9 +118,9 @@ def obeyed(
 class _Drivers:
     """n drivers with their places."""
 
-    def __init__(self, who: VehicleIndex, row: IntArray, traffic: Traffic, manner: Manner) -> None:
-        at = who.future, who.vehicle
-        self.who, self.row, self.manner = who, row, manner
+    def __init__(self, vehicles: VehicleIndex, row: IntArray, traffic: Traffic, manner: Manner) -> None:
+        at = vehicles.future, vehicles.vehicle
+        self.vehicles, self.row, self.manner = vehicles, row, manner
         self.front, self.speed = traffic.front[at], traffic.speed[at]
         self.stood = traffic.slowest[at] < manner.stands_mps
         self.brakes = traffic.gained[at] < -GAIN_MPS
@@ -155,7 +155,7 @@ def _spread(first: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
 def _at_lights(me: _Drivers, ways: RuledWays, lit: Lit) -> tuple[FloatArray, FloatArray]:
     """Return the ways (n,) to stop for lights and stop signs, and to the next open line; inf without."""
     driver, entry = _spread(ways.first[me.row], ways.first[me.row + 1] - ways.first[me.row])
-    gap, light = ways.stop[entry] - me.front[driver], (me.who.future[driver], ways.signal[entry])
+    gap, light = ways.stop[entry] - me.front[driver], (me.vehicles.future[driver], ways.signal[entry])
     stands = me.speed[driver] < STANDS_MPS
     ahead = (gap > np.where(stands, -CREPT_M, -PASSED_M)) & (gap < REACH_M)
     needed, since = me.needed(driver, gap), lit.of("since_s", *light)
@@ -182,7 +182,7 @@ def _at_lights(me: _Drivers, ways: RuledWays, lit: Lit) -> tuple[FloatArray, Flo
 def _giving_way(me: _Drivers, ways: RuledWays, traffic: Traffic, lit: Lit) -> FloatArray:
     """Return the ways (n,) to stop for vehicles on passages with priority."""
     driver, pair = _meetings(me, ways, traffic, lit)
-    entry, other, future = ways.own[pair], ways.other[pair], me.who.future[driver]
+    entry, other, future = ways.own[pair], ways.other[pair], me.vehicles.future[driver]
     vehicle, v, gap = ways.vehicle[ways.row[other]], me.speed[driver], _way_to_stop(me, ways, driver, pair)
     front, speed = traffic.front[future, vehicle], traffic.speed[future, vehicle]
     rear, line = traffic.rear[future, vehicle], ways.stop[other] - front
@@ -213,9 +213,9 @@ def _meetings(me: _Drivers, ways: RuledWays, traffic: Traffic, lit: Lit) -> tupl
     driver, pair = _spread(first[me.row], first[me.row + 1] - first[me.row])
     row = ways.row[ways.other[pair]]
     vehicle, gap = ways.vehicle[row], _way_to_stop(me, ways, driver, pair)
-    counts = (gap > -PASSED_M) & (gap < REACH_M) & (vehicle != me.who.vehicle[driver])
-    counts &= traffic.row[me.who.future[driver], vehicle] == row
-    counts &= ~lit.of("free", me.who.future[driver], ways.signal[ways.own[pair]])
+    counts = (gap > -PASSED_M) & (gap < REACH_M) & (vehicle != me.vehicles.vehicle[driver])
+    counts &= traffic.row[me.vehicles.future[driver], vehicle] == row
+    counts &= ~lit.of("free", me.vehicles.future[driver], ways.signal[ways.own[pair]])
     counts &= me.of("priority", driver) != 0
     return driver[counts], pair[counts]
 
@@ -247,7 +247,7 @@ def _goes_first(
     Of two that both stand, the one with the lower number came first.
     """
     stood = me.stood[driver] & (gap < AT_LINE_M)
-    first = np.where(stood == other_stood, me.who.vehicle[driver] < vehicle, stood)
+    first = np.where(stood == other_stood, me.vehicles.vehicle[driver] < vehicle, stood)
     first = np.where(~stood & ~other_stood, gap < line, first)
     return np.asarray(first & (line >= -PASSED_M))
 
@@ -280,7 +280,7 @@ def _at_crosswalks(me: _Drivers, ways: RuledWays, history: SceneHistory) -> Floa
     driver, walk = _spread(first[me.row], first[me.row + 1] - first[me.row])
     gap = walks[walk, 1] - BEFORE_ZONE_M - me.front[driver]
     stops = (
-        used[me.who.future[driver], walks[walk, 3].astype(int)]
+        used[me.vehicles.future[driver], walks[walk, 3].astype(int)]
         & (gap > -PASSED_M)
         & (gap < REACH_M)
         & (me.needed(driver, gap) <= me.of("priority_mps2", driver))

@@ -62,21 +62,21 @@ class RuledDriver(IdmDriver):
         profile = self.profile
         return RuledDriver, profile.path, profile.clearance, profile.obstacle_clearance, profile.radius
 
-    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent:
+    def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Intent:
         """See `DrivesAlong`."""
-        return self.intend_together([self], history, road, [who])[0]
+        return self.intend_together([self], history, road, [vehicles])[0]
 
     @staticmethod
     def intend_together(
         drivers: Sequence[RuledDriver], history: SceneHistory, road: Road, groups: Sequence[VehicleIndex]
     ) -> list[Intent]:
         """See `DrivesAlong`."""
-        who = VehicleIndex(
+        vehicles = VehicleIndex(
             future=np.concatenate([group.future for group in groups]),
             vehicle=np.concatenate([group.vehicle for group in groups]),
         )
         path = drivers[0].profile.path
-        paths, row = chosen_paths(history, road, who, path)
+        paths, row = chosen_paths(history, road, vehicles, path)
         hold: FloatArray | None = None
         arc_length: FloatArray | None = None
         if history.scene.rules is not None:
@@ -84,9 +84,9 @@ class RuledDriver(IdmDriver):
             from scex_sumo.rules.states import straight_traffic
 
             manner, traffic = _manner(drivers, groups), straight_traffic(history, paths)
-            hold = obeyed(history, who, paths, row, traffic, manner, lights(history, paths)).hold
-            arc_length = traffic.arc_length[who.future, who.vehicle] if path == "straight" else None
-        leaders = drivers[0].look(history, who, paths, row, arc_length)
+            hold = obeyed(history, vehicles, paths, row, traffic, manner, lights(history, paths)).hold
+            arc_length = traffic.arc_length[vehicles.future, vehicles.vehicle] if path == "straight" else None
+        leaders = drivers[0].look(history, vehicles, paths, row, arc_length)
         intents, end = [], 0
         for driver, group in zip(drivers, groups, strict=True):
             k = slice(end, end := end + len(group))
@@ -95,7 +95,7 @@ class RuledDriver(IdmDriver):
             if sideways := driver.profile.sideways:
                 from scex_sumo.rules.sideways import offsets
 
-                aside = offsets(history, road, paths, intent.row, intent.who, sideways)
+                aside = offsets(history, road, paths, intent.row, intent.vehicles, sideways)
                 intent = replace(intent, aside=aside)
             intents.append(intent)
         return intents

@@ -21,13 +21,13 @@ LEFT, RIGHT = 1.0, -1.0
 
 
 def offsets(
-    history: SceneHistory, road: Road, paths: SeedPaths, row: IntArray, who: VehicleIndex, kind: str
+    history: SceneHistory, road: Road, paths: SeedPaths, row: IntArray, vehicles: VehicleIndex, kind: str
 ) -> FloatArray:
     """Return (n, 31) wanted offsets from the path, m, left positive: ``cuts_in`` or ``drifts``.
 
     The motion begins at the seed moment, towards the side on which another vehicle is nearest, else left.
     """
-    nearest = _nearest(history.scene)[who.vehicle]
+    nearest = _nearest(history.scene)[vehicles.vehicle]
     time_s = STEP_S * (history.step + np.arange(PLAN_STEPS + 1.0))
     if kind == "drifts":
         side = np.where(nearest[:, 1] < nearest[:, 0], RIGHT, LEFT)

@@ -68,8 +68,8 @@ class Traffic:
 def traffic_on(history: SceneHistory, paths: SeedPaths, row: IntArray) -> Traffic:
     """Return the places of all vehicles on paths (C, V)."""
     future, vehicle = np.indices(row.shape).reshape(2, -1)
-    who, now = VehicleIndex(future=future, vehicle=vehicle), history.now
-    s, _, _ = path_positions(history, who, paths, row.ravel())
+    vehicles, now = VehicleIndex(future=future, vehicle=vehicle), history.now
+    s, _, _ = path_positions(history, vehicles, paths, row.ravel())
     s, half = s.reshape(row.shape), history.scene.length / 2
     return Traffic(
         row=row,

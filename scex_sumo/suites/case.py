@@ -140,11 +140,11 @@ class Script:
         self.states = states
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Return the states of the next steps."""
         steps = history.step + 1 + np.arange(PLAN_STEPS)
-        own = self.states[who.future, who.vehicle]
+        own = self.states[vehicles.future, vehicles.vehicle]
         return Plan(**vars(own[:, np.minimum(steps, own.shape[1] - 1)]))
 
 

@@ -126,8 +126,10 @@ def generators(history: SceneHistory) -> list[np.random.Generator]:
     return [np.random.default_rng(int(c)) for c in history.futures]
 
 
-def plan(model: BatchBehavior, where: Road, history: SceneHistory, who: VehicleIndex | None = None) -> Plan:
-    return model.plan(history, where, every(history) if who is None else who, generators(history))
+def plan(
+    model: BatchBehavior, where: Road, history: SceneHistory, vehicles: VehicleIndex | None = None
+) -> Plan:
+    return model.plan(history, where, every(history) if vehicles is None else vehicles, generators(history))
 
 
 def closed_loop(

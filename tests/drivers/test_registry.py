@@ -139,9 +139,9 @@ class Parked:
         self.steps, self.loud = steps, loud
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        now = history.now[who.future, who.vehicle]
+        now = history.now[vehicles.future, vehicles.vehicle]
         x, y, heading = (np.repeat(a[:, None], self.steps, axis=1) for a in (now.x, now.y, now.heading))
         return Plan(x=x, y=y, heading=heading, speed=np.zeros_like(x))
 
@@ -229,7 +229,7 @@ class FromFile:
         self.path = path
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         raise NotImplementedError
 

@@ -29,11 +29,11 @@ class Parked:
         self.not_for = not_for
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        if (who.vehicle == self.not_for).any() or self.not_for == 99:
+        if (vehicles.vehicle == self.not_for).any() or self.not_for == 99:
             raise LookupError("nowhere to park")
-        now = history.now[who.future, who.vehicle]
+        now = history.now[vehicles.future, vehicles.vehicle]
         x, y, heading = (np.repeat(a[:, None], 30, axis=1) for a in (now.x, now.y, now.heading))
         return Plan(x=x, y=y, heading=heading, speed=np.zeros_like(x))
 

@@ -50,9 +50,16 @@ def test_a_driver_looks_away_at_the_same_times_in_any_batch() -> None:
     assert np.array_equal(many[7, 100:130], one[0])
 
 
-def view_of(history: SceneHistory, where: Road, who: VehicleIndex) -> View:
-    paths, row = chosen_paths(history, where, who, "straight")
-    return View(history=history, who=who, paths=paths, row=row, s=np.full(len(who), BEHIND_M), human=HUMAN)
+def view_of(history: SceneHistory, where: Road, vehicles: VehicleIndex) -> View:
+    paths, row = chosen_paths(history, where, vehicles, "straight")
+    return View(
+        history=history,
+        vehicles=vehicles,
+        paths=paths,
+        row=row,
+        s=np.full(len(vehicles), BEHIND_M),
+        human=HUMAN,
+    )
 
 
 def closing(gap_m: float, speed: float, leader: float) -> SeedScene:
@@ -107,9 +114,9 @@ def test_drivers_brake_for_a_vehicle_that_their_planned_way_touches() -> None:
     history, time = roads.present(scene), 0.1 * np.arange(1, 31)
     x, y = 100.0 + 10.0 * time, 3.2 * np.minimum(time / 2.0, 1.0)
     way = Plan(x=x[None], y=y[None], heading=np.zeros((1, 30)), speed=np.full((1, 30), 10.0))
-    who = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    vehicles = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
     aware = np.ones((1, 30), dtype=bool)
-    made = yielding(way, history, roads.straight(), who, HUMAN, aware)
+    made = yielding(way, history, roads.straight(), vehicles, HUMAN, aware)
     other = 108.0 + 6.0 * time
     beside = np.abs(made.y[0] - 3.2) < 1.8
     assert (made.x[0] + 4.5 < other)[beside].all()
@@ -120,9 +127,9 @@ def test_the_front_of_a_long_vehicle_stays_clear_and_its_rear_axle_follows() -> 
     # A truck at 3 m/s that wants to drift 0.8 m to the left; a vehicle as long is 0.6 m beside it.
     scene = roads.scene_of((100.0, 0.0, 0.0, 3.0), (100.0, 2.4, 0.0, 3.0), length=12.0)
     history = roads.present(scene)
-    who = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    vehicles = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
     wanted = 0.8 * np.linspace(0.0, 1.0, 31)[None]
-    kept = kept_clear(wanted, view_of(history, roads.straight(), who))[0]
+    kept = kept_clear(wanted, view_of(history, roads.straight(), vehicles))[0]
     front = kept[:-1] + 9.6 * np.diff(kept) / 0.3
     assert front.max() < 0.16  # half of the room beyond 0.3 m
     assert 0.03 < kept[-1] < kept[-1] + 0.3 < wanted[0, -1]
@@ -219,6 +226,6 @@ def test_nobody_brakes_for_a_crossing_vehicle_that_leaves_in_time() -> None:
 def test_a_crossing_vehicle_is_a_leader_only_as_long_as_it_is_in_the_way(speed: float, follows: bool) -> None:
     scene = roads.scene_of((110.0, 0.0, 0.0, 12.0), (150.0, 0.0, np.pi / 2, speed))
     history = roads.present(scene)
-    who = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
-    leaders = leaders_of(view_of(history, CROSS, who), np.zeros(1))
+    vehicles = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
+    leaders = leaders_of(view_of(history, CROSS, vehicles), np.zeros(1))
     assert (leaders.index[0] == 1) == follows

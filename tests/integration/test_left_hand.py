@@ -73,10 +73,10 @@ def test_a_driver_of_the_user_s_sees_the_map_as_it_is(
 
     @scex_sumo.behavior("looks")
     class Looks:
-        def plan(self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Any) -> Plan:
+        def plan(self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Any) -> Plan:
             seen.append((road.left_hand, float(history.scene.now.y.mean())))
-            rest = np.repeat(history.now.x[who.future, who.vehicle][:, None], 30, axis=1)
-            y = np.repeat(history.now.y[who.future, who.vehicle][:, None], 30, axis=1)
+            rest = np.repeat(history.now.x[vehicles.future, vehicles.vehicle][:, None], 30, axis=1)
+            y = np.repeat(history.now.y[vehicles.future, vehicles.vehicle][:, None], 30, axis=1)
             return Plan(x=rest, y=y, heading=np.zeros_like(rest), speed=np.zeros_like(rest))
 
     image = mirrored_scene(scene)

@@ -35,8 +35,8 @@ def drawn(kind: str, scene: SeedScene, road: Road, sizes: Architecture, *, loud:
         if ".norm." in name and name.endswith("weight"):
             state[name] += 1.0
     history = roads.present(scene)
-    who, graph = roads.every(history), scene_graph(history, road)
-    inputs = path_inputs(history, road, who, *chosen_paths(history, road, who, "straight"))
+    vehicles, graph = roads.every(history), scene_graph(history, road)
+    inputs = path_inputs(history, road, vehicles, *chosen_paths(history, road, vehicles, "straight"))
     fit(state, "scene.node_scale", graph.node)
     fit(state, "scene.history_scale", graph.history.reshape(len(graph.history), -1))
     fit(state, "scene.edge_scale", graph.edge)

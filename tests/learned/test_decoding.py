@@ -33,11 +33,11 @@ def along(
     clear: bool = False,
 ) -> Plan:
     history = scene if isinstance(scene, SceneHistory) else roads.present(scene)
-    who = roads.every(history)
-    paths, row = chosen_paths(history, road, who, "straight")
-    rows = np.broadcast_to(acceleration, (len(who), 30))
-    wanted = None if offset is None else np.broadcast_to(offset, (len(who), 30))
-    return plan_along(history, who, paths, row, rows, wanted, road=road, clear=clear)
+    vehicles = roads.every(history)
+    paths, row = chosen_paths(history, road, vehicles, "straight")
+    rows = np.broadcast_to(acceleration, (len(vehicles), 30))
+    wanted = None if offset is None else np.broadcast_to(offset, (len(vehicles), 30))
+    return plan_along(history, vehicles, paths, row, rows, wanted, road=road, clear=clear)
 
 
 @pytest.mark.parametrize("speed", [8.0, 15.0, 30.0])

@@ -128,10 +128,10 @@ def test_vehicles_off_the_map_are_left_to_the_path_following_driver_and_counted(
 def modes_driven(model: BatchBehavior, history: SceneHistory) -> np.ndarray:
     """(n,) which mode each vehicle drives, as the driver chooses it."""
     assert isinstance(model, GraphPredictor | GraphImagePredictor)
-    who = roads.every(history)
-    paths, row = model.driver._paths(history, ROAD, who)
-    _, modes = model.driver.predict(history, ROAD, who, paths, row)
-    return model.driver._modes(history, ROAD, who, row, modes)
+    vehicles = roads.every(history)
+    paths, row = model.driver._paths(history, ROAD, vehicles)
+    _, modes = model.driver.predict(history, ROAD, vehicles, paths, row)
+    return model.driver._modes(history, ROAD, vehicles, row, modes)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -190,9 +190,9 @@ def test_vehicles_side_by_side_touch_less_often_if_one_yields_or_their_future_is
 @pytest.mark.parametrize(("heading", "counts"), [(-0.3, True), (0.0, False), (0.3, False)])
 def test_a_vehicle_that_comes_into_the_way_counts_as_ahead(heading: float, counts: bool) -> None:
     history = roads.present(roads.scene_of((60.0, 0.0, 0.0, 8.0), (66.0, 3.0, heading, 6.0)))
-    who = roads.every(history)
+    vehicles = roads.every(history)
     inputs = path_inputs(
-        history, roads.straight(), who, *chosen_paths(history, roads.straight(), who, "straight")
+        history, roads.straight(), vehicles, *chosen_paths(history, roads.straight(), vehicles, "straight")
     )
     pairs = _ahead(history, inputs)
     assert list(zip(pairs.follower, pairs.leader, strict=True)) == [(0, 1)] * counts

@@ -56,9 +56,9 @@ def walks_up(vehicle_x: float, person_y: float, drives: float = DRIVES_MPS) -> S
 
 
 def plan_of(scene: SeedScene, model: KeepsWay | Stops | StepsOut | None = None) -> Plan:
-    who = VehicleIndex(future=np.array([0]), vehicle=np.array([1]))
+    vehicles = VehicleIndex(future=np.array([0]), vehicle=np.array([1]))
     road = Road(name="none", lanes={})
-    return (model or KeepsWay(PROFILE)).plan(SceneHistory.of_scene(scene), road, who, [])
+    return (model or KeepsWay(PROFILE)).plan(SceneHistory.of_scene(scene), road, vehicles, [])
 
 
 @pytest.mark.parametrize("person_y", [-3.0, -2.5])

@@ -29,14 +29,14 @@ class Forward:
         self.change = change
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        now = history.now[who.future, who.vehicle]
+        now = history.now[vehicles.future, vehicles.vehicle]
         x, y, heading, speed = (
             np.repeat(a[:, None], 40, axis=1) for a in (now.x, now.y, now.heading, now.speed)
         )
         made = Plan(x=x + speed * 0.1 * np.arange(1, 41), y=y, heading=heading, speed=speed)
-        return made if self.change is None else self.change(made, who)
+        return made if self.change is None else self.change(made, vehicles)
 
 
 def asked(model: Forward, futures: int = 1) -> tuple[Plan, Plan]:
@@ -55,7 +55,7 @@ def test_a_usable_plan_stands_as_it_is() -> None:
 
 
 def test_only_the_vehicle_without_a_finite_plan_falls_back() -> None:
-    def spoil(made: Plan, who: VehicleIndex) -> Plan:
+    def spoil(made: Plan, vehicles: VehicleIndex) -> Plan:
         made.speed[1, 7] = np.nan
         return made
 
@@ -71,7 +71,7 @@ def test_only_the_vehicle_without_a_finite_plan_falls_back() -> None:
     [(0, "plan starts 6.0 m from where the vehicle's motion leads"), (10, "plan jumps at step 11 to 6.0 m")],
 )
 def test_a_plan_that_jumps_falls_back(step: int, words: str) -> None:
-    def spoil(made: Plan, who: VehicleIndex) -> Plan:
+    def spoil(made: Plan, vehicles: VehicleIndex) -> Plan:
         made.y[1, step:] += 6.0
         return made
 
@@ -83,7 +83,7 @@ def test_a_plan_that_jumps_falls_back(step: int, words: str) -> None:
 def keys(**values: float) -> Callable[[Plan, VehicleIndex], Plan]:
     """The plan of the second vehicle with other values throughout."""
 
-    def spoil(made: Plan, who: VehicleIndex) -> Plan:
+    def spoil(made: Plan, vehicles: VehicleIndex) -> Plan:
         for key, value in values.items():
             getattr(made, key)[1] = value
         return made
@@ -110,7 +110,7 @@ def test_a_plan_beyond_what_a_vehicle_can_do_falls_back(
 
 
 def test_turns_beyond_a_whole_one_and_reversing_are_plans() -> None:
-    def backwards(made: Plan, who: VehicleIndex) -> Plan:
+    def backwards(made: Plan, vehicles: VehicleIndex) -> Plan:
         return replace(made, heading=made.heading + 5 * np.pi, speed=-made.speed)
 
     made, _ = asked(Forward(backwards))
@@ -118,7 +118,7 @@ def test_turns_beyond_a_whole_one_and_reversing_are_plans() -> None:
 
 
 def test_the_hardest_stop_that_a_vehicle_can_make_is_no_jump() -> None:
-    def stop(made: Plan, who: VehicleIndex) -> Plan:
+    def stop(made: Plan, vehicles: VehicleIndex) -> Plan:
         made.x[:] = made.x[:, :1]  # from 5 m/s to 0 within one step
         return replace(made, speed=np.zeros_like(made.x))
 
@@ -127,7 +127,7 @@ def test_the_hardest_stop_that_a_vehicle_can_make_is_no_jump() -> None:
 
 
 def test_a_model_that_ends_the_program_does_not() -> None:
-    def leave(made: Plan, who: VehicleIndex) -> Plan:
+    def leave(made: Plan, vehicles: VehicleIndex) -> Plan:
         raise SystemExit(3)
 
     made, path = asked(Forward(leave))
@@ -155,7 +155,7 @@ def test_a_driving_function_that_fails_for_one_vehicle_is_asked_once_for_each() 
 
 def test_a_model_that_fails_for_everybody_is_an_error_before_anything_runs() -> None:
     history = roads.present(TWO)
-    model = Forward(lambda made, who: replace(made, y=made.y[:, :7]))
+    model = Forward(lambda made, vehicles: replace(made, y=made.y[:, :7]))
     with pytest.raises(
         ScexError,
         match=r"^mine: no usable plan for any of 2 vehicles of the seed scene: plan.y has shape \(1, 7\), "

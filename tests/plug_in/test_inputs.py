@@ -61,11 +61,11 @@ def test_pedestrians_are_neighbours_with_their_own_past() -> None:
         present=np.array([[True] * 13 + [False]]),
     )
     history = roads.present(replace(SCENE, obstacles=walked))
-    who = roads.every(history)
+    vehicles = roads.every(history)
 
     def seen(step: int) -> dict[str, np.ndarray]:
         return predictor_inputs(
-            replace(history, step=step), roads.straight(), who, Surroundings(neighbours=3)
+            replace(history, step=step), roads.straight(), vehicles, Surroundings(neighbours=3)
         )
 
     now, later, gone = seen(0), seen(2), seen(3)

@@ -24,10 +24,10 @@ class Straight:
     """Goes straight on."""
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        now = history.now[who.future, who.vehicle]
-        way, whole = 0.1 * now.speed[:, None] * np.arange(1, 31), np.ones((len(who), 30))
+        now = history.now[vehicles.future, vehicles.vehicle]
+        way, whole = 0.1 * now.speed[:, None] * np.arange(1, 31), np.ones((len(vehicles), 30))
         x, y = (v[:, None] + way * f(now.heading)[:, None] for v, f in ((now.x, np.cos), (now.y, np.sin)))
         return Plan(x=x, y=y, heading=now.heading[:, None] * whole, speed=now.speed[:, None] * whole)
 
@@ -36,20 +36,20 @@ class Drawing(Straight):
     """The same, and draws random numbers for nothing."""
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         for generator in rng:
             generator.random(99)
-        return super().plan(history, road, who, rng)
+        return super().plan(history, road, vehicles, rng)
 
 
 class Lost(Straight):
     """Plans nothing that can be used after half a second."""
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        plan = super().plan(history, road, who, rng)
+        plan = super().plan(history, road, vehicles, rng)
         plan.x[:] = np.nan if history.step else plan.x
         return plan
 

@@ -49,7 +49,7 @@ class Ahead(Rows):
 
 def find_leaders(
     history: SceneHistory,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     s_centre: FloatArray,
@@ -73,16 +73,16 @@ def find_leaders(
 
     Example:
         >>> history = scex.SceneHistory.of_scene(scex.read_seed(scex.example_path("roundabout")))
-        >>> who = scex.VehicleIndex(future=np.array([0]), vehicle=np.array([3]))
-        >>> paths, row = scex.chosen_paths(history, history.scene.road, who, "straight")
-        >>> s, _, _ = scex.path_positions(history, who, paths, row)
-        >>> leader = scex.find_leaders(history, who, paths, row, s, radius=80.0)
+        >>> vehicles = scex.VehicleIndex(future=np.array([0]), vehicle=np.array([3]))
+        >>> paths, row = scex.chosen_paths(history, history.scene.road, vehicles, "straight")
+        >>> s, _, _ = scex.path_positions(history, vehicles, paths, row)
+        >>> leader = scex.find_leaders(history, vehicles, paths, row, s, radius=80.0)
         >>> bool(leader.gap[0] > 0)
         True
     """
     ahead = find_ahead(
         history,
-        who,
+        vehicles,
         paths,
         row,
         s_centre,
@@ -90,12 +90,12 @@ def find_leaders(
         radius=radius,
         obstacle_clearance=obstacle_clearance,
     )
-    return ahead.leaders(len(who))
+    return ahead.leaders(len(vehicles))
 
 
 def find_ahead(
     history: SceneHistory,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     s_centre: FloatArray,
@@ -124,7 +124,7 @@ def find_ahead(
         _ahead_of(
             history,
             others,
-            who[k],
+            vehicles[k],
             paths,
             row[k],
             s_centre[k],
@@ -133,7 +133,7 @@ def find_ahead(
             None if aside is None else aside[k],
             margin,
         )
-        for k in (slice(i, i + size) for i in range(0, max(1, len(who)), size))
+        for k in (slice(i, i + size) for i in range(0, max(1, len(vehicles)), size))
     ]
     for number, part in enumerate(parts):
         part.driver[:] += number * size
@@ -143,7 +143,7 @@ def find_ahead(
 def _ahead_of(
     history: SceneHistory,
     others: Everyone,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     s_centre: FloatArray,
@@ -152,12 +152,12 @@ def _ahead_of(
     aside: FloatArray | None,
     margin: float,
 ) -> Ahead:
-    now = history.now[who.future, who.vehicle]
-    length, width = history.scene.length[who.vehicle], history.scene.width[who.vehicle]
-    ox, oy = others.states.x[who.future], others.states.y[who.future]  # (n, M)
+    now = history.now[vehicles.future, vehicles.vehicle]
+    length, width = history.scene.length[vehicles.vehicle], history.scene.width[vehicles.vehicle]
+    ox, oy = others.states.x[vehicles.future], others.states.y[vehicles.future]  # (n, M)
     near = (ox - now.x[:, None]) ** 2 + (oy - now.y[:, None]) ** 2 <= radius**2
-    near &= others.present[who.future]
-    near[np.arange(len(who)), who.vehicle] = False
+    near &= others.present[vehicles.future]
+    near[np.arange(len(vehicles)), vehicles.vehicle] = False
     # Points further than this from every coarse sample count in no case.
     reach = max(
         float(clearance.max(initial=0.0)), float(width.max(initial=0.0)) / 2 + margin + others.longest / 2
@@ -169,12 +169,12 @@ def _ahead_of(
     s, offset, path_heading = paths.refine(row[i], guess, x, y, 3)
     if aside is not None:
         offset = offset - aside[i]
-    turn = others.states.heading[who.future[i], j] - path_heading
+    turn = others.states.heading[vehicles.future[i], j] - path_heading
     cos, sin = np.cos(turn), np.sin(turn)
     half_length, half_width = others.length[j] / 2, others.width[j] / 2
     extent = np.abs(cos) * half_length + np.abs(sin) * half_width
     body = np.abs(offset) - np.abs(sin) * half_length - np.abs(cos) * half_width
-    speed = others.states.speed[who.future[i], j] * cos
+    speed = others.states.speed[vehicles.future[i], j] * cos
     inside = body <= width[i] / 2 + margin
     ahead = s - s_centre[i]
     gap = ahead - extent - length[i] / 2
@@ -183,7 +183,7 @@ def _ahead_of(
         (gap > 0) & ~oncoming, (np.abs(offset) <= clearance[j]) | inside, inside & (ahead > 0)
     )  # fmt: skip
     # Bodies have to pass each other by half of both widths, on the side where it is going.
-    across = others.states.speed[who.future[i], j] * sin
+    across = others.states.speed[vehicles.future[i], j] * sin
     to_go = np.abs(offset) - body + width[i] / 2 - np.sign(across) * offset
     leaves = np.maximum(to_go, 0.0) / np.maximum(np.abs(across), MIN_ACROSS_MPS)
     pairs = Ahead(driver=i, other=j, gap=gap, speed=speed, cos=cos, leaves=leaves)

@@ -52,7 +52,7 @@ def rear_axle(states: States, length: FloatArray) -> tuple[FloatArray, FloatArra
 
 def _present_bend(
     history: SceneHistory,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     s: FloatArray,
@@ -62,9 +62,9 @@ def _present_bend(
 ) -> FloatArray:
     """Return (n,) curvatures of the vehicles' motion minus those of their lines, 1/m."""
     steps = 1 if history.step > 0 else 5
-    length = history.scene.length[who.vehicle]
-    now = history.states[who.future, who.vehicle, -1]
-    before = history.states[who.future, who.vehicle, -1 - steps]
+    length = history.scene.length[vehicles.vehicle]
+    now = history.states[vehicles.future, vehicles.vehicle, -1]
+    before = history.states[vehicles.future, vehicles.vehicle, -1 - steps]
     x, y = rear_axle(now, length)
     px, py = rear_axle(before, length)
     chord = np.sqrt((x - px) ** 2 + (y - py) ** 2)
@@ -81,7 +81,7 @@ def _present_bend(
 
 def drive(
     history: SceneHistory,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     accelerate: Accelerate,
@@ -102,27 +102,28 @@ def drive(
 
     Example:
         >>> history = scex.SceneHistory.of_scene(scex.read_seed(scex.example_path("roundabout")))
-        >>> who = scex.VehicleIndex(future=np.array([0]), vehicle=np.array([3]))
-        >>> paths, row = scex.chosen_paths(history, history.scene.road, who, "straight")
-        >>> plan = scex.drive(history, who, paths, row, lambda step, speed, travelled, s: 0 * speed - 9.0)
+        >>> vehicles = scex.VehicleIndex(future=np.array([0]), vehicle=np.array([3]))
+        >>> paths, row = scex.chosen_paths(history, history.scene.road, vehicles, "straight")
+        >>> braked = lambda step, speed, travelled, s: 0 * speed - 9.0
+        >>> plan = scex.drive(history, vehicles, paths, row, braked)
         >>> plan.x.shape, float(plan.speed[0, -1])
         ((1, 30), 0.0)
     """
-    length = history.scene.length[who.vehicle]
+    length = history.scene.length[vehicles.vehicle]
     if paths.slow_in_curves:
         accelerate = _slowing_for_curves(accelerate, paths, row, REAR_AXLE_SHARE * length)
-    now = history.now[who.future, who.vehicle]
+    now = history.now[vehicles.future, vehicles.vehicle]
     begin = now if start is None else start
     x, y = rear_axle(begin, length)
-    s, _, path_heading = paths.foot_points(row, x, y, expected_way(history, who))
+    s, _, path_heading = paths.foot_points(row, x, y, expected_way(history, vehicles))
     heading = path_heading + wrap(begin.heading - path_heading)
     v = np.maximum(begin.speed, 0.0)
     # The steering angle is known for the present state only.
     there = (begin.x == now.x) & (begin.y == now.y)
     wanted = None if aside is None else np.ascontiguousarray(aside.T)
     beside = wanted[0] if wanted is not None and parallel else None
-    bend = np.where(there, _present_bend(history, who, paths, row, s, path_heading, v, beside), 0.0)
-    s0, out = s, np.empty((4, steps, len(who)))
+    bend = np.where(there, _present_bend(history, vehicles, paths, row, s, path_heading, v, beside), 0.0)
+    s0, out = s, np.empty((4, steps, len(vehicles)))
     for step in range(steps):
         a = accelerate(step, v, s - s0, s)
         following = v + a * STEP_S
@@ -151,7 +152,7 @@ def drive(
 def drive_along(
     history: SceneHistory,
     road: Road,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     path: PathChoice,
     accelerate: Accelerate | None = None,
     *,
@@ -162,8 +163,10 @@ def drive_along(
     Args:
         accelerate: None keeps the speed.
     """
-    paths, row = chosen_paths(history, road, who, path)
-    return drive(history, who, paths, row, accelerate or (lambda _, v, *__: np.zeros_like(v)), start=start)
+    paths, row = chosen_paths(history, road, vehicles, path)
+    return drive(
+        history, vehicles, paths, row, accelerate or (lambda _, v, *__: np.zeros_like(v)), start=start
+    )
 
 
 def _along_arc(
@@ -268,22 +271,22 @@ def _slowing_for_curves(
     return limited
 
 
-def own_motion(history: SceneHistory, who: VehicleIndex) -> FloatArray:
+def own_motion(history: SceneHistory, vehicles: VehicleIndex) -> FloatArray:
     """Return (n, 45) index and last second of each vehicle."""
-    past = history.states[who.future, who.vehicle]
-    return np.concatenate([who.vehicle[:, None], past.x, past.y, past.heading, past.speed], axis=1)
+    past = history.states[vehicles.future, vehicles.vehicle]
+    return np.concatenate([vehicles.vehicle[:, None], past.x, past.y, past.heading, past.speed], axis=1)
 
 
 def map_plan(
     history: SceneHistory,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     x: FloatArray,
     y: FloatArray,
     heading: FloatArray,
     speed: FloatArray,
 ) -> Plan:
     """Transform (n, H) trajectories from the vehicles' present frames to the map."""
-    now = history.now[who.future, who.vehicle].map(lambda values: values[:, None])
+    now = history.now[vehicles.future, vehicles.vehicle].map(lambda values: values[:, None])
     cos, sin = np.cos(now.heading), np.sin(now.heading)
     return Plan(
         x=now.x + cos * x - sin * y,
@@ -309,7 +312,7 @@ def handed_out(plan: Plan, kind: IntArray) -> Plan:
 class Intent:
     """Arguments of `drive` for n distinct situations; ``aside`` as there."""
 
-    who: VehicleIndex
+    vehicles: VehicleIndex
     paths: SeedPaths
     row: IntArray
     accelerate: Accelerate
@@ -340,13 +343,13 @@ class DrivesAlong(Driver, ABC):
         return None if self.profile.path == "random" else self.sees
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `BatchBehavior.plan`."""
-        return driven(history, [self.intend(history, road, who)])[0]
+        return driven(history, [self.intend(history, road, vehicles)])[0]
 
     @abstractmethod
-    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent:
+    def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Intent:
         """Return the drive of these vehicles."""
 
     @property
@@ -359,7 +362,9 @@ class DrivesAlong(Driver, ABC):
         drivers: Sequence[Any], history: SceneHistory, road: Road, groups: Sequence[VehicleIndex]
     ) -> list[Intent]:
         """Return the intents of drivers with one key, each for its vehicles."""
-        return [driver.intend(history, road, who) for driver, who in zip(drivers, groups, strict=True)]
+        return [
+            driver.intend(history, road, vehicles) for driver, vehicles in zip(drivers, groups, strict=True)
+        ]
 
 
 def driven(history: SceneHistory, intents: Sequence[Intent], steps: int = PLAN_STEPS) -> list[Plan]:
@@ -376,11 +381,11 @@ def driven(history: SceneHistory, intents: Sequence[Intent], steps: int = PLAN_S
 def _side_by_side(
     history: SceneHistory, paths: SeedPaths, intents: Sequence[Intent], steps: int
 ) -> list[Plan]:
-    ends = [0, *accumulate(len(intent.who) for intent in intents)]
+    ends = [0, *accumulate(len(intent.vehicles) for intent in intents)]
     parts = [(intent.accelerate, slice(*part)) for intent, part in zip(intents, pairwise(ends), strict=True)]
-    who = VehicleIndex(
-        future=np.concatenate([intent.who.future for intent in intents]),
-        vehicle=np.concatenate([intent.who.vehicle for intent in intents]),
+    vehicles = VehicleIndex(
+        future=np.concatenate([intent.vehicles.future for intent in intents]),
+        vehicle=np.concatenate([intent.vehicles.vehicle for intent in intents]),
     )
 
     def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
@@ -390,10 +395,10 @@ def _side_by_side(
     if any(intent.aside is not None for intent in intents):
         aside = np.vstack(
             [
-                np.zeros((len(intent.who), PLAN_STEPS + 1)) if intent.aside is None else intent.aside
+                np.zeros((len(intent.vehicles), PLAN_STEPS + 1)) if intent.aside is None else intent.aside
                 for intent in intents
             ]
         )
-    plan = drive(history, who, paths, row, accelerate, steps=steps, aside=aside)
-    kinds = [np.arange(len(intent.who)) if intent.kind is None else intent.kind for intent in intents]
+    plan = drive(history, vehicles, paths, row, accelerate, steps=steps, aside=aside)
+    kinds = [np.arange(len(intent.vehicles)) if intent.kind is None else intent.kind for intent in intents]
     return [handed_out(plan, begin + kind) for begin, kind in zip(ends, kinds, strict=False)]

@@ -86,7 +86,7 @@ class SeedPaths(Paths):
 def chosen_paths(
     history: SceneHistory,
     road: Road,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     path: PathChoice,
     *,
     redraw: Redraw | None = None,
@@ -99,8 +99,8 @@ def chosen_paths(
 
     Example:
         >>> history = scex.SceneHistory.of_scene(scex.read_seed(scex.example_path("roundabout")))
-        >>> who = scex.VehicleIndex(future=np.array([0, 0]), vehicle=np.array([0, 1]))
-        >>> paths, row = scex.chosen_paths(history, history.scene.road, who, "straight")
+        >>> vehicles = scex.VehicleIndex(future=np.array([0, 0]), vehicle=np.array([0, 1]))
+        >>> paths, row = scex.chosen_paths(history, history.scene.road, vehicles, "straight")
         >>> row.shape, len(paths.lanes) >= history.scene.vehicles
         ((2,), True)
     """
@@ -109,7 +109,7 @@ def chosen_paths(
     further = max(0, ceil((history.step * STEP_S - 3.0) / LONGER_S))
     horizon = FIRST_HORIZON_S + LONGER_S * (2 ** further.bit_length() - 1)
     paths = seed_paths(history.scene, road, horizon, redraw)
-    return paths, paths.choose(path, who.vehicle, history.route_draw[who.future, who.vehicle])
+    return paths, paths.choose(path, vehicles.vehicle, history.route_draw[vehicles.future, vehicles.vehicle])
 
 
 @owner_cache
@@ -255,15 +255,15 @@ def planned_lanes(
     return [whole[row] for row in rows]
 
 
-def expected_way(history: SceneHistory, who: VehicleIndex) -> FloatArray:
+def expected_way(history: SceneHistory, vehicles: VehicleIndex) -> FloatArray:
     """Return (n,) rough arc lengths, m, from the mean of first and present speed, to distinguish laps."""
-    first = history.scene.now.speed[who.vehicle]
-    now = history.now.speed[who.future, who.vehicle]
+    first = history.scene.now.speed[vehicles.vehicle]
+    now = history.now.speed[vehicles.future, vehicles.vehicle]
     return BEHIND_M + history.step * STEP_S * (first + now) / 2
 
 
 def path_positions(
-    history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray
+    history: SceneHistory, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return where vehicles are now on rows of paths.
 
@@ -273,14 +273,14 @@ def path_positions(
 
     Example:
         >>> history = scex.SceneHistory.of_scene(scex.read_seed(scex.example_path("roundabout")))
-        >>> who = scex.VehicleIndex(future=np.array([0]), vehicle=np.array([3]))
-        >>> paths, row = scex.chosen_paths(history, history.scene.road, who, "straight")
-        >>> s, offset, heading = scex.path_positions(history, who, paths, row)
+        >>> vehicles = scex.VehicleIndex(future=np.array([0]), vehicle=np.array([3]))
+        >>> paths, row = scex.chosen_paths(history, history.scene.road, vehicles, "straight")
+        >>> s, offset, heading = scex.path_positions(history, vehicles, paths, row)
         >>> s.shape, bool(abs(offset[0]) < 2.0)
         ((1,), True)
     """
-    now = history.now[who.future, who.vehicle]
-    return paths.foot_points(row, now.x, now.y, expected_way(history, who))
+    now = history.now[vehicles.future, vehicles.vehicle]
+    return paths.foot_points(row, now.x, now.y, expected_way(history, vehicles))
 
 
 def nearest_paths(

@@ -179,18 +179,20 @@ class IdmDriver(DrivesAlong):
     sees: ClassVar[Sight] = "everyone"
     profile: IdmProfile
 
-    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent:
+    def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Intent:
         """See `DrivesAlong`."""
-        return self.follow(history, who, *chosen_paths(history, road, who, self.profile.path))
+        return self.follow(history, vehicles, *chosen_paths(history, road, vehicles, self.profile.path))
 
-    def follow(self, history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray) -> Intent:
+    def follow(
+        self, history: SceneHistory, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
+    ) -> Intent:
         """Return the drive along (n,) rows of `paths`."""
-        return self.behind(self.look(history, who, paths, row), history, who, paths, row)
+        return self.behind(self.look(history, vehicles, paths, row), history, vehicles, paths, row)
 
     def look(
         self,
         history: SceneHistory,
-        who: VehicleIndex,
+        vehicles: VehicleIndex,
         paths: SeedPaths,
         row: IntArray,
         arc_length: FloatArray | None = None,
@@ -198,10 +200,10 @@ class IdmDriver(DrivesAlong):
         """Return the leaders of vehicles on rows of paths; ``arc_length`` (n,): where they are on them, m."""
         profile = self.profile
         if arc_length is None:
-            arc_length, _, _ = path_positions(history, who, paths, row)
+            arc_length, _, _ = path_positions(history, vehicles, paths, row)
         return find_leaders(
             history,
-            who,
+            vehicles,
             paths,
             row,
             arc_length,
@@ -214,7 +216,7 @@ class IdmDriver(DrivesAlong):
         self,
         leaders: Leaders,
         history: SceneHistory,
-        who: VehicleIndex,
+        vehicles: VehicleIndex,
         paths: SeedPaths,
         row: IntArray,
         hold: FloatArray | None = None,
@@ -223,17 +225,17 @@ class IdmDriver(DrivesAlong):
         # Vehicles with the same leader at the same gap drive the same; many futures differ elsewhere only.
         holds = [] if hold is None else [hold]
         situation = np.stack([row, leaders.gap, leaders.speed, *holds], axis=1)
-        first, kind = distinct(np.concatenate([own_motion(history, who), situation], axis=1))
+        first, kind = distinct(np.concatenate([own_motion(history, vehicles), situation], axis=1))
         behind = (leaders.gap[first], leaders.speed[first])
-        accelerate = self._accelerate(history, who[first], paths, row[first], *behind)
+        accelerate = self._accelerate(history, vehicles[first], paths, row[first], *behind)
         if hold is not None:
             accelerate = stopping(accelerate, self.profile, hold[first])
-        return Intent(who=who[first], paths=paths, row=row[first], accelerate=accelerate, kind=kind)
+        return Intent(vehicles=vehicles[first], paths=paths, row=row[first], accelerate=accelerate, kind=kind)
 
     def _accelerate(
         self,
         history: SceneHistory,
-        who: VehicleIndex,
+        vehicles: VehicleIndex,
         paths: SeedPaths,
         row: IntArray,
         leader_gap: FloatArray,
@@ -247,9 +249,9 @@ class IdmDriver(DrivesAlong):
             if profile.curve_acceleration > 0
             else None
         )
-        habit = seed_motion(history, who)
+        habit = seed_motion(history, vehicles)
         # speeds are those at the centre, while the rear axle follows the table
-        ahead = REAR_AXLE_SHARE * history.scene.length[who.vehicle]
+        ahead = REAR_AXLE_SHARE * history.scene.length[vehicles.vehicle]
 
         def at(s: FloatArray) -> IntArray:
             return paths.sample_at(row, s + ahead)
@@ -281,9 +283,9 @@ def stopping(accelerate: Accelerate, profile: IdmProfile, distance_m: FloatArray
     return accelerate_and_stop
 
 
-def seed_motion(history: SceneHistory, who: VehicleIndex) -> tuple[FloatArray, FloatArray]:
+def seed_motion(history: SceneHistory, vehicles: VehicleIndex) -> tuple[FloatArray, FloatArray]:
     """Return (n,) speed in the seed scene, m/s, and mean acceleration over the half second before, m/s²."""
-    speed = history.scene.history.speed[who.vehicle]
+    speed = history.scene.history.speed[vehicles.vehicle]
     acceleration = (speed[:, -1] - speed[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
     return np.maximum(speed[:, -1], 0.0), acceleration
 

@@ -30,14 +30,14 @@ class ConstantVelocityProfile:
 class ConstantVelocity(DrivesAlong):
     """Drives along its path at its speed in the seed scene."""
 
-    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent:
+    def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Intent:
         """See `DrivesAlong`."""
-        paths, row = chosen_paths(history, road, who, self.profile.path)
-        target = np.maximum(history.scene.now.speed[who.vehicle], 0.0)
+        paths, row = chosen_paths(history, road, vehicles, self.profile.path)
+        target = np.maximum(history.scene.now.speed[vehicles.vehicle], 0.0)
         # Zero but for rounding, unless a curve changed the speed before.
         limit = RELEASE_MPS2 if paths.slow_in_curves else np.inf
         return Intent(
-            who=who,
+            vehicles=vehicles,
             paths=paths,
             row=row,
             accelerate=lambda _, v, *__: np.minimum((target - v) / STEP_S, limit),
@@ -59,11 +59,11 @@ class EmergencyBrakeProfile:
 class EmergencyBrake(DrivesAlong):
     """Brakes to a standstill along its path."""
 
-    def intend(self, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent:
+    def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Intent:
         """See `DrivesAlong`."""
-        paths, row = chosen_paths(history, road, who, self.profile.path)
-        braking = np.full(len(who), -self.profile.deceleration)
-        return Intent(who=who, paths=paths, row=row, accelerate=lambda *_: braking)
+        paths, row = chosen_paths(history, road, vehicles, self.profile.path)
+        braking = np.full(len(vehicles), -self.profile.deceleration)
+        return Intent(vehicles=vehicles, paths=paths, row=row, accelerate=lambda *_: braking)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +88,7 @@ class Replay(Driver):
         return None if self.profile.path == "random" else "itself"
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `BatchBehavior.plan`.
 
@@ -102,17 +102,17 @@ class Replay(Driver):
                 "choose other models or a recorded seed"
             )
         # up to the first gap
-        valid = np.cumprod(scene.future_valid, axis=1).sum(axis=1)[who.vehicle]
+        valid = np.cumprod(scene.future_valid, axis=1).sum(axis=1)[vehicles.vehicle]
         left = np.clip(valid - history.step, 0, PLAN_STEPS)  # (n,) recorded steps from now on
-        recorded = scene.future[who.vehicle]
+        recorded = scene.future[vehicles.vehicle]
         last = np.clip(history.step + left - 1, 0, recorded.shape[1] - 1)
-        i = np.arange(len(who))
-        ends = [recorded[i, last], history.now[who.future, who.vehicle]]
+        i = np.arange(len(vehicles))
+        ends = [recorded[i, last], history.now[vehicles.future, vehicles.vehicle]]
         end = States.joined(ends, lambda parts: np.where(left > 0, *parts))
         h = np.arange(PLAN_STEPS)
         planned = recorded[:, np.minimum(history.step + h, recorded.shape[1] - 1)]
         ending = np.flatnonzero(left < PLAN_STEPS)
-        rest = drive_along(history, road, who[ending], self.profile.path, start=end[ending])
+        rest = drive_along(history, road, vehicles[ending], self.profile.path, start=end[ending])
         row, step = np.nonzero(h >= left[ending, None])
         planned.assign((ending[row], step), rest[row, step - left[ending[row]]])
         return Plan(**vars(planned))

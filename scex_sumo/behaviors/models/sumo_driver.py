@@ -74,7 +74,7 @@ class SumoDriver(Driver):
         return None if self.path == "random" else "itself"
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Return the expected path at the present speed, for metrics only."""
-        return drive_along(history, road, who, self.path)
+        return drive_along(history, road, vehicles, self.path)

@@ -200,13 +200,13 @@ def checked_plan(plan: Plan, count: int, steps: int, name: str) -> States:
     return plan[:, :steps]
 
 
-def _replaced(plan: Plan, who: VehicleIndex, batch: Batch, step: int) -> list[Replaced]:
+def _replaced(plan: Plan, vehicles: VehicleIndex, batch: Batch, step: int) -> list[Replaced]:
     if plan.fallback is None:
         return []
     return [
         Replaced(
-            future=int(batch.futures[who.future[row]]),
-            vehicle=int(who.vehicle[row]),
+            future=int(batch.futures[vehicles.future[row]]),
+            vehicle=int(vehicles.vehicle[row]),
             step=step,
             reason=plan.reasons[row] if plan.reasons else BY_ITSELF,
         )

@@ -30,7 +30,7 @@ def plans_of(
     if road.left_hand:
         yield from _mirrored_plans(models, groups, history, road, rng, steps)
         return
-    some = [index for index, who in enumerate(groups) if len(who)]
+    some = [index for index, vehicles in enumerate(groups) if len(vehicles)]
     along = _intents({index: models[index] for index in some}, history, road, groups)
     together = dict(zip(along, driven(history, list(along.values()), steps), strict=True))
     for index in some:
@@ -51,13 +51,13 @@ def _mirrored_plans(
 
     nobody = VehicleIndex(future=np.empty(0, dtype=np.int64), vehicle=np.empty(0, dtype=np.int64))
     own = [is_built_in(model) for model in models]
-    ours = [who if mine else nobody for who, mine in zip(groups, own, strict=True)]
+    ours = [vehicles if mine else nobody for vehicles, mine in zip(groups, own, strict=True)]
     image = mirrored_history(history), mirrored_road(road)
     for index, plan in plans_of(models, ours, *image, rng, steps):
         yield index, mirrored_states(plan)
-    for index, who in enumerate(groups):
-        if len(who) and not own[index]:
-            yield index, plan_once(models[index], history, road, who, rng)
+    for index, vehicles in enumerate(groups):
+        if len(vehicles) and not own[index]:
+            yield index, plan_once(models[index], history, road, vehicles, rng)
 
 
 def _intents(
@@ -81,31 +81,35 @@ def _intents(
     return {index: intents[index] for index in models if index in intents}
 
 
-def _intent(model: BatchBehavior, history: SceneHistory, road: Road, who: VehicleIndex) -> Intent | None:
+def _intent(model: BatchBehavior, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Intent | None:
     """Return the intent of a learned driver along paths, once for equal situations; None for other models."""
     if isinstance(model, DrivesAlong) or sight_of(model) is None:
         return None
-    first, kind = _situations(model, history, who)
-    few, asked, futures = _in_few(history, who[first])
+    first, kind = _situations(model, history, vehicles)
+    few, asked, futures = _in_few(history, vehicles[first])
     intent: Intent | None = declared(model).intend(few, road, asked)
     if intent is None:
         return None
-    here = VehicleIndex(future=futures[intent.who.future], vehicle=intent.who.vehicle)
-    return replace(intent, who=here).of(kind)
+    here = VehicleIndex(future=futures[intent.vehicles.future], vehicle=intent.vehicles.vehicle)
+    return replace(intent, vehicles=here).of(kind)
 
 
-def _situations(model: BatchBehavior, history: SceneHistory, who: VehicleIndex) -> tuple[IntArray, IntArray]:
+def _situations(
+    model: BatchBehavior, history: SceneHistory, vehicles: VehicleIndex
+) -> tuple[IntArray, IntArray]:
     """Return the first vehicle (k,) in each situation, and the situation (n,) of each."""
     if sight_of(model) == "itself":
-        return distinct(own_motion(history, who))
-    return distinct(np.stack([_first_alike(history)[who.future], who.vehicle], axis=1).astype(np.float64))
+        return distinct(own_motion(history, vehicles))
+    return distinct(
+        np.stack([_first_alike(history)[vehicles.future], vehicles.vehicle], axis=1).astype(np.float64)
+    )
 
 
 def plan_once(
     model: BatchBehavior,
     history: SceneHistory,
     road: Road,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     rng: Sequence[np.random.Generator],
 ) -> Plan:
     """Return a model's plan, made once for all vehicles in situations equal to the bit.
@@ -113,20 +117,20 @@ def plan_once(
     All futures begin in one scene, so that the first plans differ by vehicle only.
     """
     sight = sight_of(model)
-    if sight is None or len(who) < 2:
-        return model.plan(history, road, who, rng)
-    first, kind = _situations(model, history, who)
+    if sight is None or len(vehicles) < 2:
+        return model.plan(history, road, vehicles, rng)
+    first, kind = _situations(model, history, vehicles)
     if sight == "itself":
-        return handed_out(model.plan(history, road, who[first], rng), kind)
-    few, asked, futures = _in_few(history, who[first])
+        return handed_out(model.plan(history, road, vehicles[first], rng), kind)
+    few, asked, futures = _in_few(history, vehicles[first])
     return handed_out(model.plan(few, road, asked, [rng[c] for c in futures.tolist()]), kind)
 
 
-def _in_few(history: SceneHistory, who: VehicleIndex) -> tuple[SceneHistory, VehicleIndex, IntArray]:
+def _in_few(history: SceneHistory, vehicles: VehicleIndex) -> tuple[SceneHistory, VehicleIndex, IntArray]:
     """Return one of each of the equal futures, the vehicles there, and (C',) indices of these futures."""
     few, futures = _one_of_each(history)
-    future = np.searchsorted(futures, _first_alike(history)[who.future])
-    return few, VehicleIndex(future=future, vehicle=who.vehicle), futures
+    future = np.searchsorted(futures, _first_alike(history)[vehicles.future])
+    return few, VehicleIndex(future=future, vehicle=vehicles.vehicle), futures
 
 
 @owner_cache

@@ -67,12 +67,12 @@ class _View:
     motion: States  # (C, M, K) expected of the others
     braking: FloatArray  # (C, M) of the others at present, m/s²
     history: SceneHistory
-    who: VehicleIndex
+    vehicles: VehicleIndex
     human: HumanParameters
 
 
 def find_stop_lines(
-    paths: PlannedWays, history: SceneHistory, road: Road, who: VehicleIndex, human: HumanParameters
+    paths: PlannedWays, history: SceneHistory, road: Road, vehicles: VehicleIndex, human: HumanParameters
 ) -> StopLines:
     """Find all stop lines of n vehicles with planned ways.
 
@@ -80,7 +80,13 @@ def find_stop_lines(
     """
     others, motion, braking = expected(history, road)
     view = _View(
-        paths=paths, others=others, motion=motion, braking=braking, history=history, who=who, human=human
+        paths=paths,
+        others=others,
+        motion=motion,
+        braking=braking,
+        history=history,
+        vehicles=vehicles,
+        human=human,
     )
     i, j = _near_pairs(view)
     parts = [
@@ -95,7 +101,7 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     """Return the places where pairs apart first touch, if the other is ahead then."""
     paths, others, scene, steps = view.paths, view.others, view.history.scene, round(SAMPLE_S / STEP_S)
     samples = int(view.human.contact_s / SAMPLE_S) + 1
-    future, vehicle = view.who.future[i], view.who.vehicle[i]
+    future, vehicle = view.vehicles.future[i], view.vehicles.vehicle[i]
     sizes = (
         (scene.length[vehicle], scene.width[vehicle]),
         (others.length[j], others.width[j]),
@@ -147,17 +153,17 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
 
 def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:
     """Return pairs whose motions have overlapping bounds."""
-    paths, others, scene, who = view.paths, view.others, view.history.scene, view.who
-    half = np.sqrt(scene.length**2 + scene.width**2)[who.vehicle] / 2 + view.human.conflict_margin_m
+    paths, others, scene, vehicles = view.paths, view.others, view.history.scene, view.vehicles
+    half = np.sqrt(scene.length**2 + scene.width**2)[vehicles.vehicle] / 2 + view.human.conflict_margin_m
     reach = half[:, None] + np.sqrt(others.length**2 + others.width**2) / 2
-    near = others.present[who.future] & (paths.arc[:, -1] > 0.0)[:, None]
+    near = others.present[vehicles.future] & (paths.arc[:, -1] > 0.0)[:, None]
     for planned, other in ((paths.corner_x, view.motion.x), (paths.corner_y, view.motion.y)):
-        low, high = other.min(axis=2)[who.future], other.max(axis=2)[who.future]
+        low, high = other.min(axis=2)[vehicles.future], other.max(axis=2)[vehicles.future]
         near &= low - reach <= planned.max(axis=1)[:, None]
         near &= high + reach >= planned.min(axis=1)[:, None]
-    near[np.arange(len(who)), who.vehicle] = False
+    near[np.arange(len(vehicles)), vehicles.vehicle] = False
     if view.human.touching_m > 0:
-        near[:, : scene.vehicles] &= (box_distances(scene) >= view.human.touching_m)[who.vehicle]
+        near[:, : scene.vehicles] &= (box_distances(scene) >= view.human.touching_m)[vehicles.vehicle]
     i, j = np.nonzero(near)
     return i, j
 
@@ -176,22 +182,22 @@ class _Blocked:
 
 def _stop_lines_of(view: _View, i: IntArray, j: IntArray) -> StopLines:
     """Return the stop lines of pairs: vehicle i of the n, other j of the M."""
-    paths, others, who, human = view.paths, view.others, view.who, view.human
+    paths, others, vehicles, human = view.paths, view.others, view.vehicles, view.human
     blocked = _blocked(view, i, j)
     some = blocked.inside.any(axis=0)
     i, j = i[some], j[some]
     blocked = _Blocked(**{f.name: getattr(blocked, f.name)[:, some] for f in fields(_Blocked)})
-    v, v_other = paths.states.speed[i, 0], np.maximum(others.states.speed[who.future[i], j], 0.0)
+    v, v_other = paths.states.speed[i, 0], np.maximum(others.states.speed[vehicles.future[i], j], 0.0)
     meeting = _meetings(blocked, v, v_other, human)
     obstacle = others.obstacle[j]
-    yields = _yields(meeting, v, v_other, ~obstacle, j < who.vehicle[i], human)
+    yields = _yields(meeting, v, v_other, ~obstacle, j < vehicles.vehicle[i], human)
     # A vehicle that is through before the other one comes need not wait.
     before = (meeting.enter - human.conflict_margin_s) / STEP_S
     before = np.clip(before, 0, paths.arc.shape[1] - 1).astype(np.int64)
     yields &= (meeting.enter == 0) | (paths.arc[i, before] <= meeting.high)
     k = np.flatnonzero(yields)
     speed, in_front = meeting.speed[k], meeting.enter[k] == 0
-    braking = np.minimum(view.braking[who.future[i], j], human.leader_braking_mps2)[k]
+    braking = np.minimum(view.braking[vehicles.future[i], j], human.leader_braking_mps2)[k]
     braking = np.where(in_front & (speed > 0), braking, 0.0)
     return StopLines(
         row=i[k],
@@ -211,8 +217,8 @@ def _stay_apart(view: _View, i: IntArray, j: IntArray, time_s: FloatArray) -> Bo
 
     A small present margin may shrink a little.
     """
-    others, who, scene = view.others, view.who, view.history.scene
-    future, vehicle = who.future[i], who.vehicle[i]
+    others, vehicles, scene = view.others, view.vehicles, view.history.scene
+    future, vehicle = vehicles.future[i], vehicles.vehicle[i]
     one, two = view.history.now[future, vehicle], others.states[future, j]
     braking = view.braking[future, j]
     t = np.arange(0.0, SAFE_STOP_S + 1e-9, SAFE_STEP_S)
@@ -307,7 +313,7 @@ def _yields(
 def _blocked(view: _View, i: IntArray, j: IntArray) -> _Blocked:
     """Project the others j onto the corridors of the vehicles i."""
     paths, others, human = view.paths, view.others, view.human
-    future, vehicle = view.who.future[i], view.who.vehicle[i]
+    future, vehicle = view.vehicles.future[i], view.vehicles.vehicle[i]
     # Pairs are the last axis, so that operations run along memory.
     motion = view.motion[future, j].map(lambda values: np.ascontiguousarray(values.T))
     s, offset, line_cos, line_sin = onto_ways(paths, i, motion.x, motion.y)

@@ -56,10 +56,10 @@ class PlannedWays:
 
 
 def planned_paths(
-    plan: Plan, history: SceneHistory, who: VehicleIndex, human: HumanParameters
+    plan: Plan, history: SceneHistory, vehicles: VehicleIndex, human: HumanParameters
 ) -> PlannedWays:
     """Arrange plans (n, H) by arc length."""
-    states = States.concatenate([history.now[who.future, who.vehicle][:, None], plan], axis=1)
+    states = States.concatenate([history.now[vehicles.future, vehicles.vehicle][:, None], plan], axis=1)
     states = replace(states, speed=np.maximum(states.speed, 0.0))
     x, y, arc = states.x, states.y, np.zeros(states.shape)
     np.cumsum(np.sqrt(np.diff(x, axis=1) ** 2 + np.diff(y, axis=1) ** 2), axis=1, out=arc[:, 1:])
@@ -155,10 +155,10 @@ def _along_paths(
     """Return x, y, heading (C, V, K) of vehicles along their paths."""
     shape = history.now.shape
     future, vehicle = (a.ravel() for a in np.indices(shape))
-    who = VehicleIndex(future=future, vehicle=vehicle)
-    paths, straight = chosen_paths(history, road, who, "straight")
+    vehicles = VehicleIndex(future=future, vehicle=vehicle)
+    paths, straight = chosen_paths(history, road, vehicles, "straight")
     now = history.now.map(np.ravel)
-    arc_length = expected_way(history, who)
+    arc_length = expected_way(history, vehicles)
     # The rear axle follows the path, as in `drive`.
     length = history.scene.length[vehicle]
     axle_x, axle_y = rear_axle(now, length)

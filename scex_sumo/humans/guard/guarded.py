@@ -36,25 +36,28 @@ class Guarded(Driver):
         return None if sight_of(self.inner) is None else "everyone"
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Return the model's plan, slowed down where necessary."""
-        plan, aware = self.inner.plan(history, road, who, rng), np.ones((len(who), PLAN_STEPS), bool)
+        plan, aware = (
+            self.inner.plan(history, road, vehicles, rng),
+            np.ones((len(vehicles), PLAN_STEPS), bool),
+        )
         human = replace(human_parameters(), creep_gap_m=LAST_GAP_M)
-        return yielding(plan, history, road, who, human, aware) if len(who) else plan
+        return yielding(plan, history, road, vehicles, human, aware) if len(vehicles) else plan
 
 
 def yielding(
     plan: Plan,
     history: SceneHistory,
     road: Road,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     human: HumanParameters,
     aware: BoolArray,
 ) -> Plan:
     """Return plans (n, H) slowed down for conflicts while their drivers are aware of them (n, H)."""
-    paths = planned_paths(plan, history, who, human)
-    lines = find_stop_lines(paths, history, road, who, human).joined_by(_leaping(paths))
+    paths = planned_paths(plan, history, vehicles, human)
+    lines = find_stop_lines(paths, history, road, vehicles, human).joined_by(_leaping(paths))
     if not len(lines.row):
         return plan
     speed, arc, changed = _timed(paths, lines, aware, human)

@@ -59,7 +59,7 @@ class _Boxes(Rows):
 
 def offsets_beside(
     history: SceneHistory,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     s: FloatArray,
@@ -80,14 +80,14 @@ def offsets_beside(
         passing: margin to people, who share nothing, m; None: as to vehicles.
     """
     everybody = everyone(history)
-    now, others = history.now[who.future, who.vehicle], everybody.states[who.future]
+    now, others = history.now[vehicles.future, vehicles.vehicle], everybody.states[vehicles.future]
     near = np.hypot(others.x - now.x[:, None], others.y - now.y[:, None]) < NEAR_M
-    near &= everybody.present[who.future]
-    near[np.arange(len(who)), who.vehicle] = False
+    near &= everybody.present[vehicles.future]
+    near[np.arange(len(vehicles)), vehicles.vehicle] = False
     i, j = np.nonzero(near)
     length, width = everybody.length, everybody.width
-    own = _Boxes.of(paths, row, s, now, length[who.vehicle], width[who.vehicle]).take(i)
-    other = _Boxes.of(paths, row[i], s[i], everybody.states[who.future[i], j], length[j], width[j])
+    own = _Boxes.of(paths, row, s, now, length[vehicles.vehicle], width[vehicles.vehicle]).take(i)
+    other = _Boxes.of(paths, row[i], s[i], everybody.states[vehicles.future[i], j], length[j], width[j])
     t: FloatArray = STEP_S * np.arange(travelled_m.shape[1], dtype=np.float64)
     ahead = (other.s - own.s)[:, None] + other.ahead[:, None] * t - travelled_m[i]
     along, apart = own.along + other.along, np.abs(other.offset - own.offset)

@@ -72,7 +72,7 @@ class View:
     """n vehicles on their paths when they plan."""
 
     history: SceneHistory
-    who: VehicleIndex
+    vehicles: VehicleIndex
     paths: SeedPaths
     row: IntArray  # (n,) path of each vehicle
     s: FloatArray  # (n,) place of its centre on that path, m
@@ -99,10 +99,10 @@ def leaders_of(view: View, aside: FloatArray) -> Leaders:
 
     One that crosses and has left before the driver arrives is no leader.
     """
-    history, who, human = view.history, view.who, view.human
+    history, vehicles, human = view.history, view.vehicles, view.human
     ahead = find_ahead(
         history,
-        who,
+        vehicles,
         view.paths,
         view.row,
         view.s,
@@ -112,10 +112,10 @@ def leaders_of(view: View, aside: FloatArray) -> Leaders:
         aside=aside,
         margin=human.corridor_margin_m,
     )
-    speed = history.now.speed[who.future, who.vehicle][ahead.driver]
+    speed = history.now.speed[vehicles.future, vehicles.vehicle][ahead.driver]
     arrives = np.maximum(ahead.gap, 0.0) / np.maximum(speed, human.standing_mps)
     stays = ahead.leaves + human.clear_s > arrives
-    return ahead.take((ahead.cos >= human.along_cos) | stays).leaders(len(who))
+    return ahead.take((ahead.cos >= human.along_cos) | stays).leaders(len(vehicles))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -221,10 +221,10 @@ def observations_of(scene: SeedScene, paths: SeedPaths, human: HumanParameters) 
     """Observe vehicles along each of their paths."""
     history, vehicle = SceneHistory.of_scene(scene), np.repeat(np.arange(scene.vehicles), paths.count)
     row, shown, idm = np.arange(len(vehicle)), last_second(scene, human), human.idm
-    who = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
+    vehicles = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     now, speed = scene.now[vehicle], shown.speed[vehicle]
     s, _, _ = paths.foot_points(row, now.x, now.y, np.full(len(row), BEHIND_M))
-    view = View(history=history, who=who, paths=paths, row=row, s=s, human=human)
+    view = View(history=history, vehicles=vehicles, paths=paths, row=row, s=s, human=human)
     lateral = _lateral(view)
     leaders = leaders_of(view, lateral[:, 0])
     gap, near = leaders.gap, leaders.gap < human.far_leader_m
@@ -248,7 +248,7 @@ def observations_of(scene: SeedScene, paths: SeedPaths, human: HumanParameters) 
 
 def _mean_features(view: View, leaders: Leaders, gap: FloatArray, near: BoolArray) -> FloatArray:
     """Return (P, 8); see `PathObservations`."""
-    human, shown, vehicle = view.human, view.shown, view.who.vehicle
+    human, shown, vehicle = view.human, view.shown, view.vehicles.vehicle
     there = view.paths.curve_curvature.ravel()[
         view.paths.sample_at(view.row, view.s + human.curve_ahead_s * shown.speed[vehicle])
     ]
@@ -268,14 +268,14 @@ def _mean_features(view: View, leaders: Leaders, gap: FloatArray, near: BoolArra
 
 def _bends(view: View) -> FloatArray:
     """Return (P, 2); see `PathObservations`."""
-    distance_m = view.human.lateral_s * view.shown.speed[view.who.vehicle]
+    distance_m = view.human.lateral_s * view.shown.speed[view.vehicles.vehicle]
     there = np.stack([view.paths.bend_at(view.row, s) for s in (view.s, view.s + distance_m)], axis=1)
     return np.clip(there, -view.human.max_bend, view.human.max_bend)
 
 
 def _room(view: View, after_s: float) -> FloatArray:
     """Return (P, 2) room to the left and right of paths after a time at the present speed, m."""
-    road, distance_m = view.scene.road, after_s * view.shown.speed[view.who.vehicle]
+    road, distance_m = view.scene.road, after_s * view.shown.speed[view.vehicles.vehicle]
     return np.zeros((len(distance_m), 2)) if road is None else room_at(road, view.paths, view.s + distance_m)
 
 
@@ -292,7 +292,7 @@ def braking_for_turns(
 
 
 def _lateral(view: View) -> FloatArray:
-    scene, vehicle, paths, human = view.scene, view.who.vehicle, view.paths, view.human
+    scene, vehicle, paths, human = view.scene, view.vehicles.vehicle, view.paths, view.human
     now, speed = scene.now[vehicle], view.shown.speed[vehicle]
     x, y = rear_axle(now, scene.length[vehicle])
     s, offset, along = paths.foot_points(view.row, x, y, np.full(len(vehicle), BEHIND_M))

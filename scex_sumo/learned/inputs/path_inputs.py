@@ -90,7 +90,7 @@ class PathInputs:
 def path_inputs(
     history: SceneHistory,
     road: Road,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     *,
@@ -107,14 +107,14 @@ def path_inputs(
         row: (n,) path of each; a vehicle may occur with several paths.
         radius: perception radius for leaders, m.
     """
-    now = history.now[who.future, who.vehicle]
-    s, offset, path_heading = paths.foot_points(row, now.x, now.y, expected_way(history, who))
+    now = history.now[vehicles.future, vehicles.vehicle]
+    s, offset, path_heading = paths.foot_points(row, now.x, now.y, expected_way(history, vehicles))
     room = path_room(paths, road)
     left, right = room.at(row, s)
-    half = history.scene.width[who.vehicle] / 2
+    half = history.scene.width[vehicles.vehicle] / 2
     sides = np.maximum(np.column_stack([left, right]) - half[:, None], 0.0)
-    acceleration, yaw_rate = rates(history, who)
-    past = history.states[who.future, who.vehicle]
+    acceleration, yaw_rate = rates(history, vehicles)
+    past = history.states[vehicles.future, vehicles.vehicle]
     here = paths.at(row, s)
     error = wrap(now.heading - path_heading)
     motion = np.column_stack(
@@ -134,19 +134,19 @@ def path_inputs(
             (past.speed < STANDING_MPS).mean(axis=1),
         ]
     )
-    others, leader = _others(history, who, paths, row, s, now.speed, radius)
+    others, leader = _others(history, vehicles, paths, row, s, now.speed, radius)
     features = np.concatenate([motion, _road_ahead(paths, row, s, now, path_heading + error), others], axis=1)
-    first = who.future * history.scene.vehicles  # node of the future's first vehicle
+    first = vehicles.future * history.scene.vehicles  # node of the future's first vehicle
     is_vehicle = (leader >= 0) & (leader < history.scene.vehicles)
     return PathInputs(
-        node=first + who.vehicle, features=features, leader=np.where(is_vehicle, first + leader, -1)
+        node=first + vehicles.vehicle, features=features, leader=np.where(is_vehicle, first + leader, -1)
     )
 
 
-def rates(history: SceneHistory, who: VehicleIndex) -> tuple[FloatArray, FloatArray]:
+def rates(history: SceneHistory, vehicles: VehicleIndex) -> tuple[FloatArray, FloatArray]:
     """Return (n,) accelerations, m/s², and (n,) yaw rates, rad/s, over the last 0.3 s."""
-    now = history.states[who.future, who.vehicle, -1]
-    before = history.states[who.future, who.vehicle, -1 - RATE_STEPS]
+    now = history.states[vehicles.future, vehicles.vehicle, -1]
+    before = history.states[vehicles.future, vehicles.vehicle, -1 - RATE_STEPS]
     duration = RATE_STEPS * STEP_S
     return (now.speed - before.speed) / duration, wrap(now.heading - before.heading) / duration
 
@@ -171,22 +171,22 @@ def _unsteady(speed: FloatArray) -> FloatArray:
 
 def _others(
     history: SceneHistory,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
     s: FloatArray,
     speed: FloatArray,
     radius: float,
 ) -> tuple[FloatArray, IntArray]:
-    ahead = find_ahead(history, who, paths, row, s, clearance=CLEARANCE_M, radius=radius)
-    nearest = ahead.leaders(len(who))
+    ahead = find_ahead(history, vehicles, paths, row, s, clearance=CLEARANCE_M, radius=radius)
+    nearest = ahead.leaders(len(vehicles))
     there = nearest.index >= 0
     gap = np.clip(np.where(there, nearest.gap, FURTHEST_M), -5.0, FURTHEST_M)
     leader_speed = np.where(there, nearest.speed, speed)
     closing = speed - leader_speed
     needed = np.maximum(closing, 0.0) ** 2 / (2 * np.maximum(gap, 1.0))
     vehicle = there & (nearest.index < history.scene.vehicles)
-    past = history.states.speed[who.future, np.where(vehicle, nearest.index, 0)]
+    past = history.states.speed[vehicles.future, np.where(vehicle, nearest.index, 0)]
     trend = np.where(vehicle, past @ TREND, 0.0)
     leader = [there, gap, leader_speed, trend, closing, np.minimum(needed, 20.0)]
     same_way = (ahead.cos > ALONG_COS) & (ahead.other < history.scene.vehicles)

@@ -80,8 +80,10 @@ def _plan(scene: SeedScene, model: str, weights: str | Path) -> Plan:
     assert scene.road is not None
     built = build(parse_models(f"{model}:weights={weights}" if str(weights) else model)[0])
     history = SceneHistory.of_scene(scene)
-    who = VehicleIndex(future=np.zeros(scene.vehicles, dtype=np.int64), vehicle=np.arange(scene.vehicles))
-    return built.plan(history, scene.road, who, [np.random.default_rng(0)])
+    vehicles = VehicleIndex(
+        future=np.zeros(scene.vehicles, dtype=np.int64), vehicle=np.arange(scene.vehicles)
+    )
+    return built.plan(history, scene.road, vehicles, [np.random.default_rng(0)])
 
 
 def _most_different(plans: Sequence[Plan]) -> list[int]:

@@ -25,11 +25,11 @@ def leaders(
 ) -> Leaders:
     scene = roads.scene_of(own, *others, obstacles=obstacles)
     history = roads.present(scene)
-    who = VehicleIndex(future=np.array([0]), vehicle=np.array([0]))
+    vehicles = VehicleIndex(future=np.array([0]), vehicle=np.array([0]))
     paths = seed_paths(scene, roads.straight() if where is None else where)
-    row = paths.choose(0, who.vehicle, np.zeros(1))
+    row = paths.choose(0, vehicles.vehicle, np.zeros(1))
     s, _, _ = paths.foot_points(row, np.array([own[0]]), np.array([own[1]]), np.array([BEHIND_M]))
-    return find_leaders(history, who, paths, row, s, clearance=clearance, radius=radius)
+    return find_leaders(history, vehicles, paths, row, s, clearance=clearance, radius=radius)
 
 
 def gap(*others: roads.Vehicle, **kwargs: object) -> float:

@@ -123,13 +123,13 @@ def test_a_line_beside_a_bend_is_followed(aside: float) -> None:
     where = roads.road(roads.lane(1, roads.arc(20.0, np.pi, step=0.5)))
     x = 20.0 - aside  # left of the bend is nearer to its centre
     scene = roads.scene_of((x, 20.0 + REAR_AXLE_SHARE * LENGTH, np.pi / 2, 6.0))
-    history, who = (
+    history, vehicles = (
         roads.present(scene),
         VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int)),
     )
-    paths, row = chosen_paths(history, where, who, "straight")
+    paths, row = chosen_paths(history, where, vehicles, "straight")
     made = drive(
-        history, who, paths, row, lambda _, v, *__: 0.0 * v, aside=np.full((1, 31), aside), parallel=True
+        history, vehicles, paths, row, lambda _, v, *__: 0.0 * v, aside=np.full((1, 31), aside), parallel=True
     )
     x, y = rear_axle(States(x=made.x[0], y=made.y[0], heading=made.heading[0], speed=made.speed[0]))
     off = np.abs(np.hypot(x, y - 20.0) - (20.0 - aside))[:20].max()

@@ -50,10 +50,10 @@ class Forward:
         self.change = change
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         self.seen.append(history)
-        now = history.now[who.future, who.vehicle]
+        now = history.now[vehicles.future, vehicles.vehicle]
         ahead = now.speed[:, None] * 0.1 * np.arange(1, 31)
 
         def keep(values: np.ndarray) -> np.ndarray:
@@ -148,10 +148,14 @@ def test_no_model_can_change_what_the_others_see() -> None:
 
     class Careless(Forward):
         def plan(
-            self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+            self,
+            history: SceneHistory,
+            road: Road,
+            vehicles: VehicleIndex,
+            rng: Sequence[np.random.Generator],
         ) -> Plan:
             history.states.x[...] -= 100.0
-            return super().plan(history, road, who, rng)
+            return super().plan(history, road, vehicles, rng)
 
     with pytest.raises(ValueError, match="read-only"):
         world, cast = PlainWorld(scene.now.repeat(1)), cast_of(Careless(), scene, 1)

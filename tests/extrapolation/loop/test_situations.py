@@ -34,10 +34,10 @@ def alike() -> SceneHistory:
     return replace(whole, states=whole.states[same])
 
 
-def asked(model: BatchBehavior, whole: SceneHistory, who: VehicleIndex) -> tuple[Plan, Plan]:
+def asked(model: BatchBehavior, whole: SceneHistory, vehicles: VehicleIndex) -> tuple[Plan, Plan]:
     """What the model plans, asked for everybody and asked once for each situation."""
     rng = [np.random.default_rng(c) for c in range(len(whole.futures))]
-    return model.plan(whole, ROAD, who, rng), plan_once(model, whole, ROAD, who, rng)
+    return model.plan(whole, ROAD, vehicles, rng), plan_once(model, whole, ROAD, vehicles, rng)
 
 
 def everybody(whole: SceneHistory) -> VehicleIndex:
@@ -58,8 +58,8 @@ def model(request: pytest.FixtureRequest, tmp_path: Path) -> BatchBehavior:
 @pytest.mark.parametrize("whole", [roads.present(SCENE, 7), alike()], ids=["seed", "alike"])
 def test_plans_are_the_same_to_the_bit(model: BatchBehavior, whole: SceneHistory) -> None:
     some = everybody(whole)
-    for who in (some, VehicleIndex(future=some.future[::3], vehicle=some.vehicle[::3])):
-        each, once = asked(model, whole, who)
+    for vehicles in (some, VehicleIndex(future=some.future[::3], vehicle=some.vehicle[::3])):
+        each, once = asked(model, whole, vehicles)
         for key in ("x", "y", "heading", "speed"):
             np.testing.assert_array_equal(getattr(once, key), getattr(each, key))
         assert once.reasons == each.reasons
@@ -96,10 +96,10 @@ class Counting(ConstantVelocity):
         self.asked: list[int] = []
 
     def plan(
-        self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
-        self.asked.append(len(who))
-        return super().plan(history, road, who, rng)
+        self.asked.append(len(vehicles))
+        return super().plan(history, road, vehicles, rng)
 
 
 def test_a_users_model_is_asked_for_everybody_even_where_it_takes_after_one_of_ours() -> None:

@@ -45,9 +45,9 @@ def hard_braking(scene: SeedScene) -> tuple[int, int]:
         SceneHistory.of_scene(scene),
         np.flatnonzero(scene.future_valid[:, :30].all(axis=1)),
     )
-    who = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
+    vehicles = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     model, now = Replay(ReplayProfile()), scene.now.speed[vehicle]
-    raw, made = (one.plan(history, scene.road, who, []) for one in (model, Guarded(model)))
+    raw, made = (one.plan(history, scene.road, vehicles, []) for one in (model, Guarded(model)))
     smooth = np.abs(np.diff(raw.speed[:, :5], axis=1, prepend=now[:, None])).max(axis=1) < 0.5
     hard = (made.speed[:, 4] - now < -1.5) & (raw.speed[:, 4] - now >= -1.5)
     return int((hard & smooth).sum()), int(smooth.sum())
@@ -144,13 +144,17 @@ def test_one_who_stands_at_a_crossing_waits_until_the_other_has_passed() -> None
         """Goes off at 2 m/s², whoever comes."""
 
         def plan(
-            self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+            self,
+            history: SceneHistory,
+            road: Road,
+            vehicles: VehicleIndex,
+            rng: Sequence[np.random.Generator],
         ) -> Plan:
-            raw = STEADY.plan(history, road, who, rng)
-            now = history.now[who.future, who.vehicle]
+            raw = STEADY.plan(history, road, vehicles, rng)
+            now = history.now[vehicles.future, vehicles.vehicle]
             t = 0.1 * np.arange(1, 31)
             way = now.speed[:, None] * t + t**2
-            go = (who.vehicle == 0)[:, None]
+            go = (vehicles.vehicle == 0)[:, None]
             return replace(
                 raw,
                 x=np.where(go, now.x[:, None] + way, raw.x),
@@ -284,7 +288,11 @@ def test_who_stands_in_for_a_model_that_fails_is_guarded_too() -> None:
         """Never has a plan."""
 
         def plan(
-            self, history: SceneHistory, road: Road, who: VehicleIndex, rng: Sequence[np.random.Generator]
+            self,
+            history: SceneHistory,
+            road: Road,
+            vehicles: VehicleIndex,
+            rng: Sequence[np.random.Generator],
         ) -> Plan:
             raise ValueError("no idea")
 

@@ -19,8 +19,8 @@ from tests.behaviors import roads
 
 def seen(road: Road, scene: SeedScene | SceneHistory) -> PathInputs:
     history = scene if isinstance(scene, SceneHistory) else roads.present(scene)
-    who = roads.every(history)
-    return path_inputs(history, road, who, *chosen_paths(history, road, who, "straight"))
+    vehicles = roads.every(history)
+    return path_inputs(history, road, vehicles, *chosen_paths(history, road, vehicles, "straight"))
 
 
 def column(inputs: PathInputs, name: str, vehicle: int = 0) -> float:

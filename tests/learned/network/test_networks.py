@@ -24,14 +24,14 @@ CLOSE = 1e-9  # float64, a dozen layers
 
 
 def ask(net: Net, history: SceneHistory, road: Road, attention: float = 0.5) -> Modes:
-    who = roads.every(history)
+    vehicles = roads.every(history)
     graph = scene_graph(history, road)
-    inputs = path_inputs(history, road, who, *chosen_paths(history, road, who, "straight"))
+    inputs = path_inputs(history, road, vehicles, *chosen_paths(history, road, vehicles, "straight"))
     if isinstance(net, GraphNet):
         return net(graph, inputs)
     now = history.now
     pose = np.stack([now.x.ravel(), now.y.ravel(), now.heading.ravel()], 1)
-    return net(graph, inputs, image_of(road, net, ""), pose, np.arange(len(who)), attention, free=True)
+    return net(graph, inputs, image_of(road, net, ""), pose, np.arange(len(vehicles)), attention, free=True)
 
 
 def network(kind: str, **numbers: int | bool) -> Net:

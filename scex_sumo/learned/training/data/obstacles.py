@@ -55,14 +55,17 @@ def add_obstacles(
 def _places(
     scene: SeedScene, road: Road, paths: SeedPaths, vehicle: IntArray, row: IntArray, rng: np.random.Generator
 ) -> tuple[States, BoolArray]:
-    history, who = SceneHistory.of_scene(scene), VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
+    history, vehicles = (
+        SceneHistory.of_scene(scene),
+        VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle),
+    )
     own = scene.now[vehicle]
-    s, _, _ = path_positions(history, who, paths, row)
+    s, _, _ = path_positions(history, vehicles, paths, row)
     least, most = BRAKING_MPS2
     braking = least * (most / least) ** rng.random(len(vehicle))
     gap = np.minimum(STOP_GAP_M + own.speed**2 / (2 * braking), MAX_GAP_M)
     at = s + gap + (scene.length[vehicle] + SIZE_M[0]) / 2
-    leader = find_leaders(history, who, paths, row, s, clearance=1.5, radius=150.0)
+    leader = find_leaders(history, vehicles, paths, row, s, clearance=1.5, radius=150.0)
     px, py, _, _, heading, _ = paths.at(row, at)
     place = States(x=px, y=py, heading=heading, speed=np.zeros_like(px))
     free = leader.gap > gap + SIZE_M[0] + STOP_GAP_M
@@ -92,10 +95,12 @@ def _with_standing(scene: SeedScene, place: States) -> SeedScene:
     )
 
 
-def standing_gap(history: SceneHistory, who: VehicleIndex, paths: SeedPaths, row: IntArray) -> FloatArray:
+def standing_gap(
+    history: SceneHistory, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
+) -> FloatArray:
     """Return (n,) m from vehicles to the next one on their paths; inf without one."""
-    s, _, _ = path_positions(history, who, paths, row)
-    return find_leaders(history, who, paths, row, s, clearance=1.5, radius=150.0).gap
+    s, _, _ = path_positions(history, vehicles, paths, row)
+    return find_leaders(history, vehicles, paths, row, s, clearance=1.5, radius=150.0).gap
 
 
 def stopping_way(speed: FloatArray, gap: FloatArray, steps: int) -> FloatArray:

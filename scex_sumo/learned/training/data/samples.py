@@ -122,17 +122,19 @@ def scene_samples(
     row, owner, right = right_paths(paths, usable, recorded[usable], later[usable], valid[usable])
     future = np.repeat(np.arange(futures), len(row))
     vehicle = np.tile(usable[owner], futures)
-    who = VehicleIndex(future=future, vehicle=vehicle)
+    vehicles = VehicleIndex(future=future, vehicle=vehicle)
     rows, takes = np.tile(row, futures), np.tile(right, futures)
     drawn = np.zeros((futures, scene.vehicles))
     seen = states if seen is None else seen
     history = history_at(scene, seen, np.arange(futures), drawn, step=step)
     actual = states[:, :, -1][future, vehicle]
-    gap = None if blocked is None else standing_gap(history, who, paths, rows)
-    goal = _goals(paths, rows, who, history, actual, recorded[vehicle], later[vehicle][:, :PLAN_STEPS], gap)
+    gap = None if blocked is None else standing_gap(history, vehicles, paths, rows)
+    goal = _goals(
+        paths, rows, vehicles, history, actual, recorded[vehicle], later[vehicle][:, :PLAN_STEPS], gap
+    )
     keep = goal.near
-    who = who[keep]
-    inputs = path_inputs(history, road, who, paths, rows[keep])
+    vehicles = vehicles[keep]
+    inputs = path_inputs(history, road, vehicles, paths, rows[keep])
     graph = scene_graph(history, road)
     count = scene.vehicles
     now = history.now
@@ -142,13 +144,13 @@ def scene_samples(
         site=np.full(futures, site),
         nodes=np.full(futures, count),
         edges=np.bincount(graph_of_edge, minlength=futures),
-        pairs=np.bincount(who.future, minlength=futures),
+        pairs=np.bincount(vehicles.future, minlength=futures),
         node=graph.node.astype(np.float32),
         history=graph.history.astype(np.float32),
         pose=np.stack([now.x, now.y, now.heading], -1).reshape(-1, 3),
         edge_index=graph.edge_index[:, order] % count,
         edge=graph.edge[order].astype(np.float32),
-        pair_node=who.vehicle,
+        pair_node=vehicles.vehicle,
         feature=inputs.features.astype(np.float32),
         right=takes[keep],
         s=goal.s[keep].astype(np.float32),
@@ -185,7 +187,7 @@ class _Goals:
 def _goals(
     paths: SeedPaths,
     row: IntArray,
-    who: VehicleIndex,
+    vehicles: VehicleIndex,
     history: SceneHistory,
     actual: States,
     recorded: States,
@@ -193,8 +195,8 @@ def _goals(
     gap: FloatArray | None,
 ) -> _Goals:
     """Return targets of each vehicle along each of its paths."""
-    present = history.now[who.future, who.vehicle]
-    expected = BEHIND_M + history.step * STEP_S * history.scene.now.speed[who.vehicle]
+    present = history.now[vehicles.future, vehicles.vehicle]
+    expected = BEHIND_M + history.step * STEP_S * history.scene.now.speed[vehicles.vehicle]
     s_then, d_then, s_true, d_true = along_paths(paths, row, recorded, future, start_way=expected)
     s_now, d_now, _, _ = along_paths(paths, row, present, present[:, None], start_way=expected)
     heading = paths.at(row, s_now)[4]

@@ -45,10 +45,10 @@ def both(
 ) -> tuple[Modes | Tokens, Modes | Tokens]:
     """What torch and NumPy say of some futures, every third vehicle asked for."""
     history = apart(5)
-    who, graph = roads.every(history)[np.arange(0, 15, 3)], scene_graph(history, ROAD)
-    path = path_inputs(history, ROAD, who, *chosen_paths(history, ROAD, who, "straight"))
-    own, raster = history.now[who.future, who.vehicle], raster_of(ROAD)
-    pose, places = np.stack([own.x, own.y, own.heading], 1), np.arange(len(who))
+    vehicles, graph = roads.every(history)[np.arange(0, 15, 3)], scene_graph(history, ROAD)
+    path = path_inputs(history, ROAD, vehicles, *chosen_paths(history, ROAD, vehicles, "straight"))
+    own, raster = history.now[vehicles.future, vehicles.vehicle], raster_of(ROAD)
+    pose, places = np.stack([own.x, own.y, own.heading], 1), np.arange(len(vehicles))
 
     def tensor(values: np.ndarray) -> torch.Tensor:
         return torch.from_numpy(np.ascontiguousarray(values)).to(kept)
@@ -60,10 +60,10 @@ def both(
     running = RUN[kind](state, sizes)
     if kind == "hybrid":
         image = MapTensors(tensor(raster.values), torch.from_numpy(raster.corner))
-        places = torch.arange(len(who))
+        places = torch.arange(len(vehicles))
         given += (
             ImageBatch((image,), torch.zeros_like(places), torch.from_numpy(pose), places),
-            tensor(np.full(len(who), 0.3)),
+            tensor(np.full(len(vehicles), 0.3)),
         )
     with torch.inference_mode():
         trained = net.to(kept).eval()(*given)
@@ -73,7 +73,7 @@ def both(
     if isinstance(running, GraphNet | JointNet):
         return theirs, running(graph, path)
     return theirs, running(
-        graph, path, image_of(ROAD, running, ""), pose, np.arange(len(who)), 0.3, free=True
+        graph, path, image_of(ROAD, running, ""), pose, np.arange(len(vehicles)), 0.3, free=True
     )
 
 
