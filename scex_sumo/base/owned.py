@@ -33,8 +33,8 @@ def owner_cache(make: Callable[Concatenate[Owner, P], Made]) -> Callable[Concate
         key = (make, *args, *sorted(options.items()))
         if key not in results:
             results[key] = make(owner, *args, **options)
-        made: Made = results[key]
-        return made
+        result: Made = results[key]
+        return result
 
     return cached
 
@@ -57,8 +57,8 @@ def _results_of(owner: Any) -> dict[Any, Any]:
 def recent(known: dict[Key, Made], key: Key, most: int, make: Callable[[], Made]) -> Made:
     """Return the value of a key; the oldest goes where there are ``most``."""
     if key not in known:
-        made = make()
+        result = make()
         while len(known) >= most:
             del known[next(iter(known))]
-        known[key] = made
+        known[key] = result
     return known[key]

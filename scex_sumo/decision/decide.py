@@ -81,10 +81,12 @@ def _decision(kind: str, row: Mapping[str, Any], futures: int) -> Decision:
 
 def _sentence(kind: str, row: Mapping[str, Any], futures: int) -> str:
     where = f"{row['what']}{' on the ring' if row['place'] == PLACES[0] else ''}"
-    told = f"{arrow(row)} ({where}): {row['how'] or row['what']}"
+    sentence = f"{arrow(row)} ({where}): {row['how'] or row['what']}"
     if kind == DISAGREE:
-        told += f"; {round(row['collide'] * futures)} of {futures} human-like futures collide"
+        sentence += f"; {round(row['collide'] * futures)} of {futures} human-like futures collide"
     if kind == DOUBTFUL:
-        told = f"{arrow(row)}: {row['doubt']}"
+        sentence = f"{arrow(row)}: {row['doubt']}"
     limit = f"to test from {one_in(TEST_FROM)} on"
-    return f"{VERDICTS[kind]}: {told}; people collide {once_in(row['probability'])} ({span(row)}; {limit})."
+    return (
+        f"{VERDICTS[kind]}: {sentence}; people collide {once_in(row['probability'])} ({span(row)}; {limit})."
+    )

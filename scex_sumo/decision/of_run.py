@@ -35,8 +35,8 @@ def decide_run(run: Run, scene: SeedScene) -> None:
         driven = human.states(future)[:, LOGGED_HISTORY:].swapaxes(0, 1).repeat(1)
         return with_everybody(scene, driven)[0, HISTORY_STEPS:].swapaxes(0, 1)
 
-    found = conflicts_of(human.table(CONFLICTS))
-    table = pair_table(scene, found, futures=human.futures, states_of=states_of)
+    conflicts = conflicts_of(human.table(CONFLICTS))
+    table = pair_table(scene, conflicts, futures=human.futures, states_of=states_of)
     write_decision(run.folder, table, futures=human.futures)
 
 

@@ -93,13 +93,13 @@ class _Told:
 
     def row(self, at: int, probability: float) -> dict[str, Any]:
         """Return the columns of `PAIRS` that one future tells, but for its place, and both indices."""
-        found = self._conflicts
-        one, two, future = int(found.one[at]), int(found.two[at]), int(found.future[at])
+        conflicts = self._conflicts
+        one, two, future = int(conflicts.one[at]), int(conflicts.two[at]), int(conflicts.future[at])
         axis, first, step = self._axis(at)
         own, other = (one, two) if first else (two, one)
         if self._people[own] and not self._people[other]:  # vehicles respond to people
             own, other = other, own
-        kind = what(self._whole, own, other, float(found.meets_rad[at]), person=bool(self._people[other]))
+        kind = what(self._whole, own, other, float(conflicts.meets_rad[at]), person=bool(self._people[other]))
         if kind in (REAR_END, BESIDE) and axis == "gap" and self._is_ahead(own, other):
             own, other = other, own
         row: dict[str, Any] = {
@@ -111,9 +111,9 @@ class _Told:
             "name": self._names[own],
             "other_name": self._names[other],
             "future": future,
-            "needed_braking": float(found.braking[at]),
-            "time_margin": float(found.margin[at]) if np.isfinite(found.margin[at]) else None,
-            "gap_m": float(found.gap[at]),
+            "needed_braking": float(conflicts.braking[at]),
+            "time_margin": float(conflicts.margin[at]) if np.isfinite(conflicts.margin[at]) else None,
+            "gap_m": float(conflicts.gap[at]),
             "conflict_s": STEP_S * step,
         }
         if probability < TOLD:
@@ -137,16 +137,16 @@ class _Told:
 
     def _axis(self, at: int) -> tuple[str, bool, int]:
         """Return what decides in a row, whether the first vehicle responds, and the step."""
-        found = self._conflicts
+        conflicts = self._conflicts
         braking, margin, gap = self._parts[:, at].tolist()
-        brakes, later = bool(found.brakes_one[at]), bool(found.later_one[at])
-        if found.gap[at] <= 0:
-            return "contact", brakes if found.braking[at] > 0 else later, int(found.gap_step[at])
+        brakes, later = bool(conflicts.brakes_one[at]), bool(conflicts.later_one[at])
+        if conflicts.gap[at] <= 0:
+            return "contact", brakes if conflicts.braking[at] > 0 else later, int(conflicts.gap_step[at])
         if braking >= max(margin, gap):
-            return "braking", brakes, int(found.braking_step[at])
+            return "braking", brakes, int(conflicts.braking_step[at])
         if margin >= gap:
-            return "margin", later, int(found.margin_step[at])
-        return "gap", True, int(found.gap_step[at])
+            return "margin", later, int(conflicts.margin_step[at])
+        return "gap", True, int(conflicts.gap_step[at])
 
     def _of(self, future: int) -> States:
         if future not in self._states:

@@ -161,8 +161,8 @@ def _junctions(nodes: Iterable[Node], lights: Lights, walks: Walks) -> Iterator[
 
 
 def _request(index: int, response: set[int], foes: set[int], size: int) -> str:
-    told = f'response="{_bits(response, size)}" foes="{_bits(foes, size)}"'
-    return f'        <request index="{index}" {told} cont="0"/>'
+    written = f'response="{_bits(response, size)}" foes="{_bits(foes, size)}"'
+    return f'        <request index="{index}" {written} cont="0"/>'
 
 
 def _bits(indices: set[int], count: int) -> str:
@@ -191,17 +191,17 @@ def _type(node: Node, lights: Lights) -> str:
 
 
 def _connections(nodes: Iterable[Node], lights: Lights, walks: Walks) -> Iterator[str]:
-    told: dict[str, list[str]] = {}
+    written: dict[str, list[str]] = {}
     for node in nodes:
         for one, other, span in _conflict_stretches(node):
             stretch = f'startPos="{span[0]:.2f}" endPos="{span[1]:.2f}"'
-            told.setdefault(one.internal.name, []).append(f"        <conflict {_ends(other)} {stretch}/>")
+            written.setdefault(one.internal.name, []).append(f"        <conflict {_ends(other)} {stretch}/>")
     every = [c for node in nodes for c in node.connections]
     for c in every:
         via, light = f' via="{c.internal.name}"', _light(c.internal.name, lights)
         state = ("o" if c.response else "O") if light else c.state
         head = f'    <connection {_ends(c)}{via}{light} dir="{_direction(c.bend)}" state="{state}"'
-        conflicts = told.get(c.internal.name, ())
+        conflicts = written.get(c.internal.name, ())
         yield from [f"{head}>", *conflicts, "    </connection>"] if conflicts else [f"{head}/>"]
     for c in every:
         yield _way(c.internal.edge, c.to_edge, c.to_lane, turn=_direction(c.bend))
@@ -253,8 +253,8 @@ def _unseen(a: Connection, b: Connection, on_a: SampledLine, on_b: SampledLine) 
     if span is None or other is None:
         return None
     crossing = lines_cross(a.internal.shape, b.internal.shape)
-    told = not crossing or opposed(a.internal.shape, b.internal.shape, span, other)
-    return (span, other) if told else None
+    written = not crossing or opposed(a.internal.shape, b.internal.shape, span, other)
+    return (span, other) if written else None
 
 
 def _close(lane: NetLane, other: NetLane, sampled: SampledLine, beside: SampledLine) -> _Span | None:

@@ -214,9 +214,9 @@ class _Pairs(Rows):
     def bound(self, speed: FloatArray, acceleration: FloatArray) -> FloatArray:
         """Return (n,) accelerations up to which vehicles can stop if leaders accelerate as given, m/s²."""
         own, change = speed[self.follower], TOKEN_S * np.where(self.leader < 0, 0, acceleration[self.leader])
-        later = np.maximum(self.speed + change, 0.0)
-        room = self.gap - STANDING_GAP_M + (self.speed + later - own) * TOKEN_S / 2
-        square = (SAFE_MPS2 * TOKEN_S / 2) ** 2 + later**2 + 2 * SAFE_MPS2 * room
+        speed_after = np.maximum(self.speed + change, 0.0)
+        room = self.gap - STANDING_GAP_M + (self.speed + speed_after - own) * TOKEN_S / 2
+        square = (SAFE_MPS2 * TOKEN_S / 2) ** 2 + speed_after**2 + 2 * SAFE_MPS2 * room
         safe = np.sqrt(np.maximum(square, 0.0)) - SAFE_MPS2 * TOKEN_S / 2
         most = np.full(len(speed), np.inf)
         np.minimum.at(most, self.follower, np.where(self.gap > 0, (safe - own) / TOKEN_S, -FALLS_BACK_MPS2))

@@ -144,28 +144,28 @@ def _of_stress(meeting: Meeting) -> PairLine:
 
 def decided_line(run: Run) -> PairLine | None:
     """Return the pair of the verdict, also where its data are doubtful; None without one."""
-    told = run.decision
-    if told is None or told.pair is None or told.future is None:
+    decision = run.decision
+    if decision is None or decision.pair is None or decision.future is None:
         return None
     return PairLine(
         label=_label(run),
-        pair=told.pair,
-        what=told.what or "",
-        how=told.doubt or told.how or "",
-        people=told.probability,
+        pair=decision.pair,
+        what=decision.what or "",
+        how=decision.doubt or decision.how or "",
+        people=decision.probability,
         stress=None,
-        after_s=told.time_s or 0.0,
-        future=told.future,
+        after_s=decision.time_s or 0.0,
+        future=decision.future,
     )
 
 
 def any_cells(run: Run) -> list[str]:
     """Return the line of any pair, under the heads of `PairLine.cells`."""
-    told = [row["probability"] for row in told_pairs(run)]
+    shares = [row["probability"] for row in told_pairs(run)]
     saturated = run.collision.value >= SATURATED and not run.info.get("region")
     many = run.info["seed_scene"]["vehicles"] >= MANY
     hint = "one vehicle: --region TRACK" if saturated and many else ""
-    return ["any", hint, chance(any_of(told)) if told else "–", _collides(run), ""]
+    return ["any", hint, chance(any_of(shares)) if shares else "–", _collides(run), ""]
 
 
 def print_card(run: Run, console: Console) -> None:
@@ -185,11 +185,11 @@ def print_card(run: Run, console: Console) -> None:
 
 def print_closing(run: Run, console: Console) -> None:
     """Print the verdict again, as the last line."""
-    if (told := run.decision) is None:
+    if (decision := run.decision) is None:
         return
-    text = Text(VERDICTS[told.kind].upper(), style=_STYLES[told.kind])
-    if told.pair is not None:
-        text.append(f"  {_label(run)}: {once_in(told.probability)}", style="default")
+    text = Text(VERDICTS[decision.kind].upper(), style=_STYLES[decision.kind])
+    if decision.pair is not None:
+        text.append(f"  {_label(run)}: {once_in(decision.probability)}", style="default")
     console.print(text, soft_wrap=True)
 
 
@@ -207,15 +207,15 @@ def title(run: Run) -> str:
 
 def verdict_lines(run: Run, wide: int) -> list[Text]:
     """Return the verdict, its pair, how often and the limit, in words."""
-    told = run.decision
-    if told is None:
+    decision = run.decision
+    if decision is None:
         return [Text(line) for line in _wrapped(f"stress test: driven as {driven_as(run)}", wide)]
-    word, (first, _, often) = VERDICTS[told.kind].upper(), told.sentence.rstrip(".").partition(_OFTEN)
+    word, (first, _, often) = VERDICTS[decision.kind].upper(), decision.sentence.rstrip(".").partition(_OFTEN)
     lines = _wrapped(f"{word}  {first.partition(': ')[2]}", wide)
     if often:
         short = re.sub(r"( of)? such moments| on(?=\))", "", often).replace("to test from", "test from")
         lines += _wrapped(f"  people collide {short}", wide)
-    return [Text.assemble((word, _STYLES[told.kind]), lines[0][len(word) :]), *map(Text, lines[1:])]
+    return [Text.assemble((word, _STYLES[decision.kind]), lines[0][len(word) :]), *map(Text, lines[1:])]
 
 
 def metric_lines(run: Run, wide: int) -> list[Text]:
@@ -259,11 +259,11 @@ def _doubts(run: Run, wide: int) -> list[Text]:
 
 
 def _label(run: Run) -> str:
-    told = run.decision
-    assert told is not None and told.pair is not None
+    decision = run.decision
+    assert decision is not None and decision.pair is not None
     rows = [*told_pairs(run), *told_pairs(run, doubtful=True)]
-    row = next((row for row in rows if (row["track_id"], row["other_id"]) == told.pair), {"person": None})
-    return arrow({**row, "track_id": told.pair[0], "other_id": told.pair[1]})
+    row = next((row for row in rows if (row["track_id"], row["other_id"]) == decision.pair), {"person": None})
+    return arrow({**row, "track_id": decision.pair[0], "other_id": decision.pair[1]})
 
 
 def _table(run: Run, lines: Sequence[PairLine], total: Sequence[str], wide: int) -> list[Text]:

@@ -85,8 +85,8 @@ def print_line(text: str, console: Console) -> None:
     """Print a sentence; only terminals break it, between words."""
     indent = len(text) - len(text.lstrip())
     wide = console.size.width if console.is_terminal else len(text) + 1
-    told = textwrap.wrap(text, wide, subsequent_indent=" " * (indent + 2), break_on_hyphens=False)
-    console.print(Text("\n".join(told)), soft_wrap=True)
+    wrapped = textwrap.wrap(text, wide, subsequent_indent=" " * (indent + 2), break_on_hyphens=False)
+    console.print(Text("\n".join(wrapped)), soft_wrap=True)
 
 
 def always_critical(run: Run) -> list[str]:

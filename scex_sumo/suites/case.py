@@ -49,7 +49,7 @@ def write_case(
         seed: of the draws.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    scene, told = driven.scene, driven.row_of(row["other_id"])
+    scene, pair = driven.scene, driven.row_of(row["other_id"])
     assert scene.road is not None and scene.road.file is not None
     file = Path(scene.road.file)
     shared = {"map": share(maps, file.name, file.read_bytes())}
@@ -57,7 +57,7 @@ def write_case(
         rules = json.dumps(rules_to_json(scene.rules), allow_nan=False).encode()
         shared["rules"] = share(maps, f"{file.stem}.rules.json", rules)
     write_tracks(folder / SEED, scene)
-    content = case_content(driven, row, told, seed=seed)
+    content = case_content(driven, row, pair, seed=seed)
     content["seed_scene"] |= {what: f"../../{MAPS}/{copied.name}" for what, copied in shared.items()}
     for name, value in ((CASE, content), (TAGS, openlabel_tags(content))):
         write_atomic(folder / name, json.dumps(value, indent=1, allow_nan=False).encode())
@@ -65,7 +65,7 @@ def write_case(
     digests |= {f"../../{MAPS}/{copied.name}": sha256_of(copied) for copied in shared.values()}
     about = {name: content[name] for name in _ABOUT}
     about |= {"probability": row["probability"], "files": digests}
-    return about, write_exports(folder, driven, told, formats)
+    return about, write_exports(folder, driven, pair, formats)
 
 
 def share(folder: Path, name: str, content: bytes) -> Path:
@@ -81,12 +81,12 @@ def share(folder: Path, name: str, content: bytes) -> Path:
 
 
 def case_content(
-    driven: Driven, row: Mapping[str, Any], told: Mapping[str, Any], *, seed: int
+    driven: Driven, row: Mapping[str, Any], pair: Mapping[str, Any], *, seed: int
 ) -> dict[str, Any]:
     """Return the content of ``case.json``.
 
     Args:
-        told: what people come to, a row of `Driven.pairs`.
+        pair: what people come to, a row of `Driven.pairs`.
     """
     scene = driven.scene
     described = describe(scene)
@@ -106,7 +106,7 @@ def case_content(
             "seed": seed,
             "futures": driven.futures,
         },
-        "people": {"probability": row["probability"]} | {name: told[name] for name in _TOLD},
+        "people": {"probability": row["probability"]} | {name: pair[name] for name in _TOLD},
         "lights": [] if scene.rules is None else lights_to_json(scene.rules),
     }
 
@@ -116,17 +116,17 @@ def _plain(source: Mapping[str, Any]) -> dict[str, Any]:
     return {k: Path(v).name if isinstance(v, str) and "/" in v else v for k, v in source.items()}
 
 
-def shown(driven: Driven, told: Mapping[str, Any]) -> dict[str, Any]:
+def shown(driven: Driven, pair: Mapping[str, Any]) -> dict[str, Any]:
     """Return the playing picture of a future: the function's vehicle and the other one, up to a contact.
 
     Args:
-        told: a row of `Driven.pairs`.
+        pair: a row of `Driven.pairs`.
     """
     whole = everybody(driven.scene)
-    both = [driven.index_of(track) for track in (told["track_id"], told["other_id"])]
+    both = [driven.index_of(track) for track in (pair["track_id"], pair["other_id"])]
     other = both[0] if both[1] == driven.vehicle else both[1]
-    states = driven.states[told["future"]]
-    stop = 1 + (round(told["conflict_s"] / STEP_S) if told["gap_m"] == 0 else STEPS)
+    states = driven.states[pair["future"]]
+    stop = 1 + (round(pair["conflict_s"] / STEP_S) if pair["gap_m"] == 0 else STEPS)
     (past, known), until = recorded(whole), HISTORY_STEPS + 1 + STEPS
     motion = states[[other, driven.vehicle], :stop]
     stage = stage_of_motion(whole, (other, driven.vehicle), motion, past[:, :until], known[:, :until])
@@ -148,12 +148,12 @@ class Script:
         return Plan(**vars(own[:, np.minimum(steps, own.shape[1] - 1)]))
 
 
-def write_exports(folder: Path, driven: Driven, told: Mapping[str, Any], formats: Sequence[str]) -> list[str]:
+def write_exports(folder: Path, driven: Driven, pair: Mapping[str, Any], formats: Sequence[str]) -> list[str]:
     """Write files for simulators: futures 0, 1 with people's least and largest P; return notes."""
     if not formats:
         return []
     scene, notes = driven.scene, list[str]()
-    shown = [int(np.argmin(driven.any.each)), int(told["future"])]
+    shown = [int(np.argmin(driven.any.each)), int(pair["future"])]
     script = Script(driven.states[shown][:, : scene.vehicles])
     settings = RunSettings(
         models=[script], futures=2, steps=STEPS, replan=REPLAN, world="plain", metrics="gap"

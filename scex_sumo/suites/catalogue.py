@@ -180,8 +180,8 @@ def _cases(
             out / CASES / row["name"], driven, row, maps=out / MAPS, formats=formats, seed=seed
         )
         notes += missing
-        told = driven.row_of(row["other_id"])
-        yield _WrittenCase(about=about, card=catalogue_card(row, told["how"], shown(driven, told)))
+        pair = driven.row_of(row["other_id"])
+        yield _WrittenCase(about=about, card=catalogue_card(row, pair["how"], shown(driven, pair)))
 
 
 def _info(population: Population, cases: Sequence[_WrittenCase]) -> dict[str, Any]:

@@ -98,7 +98,7 @@ def read_population(folders: Sequence[Path]) -> Population:
     Raises:
         UsageError: one cannot be read, is of an older version, or none has an encounter.
     """
-    found: list[Mapping[str, Any]] = []
+    pairs: list[Mapping[str, Any]] = []
     roots, hours, doubtful, moments = [], 0.0, 0, 0
     for folder in folders:
         info, table, times = _read(folder)
@@ -107,12 +107,12 @@ def read_population(folders: Sequence[Path]) -> Population:
         moments += int(info["seeds"])
         sure = table.filter(pc.is_null(table["doubt"]))
         doubtful += len(table) - len(sure)
-        found += sure.to_pylist()
-    often = {row["conflict"] for row in found if row["probability"] >= RARE}
+        pairs += sure.to_pylist()
+    frequent = {row["conflict"] for row in pairs if row["probability"] >= RARE}
     kept = [
         row
-        for row in found
-        if row["conflict"] and (row["probability"] >= RARE or row["conflict"] not in often)
+        for row in pairs
+        if row["conflict"] and (row["probability"] >= RARE or row["conflict"] not in frequent)
     ]
     if not kept:
         raise UsageError(
@@ -122,7 +122,7 @@ def read_population(folders: Sequence[Path]) -> Population:
         rows=[one for row in kept for one in candidates_of(row)],
         hours=hours,
         encounters=len(kept),
-        rare=len(found) - len(kept),
+        rare=len(pairs) - len(kept),
         doubtful=doubtful,
         roots=roots,
         moments=moments,

@@ -32,11 +32,16 @@ def write_first(run: Run) -> Path:
     It is the human-like future of the pair of the verdict, else the worst pair of the stress test, else a
     future.
     """
-    told, human = run.decision, run.reference
-    if told is not None and human is not None and told.pair is not None and told.future is not None:
-        step = round((told.time_s or 0.0) / STEP_S)
-        words = (told.how or told.what or "").replace("; ", " · ")  # SUMO takes no semicolon
-        return _write(human, [_event_view(human, told.future, told.pair, step, words)])
+    decision, human = run.decision, run.reference
+    if (
+        decision is not None
+        and human is not None
+        and decision.pair is not None
+        and decision.future is not None
+    ):
+        step = round((decision.time_s or 0.0) / STEP_S)
+        words = (decision.how or decision.what or "").replace("; ", " · ")  # SUMO takes no semicolon
+        return _write(human, [_event_view(human, decision.future, decision.pair, step, words)])
     met = [row for row in run.encounters.to_pylist() if row["critical"] > 0]
     if met:
         return write_encounter(run, met[0]["track_id"], met[0]["other_id"])

@@ -111,7 +111,7 @@ def measure_conflicts(scene: SeedScene, rollout: Rollout, *, vehicle: int | None
     last = states[:, -1, scene.vehicles :]
     travelled_m = last.speed[..., None] * STEP_S * np.arange(1, plan.shape[-1] + 1)
     people = last.ahead(travelled_m, travelled_m)
-    found = find_conflicts(
+    conflicts = find_conflicts(
         states,
         whole.length,
         whole.width,
@@ -122,8 +122,8 @@ def measure_conflicts(scene: SeedScene, rollout: Rollout, *, vehicle: int | None
     )
     nets = np.zeros((whole.vehicles, whole.vehicles), np.bool_)
     nets[: scene.vehicles, : scene.vehicles] = uncounted(scene)
-    found = found.take(np.flatnonzero(~nets[found.one, found.two]))
-    return found if rollout.present is None else found.before(left)
+    conflicts = conflicts.take(np.flatnonzero(~nets[conflicts.one, conflicts.two]))
+    return conflicts if rollout.present is None else conflicts.before(left)
 
 
 def _until_they_leave(states: States, left: IntArray, plan: FloatArray) -> tuple[States, FloatArray]:

@@ -40,10 +40,10 @@ def time_margin(scenes: Scenes) -> Samples:
     from scex_sumo.conflicts.margin import time_margins
 
     ways, own, _ = scenes.once(_touching)
-    found = time_margins(ways, own.own, own.other, now=scenes.tracks.first)
+    margins = time_margins(ways, own.own, own.other, now=scenes.tracks.first)
     value: FloatArray = np.full((len(own.own), scenes.tracks.steps), np.inf)
-    crosses = np.isfinite(found.margin)
-    value[crosses, np.maximum(found.step[crosses] - scenes.tracks.first, 0)] = found.margin[crosses]
+    crosses = np.isfinite(margins.margin)
+    value[crosses, np.maximum(margins.step[crosses] - scenes.tracks.first, 0)] = margins.margin[crosses]
     return _samples(scenes, own, value, np.isfinite(value))
 
 

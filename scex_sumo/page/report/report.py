@@ -61,9 +61,11 @@ def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> byt
 def _answer(run: Run) -> Html:
     """Return the verdict in words, as the terminal prints it."""
     first, *more = (line.plain for line in verdict_lines(run, wide=_WIDE))
-    told = run.decision
-    word = VERDICTS[told.kind].upper() if told is not None else ""
-    head = element("p", element(f"b.{told.kind if told is not None else ''}", word), first[len(word) :])
+    decision = run.decision
+    word = VERDICTS[decision.kind].upper() if decision is not None else ""
+    head = element(
+        "p", element(f"b.{decision.kind if decision is not None else ''}", word), first[len(word) :]
+    )
     return element("section", head, *(element("p.soft", line) for line in more), id="answer")
 
 

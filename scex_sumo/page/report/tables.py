@@ -83,10 +83,10 @@ def _event(
 
 def collided_futures(both: Sequence[Run]) -> list[int]:
     """Return the futures of all sets with a collision, those of the second set after the first."""
-    firsts, found = np.cumsum([0, *(run.futures for run in both)]).tolist(), set[int]()
+    firsts, collided = np.cumsum([0, *(run.futures for run in both)]).tolist(), set[int]()
     for first, run in zip(firsts, both, strict=False):
-        found |= {first + row["future"] for row in run.collisions.to_pylist()}
-    return sorted(found)
+        collided |= {first + row["future"] for row in run.collisions.to_pylist()}
+    return sorted(collided)
 
 
 def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids: Sequence[int]) -> IntArray:

@@ -31,8 +31,8 @@ _Lines = Mapping[str, Sequence[tuple[MomentRef, Happening]]]
 
 def places_of(ranking: pa.Table) -> dict[str, list[dict[str, Any]]]:
     """Return the encounters that a map shows, by site: the most probable ones without doubt."""
-    told = pc.greater_equal(ranking["probability"], TOLD)
-    sure = ranking.filter(pc.and_(pc.is_valid(ranking["rank"]), told))
+    is_told = pc.greater_equal(ranking["probability"], TOLD)
+    sure = ranking.filter(pc.and_(pc.is_valid(ranking["rank"]), is_told))
     found: dict[str, list[dict[str, Any]]] = {}
     for row in sure.sort_by([("probability", "descending")]).to_pylist():
         own = found.setdefault(row["location"], [])

@@ -63,14 +63,14 @@ def brier_parts(forecast: FloatArray, happened: BoolArray, *, bins: int = 10) ->
     diagram, base = reliability(forecast, happened, bins=bins), float(np.mean(happened))
     share = diagram.count / len(forecast)
     off = float(share @ (diagram.forecast - diagram.observed) ** 2)
-    told = float(share @ (diagram.observed - base) ** 2)
+    resolution = float(share @ (diagram.observed - base) ** 2)
     score, unsure = brier(forecast, happened), base * (1 - base)
     return BrierParts(
         score=score,
         reliability=off,
-        resolution=told,
+        resolution=resolution,
         uncertainty=unsure,
-        within=score - (off - told + unsure),
+        within=score - (off - resolution + unsure),
     )
 
 
