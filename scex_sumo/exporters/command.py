@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from scex_sumo.base.errors import UsageError
+from scex_sumo.base.errors import OwnCodeError, UsageError
 from scex_sumo.base.files import check_output, remember, writing
 from scex_sumo.base.options import last_of_list
 from scex_sumo.commands.options import Result
@@ -95,10 +95,18 @@ def export_command(
     # Another package's errors are no errors of the folder.
     with writing(out or Path()), as_written(folder) if own else nullcontext():
         files = write(request)
+        if not own and len(request.futures) == 1:
+            first = _contents(files)
+            if _contents(write(request)) != first:
+                raise OwnCodeError(f"export format {to}: it wrote something else when called again")
     if not own:
         remember(*(Path(file) for file in files))
     for file in files:
         print(file)
+
+
+def _contents(paths: Sequence[str | Path]) -> list[bytes]:
+    return [Path(path).read_bytes() for path in paths if Path(path).is_file()]
 
 
 def _futures(run: Run, future: int | None, encounter: tuple[int, int] | None) -> tuple[int, ...]:

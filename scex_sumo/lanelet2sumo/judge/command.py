@@ -37,13 +37,15 @@ def convert_command(
     strict: Annotated[bool, Option("--strict", help="Fail if anything of the map is lost.")] = False,
 ) -> Answer:
     """Convert a map to a SUMO net and judge it, or judge a net."""
+    from scex_sumo.base.blame import calling_twice
     from scex_sumo.converters.lanelet.origin import parse_origin
     from scex_sumo.converters.maps import read_map
     from scex_sumo.lanelet2sumo.judge.report import check_net
 
     started = time.perf_counter()
     place = parse_origin(origin) if origin is not None else None
-    road = read_map(map_path, origin=place)
+    with calling_twice():
+        road = read_map(map_path, origin=place)
     if check is not None:
         report, losses, lines = _check(check, road), road.losses, []
     else:
