@@ -1,11 +1,12 @@
 """Futures of SUMO simulations against SUMO itself, from the same moment on and without random driving.
 
-    python -m benchmarks.what_if [A.sumocfg ...] [--times 60,100,140] [--model sumo:own] [--own-step]
+    python -m benchmarks.what_if [A.sumocfg ...] [--times 60,100] [--model sumo:own] [--own-step] [--closed]
 
 Without files: the ten of `benchmarks.simulations`, at steps of 0.1 s or at their own ones. The table has the
 vehicles, the median and largest distance in m after 3 s and 8 s, vehicles that left the simulation but not
 the future ("too many"), and the future but not the simulation ("missing"); then, of persons with
-``--vru model``, their number, median and largest distance after 3 s.
+``--vru model``, their number, median and largest distance after 3 s. No future has the vehicles that SUMO
+inserts after the moment: with ``--closed`` they are taken out of the simulation at once.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ def positions(sumo: Any, names: set[str]) -> dict[str, tuple[float, float]]:
     return {name: place for name, place in found.items() if abs(place[0]) < 1e8}
 
 
-def compare(config: str, time_s: float, model: str, own_step: bool) -> None:
+def compare(config: str, time_s: float, model: str, own_step: bool, closed: bool) -> None:
     """Print as JSON the distances after 3 s and 8 s, vehicles too many and missing, those of persons."""
     import libsumo as sumo
 
@@ -68,6 +69,8 @@ def compare(config: str, time_s: float, model: str, own_step: bool) -> None:
             sumo.simulationStep()
             for name in sumo.simulation.getDepartedIDList():
                 sumo.vehicle.setImperfection(name, 0.0)
+                if closed:
+                    sumo.vehicle.remove(name)
         here = places(run, steps)
         there = positions(sumo, set(known(run).values()))
         off.append([float(np.hypot(*np.subtract(here[n], there[n]))) for n in here.keys() & there.keys()])
@@ -107,11 +110,12 @@ def main() -> None:
     parser.add_argument("--times", default="60,100,140")
     parser.add_argument("--model", default="sumo:own")
     parser.add_argument("--own-step", action="store_true")
+    parser.add_argument("--closed", action="store_true")
     parser.add_argument("--one", nargs=2, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.one:
         config, at = given.one
-        return compare(config, float(at), given.model, given.own_step)
+        return compare(config, float(at), given.model, given.own_step, given.closed)
     print(
         "| Simulation | vehicles | 3 s | 8 s | too many | missing | persons |\n|---|---|---|---|---|---|---|"
     )
@@ -126,7 +130,7 @@ def row(config: Path, given: argparse.Namespace) -> str:
     parts: list[Any] = []
     for at in given.times.split(","):
         one = ["-m", "benchmarks.what_if", "--one", str(config.resolve()), at, "--model", given.model]
-        one += ["--own-step"] * given.own_step
+        one += ["--own-step"] * given.own_step + ["--closed"] * given.closed
         done = subprocess.run([sys.executable, *one], capture_output=True, text=True, check=False)
         if done.returncode:
             return f"| {config.parent.name} | {at} s: {done.stderr.strip().splitlines()[-1]} |"
