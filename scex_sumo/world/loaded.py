@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 from xml.etree import ElementTree
-from xml.etree.ElementTree import Element, SubElement
+from xml.sax.saxutils import quoteattr as quoted
 
 from scex_sumo.base.sumo.car_following import RANDOM_PARAMETERS
 from scex_sumo.scene import SeedScene
 from scex_sumo.world.base import SumoDriven
 from scex_sumo.world.batch import RunningBatch
-from scex_sumo.world.tiles import tile_id
+from scex_sumo.world.tiles import prefixed, tile_id, tile_prefix
 from scex_sumo.world.vehicle_types import TypeBook
 
 _LANE = re.compile(r":?\S*_\d+")
+_TILE, _KEY, _KIND = "\x01", "\x02", "\x03"  # marks; no characters of XML 1.0
 
 
 class Loaded(NamedTuple):
@@ -60,47 +62,60 @@ def state_with(empty: bytes, users: Iterable[Loaded], time_s: float) -> bytes:
     root.set("time", f"{time_s:.3f}")
     for light in root.iter("tlLogic"):
         light.set("until", str(int(light.get("until", "0")) + later_ms))
-    types, lanes, vehicles = dict[str, Element](), dict[str, list[tuple[int, str]]](), list[Element]()
-    persons = Element("transportables", type="person")
+    types, lanes = set[str](), dict[str, list[tuple[int, str]]]()
+    vehicles, persons = list[str](), list[str]()
     for key, kind, slot, saved in users:
-        user = ElementTree.fromstring(saved)
-        own = user.find("vType")
-        if not kind and own is not None and not own.get("id", "").startswith("DEFAULT_"):
-            kind = f"own_{own.get('id')}"
-            types[kind] = Element(
-                "vType", {**own.attrib, **dict.fromkeys(RANDOM_PARAMETERS, "0"), "id": kind}
-            )
-        for one in (*user.iter("vehicle"), *user.iter("person")):
-            one.set("id", key)
-            one.set("type", kind or one.get("type", ""))
-            for part in one.iter():
-                _rename(part, slot)
-            (persons if one.tag == "person" else vehicles).append(one)
-        if "lane" in user.attrib:
-            SubElement(root, "route", id=f"saved_{key}", state="1", edges=_edges(user.get("edges", ""), slot))
-            vehicles[-1].set("route", f"saved_{key}")
-            lane = tile_id(slot, user.get("lane", ""))
-            lanes.setdefault(lane, []).append((int(user.get("order", "0")), key))
-    if len(persons):
-        persons.set("state", f"{len(persons)} {len(persons)} 0 0 0 0 0 0 0")  # on their way, loaded, ...
+        own_type, own_kind, text, lane, order = _marked(saved)
+        if not kind:
+            types.add(own_type)
+        text = (
+            text.replace(_KIND, quoted(kind or own_kind)[1:-1])
+            .replace(_KEY, key)
+            .replace(_TILE, tile_prefix(slot))
+        )
+        (vehicles if lane else persons).append(text)
+        if lane:
+            lanes.setdefault(tile_id(slot, lane), []).append((order, key))
     for counts in root.iter("delay"):
         counts.attrib |= dict.fromkeys(("number", "begin"), str(len(vehicles)))
-    root.extend([*types.values(), *vehicles, *([persons] if len(persons) else [])])
+    text = "".join([*sorted(types), *vehicles])
+    if count := len(persons):  # on their way, loaded, ...
+        states = f"{count} {count} 0 0 0 0 0 0 0"
+        text += f'<transportables type="person" state="{states}">{"".join(persons)}</transportables>'
     for lane, there in lanes.items():
-        SubElement(SubElement(root, "lane", id=lane), "vehicles", value=" ".join(k for _, k in sorted(there)))
-    return ElementTree.tostring(root)
+        text += (
+            f'<lane id={quoted(lane)}><vehicles value="{" ".join(key for _, key in sorted(there))}"/></lane>'
+        )
+    return ElementTree.tostring(root).replace(b"</snapshot>", f"{text}</snapshot>".encode())
 
 
-def _rename(part: Element, slot: int) -> None:
-    """Give a vehicle, person, stop or walk the names of its tile."""
-    if "lane" in part.attrib:
-        part.set("lane", tile_id(slot, part.attrib["lane"]))
-    if "edges" in part.attrib:
-        part.set("edges", _edges(part.attrib["edges"], slot))
-    if part.tag == "person":
-        words = part.get("state", "").split()
-        part.set("state", " ".join(tile_id(slot, w) if _LANE.fullmatch(w) else w for w in words))
+@lru_cache(maxsize=4096)
+def _marked(saved: str) -> tuple[str, str, str, str, int]:
+    """Return type, its name, text, lane and order on it of a road user, with marks for tile, id and type."""
+    user, own_type = ElementTree.fromstring(saved), ""
+    own = user.find("vType")
+    (one,) = (*user.iter("vehicle"), *user.iter("person"))
+    own_kind = one.get("type", "")
+    if own is not None and not own_kind.startswith("DEFAULT_"):
+        own_kind = f"own_{own_kind}"
+        own.attrib |= {**dict.fromkeys(RANDOM_PARAMETERS, "0"), "id": own_kind}
+        own_type = ElementTree.tostring(own, encoding="unicode")
+    one.attrib |= {"id": _KEY, "type": _KIND}
+    for part in one.iter():
+        if "lane" in part.attrib:
+            part.set("lane", prefixed(_TILE, part.attrib["lane"]))
+        if "edges" in part.attrib:
+            part.set("edges", _edges(part.attrib["edges"]))
+    lane, route = user.get("lane", ""), ""
+    if lane:
+        one.set("route", f"saved_{_KEY}")
+        route = f'<route id="saved_{_KEY}" state="1" edges={quoted(_edges(user.get("edges", "")))}/>'
+    else:
+        words = one.get("state", "").split()
+        one.set("state", " ".join(prefixed(_TILE, w) if _LANE.fullmatch(w) else w for w in words))
+    text = ElementTree.tostring(one, encoding="unicode")
+    return own_type, own_kind, route + text, lane, int(user.get("order", "0"))
 
 
-def _edges(edges: str, slot: int) -> str:
-    return " ".join(tile_id(slot, edge) for edge in edges.split())
+def _edges(edges: str) -> str:
+    return " ".join(prefixed(_TILE, edge) for edge in edges.split())

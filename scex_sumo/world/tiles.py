@@ -53,10 +53,11 @@ def tile_prefix(slot: int) -> str:
 
 def tile_id(slot: int, name: str) -> str:
     """Return an id in a tile; a leading colon stays in front."""
-    return _prefixed(tile_prefix(slot), name)
+    return prefixed(tile_prefix(slot), name)
 
 
-def _prefixed(prefix: str, name: str) -> str:
+def prefixed(prefix: str, name: str) -> str:
+    """Return an id with a prefix; a leading colon stays in front."""
     return f":{prefix}{name[1:]}" if name.startswith(":") else prefix + name
 
 
@@ -174,7 +175,7 @@ def _mark(element: ElementTree.Element) -> None:
         attributes.pop(key, None)
     for key in _IDS.get(element.tag, ()):
         if key in attributes:
-            attributes[key] = " ".join(_prefixed(_PREFIX, name) for name in attributes[key].split())
+            attributes[key] = " ".join(prefixed(_PREFIX, name) for name in attributes[key].split())
     for key in ("shape", "outlineShape"):
         if key in attributes:
             attributes[key] = " ".join(_marked_point(point) for point in attributes[key].split())
