@@ -65,14 +65,11 @@ def state_with(empty: bytes, users: Iterable[Loaded], time_s: float) -> bytes:
     types, lanes = set[str](), dict[str, list[tuple[int, str]]]()
     vehicles, persons = list[str](), list[str]()
     for key, kind, slot, saved in users:
+        key, kind = quoted(key)[1:-1], quoted(kind)[1:-1]
         own_type, own_kind, text, lane, order = _marked(saved)
         if not kind:
             types.add(own_type)
-        text = (
-            text.replace(_KIND, quoted(kind or own_kind)[1:-1])
-            .replace(_KEY, key)
-            .replace(_TILE, tile_prefix(slot))
-        )
+        text = text.replace(_KIND, kind or own_kind).replace(_KEY, key).replace(_TILE, tile_prefix(slot))
         (vehicles if lane else persons).append(text)
         if lane:
             lanes.setdefault(tile_id(slot, lane), []).append((order, key))
@@ -114,7 +111,7 @@ def _marked(saved: str) -> tuple[str, str, str, str, int]:
         words = one.get("state", "").split()
         one.set("state", " ".join(prefixed(_TILE, w) if _LANE.fullmatch(w) else w for w in words))
     text = ElementTree.tostring(one, encoding="unicode")
-    return own_type, own_kind, route + text, lane, int(user.get("order", "0"))
+    return own_type, quoted(own_kind)[1:-1], route + text, lane, int(user.get("order", "0"))
 
 
 def _edges(edges: str) -> str:
