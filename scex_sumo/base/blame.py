@@ -91,9 +91,7 @@ def own_call(
         except (Exception, SystemExit) as cause:
             raise error(f"{said} {own_error_reason(cause)}") from cause
         if made is not again and not alike(made, again):
-            raise error(
-                f"{said} returned something else when called again: keep nothing, draw nothing at random"
-            )
+            raise error(f"{said} returned something else when called again: draw nothing, keep nothing")
         if not isinstance(made, needs):
             raise error(f"{said} returned {type(made).__name__}, needs {needs.__name__}")
         return made
