@@ -79,7 +79,9 @@ def _write_future(request: Request, future: int, folder: Path) -> Path:
     with TemporaryFolder() as temporary:
         net = Path(temporary) / NET
         net.write_bytes(_lights_at(request.run.net.path, end_s))
-        with SumoWorld(replace(request.run.net, path=net), scene, slots=[0]) as world:
+        unsaved = tuple(one and replace(one, saved="") for one in scene.intentions)  # of the moment
+        now = replace(scene, intentions=unsaved)
+        with SumoWorld(replace(request.run.net, path=net), now, slots=[0]) as world:
             world.begin(scene.now.repeat(1), np.zeros(1, dtype=np.int64), driven)
             world.save(Path(temporary))
         request.write(folder / NET, net.read_bytes())
@@ -109,7 +111,7 @@ def _later(intention: Intention | None, ahead: tuple[str, ...], after_s: float) 
     )
     edges = ahead if first is None else intention.edges[first:]
     behind = intention.behind if first == 0 else intention.edges[: first or 0][-MAX_BEHIND:]
-    return replace(intention, edges=edges, behind=behind, stops=stops, change_mps=0.0, saved="")
+    return replace(intention, edges=edges, behind=behind, stops=stops, change_mps=0.0)
 
 
 def _driven(scene: SeedScene, vehicle: int, edges: tuple[str, ...]) -> SumoDriven:
@@ -133,6 +135,21 @@ def _lights_at(net: Path, time_s: float) -> bytes:
     return bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
 
 
+def _name_types(root: ElementTree.Element, scene: SeedScene) -> None:
+    """Give the vehicles of a saved state the names of their types in their simulation."""
+    types = {kind.get("id", ""): kind for kind in root.iter("vType")}
+    for vehicle in root.iter("vehicle"):
+        intention = scene.intention(scene.names.index(vehicle.get("id", "")))
+        saved = ElementTree.fromstring((intention and intention.saved) or "<user/>")
+        name = "".join(own.get("id", "") for own in saved.iter("vType")).partition("@")[0]
+        if name and not name.startswith("DEFAULT_"):
+            here = types[vehicle.get("type", "")]
+            if name not in types:
+                types[name] = ElementTree.Element("vType", {**here.attrib, "id": name})
+                root.insert(list(root).index(here), types[name])
+            vehicle.set("type", name)
+
+
 def _renamed(state: Path, scene: SeedScene) -> bytes:
     """Return a saved state without the prefix of its tile, with the names of the vehicles."""
     root, names = ElementTree.parse(state).getroot(), scene.names
@@ -142,4 +159,5 @@ def _renamed(state: Path, scene: SeedScene) -> bytes:
         for key, value in element.attrib.items():
             words = [vehicles.get(word, word) if is_list else word for word in value.split(" ")]
             element.set(key, " ".join(re.sub(f"^(:?){tile_prefix(0)}", r"\1", word) for word in words))
+    _name_types(root, scene)
     return bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))

@@ -107,6 +107,8 @@ def test_a_simulation_goes_on_as_it_does_in_sumo(tmp_path: Path) -> None:
         )
     simulated, exported = told
     assert set(exported[0]) == {"north", "west", "lorry"} and len(exported) == 290
+    state = ET.parse(file.with_name("state.xml")).getroot()
+    assert [vehicle.get("type") for vehicle in state.iter("vehicle")] == ["car"] * 3
     for now, then in zip(exported, simulated, strict=True):
         assert now.keys() == then.keys()
         for name, (lane, along_m) in now.items():
