@@ -38,7 +38,7 @@ class Loaded(NamedTuple):
 def users_of(
     scene: SeedScene, batch: RunningBatch, driven: Sequence[SumoDriven], types: TypeBook
 ) -> dict[str, Loaded]:
-    """Return the road users of futures with SUMO drivers, by id; none if one of these is unknown."""
+    """Return the road users of futures with SUMO drivers, by id; none if SUMO saved one of them incompletely."""
     users, by_sumo = dict[str, Loaded](), {(d.future, d.vehicle): d for d in driven}
     for future in sorted({d.future for d in driven}):
         slot = batch.slots[future]
@@ -52,6 +52,8 @@ def users_of(
                 if walk.saved:
                     key = tile_id(slot, f"other{name}")
                     users[key] = Loaded(key, "", slot, walk.saved)
+                elif walk.edges:
+                    return {}
     return users if all(batch.id_of(d.future, d.vehicle) in users for d in driven) else {}
 
 

@@ -142,9 +142,7 @@ def test_sumo_s_drivers_are_where_sumo_alone_drives_them(name: str, time_s: floa
     configuration = small / f"sumo/{name}.sumocfg"
     own = driven_by_sumo(configuration)
     scene, states = future_of_sumo(configuration, time_s)
-    # A saved state loses that a person on a walking area will cross: drivers respond one step late.
-    most_m = 0.8 if name == "crossing/f" else 0.3
-    assert_there(scene, states, own[round(time_s + 2.9, 1)], most_m)  # SUMO names a step by its beginning
+    assert_there(scene, states, own[round(time_s + 2.9, 1)])  # a step of SUMO is named by its beginning
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
@@ -156,15 +154,13 @@ def test_a_saved_state_goes_on_as_sumo_does_on_both_sides(side: str, small: Path
     assert_there(scene, states, own[7.9])
 
 
-def assert_there(
-    scene: scex.SeedScene, states: scex.States, own: dict[str, tuple[float, float]], most_m: float = 0.3
-) -> None:
-    """Each vehicle that has not arrived ends near one of SUMO's own."""
+def assert_there(scene: scex.SeedScene, states: scex.States, own: dict[str, tuple[float, float]]) -> None:
+    """Each vehicle that has not arrived ends within 30 cm of one of SUMO's own."""
     ahead, there = scene.length[:, None] / 2, np.array(list(own.values()))
     x, y = states.x + ahead * np.cos(states.heading), states.y + ahead * np.sin(states.heading)
     ends = np.stack([x[:, -1], y[:, -1]], axis=1)
     for end in ends[np.isfinite(ends).all(axis=1)]:
-        assert np.linalg.norm(there - end, axis=1).min() < most_m
+        assert np.linalg.norm(there - end, axis=1).min() < 0.3
 
 
 def test_a_vehicle_whose_route_ends_leaves_the_future_there(small: Path) -> None:
