@@ -38,7 +38,7 @@ class Loaded(NamedTuple):
 def users_of(
     scene: SeedScene, batch: RunningBatch, driven: Sequence[SumoDriven], types: TypeBook
 ) -> dict[str, Loaded]:
-    """Return the road users of futures with SUMO drivers, by id; none if SUMO saved one of them incompletely."""
+    """Return the road users of futures with SUMO drivers, by id; none if SUMO saved one incompletely."""
     users, by_sumo = dict[str, Loaded](), {(d.future, d.vehicle): d for d in driven}
     for future in sorted({d.future for d in driven}):
         slot = batch.slots[future]
