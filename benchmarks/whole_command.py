@@ -141,7 +141,7 @@ def commands(options: argparse.Namespace, folder: Path) -> None:
     print("| whole command | processor time | against the loop | to reach |\n|---|---|---|---|")
     for name, each in cpu.items():
         seconds = statistics.median(each)
-        print(f"| {name} | {seconds:.2f} s | {seconds / loop:.2f} x | {GOALS[name]:.1f} x |")
+        print(f"| {name} | {seconds:.2f} s | {seconds / loop:.2f} x | {GOALS[name]:.2f} x |")
     if options.workers > 1:
         print(f"\n| wall time | 1 process | {options.workers} processes | faster |\n|---|---|---|---|")
         for name in list(COMMANDS)[:2]:
