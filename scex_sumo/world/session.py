@@ -124,6 +124,7 @@ class SumoSession:
             self._template.window_layout(count, margin_m=_GUI_MARGIN_M) if gui else self._template.layout()
         )
         self._sumo: Any = None
+        self._stepped = b""  # the empty state after 0.1 s
         self.errors: tuple[type[Exception], ...] = ()
 
     def ready(self, module: Any, filled: Callable[[bytes], bytes] | None = None) -> Any:
@@ -132,22 +133,26 @@ class SumoSession:
         Args:
             filled: makes of the empty state, after 0.1 s, the one to begin with.
         """
-        self._empty(module)
+        if self._sumo is None or not self._types.complete or self._types.random:
+            self._begin(module)
+        elif filled is None:
+            with self.refusals("return to the start"):
+                self._sumo.simulation.loadState(str(self._folder / "empty.xml"))
         if filled is not None:
             begin = self._folder / "begin.xml"
             with self.refusals("begin as its simulation does"):
-                self._sumo.simulation.step()
-                self._sumo.simulation.saveState(str(begin))
-                begin.write_bytes(filled(begin.read_bytes()))
+                if not self._stepped:
+                    self._sumo.simulation.loadState(str(self._folder / "empty.xml"))
+                    self._sumo.simulation.step()
+                    self._sumo.simulation.saveState(str(begin))
+                    self._stepped = begin.read_bytes()
+                begin.write_bytes(filled(self._stepped))
                 self._sumo.simulation.loadState(str(begin))
         return self._sumo
 
-    def _empty(self, module: Any) -> None:
-        if self._sumo is not None and self._types.complete and not self._types.random:
-            with self.refusals("return to the start"):
-                self._sumo.simulation.loadState(str(self._folder / "empty.xml"))
-            return
+    def _begin(self, module: Any) -> None:
         self.stop()
+        self._stepped = b""
         # All tiles with all of SUMO's generators (one a lane): a random driver gets the same numbers in its
         # slot.
         self.slots = list(range(TILE_SLOTS)) if self._types.random else self.slots

@@ -257,15 +257,15 @@ class SumoWorld:
         if driven and self._scene.intentions:
             from scex_sumo.world.loaded import state_with, users_of
 
-            users = users_of(self._scene, batch, driven, self._types)
-            filled = partial(state_with, users=users.values(), time_s=self._scene.time_s)
-            self._sumo = self._session.ready(module, filled) if users else None
-            x, y = (dict(zip(batch.ids, values.reshape(-1).tolist(), strict=True)) for values in poses[:2])
-            there = {key: self._sumo.vehicle.getPosition(key) for key in x.keys() & users.keys()}
-            if there and all(math.dist(there[key], (x[key], y[key])) < _SAME_M for key in there):
-                batch.loaded = set(users)
-                batch.obstacles = batch.loaded & set(self._sumo.vehicle.getIDList()) - set(batch.ids)
-                return  # else the scene was changed since
+            if users := users_of(self._scene, batch, driven, self._types):
+                filled = partial(state_with, users=users.values(), time_s=self._scene.time_s)
+                self._sumo = self._session.ready(module, filled)
+                places = zip(batch.ids, *(values.reshape(-1).tolist() for values in poses[:2]), strict=True)
+                ask = self._sumo.vehicle.getPosition
+                if all(math.dist(ask(key), there) < _SAME_M for key, *there in places if key in users):
+                    batch.loaded = set(users)
+                    batch.obstacles = batch.loaded & set(self._sumo.vehicle.getIDList()) - set(batch.ids)
+                    return  # else the scene was changed since
         self._sumo = self._session.ready(module)
 
     def _new_persons(self, batch: RunningBatch) -> Persons | None:

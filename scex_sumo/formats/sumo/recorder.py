@@ -24,7 +24,7 @@ from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.sumo.fcd import numbers_of, tracks_of
 from scex_sumo.formats.sumo.intentions import intention_at, intentions_now, with_lanes
 from scex_sumo.formats.sumo.phases import Light, Programme, with_lights
-from scex_sumo.formats.sumo.saved import road_users, saved_state, text_of, types_and_arrivals
+from scex_sumo.formats.sumo.saved import person_label, road_users, saved_state, text_of, types_and_arrivals
 from scex_sumo.intention import Intention, Walk
 from scex_sumo.scene import STEP_S, SeedScene
 
@@ -105,25 +105,21 @@ def _completed(recorded: Recorded, path: Path, names: Mapping[str, str], scene: 
     vehicles = {str(track): names[str(track)] for track in scene.track_ids}
     state = recorded.states.get(round(time_s, 3))
     users = road_users(state or b"")
-    known = {
-        name: intention_at(changes, time_s, asked=state is not None)
-        for name, changes in recorded.intentions.items()
-    }
-    saved = {
-        f"{name} (person)" if walks and (False, name) in users else name: text_of(user, known.get(name))
-        for (walks, name), user in users.items()
-    }
+
+    def known(name: str) -> tuple[Intention | None, str]:
+        """Return what a road user is to do, and what the state has of it."""
+        changes, user = recorded.intentions.get(name, ()), users.get(name)
+        intention = intention_at(changes, time_s, asked=state is not None)
+        return intention, "" if user is None else text_of(user, intention)
+
     intentions = [
-        one and dataclasses.replace(one, saved=saved.get(name, ""))
-        for name in vehicles.values()
-        for one in [known.get(name)]
+        one and dataclasses.replace(one, saved=saved) for one, saved in map(known, vehicles.values())
     ]
     if road is not None and road.net is not None and any(intentions):
         scene = dataclasses.replace(scene, intentions=with_lanes(road.net, intentions))
     if (others := scene.obstacles) is not None:
         walks = tuple(
-            _last(recorded.walks.get(name, ()), time_s)._replace(saved=saved.get(name, ""))
-            for name in others.ids
+            _last(recorded.walks.get(name, ()), time_s)._replace(saved=known(name)[1]) for name in others.ids
         )
         scene = dataclasses.replace(scene, obstacles=dataclasses.replace(others, walks=walks))
     source: dict[str, Any] = {"kind": "simulation", "simulation": str(path), "time_s": time_s}
@@ -234,7 +230,7 @@ class Recorder:
         """Label road users that are new, and learn their kinds and sizes."""
         for walks, name in users:
             taken = walks and (False, name) in self._labels
-            label = self._labels.setdefault((walks, name), f"{name} (person)" if taken else name)
+            label = self._labels.setdefault((walks, name), person_label(name, taken=taken))
             domain = self._sumo.person if walks else self._sumo.vehicle
             kind = "pedestrian" if walks else str(domain.getVehicleClass(name))
             size = float(domain.getLength(name)), float(domain.getWidth(name))

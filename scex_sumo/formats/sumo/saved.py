@@ -41,6 +41,11 @@ def saved_state(sumo: Any) -> bytes:
         return zlib.compress(file.read_bytes(), 1) if file.is_file() else b""
 
 
+def person_label(name: str, *, taken: bool) -> str:
+    """Return the name of a person's track; ``taken`` by a vehicle of the same name."""
+    return f"{name} (person)" if taken else name
+
+
 def types_and_arrivals(state: bytes) -> tuple[dict[str, dict[str, str]], dict[str, str]]:
     """Return the attributes of the vehicle types in a packed state, and where vehicles arrive."""
     root = _root(state)
@@ -48,8 +53,8 @@ def types_and_arrivals(state: bytes) -> tuple[dict[str, dict[str, str]], dict[st
     return {kind.get("id", ""): dict(kind.attrib) for kind in root.iter("vType")}, arrivals
 
 
-def road_users(state: bytes) -> dict[tuple[bool, str], Element]:
-    """Return vehicles on the road and walking persons of a packed state, by whether it walks and its name.
+def road_users(state: bytes) -> dict[str, Element]:
+    """Return vehicles on the road and walking persons of a packed state by the names of their tracks.
 
     Each is an element with ``vType`` and ``vehicle`` or ``person``; its ``lane`` and ``order`` are where a
     vehicle is.
@@ -65,14 +70,15 @@ def road_users(state: bytes) -> dict[tuple[bool, str], Element]:
                 if (kind := types.get(vehicle.get("type", ""))) is not None:
                     user.append(kind)
                 user.append(_plain(vehicle))
-                found[False, name] = user
+                found[name] = user
     for person in root.iter("person"):
         if (walker := _walking(person)) is not None:
             user = Element("user")
             if (kind := types.get(person.get("type", ""))) is not None:
                 user.append(kind)
             user.append(walker)
-            found[True, person.get("id", "")] = user
+            name = person.get("id", "")
+            found[person_label(name, taken=name in found)] = user
     return found
 
 

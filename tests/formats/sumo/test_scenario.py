@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import gzip
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -88,17 +89,27 @@ def test_lights_of_every_kind_go_on_as_in_the_simulation(
         then = in_sumo(grid.config, time_s, steps=50).lights
         assert max(len(set(states)) for states in then.values()) > 1
         assert in_sumo(scene.road.net, 0.1, steps=50).lights == then
-    shown = list[dict[str, str]]()  # in a future, with SUMO's drivers
-    advance = SumoWorld._advance
+    shown = list[list[dict[str, str]]]()  # in batches, the first one a future with SUMO's drivers
+    begin, advance = SumoWorld.begin, SumoWorld._advance
+
+    def lights_of(world: SumoWorld) -> dict[str, str]:
+        lights = world._sumo.trafficlight
+        return {t.removeprefix("t0_"): lights.getRedYellowGreenState(t) for t in lights.getIDList()}
+
+    def begun(world: SumoWorld, *arguments: Any) -> None:
+        shown.append([])
+        begin(world, *arguments)
+        shown[-1][:] = [lights_of(world)]
 
     def watched(world: SumoWorld, batch: RunningBatch) -> None:
         advance(world, batch)
-        lights = world._sumo.trafficlight
-        shown.append({t.removeprefix("t0_"): lights.getRedYellowGreenState(t) for t in lights.getIDList()})
+        shown[-1].append(lights_of(world))
 
+    monkeypatch.setattr(SumoWorld, "begin", begun)
     monkeypatch.setattr(SumoWorld, "_advance", watched)
     extrapolate(scene, futures=1, models=["sumo:Krauss"], out=tmp_path / "out")
-    assert [shown[k][light] for light in then for k in range(30)] == [s for t in then for s in then[t][1:31]]
+    states = shown[0]
+    assert [states[k][light] for light in then for k in range(31)] == [s for t in then for s in then[t][:31]]
 
 
 def test_no_output_of_the_user_is_written(tmp_path: Path) -> None:
