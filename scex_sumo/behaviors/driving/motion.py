@@ -195,9 +195,8 @@ def _lead(wanted: FloatArray, step: int, moved: FloatArray) -> tuple[FloatArray,
     distance_m = np.maximum(moved, SLOPE_SPEED * STEP_S)
     change = wanted[step + 1] - wanted[step]
     further = wanted[min(step + 2, len(wanted) - 1)] - wanted[step + 1]
-    return change / distance_m, (further - change) / distance_m**2 if step + 2 < len(
-        wanted
-    ) else np.zeros_like(distance_m)
+    bend = (further - change) / distance_m**2 if step + 2 < len(wanted) else np.zeros_like(distance_m)
+    return change / distance_m, bend
 
 
 def _steer(

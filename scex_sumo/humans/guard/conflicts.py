@@ -122,8 +122,7 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     touches = distance <= np.minimum(CONTACT_M, distance[:, :1] / 2)
     touches[:, 0] = False
     first, k = touches.argmax(axis=1), np.arange(len(i))
-    cos, sin = np.cos(one.heading[k, first]), np.sin(one.heading[k, first])
-    ahead = cos * (other.x - one.x)[k, first] + sin * (other.y - one.y)[k, first] > 0
+    ahead = one[k, first].ahead_and_left(other.x[k, first], other.y[k, first])[0] > 0
     k = np.flatnonzero(touches.any(axis=1) & ahead & (distance[:, 0] > 0))
     first, i, j, future = first[k], i[k], j[k], future[k]
     along = np.cos(other.heading[k, first] - one.heading[k, first])
