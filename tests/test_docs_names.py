@@ -20,8 +20,7 @@ NOTEBOOK = json.loads((ROOT / "docs" / "tutorial.ipynb").read_text(encoding="utf
 PAGES["tutorial.ipynb"] = "\n\n".join("".join(cell["source"]) for cell in NOTEBOOK["cells"])
 MOST_WORDS = 13_000
 OTHERS = {"--osc", "--window", "--fixed_timestep", "--traj_filter", "--pline_interpolation"}  # of esmini
-OTHERS |= {"--host", "--port", "--protocol", "--nworkers", "--nthreads"}  # of Dask
-OTHERS |= {"--tls-ca-file", "--tls-cert", "--tls-key", "--device.fcd-replay.files"}
+OTHERS |= {"--device.fcd-replay.files"}
 OTHERS |= {"--no-deps", "--target", "--collision-output", "--save-template", "--map-path"}  # of pip, of SUMO
 OTHERS |= {"--fast"}  # of an extra
 

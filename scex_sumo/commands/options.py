@@ -27,11 +27,6 @@ def complete_results(incomplete: str) -> list[str]:
     return sorted(f"{typed}{slash}{name}" for name in names if name.startswith(begin))
 
 
-def workers(text: str) -> int | str:
-    """Read a number of processes, or the address of a Dask scheduler."""
-    return text if "://" in text else processes(text)
-
-
 def processes(text: str) -> int:
     """Read a number of processes; ``auto`` is one for each core."""
     workers = read_workers(text)
@@ -63,16 +58,6 @@ Processes = Annotated[
     Any,
     typer.Option(
         metavar="N|auto", help="Processes; auto: one for each core.", parser=processes, envvar="SCEX_WORKERS"
-    ),
-]
-AnyWorkers = Annotated[
-    Any,
-    typer.Option(
-        "--workers",
-        metavar="N|auto|tcp://HOST:PORT",
-        help="Processes (auto: one for each core), or a Dask scheduler.",
-        parser=workers,
-        envvar="SCEX_WORKERS",
     ),
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace another result.")]

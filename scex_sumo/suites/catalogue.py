@@ -218,7 +218,7 @@ class Cutter:
         if name not in recordings:
             raise UsageError(f"{name}: a recording of the ranking that is not found any more; rank again")
         self.name, self._loaded = name, load_recording(recordings[name])
-        self._net = net_of(pack_road(self._loaded.road), True)
+        self._net = net_of(pack_road(self._loaded.road))
         self._bare = replace(self._loaded.road, net=None)
 
     def scene(self, row: Mapping[str, Any]) -> SeedScene:

@@ -17,6 +17,7 @@ import pytest
 import scex_sumo as scex
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.studies.moments.folder import Failure
+from scex_sumo.studies.moments.run import attempt
 from scex_sumo.suites.drive import drive
 from scex_sumo.suites.testing.tasks import run_case, task_of
 from tests.command import scex as command
@@ -168,7 +169,7 @@ def test_a_bad_function_fails_its_case_with_the_reason(
     monkeypatch.syspath_prepend(str(place))
     case = scex.open_suite(place / "suite").cases[0]
     (spec,) = scex.parse_models(f"functions:{function}")
-    found = run_case(task_of(case, spec, 8, limit_s=600.0))
+    found = attempt(run_case, task_of(case, spec, 8, limit_s=600.0))
     assert isinstance(found, Failure)
     assert reason in found.reason
 
@@ -178,7 +179,7 @@ def test_a_program_drives_a_case(place: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.chdir(Path(__file__).parents[2])
     case = scex.open_suite(place / "suite").cases[0]
     (spec,) = scex.parse_models(f"process:{sys.executable} docs/examples/process_driver.py")
-    found = run_case(task_of(case, spec, 8, limit_s=600.0))
+    found = attempt(run_case, task_of(case, spec, 8, limit_s=600.0))
     assert not isinstance(found, Failure), found.reason
     assert found["futures"] == 8 and 0.0 <= found["probability"] <= 1.0
 

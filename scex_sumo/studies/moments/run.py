@@ -26,7 +26,6 @@ from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import Failure, MomentRef
-from scex_sumo.world.session import one_at_a_time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,14 +36,12 @@ class StudySettings:
         run: of each moment; SUMO checks samples of its futures.
         every: least time between two moments of a recording, s; every case is a moment.
         min_vehicles: least number of moving vehicles.
-        cache: use converted nets in ``~/.cache/scex-sumo``.
         weights: SHA-256 of the weights by learned model.
     """
 
     run: RunSettings = field(default_factory=lambda: RunSettings(futures=96))
     every: float = 1.0
     min_vehicles: int = 2
-    cache: bool = True
     weights: Mapping[str, str] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -154,18 +151,16 @@ class MomentTask:
     Attributes:
         may_be_late: a moment that is out of its time fails alone; else the study ends.
         scene: its seed scene, without the road.
-        road: packed; None if the workers get it separately.
-        version: of the package that made the task.
+        road: packed.
     """
 
     may_be_late: ClassVar[bool] = False
 
     ref: MomentRef
     scene: SeedScene
-    road: bytes | None
+    road: bytes
     futures: range
     settings: StudySettings
-    version: str = __version__
 
     @classmethod
     def of(cls: type[Task], task: MomentTask, **more: Any) -> Task:
@@ -176,44 +171,28 @@ class MomentTask:
 _compared_on = weakref.WeakSet[SumoNet]()
 
 
-def attempt(
-    work: Callable[[Task, SeedScene, bytes], Result], task: Task, road: bytes | None
-) -> Result | Failure:
-    """Return the result of ``work`` on a seed scene and its packed road, or the moment's failure."""
-    packed = task.road or road
+def attempt(work: Callable[[Task, SeedScene], Result], task: Task) -> Result | Failure:
+    """Return the result of ``work`` on a task and its seed scene with the road, or the moment's failure."""
     try:
-        assert packed is not None, "no road"
-        check_versions(task)
-        with one_at_a_time:  # tasks that share a process, as in a Dask worker of several threads, wait
-            whole = unpack_road(packed)
-            scene = dataclasses.replace(task.scene, road=whole)
-            if len(off_road(whole, scene)) == scene.vehicles:
-                raise TrackError(
-                    f"none of its {scene.vehicles} vehicles is on a mapped lane; check the map's origin"
-                )
-            return work(task, scene, packed)
+        road = unpack_road(task.road)
+        scene = dataclasses.replace(task.scene, road=road)
+        if len(off_road(road, scene)) == scene.vehicles:
+            raise TrackError(
+                f"none of its {scene.vehicles} vehicles is on a mapped lane; check the map's origin"
+            )
+        return work(task, scene)
     except OutOfTimeError:  # of a driver, which would let every moment wait as long
         raise
     except Exception as error:  # whatever it is, the other moments go on
         return Failure.of(task.ref, reason_of(error))
 
 
-def check_versions(task: MomentTask) -> None:
-    """Refuse tasks of another version of the package or the weights, which give other values."""
-    if task.version != __version__:
-        raise UsageError(
-            f"the worker has scex-sumo {__version__}, needs {task.version}; install the same everywhere"
-        )
-    if built(task.settings.models).weights != task.settings.weights:
-        raise UsageError("the worker has other weights of learned models; install the same everywhere")
-
-
 @lru_cache(maxsize=8)
-def net_of(packed: bytes, cache: bool) -> SumoNet:
+def net_of(packed: bytes) -> SumoNet:
     """Return the net of a packed road; its folder is removed with it."""
     road, folder = unpack_road(packed), TemporaryFolder()
     with writing(Path(folder.name)):
-        net = converted(road, Path(folder.name) / "map.net.xml", keep=cache)
+        net = converted(road, Path(folder.name) / "map.net.xml")
     weakref.finalize(net, folder.cleanup)
     return net
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from scex_sumo.commands.console import warn
-from scex_sumo.commands.options import AnyWorkers, Every, OutFolder, Overwrite, Roots
+from scex_sumo.commands.options import Every, OutFolder, Overwrite, Processes, Roots
 from scex_sumo.commands.shared import Answer
 from scex_sumo.studies.moments.command import Models, run_study
 
@@ -38,7 +38,7 @@ def rank_command(
     triage: Annotated[
         Path | None, Option(metavar="CSV", help="Verdicts saved on the page of a ranking.")
     ] = None,
-    workers: AnyWorkers = "auto",
+    workers: Processes = "auto",
     overwrite: Overwrite = False,
     out: OutFolder = Path("out") / "ranking",
 ) -> Answer:

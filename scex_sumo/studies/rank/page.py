@@ -32,7 +32,7 @@ from scex_sumo.results.tables.fallbacks import fallback_lines
 from scex_sumo.results.tables.pairs import arrow, once_in
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import Failure, MomentRef
-from scex_sumo.studies.moments.run import MomentTask, attempt, net_of, written
+from scex_sumo.studies.moments.run import MomentTask, net_of, written
 from scex_sumo.studies.rank.encounters import KEY, TRIAGE, VERDICTS, with_stress
 from scex_sumo.studies.rank.glance import box_of, glance, places_of
 from scex_sumo.studies.rank.ranking_run import REPORTS, RankingRun
@@ -96,7 +96,7 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table) -> Repo
             command = _command(run, task.ref)
             yield _ReportTask.of(task, command=command, pairs=pairs[name], rows=own, site=site)
 
-    for task, made in run.run_again(asked(), _report):
+    for task, made in run.workers.run(_reported, asked()):
         assert isinstance(task, _ReportTask)
         tasks[task.ref.moment] = task
         if isinstance(made, Failure):
@@ -157,12 +157,8 @@ _Pair: TypeAlias = tuple[int, int]
 _Made: TypeAlias = tuple[bytes, dict[_Pair, tuple[float, float]], list[str], dict[_Pair, Stage], Html | None]
 
 
-def _report(task: _ReportTask, road: bytes | None = None) -> _Made | Failure:
-    """Return a moment's report, stress test of its pairs, notes, stages of encounters; or its failure."""
-    return attempt(_reported, task, road)
-
-
-def _reported(task: _ReportTask, scene: SeedScene, road: bytes) -> _Made:
+def _reported(task: _ReportTask, scene: SeedScene) -> _Made:
+    """Return a moment's report, stress test of its pairs, notes, stages of encounters, and map."""
     with TemporaryFolder() as folder:
         options = RunOptions(compared=False, out=Path(folder) / "run")
         with Workers(1) as alone:
@@ -173,7 +169,7 @@ def _reported(task: _ReportTask, scene: SeedScene, road: bytes) -> _Made:
         met = [Encounter(row=row, run=run) for row in run.encounters.to_pylist()]
         stress = {one.pair: (one.row["collision"], one.row["critical"]) for one in met}
         page, notes = filled_report(run, info, arrays), fallback_lines(run.info["fallbacks"])
-    scene, net = ruled(scene, net_of(road, task.settings.cache), task.settings.run)
+    scene, net = ruled(scene, net_of(task.road), task.settings.run)
     human = human_part(scene, net, futures=HUMAN_FUTURES, seed=task.settings.run.seed)
     stages = {(row["track_id"], row["other_id"]): stage_of_future(scene, row, human) for row in task.rows}
     assert scene.road is not None

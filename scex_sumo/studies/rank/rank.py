@@ -20,10 +20,10 @@ from scex_sumo.converters.datasets.find import find_recordings, left_out
 from scex_sumo.converters.registries import Window
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
-from scex_sumo.studies.moments.workers import moment_workers
+from scex_sumo.studies.moments.workers import MomentWorkers
 from scex_sumo.studies.rank.encounters import PROBABILITY, Order, read_triage
 from scex_sumo.studies.rank.page import write_ranking_page
-from scex_sumo.studies.rank.ranking_run import RankFolder, RankingRun, RankSettings, run_moment
+from scex_sumo.studies.rank.ranking_run import RankFolder, RankingRun, RankSettings
 from scex_sumo.studies.rank.table import moments_table, write_table
 
 
@@ -53,7 +53,7 @@ def rank(
     roots: str | Path | Sequence[str | Path],
     *,
     out: str | Path,
-    workers: int | str = 1,
+    workers: int = 1,
     every: float = 1.0,
     window: Window = (None, None),
     min_vehicles: int = 2,
@@ -61,7 +61,6 @@ def rank(
     top: int = 10,
     by: str = PROBABILITY,
     triage: str | Path | None = None,
-    cache: bool = True,
     overwrite: bool = False,
     command: Sequence[str] | None = None,
     progress: Progress | bool | None = None,
@@ -72,8 +71,8 @@ def rank(
     Args:
         roots: folders of recordings, or single files.
         out: folder of the ranking; an interrupted one goes on.
-        workers: processes of this machine, or the address of a Dask scheduler for its workers.
-        every: as of `StudySettings`, like ``min_vehicles`` and ``cache``.
+        workers: processes.
+        every: as of `StudySettings`, like ``min_vehicles``.
         futures: of each moment on the page.
         top: encounters on the page.
         by: column by which encounters are ordered.
@@ -100,7 +99,6 @@ def rank(
         every=every,
         min_vehicles=min_vehicles,
         top=top,
-        cache=cache,
     )
     verdicts = () if triage is None else read_triage(Path(triage))
     order = Order(by=by, triage=verdicts)
@@ -111,7 +109,7 @@ def rank(
     recordings = tuple(recording.within(window) for recording in recordings_found)
     identity = settings.identity(recordings)
     with (
-        closing(moment_workers(run_moment, workers)) as pool,
+        closing(MomentWorkers(workers)) as pool,
         RankFolder(Path(out), identity, overwrite=overwrite) as folder,
         progress_of(progress, "rank") as tick,
     ):
@@ -136,7 +134,7 @@ def rank(
             "top": top,
             "by": by,
             "shown": page.moments,
-            "notes": [*left_out(places), *pool.notes(), *page.notes],
+            "notes": [*left_out(places), *pool.deaths, *page.notes],
             "versions": versions(),
             "seconds": round(time.perf_counter() - started, 1),
         }

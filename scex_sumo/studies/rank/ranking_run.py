@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,8 +17,8 @@ from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
 from scex_sumo.studies.moments.encounters import encounters_of, pairs_of_moment
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef, StudyFolder, as_row, from_row
-from scex_sumo.studies.moments.run import MomentTask, StudySettings, attempt, net_of
-from scex_sumo.studies.moments.workers import Done, MomentWorkers, Work
+from scex_sumo.studies.moments.run import MomentTask, StudySettings, net_of
+from scex_sumo.studies.moments.workers import MomentWorkers
 from scex_sumo.studies.rank.encounters import BY_PROBABILITY, Order
 
 _AHEAD = 8  # seed scenes built before a worker asks for them
@@ -45,7 +45,7 @@ class RankingRun:
     ) -> None:
         """Load the results of an earlier, interrupted run of the same ranking; ``order`` is of encounters."""
         self.recordings, self.settings, self.order = recordings, settings, order
-        self._folder, self._workers, self._progress = folder, workers, progress
+        self.workers, self._folder, self._progress = workers, folder, progress
         self.listings: dict[str, Listing] = {}
         self.unreadable: dict[str, Failure] = {}
         self.failures: dict[str, Failure] = {}
@@ -102,17 +102,13 @@ class RankingRun:
         )
         # Closed wherever the workers stop: that ends the thread.
         with closing(read_ahead(items, _AHEAD)) as ahead:
-            for task, result in self._workers.run(self._tasks(ahead)):
+            for task, result in self.workers.run(run_moment, self._tasks(ahead)):
                 if isinstance(result, Failure):
                     self._fail(result)
                 else:
                     self._folder.save(task.ref, result)
                     self._done += 1
                 self._tick()
-
-    def run_again(self, tasks: Iterable[MomentTask], work: Work) -> Iterator[Done]:
-        """Let the workers do something else with moments; see `MomentWorkers.run`."""
-        return self._workers.run(tasks, work)
 
     def tasks(self, refs: Sequence[MomentRef]) -> Iterator[MomentTask]:
         """Yield tasks that run the futures of moments."""
@@ -180,13 +176,9 @@ REPORTS = "moments"
 _PAIRS, _SEEDS = "pairs", "seeds"
 
 
-def run_moment(task: MomentTask, road: bytes | None = None) -> pa.Table | Failure:
-    """Return the pairs of a moment, on its road or the one given; or its failure."""
-    return attempt(_run, task, road)
-
-
-def _run(task: MomentTask, scene: SeedScene, road: bytes) -> pa.Table:
-    scene, net = ruled(scene, net_of(road, task.settings.cache), task.settings.run)
+def run_moment(task: MomentTask, scene: SeedScene) -> pa.Table:
+    """Return the pairs of a moment."""
+    scene, net = ruled(scene, net_of(task.road), task.settings.run)
     return pairs_of_moment(scene, net, futures=HUMAN_FUTURES, seed=task.settings.run.seed)
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Option
 
 from scex_sumo.commands.console import warn
-from scex_sumo.commands.options import AnyWorkers, Every, OutFolder, Overwrite, Roots
+from scex_sumo.commands.options import Every, OutFolder, Overwrite, Processes, Roots
 from scex_sumo.commands.shared import Answer
 from scex_sumo.studies.moments.command import Models, run_study
 
@@ -29,7 +29,7 @@ def validate_command(
         str, Option(metavar="all|train|validation|test", help="Part of each recording's time.")
     ] = "all",
     steps: Annotated[int, Option(help="Steps of 0.1 s of a future: 30, or 50, 80.")] = 30,
-    workers: AnyWorkers = "auto",
+    workers: Processes = "auto",
     overwrite: Overwrite = False,
     out: OutFolder = Path("out") / "validation",
 ) -> Answer:

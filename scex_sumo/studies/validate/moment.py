@@ -31,8 +31,8 @@ from scex_sumo.humans.parameters import parameters_digest
 from scex_sumo.metrics.collisions import OVERLAP_M2
 from scex_sumo.results.tables.outcomes import collided
 from scex_sumo.scene import STEP_S, SeedScene, States
-from scex_sumo.studies.moments.folder import Failure, MomentRef, StudyFolder
-from scex_sumo.studies.moments.run import MomentTask, StudySettings, attempt, built, compared, net_of
+from scex_sumo.studies.moments.folder import MomentRef, StudyFolder
+from scex_sumo.studies.moments.run import MomentTask, StudySettings, built, compared, net_of
 from scex_sumo.studies.validate.noise import BoxNoise, as_recorded
 from scex_sumo.studies.validate.vehicles import gap_forecasts, position_forecasts
 
@@ -115,12 +115,8 @@ class ForecastTask(MomentTask):
     noise: BoxNoise
 
 
-def validate_moment(task: ForecastTask, road: bytes | None = None) -> Forecast | Failure:
-    """Run the futures of a task; or return the moment's failure."""
-    return attempt(_forecast, task, road)
-
-
-def _forecast(task: ForecastTask, scene: SeedScene, packed: bytes) -> Forecast:
+def validate_moment(task: ForecastTask, scene: SeedScene) -> Forecast:
+    """Run the futures of a task."""
     asked = asked_of(task.settings)
     steps, road = asked.steps, scene.road
     assert road is not None
@@ -129,7 +125,7 @@ def _forecast(task: ForecastTask, scene: SeedScene, packed: bytes) -> Forecast:
         raise TrackError(f"no vehicle is recorded for {steps} steps after the moment; choose another moment")
     plain = RunSettings(models="constant_velocity", futures=1, steps=steps, world=asked.world)
     # Vehicles leave the futures at the step at which they leave the recording.
-    net = net_of(packed, task.settings.cache)
+    net = net_of(task.road)
     run = partial(_run, scene, net, compared(net, task.ref))
     futures = run(asked, built(task.settings.models), len(task.futures))
     straight = run(plain, ModelSet.of(plain), 1)

@@ -28,7 +28,7 @@ from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef
 from scex_sumo.studies.moments.run import MomentTask
-from scex_sumo.studies.moments.workers import MomentWorkers, moment_workers
+from scex_sumo.studies.moments.workers import MomentWorkers
 from scex_sumo.studies.validate.moment import (
     ALL,
     ForecastFolder,
@@ -83,7 +83,7 @@ def validate(
     part: str = ALL,
     steps: int = 30,
     seed: int = 0,
-    workers: int | str = 1,
+    workers: int = 1,
     overwrite: bool = False,
     command: Sequence[str] | None = None,
     progress: Progress | bool | None = None,
@@ -95,7 +95,7 @@ def validate(
         out: folder of the validation; an interrupted one goes on.
         every: as of `scex_sumo.studies.validate.moment.ValidationSettings`, like the next two.
         steps: of 0.1 s of each future.
-        workers: processes of this machine, or the address of a Dask scheduler for its workers.
+        workers: processes.
         overwrite: replace another validation in ``out``, or a finished one.
         command: the command line, for ``validate.json``.
         progress: True for a bar; or called with (moments done, moments known).
@@ -122,7 +122,7 @@ def validate(
     identity = settings.to_json(recordings)
     again = overwrite and (Path(out) / ForecastFolder.info).is_file()  # an interrupted one goes on
     with (
-        closing(moment_workers(validate_moment, workers)) as pool,
+        closing(MomentWorkers(workers)) as pool,
         ForecastFolder(Path(out), identity, overwrite=overwrite) as folder,
     ):
         if again:
@@ -152,7 +152,7 @@ def validate(
             **identity,
             **figures,
             "failed": {name: failure.reason for name, failure in failures.items()},
-            "notes": [*left_out(places), *pool.notes(), *verdicts(figures)],
+            "notes": [*left_out(places), *pool.deaths, *verdicts(figures)],
             "versions": versions(),
             "seconds": round(time.perf_counter() - started, 1),
         }
@@ -194,7 +194,7 @@ def _run(
     futures = range(settings.futures)
     cut = moment_tasks(recordings, {}, settings, futures, wanted=left, choose=chosen)
     with closing(read_ahead(cut, _AHEAD)) as items:
-        for task, outcome in workers.run(tasks(items)):
+        for task, outcome in workers.run(validate_moment, tasks(items)):
             if isinstance(outcome, Failure):
                 folder.fail(outcome)
             else:

@@ -9,7 +9,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from scex_sumo.commands.console import progress_bar, resumable
-from scex_sumo.commands.options import AnyWorkers, OutFolder, Overwrite
+from scex_sumo.commands.options import OutFolder, Overwrite, Processes
 from scex_sumo.commands.shared import Answer
 
 EXAMPLE = "out/suite --under-test standard_driver"
@@ -35,7 +35,7 @@ def test_command(
     against: Annotated[
         Path | None, Option(metavar="JSON", help="test.json of another or an older function.")
     ] = None,
-    workers: AnyWorkers = "auto",
+    workers: Processes = "auto",
     overwrite: Overwrite = False,
     out: OutFolder = Path("out") / "test",
 ) -> Answer:

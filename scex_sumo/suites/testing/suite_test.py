@@ -18,7 +18,7 @@ from scex_sumo.behaviors.base import is_driven_by_sumo, layers
 from scex_sumo.drivers.registry import ModelSpec, build, model_specs
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.folder import Failure, StudyFolder
-from scex_sumo.studies.moments.workers import moment_workers
+from scex_sumo.studies.moments.workers import MomentWorkers
 from scex_sumo.suites.suite import SUITE, Case, Suite, open_suite
 from scex_sumo.suites.testing.outputs import junit_text, markdown_text, write_test_page
 from scex_sumo.suites.testing.result import (
@@ -85,7 +85,7 @@ def test_suite(
     out: str | Path,
     futures: int | None = None,
     cases: Sequence[str] | None = None,
-    workers: int | str = 1,
+    workers: int = 1,
     time_limit: float = LIMIT_S,
     against: str | Path | None = None,
     junit: str | Path | None = None,
@@ -101,7 +101,7 @@ def test_suite(
         out: folder of the result; an interrupted test goes on.
         futures: of each case; None: those of the suite.
         cases: names; None: all.
-        workers: processes of this machine, or the address of a Dask scheduler.
+        workers: processes.
         time_limit: of a case, s.
         against: ``test.json`` of another function, or an older one, on the same suite.
         junit: file to write.
@@ -190,7 +190,7 @@ def _chosen(suite: Suite, names: Sequence[str] | None) -> list[Case]:
 
 
 def _run(
-    tasks: Sequence[CaseTask], folder: TestFolder, workers: int | str, tick: Progress | None
+    tasks: Sequence[CaseTask], folder: TestFolder, workers: int, tick: Progress | None
 ) -> dict[str, dict[str, Any]]:
     """Return the records by case; those that are kept do not run again."""
     kept = {task.ref.moment: folder.record(task.ref.moment) for task in tasks}
@@ -199,8 +199,8 @@ def _run(
     if not left:
         return records
     began = time.perf_counter()
-    with closing(moment_workers(run_case, workers)) as pool:
-        for task, found in pool.run(left):
+    with closing(MomentWorkers(workers)) as pool:
+        for task, found in pool.run(run_case, left):
             now, name = time.perf_counter(), task.ref.moment
             record = {"reason": found.reason} if isinstance(found, Failure) else dict(found)
             records[name], began = record | {"seconds": round(now - began, 2)}, now

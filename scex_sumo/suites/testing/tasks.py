@@ -10,13 +10,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.errors import OutOfTimeError, reason_of
 from scex_sumo.behaviors.spec import ModelSpec
 from scex_sumo.decision.decide import RARE
 from scex_sumo.plug_in.time_limit import time_limit
 from scex_sumo.scene import SeedScene
-from scex_sumo.studies.moments.folder import Failure, MomentRef
-from scex_sumo.studies.moments.run import MomentTask, StudySettings, attempt, pack_road
+from scex_sumo.studies.moments.folder import MomentRef
+from scex_sumo.studies.moments.run import MomentTask, StudySettings, pack_road
 from scex_sumo.suites.case import shown
 from scex_sumo.suites.drive import Driven, drive
 from scex_sumo.suites.suite import Case
@@ -65,19 +64,13 @@ def task_of(case: Case, spec: ModelSpec, futures: int, *, limit_s: float) -> Cas
     )
 
 
-def run_case(task: CaseTask, road: bytes | None = None) -> dict[str, Any] | Failure:
-    """Return what came of a case, or why it failed."""
-    try:
-        with time_limit(f"a case of {task.spec}", task.limit_s):
-            return attempt(_run, task, road)
-    except OutOfTimeError as error:
-        return Failure.of(task.ref, reason_of(error))
-
-
-def _run(task: CaseTask, scene: SeedScene, road: bytes) -> dict[str, Any]:
+def run_case(task: CaseTask, scene: SeedScene) -> dict[str, Any]:
+    """Return what came of a case."""
     count = len(task.futures)
-    function = drive(scene, task.track_id, task.spec, count, seed=task.seed)
-    return record_of(function, drive(scene, task.track_id, None, count, seed=task.seed), task.other_id)
+    with time_limit(f"a case of {task.spec}", task.limit_s):
+        function = drive(scene, task.track_id, task.spec, count, seed=task.seed)
+        people = drive(scene, task.track_id, None, count, seed=task.seed)
+        return record_of(function, people, task.other_id)
 
 
 def record_of(function: Driven, people: Driven, other_id: int) -> dict[str, Any]:

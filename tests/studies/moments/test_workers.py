@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -18,8 +18,8 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.road import Road
 from scex_sumo.scene import SceneHistory, SeedScene, States
 from scex_sumo.studies.moments.folder import Failure, MomentRef
-from scex_sumo.studies.moments.run import MomentTask, attempt, built, pack_road
-from scex_sumo.studies.moments.workers import LocalWorkers
+from scex_sumo.studies.moments.run import MomentTask, built, pack_road
+from scex_sumo.studies.moments.workers import MomentWorkers
 from scex_sumo.studies.rank.ranking_run import RankSettings, run_moment
 
 SETTINGS = RankSettings(run=RunSettings(models="standard_driver,risky_driver", futures=96))
@@ -59,8 +59,8 @@ def task(scene: SeedScene, name: str, *, road: Any = None, **changed: Any) -> Mo
 
 
 @pytest.fixture
-def workers() -> Iterator[LocalWorkers]:
-    with closing(LocalWorkers(1, run_moment)) as processes:
+def workers() -> Iterator[MomentWorkers]:
+    with closing(MomentWorkers(1)) as processes:
         yield processes
 
 
@@ -70,36 +70,33 @@ def failure_of(found: pa.Table | Failure) -> Failure:
 
 
 def test_what_is_wrong_with_a_seed_is_its_outcome_and_the_next_one_runs(
-    workers: LocalWorkers, scene: SeedScene
+    workers: MomentWorkers, scene: SeedScene
 ) -> None:
     away = dataclasses.replace(scene, history=dataclasses.replace(scene.history, x=scene.history.x + 5000.0))
-    other = dataclasses.replace(task(scene, "other"), version="0.0.0")
-    found = {
-        asked.ref.moment: what
-        for asked, what in workers.run([task(away, "away"), other, task(scene, "good")])
-    }
+    tasks = [task(away, "away"), task(scene, "good")]
+    found = {asked.ref.moment: what for asked, what in workers.run(run_moment, tasks)}
     assert "on a mapped lane" in failure_of(found["away"]).reason
-    assert "needs 0.0.0" in failure_of(found["other"]).reason
     assert isinstance(found["good"], pa.Table)
-    assert not any(failure_of(found[name]).died for name in ("away", "other"))
+    assert not failure_of(found["away"]).died
 
 
 def test_the_seed_of_a_worker_that_died_is_done_again_and_that_is_said(
-    workers: LocalWorkers, scene: SeedScene, tmp_path: Path
+    workers: MomentWorkers, scene: SeedScene, tmp_path: Path
 ) -> None:
     mark = tmp_path / "died"
-    ((_, found),) = workers.run([task(scene, "s", road=Deadly(unless=mark))])
+    ((_, found),) = workers.run(run_moment, [task(scene, "s", road=Deadly(unless=mark))])
     assert mark.exists()
     failure = failure_of(found)
     assert not failure.died  # the second worker answered: that None is no road
-    assert "no road" in failure.reason
-    assert workers.notes() == ["a worker died at s (signal 9) and was replaced"]
+    assert "NoneType" in failure.reason
+    assert workers.deaths == ["a worker died at s (signal 9) and was replaced"]
 
 
 def test_a_seed_that_kills_its_workers_is_given_up_and_the_next_one_runs(
-    workers: LocalWorkers, scene: SeedScene
+    workers: MomentWorkers, scene: SeedScene
 ) -> None:
-    (bad, first), (_, second) = workers.run([task(scene, "bad", road=Deadly()), task(scene, "good")])
+    tasks = [task(scene, "bad", road=Deadly()), task(scene, "good")]
+    (bad, first), (_, second) = workers.run(run_moment, tasks)
     failure = failure_of(first)
     assert (bad.ref.moment, failure.died) == ("bad", True)
     assert "died 2 times (exit status 3, exit status 3)" in failure.reason
@@ -107,7 +104,7 @@ def test_a_seed_that_kills_its_workers_is_given_up_and_the_next_one_runs(
 
 
 def test_tasks_are_not_taken_before_there_is_a_worker_for_them(
-    workers: LocalWorkers, scene: SeedScene
+    workers: MomentWorkers, scene: SeedScene
 ) -> None:
     taken: list[int] = []
 
@@ -116,14 +113,14 @@ def test_tasks_are_not_taken_before_there_is_a_worker_for_them(
             taken.append(number)
             yield task(scene, str(number))
 
-    found = workers.run(tasks())
+    found = workers.run(run_moment, tasks())
     next(found)
     assert taken == [0]
     assert len(list(found)) == 2
 
 
-def models_of(task: MomentTask, road: bytes | None = None) -> list[str] | Failure:
-    return attempt(lambda asked, *_: built(asked.settings.models).names, task, road)
+def models_of(task: MomentTask, scene: SeedScene) -> Sequence[str]:
+    return built(task.settings.models).names
 
 
 def test_an_object_of_ones_own_script_travels_to_the_workers(scene: SeedScene) -> None:
@@ -138,6 +135,6 @@ def test_an_object_of_ones_own_script_travels_to_the_workers(scene: SeedScene) -
             return States(x=x, y=y, heading=heading, speed=np.zeros(30))
 
     run = RunSettings(models=[Standing()], futures=96)
-    with closing(LocalWorkers(1, models_of)) as workers:
-        ((_, found),) = workers.run([task(scene, "s", run=run)])
+    with closing(MomentWorkers(1)) as workers:
+        ((_, found),) = workers.run(models_of, [task(scene, "s", run=run)])
     assert found == ("Standing",)

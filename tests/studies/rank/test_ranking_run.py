@@ -19,7 +19,7 @@ from scex_sumo.converters.registries import Recording
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.moments.run import MomentTask
-from scex_sumo.studies.moments.workers import Done
+from scex_sumo.studies.moments.workers import Done, Work
 from scex_sumo.studies.rank.ranking_run import RankFolder, RankingRun, RankSettings
 from scex_sumo.studies.rank.table import MOMENTS, moments_table
 from tests.studies.moments.pairs import pairs_table
@@ -40,10 +40,7 @@ class Instant:
         self.asked: list[str] = []
         self._size, self._bad, self._died, self._stop = back_to_front, bad, died, stop
 
-    def notes(self) -> list[str]:
-        return []
-
-    def run(self, tasks: Iterable[MomentTask]) -> Iterator[Done]:
+    def run(self, work: Work, tasks: Iterable[MomentTask]) -> Iterator[Done]:
         waiting = iter(tasks)
         while group := list(itertools.islice(waiting, self._size)):
             for task in reversed(group):
@@ -55,9 +52,6 @@ class Instant:
                     yield task, Failure.of(task.ref, "bad luck", died=self._died)
                 else:
                     yield task, pairs_table(probability=(1 + zlib.crc32(name.encode()) % 7) * 1e-4)
-
-    def close(self) -> None:
-        pass
 
 
 @pytest.fixture(scope="module")
