@@ -36,7 +36,6 @@ import numpy as np
 import traci
 from PIL import Image
 
-from scex_sumo.live.device import elements_of, numbers_of
 from scex_sumo.live.focus import Focus
 from scex_sumo.live.risk import Question, Risk, assess
 from scex_sumo.live.session import Session, Told
@@ -101,10 +100,16 @@ def collisions(folder: Path, seed: int, to_s: float) -> dict[frozenset[str], flo
     return found
 
 
+def numbers_of(conflict: ElementTree.Element, tag: str) -> list[float]:
+    span = conflict.find(tag)
+    values = [] if span is None else span.get("values", "").split()
+    return [float(value.replace("NA", "nan")) for value in values]
+
+
 def device(file: Path) -> dict[tuple[frozenset[str], float], dict[str, float]]:
     """Return what the SSM device knows of a pair at a time: 1 / TTC, DRAC, 1 / PET so far."""
     known: dict[tuple[frozenset[str], float], dict[str, float]] = {}
-    for conflict in elements_of(file):
+    for conflict in ElementTree.parse(file).getroot().iter("conflict"):
         pair, times = (
             frozenset((conflict.get("ego", ""), conflict.get("foe", ""))),
             numbers_of(conflict, "timeSpan"),
@@ -203,7 +208,8 @@ def speed(config: str, vehicles: int, moments: int) -> None:
 
     sumo.start(["sumo", "-c", config, "--step-length", "0.1", "--no-step-log", "--no-warnings"])
     watch = Watch(sumo, None)
-    watch.until(lambda: sumo.vehicle.getIDCount() >= vehicles)
+    while sumo.vehicle.getIDCount() < vehicles:
+        sumo.simulationStep()
     spent = []
     for _ in range(moments):
         moment = watch.moment(Focus(busiest=vehicles))
@@ -221,7 +227,8 @@ def again(folder: Path, vehicles: int, futures: int, workers: int) -> None:
     write_scenario(folder)
     sumo, spent = start(folder, 1), []
     watch = Watch(sumo, folder / "g.net.xml")
-    watch.until(lambda: sumo.vehicle.getIDCount() >= vehicles)
+    while sumo.vehicle.getIDCount() < vehicles:
+        sumo.simulationStep()
     for k in range(6):
         began = time.perf_counter()
         run = watch.extrapolate(futures=futures, workers=workers, out=folder / f"run{k}", overwrite=True)

@@ -11,7 +11,6 @@ from scex_sumo.base.errors import UsageError, warn_notes
 from scex_sumo.base.progress import Progress
 from scex_sumo.converters.maps import read_map
 from scex_sumo.generators.generate import generated_scene
-from scex_sumo.generators.people import add_people
 from scex_sumo.generators.scene_model import load_scenes
 from scex_sumo.generators.synthetic import sumo_population
 from scex_sumo.roads.mirror import drawn_on
@@ -26,7 +25,6 @@ def synthetic_seed(
     *,
     vehicles: int,
     like: str = "sumo",
-    people: int = 0,
     seed: int = 0,
     origin: tuple[float, float] | None = None,
     cache: bool = True,
@@ -38,7 +36,6 @@ def synthetic_seed(
         map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
         like: ``sumo`` places vehicles by random demand and car-following, with history and future;
             ``recorded`` by the shipped scene model, without a future.
-        people: pedestrians and cyclists on footways and crossings, beside lanes and at their edges.
         seed: the same seed gives the same scene.
         origin: latitude and longitude of the map's coordinates; None looks beside the map, else takes its
             south-west corner.
@@ -62,7 +59,5 @@ def synthetic_seed(
         draw = partial(sumo_population, vehicles=vehicles, seed=seed, cache=cache, progress=progress)
     # SUMO's own nets say on which side they are driven.
     scene = replace(drawn_on(road, draw) if road.net is None else draw(road), road=road)
-    if people:
-        scene = add_people(scene, people, seed=seed)
     warn_notes([*road.notes, *scene.notes])
     return scene

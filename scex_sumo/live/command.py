@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from collections import deque
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,7 +19,6 @@ if TYPE_CHECKING:
 
 EXAMPLE = "out/simulation/future.sumocfg --every 0.5 -o out/watch"
 _SAVE_EVERY = 100  # moments
-_RECENT, _MIN_MOMENTS = 8, 4  # moments over which the real-time factor is measured
 _MAX_BRAKING_MPS2 = 20.0
 
 
@@ -56,9 +53,9 @@ def watch_command(
     """Watch a SUMO simulation: what could happen next, while it runs."""
     from scex_sumo.formats.sumo.scenario import RISK
     from scex_sumo.live.focus import Focus
-    from scex_sumo.live.folder import LEADS, PAGE
+    from scex_sumo.live.folder import PAGE
     from scex_sumo.live.risk import Question
-    from scex_sumo.live.session import SSM, Session
+    from scex_sumo.live.session import Session
 
     if follow and not gui:
         raise UsageError("--follow: needs --gui")
@@ -67,7 +64,7 @@ def watch_command(
     Question(**question).check()
     session = Session(config=scenario, out=out, gui=gui, begin_s=first_s, end_s=last_s, follow=follow)
     teller = _Teller(out)
-    files = [out / name for name in (RISK, LEADS, PAGE, SSM)]
+    files = [out / name for name in (RISK, PAGE)]
     if out.resolve() != scenario.resolve().parent:
         files.append(out / scenario.name)
     for file in files:
@@ -93,9 +90,7 @@ class _Teller:
         self.risks: list[Risk] = []
         self.watch: Watch | None = None
         self._out, self._console = out, output_console(width=200)
-        self._clocks = deque[tuple[float, float]](maxlen=_RECENT)  # the simulation's and the computer's, s
         self._skipped = 0
-        self._begin_s = time.perf_counter()
 
     def __call__(self, risk: Risk) -> None:
         from scex_sumo.live.folder import write_risks
@@ -108,29 +103,20 @@ class _Teller:
 
     def _line(self, risk: Risk) -> str:
         assert self.watch is not None
-        now, clock = self.watch.time_s, time.perf_counter()
-        self._clocks.append((now, clock))
-        before, then = self._clocks[0]
-        known = len(self._clocks) >= _MIN_MOMENTS and now > before  # several may finish at once
-        factor = f"{(now - before) / (clock - then):.1f} x" if known else "-"
         missed, self._skipped = self.watch.skipped - self._skipped, self.watch.skipped
         behind = f"; behind: {missed} moment{'s' if missed > 1 else ''} skipped" if missed else ""
         count = f"{len(risk.vehicles):3} vehicle{'s' if len(risk.vehicles) != 1 else ' '}"
-        return f"{risk.time_s:8.1f} s  {factor:>7}  {count}  {_words(risk)}{behind}"
+        return f"{risk.time_s:8.1f} s  {count}  {_words(risk)}{behind}"
 
     def write(self, config: Path) -> Path:
         """Write tables and page, and return the page's path."""
-        from scex_sumo.live.device import conflicts_of, leads_of
-        from scex_sumo.live.folder import write_configuration, write_leads, write_page, write_risks
-        from scex_sumo.live.session import SSM
+        from scex_sumo.live.folder import write_configuration, write_page, write_risks
 
         write_risks(self._out, self.risks)
         write_configuration(self._out, config)
-        leads = leads_of(conflicts_of(self._out / SSM), self.risks)
-        write_leads(self._out, leads)
         skipped = 0 if self.watch is None else self.watch.skipped
         about = f"{len(self.risks)} moments assessed, {skipped} skipped"
-        return write_page(self._out, config, self.risks, leads, about)
+        return write_page(self._out, config, self.risks, about)
 
     def answer(self, page: Path) -> dict[str, Any]:
         """Return the answer in JSON."""

@@ -1,13 +1,12 @@
-"""Folder of a watched simulation: ``risk.parquet``, ``leads.parquet``, and the page ``watch.html``."""
+"""Folder of a watched simulation: ``risk.parquet``, and the page ``watch.html``."""
 
 from __future__ import annotations
 
-import math
 import os
 import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 from xml.etree import ElementTree
 
 import numpy as np
@@ -15,18 +14,15 @@ import pyarrow as pa
 
 from scex_sumo.base.files import write_output, write_table
 from scex_sumo.formats.sumo.scenario import RISK, options_of
-from scex_sumo.live.device import SEEN, Lead
 from scex_sumo.live.focus import BUSIEST
 from scex_sumo.live.risk import PairRisk, Risk
-from scex_sumo.page.document import Column as Head
-from scex_sumo.page.document import Document, card, page_table
+from scex_sumo.page.document import Document, card
 from scex_sumo.page.figures.charts import Plane
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.timeline import SHAPES, Happening, shapes_legend, timeline
 from scex_sumo.results.tables.columns import schema
 from scex_sumo.results.tables.pairs import once_in
 
-LEADS: Final = "leads.parquet"
 PAGE: Final = "watch.html"
 MOMENTS: Final = "moments"
 MOST: Final = 10
@@ -36,7 +32,6 @@ APART_S: Final = 3.0
 
 RISK_SCHEMA: Final = schema("time_s hits other kind human_like stress how needed_braking contact_s x y doubt")
 """One row a moment and pair, the most probable first; moments without a pair have none."""
-_LEADS_SCHEMA = schema("hits other conflict_s what value risk_s human_like lead_s")
 _REGION_M = 40.0
 _WIDE_PX = 1000
 
@@ -50,17 +45,6 @@ def write_risks(folder: Path, risks: Iterable[Risk]) -> Path:
     ]
     write_table(pa.Table.from_pylist(rows, schema=RISK_SCHEMA), folder / RISK)
     return folder / RISK
-
-
-def write_leads(folder: Path, leads: Iterable[Lead]) -> Path:
-    """Write ``leads.parquet`` and return its path."""
-    rows = [
-        {"hits": lead.pair[0], "other": lead.pair[1]}
-        | {name: getattr(lead, name) for name in _LEADS_SCHEMA.names[2:]}
-        for lead in leads
-    ]
-    write_table(pa.Table.from_pylist(rows, schema=_LEADS_SCHEMA), folder / LEADS)
-    return folder / LEADS
 
 
 def worst_moments(risks: Sequence[Risk]) -> list[tuple[Risk, PairRisk]]:
@@ -101,16 +85,13 @@ def command_of(config: Path, folder: Path, risk: Risk, pair: PairRisk) -> list[s
     return [*words, "-o", str(folder / MOMENTS / f"{risk.time_s:g}")]
 
 
-def write_page(folder: Path, config: Path, risks: Sequence[Risk], leads: Sequence[Lead], about: str) -> Path:
-    """Write the page: risk over time, the worst moments, lead times; return its path."""
+def write_page(folder: Path, config: Path, risks: Sequence[Risk], about: str) -> Path:
+    """Write the page: risk over time, the worst moments; return its path."""
     page = Document(f"{config.stem}: risk while it ran")
     cards = [
         card("Risk over time", *_lines(folder, risks)),
         card("Worst moments", *_worst(folder, config, risks)),
     ]
-    if leads:
-        table = page.table("leads", page_table(_LEAD_HEADS, [_lead_row(lead) for lead in leads]))
-        cards.append(card("Lead time", *_summary(leads), table))
     return page.write(folder / PAGE, about, *cards)
 
 
@@ -149,7 +130,7 @@ def _worst(folder: Path, config: Path, risks: Sequence[Risk]) -> list[Html]:
     for risk, pair in worst_moments(risks):
         when, report = f"{risk.time_s:g} s", _report_of(folder, risk)
         link = element("a", when, href=report) if report else element("b", when)
-        words = " ".join(map(shlex.quote, ["scex-sumo", *command_of(config, _near(folder), risk, pair)]))
+        words = shlex.join(["scex-sumo", *command_of(config, Path(os.path.relpath(folder)), risk, pair)])
         says = f": {pair.hits} → {pair.other}, {once_in(pair.human_like)}: {pair.how}"
         items.append(element("li", link, says, element("br"), element("code", words)))
     if not items:
@@ -161,42 +142,3 @@ def _report_of(folder: Path, risk: Risk) -> str:
     """Return the address of the report of a moment; empty where there is none."""
     address = f"{MOMENTS}/{risk.time_s:g}/report.html"
     return address if (folder / address).is_file() else ""
-
-
-def _near(folder: Path) -> Path:
-    return Path(os.path.relpath(folder))
-
-
-def _summary(leads: Sequence[Lead]) -> list[str]:
-    times = [lead.lead_s for lead in leads if lead.lead_s is not None]
-    device = sum(lead.conflict_s is not None for lead in leads)
-    only = len(leads) - device
-    middle = f", {np.median(times):.1f} s before in the median" if times else ""
-    return [
-        f"SUMO's SSM device saw {device} pairs in conflict (TTC up to 3 s, DRAC from 3 m/s², PET up to 2 s); "
-        f"the extrapolation saw {len(times)} of them before (P {once_in(SEEN)}){middle}, and {only} pairs "
-        "that the device did not see."
-    ]
-
-
-_LEAD_HEADS = (
-    Head("pair", "pair", "names"),
-    Head("conflict_s", "conflict at s", "real", "first time at which the device's measure passes its limit"),
-    Head("measure", "measure", "words", "of the device, at its worst"),
-    Head("risk_s", "seen at s", "real", "first moment in the 10 s before with this P"),
-    Head("often", "human-like P", "words"),
-    Head("lead_s", "lead s", "real"),
-)
-
-
-def _lead_row(lead: Lead) -> dict[str, Any]:
-    value = lead.value
-    known = lead.what is not None and value is not None and math.isfinite(value)
-    return {
-        "pair": f"{lead.pair[0]} → {lead.pair[1]}",
-        "conflict_s": lead.conflict_s,
-        "measure": f"{lead.what} {value:.1f}" if known else "",
-        "risk_s": lead.risk_s,
-        "often": "" if lead.human_like is None else once_in(lead.human_like),
-        "lead_s": lead.lead_s,
-    }

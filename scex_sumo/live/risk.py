@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -104,20 +103,14 @@ class Risk:
         time_s: of the simulation.
         pairs: the most probable one of people first, pairs with doubtful data last.
         vehicles: SUMO's names.
-        work_s: time that it took, s.
-        age_s: time that the simulation has gone on since, s.
         ghosts: outlines (T, 5, 2) of vehicles in the typical future in which the first pair collides, else
             comes nearest; by name, m.
-        notes: on the moment.
     """
 
     time_s: float
     pairs: tuple[PairRisk, ...]
     vehicles: tuple[str, ...]
-    work_s: float = 0.0
-    age_s: float = 0.0
     ghosts: Mapping[str, FloatArray] = field(default_factory=dict)
-    notes: tuple[str, ...] = ()
 
     @property
     def worst(self) -> PairRisk | None:
@@ -135,7 +128,6 @@ def assess(moment: Moment, question: Question) -> Risk:
     Raises:
         ScexError: the moment has no vehicle, or its net cannot be read.
     """
-    begin_s = time.perf_counter()
     scene = moment.scene()
     names = {int(track): name for track, name in scene.source["vehicles"].items()}
     settings, models = _models(question)
@@ -151,9 +143,9 @@ def assess(moment: Moment, question: Question) -> Risk:
     pairs = _pairs(scene, names, people, part, question.futures)
     pairs = [pair for pair in pairs if moment.counts(pair.names)]
     pairs.sort(key=lambda pair: (pair.doubt is not None, -pair.human_like, -(pair.stress or 0.0)))
-    risk = Risk(time_s=scene.time_s, pairs=tuple(pairs), vehicles=tuple(names.values()), notes=scene.notes)
+    risk = Risk(time_s=scene.time_s, pairs=tuple(pairs), vehicles=tuple(names.values()))
     ghosts = _ghosts(scene, names, risk.worst, part)
-    return replace(risk, ghosts=ghosts, work_s=time.perf_counter() - begin_s)
+    return replace(risk, ghosts=ghosts)
 
 
 def _pairs(

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, TypeAlias
 
 from scex_sumo.base.errors import ScexError, SimulationError
 from scex_sumo.base.files import TemporaryFolder, writing
@@ -23,14 +23,6 @@ from scex_sumo.live.watch import Watch
 from scex_sumo.world.drawings import WINDOW_SIZE, frame_of, write_view_settings
 from scex_sumo.world.session import load_sumo, silence
 from scex_sumo.world.tiles import template_of
-
-SSM: Final = "ssm.xml"
-_SSM_OPTIONS: Final = {
-    "probability": "1",
-    "measures": "TTC DRAC PET",
-    "thresholds": "3 3 2",
-    "trajectories": "true",
-}
 
 Told: TypeAlias = Callable[[Risk], object]
 Begin: TypeAlias = Callable[[Watch, Told], object]
@@ -74,13 +66,9 @@ class Session:
         binary = program(name) if own is None else str(own.with_name(own.name.replace("sumo", name)))
         sumo = load_sumo(gui=self.gui or own is not None)
         with TemporaryFolder() as folder, _messages() as messages:
-            words = [
-                *PrivateRun(self.config, Path(folder), binary, options_of(self.config)).options,
-                *QUIET,
-                "--no-warnings",
-                "true",
-            ]
-            words += self._outputs() + (self._window(Path(folder)) if self.gui else [])
+            private = PrivateRun(self.config, Path(folder), binary, options_of(self.config))
+            words = [*private.options, *QUIET, "--no-warnings", "true"]
+            words += self._window(Path(folder)) if self.gui else []
             with writing(self.out):
                 self.out.mkdir(parents=True, exist_ok=True)
             before = Path.cwd()
@@ -145,23 +133,13 @@ class Session:
                 else:  # time that is lost is not made up for
                     start_s -= early_s
 
-    def _outputs(self) -> list[str]:
-        options = {**_SSM_OPTIONS, "file": str(self.out / SSM)}
-        return [word for name, value in options.items() for word in (f"--device.ssm.{name}", value)]
-
     def _window(self, folder: Path) -> list[str]:
         frame = frame_of(template_of(net_of(self.config)).bounds, [(0, 0)], [])
         settings = folder / "view.xml"
         near = self.follow  # outlines of vehicles have their true size
         write_view_settings(settings, frame, delay_ms=0, lights=True, text_px=TEXT_PX, true_size=near)
-        return [
-            "--gui-settings-file",
-            str(settings),
-            "--window-size",
-            WINDOW_SIZE,
-            "--start",
-            "--quit-on-end",
-        ]
+        shown = ["--gui-settings-file", str(settings), "--window-size", WINDOW_SIZE]
+        return [*shown, "--start", "--quit-on-end"]
 
 
 @contextmanager

@@ -6,7 +6,6 @@ import weakref
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -69,7 +68,7 @@ class Ticker:
 
     def step(self, time_s: float, moment: Callable[[Focus], Moment]) -> None:
         """Take up finished moments, and the present one if it is due; call it after each step."""
-        self.take_up(time_s)
+        self.take_up()
         if self._due_s is None or time_s < self._due_s - 2 * self._every_s:  # or a state was loaded
             self._due_s = time_s
         if not self._end.alive or time_s < self._due_s - _EARLY_S:
@@ -80,7 +79,7 @@ class Ticker:
             self.skipped += 1
             return
         if not self._pools:
-            self.finish(time_s, left=len(self._running) - 1)
+            self.finish(left=len(self._running) - 1)
         pool = self._pools.popleft()
         try:
             future = pool.submit(partial(assess, moment(self._focus), self._question), where=_WHERE)
@@ -89,15 +88,15 @@ class Ticker:
             raise
         self._running.append((pool, future))
         if self._wait and not self._pools and len(self._running) == 1:
-            self.finish(time_s)
+            self.finish()
 
-    def finish(self, time_s: float, *, left: int = 0) -> None:
+    def finish(self, *, left: int = 0) -> None:
         """Wait for moments until only so many are left."""
         while len(self._running) > left:
             self._running[0][1].exception()  # waits
-            self.take_up(time_s)
+            self.take_up()
 
-    def take_up(self, time_s: float) -> None:
+    def take_up(self) -> None:
         """Take up finished moments in their order, and call the callback with each."""
         while self._running and self._running[0][1].done():
             pool, future = self._running.popleft()
@@ -116,7 +115,7 @@ class Ticker:
                 continue
             if self._callback is not None:
                 try:
-                    self._callback(replace(self.risk, age_s=time_s - self.risk.time_s))
+                    self._callback(self.risk)
                 except Exception as error:  # the simulation goes on
                     self._tell(f"the callback failed: {reason_of(error)}")
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import weakref
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -49,14 +48,14 @@ class Watch:
             remedy = "give libsumo, traci or one of its connections"
             raise UsageError(f"scex_sumo.watch: {got} is no connection to SUMO; {remedy}")
         if hasattr(connection, "getConnection"):  # traci itself: its present connection, whatever comes after
-            with _asking("read"):
+            with _asking():
                 connection = connection.getConnection(connection.getLabel())
         self._sumo = connection
         self._pool: Pool | None = None
         self._end_pool: Callable[[], object] | None = None
         if net is not None:
             road_of(net)  # an error now
-        with _asking("read"):
+        with _asking():
             # libtraci steps all of its connections through one module.
             several = getattr(connection, "isLibtraci", bool)()
             self._label = connection.simulation.getLabel() if several else None
@@ -86,7 +85,7 @@ class Watch:
         return Listener()
 
     def _is_open(self) -> bool:
-        with suppress(SimulationError), _asking("read"):
+        with suppress(SimulationError), _asking():
             self._sumo.simulation.getTime()
             return True
         return False
@@ -97,26 +96,6 @@ class Watch:
     def _take(self) -> None:
         if self._is_current():
             self.time_s = self._recorder.take()
-
-    def until(self, condition: Callable[[], bool], *, at_most_s: float = 3600.0) -> bool:
-        """Step the simulation until a condition holds; return whether it does.
-
-        Args:
-            condition: called after each step.
-            at_most_s: the simulation's time after which to give up, s; the end of all traffic does so, too.
-
-        Raises:
-            SimulationError: the connection is closed, or another one of libtraci is the current one.
-        """
-        end_s = self.time_s + at_most_s
-        while not condition():
-            with _asking("step"):
-                if not self._is_current():
-                    raise SimulationError(f"libtraci steps another connection; switch to {self._label!r}")
-                if self.time_s >= end_s or not self._sumo.simulation.getMinExpectedNumber():
-                    return False
-                self._sumo.simulationStep()
-        return True
 
     def scene(self) -> SeedScene:
         """Return the seed scene of the present step, see `Moment.scene`.
@@ -133,13 +112,13 @@ class Watch:
         """
         is_open = self._is_open()
         if is_open:
-            with _asking("read"):
+            with _asking():
                 self._take()  # steps that no listener was told of, and vehicles removed since
         moment = Moment(recorded=self._recorder.recorded, net=self._net)
         if focus is not None:
             moment = moment.within(focus)
         if is_open:
-            with _asking("read"):
+            with _asking():
                 self._recorder.take_intentions(None if focus is None else moment.motorised)
         return moment if focus is None else moment.intending(self._recorder.recorded)
 
@@ -180,12 +159,11 @@ class Watch:
         )
 
     def risk(self) -> Risk | None:
-        """Return the risk of the last moment that is finished, with its age; None before the first one."""
+        """Return the risk of the last moment that is finished; None before the first one."""
         if self._ticker is None:
             return None
-        self._ticker.take_up(self.time_s)
-        risk = self._ticker.risk
-        return None if risk is None else replace(risk, age_s=self.time_s - risk.time_s)
+        self._ticker.take_up()
+        return self._ticker.risk
 
     @property
     def skipped(self) -> int:
@@ -200,7 +178,7 @@ class Watch:
     def finish(self) -> None:
         """Wait for the moments that are being assessed."""
         if self._ticker is not None:
-            self._ticker.finish(self.time_s)
+            self._ticker.finish()
 
     def close(self) -> None:
         """End `every` and all processes of this watch; the simulation goes on."""
@@ -263,7 +241,7 @@ def _extrapolate(
 
 
 @contextmanager
-def _asking(what: str) -> Iterator[None]:
+def _asking() -> Iterator[None]:
     try:
         yield
     except ScexError:
@@ -273,7 +251,7 @@ def _asking(what: str) -> Iterator[None]:
             raise
         reason = str(error).rstrip(".")
         raise SimulationError(
-            f"cannot {what} the simulation: {reason}; start it before scex_sumo.watch, and close it after"
+            f"cannot read the simulation: {reason}; start it before scex_sumo.watch, and close it after"
         ) from None
 
 

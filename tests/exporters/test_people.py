@@ -3,29 +3,55 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import numpy as np
 import pytest
 
 import scex_sumo as scex
+from scex_sumo.converters.tracks.road_users import obstacle_size
 from scex_sumo.exporters.commonroad import write_commonroad
 from scex_sumo.exporters.openscenario import write_openscenario
 from scex_sumo.exporters.request import Request
 from scex_sumo.exporters.tracks import write_fcd_files
 from scex_sumo.formats.sumo.fcd import read_fcd
 from scex_sumo.results.run import Run
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene, States
 from tests.runs import extrapolate
 
 KINDS = Counter({"car": 3, "pedestrian": 3, "bicycle": 1})
 
 
+def people_beside(scene: SeedScene) -> Obstacles:
+    """Three people on foot and a cyclist, 60 m and more from the first vehicle, all on their way north."""
+    kinds, steps = ("pedestrian",) * 3 + ("bicycle",), np.arange(-HISTORY_STEPS, 31) * STEP_S
+    speed = np.array([[1.3], [1.4], [1.2], [4.0]]) + 0 * steps
+    states = States(
+        x=scene.now.x[0] + 60.0 + 5.0 * np.arange(4)[:, None] + 0 * steps,
+        y=scene.now.y[0] + speed * steps,
+        heading=np.full(speed.shape, np.pi / 2),
+        speed=speed,
+    )
+    sizes = np.array([obstacle_size(kind) for kind in kinds])
+    return Obstacles(
+        ids=("P1", "P2", "P3", "P4"),
+        types=kinds,
+        length=sizes[:, 0],
+        width=sizes[:, 1],
+        states=states,
+        present=np.ones(speed.shape, np.bool_),
+    )
+
+
 @pytest.fixture(scope="module", params=["replay", "model"])
 def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Run:
     """Three cars, three people on foot and a cyclist."""
-    scene = scex.synthetic_seed(
-        scex.example_path("urban_intersection"), vehicles=3, like="recorded", people=4, seed=5, cache=False
+    vehicles = scex.synthetic_seed(
+        scex.example_path("urban_intersection"), vehicles=3, like="recorded", seed=5, cache=False
     )
+    scene = replace(vehicles, obstacles=people_beside(vehicles))
     out = tmp_path_factory.mktemp(request.param) / "out"
     return extrapolate(scene, futures=2, steps=10, out=out, vru=request.param)
 

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.distance import pdist
 
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.converters.datasets.find import find_recordings
-from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.generators.command import generate_command
-from scex_sumo.generators.critical_scenes import encounter_scores, sample_by_score
 from scex_sumo.generators.generate import generated_scene
 from scex_sumo.generators.scene_model import load_scenes
 from scex_sumo.scenarios import example_path
@@ -61,38 +56,3 @@ def test_a_folder_is_replaced_only_on_demand(tmp_path: Path) -> None:
     generate_command(MAP, vehicles=2, count=1, out=tmp_path, overwrite=True)
     with pytest.raises(UsageError, match="--count: got 0"):
         generate_command(MAP, count=0, out=tmp_path)
-
-
-def test_critical_scenes_are_drawn_from_those_without_the_option_and_weighted(tmp_path: Path) -> None:
-    generate_command(MAP, vehicles=8, count=10, out=tmp_path / "all")
-    for folder in ("drawn", "same"):
-        generate_command(MAP, vehicles=8, count=2, critical=True, out=tmp_path / folder)
-    about, same = ((tmp_path / f / f"{MAP.stem}.weights.json").read_text() for f in ("drawn", "same"))
-    assert about == same
-    weights, means = json.loads(about)["cases"], json.loads(about)["critical_encounters"]
-    assert list(weights) == ["1.0", "2.0"]
-    assert sum(case["weight"] for case in weights.values()) == pytest.approx(1.0, abs=1e-5)
-    assert means["cases"] > means["candidates"] > 0
-    every, some = (
-        [read_seed(tmp_path / f / MAP.name, case=str(k + 1), cache=False).now.x for k in range(n)]
-        for f, n in (("all", 10), ("drawn", 2))
-    )
-    assert all(any(np.array_equal(x, other) for other in every) for x in some)
-    assert [r.name for r in find_recordings([tmp_path / "drawn"])] == [MAP.stem]  # rank reads such a folder
-    generate_command(MAP, vehicles=5, count=1, out=tmp_path / "drawn", overwrite=True)
-    assert not (tmp_path / "drawn" / f"{MAP.stem}.weights.json").exists()
-
-
-def test_weighted_shares_are_those_of_all_scenes() -> None:
-    road, rng = read_road(MAP), np.random.default_rng(0)
-    some = {"vehicles": 5}
-    scenes = [generated_scene(road, load_scenes(), number=k, **some) for k in range(32)]  # type: ignore[arg-type]
-    score = encounter_scores(scenes)
-    close = np.array([pdist(np.column_stack([scene.now.x, scene.now.y])).min() < 12.0 for scene in scenes])
-    draws = [sample_by_score(score, 12, rng) for _ in range(400)]
-    for value in (close, score):
-        weighted, plain = np.array([(w @ value[k], value[k].mean()) for k, w in draws]).T
-        error = weighted.std()  # of one draw; ratios of 12 cases have a bias below it
-        assert weighted.mean() == pytest.approx(value.mean(), abs=error + 1e-12)
-    assert plain.mean() > score.mean() + 2 * error  # so weights matter
-    assert all(w.max() < 5 / 12 and len(set(k)) == 12 for k, w in draws)

@@ -30,7 +30,7 @@ def test_a_configuration_is_watched_to_its_end_and_none_of_its_files_is_written(
     answer = json.loads(done.stdout)
     assert answer["moments"] == 4 and answer["skipped"] == 0
     files = {file.name for file in (tmp_path / "w").iterdir()}
-    assert files == {"risk.parquet", "leads.parquet", "watch.html", "ssm.xml", "mine.sumocfg"}
+    assert files == {"risk.parquet", "watch.html", "mine.sumocfg"}
     times = set(pq.read_table(tmp_path / "w" / "risk.parquet")["time_s"].to_pylist())
     assert times <= {20.0, 21.0, 22.0, 23.0} and {worst["time_s"] for worst in answer["worst"]} <= times
     assert not (grid.config.parent / "trips.xml").exists()

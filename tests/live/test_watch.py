@@ -31,10 +31,6 @@ sumo.simulationStep(until)
 after = {v: sumo.vehicle.getPosition(v) for v in sumo.vehicle.getIDList()}
 sumo.close()
 assert watch.scene().time_s == until  # nothing is lost with the connection
-try:
-    watch.until(lambda: False)
-except scex.ScexError as error:
-    print(error)
 Path("after.json").write_text(json.dumps([until, after]))
 """
 
@@ -57,7 +53,7 @@ def test_a_simulation_goes_on_after_its_futures(grid: Simulation, module: str) -
         [sys.executable, "-W", "ignore", "-c", code], cwd=grid.config.parent, capture_output=True, text=True
     )
     assert not done.returncode, done.stderr
-    assert "cannot step the simulation" in done.stdout and "None" not in done.stdout
+    assert "None" not in done.stdout
     until, after = json.loads((grid.config.parent / "after.json").read_text())
     alone = in_sumo(grid.config, until).vehicles
     assert {name: after[name] for name in alone} == {name: state[:2] for name, state in alone.items()}
@@ -72,7 +68,6 @@ def test_a_watch_keeps_to_its_connection_of_libtraci(grid: Simulation) -> None:
         text=True,
     )
     assert not done.returncode, done.stderr
-    assert "libtraci steps another connection; switch to 'a'" in done.stdout
 
 
 TWO = """
@@ -85,10 +80,6 @@ libtraci.simulationStep(30)
 libtraci.start({start}, label="b")
 libtraci.simulationStep(5)
 assert watch.time_s == watch.scene().time_s == 30
-try:
-    watch.until(lambda: False)
-except scex.ScexError as error:
-    print(error)
 libtraci.switch("a")
 libtraci.simulationStep()
 assert watch.time_s == 30.1
@@ -159,7 +150,8 @@ sumo.close()
 sumo.start([*start, "--step-length", "0.25"])
 watch = scex.watch(sumo)
 said(watch.scene)
-assert not watch.until(lambda: False, at_most_s=20)
+while watch.time_s < 20:
+    sumo.simulationStep()
 with warnings.catch_warnings(record=True) as caught:
     warnings.simplefilter("always")
     run = watch.extrapolate(futures=2, models=["constant_velocity"], out="out", **ALONE)

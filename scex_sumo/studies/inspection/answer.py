@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from scex_sumo.base.errors import ScexError
@@ -16,13 +15,10 @@ from scex_sumo.reports.run_table import console_table
 from scex_sumo.scene import SeedScene
 
 
-def inspect_answer(
-    loaded: LoadedRecording, moments: list[Moment], scene: SeedScene | None, page: Path | None
-) -> dict[str, Any]:
+def inspect_answer(loaded: LoadedRecording, moments: list[Moment], scene: SeedScene | None) -> dict[str, Any]:
     """Return the answer of ``inspect --json``; ``scene`` is that of ``--time`` or ``--case``."""
     return {
         "recording": loaded.recording.name,
-        "page": page,
         "seconds": loaded.seconds,
         "vehicles": loaded.vehicles,
         "findings": loaded.findings,

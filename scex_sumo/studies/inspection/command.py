@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import shlex
 from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from typer import Option
+from typing import TYPE_CHECKING
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.console import warn
@@ -32,9 +29,6 @@ def inspect_command(
     case: Case = None,
     time: Time = None,
     origin: Origin = None,
-    out: Annotated[
-        Path | None, Option("-o", "--out", metavar="FILE.html", help="Write a page with the map as well.")
-    ] = None,
 ) -> Answer:
     """List recordings, moments of one, or vehicles of a moment."""
     from scex_sumo.base.blame import calling_twice
@@ -48,10 +42,8 @@ def inspect_command(
     from scex_sumo.scene import STEP_S
     from scex_sumo.studies.inspection.answer import inspect_answer
 
-    if out is not None and out.suffix != ".html":
-        raise UsageError(f"-o {out}: unknown ending; known: .html")
     warn(left_out([map_path] if map_path.is_dir() else []))
-    if map_path.is_dir() and (tracks, case, time, origin, out) == (None,) * 5:
+    if map_path.is_dir() and (tracks, case, time, origin) == (None,) * 4:
         recordings = recordings_of_folder(map_path)
         if len(recordings) > 1:
             from scex_sumo.studies.inspection.answer import inspect_folder
@@ -76,10 +68,6 @@ def inspect_command(
     marked = {moment for moment in (best, full) if moment is not None}
     if marked - {*moments}:
         moments = sorted({*moments, *marked}, key=lambda moment: moment.time_s)
-    if out is not None:
-        from scex_sumo.studies.inspection.page import write_inspection
-
-        print(f"page: {write_inspection(out, loaded, moments, shlex.join(words))}")
     if time is None and case is None:
         console.print(_moments_table(_shown(moments, marked), len(moments)))
         lines = {full: "most vehicles", best: "most vehicles" if best is full else "most complete vehicles"}
@@ -87,12 +75,12 @@ def inspect_command(
             if moment is not None:
                 chosen = ["--case", moment.case] if moment.case else ["--time", f"{moment.time_s:g}"]
                 print(f"{name}: {shlex.join([*words, *chosen])}")
-        return partial(inspect_answer, loaded, moments, None, out)
+        return partial(inspect_answer, loaded, moments, None)
     scene = seed_at(loaded, _time_of(loaded, case) if time is None else time, case=case)
     console.print(_vehicles_table(scene))
     chosen = ["--case", case] if case else ["--time", f"{scene.time_s:g}"]
     print(f"run it: {shlex.join([*words, *chosen])}")
-    return partial(inspect_answer, loaded, moments, scene, out)
+    return partial(inspect_answer, loaded, moments, scene)
 
 
 def _checks_table(loaded: LoadedRecording) -> Table:
