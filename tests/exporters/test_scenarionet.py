@@ -14,8 +14,8 @@ from scex_sumo.converters.maps import read_map
 from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.formats.scenarionet import unpickle
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.results.run import Run
+from tests.lanelet2sumo.judge.report import check_net
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ import pytest
 
 from scex_sumo import find_recordings, load_recording, read_seed
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from tests.formats import streets
+from tests.lanelet2sumo.judge.report import check_net
 from tests.runs import extrapolate
 
 EAST_M, NORTH_M = 619_300.0, 5_809_100.0

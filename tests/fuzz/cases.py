@@ -293,7 +293,6 @@ def _detectors(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str
     commands = (
         ["run", net.name, "--synthetic", "4", *RUN],
         ["convert", net.name, "-o", "new.net.xml"],
-        ["convert", net.name, "--check", net.name],
     )
     return how, rng.choice(commands)
 

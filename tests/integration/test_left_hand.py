@@ -17,12 +17,12 @@ from scex_sumo.generators.generate import generated_scene
 from scex_sumo.generators.scene_model import load_scenes
 from scex_sumo.generators.synthetic import sumo_population
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road
 from scex_sumo.roads.mirror import drawn_on, mirrored_road, mirrored_scene, mirrored_states
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, VehicleIndex
 from tests.converters.sumo_roads import load
+from tests.lanelet2sumo.judge.report import check_net
 from tests.runs import extrapolate
 
 

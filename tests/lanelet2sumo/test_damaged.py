@@ -9,11 +9,11 @@ import pytest
 
 from scex_sumo.base.errors import MapError
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge.conflicts import find_conflicts
 from scex_sumo.lanelet2sumo.topology.graph import MAX_LINKS
 from scex_sumo.road import Regulation, Road
 from scex_sumo.roads.ahead import lanes_ahead
 from tests.converters.sumo_roads import lane, road
+from tests.lanelet2sumo.judge.conflicts import find_conflicts
 
 
 def diamonds(count: int, step_m: float) -> Road:

@@ -11,8 +11,8 @@ import pytest
 
 from scex_sumo.converters.lanelet.projection import georeference
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from tests.converters.sumo_roads import NetFile, lane, road
+from tests.lanelet2sumo.judge.report import check_net
 
 CONVERT = """
 import sys, libsumo

@@ -9,9 +9,9 @@ import pytest
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge import report as judge
 from scex_sumo.road import Road
 from tests.converters.sumo_roads import NetFile, load
+from tests.lanelet2sumo.judge import report as judge
 from tests.lanelet2sumo.judge.driving import drive_net
 from tests.lanelet2sumo.judge.loading import check_net
 

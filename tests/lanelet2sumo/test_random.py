@@ -14,9 +14,9 @@ from shapely import LineString, Point
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Lane, Road
 from tests.converters.sumo_roads import NetFile, arc, lane, load, road
+from tests.lanelet2sumo.judge.report import check_net
 
 # Without shrinking, which would take minutes here; the examples are the same every time.
 PHASES = [Phase.explicit, Phase.generate]

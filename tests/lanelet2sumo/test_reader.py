@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.base.errors import MapError
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.lanelet2sumo.reader import read_net
 from tests.converters.plain_net import Table, crossing, write_net
+from tests.lanelet2sumo.judge.report import check_net
 
 EAST = '<lane id="east_0" index="0" speed="13.89" length="45.00" width="3.50" shape="15.00,0.00 60.00,0.00"/>'
 

@@ -10,10 +10,10 @@ import pytest
 
 from scex_sumo.base.errors import MapError
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Lane, Regulation, Road
 from tests.converters.sumo_roads import NetFile, arc, lane, load, road
 from tests.lanelet2sumo.judge.driving import drive_net
+from tests.lanelet2sumo.judge.report import check_net
 
 
 def net_of(drawn: Road, folder: Path) -> NetFile:

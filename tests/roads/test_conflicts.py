@@ -11,10 +11,10 @@ from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.maps import read_map
 from scex_sumo.formats.lane_maps.overlaps import overlapping
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Lane, Road
 from scex_sumo.roads.conflicts import conflicts
 from tests.formats.commonroad.commonroad_maps import Lanelet, Sign, write_scenario
+from tests.lanelet2sumo.judge.report import check_net
 
 REAL = (
     "interaction/maps/DR_DEU_Merging_MT.osm",

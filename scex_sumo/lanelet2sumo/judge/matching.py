@@ -1,27 +1,29 @@
-"""Matching of SUMO lanes to lanelets: from a lane table, or by geometry."""
+"""SUMO lanes of a net beside the lanelets of its map: coverage, deviation, speed limits, connections."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.sumo_net import LaneTable
-from scex_sumo.geometry.polylines import samples, wrap
-from scex_sumo.lanelet2sumo.reader import NetContent
+from scex_sumo.geometry.polylines import samples
+from scex_sumo.lanelet2sumo.reader import NetContent, SumoLane, read_net
 from scex_sumo.road import Lane, Road
+from scex_sumo.roads.mirror import mirrored_road
 
 SAMPLE_M = 0.5
-# From a lanelet to a SUMO lane; larger radii are for other converters' nets,
-# and tried only for lanelets that the smaller ones leave uncovered.
-RADII_M = (0.05, 0.3, 1.0, 2.0)
 ENDS_NEAR_M = 2.5  # from a lanelet's end to a SUMO lane beside it
-CONNECTOR_M = 0.25  # shorter SUMO lanes only join others; they lie on every lanelet that begins there
 COVERED = 0.9  # share of a lanelet's length from which it counts as covered
-AHEAD_RAD = np.deg2rad(60.0)
+PRESENT_M = 1.0  # from a lanelet to SUMO lanes that stand for it
+WORST_M = 0.1  # deviations from here on are named
+SPEED_TOLERANCE_MPS = 0.01  # nets are written with two or three decimals
+JOIN_M = 0.1  # stretches of one SUMO lane that overlap by less follow one another
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,23 +53,47 @@ class Matching:
         """Return the lanelets that a SUMO lane stands for."""
         return {stretch.lane_id for stretch in self.by_sumo_lane.get(sumo_lane, ())}
 
+    @cached_property
+    def driven(self) -> dict[str, list[Stretch]]:
+        """Stretches of each SUMO lane for cars that stand for lanelets for vehicles."""
+        lanes, on = self.road.vehicle_lanes, self.by_sumo_lane
+        return {name: [s for s in on.get(name, ()) if s.lane_id in lanes] for name in self.net.car_lanes}
 
-def sample_line(points: FloatArray, step_m: float = SAMPLE_M) -> FloatArray:
-    """(N, 2) points along a polyline, at most ``step_m`` apart, both ends included."""
-    return samples(points, step_m)[1]
+    def onward(self) -> dict[Stretch, set[Stretch]]:
+        """Return the stretches that a car enters after each stretch."""
+        following = self.net.following
+        moves: dict[Stretch, set[Stretch]] = {}
+        for name, on in self.driven.items():
+            entered = [*following.get(name, ())]
+            for lane in entered:  # grows
+                if not self.driven.get(lane):
+                    entered += [other for other in following.get(lane, ()) if other not in entered]
+            onward = {s for lane in entered for s in _first(self.driven.get(lane, ()))}
+            for stretch in on:
+                moves[stretch] = _first(other for other in on if _precedes(stretch, other)) or {*onward}
+        return moves
 
 
-def sample_headings(points: FloatArray) -> FloatArray:
-    """(N,) rad, central differences along sampled points."""
-    return np.asarray(np.arctan2(*np.gradient(points, axis=0).T[::-1]))
+def _first(stretches: Iterable[Stretch]) -> set[Stretch]:
+    among = list(stretches)
+    return {s for s in among if not any(_precedes(other, s) for other in among)}
 
 
-def match_lanelets(net: NetContent, road: Road, lanes: LaneTable | None) -> Matching:
-    """Find the SUMO lanes of every lanelet: from the converter's table or, without one, by geometry."""
-    if lanes is None:
-        named = _by_geometry(net, road)
-    else:
-        named = [(i, name) for i in road.lanes for name in lanes.sumo_lanes(i) if name in net.lanes]
+def _precedes(one: Stretch, other: Stretch) -> bool:
+    return other.start_m >= one.end_m - JOIN_M and not one.start_m >= other.end_m - JOIN_M
+
+
+def match_mirrored(net_path: Path, road: Road, lanes: LaneTable) -> Matching:
+    """Put the SUMO lanes of a net beside their lanelets; traffic on the left is seen in the mirror."""
+    net = read_net(net_path).in_map(road)
+    if road.left_hand:
+        net, road = net.mirrored(), mirrored_road(road)
+    return match_lanelets(net, road, lanes)
+
+
+def match_lanelets(net: NetContent, road: Road, lanes: LaneTable) -> Matching:
+    """Put the SUMO lanes of a net beside their lanelets."""
+    named = [(i, name) for i in road.lanes for name in lanes.sumo_lanes(i) if name in net.lanes]
     on = [_stretch(road.lanes[i], name, net.lanes[name].line) for i, name in named]
     by_lanelet: dict[int, list[Stretch]] = {}
     by_sumo_lane: dict[str, list[Stretch]] = {}
@@ -89,44 +115,63 @@ def _stretch(lane: Lane, sumo_lane: str, line: shapely.LineString) -> Stretch:
     return Stretch(lane_id=lane.lane_id, sumo_lane=sumo_lane, start_m=start, end_m=end)
 
 
-def _by_geometry(net: NetContent, road: Road) -> list[tuple[int, str]]:
-    names = [name for name, lane in net.lanes.items() if lane.line.length >= CONNECTOR_M]
-    points = [sample_line(net.lanes[name].shape) for name in names]
-    directions = [sample_headings(p) for p in points]
-    boxes = shapely.STRtree([shapely.LineString(p) for p in points])
-    pairs: list[tuple[int, str]] = []
-    for lane_id, lane in road.lanes.items():
-        near = boxes.query(shapely.LineString(lane.centreline).buffer(max(RADII_M)))
-        usable = [k for k in sorted(near) if lane.kind != "vehicle" or net.lanes[names[k]].cars]
-        for radius in RADII_M:
-            chosen = [k for k in usable if _follows(lane, points[k], directions[k], radius)]
-            if _covered(lane, [points[k] for k in chosen], radius):
-                break
-        pairs += [(lane_id, names[k]) for k in chosen]
-    return pairs
+class Shapes:
+    """Distances of lanelets and SUMO lanes, sampled every 0.5 m, and how the lanes lead on.
+
+    Attributes:
+        covered: lanelets for vehicles under SUMO lanes for cars.
+        deviations: (N,) m, from lanelets to SUMO lanes and back.
+        worst: (lanelet, largest deviation in m), the largest first.
+        wrong_speeds: (lanelet, its limit, the SUMO lane's), m/s.
+        successors: pairs of lanelets; ``joined`` are the net's.
+    """
+
+    def __init__(self, matching: Matching) -> None:
+        net, lanes = matching.net, matching.road.lanes
+        self.lanelets = vehicle = matching.road.vehicle_lanes
+        on = {i: [net.lanes[n] for n in matching.names(i) if net.lanes[n].cars] for i in vehicle}
+        forth = {i: _distances(lanes[i].centreline, own) for i, own in on.items() if own}
+        self.covered = [i for i in sorted(forth) if np.mean(forth[i] <= PRESENT_M) >= COVERED]
+        wrong = (_wrong_speed(matching, i, on[i]) for i in self.covered)
+        self.wrong_speeds = [entry for entry in wrong if entry is not None]
+        worst = {i: float(off.max()) for i, off in forth.items()}
+        pooled = list(forth.values())
+        for name in matching.by_sumo_lane:
+            under = matching.lanelets(name)
+            if name in net.car_lanes and under & vehicle.keys():
+                pooled.append(_back(net.lanes[name], [lanes[i] for i in under]))
+                for i in under:
+                    worst[i] = max(worst.get(i, 0.0), float(pooled[-1].max(initial=0.0)))
+        self.deviations = np.concatenate(pooled) if forth else np.array([np.nan])
+        self.worst = sorted(((i, m) for i, m in worst.items() if m > WORST_M), key=lambda entry: -entry[1])
+        joined = {(s.lane_id, t.lane_id) for s, onward in matching.onward().items() for t in onward}
+        self.joined = {(i, j) for i, j in joined if i != j}
+        self.successors = {(i, j) for i in vehicle for j in vehicle[i].successors if j in vehicle and i != j}
 
 
-def _follows(lane: Lane, points: FloatArray, directions: FloatArray, radius: float) -> bool:
-    line = shapely.LineString(lane.centreline)
-    at = shapely.line_locate_point(line, shapely.points(points)) if line.length > 0.0 else np.zeros(1)
-    beside = (at > 1e-6) & (at < line.length - 1e-6)
-    if not beside.any():
-        return False
-    at = at[beside]
-    off = shapely.distance(shapely.points(points[beside]), line)
-    ahead, behind = (
-        shapely.get_coordinates(shapely.line_interpolate_point(line, s))
-        for s in (at + 0.1, np.maximum(at - 0.1, 0.0))
-    )
-    same_way = np.abs(wrap(np.arctan2(*(ahead - behind).T[::-1]) - directions[beside])) < AHEAD_RAD
-    if np.mean((off <= radius) & same_way) < COVERED or off.max() > 2 * radius:
-        return False
-    # The end of a long lane may brush past the lanelet's first half metre: too little to stand for it.
-    whole = min(line.length, shapely.LineString(points).length)
-    return bool(np.ptp(at) >= min(1.0, 0.5 * whole))
+def sample_line(points: FloatArray, step_m: float = SAMPLE_M) -> FloatArray:
+    """(N, 2) points along a polyline, at most ``step_m`` apart, both ends included."""
+    return samples(points, step_m)[1]
 
 
-def _covered(lane: Lane, lanes: list[FloatArray], radius: float) -> bool:
-    lines = shapely.union_all([shapely.LineString(points) for points in lanes])
-    near = shapely.distance(shapely.points(sample_line(lane.centreline)), lines) <= radius
-    return bool(np.mean(near) >= COVERED)  # nothing is near no lines: their distance is nan
+def _distances(points: FloatArray, lanes: list[SumoLane]) -> FloatArray:
+    union = shapely.MultiLineString([lane.shape for lane in lanes])
+    return np.asarray(shapely.distance(shapely.points(sample_line(points)), union), dtype=np.float64)
+
+
+def _back(sumo_lane: SumoLane, lanelets: list[Lane]) -> FloatArray:
+    points = shapely.points(sample_line(sumo_lane.shape))
+    lines = [shapely.LineString(lane.centreline) for lane in lanelets]
+    off = np.min([shapely.distance(points, line) for line in lines], axis=0)
+    at = [(shapely.line_locate_point(line, points), line.length) for line in lines]
+    return np.asarray(off[np.any([(s > 0.0) & (s < length) for s, length in at], axis=0)])
+
+
+def _wrong_speed(matching: Matching, lane_id: int, lanes: list[SumoLane]) -> tuple[int, float, float] | None:
+    vehicle = matching.road.vehicle_lanes
+    for lane in lanes:
+        # One SUMO lane across several lanelets can have the limit of one of them only.
+        limits = [vehicle[i].speed_limit_mps for i in matching.lanelets(lane.lane_id) if i in vehicle]
+        if min(abs(lane.speed_mps - limit) for limit in limits) > SPEED_TOLERANCE_MPS:
+            return lane_id, vehicle[lane_id].speed_limit_mps, lane.speed_mps
+    return None

@@ -1,43 +1,34 @@
-"""Figures of the fidelity judge: one table of names, measures, bounds and words.
-
-Only the reader of nets and the lane table are shared with the net writer.
-"""
+"""Figures of a converted net beside its map: one table of names, measures, bounds and words."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from scex_sumo.converters.net.sumo_net import LaneTable
-from scex_sumo.lanelet2sumo.judge.geometry import Shapes
-from scex_sumo.lanelet2sumo.judge.matching import match_lanelets
+from scex_sumo.lanelet2sumo.judge.matching import Shapes, match_mirrored
 from scex_sumo.lanelet2sumo.judge.priority import RightOfWay
-from scex_sumo.lanelet2sumo.judge.topology import Moves
-from scex_sumo.lanelet2sumo.reader import read_net
 from scex_sumo.road import Road
-from scex_sumo.roads.mirror import mirrored_road
+from scex_sumo.roads.conflicts import conflicts
 
 NAMED = 6  # ids named in one problem; the rest are counted
 DEVIATION_P95_M = 0.01
 DEVIATION_MAX_M = 0.10
-WIDTH_ERROR_M = 0.40  # mean; SUMO lanes have one width, lanelets any
-WIDTH_SLACK_M = 0.2  # above the floor of lanes of one width
 
 Figures: TypeAlias = dict[str, Any]
-Rows: TypeAlias = tuple[tuple[Any, ...], ...]  # arguments of `Figure`
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure of the judge.
+    """One figure of a net.
 
     Attributes:
         name: ends in its unit, if it has one.
-        measure: takes the evidence under which the figure stands in `TABLE`; sets become sorted lists.
+        measure: takes the evidence of its table; sets become sorted lists.
         problem: what to say of a figure out of bounds: words for its entries, or a text of all figures.
         bound: whether all figures are within the bound; by default this one is 0 or empty.
     """
@@ -68,100 +59,45 @@ def _entry(entry: Any) -> str:
     return f"{entry:.2f}" if isinstance(entry, float) else str(entry)
 
 
-def _count(routes: dict[int, int]) -> int:
-    return sum(row.bit_count() for row in routes.values())
-
-
-def _percent(part: str, whole: str) -> Callable[[Figures], float]:
-    return lambda f: 100.0 * f[part] / f[whole] if f[whole] else 100.0
-
-
 def _deviates(f: Figures) -> str:
     worst = f"; {_list('above 0.1 m (lanelet, m)', far)}" if (far := f["worst_deviations"]) else ""
     return f"deviation p95 {f['deviation_p95_m']:.3f} m, max {f['deviation_max_m']:.3f} m{worst}"
 
 
-SHAPES: Rows = (
-    ("lanelets", lambda s: len(s.lanelets)),
-    ("lanes_present", lambda s: len(s.covered)),
-    ("missing_lanes", lambda s: s.lanelets.keys() - {*s.covered}, "lanelets without a SUMO lane"),
-    ("speeds_right", lambda s: len(s.covered) - len(s.wrong_speeds)),
-    ("wrong_speeds", lambda s: s.wrong_speeds, "wrong speed limits (lanelet, map, net in m/s)"),
-    ("deviation_p50_m", lambda s: float(np.percentile(s.deviations, 50))),
-    ("deviation_p95_m", lambda s: float(np.percentile(s.deviations, 95))),
-    (
+SHAPES = (
+    Figure("lanelets", lambda s: len(s.lanelets)),
+    Figure("lanes_present", lambda s: len(s.covered)),
+    Figure("missing_lanes", lambda s: s.lanelets.keys() - {*s.covered}, "lanelets without a SUMO lane"),
+    Figure("wrong_speeds", lambda s: s.wrong_speeds, "wrong speed limits (lanelet, map, net in m/s)"),
+    Figure("deviation_p50_m", lambda s: float(np.percentile(s.deviations, 50))),
+    Figure("deviation_p95_m", lambda s: float(np.percentile(s.deviations, 95))),
+    Figure(
         "deviation_max_m",
         lambda s: float(s.deviations.max()),
         _deviates,
         # A net without any lane has no deviation: nan.
         lambda f: f["deviation_p95_m"] <= DEVIATION_P95_M and f["deviation_max_m"] <= DEVIATION_MAX_M,
     ),
-    ("worst_deviations", lambda s: s.worst),
-    ("overhang_max_m", lambda s: s.overhang_max_m),
-    ("overhangs", lambda s: s.overhangs, "lanes that run on beyond their lanelets (lane, m)"),
-    (
-        "wrong_lengths",
-        lambda s: s.wrong_lengths,
-        "edges whose length is not their lanes' (edge, length, lanes' mean)",
+    Figure("worst_deviations", lambda s: s.worst),
+    Figure("successors", lambda s: len(s.successors)),
+    Figure("missing_successors", lambda s: s.successors - s.joined, "successors without a connection"),
+    Figure("invented_successors", lambda s: s.joined - s.successors, "connections that the map has not"),
+)
+RIGHTS = (
+    Figure("regulated_pairs", lambda r: r.regulated),
+    Figure(
+        "wrong_priority",
+        lambda r: r.wrong,
+        "right of way against the map's rules (should yield, should go)",
     ),
-    ("reversed_lanes", lambda s: s.reversed, "lanes against their lanelet"),
-    ("invented_lanes", lambda s: s.invented, "car lanes that stand for no lanelet"),
-    ("non_vehicle_as_cars", lambda s: s.opened, "lanelets closed to cars that became car lanes"),
-    (
-        "width_error_mean_m",
-        lambda s: float(s.width_errors.mean()),
-        lambda f: (
-            f"mean width error {f['width_error_mean_m']:.2f} m, "
-            f"{f['width_error_floor_m']:.2f} m can be reached"
-        ),
-        lambda f: f["width_error_mean_m"] <= max(WIDTH_ERROR_M, f["width_error_floor_m"] + WIDTH_SLACK_M),
+    Figure("signalled", lambda r: len(r.signalled)),
+    Figure(
+        "missing_signals",
+        lambda r: r.missing_signals(),
+        "lanelets with a traffic light that nothing controls",
     ),
-    ("width_error_max_m", lambda s: float(s.width_errors.max())),
-    ("width_error_floor_m", lambda s: float(s.width_floor.mean())),
+    Figure("clashing_greens", lambda r: r.clashing_greens(), "foes that both have green"),
 )
-MOVES: Rows = (
-    ("successors", lambda m: len(m.successors)),
-    ("missing_successors", lambda m: m.successors - m.joined, "successors without a connection"),
-    ("invented_successors", lambda m: m.joined - m.successors, "connections that the map does not have"),
-    ("routes", lambda m: _count(m.routes)),
-    ("missing_routes", lambda m: m.pairs(m.missing), "routes that SUMO cannot drive"),
-    ("invented_routes", lambda m: m.pairs(m.invented), "routes that the map forbids"),
-    ("border_routes", lambda m: _count(m.border(m.routes))),
-    ("missing_border_routes", lambda m: m.pairs(m.border(m.missing))),
-    ("invented_border_routes", lambda m: m.pairs(m.border(m.invented))),
-    ("loose_edge_routes", lambda m: m.pairs(m.loose)),
-    ("lane_changes", lambda m: len(m.permitted)),
-    ("missing_lane_changes", lambda m: m.missing_changes, "permitted lane changes that are not possible"),
-    ("lane_changes_inside", lambda m: m.inside),
-    ("lane_change_length_share", lambda m: m.length_share()),
-    ("forbidden_lane_changes", lambda m: len(m.adjacent - m.permitted)),
-    ("invented_lane_changes", lambda m: m.invented_changes, "forbidden lane changes that are possible"),
-)
-RIGHTS: Rows = (
-    ("conflicts", lambda r: len(r.conflicts)),
-    ("crossing", lambda r: sum(conflict.kind == "cross" for conflict in r.conflicts)),
-    ("merging", lambda r: sum(conflict.kind == "merge" for conflict in r.conflicts)),
-    ("missing_foes", lambda r: r.missing_foes, "conflicting lanelets that are no foes"),
-    ("foes_apart", lambda r: r.apart),
-    ("regulated_pairs", lambda r: r.regulated),
-    ("wrong_priority", lambda r: r.wrong, "right of way against the map's rules (should yield, should go)"),
-    ("signalled", lambda r: len(r.signalled)),
-    ("missing_signals", lambda r: r.missing_signals(), "lanelets with a traffic light that nothing controls"),
-    ("clashing_greens", lambda r: r.clashing_greens(), "foes that both have green"),
-    ("from_the_right", lambda r: r.from_the_right),
-    ("wrong_from_the_right", lambda r: r.wrong_right, "not right before left (should yield, should go)"),
-    ("mutual_yields", lambda r: r.mutual_yields(), "links that yield to each other"),
-    ("free_foes", lambda r: r.free_foes(), "foes of which neither yields"),
-    ("inconsistent_rows", lambda r: r.inconsistent_rows(), "junctions whose rows contradict themselves"),
-)
-SHARES: Rows = (
-    ("lanes_percent", _percent("lanes_present", "drawn_lanelets")),
-    ("speeds_percent", _percent("speeds_right", "lanes_present")),
-)
-TABLE: Final[Mapping[type, tuple[Figure, ...]]] = {
-    part: tuple(Figure(*row) for row in rows)
-    for part, rows in ((Shapes, SHAPES), (Moves, MOVES), (RightOfWay, RIGHTS), (dict, SHARES))
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,34 +110,20 @@ class FidelityReport:
     def __getitem__(self, name: str) -> Any:
         return self.figures[name]
 
-    def rows(self) -> list[tuple[str, str]]:
-        """Return the name and the text of each figure that is one number or word."""
-        single = [(n, v) for n, v in self.figures.items() if isinstance(v, (int, float, str))]
-        return [(n, f"{round(v, 4):.4g}" if isinstance(v, float) else str(v)) for n, v in single]
-
     def problems(self) -> list[str]:
         """Return what the net misses, one line each, with ids; empty for a faithful net."""
         return [words for figure in self.table if (words := figure.complaint(self.figures))]
 
 
-def check_net(net_path: Path, road: Road, lanes: LaneTable | None = None) -> FidelityReport:
-    """Judge a net against its map; what the road itself lost of the map counts as missing.
-
-    Args:
-        lanes: SUMO lanes of each lanelet; None to find them by geometry.
-    """
-    net = read_net(net_path).in_map(road)
-    if road.left_hand:
-        net, road = net.mirrored(), mirrored_road(road)
-    matching = match_lanelets(net, road, lanes)
-    figures: Figures = {"net": net_path.name, "map": road.name, "lane_table": lanes is not None}
-    for part in (Shapes, Moves, RightOfWay):
-        figures |= measured(TABLE[part], part(matching))
+def check_net(net_path: Path, road: Road, lanes: LaneTable) -> FidelityReport:
+    """Judge a converted net against its road; what the road itself lost of the map counts as missing."""
+    matching = match_mirrored(net_path, road, lanes)
+    meeting = {c.lanes for c in conflicts(matching.road.vehicle_lanes) if c.kind != "diverge"}
+    figures: Figures = {"net": net_path.name, "map": road.name}
+    figures |= measured(SHAPES, Shapes(matching)) | measured(RIGHTS, RightOfWay(matching, meeting))
     for kind in ("lanelets", "lights"):
         figures[f"lost_{kind}"] = tuple(i for loss in road.losses if loss.kind == kind for i in loss.elements)
-    figures["drawn_lanelets"] = figures["lanelets"] + len(figures["lost_lanelets"])
-    table = tuple(figure for part in TABLE.values() for figure in part)
-    return FidelityReport(figures=figures | measured(TABLE[dict], figures), table=table)
+    return FidelityReport(figures=figures, table=(*SHAPES, *RIGHTS))
 
 
 def measured(table: tuple[Figure, ...], evidence: object) -> Figures:

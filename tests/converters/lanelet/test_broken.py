@@ -18,9 +18,9 @@ import pytest
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Road
 from tests.converters.maps import Line, draw_map, rule, straight
+from tests.lanelet2sumo.judge.report import check_net
 
 READ = """
 import sys

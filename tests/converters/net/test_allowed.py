@@ -113,7 +113,6 @@ def test_no_command_lets_a_foreign_net_write(grid: str, tmp_path: Path) -> None:
         ("run", net, "--synthetic", 2, *small, "-o", tmp_path / "synthetic"),
         ("inspect", net, "--tracks", tracks),
         ("convert", net, "-o", tmp_path / "c.net.xml"),
-        ("convert", net, "--check", net),
     ):
         done = scex(*words)
         assert "Traceback" not in done.stderr, (words, done.stderr)

@@ -18,7 +18,6 @@ from scex_sumo.base.errors import MapError, MissingExtraError
 from scex_sumo.converters.maps import read_map
 from scex_sumo.formats.commonroad.reader import read_commonroad_road
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Road
 from tests.formats.commonroad.commonroad_maps import (
     Lanelet,
@@ -29,6 +28,7 @@ from tests.formats.commonroad.commonroad_maps import (
     write_scenario,
 )
 from tests.lanelet2sumo.judge.driving import judged
+from tests.lanelet2sumo.judge.report import check_net
 
 SITES = ("MONA-Merge", "MONA-West")
 

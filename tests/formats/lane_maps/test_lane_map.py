@@ -10,9 +10,9 @@ import pytest
 
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Road
 from tests.formats import streets
+from tests.lanelet2sumo.judge.report import check_net
 
 
 def lanes(*, bounds: bool = True, relations: bool = True, x: float = 0.0, y: float = 0.0) -> list[DrawnLane]:

@@ -12,9 +12,9 @@ from scex_sumo.converters.maps import read_map
 from scex_sumo.exporters.opendrive.file import opendrive_text
 from scex_sumo.geometry.polylines import distances, samples
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Road
 from scex_sumo.scenarios import example_path
+from tests.lanelet2sumo.judge.report import check_net
 
 
 def stretch(x: float, y: float, heading: float, length: float, curve: str = "<line/>") -> str:

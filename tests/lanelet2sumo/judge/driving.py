@@ -18,9 +18,10 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.sumo.programs import run_program
 from scex_sumo.geometry.polylines import cut, heading, length_of, turn
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge.report import FidelityReport, Figure, Figures, check_net, measured
+from scex_sumo.lanelet2sumo.judge.report import FidelityReport, Figure, Figures, measured
 from scex_sumo.lanelet2sumo.reader import NetContent, SumoLane, read_net
 from scex_sumo.road import Road
+from tests.lanelet2sumo.judge.report import check_net
 
 RUN_UP_M = 20.0  # braking distance at 50 km/h
 STEP_S = 0.1

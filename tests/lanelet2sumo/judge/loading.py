@@ -23,17 +23,12 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.sumo.programs import program, run_program
 from scex_sumo.converters.net.sumo_net import LaneTable
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.lanelet2sumo.judge import report as judge
-from scex_sumo.lanelet2sumo.judge.matching import (
-    AHEAD_RAD,
-    Matching,
-    match_lanelets,
-    sample_headings,
-    sample_line,
-)
+from scex_sumo.lanelet2sumo.judge.matching import Matching, match_lanelets, sample_line
 from scex_sumo.lanelet2sumo.judge.report import FidelityReport, Figure, measured
 from scex_sumo.lanelet2sumo.reader import NetContent, read_net
 from scex_sumo.road import Road
+from tests.lanelet2sumo.judge import report as judge
+from tests.lanelet2sumo.judge.by_geometry import AHEAD_RAD, lanes_by_geometry, sample_headings
 
 PROBE_STEP_M = 2.0
 PROBE_HIT_SHARE = 0.99
@@ -85,9 +80,10 @@ LOADING = (
 
 
 def check_net(net_path: Path, road: Road, lanes: LaneTable | None = None) -> FidelityReport:
-    """Judge a net as `convert` does, and by what SUMO's programs say of it."""
+    """Judge a net, also by what SUMO's programs say of it."""
     report = judge.check_net(net_path, road, lanes)
-    loading = Loading(match_lanelets(read_net(net_path).in_map(road), road, lanes))
+    table = lanes_by_geometry(net_path, road) if lanes is None else lanes
+    loading = Loading(match_lanelets(read_net(net_path).in_map(road), road, table))
     figures = {**report.figures, **measured(LOADING, loading)}
     return FidelityReport(figures=figures, table=(*report.table, *LOADING))
 

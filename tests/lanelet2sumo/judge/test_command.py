@@ -8,9 +8,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.cli import main
-from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.lanelet.writer import write_map_file
-from scex_sumo.lanelet2sumo.convert import convert
 from tests.converters.maps import ROAD, straight, write_map
 from tests.converters.sumo_roads import NetFile
 from tests.lanelet2sumo.mutated.mutations import example, renamed
@@ -33,14 +31,6 @@ def call(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
     return 0
 
 
-def way_of(way: str, lossy: Path, folder: Path) -> list[str | Path]:
-    """Return the options of a way to convert or to check; the net to be checked is there."""
-    net = folder / "n.net.xml"
-    if way == "check":
-        convert(read_road(lossy), net)
-    return {"convert": ["-o", net], "json": ["-o", net, "--json"], "check": ["--check", net]}[way]
-
-
 def test_losses_are_said_last_one_line_for_each_kind(
     lossy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -50,27 +40,27 @@ def test_losses_are_said_last_one_line_for_each_kind(
     assert lines[-1] == f"warning: lost: {lost}"
 
 
-@pytest.mark.parametrize("way", ["convert", "json", "check"])
+@pytest.mark.parametrize("way", [[], ["--json"]])
 def test_losses_are_an_error_where_the_user_is_strict(
-    way: str, lossy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    way: list[str],
+    lossy: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
-    asked = way_of(way, lossy, tmp_path)
-    assert call(monkeypatch, lossy, *asked, "--strict") == 1
+    assert call(monkeypatch, lossy, "-o", tmp_path / "n.net.xml", *way, "--strict") == 1
     said = capfd.readouterr()
     assert "--strict, and the map lost 1 lanelets not driven, subtype moving_walkway" in said.err
-    if way == "json":
+    if way:
         assert json.loads(said.out)["lost_lanelets"] == [30040]
-    if way == "check":
-        assert said.out.split()[:2] == ["net", "n.net.xml"]
 
 
-@pytest.mark.parametrize("way", ["convert", "json", "check"])
+@pytest.mark.parametrize("way", [[], ["--json"]])
 def test_an_unfaithful_net_fails_whatever_is_asked(
-    way: str, lossy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    way: list[str], lossy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked = way_of(way, lossy, tmp_path)
     monkeypatch.setattr("scex_sumo.lanelet2sumo.judge.report.DEVIATION_MAX_M", -1.0)
-    assert call(monkeypatch, lossy, *asked) == 1
+    assert call(monkeypatch, lossy, "-o", tmp_path / "n.net.xml", *way) == 1
 
 
 def test_the_limits_of_the_maps_country_hold_where_the_map_gives_none(

@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge.matching import match_lanelets
-from scex_sumo.lanelet2sumo.judge.topology import Moves
-from scex_sumo.lanelet2sumo.reader import read_net
+from scex_sumo.lanelet2sumo.judge.matching import match_mirrored
 from tests.converters.sumo_roads import arc, lane, road
+from tests.lanelet2sumo.judge.topology import Moves
 
 
 def test_routes_over_a_ring_and_its_arms_are_all_pairs_that_one_can_drive(tmp_path: Path) -> None:
@@ -22,7 +21,7 @@ def test_routes_over_a_ring_and_its_arms_are_all_pairs_that_one_can_drive(tmp_pa
     lanes.append(lane(5, [tuple(tip), tuple(tip + 50.0 * np.array([np.cos(away), np.sin(away)]))]))
     drawn = road(lanes)
     net = convert(drawn, tmp_path / "ring.net.xml")
-    moves = Moves(match_lanelets(read_net(net.path), drawn, net.lanes))
+    moves = Moves(match_mirrored(net.path, drawn, net.lanes))
     onto_ring = {(i, j) for i in (1, 2, 3, 4) for j in (1, 2, 3, 5) if i != j}
     assert set(moves.pairs(moves.routes)) == onto_ring
     assert moves.pairs(moves.border(moves.routes)) == [(4, 5)]

@@ -10,10 +10,10 @@ import pytest
 
 from scex_sumo.generators.demand import Network
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.road import Lane
 from tests.converters.sumo_roads import NetFile, lane, road
 from tests.lanelet2sumo.judge.driving import judged
+from tests.lanelet2sumo.judge.report import check_net
 from tests.lanelet2sumo.mutated.cut_roads import cut_road
 from tests.lanelet2sumo.mutated.mutations import example, lit, read, renamed, torn, without
 

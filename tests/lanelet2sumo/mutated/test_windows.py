@@ -9,10 +9,10 @@ import pytest
 
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge.report import check_net
 from scex_sumo.lanelet2sumo.reader import read_net
 from tests.converters.sumo_roads import NetFile, lane, road
 from tests.lanelet2sumo.judge.driving import border_routes
+from tests.lanelet2sumo.judge.report import check_net
 from tests.lanelet2sumo.mutated.mutations import EXAMPLES
 from tests.lanelet2sumo.mutated.windows import WAYS, judge
 

@@ -10,11 +10,12 @@ import shapely
 
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.geometry.polylines import length_of, wrap
-from scex_sumo.lanelet2sumo.judge.matching import sample_headings, sample_line
+from scex_sumo.lanelet2sumo.judge.matching import sample_line
+from scex_sumo.lanelet2sumo.judge.priority import NEAR_M
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import runs
+from tests.lanelet2sumo.judge.by_geometry import sample_headings
 
-NEAR_M = 1.5  # centrelines this near: two cars (1.8 m wide) cannot pass there side by side
 JOINT_M = 0.3  # between coinciding ends
 BACK_TO_BACK_RAD = np.deg2rad(150.0)  # from here on two lanelets run against each other
 LOOK_M = 0.25  # sampling of the centrelines

@@ -16,17 +16,15 @@ from scipy.sparse.csgraph import connected_components
 
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.geometry.polylines import length_of
-from scex_sumo.lanelet2sumo.judge.conflicts import NEAR_M
 from scex_sumo.lanelet2sumo.judge.matching import Matching, Stretch
+from scex_sumo.lanelet2sumo.judge.priority import NEAR_M, Pair
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import runs
 
-JOIN_M = 0.1  # stretches of one SUMO lane that overlap by less follow one another
 BESIDE_M = 1.0  # neighbours that share less than this (and than half of the shorter) only touch at a corner
 ROOM_M = 7.5  # a car and its gap: SUMO changes lanes on edges only
 FRACTIONS = 201  # samples along lanes side by side
 
-Pair: TypeAlias = tuple[int, int]
 Rows: TypeAlias = dict[int, int]  # pairs of lanelets: by the first, a bit for each second one
 Changes: TypeAlias = dict[tuple[Stretch, Stretch], float]
 Node = TypeVar("Node", bound=Hashable)
@@ -36,7 +34,6 @@ class Moves:
     """Pairs of lanelets between which the map, and the net, let cars move.
 
     Attributes:
-        successors: of the map; ``joined`` are the net's.
         routes: of the map; ``missing`` and ``invented`` are those of the net. Routes over ``inside`` do not
             count as missing.
         loose: routes by edges from border to border, which the map forbids and a router on edges would take.
@@ -50,13 +47,8 @@ class Moves:
         self._ids = sorted(lanes)
         bit = {i: 1 << k for k, i in enumerate(self._ids)}
         # Moves are between stretches, so that a SUMO lane across several lanelets keeps their order.
-        on_lanes = {
-            name: [s for s in matching.by_sumo_lane.get(name, ()) if s.lane_id in lanes]
-            for name in matching.net.car_lanes
-        }
-        ahead, changes = _forward(matching, on_lanes), _changes(matching, on_lanes)
-        joined = {(s.lane_id, t.lane_id) for s, onward in ahead.items() for t in onward}
-        self.joined = {(i, j) for i, j in joined if i != j}
+        on_lanes, ahead = matching.driven, matching.onward()
+        changes = _changes(matching, on_lanes)
         self.successors = {(i, j) for i in lanes for j in lanes[i].successors if j in lanes and i != j}
         self.permitted = {(i, j) for i, x in lanes.items() for j in (x.left, x.right) if j in lanes}
         sides = {i: (lane.adjacent_left, lane.adjacent_right) for i, lane in lanes.items()}
@@ -95,29 +87,6 @@ class Moves:
         lengths = {(i, j): length_of(self.lanes[i].centreline) for i, j in self.permitted}
         allowed = sum(min(self.possible.get(pair, 0.0), length) for pair, length in lengths.items())
         return allowed / sum(lengths.values()) if lengths else 1.0
-
-
-def _forward(matching: Matching, on_lanes: Mapping[str, Sequence[Stretch]]) -> dict[Stretch, set[Stretch]]:
-    following = matching.net.following
-    moves: dict[Stretch, set[Stretch]] = {}
-    for name, on in on_lanes.items():
-        entered = [*following.get(name, ())]
-        for lane in entered:  # grows
-            if not on_lanes.get(lane):
-                entered += [other for other in following.get(lane, ()) if other not in entered]
-        onward = {s for lane in entered for s in _first(on_lanes.get(lane, ()))}
-        for stretch in on:
-            moves[stretch] = _first(other for other in on if _precedes(stretch, other)) or {*onward}
-    return moves
-
-
-def _first(stretches: Iterable[Stretch]) -> set[Stretch]:
-    among = list(stretches)
-    return {s for s in among if not any(_precedes(other, s) for other in among)}
-
-
-def _precedes(one: Stretch, other: Stretch) -> bool:
-    return other.start_m >= one.end_m - JOIN_M and not one.start_m >= other.end_m - JOIN_M
 
 
 def _changes(matching: Matching, on_lanes: Mapping[str, Sequence[Stretch]]) -> Changes:
