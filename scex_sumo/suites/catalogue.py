@@ -80,7 +80,6 @@ def catalogue(
     count: int = 50,
     seed: int = 0,
     every: float = 1.0,
-    min_vehicles: int = 2,
     formats: Sequence[str] = FORMATS,
     licence: str = "",
     workers: int = 1,
@@ -95,7 +94,7 @@ def catalogue(
         out: folder of the suite; the ranking that it needs is made in its folder ``ranking``.
         count: of cases.
         seed: of the choice, and of the draws of the cases.
-        every: s between two moments; ``min_vehicles`` of a moment as of `rank`.
+        every: s between two moments.
         formats: export formats of the cases.
         licence: a sentence about the recordings.
         workers: processes that rank.
@@ -127,11 +126,10 @@ def catalogue(
         "seed": seed,
         "formats": list(formats),
         "every_s": every,
-        "min_vehicles": min_vehicles,
     }
     with SuiteFolder(out, identity, overwrite=overwrite) as folder:
         if others:
-            own: dict[str, Any] = {"every": every, "min_vehicles": min_vehicles, "workers": workers}
+            own: dict[str, Any] = {"every": every, "workers": workers}
             own |= {"overwrite": overwrite, "progress": progress, "command": command}
             rank(others, out=out / RANKING, top=1, futures=1, **own)  # a suite needs no stress test
             rankings.append(out / RANKING)

@@ -227,7 +227,6 @@ def test_the_command_on_the_page_looks_at_the_same_moment(result: Path, tmp_path
         ({"by": "stress_p_collision"}, "--by"),
         ({"triage": "nowhere.csv"}, "--triage"),
         ({"top": 0}, "--top"),
-        ({"min_vehicles": 0}, "--min-vehicles"),
         ({"workers": 0}, "--workers"),
         ({"steps": 0}, "--steps"),
         ({"replan": 31}, "--replan"),

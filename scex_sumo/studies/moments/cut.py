@@ -18,6 +18,7 @@ from scex_sumo.studies.moments.run import MomentTask, StudySettings, pack_road
 T = TypeVar("T")
 Item: TypeAlias = Listing | Failure | MomentTask
 
+MIN_VEHICLES = 2
 _POLL_S = 0.1  # how often a waiting thread checks whether it is still needed
 
 
@@ -50,7 +51,7 @@ def moment_tasks(
                 loaded = dataclasses.replace(loaded, road=netless)
             if listing is None:
                 moments = choose(loaded) if choose else recording_moments(loaded, every_s=settings.every)
-                listing = list_moments(recording, moments, min_vehicles=settings.min_vehicles)
+                listing = list_moments(recording, moments)
                 yield listing
                 todo = wanted(listing)
         except Exception as error:
@@ -68,8 +69,8 @@ def moment_tasks(
             yield MomentTask(ref=ref, scene=bare, road=road, futures=futures, settings=settings)
 
 
-def list_moments(recording: Recording, moments: Sequence[Moment], *, min_vehicles: int) -> Listing:
-    """List the moments of a recording that have enough vehicles.
+def list_moments(recording: Recording, moments: Sequence[Moment]) -> Listing:
+    """List the moments of a recording that have two vehicles.
 
     In cases all vehicles count, else those that move and are recorded from 1 s before to 3 s after.
     """
@@ -83,7 +84,7 @@ def list_moments(recording: Recording, moments: Sequence[Moment], *, min_vehicle
             vehicles=m.vehicles,
         )
         for m in moments
-        if (m.vehicles if m.case else m.complete) >= min_vehicles
+        if (m.vehicles if m.case else m.complete) >= MIN_VEHICLES
     ]
     return Listing(recording=recording.name, moments=tuple(refs))
 

@@ -35,19 +35,16 @@ class StudySettings:
     Attributes:
         run: of each moment; SUMO checks samples of its futures.
         every: least time between two moments of a recording, s; every case is a moment.
-        min_vehicles: least number of moving vehicles.
         weights: SHA-256 of the weights by learned model.
     """
 
     run: RunSettings = field(default_factory=lambda: RunSettings(futures=96))
     every: float = 1.0
-    min_vehicles: int = 2
     weights: Mapping[str, str] = field(init=False)
 
     def __post_init__(self) -> None:
         if not self.every > 0:
             raise UsageError(f"--every: got {self.every:g}, needs seconds above 0")
-        self.check_positive("min_vehicles")
         run = self.run
         if run.count is None or run.assign or run.under_test:
             raise UsageError(
@@ -58,12 +55,6 @@ class StudySettings:
         run = dataclasses.replace(run, models=models, world="checked")
         object.__setattr__(self, "run", run)
         object.__setattr__(self, "weights", built(models).weights)
-
-    def check_positive(self, name: str) -> None:
-        """Raise a `UsageError` for a number below 1."""
-        if getattr(self, name) < 1:
-            option = name.replace("_", "-")
-            raise UsageError(f"--{option}: got {getattr(self, name)}, needs at least 1")
 
     @property
     def futures(self) -> int:
@@ -90,7 +81,6 @@ class StudySettings:
         return {
             "recordings": [_described(recording) for recording in recordings],
             "every_s": self.every,
-            "min_vehicles": self.min_vehicles,
             "futures": self.futures,
             "models": [m if isinstance(m, str) else f"{m}@{m.weight!r} {m.state}" for m in self.models],
             "weights": dict(self.weights),

@@ -56,7 +56,6 @@ def rank(
     workers: int = 1,
     every: float = 1.0,
     window: Window = (None, None),
-    min_vehicles: int = 2,
     futures: int = 96,
     top: int = 10,
     by: str = PROBABILITY,
@@ -72,7 +71,7 @@ def rank(
         roots: folders of recordings, or single files.
         out: folder of the ranking; an interrupted one goes on.
         workers: processes.
-        every: as of `StudySettings`, like ``min_vehicles``.
+        every: as of `StudySettings`.
         futures: of each moment on the page.
         top: encounters on the page.
         by: column by which encounters are ordered.
@@ -97,7 +96,6 @@ def rank(
     settings = RankSettings(
         run=RunSettings(futures=futures, **run),
         every=every,
-        min_vehicles=min_vehicles,
         top=top,
     )
     verdicts = () if triage is None else read_triage(Path(triage))

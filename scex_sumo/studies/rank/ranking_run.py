@@ -9,6 +9,7 @@ from functools import cached_property
 
 import pyarrow as pa
 
+from scex_sumo.base.errors import UsageError
 from scex_sumo.base.progress import Progress
 from scex_sumo.converters.registries import Recording
 from scex_sumo.decision.moment import FUTURES as HUMAN_FUTURES
@@ -168,7 +169,8 @@ class RankSettings(StudySettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.check_positive("top")
+        if self.top < 1:
+            raise UsageError(f"--top: got {self.top}, needs at least 1")
 
 
 REPORTS = "moments"

@@ -16,6 +16,7 @@ from scex_sumo.decision.decide import span
 from scex_sumo.page.document import Column, Row
 from scex_sumo.results.tables.columns import schema
 from scex_sumo.results.tables.pairs import any_of, arrow, one_in
+from scex_sumo.studies.moments.cut import MIN_VEHICLES
 from scex_sumo.studies.moments.folder import as_row
 from scex_sumo.studies.rank.ranking_run import RankingRun
 
@@ -29,8 +30,8 @@ def moments_table(run: RankingRun) -> pa.Table:
     if not run.pairs:
         reason = f"; the first of {len(failed)} failures: {failed[0].reason}" if failed else ""
         raise TrackError(
-            f"none of {len(run.recordings)} recordings has a moment with {run.settings.min_vehicles} moving "
-            f"vehicles that could be run{reason}; lower --every or --min-vehicles, or look at the recordings"
+            f"none of {len(run.recordings)} recordings has a moment with {MIN_VEHICLES} moving "
+            f"vehicles that could be run{reason}; lower --every, or look at the recordings"
         )
     rows = [as_row(ref) | _human_like(pairs) for ref, pairs in run.pairs]
     rows.sort(key=lambda row: (-row["human_p_collision"], row["seed"]))

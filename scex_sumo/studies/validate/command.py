@@ -61,7 +61,7 @@ def _print_scores(done: Validation) -> None:
     from scex_sumo.commands.console import output_console
     from scex_sumo.page.document import Column, print_columns
     from scex_sumo.reports.run_table import counted, print_line
-    from scex_sumo.studies.validate.page import collisions_in, printed_name
+    from scex_sumo.studies.validate.page import collisions_in
 
     info = done.info
     console = output_console(width=140)
@@ -74,27 +74,15 @@ def _print_scores(done: Validation) -> None:
     )
     print_line(told, console)
 
-    def scores(share: str, brier: str) -> list[Column]:
-        return [
-            Column("event", "event", "names"),
-            Column("happened", "happened", share),
-            Column("forecast", "forecast", share),
-            Column("brier", "Brier", brier),
-            Column("brier_constant_velocity", "Brier: const. vel.", brier),
-            Column("skill_base_rate", "skill: base rate", ".2f"),
-            Column("skill_seed_moment", "seed moment", ".2f"),
-            Column("skill_constant_velocity", "const. vel.", ".2f"),
-        ]
-
-    events, pairs = scores(".0%", ".3f"), scores(".2%", ".4f")
-    del pairs[-2]  # a pair has no forecast by the moment itself
-    values = [
-        Column(lambda row: printed_name(row["column"]), "value", "names"),
-        Column("count", "cases"),
-        Column("crps_skill", "CRPS skill", ".2f"),
-        Column("coverage", "within 5-95 %", ".0%"),
+    events = [
+        Column("event", "event", "names"),
+        Column("happened", "happened", ".0%"),
+        Column("forecast", "forecast", ".0%"),
+        Column("brier", "Brier", ".3f"),
+        Column("brier_constant_velocity", "Brier: const. vel.", ".3f"),
+        Column("skill_base_rate", "skill: base rate", ".2f"),
+        Column("skill_constant_velocity", "const. vel.", ".2f"),
     ]
-    about = "skill: 1 perfect, 0 as good as the base rate, the seed moment, constant velocity"
     places = [
         Column("second", "after [s]"),
         Column(lambda row: "yes" if row["moving"] else "no", "moving", "names"),
@@ -105,12 +93,7 @@ def _print_scores(done: Validation) -> None:
         Column("along_coverage", "along within 5-95 %", ".0%"),
         Column("across_coverage", "across", ".0%"),
     ]
-    pieces = {
-        "events": (events, "events", about),
-        "pairs": (pairs, "pairs of vehicles", None),
-        "values": (values, "values", None),
-        "positions": (places, "places, error of the futures' mean", None),
-    }
-    for name, (columns, title, caption) in pieces.items():
-        rows = done.tables[name].to_pylist()
-        print_columns(columns, rows, console, title, caption, breaks=(" base rate", " moment", " vel."))
+    about = "skill: 1 perfect, 0 as good as the base rate, constant velocity; the page has pairs and values"
+    tables = {name: done.tables[name].to_pylist() for name in ("events", "positions")}
+    print_columns(events, tables["events"], console, "events", about, breaks=(" base rate", " vel."))
+    print_columns(places, tables["positions"], console, "places, error of the futures' mean")

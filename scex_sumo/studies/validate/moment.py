@@ -77,8 +77,8 @@ class ValidationSettings(StudySettings):
 
 
 FIRST_STEPS = 30  # that vehicles of all moments are recorded for
-RECORDED, CONSTANT_VELOCITY, SEED_MOMENT = -1, -2, -3
-"""Rows beside the futures: what happened, constant velocity, the first step of constant velocity."""
+RECORDED, CONSTANT_VELOCITY = -1, -2
+"""Rows beside the futures: what happened, constant velocity."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,7 +89,7 @@ class Forecast:
         vehicles: see `position_forecasts`.
         encounters: see `gap_forecasts`.
         seen: metric columns and ``collision`` of each future with errors of boxes, see `as_recorded`.
-        futures: the same of each future as driven, and of the three rows beside them.
+        futures: the same of each future as driven, and of the two rows beside them.
     """
 
     vehicles: pa.Table
@@ -129,7 +129,6 @@ def validate_moment(task: ForecastTask, scene: SeedScene) -> Forecast:
     run = partial(_run, scene, net, compared(net, task.ref))
     futures = run(asked, built(task.settings.models), len(task.futures))
     straight = run(plain, ModelSet.of(plain), 1)
-    first = run(dataclasses.replace(plain, steps=1), ModelSet.of(plain), 1)
     recorded = measure_recorded(scene, steps, metrics=asked.measured, preset=asked.rule)
     assert recorded is not None and scene.future is not None
     after = scene.future[:, :steps].repeat(1).swapaxes(1, 2)
@@ -141,7 +140,6 @@ def validate_moment(task: ForecastTask, scene: SeedScene) -> Forecast:
         (numbers, futures.values, futures.collided),
         (np.array([RECORDED]), values, recorded.overlaps.any_of(1)),
         (np.array([CONSTANT_VELOCITY]), straight.values, straight.collided),
-        (np.array([SEED_MOMENT]), first.values, first.collided),
     ]
     return Forecast(
         futures=_futures_table(asked.columns, rows),
@@ -168,17 +166,9 @@ def _run(
     models.try_on(scene, seed=settings.seed)
     scene, net = ruled(scene, net, settings)
     drawn = models.draw(scene, futures=count, seed=settings.seed)
-    counted = recorded_steps_of(scene, settings.steps)
+    folder, counted = net.path.parent, recorded_steps_of(scene, settings.steps)
     job = Job(
-        scene,
-        net,
-        settings,
-        models,
-        drawn,
-        net.path.parent,
-        counted=counted,
-        compared=compared,
-        with_plans=True,
+        scene, net, settings, models, drawn, folder, counted=counted, compared=compared, with_plans=True
     )
     part = run_in_memory(job, range(count))
     assert part.collisions is not None and part.plan_x is not None and part.plan_y is not None

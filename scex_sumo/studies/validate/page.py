@@ -17,13 +17,11 @@ from scex_sumo.reports.run_table import counted
 
 HTML = "validation.html"
 _BRIER = "95 % interval of the Brier score, recordings drawn with replacement"
-_RESOLUTION = "Part of the score: how different the outcomes of forecasts are; more is better"
 _BASE_RATE = "Brier score of the share that happened; no forecast changes it"
 _CRPS = "Distance of the futures' distribution from the recorded value, in its unit"
 _MOVING = "Whether only vehicles that move count"
 _OF_MEAN = "Distance of the futures' mean from the recorded place"
-_WITHIN = "Recorded places within the futures'"
-_AS_RECORDED = "Of futures with errors of the boxes"
+_WITHIN = "Of the recorded ones within the futures', with errors of the boxes"
 _EVENT_COLUMNS = (
     Column("event", "event"),
     Column("happened", "happened", "percent", "Share of the moments with the event"),
@@ -31,26 +29,17 @@ _EVENT_COLUMNS = (
     Column("brier", "Brier", "real", "Mean squared error of the probabilities; 0 is perfect"),
     Column("brier_constant_velocity", "constant velocity", "real", "Brier score if all go on as they do"),
     Column("uncertainty", "base rate", "real", _BASE_RATE),
-    Column("brier_seen", "as recorded", "real", "Brier score of futures with errors of the boxes"),
     Column("brier_low", "Brier from", "real", _BRIER),
     Column("brier_high", "to", "real", _BRIER),
-    Column("reliability", "reliability", "real", "Part of the score: error of the probabilities; 0 is best"),
-    Column("resolution", "resolution", "real", _RESOLUTION),
     Column("skill_base_rate", "better than the base rate", "real", "1: perfect, 0: no better, below: worse"),
-    Column("skill_seed_moment", "than the moment itself", "real", "Forecast: what is so now stays so"),
     Column("skill_constant_velocity", "than constant velocity", "real", "Forecast: all go on as they do"),
-    Column("calibration_error", "calibration error", "real", "Mean distance of the dots below from the line"),
-    Column("roc_area", "ROC area", "real", "How often an event got more than no event; 0.5 is chance"),
-    Column("precision_area", "PR area", "real", "Area under precision over recall"),
 )
 _VALUE_COLUMNS = (
     Column(lambda row: printed_name(row["column"]), "value"),
     Column("count", "cases"),
     Column("crps", "CRPS", "real", _CRPS),
     Column("crps_skill", "better than constant velocity", "real", "1: perfect, 0: no better, below: worse"),
-    Column("crps_skill_seen", "as recorded", "real", _AS_RECORDED),
-    Column("coverage_driven", "within 5 – 95 %", "percent", "Recorded values within the futures' as driven"),
-    Column("coverage", "as recorded", "percent", "Within the futures' with errors of the boxes"),
+    Column("coverage", "within 5 – 95 %", "percent", _WITHIN),
     Column("coverage_low", "from", "percent", "95 % interval of that share"),
     Column("coverage_high", "to", "percent", "95 % interval of that share"),
 )
@@ -62,17 +51,10 @@ _POSITION_COLUMNS = (
     Column("mean_error_m", "mean", "metres", "Mean distance of a future from the recorded place"),
     Column("least_error_m", "least", "metres", "Distance of the nearest future"),
     Column("constant_velocity_error_m", "constant velocity", "metres", "Distance where all go on as they do"),
-    Column("along_coverage_driven", "along, within 5 – 95 %", "percent", _WITHIN),
-    Column("along_coverage", "as recorded", "percent", _AS_RECORDED),
-    Column("across_coverage_driven", "across, within 5 – 95 %", "percent", "The same across the way"),
-    Column("across_coverage", "as recorded", "percent", _AS_RECORDED),
+    Column("along_coverage", "along, within 5 – 95 %", "percent", _WITHIN),
+    Column("across_coverage", "across, within 5 – 95 %", "percent", _WITHIN),
 )
-_NO_PAIR = ("brier_seen", "skill_seed_moment")
-_PAIR_COLUMNS = (
-    Column("event", "event of a pair"),
-    Column("pairs", "pairs"),
-    *(one for one in _EVENT_COLUMNS[1:] if one.cell not in _NO_PAIR),
-)
+_PAIR_COLUMNS = (Column("event", "event of a pair"), Column("pairs", "pairs"), *_EVENT_COLUMNS[1:])
 
 
 def write_validation_page(
@@ -109,8 +91,7 @@ def write_validation_page(
         ),
         card(
             "Values",
-            "Times count up to 10 s, 1/TTC up to 10 1/s, DRAC up to 20 m/s². As recorded: futures with "
-            "errors of the boxes like those of the recording.",
+            "Times count up to 10 s, 1/TTC up to 10 1/s, DRAC up to 20 m/s².",
             page.table("values", page_table(_VALUE_COLUMNS, rows["values"])),
         ),
         card(

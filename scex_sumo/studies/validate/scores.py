@@ -1,7 +1,4 @@
-"""Scores of forecasts against what happened: of probabilities, of samples, and of ranks.
-
-All but the areas under curves are strictly proper: the best forecast is the true probability.
-"""
+"""Scores of forecasts against what happened: of probabilities, of samples, and of ranks."""
 
 from __future__ import annotations
 
@@ -14,25 +11,6 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 
 _CENTRAL = 0.9  # share of the samples
 _DRAWS = 400  # of groups
-
-
-@dataclass(frozen=True, kw_only=True)
-class BrierParts:
-    """Brier score = reliability - resolution + uncertainty + within.
-
-    Attributes:
-        score: mean (p - o)².
-        reliability: distance of forecasts from the frequencies that followed them.
-        resolution: distance of those frequencies from the base rate.
-        uncertainty: score of the base rate as forecast.
-        within: 0 if all forecasts of a bin are equal.
-    """
-
-    score: float
-    reliability: float
-    resolution: float
-    uncertainty: float
-    within: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,25 +33,6 @@ def brier(forecast: FloatArray, happened: BoolArray) -> float:
     return float(np.mean((forecast - happened) ** 2))
 
 
-def brier_parts(forecast: FloatArray, happened: BoolArray, *, bins: int = 10) -> BrierParts:
-    """Decompose the Brier score of forecasts (N,) and outcomes (N,) over bins of equal width.
-
-    Source: Murphy 1973; ``within``: Stephenson et al. 2008.
-    """
-    diagram, base = reliability(forecast, happened, bins=bins), float(np.mean(happened))
-    share = diagram.count / len(forecast)
-    off = float(share @ (diagram.forecast - diagram.observed) ** 2)
-    resolution = float(share @ (diagram.observed - base) ** 2)
-    score, unsure = brier(forecast, happened), base * (1 - base)
-    return BrierParts(
-        score=score,
-        reliability=off,
-        resolution=resolution,
-        uncertainty=unsure,
-        within=score - (off - resolution + unsure),
-    )
-
-
 def skill(score: float, reference: float) -> float:
     """Return 1 - score / reference: 1 is perfect, 0 no better; NaN if the reference is perfect."""
     return 1.0 - score / reference if reference > 0 else float("nan")
@@ -86,42 +45,6 @@ def reliability(forecast: FloatArray, happened: BoolArray, *, bins: int = 10) ->
     used = count > 0
     mean = [np.bincount(bin_of, weights=w, minlength=bins)[used] / count[used] for w in (forecast, happened)]
     return Reliability(forecast=mean[0], observed=mean[1], count=count[used].astype(np.int64))
-
-
-def calibration_error(forecast: FloatArray, happened: BoolArray) -> float:
-    """Return the expected calibration error: mean |forecast - observed| of `reliability`.
-
-    Source: Naeini, Cooper, Hauskrecht 2015.
-    """
-    diagram = reliability(forecast, happened)
-    return float(diagram.count @ np.abs(diagram.forecast - diagram.observed) / len(forecast))
-
-
-def roc_area(forecast: FloatArray, happened: BoolArray) -> float:
-    """Return P(forecast of an event > forecast of none) + ½ P(equal): the area under the ROC curve.
-
-    NaN if the event happened always or never. Source: Hanley and McNeil 1982.
-    """
-    events, others = np.sort(forecast[happened]), forecast[~happened]
-    if not len(events) or not len(others):
-        return float("nan")
-    above = len(events) - np.searchsorted(events, others, side="right")
-    equal = np.searchsorted(events, others, side="right") - np.searchsorted(events, others, side="left")
-    return float((above + equal / 2).sum() / (len(events) * len(others)))
-
-
-def precision_area(forecast: FloatArray, happened: BoolArray) -> float:
-    """Return the average precision, Σ (R_k - R_{k-1})·P_k over falling thresholds.
-
-    NaN if the event never happened. Source: Davis and Goadrich 2006, without interpolation.
-    """
-    if not happened.any():
-        return float("nan")
-    order = np.argsort(-forecast, kind="stable")
-    hits = np.cumsum(happened[order])
-    last = np.flatnonzero(np.append(np.diff(forecast[order]) != 0, True))  # of equal forecasts
-    recall, precision = hits[last] / hits[-1], hits[last] / (last + 1)
-    return float(np.diff(recall, prepend=0.0) @ precision)
 
 
 def crps(samples: FloatArray, outcome: float) -> float:

@@ -16,18 +16,14 @@ from scex_sumo.metrics.registry import COLLISION, THRESHOLDS, metric_of
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.design import is_critical
 from scex_sumo.studies.moments.folder import MomentRef
-from scex_sumo.studies.validate.moment import CONSTANT_VELOCITY, RECORDED, SEED_MOMENT, Forecast
+from scex_sumo.studies.validate.moment import CONSTANT_VELOCITY, RECORDED, Forecast
 from scex_sumo.studies.validate.scores import (
     brier,
-    brier_parts,
-    calibration_error,
     covered,
     crps,
     group_bootstrap,
-    precision_area,
     rank_among,
     reliability,
-    roc_area,
     skill,
 )
 
@@ -71,8 +67,6 @@ EVENTS: Final = (
 
 MIN_SEEDS = 20
 """Number of seed scenes below which a validation compares nothing."""
-MIN_EVENTS = 5
-"""Number of events, and of their absences, below which areas under curves are left out."""
 MIN_DEFINED = 0.5  # share of the futures in which a metric must be defined to forecast its value
 SCORED_UP_TO: Final = {"s": 10.0, "1/s": 10.0, "m/s²": 20.0}
 """Value of a metric column in each unit from which on all values, inf too, are scored as equal.
@@ -91,7 +85,6 @@ class Forecasts:
         seen: (M) the same with errors of boxes.
         recorded: (M, K) what happened.
         straight: (M, K) constant velocity.
-        now: (M, K) the seed moment.
         group: (M,) recording.
     """
 
@@ -101,7 +94,6 @@ class Forecasts:
     seen: Sequence[FloatArray]
     recorded: FloatArray
     straight: FloatArray
-    now: FloatArray
     group: IntArray
     vehicles: pa.Table
     encounters: pa.Table
@@ -136,7 +128,6 @@ def gathered(scored: Sequence[tuple[MomentRef, Forecast]]) -> Forecasts:
         seen=[_matrix(forecast.seen, columns)[1] for _, forecast in scored],
         recorded=row(RECORDED),
         straight=row(CONSTANT_VELOCITY),
-        now=row(SEED_MOMENT),
         group=group,
         vehicles=rows([forecast.vehicles for _, forecast in scored]),
         encounters=rows([forecast.encounters for _, forecast in scored]),
@@ -148,34 +139,21 @@ def _matrix(table: pa.Table, columns: tuple[str, ...]) -> tuple[IntArray, FloatA
     return np.asarray(table["future"], dtype=np.int64), np.stack(values, axis=1)
 
 
-def probability(forecasts: Forecasts, event: Event) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Return forecasts (M,) of an event, as driven and as recorded, and whether it happened."""
+def probability(forecasts: Forecasts, event: Event) -> tuple[FloatArray, BoolArray]:
+    """Return forecasts (M,) of an event, and whether it happened."""
     column = forecasts.of(event.column)
-    driven, seen = (
-        np.array([event.happened(values[:, column]).mean() for values in futures])
-        for futures in (forecasts.futures, forecasts.seen)
-    )
-    return driven, seen, event.happened(forecasts.recorded[:, column])
+    p = np.array([event.happened(values[:, column]).mean() for values in forecasts.futures])
+    return p, event.happened(forecasts.recorded[:, column])
 
 
 def event_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
-    """Return one row for each event: Brier score, skills, calibration, areas under curves."""
+    """Return one row for each event: Brier score, skills, reliability diagram."""
     rows = []
     for event in EVENTS:
-        column = forecasts.of(event.column)
-        p, seen, o = probability(forecasts, event)
-        now, straight = (event.happened(values[:, column]) for values in (forecasts.now, forecasts.straight))
-        row = {
-            "event": event.name,
-            "paper": event.paper,
-            "seeds": len(p),
-            **_scores(p, o, straight, forecasts.group),
-        }
-        row |= {
-            "brier_seen": brier(seen, o),
-            "skill_seed_moment": skill(row["brier"], brier(now.astype(np.float64), o)),
-        }
-        rows.append(row)
+        p, o = probability(forecasts, event)
+        straight = event.happened(forecasts.straight[:, forecasts.of(event.column)])
+        about = {"event": event.name, "paper": event.paper, "seeds": len(p)}
+        rows.append(about | _scores(p, o, straight, forecasts.group))
     return rows
 
 
@@ -210,26 +188,19 @@ def pair_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
 
 def _scores(p: FloatArray, o: BoolArray, straight: BoolArray, group: IntArray) -> dict[str, Any]:
     """Return the scores of forecasts (N,) of an event, with those of constant velocity."""
-    parts, diagram = brier_parts(p, o), reliability(p, o)
-    ranked = min(int(o.sum()), int((~o).sum())) >= MIN_EVENTS
-    plain = brier(straight.astype(np.float64), o)
+    score, plain, diagram = brier(p, o), brier(straight.astype(np.float64), o), reliability(p, o)
+    uncertainty = float(o.mean() * (1 - o.mean()))
     low, high = group_bootstrap(lambda index: brier(p[index], o[index]), group)
     return {
         "happened": float(o.mean()),
         "forecast": float(p.mean()),
-        "brier": parts.score,
+        "brier": score,
         "brier_low": low,
         "brier_high": high,
-        "reliability": parts.reliability,
-        "resolution": parts.resolution,
-        "uncertainty": parts.uncertainty,
+        "uncertainty": uncertainty,
         "brier_constant_velocity": plain,
-        "within_bins": parts.within,
-        "skill_base_rate": skill(parts.score, parts.uncertainty),
-        "skill_constant_velocity": skill(parts.score, plain),
-        "calibration_error": calibration_error(p, o),
-        "roc_area": roc_area(p, o) if ranked else float("nan"),
-        "precision_area": precision_area(p, o) if ranked else float("nan"),
+        "skill_base_rate": skill(score, uncertainty),
+        "skill_constant_velocity": skill(score, plain),
         "diagram_forecast": diagram.forecast.tolist(),
         "diagram_observed": diagram.observed.tolist(),
         "diagram_count": diagram.count.tolist(),
@@ -256,8 +227,8 @@ def value_scores(forecasts: Forecasts, *, seed: int = 0) -> list[dict[str, Any]]
             least = MIN_DEFINED * len(values)
             if not (np.isfinite(y) and np.isfinite(straight)) or min(len(sample), len(noisy)) < least:
                 continue
-            scores = crps(sample, y), crps(noisy, y), abs(straight - y), covered(sample, y), covered(noisy, y)
-            cases.append((*scores, rank_among(noisy, y, rng), forecasts.group[m]))
+            scores = crps(sample, y), abs(straight - y), covered(noisy, y), rank_among(noisy, y, rng)
+            cases.append((*scores, forecasts.group[m]))
         if cases:
             rows.append({"column": name, **_of_values(*zip(*cases, strict=True))})
     return rows
@@ -265,9 +236,7 @@ def value_scores(forecasts: Forecasts, *, seed: int = 0) -> list[dict[str, Any]]
 
 def _of_values(
     score: Sequence[float],
-    score_seen: Sequence[float],
     plain: Sequence[float],
-    driven: Sequence[bool],
     seen: Sequence[bool],
     rank: Sequence[float],
     group: Sequence[int],
@@ -278,8 +247,6 @@ def _of_values(
         "count": len(score),
         "crps": float(np.mean(score)),
         "crps_skill": skill(float(np.mean(score)), reference),
-        "crps_skill_seen": skill(float(np.mean(score_seen)), reference),
-        "coverage_driven": float(np.mean(driven)),
         "coverage": float(hit.mean()),
         "coverage_low": low,
         "coverage_high": high,
@@ -292,7 +259,7 @@ def encounter_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
     table = forecasts.encounters
     if not len(table):
         return []
-    names = ("crps_m", "crps_seen_m", "constant_velocity_error_m", "covered", "seen", "rank", "group")
+    names = ("crps_m", "constant_velocity_error_m", "seen", "rank", "group")
     return [
         {"column": "least gap of an encounter", **_of_values(*(table[name].to_pylist() for name in names))}
     ]
@@ -314,9 +281,8 @@ def position_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
                     "vehicles": len(part),
                     **{name: float(np.mean(part[name].to_numpy())) for name in means},
                     **{
-                        f"{way}_coverage{name}": float(np.mean(part[f"{way}_{column}"].to_pylist()))
+                        f"{way}_coverage": float(np.mean(part[f"{way}_seen"].to_pylist()))
                         for way in ("along", "across")
-                        for name, column in (("", "seen"), ("_driven", "covered"))
                     },
                     "along_ranks": np.histogram(part["along_rank"].to_numpy(), 10, (0, 1))[0].tolist(),
                 }
@@ -327,12 +293,11 @@ def position_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
 def summary(forecasts: Forecasts, events: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the main figures."""
     papers = [row for row in events if row["paper"]]
-    p, _, overlap = probability(forecasts, next(event for event in EVENTS if event.column == COLLISION))
+    p, overlap = probability(forecasts, next(event for event in EVENTS if event.column == COLLISION))
     return {
         "seeds": len(forecasts.refs),
         "recordings": len(set(forecasts.group.tolist())),
         "mean_brier": float(np.mean([row["brier"] for row in papers])),
-        "mean_brier_seen": float(np.mean([row["brier_seen"] for row in papers])),
         "mean_brier_base_rate": float(np.mean([row["uncertainty"] for row in papers])),
         "mean_brier_constant_velocity": float(np.mean([row["brier_constant_velocity"] for row in papers])),
         "p_collision": float(p.mean()),

@@ -79,7 +79,6 @@ def validate(
     models: str = "likely",
     futures: int = 96,
     every: float = 1.0,
-    min_vehicles: int = 2,
     part: str = ALL,
     steps: int = 30,
     seed: int = 0,
@@ -93,7 +92,7 @@ def validate(
     Args:
         roots: folders of recordings, or single files.
         out: folder of the validation; an interrupted one goes on.
-        every: as of `scex_sumo.studies.validate.moment.ValidationSettings`, like the next two.
+        every: as of `scex_sumo.studies.validate.moment.ValidationSettings`, like ``part``.
         steps: of 0.1 s of each future.
         workers: processes.
         overwrite: replace another validation in ``out``, or a finished one.
@@ -114,7 +113,6 @@ def validate(
     settings = ValidationSettings(
         run=RunSettings(models=models, futures=futures, steps=steps, seed=seed),
         every=every,
-        min_vehicles=min_vehicles,
         part=part,
     )
     places = [roots] if isinstance(roots, str | Path) else roots

@@ -24,11 +24,11 @@ _NUMBERS = ("error_of_mean_m", "mean_error_m", "least_error_m", "constant_veloci
 POSITIONS = schema(
     "track_id moving second",
     _NUMBERS,
-    "along_covered across_covered along_seen across_seen along_rank across_rank",
+    "along_seen across_seen along_rank across_rank",
 )
 _OUTCOMES = [f"{event.name}_{what}" for event in MEASURED for what in ("happened", "straight")]
 ENCOUNTERS = schema(
-    "first second recorded_m covered seen rank crps_m crps_seen_m constant_velocity_error_m",
+    "first second recorded_m seen rank crps_m constant_velocity_error_m",
     (f"{event.name}_forecast" for event in MEASURED),
     _OUTCOMES,
     rank=pa.float64(),
@@ -46,8 +46,7 @@ def position_forecasts(
 ) -> pa.Table:
     """Return one row of `POSITIONS` for each vehicle recorded to the end and each second.
 
-    Along and across the heading: coverage by the 5-95 % of the futures (``seen``: with errors of boxes), and
-    the rank in (0, 1).
+    Along and across the heading: coverage by the 5-95 % of ``seen``, and the rank in (0, 1).
 
     Args:
         futures: (C, T, V).
@@ -67,8 +66,7 @@ def position_forecasts(
             )
             dx, dy = futures.x[:, step, v] - x, futures.y[:, step, v] - y
             off = np.hypot(dx, dy)
-            along, across = _in_frame(dx, dy, heading)
-            ways = _in_frame(seen.x[:, step, v] - x, seen.y[:, step, v] - y, heading)
+            along, across = _in_frame(seen.x[:, step, v] - x, seen.y[:, step, v] - y, heading)
             rows.append(
                 {
                     "track_id": int(scene.track_ids[v]),
@@ -80,12 +78,10 @@ def position_forecasts(
                     "constant_velocity_error_m": float(
                         np.hypot(straight.x[0, step, v] - x, straight.y[0, step, v] - y)
                     ),
-                    "along_covered": covered(along, 0.0),
-                    "across_covered": covered(across, 0.0),
-                    "along_seen": covered(ways[0], 0.0),
-                    "across_seen": covered(ways[1], 0.0),
-                    "along_rank": rank_among(ways[0], 0.0, rng),
-                    "across_rank": rank_among(ways[1], 0.0, rng),
+                    "along_seen": covered(along, 0.0),
+                    "across_seen": covered(across, 0.0),
+                    "along_rank": rank_among(along, 0.0, rng),
+                    "across_rank": rank_among(across, 0.0, rng),
                 }
             )
     return pa.Table.from_pylist(rows, schema=POSITIONS)
@@ -107,7 +103,7 @@ def gap_forecasts(
 ) -> pa.Table:
     """Return one row of `ENCOUNTERS` for the least body gap of each pair within 10 m in some future.
 
-    ``crps_m`` and ``covered`` are of the futures as driven, the others of ``seen``. `MEASURED` events of the
+    ``crps_m`` is of the futures as driven, coverage and rank are of ``seen``. `MEASURED` events of the
     futures (share), the recording and constant velocity count along the driven tracks. Arguments as of
     `position_forecasts`; ``recorded`` (1, T, V).
     """
@@ -123,11 +119,9 @@ def gap_forecasts(
             "first": int(scene.track_ids[first[k]]),
             "second": int(scene.track_ids[second[k]]),
             "recorded_m": float(real[0, k]),
-            "covered": covered(gaps[:, k], float(real[0, k])),
             "seen": covered(noisy[:, k], float(real[0, k])),
             "rank": rank_among(noisy[:, k], float(real[0, k]), rng),
             "crps_m": crps(gaps[:, k], float(real[0, k])),
-            "crps_seen_m": crps(noisy[:, k], float(real[0, k])),
             "constant_velocity_error_m": float(abs(plain[0, k] - real[0, k])),
             **{f"{name}_forecast": float(flags[:, k].mean()) for name, flags in forecast.items()},
             **{f"{name}_happened": bool(flags[0, k]) for name, flags in happened.items()},

@@ -5,7 +5,6 @@ import pytest
 
 from scex_sumo.studies.validate.scores import (
     brier,
-    brier_parts,
     covered,
     crps,
     group_bootstrap,
@@ -20,13 +19,6 @@ HAPPENED = RNG.random(200) < FORECAST
 def test_brier_score_is_that_of_scikit_learn() -> None:
     metrics = pytest.importorskip("sklearn.metrics")
     assert brier(FORECAST, HAPPENED) == pytest.approx(metrics.brier_score_loss(HAPPENED, FORECAST))
-
-
-def test_parts_of_the_brier_score_add_up() -> None:
-    parts = brier_parts(FORECAST, HAPPENED, bins=4)
-    assert parts.score == pytest.approx(
-        parts.reliability - parts.resolution + parts.uncertainty + parts.within
-    )
 
 
 def test_reliability_counts_forecasts_by_bins() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -17,7 +16,6 @@ from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.validate.moment import (
     CONSTANT_VELOCITY,
     RECORDED,
-    SEED_MOMENT,
     Forecast,
     ForecastFolder,
     ValidationSettings,
@@ -53,8 +51,8 @@ def ref(number: int) -> MomentRef:
 
 
 def forecast(distance: list[float], recorded: float, error: float = 0.0, name: str = "distance") -> Forecast:
-    future = [*range(len(distance)), RECORDED, CONSTANT_VELOCITY, SEED_MOMENT]
-    values = [*distance, recorded, 20.0, 20.0]
+    future = [*range(len(distance)), RECORDED, CONSTANT_VELOCITY]
+    values = [*distance, recorded, 20.0]
     table = {"future": pa.array(future, pa.int32())}
     for column in COLUMNS:
         table[column] = pa.array(values if column == name else [None] * len(future), pa.float64())
@@ -64,9 +62,8 @@ def forecast(distance: list[float], recorded: float, error: float = 0.0, name: s
         [
             {
                 "track_id": 1, "moving": True, "second": 3, "error_of_mean_m": 1.0, "mean_error_m": 2.0,
-                "least_error_m": 0.5, "constant_velocity_error_m": 3.0, "along_covered": True,
-                "across_covered": False, "along_seen": True, "across_seen": True,
-                "along_rank": 0.5, "across_rank": 0.99,
+                "least_error_m": 0.5, "constant_velocity_error_m": 3.0, "along_seen": True,
+                "across_seen": True, "along_rank": 0.5, "across_rank": 0.99,
             }
         ]
     )  # fmt: skip
@@ -82,8 +79,8 @@ FOUND = [(ref(0), forecast([4.0, 4.0, 6.0, 8.0], 4.5)), (ref(1), forecast([9.0, 
 
 
 def test_the_probability_of_an_event_is_its_share_of_the_futures() -> None:
-    p, seen, o = probability(gathered(FOUND), EVENTS[0])
-    assert p.tolist() == seen.tolist() == [0.5, 0.0]
+    p, o = probability(gathered(FOUND), EVENTS[0])
+    assert p.tolist() == [0.5, 0.0]
     assert o.tolist() == [True, False]
 
 
@@ -101,13 +98,10 @@ def test_a_value_is_scored_by_crps_against_constant_velocity() -> None:
     assert 0.8 < row["crps_skill"] < 1.0
 
 
-def test_futures_as_they_would_have_been_recorded_are_scored_beside_those_driven() -> None:
+def test_coverage_is_that_of_futures_as_they_would_have_been_recorded() -> None:
     found = gathered([(ref(0), forecast([4.0, 4.0, 4.1, 4.2], 3.0, error=-1.0))])
     row = next(row for row in value_scores(found) if row["column"] == "distance")
-    assert (row["coverage_driven"], row["coverage"]) == (0.0, 1.0)
-    assert row["crps_skill_seen"] > row["crps_skill"]
-    p, seen, _ = probability(found, EVENTS[0])
-    assert (p.tolist(), seen.tolist()) == ([1.0], [1.0])
+    assert row["coverage"] == 1.0  # as driven it would be 0
 
 
 def test_events_of_pairs_are_scored_unless_recorded_boxes_touch() -> None:
@@ -167,16 +161,6 @@ def test_few_seed_scenes_and_forecasts_worse_than_constant_velocity_are_told() -
     ]
 
 
-def test_areas_under_curves_need_five_events_and_five_absences() -> None:
-    def areas(events: int, absences: int) -> list[float]:
-        met = [forecast([4.0, 4.0], 4.5)] * events + [forecast([9.0, 9.0], 9.5)] * absences
-        row = event_scores(gathered([(ref(k), one) for k, one in enumerate(met)]))[0]
-        return [row["roc_area"], row["precision_area"]]
-
-    assert areas(5, 5) == [1.0, 1.0]
-    assert np.isnan(areas(1, 9)).all() and np.isnan(areas(9, 4)).all()
-
-
 def test_a_folder_gives_back_what_was_added_and_takes_no_other_validation(tmp_path) -> None:  # type: ignore[no-untyped-def]
     path = tmp_path / "v"
     with ForecastFolder(path, {"a": 1}) as folder:
@@ -206,7 +190,7 @@ def test_a_moment_of_which_a_table_is_broken_runs_again(tmp_path: Path, name: st
         assert folder.has(ref(0)) and not folder.has(ref(1))
         assert folder.failures() == {}
         folder.append(ref(1), forecast([1.0, 2.0], 3.0))
-        assert folder.read(ref(1)).futures.num_rows == 5
+        assert folder.read(ref(1)).futures.num_rows == 4
 
 
 @pytest.mark.parametrize("name", ["vehicles", "encounters", "seen", "futures"])
