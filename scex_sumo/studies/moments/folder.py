@@ -1,6 +1,6 @@
-"""Study folder: moments by name, parts that have run, failures; checked when read, found after a crash.
+"""Study folder: moments by name, tables of those that have run, failures; checked, found after a crash.
 
-A part is a set of tables of one moment. It counts if its record names every file and the SHA-256 of each.
+The tables of a moment count if its record names every file and the SHA-256 of each.
 """
 
 from __future__ import annotations
@@ -113,12 +113,12 @@ class StudyFolder(OutputFolder):
     trees: ClassVar[tuple[str, ...]]
     """Folders of tables, one folder for each moment."""
     records: ClassVar[tuple[str, ...]] = ()
-    """Folders of small JSON files, besides those of parts and failures."""
+    """Folders of small JSON files, besides those of moments and failures."""
     kept: ClassVar[tuple[str, ...]] = ()
     """What else another study in the same folder removes."""
 
     def _clear(self) -> None:
-        for files in (files for parts in self._recorded().values() for files in parts.values()):
+        for files in self._recorded().values():
             self._remove(files)
             for parent in (parent for name in files for parent in [*Path(name).parents][:-1]):
                 with contextlib.suppress(OSError):  # it holds something
@@ -131,47 +131,41 @@ class StudyFolder(OutputFolder):
         return (_FAILED, _PARTS, *self.records)
 
     def _prepare(self) -> None:
-        """Find the parts that are whole; remove the others, so that their moments run again."""
+        """Find the moments that are whole; remove the files of others, which run again."""
         for name in self.trees:
             refuse_link(self.path / name)
         for name in self._json_folders:
             own_folder(self.path / name)
             remove_unfinished(self.path / name)
-        self._parts = self._recorded()
-        for moment, parts in self._parts.items():
-            broken = [part for part, files in parts.items() if not self._is_whole(files)]
-            for part in broken:
-                self._drop(moment, part)
-            if broken or not parts:  # a failure in a later round counts only with the earlier rounds
-                self.clear_failure(moment)
+        self._files = self._recorded()
+        for moment in [moment for moment, files in self._files.items() if not self._is_whole(files)]:
+            self._remove(self._files.pop(moment))
+            self._record(_PARTS, moment).unlink()
 
-    def _recorded(self) -> dict[str, dict[str, dict[str, str]]]:
-        """Return the SHA-256 by moment, part and file; a damaged record has no part."""
+    def _recorded(self) -> dict[str, dict[str, str]]:
+        """Return the SHA-256 by moment and file; a damaged record has no file."""
         files = sorted((self.path / _PARTS).glob("*.json"))
-        rows = {file.stem: self._load(_PARTS, file.stem) or [] for file in files}
-        return {moment: {row["part"]: row["files"] for row in found} for moment, found in rows.items()}
+        return {file.stem: (self._load(_PARTS, file.stem) or [{}])[0] for file in files}
 
     def _is_whole(self, files: Mapping[str, str]) -> bool:
         there = {name: self.path / name for name in files}
-        return all(file.is_file() and sha256_of(file) == files[name] for name, file in there.items())
+        whole = (file.is_file() and sha256_of(file) == files[name] for name, file in there.items())
+        return bool(files) and all(whole)
 
-    def _add(self, moment: str, part: str, tables: Mapping[str, pa.Table], **options: Any) -> None:
-        """Write the tables of a part, by file; its record names them before and is whole after that."""
-        self._parts.setdefault(moment, {})[part] = dict.fromkeys(tables, "")
-        self._save_parts(moment)
+    def has(self, ref: MomentRef) -> bool:
+        """Whether a moment has run."""
+        return ref.moment in self._files
+
+    def _add(self, moment: str, tables: Mapping[str, pa.Table], **options: Any) -> None:
+        """Write the tables of a moment, by file; its record names them before and is whole after that."""
+        self._save(_PARTS, moment, [dict.fromkeys(tables, "")])
         for name, table in tables.items():
-            _write_table(self.path, name, table, **options)
-        self._parts[moment][part] = {name: sha256_of(self.path / name) for name in tables}
-        self._save_parts(moment)
-
-    def _save_parts(self, moment: str) -> None:
-        rows = [{"part": part, "files": files} for part, files in sorted(self._parts[moment].items())]
-        self._save(_PARTS, moment, rows)
-
-    def _drop(self, moment: str, part: str) -> None:
-        """Remove a part."""
-        self._remove(self._parts[moment].pop(part))
-        self._save_parts(moment)
+            for parent in [*Path(name).parents][-2::-1]:
+                own_folder(self.path / parent)
+            with replacing(self.path / name) as temporary:
+                pq.write_table(table, temporary, compression="zstd", write_page_checksum=True, **options)
+        self._files[moment] = {name: sha256_of(self.path / name) for name in tables}
+        self._save(_PARTS, moment, [self._files[moment]])
 
     def _remove(self, files: Iterable[str]) -> None:
         """Remove files of the folder, but nothing behind a link."""
@@ -181,15 +175,12 @@ class StudyFolder(OutputFolder):
                 file.unlink(missing_ok=True)
                 remove_unfinished(file.parent)
 
-    def _has(self, moment: str, part: str) -> bool:
-        return part in self._parts.get(moment, {})
-
-    def _read(self, moment: str, part: str, name: str) -> pa.Table:
-        """Read a table of a part; raise a `ResultError` if it changed since `_prepare`."""
+    def _read(self, moment: str, name: str) -> pa.Table:
+        """Read a table of a moment; raise a `ResultError` if it changed since `_prepare`."""
         content = b""
         with contextlib.suppress(OSError):
             content = (self.path / name).read_bytes()
-        if hashlib.sha256(content).hexdigest() != self._parts[moment][part][name]:
+        if hashlib.sha256(content).hexdigest() != self._files[moment][name]:
             raise ResultError(f"{self.path / name}: was changed meanwhile; run the same command again")
         return pq.ParquetFile(pa.BufferReader(content)).read()
 
@@ -230,11 +221,3 @@ class StudyFolder(OutputFolder):
 def _checked(kind: str, name: str, rows: Sequence[dict[str, Any]]) -> str:
     content = {"of": f"{kind} {plain(name)}", "seeds": rows}
     return as_json({**content, "check": zlib.crc32(as_json(content).encode())})
-
-
-def _write_table(folder: Path, name: str, table: pa.Table, **options: Any) -> None:
-    """Write a Parquet table and its folders inside of ``folder``."""
-    for parent in [*Path(name).parents][-2::-1]:
-        own_folder(folder / parent)
-    with replacing(folder / name) as temporary:
-        pq.write_table(table, temporary, compression="zstd", write_page_checksum=True, **options)

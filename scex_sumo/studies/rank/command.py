@@ -32,9 +32,6 @@ def rank_command(
     futures: Annotated[int, Option(help="Futures of each seed scene on the page.")] = 96,
     models: Models = None,
     top: Annotated[int, Option(help="Encounters on the page.")] = 10,
-    by: Annotated[
-        str, Option(metavar="COLUMN", help="Column by which encounters are ordered.")
-    ] = "probability",
     triage: Annotated[
         Path | None, Option(metavar="CSV", help="Verdicts saved on the page of a ranking.")
     ] = None,
@@ -84,4 +81,4 @@ def _print_top(ranking: Ranking, top: int) -> None:
     print_columns(printed_columns(), rows, console, "encounters worth testing")
     about = "people: one of so many such moments ends in a contact within 3 s, and the range of that number"
     stress = "stress: share of the futures of the stress test in which they collide"
-    print_line(f"{about}; {stress}; ranked by {ranking.info['by']}", console)
+    print_line(f"{about}; {stress}", console)

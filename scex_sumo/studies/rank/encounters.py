@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,90 +14,59 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.results.tables.columns import schema
 from scex_sumo.studies.moments.encounters import ENCOUNTERS, with_columns
 
-STRESS: Final = ("stress_p_collision", "stress_p_critical")
-"""Shares of the futures in which a pair of a moment on the page collides, and is critical."""
 TRIAGE: Final = ("verdict", "note")
-PROBABILITY: Final = "probability"
-_NEAR: Final = ("gap_m", "time_margin", "time_s", "first_s", "last_s", "conflict_s")
-"""Columns whose small values come first in an order; so do those of texts."""
 SAID: Final = "a data error, as the triage says"
 RANKED: Final = pa.schema(
     [
         *schema("rank"),
         *(field for field in ENCOUNTERS if field.name != "doubt"),
-        *schema(STRESS, "doubt", TRIAGE),
+        *schema("stress_p_collision doubt", TRIAGE),
     ]
 )
-"""Columns of encounters in an order."""
+"""Columns of encounters in their order; of the stress test: the share of a moment's futures."""
 
 
-def _whole(encounters: pa.Table) -> pa.Table:
-    """Return the columns of `RANKED`, null where there are none."""
-    return pa.concat_tables([RANKED.empty_table(), encounters], promote_options="default").combine_chunks()
+def ranked(encounters: pa.Table, triage: Sequence[Mapping[str, str]] = ()) -> pa.Table:
+    """Return encounters with ranks, the most probable first; doubtful ones are last, without.
 
-
-@dataclass(frozen=True, kw_only=True)
-class Order:
-    """Order of encounters.
-
-    Attributes:
-        by: column; large values are first, but small ones of distances, times and places.
+    Args:
         triage: verdicts as of `read_triage`; data errors are doubtful.
     """
-
-    by: str = PROBABILITY
-    triage: Sequence[Mapping[str, str]] = ()
-
-    def __post_init__(self) -> None:
-        known = [name for name in RANKED.names if name not in STRESS]  # which only some have
-        if self.by not in known:
-            raise UsageError(f"--by: got {self.by!r}; known: {', '.join(known)}")
-
-    def ranked(self, encounters: pa.Table) -> pa.Table:
-        """Return encounters in this order, with ranks; equal ones by P. Doubtful ones are last, without."""
-        encounters = self._judged(_whole(encounters))
-        up = self.by in _NEAR or pa.types.is_string(RANKED.field(self.by).type)
-        table = encounters.append_column("out", pc.is_valid(encounters["doubt"]))
-        order = [
-            ("out", "ascending"),
-            (self.by, "ascending" if up else "descending"),
-            (PROBABILITY, "descending"),
-        ]
-        table = table.sort_by([*order, ("seed", "ascending"), ("track_id", "ascending")])
-        ranks = [None if out else number for number, out in enumerate(table["out"].to_pylist(), 1)]
-        return with_columns(table.drop(["out"]), {"rank": ranks})
-
-    def _judged(self, encounters: pa.Table) -> pa.Table:
-        rows = encounters.select(["doubt", "first_s", "last_s", *BOTH]).to_pylist()
-        verdicts = judged(rows, self.triage)
-        doubts = [
-            SAID if verdict and verdict["verdict"] == DATA_ERROR else row["doubt"]
-            for row, verdict in zip(rows, verdicts, strict=True)
-        ]
-        columns = {name: [one[name] or None if one else None for one in verdicts] for name in TRIAGE}
-        return with_columns(encounters, {"doubt": doubts, **columns}) if self.triage else encounters
+    whole = pa.concat_tables([RANKED.empty_table(), encounters], promote_options="default").combine_chunks()
+    table = _judged(whole, triage) if triage else whole
+    table = table.append_column("out", pc.is_valid(table["doubt"]))
+    order = [("out", "ascending"), ("probability", "descending"), ("seed", "ascending")]
+    table = table.sort_by([*order, ("track_id", "ascending")])
+    ranks = [None if out else number for number, out in enumerate(table["out"].to_pylist(), 1)]
+    return with_columns(table.drop(["out"]), {"rank": ranks})
 
 
-BY_PROBABILITY: Final = Order()
+def _judged(encounters: pa.Table, triage: Sequence[Mapping[str, str]]) -> pa.Table:
+    rows = encounters.select(["doubt", "first_s", "last_s", *BOTH]).to_pylist()
+    verdicts = judged(rows, triage)
+    doubts = [
+        SAID if verdict and verdict["verdict"] == DATA_ERROR else row["doubt"]
+        for row, verdict in zip(rows, verdicts, strict=True)
+    ]
+    columns = {name: [one[name] or None if one else None for one in verdicts] for name in TRIAGE}
+    return with_columns(encounters, {"doubt": doubts, **columns})
 
 
-def with_stress(
-    encounters: pa.Table, shares: Mapping[str, Mapping[tuple[int, int], tuple[float, float]]]
-) -> pa.Table:
-    """Return encounters with `STRESS`; null where the futures of a moment were not run.
+def with_stress(encounters: pa.Table, shares: Mapping[str, Mapping[tuple[int, int], float]]) -> pa.Table:
+    """Return encounters with ``stress_p_collision``; null where the futures of a moment were not run.
 
     Args:
         shares: by moment, then by the two track ids, ascending; pairs that never meet have none.
     """
-    stress: list[tuple[float | None, float | None]] = []
+    stress: list[float | None] = []
     for row in encounters.select(["seed", "track_id", "other_id"]).to_pylist():
         pair = min(row["track_id"], row["other_id"]), max(row["track_id"], row["other_id"])
         known = shares.get(row["seed"])
-        stress.append((None, None) if known is None else known.get(pair, (0.0, 0.0)))
-    return with_columns(encounters, {name: [row[k] for row in stress] for k, name in enumerate(STRESS)})
+        stress.append(None if known is None else known.get(pair, 0.0))
+    return with_columns(encounters, {"stress_p_collision": stress})
 
 
-TEST, DISCARD, DATA_ERROR = VERDICTS = ("test", "discard", "data error")
+_, _, DATA_ERROR = VERDICTS = ("test", "discard", "data error")
 KEY: Final = ("recording", "case", "track_id", "other_id", "first_s", "last_s", "time_s")
 """Columns of the file besides verdict and note; as the page's script writes them."""
 BOTH: Final = ("recording", "case", "track_id", "other_id")
@@ -122,17 +90,12 @@ def read_triage(path: Path) -> Sequence[Mapping[str, str]]:
         if row["verdict"] not in ("", *VERDICTS):
             known = ", ".join(VERDICTS)
             raise UsageError(f"--triage {path}, line {number}: verdict {row['verdict']!r}; known: {known}")
-        if not _is_number(row["time_s"]):
-            raise UsageError(f"--triage {path}, line {number}: time {row['time_s']!r} is no number")
+        try:
+            float(row["time_s"])
+        except ValueError:
+            words = f"--triage {path}, line {number}: time {row['time_s']!r} is no number"
+            raise UsageError(words) from None
     return rows
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def judged(

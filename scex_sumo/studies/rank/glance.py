@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 from scex_sumo.page.document import card
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.report.scene import Box
-from scex_sumo.page.timeline import Happening, place_map, shapes_legend, timeline, usual_level
+from scex_sumo.page.timeline import Happening, place_map, shapes_legend, timeline
 from scex_sumo.results.tables.pairs import TOLD
 from scex_sumo.studies.moments.folder import MomentRef
 
@@ -26,19 +26,17 @@ _HOW: Final = (
 
 Cards = Mapping[str, Mapping[str, Any]]
 """Encounters that have cards, by the addresses of these."""
-_Lines = Mapping[str, Sequence[tuple[MomentRef, Happening]]]
 
 
 def places_of(ranking: pa.Table) -> dict[str, list[dict[str, Any]]]:
-    """Return the encounters that a map shows, by site: the most probable ones without doubt."""
+    """Return the encounters that a map shows, by site: the first ones without doubt."""
     is_told = pc.greater_equal(ranking["probability"], TOLD)
-    sure = ranking.filter(pc.and_(pc.is_valid(ranking["rank"]), is_told))
-    found: dict[str, list[dict[str, Any]]] = {}
-    for row in sure.sort_by([("probability", "descending")]).to_pylist():
-        own = found.setdefault(row["location"], [])
+    places: dict[str, list[dict[str, Any]]] = {}
+    for row in ranking.filter(pc.and_(pc.is_valid(ranking["rank"]), is_told)).to_pylist():
+        own = places.setdefault(row["location"], [])
         if len(own) < _PLACES:
             own.append(row)
-    return found
+    return places
 
 
 def box_of(rows: Sequence[Mapping[str, Any]]) -> Box:
@@ -60,44 +58,26 @@ def glance(
         places: as of `places_of`; ``roads`` of the sites that have one.
         cards: of encounters on the page.
     """
-    lines: dict[str, list[tuple[MomentRef, Happening]]] = {}
+    lines: dict[str, list[Happening]] = {}
     for ref, table in pairs:
         for row in table.filter(pc.is_null(table["doubt"])).slice(0, 1).to_pylist():
-            link = _link(row, ref.recording, ref.time_s, cards)
-            lines.setdefault(ref.recording, []).append((ref, Happening.of(row, ref.time_s, link)))
-    usual = _usual_levels(lines)
-    by_peak = sorted(lines, key=lambda name: -max(one.probability for _, one in lines[name]))
-    figures = [_line(name, found, usual) for name, found in lines.items() if name in by_peak[:_MOST]]
-    maps = [_map(site, rows, roads[site], cards) for site, rows in places.items() if site in roads]
-    kinds = {one.what for found in lines.values() for _, one in found}
-    more = f" Shown are the {_MOST} most critical of {len(lines)} recordings." if len(lines) > _MOST else ""
-    legend = shapes_legend(kinds, usual=any(usual.values()))
-    return card("At a glance", _HOW + more, legend, *figures, element("div.maps", *maps))
-
-
-def _usual_levels(lines: _Lines) -> dict[str, tuple[float, float] | None]:
-    """Return the usual level of each site."""
-    levels: dict[str, list[float]] = {}
-    for ref, one in (moment for found in lines.values() for moment in found):
-        levels.setdefault(ref.location, []).append(one.probability)
-    return {site: usual_level(values) for site, values in levels.items()}
-
-
-def _line(
-    name: str,
-    found: Sequence[tuple[MomentRef, Happening]],
-    usual: Mapping[str, tuple[float, float] | None],
-) -> Html:
-    times = [ref.time_s for ref, _ in found]
-    span = min(times), max(times)
-    return timeline(name, [one for _, one in found], span, usual[found[0][0].location], name)
-
-
-def _map(site: str, rows: Sequence[Mapping[str, Any]], road: Html, cards: Cards) -> Html:
-    places = [
-        Happening.of(row, row["time_s"], _link(row, row["recording"], row["time_s"], cards)) for row in rows
+            happening = Happening.of(row, ref.time_s, _link(row, ref.recording, ref.time_s, cards))
+            lines.setdefault(ref.recording, []).append(happening)
+    by_peak = sorted(lines, key=lambda name: -max(one.probability for one in lines[name]))
+    figures = [
+        timeline(name, marks, (min(one.time_s for one in marks), max(one.time_s for one in marks)), name)
+        for name, marks in lines.items()
+        if name in by_peak[:_MOST]
     ]
-    return place_map(site, box_of(rows), road, places)
+    maps = []
+    for site, rows in places.items():
+        if site in roads:
+            links = (_link(row, row["recording"], row["time_s"], cards) for row in rows)
+            marks = [Happening.of(row, row["time_s"], link) for row, link in zip(rows, links, strict=True)]
+            maps.append(place_map(site, box_of(rows), roads[site], marks))
+    legend = shapes_legend(one.what for marks in lines.values() for one in marks)
+    more = f" Shown are the {_MOST} most critical of {len(lines)} recordings." if len(lines) > _MOST else ""
+    return card("At a glance", _HOW + more, legend, *figures, element("div.maps", *maps))
 
 
 def _link(row: Mapping[str, Any], recording: str, time_s: float, cards: Cards) -> str:

@@ -42,7 +42,6 @@ from scex_sumo.studies.rank.table import page_columns, stress_words
 HTML = "ranking.html"
 SCRIPTS = ("loop.js", "stage.js", "timeline.js", "triage.js")
 _ROWS = 1000
-_BY = {"probability": "P of a contact between people"}
 _HOW = (
     "An encounter is two vehicles in consecutive moments of a recording, shown at its most critical one in "
     "the human-like future that decides; dashed: what was recorded. The dark vehicle hits or follows the "
@@ -72,19 +71,19 @@ class Reported:
     notes: Sequence[str]
 
 
-def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table) -> Reported:
+def write_ranking_page(run: RankingRun, ranking: pa.Table, shown: int) -> Reported:
     """Run the futures of the moments of the top encounters; write their reports and the page.
 
     Args:
-        ranking: the encounters in their order.
+        ranking: the encounters in their order, of which so many are ``shown``.
     """
-    top = ranking.filter(pc.is_valid(ranking["rank"])).slice(0, run.settings.top).to_pylist()
+    top = ranking.filter(pc.is_valid(ranking["rank"])).slice(0, shown).to_pylist()
     names = list(dict.fromkeys(row["seed"] for row in top))
     refs = [ref for ref in run.refs if ref.moment in names]
     tasks: dict[str, _ReportTask] = {}
-    stress: dict[str, Mapping[tuple[int, int], tuple[float, float]]] = {}
+    stress: dict[str, Mapping[_Pair, float]] = {}
     notes, failures = list[str](), run.unreadable | run.failures
-    pairs, stages = dict(run.named_pairs()), dict[tuple[str, int, int], Stage]()
+    pairs, stages = {ref.moment: table for ref, table in run.pairs}, dict[tuple[str, int, int], Stage]()
     places, roads = places_of(ranking), dict[str, Html]()
     open_sites = {site: box_of(rows) for site, rows in places.items()}
 
@@ -107,11 +106,11 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table) -> Repo
         roads |= {task.ref.location: road} if road else {}
         stages |= {(task.ref.moment, *both): stage for both, stage in drawn.items()}
         notes += [f"{task.ref.moment}: {line}" for line in replaced]
-        report = folder / REPORTS / f"{task.ref.moment}.html"
+        report = run.folder.path / REPORTS / f"{task.ref.moment}.html"
         report.parent.mkdir(parents=True, exist_ok=True)
         write_atomic(report, html)
     ranking = with_stress(ranking, stress)
-    shown = [
+    cards = [
         (row, *_card(row, stages[key], tasks[row["seed"]].command))
         for row in ranking.slice(0, len(top)).to_pylist()
         if (key := (row["seed"], row["track_id"], row["other_id"])) in stages
@@ -119,9 +118,9 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table) -> Repo
     rows = ranking.slice(0, max(_ROWS, len(top))).to_pylist()
     page = Document("Encounters worth testing", *SCRIPTS)
     parts = [
-        glance(run.pairs, places, roads, {f"#encounter-{row['rank']}": row for row, _, _ in shown}),
+        glance(run.pairs, places, roads, {f"#encounter-{row['rank']}": row for row, _, _ in cards}),
         _bar(),
-        *_lists(ranking, [(row, html) for row, html, _ in shown], run.order.by),
+        *_lists(ranking, [(row, html) for row, html, _ in cards]),
         card(
             "All encounters",
             _more(len(ranking)),
@@ -130,12 +129,12 @@ def write_ranking_page(run: RankingRun, folder: Path, ranking: pa.Table) -> Repo
         *failure_card("Failed", {name: one.reason for name, one in failures.items()}),
     ]
     page.info |= {
-        "name": run.identity,
+        "name": run.folder.identity,
         "verdicts": VERDICTS,
-        "cards": [data for _, _, data in shown],
+        "cards": [data for _, _, data in cards],
         "rows": [{name: row[name] for name in (*KEY, *TRIAGE)} for row in rows],
     }
-    page.write(folder / HTML, _summary(run, ranking), *parts)
+    page.write(run.folder.path / HTML, _summary(run, ranking), *parts)
     count = len(stress) * run.settings.futures
     return Reported(table=ranking, moments=names, futures=count, notes=notes)
 
@@ -154,7 +153,7 @@ class _ReportTask(MomentTask):
 
 
 _Pair: TypeAlias = tuple[int, int]
-_Made: TypeAlias = tuple[bytes, dict[_Pair, tuple[float, float]], list[str], dict[_Pair, Stage], Html | None]
+_Made: TypeAlias = tuple[bytes, dict[_Pair, float], list[str], dict[_Pair, Stage], Html | None]
 
 
 def _reported(task: _ReportTask, scene: SeedScene) -> _Made:
@@ -167,7 +166,7 @@ def _reported(task: _ReportTask, scene: SeedScene) -> _Made:
         info, arrays = report_contents(run, scene)
         info |= {"folder": task.command[-1], "command": shlex.join(task.command)}
         met = [Encounter(row=row, run=run) for row in run.encounters.to_pylist()]
-        stress = {one.pair: (one.row["collision"], one.row["critical"]) for one in met}
+        stress = {one.pair: one.row["collision"] for one in met}
         page, notes = filled_report(run, info, arrays), fallback_lines(run.info["fallbacks"])
     scene, net = ruled(scene, net_of(task.road), task.settings.run)
     human = human_part(scene, net, futures=HUMAN_FUTURES, seed=task.settings.run.seed)
@@ -199,7 +198,7 @@ def _summary(run: RankingRun, ranking: pa.Table) -> str:
     )
 
 
-def _lists(ranking: pa.Table, shown: Sequence[tuple[Mapping[str, Any], Html]], by: str) -> list[Html]:
+def _lists(ranking: pa.Table, shown: Sequence[tuple[Mapping[str, Any], Html]]) -> list[Html]:
     """Return the encounters with cards: those to be tested, then the others."""
     is_sure = pc.is_valid(ranking["rank"])
     parts = []
@@ -208,7 +207,7 @@ def _lists(ranking: pa.Table, shown: Sequence[tuple[Mapping[str, Any], Html]], b
         total = pc.sum(pc.and_(is_sure, pc.equal(ranking["to_test"], is_tested))).as_py() or 0
         if total:
             head = f"{name}: {total}" + (f", {len(own)} of them here" if len(own) < total else "")
-            about = element("p.soft", f"Sorted by {_BY.get(by, by)}.")
+            about = element("p.soft", "Sorted by P of a contact between people.")
             parts.append(
                 element(
                     "section", element("h2", head), *([about] if own else []), element("div.moments", *own)

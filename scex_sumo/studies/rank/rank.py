@@ -20,10 +20,12 @@ from scex_sumo.converters.datasets.find import find_recordings, left_out
 from scex_sumo.converters.registries import Window
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
+from scex_sumo.studies.moments.encounters import encounters_of
+from scex_sumo.studies.moments.run import StudySettings
 from scex_sumo.studies.moments.workers import MomentWorkers
-from scex_sumo.studies.rank.encounters import PROBABILITY, Order, read_triage
+from scex_sumo.studies.rank.encounters import ranked, read_triage
 from scex_sumo.studies.rank.page import write_ranking_page
-from scex_sumo.studies.rank.ranking_run import RankFolder, RankingRun, RankSettings
+from scex_sumo.studies.rank.ranking_run import RankFolder, RankingRun
 from scex_sumo.studies.rank.table import moments_table, write_table
 
 
@@ -58,7 +60,6 @@ def rank(
     window: Window = (None, None),
     futures: int = 96,
     top: int = 10,
-    by: str = PROBABILITY,
     triage: str | Path | None = None,
     overwrite: bool = False,
     command: Sequence[str] | None = None,
@@ -74,7 +75,6 @@ def rank(
         every: as of `StudySettings`.
         futures: of each moment on the page.
         top: encounters on the page.
-        by: column by which encounters are ordered.
         triage: file of verdicts that the page of a ranking has saved.
         window: first and last moment, s; None is where a recording begins or ends.
         overwrite: replace another ranking in ``out``.
@@ -93,13 +93,10 @@ def rank(
         1
     """
     started = time.perf_counter()
-    settings = RankSettings(
-        run=RunSettings(futures=futures, **run),
-        every=every,
-        top=top,
-    )
+    settings = StudySettings(run=RunSettings(futures=futures, **run), every=every)
+    if top < 1:
+        raise UsageError(f"--top: got {top}, needs at least 1")
     verdicts = () if triage is None else read_triage(Path(triage))
-    order = Order(by=by, triage=verdicts)
     if window[0] is not None and window[1] is not None and window[0] > window[1]:
         raise UsageError(f"--from {window[0]:g} --to {window[1]:g}: ends before it begins")
     places = [roots] if isinstance(roots, str | Path) else roots
@@ -111,10 +108,10 @@ def rank(
         RankFolder(Path(out), identity, overwrite=overwrite) as folder,
         progress_of(progress, "rank") as tick,
     ):
-        ranking = RankingRun(recordings, settings, folder, pool, tick, order=order)
+        ranking = RankingRun(recordings, settings, folder, pool, tick)
         ranking.run()
         moments = moments_table(ranking)
-        page = write_ranking_page(ranking, folder.path, ranking.encounters)
+        page = write_ranking_page(ranking, ranked(encounters_of(ranking.pairs, every), verdicts), top)
         table = page.table
         for name, content in (("moments", moments), ("ranking", table)):
             write_table(folder.path / name, content)
@@ -130,7 +127,6 @@ def rank(
             "to_test": pc.sum(table.filter(pc.is_valid(table["rank"]))["to_test"]).as_py() or 0,
             "futures_run": page.futures,
             "top": top,
-            "by": by,
             "shown": page.moments,
             "notes": [*left_out(places), *pool.deaths, *page.notes],
             "versions": versions(),

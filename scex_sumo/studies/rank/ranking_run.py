@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
 from functools import cached_property
 
 import pyarrow as pa
 
-from scex_sumo.base.errors import UsageError
 from scex_sumo.base.progress import Progress
 from scex_sumo.converters.registries import Recording
 from scex_sumo.decision.moment import FUTURES as HUMAN_FUTURES
 from scex_sumo.extrapolation.job import ruled
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
-from scex_sumo.studies.moments.encounters import encounters_of, pairs_of_moment
+from scex_sumo.studies.moments.encounters import pairs_of_moment
 from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef, StudyFolder, as_row, from_row
 from scex_sumo.studies.moments.run import MomentTask, StudySettings, net_of
 from scex_sumo.studies.moments.workers import MomentWorkers
-from scex_sumo.studies.rank.encounters import BY_PROBABILITY, Order
 
 _AHEAD = 8  # seed scenes built before a worker asks for them
 _NO_FUTURES = range(0)
@@ -37,16 +34,14 @@ class RankingRun:
     def __init__(
         self,
         recordings: Sequence[Recording],
-        settings: RankSettings,
+        settings: StudySettings,
         folder: RankFolder,
         workers: MomentWorkers,
         progress: Progress | None = None,
-        *,
-        order: Order = BY_PROBABILITY,
     ) -> None:
-        """Load the results of an earlier, interrupted run of the same ranking; ``order`` is of encounters."""
-        self.recordings, self.settings, self.order = recordings, settings, order
-        self.workers, self._folder, self._progress = workers, folder, progress
+        """Load the results of an earlier, interrupted run of the same ranking."""
+        self.recordings, self.settings = recordings, settings
+        self.workers, self.folder, self._progress = workers, folder, progress
         self.listings: dict[str, Listing] = {}
         self.unreadable: dict[str, Failure] = {}
         self.failures: dict[str, Failure] = {}
@@ -61,11 +56,6 @@ class RankingRun:
                 self.listings[recording.name] = listing
 
     @property
-    def identity(self) -> str:
-        """Identity of the ranking, by recordings and options."""
-        return self._folder.identity
-
-    @property
     def listed(self) -> list[MomentRef]:
         """All moments, in the order of the dataset."""
         listings = (self.listings.get(recording.name) for recording in self.recordings)
@@ -74,21 +64,12 @@ class RankingRun:
     @property
     def refs(self) -> list[MomentRef]:
         """All moments with results, in the order of the dataset."""
-        return [ref for ref in self.listed if self._folder.has(ref)]
+        return [ref for ref in self.listed if self.folder.has(ref)]
 
     @cached_property
     def pairs(self) -> Sequence[tuple[MomentRef, pa.Table]]:
         """Pairs of all moments, once these have run."""
-        return [(ref, self._folder.pairs(ref)) for ref in self.refs]
-
-    def named_pairs(self) -> Iterator[tuple[str, pa.Table]]:
-        """Yield the pairs of all moments by their names."""
-        return ((ref.moment, table) for ref, table in self.pairs)
-
-    @cached_property
-    def encounters(self) -> pa.Table:
-        """Encounters of all moments in their order, without what futures say."""
-        return self.order.ranked(encounters_of(self.pairs, self.settings.every))
+        return [(ref, self.folder.pairs(ref)) for ref in self.refs]
 
     def run(self) -> None:
         """Run all moments, or what is missing of them."""
@@ -107,7 +88,7 @@ class RankingRun:
                 if isinstance(result, Failure):
                     self._fail(result)
                 else:
-                    self._folder.save(task.ref, result)
+                    self.folder.save(task.ref, result)
                     self._done += 1
                 self._tick()
 
@@ -133,7 +114,7 @@ class RankingRun:
                 yield item
                 continue
             if isinstance(item, Listing):
-                self._folder.save_listing(item)
+                self.folder.save_listing(item)
                 self.listings[item.recording] = item
             elif item.time_s is None:
                 self.unreadable[item.recording] = item
@@ -142,12 +123,12 @@ class RankingRun:
             self._tick()
 
     def _is_open(self, ref: MomentRef) -> bool:
-        return ref.moment not in self.failures and not self._folder.has(ref)
+        return ref.moment not in self.failures and not self.folder.has(ref)
 
     def _fail(self, failure: Failure) -> None:
         self._done += 1
         self.failures[failure.moment] = failure
-        self._folder.fail(failure)
+        self.folder.fail(failure)
 
     def _tick(self) -> None:
         known = len(self.listings) + len(self.unreadable)
@@ -155,22 +136,6 @@ class RankingRun:
         expected = moments * len(self.recordings) / known if known else len(self.recordings)
         if self._progress is not None:
             self._progress(self._done, max(round(expected), self._done))
-
-
-@dataclass(frozen=True, kw_only=True)
-class RankSettings(StudySettings):
-    """Settings of a ranking; ``run.futures`` are those of the moments on the page.
-
-    Attributes:
-        top: encounters on the page.
-    """
-
-    top: int = 10
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.top < 1:
-            raise UsageError(f"--top: got {self.top}, needs at least 1")
 
 
 REPORTS = "moments"
@@ -203,19 +168,15 @@ class RankFolder(StudyFolder):
         """Keep the moments of a recording."""
         self._save(_SEEDS, listing.recording, [as_row(ref) for ref in listing.moments])
 
-    def has(self, ref: MomentRef) -> bool:
-        """Whether the pairs of a moment are there."""
-        return self._has(ref.moment, _PAIRS)
-
     def save(self, ref: MomentRef, pairs: pa.Table) -> None:
         """Keep the pairs of a moment, unless they are there."""
         if not self.has(ref):
             # Of so few rows, statistics and schema would be the larger part.
-            self._add(ref.moment, _PAIRS, {_file(ref): pairs}, write_statistics=False, store_schema=False)
+            self._add(ref.moment, {_file(ref): pairs}, write_statistics=False, store_schema=False)
 
     def pairs(self, ref: MomentRef) -> pa.Table:
         """Read the pairs of a moment."""
-        return self._read(ref.moment, _PAIRS, _file(ref))
+        return self._read(ref.moment, _file(ref))
 
 
 def _file(ref: MomentRef) -> str:

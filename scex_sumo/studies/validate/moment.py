@@ -218,7 +218,7 @@ def _futures_table(columns: tuple[str, ...], rows: list[tuple[IntArray, FloatArr
     return pa.table(data)
 
 
-_MOMENTS, _PART = "moments", "forecast"
+_MOMENTS = "moments"
 
 
 class ForecastFolder(StudyFolder):
@@ -233,18 +233,14 @@ class ForecastFolder(StudyFolder):
         self._clear()
         self._prepare()
 
-    def has(self, ref: MomentRef) -> bool:
-        """Whether a moment has run."""
-        return self._has(ref.moment, _PART)
-
     def append(self, ref: MomentRef, forecast: Forecast) -> None:
         """Add the forecast of a moment."""
-        self._add(ref.moment, _PART, {_file(ref, name): table for name, table in vars(forecast).items()})
+        self._add(ref.moment, {_file(ref, name): table for name, table in vars(forecast).items()})
 
     def read(self, ref: MomentRef) -> Forecast:
         """Read the forecast of a moment."""
         names = (field.name for field in dataclasses.fields(Forecast))
-        return Forecast(**{name: self._read(ref.moment, _PART, _file(ref, name)) for name in names})
+        return Forecast(**{name: self._read(ref.moment, _file(ref, name)) for name in names})
 
 
 def _file(ref: MomentRef, name: str) -> str:

@@ -1,35 +1,30 @@
-"""Encounters: the same pair in consecutive moments is one, in an order that any column can give."""
+"""Encounters: the same pair in consecutive moments is one, the most probable first."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import pyarrow as pa
 
 from scex_sumo.studies.moments.encounters import encounters_of
 from scex_sumo.studies.moments.folder import MomentRef
-from scex_sumo.studies.rank.encounters import (
-    BY_PROBABILITY,
-    SAID,
-    Order,
-)
+from scex_sumo.studies.rank.encounters import SAID, ranked
 from tests.studies.moments.pairs import moment, pairs_table
 
 
-def found(*moments: tuple[MomentRef, pa.Table], order: Order = BY_PROBABILITY) -> list[dict[str, object]]:
-    return order.ranked(encounters_of(moments, 1.0)).to_pylist()
+def found(*moments: tuple[MomentRef, pa.Table], triage: Sequence[Mapping[str, str]] = ()) -> list[Any]:
+    return ranked(encounters_of(moments, 1.0), triage).to_pylist()
 
 
-def test_the_order_is_by_probability_then_by_any_column() -> None:
+def test_the_order_is_by_probability() -> None:
     tables = [
-        pairs_table((1, 2), probability=1e-4, time_margin=0.5),
-        pairs_table((3, 1), probability=3e-4, time_margin=None),
-        pairs_table((2, 3), probability=2e-4, time_margin=0.2),
+        pairs_table((1, 2), probability=1e-4),
+        pairs_table((3, 1), probability=3e-4),
+        pairs_table((2, 3), probability=2e-4),
     ]
-
-    def pairs(order: Order) -> list[tuple[object, object]]:
-        return [(row["track_id"], row["other_id"]) for row in found(moment(1.0, *tables), order=order)]
-
-    assert pairs(BY_PROBABILITY) == [(3, 1), (2, 3), (1, 2)]
-    assert pairs(Order(by="time_margin")) == [(2, 3), (1, 2), (3, 1)]  # small margins first, none last
+    pairs = [(row["track_id"], row["other_id"]) for row in found(moment(1.0, *tables))]
+    assert pairs == [(3, 1), (2, 3), (1, 2)]
 
 
 def test_doubtful_encounters_are_last_and_without_rank() -> None:
@@ -48,12 +43,12 @@ def test_a_verdict_is_of_the_encounter_at_its_time_and_a_data_error_is_doubtful(
 
     pair = pairs_table((1, 2))
     moments = moment(1.0, pair), moment(2.0, pair), moment(9.0, pair)
-    rows = found(*moments, order=Order(triage=[given("test", 2.0)]))
+    rows = found(*moments, triage=[given("test", 2.0)])
     assert [(row["first_s"], row["verdict"], row["note"]) for row in rows] == [
         (1.0, "test", "look"),
         (9.0, None, None),
     ]
-    rows = found(*moments, order=Order(triage=[given("test", 2.0), given("data error", 1.0)]))
+    rows = found(*moments, triage=[given("test", 2.0), given("data error", 1.0)])
     assert [(row["first_s"], row["rank"], row["doubt"]) for row in rows] == [
         (9.0, 1, None),
         (1.0, None, SAID),
