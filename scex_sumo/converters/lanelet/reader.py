@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +14,6 @@ from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import MapError, one_line
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.lanelet import left_hand
-from scex_sumo.converters.lanelet.attach import attach
-from scex_sumo.converters.lanelet.between import missing_lanelets
 from scex_sumo.converters.lanelet.drawing import areas, markings
 from scex_sumo.converters.lanelet.file import (
     Findings,
@@ -24,6 +21,7 @@ from scex_sumo.converters.lanelet.file import (
     Points,
     list_ids,
     read_map_file,
+    write_map_file,
 )
 from scex_sumo.converters.lanelet.lanes import (
     MIN_ROAD_M,
@@ -34,14 +32,14 @@ from scex_sumo.converters.lanelet.lanes import (
     join_lanes,
     related_lanes,
 )
-from scex_sumo.converters.lanelet.origin import STRAY_M, Place, distance_m, map_origin, recorded_origin
-from scex_sumo.converters.lanelet.regulations import regulations, unnamed
+from scex_sumo.converters.lanelet.origin import Place, distance_m, map_origin, recorded_origin
+from scex_sumo.converters.lanelet.regulations import attach, regulations
 from scex_sumo.converters.lanelet.repair import repair
 from scex_sumo.converters.lanelet.tags import COUNTRIES, GERMANY, lane_speed_mps, map_country, says_limit
-from scex_sumo.converters.lanelet.unknown import unknown_subtypes
+from scex_sumo.converters.lanelet.unknown import missing_lanelets, unknown_subtypes
 from scex_sumo.converters.naming import map_name
 from scex_sumo.geometry.polylines import bounds_cross
-from scex_sumo.road import Georeference, Lane, MapLoss, Regulation, Road
+from scex_sumo.road import Georeference, Lane, MapLoss, Road
 from scex_sumo.roads.dead_ends import DEAD_ENDS, dead_ends
 from scex_sumo.roads.side import side_of
 
@@ -86,19 +84,17 @@ def read_road(
     if not map_file.of_type("lanelet"):
         raise MapError(f"{path}: no lanelets (relations with type=lanelet); name a Lanelet2 .osm map")
     drawn, unread = map_file.of_type("lanelet").keys(), map_file.unread
-    mended = bool(map_file.notes)
-    if not is_whole(map_file):
-        map_file, mended = repair(map_file)
+    map_file = repair(map_file)
     notes = list(map_file.notes)
     origin = _origin(path, map_file, origin, own_corner, notes)
     traffic = traffic_rules.create(traffic_rules.Locations.Germany, traffic_rules.Participants.VehicleCar)
-    lanelet_map, vertices, map_file, losses = _load(map_file, origin, traffic, mended, notes)
+    lanelet_map, vertices, map_file, losses = _load(map_file, origin, traffic, notes)
     region = map_country(map_file)
     country = region if region in COUNTRIES else GERMANY
     lanes = related_lanes(lanelet_map, vertices, traffic, map_file, country)
     lanes, linked, inside = join_lanes(lanes)
     lines = _lines(lanelet_map)
-    rules, attached, lost = _regulations(map_file, lanes, lines)
+    rules, attached, lost = attach(regulations(map_file, lanes, lines), lanes, map_file, lines)
     doubts = _doubts(lanes, map_file, country)
     doubts.note("lanelets that meet without shared points, linked", *linked)
     doubts.note("lanelets that begin on another lane", *inside)
@@ -122,40 +118,6 @@ def read_road(
         georeference=_georeference(origin),
         left_hand=side,
     )
-
-
-def is_whole(map_file: MapFile) -> bool:
-    """Return whether Lanelet2 certainly reads all elements as they are drawn; else a repair looks at them."""
-    nodes, ways, relations = map_file.nodes, map_file.ways, map_file.relations
-    known: dict[str, Mapping[int, object]] = {"node": nodes, "way": ways, "relation": relations}
-    middle = map_file.middle
-    lines = [[nodes.get(node) for node in way.nodes] for way in ways.values()]
-    ends = {node for way in ways.values() for node in way.nodes[:1] + way.nodes[-1:]}
-    lanelets = map_file.of_type("lanelet").values()
-    bounds = {(r.refs("left", "way"), r.refs("right", "way"), r.tags.get("subtype", "")) for r in lanelets}
-    drawn = {i for left, right, _ in bounds for i in left + right}
-    return (
-        all(m.ref in known[m.kind] and m.role != "centerline" for r in relations.values() for m in r.members)
-        and not any(distance_m((n.lat, n.lon), middle) > STRAY_M for n in nodes.values())
-        and all(line and None not in line for line in lines)
-        and not any(p in (line[0], q) for line in lines for p, q in pairwise(line[1:]))
-        and len({nodes[node] for node in ends}) == len(ends)
-        and len(bounds) == len(lanelets)
-        and all(len(left) == len(right) == 1 and left != right for left, right, _ in bounds)
-        and all("area" not in ways[i].tags for i in drawn)
-        and all(len({(nodes[n].lat, nodes[n].lon) for n in ways[i].nodes}) > 1 for i in drawn)
-    )
-
-
-def _regulations(
-    map_file: MapFile, lanes: Mapping[int, Lane], lines: Points
-) -> tuple[tuple[Regulation, ...], list[int], list[int]]:
-    """Return the rules, ids of those attached to lanes by place, and ids of the lights without a lane."""
-    rules = regulations(map_file, lanes, lines)
-    loose, bare = unnamed(rules, map_file, lines)
-    if not loose and not bare:
-        return rules, [], []
-    return attach(rules, loose, bare, lanes, map_file, lines)
 
 
 def _georeference(origin: Place) -> Georeference | None:
@@ -204,10 +166,10 @@ def _origin(path: Path, map_file: MapFile, origin: Place | None, own_corner: boo
 
 
 def _load(
-    map_file: MapFile, origin: Place, rules: Rules, mended: bool, notes: list[str]
+    map_file: MapFile, origin: Place, rules: Rules, notes: list[str]
 ) -> tuple[Map, list[Vertex], MapFile, list[MapLoss]]:
     """Load the map with Lanelet2, without lanelets that its routing graph would crash on."""
-    lanelet_map, errors = _parse(map_file, origin, mended)
+    lanelet_map, errors = _parse(map_file, origin, bool(map_file.notes))
     vertices = drawn_vertices(lanelet_map, rules, map_file)
     flat = {v.lanelet_id for v in vertices if not v.usable}
     usable = [v for v in vertices if v.usable]
@@ -244,8 +206,6 @@ def _parse(map_file: MapFile, origin: Place, mended: bool) -> tuple[Map, list[st
         if itself and not mended:
             lanelet_map, errors = io.loadRobust(str(map_file.path), projector)
         else:
-            from scex_sumo.converters.lanelet.writer import write_map_file
-
             with TemporaryFolder() as folder:
                 copy = Path(folder) / "mended.osm"
                 write_map_file(map_file, copy)

@@ -11,15 +11,14 @@ from scex_sumo.converters.lanelet.origin import STRAY_M, distance_m
 SIDES = ("left", "right")
 
 
-def repair(map_file: MapFile) -> tuple[MapFile, bool]:
+def repair(map_file: MapFile) -> MapFile:
     """Repair or leave out what Lanelet2 would drop, misread or crash on.
 
     - Nodes over 50 km from the map's middle and references to missing elements are dropped.
     - Ways that end at one place end in one node.
     - Bounds in pieces are joined; lanelets without two bounds are left out.
 
-    Returns:
-        The map with its notes, and whether it differs from its file.
+    A map without notes is as in its file.
     """
     done = Findings()
     centre = map_file.middle
@@ -31,8 +30,7 @@ def repair(map_file: MapFile) -> tuple[MapFile, bool]:
     others = {i: r for i, r in map_file.relations.items() if r.tags.get("type") != "lanelet"}
     map_file = replace(map_file, ways={**map_file.ways, **joined}, relations={**others, **lanelets})
     map_file = replace(map_file, relations=_members(map_file, done))
-    notes = (*map_file.notes, *done.notes())
-    return replace(map_file, notes=notes), bool(notes)
+    return replace(map_file, notes=(*map_file.notes, *done.notes()))
 
 
 def _ways(map_file: MapFile, done: Findings) -> dict[int, Way]:

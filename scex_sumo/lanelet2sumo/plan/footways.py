@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.geometry.polylines import along, cut, heading, join, length_of, nearest, turn
+from scex_sumo.geometry.polylines import cut, heading, length_of, nearest
 from scex_sumo.lanelet2sumo.topology.graph import Groups
 from scex_sumo.lanelet2sumo.topology.rows import Zone
 from scex_sumo.road import Lane
@@ -21,14 +21,11 @@ END_M = 2.0  # another footway this close to an end joins there
 KERB_M = 1.0  # between the edge of a lane and where people wait
 ISLAND_M = 4.0  # between lanes that are crossed at one go
 ALONG = 3.0  # a lane that runs over more than so many widths runs along the walkway
-REFUGE_M = 1.0  # between the lanes of two crosswalks: people can wait there
-MAX_BEND_RAD = math.radians(45.0)  # of one crossing
 MIN_SINE = 0.4  # 24 degrees: a lane at a smaller angle runs along a crosswalk
 OVER_M = 3.0  # how far a crosswalk may end before the middle of a lane that it crosses
 TIP_M = 0.5  # of a footway, for its direction
 PASS_M = 1.3  # half a car and some room
 TWO_ABREAST_M = 1.3  # SUMO's people walk in stripes of 0.64 m
-OUTWARD_M = 0.7  # how far a crosswalk may be moved off a lane
 SHORTEST_M = 0.5  # of a footway, and of what a vehicle lane has in common with a crosswalk
 
 _Station = tuple[int, float]  # lanelet, arc length on it in m
@@ -64,7 +61,6 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
     walked = {i: lane for i, lane in lanes.items() if lane.kind == "pedestrian"}
     walked = {i: lane for i, lane in walked.items() if length_of(lane.centreline) >= SHORTEST_M}
     roads = shapely.STRtree([shapely.LineString(x.centreline) for x in driven.values()])
-    walked = {i: _beside_lanes(x, driven, roads) for i, x in walked.items()}
     crossed = {i: list(_crossed(x, driven, roads)) for i, x in walked.items()}
     ids, grounds = list(walked), shapely.STRtree([_ground(x) for x in walked.values()])
     meetings: Groups[_Station] = Groups()
@@ -92,42 +88,7 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
                 crossed=tuple((c.lane, c.span) for c in under),
             )
             ways += [way] if ends[0] != ends[1] else []
-    return _without_seams(ways, driven)
-
-
-def _without_seams(ways: list[Footway], driven: Mapping[int, Lane]) -> list[Footway]:
-    """Join crosswalks that meet end to end where people cannot wait between the lanes."""
-    result = list(ways)
-    for place in sorted({place for way in ways for place in way.places}):
-        both = [way for way in result if place in way.places]
-        if len(both) != 2 or not all(way.marked and way.crossed for way in both):
-            continue
-        one, other = (w if (w.places[0] == place) == k else _turned(w) for k, w in enumerate(both))
-        if len({place, one.places[0], other.places[1]}) < 3:
-            continue
-        room = sum(
-            min(
-                shapely.LineString(driven[i].centreline).distance(shapely.Point(tip)) - driven[i].width_m / 2
-                for i, _ in way.crossed
-            )
-            for way, tip in ((one, one.shape[-1]), (other, other.shape[0]))
-        )
-        bent = abs(turn(heading(one.shape, end=True), heading(other.shape, end=False)))
-        if room < REFUGE_M and bent < MAX_BEND_RAD:
-            whole = replace(
-                one,
-                lanelets=one.lanelets + other.lanelets,
-                shape=join([one.shape, other.shape]),
-                width=min(one.width, other.width),
-                places=(one.places[0], other.places[1]),
-                crossed=one.crossed + other.crossed,
-            )
-            result = [whole if way is both[0] else way for way in result if way is not both[1]]
-    return result
-
-
-def _turned(way: Footway) -> Footway:
-    return replace(way, shape=way.shape[::-1], places=way.places[::-1])
+    return ways
 
 
 def crossed_zones(ways: list[Footway]) -> list[Zone]:
@@ -171,53 +132,6 @@ def _meets(lane: Lane, s: float, other: Lane, *, whole: bool) -> float | None:
 
 def _marked(lane: Lane) -> bool:
     return lane.subtype == "crosswalk"
-
-
-def _beside_lanes(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) -> Lane:
-    """Keep a crosswalk off lanes that run along it: SUMO's cars see people only where lanes cross it."""
-    middle, half = shapely.LineString(footway.centreline), footway.width_m / 2
-    right, left = -half, half
-    under: list[float] = []
-    if not _marked(footway):
-        return footway
-    for k in lines.query(_area(footway), predicate="intersects").tolist():
-        part = _area(footway).intersection(lines.geometries[k])
-        if part.length < SHORTEST_M:
-            continue
-        at = [float(middle.project(point)) for point in shapely.points(shapely.get_coordinates(part))]
-        across = shapely.get_coordinates(part) - along(footway.centreline, np.array(at))
-        ahead = along(footway.centreline, np.array(at) + 0.1) - along(footway.centreline, np.array(at) - 0.1)
-        offset = (ahead[:, 0] * across[:, 1] - ahead[:, 1] * across[:, 0]) / np.hypot(*ahead.T)
-        if part.intersects(middle):
-            if np.ptp(offset) < MIN_SINE * np.ptp(at) and np.ptp(at) > footway.width_m:
-                under += [float(offset.min()), float(offset.max())]
-            continue
-        if np.ptp(offset) > np.ptp(at):
-            continue  # a lane across, which begins or ends on the crosswalk
-        if offset.mean() > 0:
-            left = min(left, float(offset.min()) - PASS_M)
-        else:
-            right = max(right, float(offset.max()) + PASS_M)
-    if under:  # to the side where it crosses more lanes, else to the nearer one
-        aside = PASS_M + TWO_ABREAST_M / 2
-        others = lines.geometries[lines.query(_area(footway).buffer(OVER_M))]
-        offs = [x for x in (max(under) + aside, min(under) - aside) if abs(x) <= OVER_M]
-        off = min(offs, key=lambda x: (-middle.offset_curve(x).intersects(others).sum(), abs(x)), default=0.0)
-        if not off:
-            return footway
-        right, left = off - TWO_ABREAST_M / 2, off + TWO_ABREAST_M / 2
-    elif (right, left) == (-half, half):
-        return footway
-    elif left < half:
-        right = max(min(right, left - TWO_ABREAST_M), -half - OUTWARD_M)
-    else:
-        left = min(right + TWO_ABREAST_M, half + OUTWARD_M)
-    if left - right < TWO_ABREAST_M - 1e-6:
-        return footway
-    bounds = [shapely.get_coordinates(middle.offset_curve(s)) for s in (left, (left + right) / 2, right)]
-    return replace(
-        footway, left_bound=bounds[0], centreline=bounds[1], right_bound=bounds[2], width_m=left - right
-    )
 
 
 def _crossed(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) -> Iterator[_Crossed]:

@@ -10,9 +10,6 @@ from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from scex_sumo.converters.lanelet.file import read_map_file
-from scex_sumo.converters.lanelet.reader import is_whole
-from scex_sumo.converters.lanelet.repair import repair
 from tests.converters.maps import DASHED, ROAD, Lanelet, Line, area, draw_map, rule, straight
 
 MAPS = 150
@@ -163,10 +160,3 @@ def test_damaged_maps_give_a_sound_road_or_a_clear_error(tmp_path: Path) -> None
     assert done.returncode == 0, f"exit {done.returncode} after {done.stdout[-200:]!r}: {done.stderr[-900:]}"
     # Damage is mostly light: reading most of the maps is part of the claim.
     assert int(done.stdout.rsplit(None, 1)[-1]) > 0.8 * MAPS
-
-
-def test_maps_that_are_whole_need_no_repair(tmp_path: Path) -> None:
-    maps = [read_map_file(path) for path in write_damaged(tmp_path)]
-    whole = [map_file for map_file in maps if map_file.nodes and is_whole(map_file)]
-    assert [repair(map_file)[0].notes for map_file in whole] == [map_file.notes for map_file in whole]
-    assert 0.1 * MAPS < len(whole) < 0.9 * MAPS

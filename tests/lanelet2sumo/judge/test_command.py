@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.cli import main
-from scex_sumo.converters.lanelet.writer import write_map_file
+from scex_sumo.converters.lanelet.file import write_map_file
 from tests.converters.maps import ROAD, straight, write_map
 from tests.converters.sumo_roads import NetFile
 from tests.lanelet2sumo.mutated.mutations import example, renamed

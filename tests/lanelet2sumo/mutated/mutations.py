@@ -8,10 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.converters.lanelet.file import MapFile, MapPoint, Member, Relation, Way, read_map_file
+from scex_sumo.converters.lanelet.file import (
+    MapFile,
+    MapPoint,
+    Member,
+    Relation,
+    Way,
+    read_map_file,
+    write_map_file,
+)
 from scex_sumo.converters.lanelet.projection import to_local
 from scex_sumo.converters.lanelet.reader import read_road
-from scex_sumo.converters.lanelet.writer import write_map_file
 from scex_sumo.road import Road
 
 EXAMPLES = Path(__file__).parents[3] / "scex_sumo" / "scenarios" / "data"
