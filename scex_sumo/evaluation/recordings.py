@@ -9,10 +9,9 @@ from pathlib import Path
 
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.cleaning.checks import Check, doubts, refuse_implausible
-from scex_sumo.converters.cleaning.mismatch import explain_mismatch
+from scex_sumo.converters.cleaning.off_lanes import MIN_SHARE_ON_LANES, explain_mismatch, on_closed_lanes
+from scex_sumo.converters.cleaning.plausibility import Check, doubts, refuse_implausible
 from scex_sumo.converters.datasets.moment import STAMP_MS, Moment, find_moments
-from scex_sumo.converters.datasets.off_lanes import MIN_SHARE_ON_LANES, on_closed_lanes
 from scex_sumo.converters.datasets.reader import read_clean
 from scex_sumo.converters.datasets.recordings import (
     doubts_of_place,

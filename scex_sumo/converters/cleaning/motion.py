@@ -1,17 +1,28 @@
-"""Motion in recordings: the noise of positions, and velocities that contradict them."""
+"""Motion in recordings: noise of positions, velocities and headings that contradict them."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.tracks.rows import TrackRows
+from scex_sumo.base.errors import TrackError
+from scex_sumo.converters.tracks.rows import FORWARD_MPS, STANDING_MPS, TrackRows
+from scex_sumo.geometry.polylines import wrap
 
-JUMP_M = 3.0  # a shorter step is no jump
 # Velocities contradict the motion if their integral is off by more than this factor, or points elsewhere.
 VELOCITY_RATIO, VELOCITY_COSINE = 1.2, 0.9
 JUDGED_PATH_M = 3.0  # least summed displacement of a judged track
 NOISE_M = 0.02  # positions with more white noise than this per axis are smoothed
+# Power spectral density of a road user's jerk, m²/s⁵.
+JERK_DENSITY = 0.25
+MIN_STEP_S = 1e-6
+_HUBER = 2.5  # residuals beyond this many sigmas count linearly
+MOVING_MPS = 1.0  # faster than this a recorded heading can be held while standing
+JITTER_RAD = np.deg2rad(10.0)
+SIDEWAYS_RAD = np.deg2rad(45.0)
 
 
 def renew_motion(rows: TrackRows) -> tuple[TrackRows, list[str]]:
@@ -26,8 +37,6 @@ def renew_motion(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     everything = jitter or 2 * wrong.sum() > judged.sum()
     if not everything and not wrong.any():
         return rows, []
-    from scex_sumo.converters.cleaning.smooth import smoothed_motion
-
     phrases = []
     if wrong.any():
         phrases.append(
@@ -35,7 +44,7 @@ def renew_motion(rows: TrackRows) -> tuple[TrackRows, list[str]]:
             f" ({_how_wrong(factor[wrong])}): recomputed from positions"
         )
     chosen = np.full(len(rows), True) if everything else wrong[rows.track]
-    rows, phrase = smoothed_motion(rows, noise, chosen)
+    rows, phrase = _smoothed_motion(rows, noise, chosen)
     return rows, [*phrases, *([phrase] if jitter else [])]
 
 
@@ -98,3 +107,168 @@ def position_noise(points: FloatArray, time_s: FloatArray, segment: IntArray) ->
         return 0.0
     power = np.sort(np.sum(third**2, axis=1))
     return float(np.sqrt(np.mean(power[: max(1, int(0.98 * len(power)))]) / 40.0))
+
+
+def smooth(points: FloatArray, time_s: FloatArray, segment: IntArray, noise_m: float) -> FloatArray:
+    """Smooth positions (N, 2) as a constant-acceleration Kalman (RTS) smoother does, m.
+
+    The result minimises sum |z - p|² + lambda integral |p'''|² dt with lambda = noise² / jerk density: a
+    banded linear system for all tracks at once (Whittaker 1923), with Huber weights in three iterations.
+
+    Args:
+        segment: (N,) number of the piece; pieces under four rows stay.
+        noise_m: standard deviation of the noise per axis, m.
+    """
+    from scipy.linalg import LinAlgError, solveh_banded
+
+    if len(points) < 4 or noise_m <= 0.0:
+        return points.copy()
+    least = np.diff(time_s)[np.diff(segment) == 0].min(initial=np.inf)
+    close = TrackError(f"samples of a track {least:.2g} s apart: too close to smooth; leave the copies out")
+    if least < MIN_STEP_S:
+        raise close
+    bands = _penalty(time_s, segment) * noise_m**2 / JERK_DENSITY
+    weight = np.ones(len(points))
+    smoothed = points
+    for _ in range(3):
+        system = bands.copy()
+        system[0] += weight
+        try:
+            smoothed = solveh_banded(system, points * weight[:, None], lower=True)
+        except LinAlgError:
+            raise close from None
+        residual = np.hypot(*(points - smoothed).T)
+        weight = np.minimum(1.0, _HUBER * noise_m / np.maximum(residual, 1e-12))
+    return np.asarray(smoothed)
+
+
+def _penalty(time_s: FloatArray, segment: IntArray) -> NDArray[Any]:
+    size = len(time_s)
+    windows = size - 3
+    inside = segment[3:] == segment[:-3]
+    coefficients = np.zeros((4, windows))
+    for j in range(4):
+        product = np.ones(windows)
+        for i in range(4):
+            if i != j:
+                gap = time_s[j : windows + j] - time_s[i : windows + i]
+                product = product * np.where(inside, gap, 1.0)
+        # third derivative of the cubic through four points (divided difference times 3!)
+        coefficients[j] = np.where(inside, 6.0 / product, 0.0)
+    span = np.where(inside, (time_s[3:] - time_s[:-3]) / 3.0, 0.0)
+    bands = np.zeros((4, size))
+    for a in range(4):
+        for b in range(a, 4):
+            bands[b - a, a : windows + a] += coefficients[a] * coefficients[b] * span
+    return bands
+
+
+def _derivative(points: FloatArray, time_s: FloatArray, segment: IntArray) -> FloatArray:
+    """Return velocities (N, 2) in m/s from positions, of second order; 0 for a segment of one row."""
+    size = len(points)
+    velocity = np.zeros((size, 2))
+    if size < 2:
+        return velocity
+    joined = segment[1:] == segment[:-1]
+    step = np.where(joined, np.diff(time_s), 1.0)[:, None]
+    slope = np.where(joined[:, None], np.diff(points, axis=0) / step, 0.0)
+    before: BoolArray = np.append(False, joined)
+    after: BoolArray = np.append(joined, False)
+    h0 = np.vstack((np.ones((1, 2)), np.repeat(step, 2, axis=1)))
+    h1 = np.vstack((np.repeat(step, 2, axis=1), np.ones((1, 2))))
+    s0 = np.vstack((np.zeros((1, 2)), slope))
+    s1 = np.vstack((slope, np.zeros((1, 2))))
+    both = (before & after)[:, None]
+    velocity = np.where(both, (h1 * s0 + h0 * s1) / (h0 + h1), np.where(after[:, None], s1, s0))
+    # ends: extrapolate the parabola through three samples
+    first = np.flatnonzero(~before[:-1] & after[:-1] & after[1:])
+    last = np.flatnonzero(before[1:] & ~after[1:] & before[:-1]) + 1
+    for row, neighbour, ends in ((first, first + 1, s1), (last, last - 1, s0)):
+        velocity[row] = 2.0 * ends[row] - velocity[neighbour]
+    return velocity
+
+
+def _smoothed_motion(rows: TrackRows, noise_m: float, chosen: BoolArray) -> tuple[TrackRows, str]:
+    """Smooth the ``chosen`` (N,) positions and take their velocities; a phrase about the accelerations."""
+    time_s, points = rows.timestamp_ms / 1000.0, np.stack((rows.x, rows.y), axis=1)
+    smoothed = smooth(points, time_s, rows.segment, noise_m)
+    velocity = _derivative(smoothed, time_s, rows.segment)
+    before, after = (
+        _accelerations(v, time_s, rows) for v in (_derivative(points, time_s, rows.segment), velocity)
+    )
+    points = np.where(chosen[:, None], smoothed, points)
+    renewed = rows.with_columns(
+        x=points[:, 0],
+        y=points[:, 1],
+        vx=np.where(chosen, velocity[:, 0], rows.vx),
+        vy=np.where(chosen, velocity[:, 1], rows.vy),
+    )
+    return renewed, (
+        f"positions jitter by {noise_m:.2f} m: smoothed (1st to 99th percentile of the acceleration "
+        f"{before} -> {after} m/s²)"
+    )
+
+
+def _accelerations(velocity: FloatArray, time_s: FloatArray, rows: TrackRows) -> str:
+    joined = np.diff(rows.segment) == 0
+    change = np.diff(np.hypot(*velocity.T))[joined] / np.diff(time_s)[joined]
+    low, high = np.percentile(change, (1.0, 99.0))
+    return f"{low:.1f}..{high:.1f}"
+
+
+def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[TrackRows, list[str]]:
+    """Set headings along the motion, and hold them while a vehicle stands.
+
+    A heading more than 45° off the course of a vehicle faster than ``forward_mps`` becomes that course. A
+    standing vehicle keeps the last heading of its motion, else gets the next one.
+    """
+    heading = rows.psi_rad.copy()
+    course = np.arctan2(rows.vy, rows.vx)
+    sideways = (rows.speed > forward_mps) & (np.abs(wrap(heading - course)) > SIDEWAYS_RAD)
+    heading[sideways] = course[sideways]
+    held, limit = _held(rows, heading)
+    standing = rows.speed < STANDING_MPS
+    starts = np.append(True, (np.diff(rows.segment) != 0) | (np.diff(standing.astype(int)) != 0))
+    stretch = np.cumsum(starts) - 1
+    turn = np.abs(wrap(heading - heading[starts][stretch]))
+    off = (turn > JITTER_RAD) | (np.abs(wrap(heading - held)) > limit)
+    # The whole stop is held, so that a second repair changes nothing.
+    unsteady = np.bincount(stretch, standing & off) > 0
+    turned = unsteady[stretch]
+    heading[turned] = held[turned]
+    phrases = []
+    if turned.any():
+        tracks = len(np.unique(rows.track[turned]))
+        phrases.append(f"headings of {tracks} tracks flip or jitter while standing: held")
+    if sideways.any():
+        tracks = len(np.unique(rows.track[sideways]))
+        phrases.append(f"headings of {tracks} tracks contradict the motion: replaced by its direction")
+    return rows.with_columns(psi_rad=wrap(heading)), phrases
+
+
+def _held(rows: TrackRows, heading: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the headings (N,) of the last, else the next moving sample; without motion the most frequent."""
+    moving = rows.speed >= MOVING_MPS
+    piece = rows.piece
+    begin, end = rows.pieces[0][piece], rows.pieces[1][piece] + 1
+    index = np.arange(len(rows))
+    last = np.maximum.accumulate(np.where(moving, index, -1))
+    coming = np.minimum.accumulate(np.where(moving, index, len(rows))[::-1])[::-1]
+    source = np.where(last >= begin, last, np.where(coming < end, coming, -1))
+    held = heading[source]
+    for number in np.unique(piece[source < 0]):
+        rows_of: IntArray = np.flatnonzero(piece == number)
+        held[rows_of] = _usual(heading[rows_of])
+    limit = np.where(last >= begin, SIDEWAYS_RAD, np.where(source >= 0, np.pi - SIDEWAYS_RAD, np.inf))
+    return held, limit
+
+
+def _usual(angles: FloatArray) -> float:
+    bins = np.floor(np.mod(angles, 2.0 * np.pi) / (np.pi / 18.0)).astype(int) % 36
+    counts = np.bincount(bins, minlength=36)
+    near = counts + np.roll(counts, 1) + np.roll(counts, -1)
+    best = int(np.argmax(near))
+    close = (np.abs((bins - best + 18) % 36 - 18)) <= 1
+    middle = angles[close]
+    reference = middle[0]
+    return float(reference + np.median(wrap(middle - reference)))

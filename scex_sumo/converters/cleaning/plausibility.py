@@ -5,18 +5,18 @@ Measured before repairs, over strides of one second, which the noise of single s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.cleaning.checks import Check, twice
-from scex_sumo.converters.cleaning.heading import SIDEWAYS_RAD
-from scex_sumo.converters.cleaning.motion import position_noise
+from scex_sumo.base.errors import TrackError, listed
+from scex_sumo.converters.cleaning.motion import SIDEWAYS_RAD, position_noise
 from scex_sumo.converters.tracks.road_users import road_user
-from scex_sumo.converters.tracks.rows import FORWARD_MPS, TrackRows, number_of
+from scex_sumo.converters.tracks.rows import FORWARD_MPS, TrackRows, TrackTable, number_of
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, separation
 from scex_sumo.road import Road
@@ -50,6 +50,73 @@ SHRUNK, NEAR_M = 0.8, 12.0  # of boxes that are tried: those of a queue do not t
 GRID_S, DOUBLED_TIMES, DOUBLED_SHARE = 0.5, 3, 0.8
 
 _VELOCITIES = "velocities of"  # begins what repairs say about them
+SOME_LOST, MOST_LOST = 0.1, 0.5  # shares of the vehicles
+Verdict = Literal["", "repaired", "warning", "error"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One row of the table.
+
+    Attributes:
+        value: what was measured; ``-`` if the recording has too little for it.
+        usual: what is plausible.
+        verdict: ``repaired``: the reader does so; ``error``: a run would mean nothing.
+        problem: what is wrong, the likely cause and the remedy; empty if plausible.
+        pairs: track ids of vehicles that are recorded twice; the problem is only theirs.
+        explains: beginning of the phrases about repairs whose true cause this is.
+    """
+
+    name: str
+    value: str
+    usual: str
+    verdict: Verdict = ""
+    problem: str = ""
+    pairs: tuple[tuple[str, str], ...] = ()
+    explains: str = ""
+
+
+def refuse_implausible(name: object, checks: Sequence[Check], remedy: str) -> None:
+    """Raise a `TrackError` for the checks after which a run means nothing."""
+    if wrong := [check.problem for check in checks if check.verdict == "error"]:
+        raise TrackError(f"{name}: {'; '.join(wrong)}; {remedy}")
+
+
+def lost_vehicles(before: TrackTable, after: TrackTable) -> Check:
+    """Judge how many vehicles of a recording its repairs leave out."""
+    vehicles, lost = before.vehicles.tracks, before.vehicles.tracks - after.vehicles.tracks
+    share = lost / max(vehicles, 1)
+    name, usual = "vehicles left out by repairs", f"up to {SOME_LOST:.0%}"
+    check = Check(name=name, value=f"{share:.0%}", usual=usual)
+    if share <= SOME_LOST:
+        return check
+    problem = f"repairs leave out {lost} of {vehicles} vehicles: mend the tracks"
+    return replace(check, verdict="error" if share > MOST_LOST else "warning", problem=problem)
+
+
+def doubts(checks: Sequence[Check], present: Collection[str] = ()) -> tuple[str, ...]:
+    """Return a warning for each check that neither passed nor is repaired; of pairs those ``present``."""
+    warnings = []
+    for check in checks:
+        problem = check.problem
+        if check.pairs:
+            problem = twice([pair for pair in check.pairs if set(pair) <= set(present)])
+        if problem and check.verdict != "repaired":
+            warnings.append(f"warning: {problem}")
+    return tuple(warnings)
+
+
+def without_explained(findings: Sequence[str], checks: Sequence[Check]) -> tuple[str, ...]:
+    """Leave out phrases about repairs whose true cause a check names."""
+    begins = tuple(check.explains for check in checks if check.explains)
+    return tuple(finding for finding in findings if not (begins and finding.startswith(begins)))
+
+
+def twice(pairs: Sequence[tuple[str, str]]) -> str:
+    """Return the problem of vehicles that are recorded twice; empty without any."""
+    names = listed(f"{a} and {b}" for a, b in pairs)
+    why = "overlap all the time: probably one vehicle recorded twice; leave one out"
+    return f"tracks {names} {why}" if pairs else ""
 
 
 def plausibility(rows: TrackRows, road: Road | None = None) -> tuple[Check, ...]:
@@ -57,16 +124,11 @@ def plausibility(rows: TrackRows, road: Road | None = None) -> tuple[Check, ...]
     if not len(rows):
         return ()
     strides = _Strides.of(rows)
-    sizes = _sizes(rows)
-    return (
-        _speeds(strides),
-        *(() if road is None else (_limits(strides, road),)),
-        _headings(strides),
-        _accelerations(strides),
-        _noise(rows),
-        sizes,
-        *(() if sizes.verdict == "error" else (_doubles(rows),)),  # boxes that are too large overlap
-    )
+    checks = [_speeds(strides), _headings(strides), _accelerations(strides), _noise(rows), _sizes(rows)]
+    if road is not None:
+        checks.insert(1, _limits(strides, road))
+    # Boxes that are too large overlap.
+    return (*checks, *(() if checks[-1].verdict == "error" else (_doubles(rows),)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,7 +136,6 @@ class _Strides:
     """Strides (n,) of about one second, one after the other.
 
     Attributes:
-        rows: the recording.
         step_s: usual time between samples.
         first: row where it begins.
         next: whether the following stride is the same track's and begins where this one ends.
@@ -153,27 +214,29 @@ def _speeds(strides: _Strides) -> Check:
     return replace(check, verdict="repaired", problem=problem)
 
 
+def _above(name: str, value: str, usual: str, above: bool, problem: str, explains: str = "") -> Check:
+    """Return a check of a value, a warning where it is ``above`` what is usual."""
+    verdict: Verdict = "warning" if above else ""
+    said = (problem, explains) if above else ("", "")
+    return Check(name=name, value=value, usual=usual, verdict=verdict, problem=said[0], explains=said[1])
+
+
 def _limits(strides: _Strides, road: Road) -> Check:
-    check = Check(name="speed / speed limit, median", value="-", usual=f"up to {LIMITS:g}")
     chosen = np.flatnonzero(strides.driving)
-    chosen = (
-        chosen[np.unique(np.linspace(0, len(chosen) - 1, MATCHED).astype(int))] if len(chosen) else chosen
-    )
+    if len(chosen):
+        chosen = chosen[np.unique(np.linspace(0, len(chosen) - 1, MATCHED).astype(int))]
     at = strides.middle[chosen]
     matches = match(road, strides.rows.x[at], strides.rows.y[at], strides.course[chosen])
     best = np.append(True, np.diff(matches.vehicle) != 0)[: len(matches.vehicle)]
     limit = np.array([road.lanes[int(i)].speed_limit_mps for i in matches.lane_id[best]])
-    if len(limit) < MIN_STRIDES:
-        return check
-    share = float(np.median(strides.speed[chosen][matches.vehicle[best]] / limit))
-    check = replace(check, value=f"{share:.2f}")
-    if share <= LIMITS:
-        return check
+    few = len(limit) < MIN_STRIDES
+    share = 0.0 if few else float(np.median(strides.speed[chosen][matches.vehicle[best]] / limit))
     problem = (
         f"half of the driving is over {share:.1f} x the speed limit: time stamps, or the unit of positions "
         "or limits, are probably wrong"
     )
-    return replace(check, verdict="warning", problem=problem)
+    value = "-" if few else f"{share:.2f}"
+    return _above("speed / speed limit, median", value, f"up to {LIMITS:g}", share > LIMITS, problem)
 
 
 _TURNS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
@@ -183,85 +246,74 @@ _TURNS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
     "are compass headings (0 = north, clockwise); give pi/2 - heading": lambda psi: np.pi / 2 - psi,
     "count clockwise; change their sign": lambda psi: -psi,
     "are in degrees; give radians": np.deg2rad,
-    "are compass headings in degrees; give pi/2 - heading in radians": lambda psi: (
-        np.pi / 2 - np.deg2rad(psi)
-    ),
+    "are compass headings in degrees; give pi/2 - heading in radians": lambda d: np.pi / 2 - np.deg2rad(d),
 }
 
 
 def _headings(strides: _Strides) -> Check:
-    check = Check(name="driving with heading over 45° off", value="-", usual=f"up to {SOME_TURNED:.0%}")
-    driving = strides.driving
+    name, usual, driving = "driving with heading over 45° off", f"up to {SOME_TURNED:.0%}", strides.driving
     if driving.sum() < MIN_STRIDES:
-        return check
+        return Check(name=name, value="-", usual=usual)
     psi, course = strides.rows.psi_rad[strides.middle][driving], strides.course[driving]
     turned = float((np.abs(wrap(psi - course)) > SIDEWAYS_RAD).mean())
-    check = replace(check, value=f"{turned:.0%}")
-    if turned <= SOME_TURNED:
-        return check
-    off = {cause: float(np.median(np.abs(wrap(right(psi) - course)))) for cause, right in _TURNS.items()}
-    cause = min(off, key=lambda words: off[words])
-    if turned > MOST_TURNED and off[cause] < FITS_RAD:
-        return replace(check, verdict="error", problem=f"headings {cause}")
+    if turned > MOST_TURNED:
+        off = {cause: float(np.median(np.abs(wrap(right(psi) - course)))) for cause, right in _TURNS.items()}
+        cause = min(off, key=lambda words: off[words])
+        if off[cause] < FITS_RAD:
+            problem = f"headings {cause}"
+            return Check(name=name, value=f"{turned:.0%}", usual=usual, verdict="error", problem=problem)
     problem = (
         f"headings of {turned:.0%} of the driving contradict the motion: of slow vehicles they stay wrong"
     )
-    return replace(check, verdict="warning", problem=problem)
+    return _above(name, f"{turned:.0%}", usual, turned > SOME_TURNED, problem)
 
 
 def _accelerations(strides: _Strides) -> Check:
-    check = Check(name="acceleration, 99 % within, m/s²", value="-", usual=f"up to {TYRES_MPS2:g}")
     here = np.flatnonzero(strides.next)
-    if len(here) < MIN_STRIDES:
-        return check
+    few = len(here) < MIN_STRIDES
     velocity = strides.moved / strides.seconds[:, None]
     change = np.hypot(*(velocity[here + 1] - velocity[here]).T) / strides.seconds[here]
-    most = float(np.percentile(change, 99.0))
-    check = replace(check, value=f"{most:.1f}")
-    if most <= TYRES_MPS2:
-        return check
+    most = 0.0 if few else float(np.percentile(change, 99.0))
     problem = (
         f"accelerations reach {most:.0f} m/s², more than tyres can do: time stamps, or the unit of "
         "positions, are probably wrong"
     )
-    return replace(check, verdict="warning", problem=problem)
+    name, value = "acceleration, 99 % within, m/s²", "-" if few else f"{most:.1f}"
+    return _above(name, value, f"up to {TYRES_MPS2:g}", most > TYRES_MPS2, problem)
 
 
 def _noise(rows: TrackRows) -> Check:
     noise = position_noise(np.stack((rows.x, rows.y), axis=1), rows.timestamp_ms / 1000.0, rows.segment)
-    check = Check(name="noise of positions, m", value=f"{noise:.2f}", usual=f"up to {NOISE_M:g}")
-    if noise <= NOISE_M:
-        return check
     problem = (
         f"positions scatter by {noise:.1f} m from sample to sample: a run begins with other speeds and "
         "distances than the traffic had; take the tracks of a better tracker"
     )
-    return replace(check, verdict="warning", problem=problem, explains=_VELOCITIES)
+    name, usual = "noise of positions, m", f"up to {NOISE_M:g}"
+    return _above(name, f"{noise:.2f}", usual, noise > NOISE_M, problem, explains=_VELOCITIES)
 
 
 def _sizes(rows: TrackRows) -> Check:
     first = np.searchsorted(rows.track, np.arange(rows.tracks))
-    length, width = rows.length[first], rows.width[first]
     kinds = np.array([road_user(kind) for kind in rows.types])
-    main = max(set(kinds.tolist()), key=lambda kind: (int((kinds == kind).sum()), kind))
-    shown = kinds == main
-    value = f"{main} {np.median(length[shown]):.1f} x {np.median(width[shown]):.1f}"
-    low, high, thin, wide = SIZES_M[main]
-    usual = f"{low:g} to {high:g} x {thin:g} to {wide:g}"
-    problems = []
-    for kind in np.unique(kinds).tolist():
+    names, counts = np.unique(kinds, return_counts=True)
+    main = max(zip(counts.tolist(), names.tolist(), strict=True))[1]
+    problems, value = [], ""
+    for kind in names.tolist():
         of_kind = kinds == kind
+        length, width = (float(np.median(sizes[first][of_kind])) for sizes in (rows.length, rows.width))
+        if kind == main:
+            value = f"{main} {length:.1f} x {width:.1f}"
         few = of_kind.sum() < MIN_OF_KIND
-        sizes = float(np.median(length[of_kind])), float(np.median(width[of_kind]))
         low, high, thin, wide = ANY_SIZE_M if few else SIZES_M.get(kind, ANY_SIZE_M)
-        if not (low <= sizes[0] <= high and thin <= sizes[1] <= wide):
+        if not (low <= length <= high and thin <= width <= wide):
             problems.append(
-                f"{kind}s are {sizes[0]:.2g} m long and {sizes[1]:.2g} m wide{_why(kind, *sizes)}"
+                f"{kind}s are {length:.2g} m long and {width:.2g} m wide{_why(kind, length, width)}"
             )
+    low, high, thin, wide = SIZES_M[main]
     return Check(
         name="sizes, m, median",
         value=value,
-        usual=usual,
+        usual=f"{low:g} to {high:g} x {thin:g} to {wide:g}",
         verdict="error" if problems else "",
         problem=", ".join(problems),
     )

@@ -13,8 +13,7 @@ import numpy as np
 from scex_sumo.base.errors import ScexError
 from scex_sumo.base.progress import Progress
 from scex_sumo.converters.cleaning.align import align_tracks
-from scex_sumo.converters.cleaning.checks import Check, lost_vehicles, without_explained
-from scex_sumo.converters.cleaning.plausibility import plausibility
+from scex_sumo.converters.cleaning.plausibility import Check, lost_vehicles, plausibility, without_explained
 from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.moment import STAMP_MS
 from scex_sumo.converters.datasets.sample import interpolated

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from scex_sumo.base.errors import listed
 from scex_sumo.base.progress import Progress
-from scex_sumo.converters.cleaning.checks import doubts, refuse_implausible
-from scex_sumo.converters.cleaning.mismatch import doubt_place
+from scex_sumo.converters.cleaning.off_lanes import doubt_place, explain_off_lanes
+from scex_sumo.converters.cleaning.plausibility import doubts, refuse_implausible
 from scex_sumo.converters.datasets.interaction import find_tracks
 from scex_sumo.converters.datasets.reader import read_clean
 from scex_sumo.converters.datasets.scene import FUTURE_STEPS, take_scene
@@ -83,8 +83,6 @@ def recorded_scene(
     simulated = dataset_of(recording.track_paths[0]).simulated
     # Over half of the vehicles beside the lanes need ``force``; a scene with all of them there is refused.
     if len(off) == scene.vehicles or (2 * len(off) > scene.vehicles and not force):
-        from scex_sumo.converters.datasets.off_lanes import explain_off_lanes
-
         raise explain_off_lanes(scene, off, samples, road, simulated=simulated)
     scene = with_warnings(
         scene, off, (*implausible, *doubts_of_place(samples, road, recording.track_paths[0]))

@@ -11,7 +11,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.cleaning.checks import Check, doubts, lost_vehicles
+from scex_sumo.converters.cleaning.plausibility import Check, doubts, lost_vehicles
 from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.interaction import marked_vehicles
 from scex_sumo.converters.datasets.moment import CASE_FRAME, STAMP_MS, busiest, find_moments

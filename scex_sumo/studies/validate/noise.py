@@ -11,7 +11,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.converters.cleaning.smooth import smooth
+from scex_sumo.converters.cleaning.motion import smooth
 from scex_sumo.converters.tracks.rows import TrackRows
 from scex_sumo.extrapolation.loop.rollout import Rollout
 from scex_sumo.scene import SeedScene, States

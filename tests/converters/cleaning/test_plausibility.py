@@ -13,8 +13,7 @@ import pytest
 
 import scex_sumo as scex
 from scex_sumo.base.errors import ScexWarning, TrackError
-from scex_sumo.converters.cleaning.checks import Check, doubts
-from scex_sumo.converters.cleaning.plausibility import plausibility
+from scex_sumo.converters.cleaning.plausibility import Check, doubts, plausibility
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.datasets.reader import read_recorded
 from scex_sumo.converters.tracks.rows import TrackRows
