@@ -23,8 +23,9 @@ import numpy as np
 from scex_sumo.behaviors.driving.leaders import find_leaders
 from scex_sumo.behaviors.driving.motion import drive as along
 from scex_sumo.behaviors.driving.paths import chosen_paths, expected_way
+from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.drivers.registry import model_specs
-from scex_sumo.suites.catalogue import Chosen, Cutter, choose, recordings_of
+from scex_sumo.suites.catalogue import Chosen, Cutter, choose
 from scex_sumo.suites.drive import drive
 from scex_sumo.suites.estimate import Design, Rate
 from scex_sumo.suites.population import Population, read_population
@@ -63,7 +64,11 @@ FUNCTIONS: Mapping[str, Any] = {
 def run(population: Population, out: Path, limit_s: float) -> None:
     """Append what the functions do in each candidate that ``out`` does not have yet."""
     known = {one["k"] for one in read(out)} if out.exists() else set()
-    began, cut, recordings = time.process_time(), None, recordings_of(population)
+    began, cut, recordings = (
+        time.process_time(),
+        None,
+        {one.name: one for one in find_recordings(list(population.roots))},
+    )
     specs = {name: given and model_specs(given)[0] for name, given in FUNCTIONS.items()}
     order = sorted(range(len(population)), key=lambda k: (population.rows[k]["recording"], k))
     with out.open("a") as file:
@@ -98,10 +103,7 @@ def judge(population: Population, lines: Sequence[Mapping[str, Any]], count: int
     share, kind, size = population.column("share"), population.kind, len(population)
     chosen = [choose(population, count, seed=seed) for seed in range(suites)]
     rng = np.random.default_rng(0)
-    equal = [
-        Chosen(index=rng.choice(size, count, replace=False), chance=np.full(count, count / size))
-        for _ in range(suites)
-    ]
+    equal = [(rng.choice(size, count, replace=False), np.full(count, count / size)) for _ in range(suites)]
     by_ranking = (share * population.column("probability")).sum() / population.hours
     print(f"{size} candidates, {suites} suites of {count}; people by the ranking {by_ranking:.3g} an hour")
     estimates = {}
@@ -112,12 +114,12 @@ def judge(population: Population, lines: Sequence[Mapping[str, Any]], count: int
         def rates(some: Sequence[Chosen], *, strata: bool, y: Any = y, drawn: Any = drawn) -> list[Rate]:
             return [
                 Design(
-                    weight=share[one.index] / one.chance,
-                    chance=one.chance,
-                    stratum=kind[one.index] if strata else np.zeros(len(one), np.int64),
+                    weight=share[index] / chance,
+                    chance=chance,
+                    stratum=kind[index] if strata else np.zeros(len(index), np.int64),
                     hours=population.hours,
-                ).rate(y[one.index], drawn[one.index])
-                for one in some
+                ).rate(y[index], drawn[index])
+                for index, chance in some
             ]
 
         own, other = rates(chosen, strata=True), rates(equal, strata=False)

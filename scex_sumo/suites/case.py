@@ -1,4 +1,4 @@
-"""Case on disk: seed scene, map, who drives what, OpenLABEL tags, and files for simulators."""
+"""Case on disk: seed scene, map, who drives what, and files for simulators."""
 
 from __future__ import annotations
 
@@ -12,10 +12,8 @@ import numpy as np
 
 from scex_sumo.base.errors import ScexError, reason_of
 from scex_sumo.base.files import TemporaryFolder, sha256_of, write_atomic
-from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.converters.datasets.writer import write_tracks
-from scex_sumo.decision import typology
 from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.options import RunOptions
@@ -32,9 +30,8 @@ from scex_sumo.suites.suite import CASE, MAPS, lights_to_json, rules_to_json
 
 FORMATS: Final = ("openscenario", "commonroad", "sumo")
 SEED: Final = "seed.csv"
-TAGS: Final = "openlabel.json"
 _TOLD: Final = ("what", "how", "future", "needed_braking", "time_margin", "gap_m", "conflict_s")
-_ABOUT: Final = ("name", "kind", "risk", "site", "weight", "chance", "stratum")
+_ABOUT: Final = ("name", "kind", "site", "weight", "chance", "stratum")
 
 
 def write_case(
@@ -59,8 +56,7 @@ def write_case(
     write_tracks(folder / SEED, scene)
     content = case_content(driven, row, pair, seed=seed)
     content["seed_scene"] |= {what: f"../../{MAPS}/{copied.name}" for what, copied in shared.items()}
-    for name, value in ((CASE, content), (TAGS, openlabel_tags(content))):
-        write_atomic(folder / name, json.dumps(value, indent=1, allow_nan=False).encode())
+    write_atomic(folder / CASE, json.dumps(content, indent=1, allow_nan=False).encode())
     digests = {name: sha256_of(folder / name) for name in (CASE, SEED)}
     digests |= {f"../../{MAPS}/{copied.name}": sha256_of(copied) for copied in shared.values()}
     about = {name: content[name] for name in _ABOUT}
@@ -90,7 +86,6 @@ def case_content(
     """
     scene = driven.scene
     described = describe(scene)
-    whole, other = everybody(scene), driven.index_of(row["other_id"])
     return {
         **{name: row[name] for name in _ABOUT},
         "recording": row["recording"],
@@ -98,7 +93,6 @@ def case_content(
         "seed_scene": described | {"source": _plain(described["source"])},
         "function": {"track_id": int(row["track_id"]), "role": "its place is taken by the function"},
         "other": {"track_id": int(row["other_id"]), "person": row["person"]},
-        "speeds_mps": [float(whole.now.speed[v]) for v in (driven.vehicle, other)],
         "drivers": {
             "of_the_others": PEOPLE,
             "replan_steps": REPLAN,
@@ -162,66 +156,9 @@ def write_exports(folder: Path, driven: Driven, pair: Mapping[str, Any], formats
         options = replace(RunOptions(compared=False), out=Path(temporary) / "run")
         run = run_scene(scene, settings, workers=workers, options=options)
         for name in formats:
-            request = Request(
-                run=run,
-                futures=(0, 1),
-                out=folder / name,
-                ego=int(scene.track_ids[driven.vehicle]),
-            )
+            ego = int(scene.track_ids[driven.vehicle])
             try:
-                EXPORTERS.load(name)(request)
+                EXPORTERS.load(name)(Request(run=run, futures=(0, 1), out=folder / name, ego=ego))
             except ScexError as error:
                 notes.append(f"{folder.name}: no {name}: {reason_of(error)}")
     return notes
-
-
-ONTOLOGY: Final = "https://openlabel.asam.net/V1-0-0/ontologies/"
-OWN: Final = "scex-sumo:pre-crash-kinds"
-_CROSSES: Final = ("JunctionIntersection", "MotionCross")
-_KINDS: Final[Mapping[str, tuple[str, ...]]] = {
-    typology.LEAD_STOPPED: ("MotionStop",),
-    typology.LEAD_DECELERATING: ("MotionDecelerate",),
-    typology.LEAD_SLOWER: ("MotionDrive",),
-    typology.LEAD_MOVING: ("MotionDrive",),
-    typology.LANE_CHANGE: ("MotionCutIn",),
-    typology.MERGE: ("MotionTowards",),
-    typology.ENTRY: ("JunctionRoundabout", "MotionTowards"),
-    typology.CROSSING: _CROSSES,
-    typology.ACROSS_OPPOSITE: (*_CROSSES, "MotionTurnLeft"),
-    typology.ACROSS_LATERAL: (*_CROSSES, "MotionTurnLeft"),
-    typology.INTO_PATH: ("JunctionIntersection", "MotionTurn"),
-    typology.HEAD_ON: ("MotionTowards",),
-}
-_PEOPLE: Final = {"pedestrian": "HumanPedestrian", "cyclist": "HumanCyclist"}
-
-
-def openlabel_tags(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the OpenLABEL document of a case by the content of ``case.json``."""
-    kind = content["kind"]
-    words = ["RoadUserVehicle", "OddDynamicElements", "SceneryDrivableArea", *_KINDS.get(kind, ())]
-    if kind in typology.WALKING:
-        person, moves = kind.split()
-        words += [_PEOPLE[person], "MotionCross" if moves == "crossing" else "MotionDrive"]
-    tags: list[dict[str, Any]] = [{"ontology_uid": "0", "type": word} for word in words]
-    speed, weight = content["speeds_mps"][0], content["weight"]
-    tags += [
-        {"ontology_uid": "0", "type": "SubjectVehicleSpeed", "tag_data": _number("speed_mps", speed)},
-        {"ontology_uid": "1", "type": kind.replace(" ", "_").replace(",", "")},
-        {"ontology_uid": "1", "type": "weight", "tag_data": _number("encounters", weight)},
-    ]
-    return {
-        "openlabel": {
-            "metadata": {
-                "schema_version": "1.0.0",
-                "tagged_file": "case.json",
-                "annotator": f"scex-sumo {__version__}",
-                "name": content["name"],
-            },
-            "ontologies": {"0": ONTOLOGY, "1": OWN},
-            "tags": {str(k): tag for k, tag in enumerate(tags)},
-        }
-    }
-
-
-def _number(name: str, value: float) -> dict[str, Any]:
-    return {"num": [{"name": name, "type": "value", "val": round(float(value), 4)}]}

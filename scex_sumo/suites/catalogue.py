@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,7 +33,7 @@ from scex_sumo.studies.rank.rank import rank
 from scex_sumo.suites.case import FORMATS, shown, write_case
 from scex_sumo.suites.drive import drive
 from scex_sumo.suites.page import CaseCard, catalogue_card, write_catalogue_page
-from scex_sumo.suites.population import RISK_WORDS, Population, is_ranking, read_population
+from scex_sumo.suites.population import Population, read_population
 from scex_sumo.suites.suite import CASES, FORMAT, MAPS, SUITE, Suite, open_suite
 
 RANKING = "ranking"
@@ -44,7 +44,7 @@ _LICENCE_TEXT = """# Where the cases come from
 
 Each case holds a piece of a recording and a copy of its map: {names}.
 What the publishers of these recordings allow holds for this suite, too: look it up before you pass it on.
-{given}
+
 The driver behaviour, weights and files around them were made by scex-sumo {version}.
 """
 
@@ -66,10 +66,8 @@ class SuiteFolder(OutputFolder):
             own_folder(self.path / name)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _WrittenCase:
-    about: Mapping[str, Any]
-    card: CaseCard
+WrittenCase: TypeAlias = tuple[Mapping[str, Any], CaseCard]
+"""Entry of a case in ``suite.json``, and its card."""
 
 
 @checked
@@ -81,7 +79,6 @@ def catalogue(
     seed: int = 0,
     every: float = 1.0,
     formats: Sequence[str] = FORMATS,
-    licence: str = "",
     workers: int = 1,
     overwrite: bool = False,
     command: Sequence[str] | None = None,
@@ -96,7 +93,6 @@ def catalogue(
         seed: of the choice, and of the draws of the cases.
         every: s between two moments.
         formats: export formats of the cases.
-        licence: a sentence about the recordings.
         workers: processes that rank.
         overwrite: replace another suite in ``out``.
 
@@ -111,7 +107,7 @@ def catalogue(
     """
     started, out = time.perf_counter(), Path(out)
     places = [Path(root) for root in ([roots] if isinstance(roots, str | Path) else roots)]
-    rankings = [place for place in places if is_ranking(place)]
+    rankings = [place for place in places if (place / "rank.json").is_file()]
     others = [place for place in places if place not in rankings]
     check_count(count)
     for name in formats:
@@ -140,32 +136,32 @@ def catalogue(
             for one in _cases(population, chosen, out, tuple(formats), seed, notes):
                 cases.append(one)
                 if tick is not None:
-                    tick(len(cases), len(chosen))
-        cases.sort(key=lambda one: str(one.about["name"]))
+                    tick(len(cases), len(chosen[0]))
+        cases.sort(key=lambda one: str(one[0]["name"]))
         info = _info(population, cases) | {"seed": seed, "futures": FUTURES, "notes": notes}
         info |= {"versions": versions(), "command": list(command) if command else None}
         info |= {"scex_sumo": __version__, "seconds": round(time.perf_counter() - started, 1)}
-        names = ", ".join(sorted({str(one.about["site"]) for one in cases}))
-        text = _LICENCE_TEXT.format(names=names, given=licence, version=__version__)
+        names = ", ".join(sorted({str(about["site"]) for about, _ in cases}))
+        text = _LICENCE_TEXT.format(names=names, version=__version__)
         write_atomic(out / LICENCE, text.encode())
-        write_catalogue_page(out / PAGE, info, [one.card for one in cases])
+        write_catalogue_page(out / PAGE, info, [card for _, card in cases])
         folder.finish(info, allow_nan=False)
     return open_suite(out)
 
 
 def _cases(
     population: Population, chosen: Chosen, out: Path, formats: Sequence[str], seed: int, notes: list[str]
-) -> Iterator[_WrittenCase]:
+) -> Iterator[WrittenCase]:
     """Write the cases, one recording after the other."""
-    recordings, cut = recordings_of(population), None
-    rows = [population.rows[k] for k in chosen.index.tolist()]
+    recordings, cut = {one.name: one for one in find_recordings(list(population.roots))}, None
+    index, chances_of = chosen
+    rows = [population.rows[k] for k in index.tolist()]
     for number in sorted(range(len(rows)), key=lambda number: (rows[number]["recording"], number)):
-        row, index = rows[number], chosen.index[number]
-        kind, chance = row["conflict"], float(chosen.chance[number])
+        row, chance = rows[number], float(chances_of[number])
+        kind = row["conflict"]
         row = row | {
             "name": f"{number + 1:03d}-{plain(kind.replace(',', ''))}",
             "kind": kind,
-            "risk": RISK_WORDS[population.risk[index]],
             "site": row["location"],
             "weight": row["share"] / chance,
             "chance": chance,
@@ -179,15 +175,13 @@ def _cases(
         )
         notes += missing
         pair = driven.row_of(row["other_id"])
-        yield _WrittenCase(about=about, card=catalogue_card(row, pair["how"], shown(driven, pair)))
+        yield about, catalogue_card(row, pair["how"], shown(driven, pair))
 
 
-def _info(population: Population, cases: Sequence[_WrittenCase]) -> dict[str, Any]:
+def _info(population: Population, cases: Sequence[WrittenCase]) -> dict[str, Any]:
     """Return the exposure of a population, and its cases."""
-    picked = [(one.about["kind"], one.about["risk"]) for one in cases]
-    exposure = population.exposure()
-    for row in exposure:
-        row["cases"] = [picked.count((row["kind"], word)) for word in RISK_WORDS]
+    picked = [about["kind"] for about, _ in cases]
+    exposure = [row | {"cases": picked.count(row["kind"])} for row in population.exposure()]
     return {
         "format": FORMAT,
         "hours": population.hours,
@@ -197,15 +191,9 @@ def _info(population: Population, cases: Sequence[_WrittenCase]) -> dict[str, An
         "rare": population.rare,
         "doubtful": population.doubtful,
         "people": {"collisions_per_hour": sum(row["people_collide_per_hour"] for row in exposure)},
-        "risks": RISK_WORDS,
         "exposure": exposure,
-        "cases": [dict(one.about) for one in cases],
+        "cases": [dict(about) for about, _ in cases],
     }
-
-
-def recordings_of(population: Population) -> dict[str, Recording]:
-    """Return the recordings of a population by name."""
-    return {recording.name: recording for recording in find_recordings(list(population.roots))}
 
 
 class Cutter:
@@ -233,20 +221,8 @@ _HALVINGS = 100
 _ROUNDING = 1e-9
 
 
-@dataclass(frozen=True, kw_only=True)
-class Chosen:
-    """Chosen candidates, (n,) each, kind by kind, those with the largest P of people first.
-
-    Attributes:
-        index: into the population.
-        chance: probability of being drawn.
-    """
-
-    index: IntArray
-    chance: FloatArray
-
-    def __len__(self) -> int:
-        return len(self.index)
+Chosen: TypeAlias = tuple[IntArray, FloatArray]
+"""Indices (n,) of candidates, kind by kind, the largest P of people first; their chances of being drawn."""
 
 
 def check_count(count: int) -> None:
@@ -266,7 +242,7 @@ def choose(population: Population, count: int, *, seed: int = 0) -> Chosen:
     order = np.lexsort((-population.column("probability"), population.kind))
     steps = np.concatenate([[0.0], np.cumsum(chance[order])]) + np.random.default_rng(seed).random()
     index = order[np.diff(np.floor(steps + _ROUNDING)) > 0]
-    return Chosen(index=index, chance=chance[index])
+    return index, chance[index]
 
 
 def chances(population: Population, count: int) -> FloatArray:

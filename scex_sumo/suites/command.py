@@ -24,7 +24,6 @@ def catalogue_command(
     to: Annotated[
         str, Option(metavar="FORMAT,...", help="Files of each case for simulators; none: no files.")
     ] = "openscenario,commonroad,sumo",
-    licence: Annotated[str, Option(metavar="TEXT", help="Sentence on what the recordings allow.")] = "",
     workers: Processes = "auto",
     overwrite: Overwrite = False,
     out: OutFolder = Path("suite"),
@@ -47,9 +46,8 @@ def _print_coverage(suite: Suite) -> None:
     from scex_sumo.commands.console import output_console
     from scex_sumo.page.document import print_columns
     from scex_sumo.reports.run_table import print_line
-    from scex_sumo.suites.page import COVERAGE, coverage_rows, population_words
+    from scex_sumo.suites.page import COVERAGE, population_words
 
     console = output_console(width=120)
-    title = "candidates → cases, by P(contact) of people"
-    print_columns(COVERAGE, coverage_rows(suite.info), console, title)
+    print_columns(COVERAGE, suite.info["exposure"], console, "candidates and cases")
     print_line(population_words(suite.info), console)

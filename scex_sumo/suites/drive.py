@@ -120,12 +120,6 @@ class Driven:
         apart = {"track_id": own, "other_id": other_id, "future": 0, "needed_braking": 0.0, "conflict_s": 0.0}
         return next(rows, apart | dict.fromkeys(("what", "how", "time_margin", "gap_m")))
 
-    @property
-    def hardest_mps2(self) -> float:
-        """Hardest braking of the vehicle in futures in which it does not collide, m/s²."""
-        speed = self.states.speed[~self.collides, self.vehicle]
-        return float((-np.diff(speed, axis=1)).max(initial=0.0)) / STEP_S + 0.0
-
 
 def drive(scene: SeedScene, track_id: int, spec: ModelSpec | None, futures: int, *, seed: int) -> Driven:
     """Run the futures of a case.

@@ -9,19 +9,14 @@ cases. It is on the log scale, but for differences.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 
 LEVEL: Final = 0.95
-WIDE: Final = 30.0
-"""Factor between both ends of an interval from which a larger suite is advised."""
-NARROW: Final = 3.0
-"""The factor that such a suite would have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,23 +34,9 @@ class Rate:
     deviation: float
     freedom: float
 
-    def to_json(self) -> Mapping[str, Any]:
-        """Return the values by name."""
-        return asdict(self)
-
     def words(self) -> str:
         """Return value and interval, two digits each."""
         return f"{_number(self.value)} [{_number(self.low)}, {_number(self.high)}]"
-
-    def cases_needed(self, cases: int) -> int | None:
-        """Return how many cases an interval of a factor of 3 would need; None if this one is not wide.
-
-        Standard errors fall with the root of the number.
-        """
-        if self.low <= 0 or self.high < WIDE * self.low:
-            return None
-        half = 2 * _student(math.inf) * self.deviation / self.value
-        return math.ceil(cases * (half / math.log(NARROW)) ** 2)
 
 
 def _number(value: float) -> str:

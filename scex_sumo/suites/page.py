@@ -11,15 +11,15 @@ from scex_sumo.page.document import Column, Document, Table, card, page_table
 from scex_sumo.page.html import Html, element
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.tables.pairs import once_in
-from scex_sumo.suites.population import RISK_WORDS
 
 SCRIPTS: Final = ("loop.js", "stage.js", "cases.js")
 COVERAGE: Final = (
     Column("kind", "kind", "names"),
-    Column("people", "people collide an hour"),
-    *(Column(word, word, "words") for word in RISK_WORDS),
+    Column(lambda row: f"{row['people_collide_per_hour']:.1g}", "people collide an hour"),
+    Column("candidates", "candidates"),
+    Column("cases", "cases"),
 )
-"""Candidates → cases of each kind, by P(contact) of people."""
+"""Candidates and cases of each kind."""
 _KEYS: Final = "A click on a picture holds it. Mark cases to get the command that runs these alone."
 _COLUMNS: Final = (
     Column("name", "case", "names"),
@@ -93,7 +93,7 @@ def write_case_page(
         card("All cases", page.table("all-cases", page_table(columns, [one.row for one in cards]))),
     ]
     if last is not None:
-        parts.append(card("Candidates → cases, by P(contact) of people", page.table("last", last)))
+        parts.append(card("Candidates and cases", page.table("last", last)))
     page.info["cards"] = [
         {name: one.shown.get(name) for name in ("outlines", "contact")}
         | {"name": one.row["name"], "about": {name: one.row[name] for name in filters}}
@@ -104,12 +104,9 @@ def write_case_page(
 
 def write_catalogue_page(path: Path, info: Mapping[str, Any], cards: Sequence[CaseCard]) -> Path:
     """Write the page of a suite and return its path."""
-    filters = {
-        "kind": [row["kind"] for row in info["exposure"]],
-        "risk": RISK_WORDS,
-        "site": sorted({one.row["site"] for one in cards}),
-    }
-    about, last = f"{population_words(info)}.", page_table(COVERAGE, coverage_rows(info))
+    kinds, sites = [row["kind"] for row in info["exposure"]], sorted({one.row["site"] for one in cards})
+    filters = {"kind": kinds, "site": sites}
+    about, last = f"{population_words(info)}.", page_table(COVERAGE, info["exposure"])
     return write_case_page(path, "Catalogue", about, cards, filters=filters, columns=_COLUMNS, last=last)
 
 
@@ -126,18 +123,6 @@ def catalogue_card(row: Mapping[str, Any], how: str | None, shown: Mapping[str, 
 def stands_for(weight: float) -> str:
     """Return for how many encounters a case stands, in words."""
     return f"stands for {weight:.3g} encounter{'' if f'{weight:.3g}' == '1' else 's'}"
-
-
-def coverage_rows(info: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the rows of `COVERAGE` of a suite."""
-    return [
-        {"kind": row["kind"], "people": f"{row['people_collide_per_hour']:.1g}"}
-        | {
-            word: f"{before} → {after}" if before else ""
-            for word, before, after in zip(RISK_WORDS, row["candidates"], row["cases"], strict=True)
-        }
-        for row in info["exposure"]
-    ]
 
 
 def population_words(info: Mapping[str, Any]) -> str:

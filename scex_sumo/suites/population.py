@@ -25,9 +25,6 @@ from scex_sumo.decision.typology import CONFLICTS, LEADING
 
 RARE: Final = 1e-6
 """P of a contact below which an encounter is a candidate only where its kind has no other."""
-RISKS: Final = (1e-6, 1e-5, 1e-4, 1e-3)
-"""P between classes of risk."""
-RISK_WORDS: Final = ("below 1e-6", "1e-6 to 1e-5", "1e-5 to 1e-4", "1e-4 to 1e-3", "1e-3 or more")
 _COLUMNS: Final = (
     *("location", "recording", "case", "seed", "time_s", "track_id", "other_id", "person"),
     *("probability", "conflict", "doubt"),
@@ -67,29 +64,19 @@ class Population:
         """Kind of each candidate (N,), an index into `CONFLICTS`."""
         return np.array([CONFLICTS.index(row["conflict"]) for row in self.rows], dtype=np.int64)
 
-    @property
-    def risk(self) -> IntArray:
-        """Class of risk (N,), an index into `RISK_WORDS`."""
-        return np.searchsorted(RISKS, self.column("probability"), side="right").astype(np.int64)
-
     def exposure(self) -> list[dict[str, Any]]:
-        """Return by kind the encounters, people's contacts an hour, and the candidates by class of risk."""
-        kind, share, risk = self.kind, self.column("share"), self.risk
+        """Return by kind the encounters, people's contacts an hour, and the number of candidates."""
+        kind, share = self.kind, self.column("share")
         contacts = share * self.column("probability") / self.hours
         return [
             {
                 "kind": CONFLICTS[k],
                 "encounters": float(share[kind == k].sum()),
                 "people_collide_per_hour": float(contacts[kind == k].sum()),
-                "candidates": np.bincount(risk[kind == k], minlength=len(RISK_WORDS)).tolist(),
+                "candidates": int((kind == k).sum()),
             }
             for k in np.unique(kind).tolist()
         ]
-
-
-def is_ranking(folder: Path) -> bool:
-    """Whether a folder is a finished ranking."""
-    return (folder / "rank.json").is_file()
 
 
 def read_population(folders: Sequence[Path]) -> Population:

@@ -23,7 +23,7 @@ from scex_sumo.suites.estimate import Design
 
 SUITE: Final = "suite.json"
 CASE: Final = "case.json"
-FORMAT: Final = "scex-sumo suite 4"
+FORMAT: Final = "scex-sumo suite 5"
 """Name and version of the format."""
 CASES: Final = "cases"
 MAPS: Final = "maps"

@@ -132,8 +132,3 @@ def test_another_one_that_never_comes_near_has_a_row_without_words() -> None:
 def test_a_plan_that_cannot_be_used_ends_the_case() -> None:
     with pytest.raises(ScexError, match=r"20 plans cannot be used, the first at 0.5 s: plan.x is not finite"):
         drive(crossing(8.0, 3.0), 1, model_specs(Lost)[0], 4, seed=0)
-
-
-def test_hardest_braking_is_that_of_the_function_alone() -> None:
-    assert driven("emergency_brake").hardest_mps2 == pytest.approx(5.0, abs=0.5)
-    assert driven("constant_velocity").hardest_mps2 == 0.0

@@ -44,10 +44,10 @@ def test_command(
     from scex_sumo.commands.console import output_console
     from scex_sumo.reports.run_table import print_line
     from scex_sumo.suites.testing.outputs import summary_lines, title
-    from scex_sumo.suites.testing.result import Condition
+    from scex_sumo.suites.testing.result import holding, read_condition
     from scex_sumo.suites.testing.suite_test import PAGE, RESULT, SUMMARY, test_suite
 
-    conditions = [(text, Condition.of(text)) for text in fail_if or ()]
+    conditions = [read_condition(text) for text in fail_if or ()]
     with progress_bar("cases") as tick, resumable("cases", out):
         done = test_suite(
             suite,
@@ -67,9 +67,7 @@ def test_command(
         print_line(f"  {line}", output_console(width=120))
     print(f"result: {out / RESULT}, {out / SUMMARY}")
     print(f"look:   {out / PAGE}")
-    failed = [
-        f"{text} (it is {one.value(done.result):g})" for text, one in conditions if one.holds(done.result)
-    ]
+    failed = [words for one in conditions if (words := holding(one, done.result))]
     reason = f"fails by --fail-if {', '.join(failed)}" if failed else ""
     if not failed and done.result["number"] is None:
         reason = "every case failed; the reasons stand above"

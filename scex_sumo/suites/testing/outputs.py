@@ -10,8 +10,8 @@ from xml.etree import ElementTree as ET
 from scex_sumo.page.document import Column, card
 from scex_sumo.page.html import element
 from scex_sumo.reports.under_test import chance_text
-from scex_sumo.results.tables.pairs import once_in, rounded
-from scex_sumo.suites.estimate import NARROW, Rate
+from scex_sumo.results.tables.pairs import once_in
+from scex_sumo.suites.estimate import Rate
 from scex_sumo.suites.page import CaseCard, stands_for, write_case_page
 from scex_sumo.suites.testing.result import CHANGES, FAILED, VERDICTS, WORSE
 
@@ -86,16 +86,11 @@ def number_lines(result: Mapping[str, Any]) -> list[str]:
         return ["every case failed: there is no number"]
     names = ("collisions_per_hour", "people_collisions_per_hour", "difference")
     function, people, difference = (Rate(**number[name]).words() for name in names)
-    needed, there = number["cases_needed"], number["candidates"]
-    lines = [
+    return [
         f"collisions an hour: {function}; people {people}, by the ranking of all encounters "
         f"{number['people_of_all']['collisions_per_hour']:.2g}",
         f"difference to people, collisions an hour: {difference}",
     ]
-    if needed is not None:
-        more = f", and more recordings: these have {there} candidates" if needed > there else ""
-        lines.append(f"an interval of a factor of {NARROW:g} needs about {rounded(needed)} cases{more}")
-    return lines
 
 
 def markdown_text(result: Mapping[str, Any]) -> str:
@@ -112,7 +107,6 @@ _COLUMNS: Final = (
     Column(lambda one: one.get("p"), "p", "real", "Corrected after Holm"),
     Column(lambda one: one.get("collide"), "collide", "percent", "Share of the futures"),
     Column(lambda one: one.get("people_collide"), "people", "percent", "Share of the futures"),
-    Column(lambda one: one.get("hardest_mps2"), "hardest braking", "tenths", "m/s²"),
     Column("weight", "stands for", "tenths", "Encounters of the data set"),
 )
 _SHOWN: Final = "Pictures show the future with the largest P(contact); the function drives the blue vehicle."
@@ -141,9 +135,6 @@ def write_test_page(path: Path, result: Mapping[str, Any], records: Mapping[str,
 def _card(case: Mapping[str, Any], record: Mapping[str, Any]) -> CaseCard:
     facts = [case_words(case)]
     if case["verdict"] != FAILED:
-        facts += [
-            f"future {case['future']}: {case['how'] or 'nothing happens'}",
-            f"hardest braking {case['hardest_mps2']:.1f} m/s²; {stands_for(case['weight'])}",
-        ]
+        facts += [f"future {case['future']}: {case['how'] or 'nothing happens'}", stands_for(case["weight"])]
     title = f"{case['kind']}: {case['verdict']}"
     return CaseCard(row=case, title=title, facts=facts, shown=record if "picture" in record else {})

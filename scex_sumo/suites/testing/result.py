@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
@@ -34,38 +34,33 @@ _OPERATORS: Final[dict[str, Callable[[float, float], bool]]] = {
 _CONDITION = re.compile(r"\s*([a-z_]+)\s*(>=|<=|==|>|<)\s*([-+.\deE]+)\s*")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Condition:
-    """Condition by which a test fails, as ``worse > 0``."""
+def read_condition(text: str) -> tuple[str, str, float]:
+    """Return name, operator and number of a condition as ``worse > 0``.
 
-    name: str
-    sign: str
-    limit: float
+    Raises:
+        UsageError: it is none, or names something else.
+    """
+    match = _CONDITION.fullmatch(text)
+    try:
+        if match is None or match[1] not in (*VERDICTS, *RATES):
+            raise ValueError
+        return match[1], match[2], float(match[3])
+    except ValueError:
+        known = ", ".join((*VERDICTS, *RATES))
+        raise UsageError(
+            f"--fail-if {text!r}: needs NAME OPERATOR NUMBER, e.g. 'worse > 0'; names: {known}"
+        ) from None
 
-    @classmethod
-    def of(cls, text: str) -> Condition:
-        """Read a condition; raise a `UsageError` for a bad one."""
-        match = _CONDITION.fullmatch(text)
-        try:
-            if match is None or match[1] not in (*VERDICTS, *RATES):
-                raise ValueError
-            return cls(name=match[1], sign=match[2], limit=float(match[3]))
-        except ValueError:
-            known = ", ".join((*VERDICTS, *RATES))
-            raise UsageError(
-                f"--fail-if {text!r}: needs NAME OPERATOR NUMBER, e.g. 'worse > 0'; names: {known}"
-            ) from None
 
-    def holds(self, result: Mapping[str, Any]) -> bool:
-        """Whether a result fulfils the condition."""
-        return _OPERATORS[self.sign](self.value(result), self.limit)
-
-    def value(self, result: Mapping[str, Any]) -> float:
-        """Return the value of a result that the condition asks for; that of no case is infinite."""
-        if self.name in VERDICTS:
-            return float(result["verdicts"][self.name])
-        number = result["number"]
-        return float("inf") if number is None else float(number[self.name]["value"])
+def holding(condition: tuple[str, str, float], result: Mapping[str, Any]) -> str | None:
+    """Return a condition in words if a result fulfils it; the rate of no case is infinite."""
+    name, sign, limit = condition
+    number = result["number"]
+    if name in VERDICTS:
+        value = float(result["verdicts"][name])
+    else:
+        value = float("inf") if number is None else float(number[name]["value"])
+    return f"{name} {sign} {limit:g} (it is {value:g})" if _OPERATORS[sign](value, limit) else None
 
 
 def with_verdicts(records: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -99,15 +94,12 @@ def number_of(suite: Suite, records: Sequence[Mapping[str, Any]]) -> dict[str, A
         return None
     names = ("pair", "people_pair", "variance", "people_variance", "difference_variance")
     y, people, drawn, drawn_people, apart = (np.array([row[name] for row in rows]) for name in names)
-    collisions = design.rate(y, drawn)
     return {
-        "collisions_per_hour": collisions.to_json(),
-        "people_collisions_per_hour": design.rate(people, drawn_people).to_json(),
+        "collisions_per_hour": asdict(design.rate(y, drawn)),
+        "people_collisions_per_hour": asdict(design.rate(people, drawn_people)),
         "people_of_all": suite.info["people"],
-        "difference": design.difference(y - people, apart).to_json(),
+        "difference": asdict(design.difference(y - people, apart)),
         "cases": len(rows),
-        "candidates": suite.info["candidates"],
-        "cases_needed": collisions.cases_needed(len(rows)),
     }
 
 
@@ -147,7 +139,7 @@ def compared(suite: Suite, result: Mapping[str, Any], old: Mapping[str, Any]) ->
         "function": old["function"],
         CHANGES[0]: [name for name, by in change.items() if by < 0],
         CHANGES[1]: [name for name, by in change.items() if by > 0],
-        "difference": design.difference(more, np.where(more == 0, 0.0, drawn)).to_json() if rows else None,
+        "difference": asdict(design.difference(more, np.where(more == 0, 0.0, drawn))) if rows else None,
     }
 
 

@@ -212,4 +212,4 @@ def _run(
 
 def _about(case: Case, record: Mapping[str, Any]) -> dict[str, Any]:
     own = {name: value for name, value in record.items() if name not in _PICTURE}
-    return {name: case.about[name] for name in ("name", "kind", "risk", "site", "weight")} | own
+    return {name: case.about[name] for name in ("name", "kind", "site", "weight")} | own

@@ -93,7 +93,6 @@ def record_of(function: Driven, people: Driven, other_id: int) -> dict[str, Any]
         "collide": float(function.collides.mean()),
         "people_collide": float(people.collides.mean()),
         **{name: told[name] for name in ("how", "future", "needed_braking", "time_margin", "gap_m")},
-        "hardest_mps2": function.hardest_mps2,
         **shown(function, told),
     }
 
