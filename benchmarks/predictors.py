@@ -42,7 +42,8 @@ from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.registries import Recording
 from scex_sumo.drivers.registry import ModelSpec, build
 from scex_sumo.humans.guard.guarded import Guarded
-from scex_sumo.learned.models import GraphImagePredictor, GraphPredictor, JointPredictor
+from scex_sumo.learned.driver import LearnedDriver
+from scex_sumo.learned.models import learned as learned_driver
 from scex_sumo.learned.profiles import (
     GraphImagePredictorProfile,
     GraphPredictorProfile,
@@ -131,11 +132,11 @@ def learned(
 ) -> Any:
     """A learned driver with a file of weights."""
     if kind == "joint":
-        return JointPredictor(JointPredictorProfile(weights=str(file), mode=mode, prior=prior))
+        return learned_driver(kind, JointPredictorProfile(weights=str(file), mode=mode, prior=prior))
     if kind == "graph":
-        return GraphPredictor(GraphPredictorProfile(path="likeliest", weights=str(file), mode=mode))
-    return GraphImagePredictor(
-        GraphImagePredictorProfile(weights=str(file), attention=attention, head=head, mode=mode)
+        return learned_driver(kind, GraphPredictorProfile(path="likeliest", weights=str(file), mode=mode))
+    return learned_driver(
+        kind, GraphImagePredictorProfile(weights=str(file), attention=attention, head=head, mode=mode)
     )
 
 
@@ -168,10 +169,8 @@ def measure_errors(scenes: Sequence[measures.TestScene], model: BatchBehavior | 
             off = YARDSTICKS[model](test.scene, vehicle)
         else:
             off = measures.planned(test, model, vehicle)
-        driver = getattr(model, "driver", None)
-        free = getattr(driver, "free", False)
-        modes = driver is not None and not free and driver.kind != "joint"
-        best = measures.best_of_six(test, driver, vehicle) if modes else None
+        modes = isinstance(model, LearnedDriver) and not model.free and model.kind != "joint"
+        best = measures.best_of_six(test, model, vehicle) if modes else None
         moves = measures.moving(test.scene, vehicle)
         changes = moves & measures.changing(test.scene, vehicle)
         for group, chosen in (("standing", ~moves), ("moving", moves), ("changing", changes)):

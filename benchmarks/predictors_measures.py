@@ -11,6 +11,7 @@ from recorded_scenes import ngsim_part
 from scex_sumo import example_path
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior
+from scex_sumo.behaviors.driving.motion import driven
 from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths, seed_paths
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.registries import Recording
@@ -18,7 +19,7 @@ from scex_sumo.evaluation.recordings import load_recording, recording_moments, s
 from scex_sumo.evaluation.split import Split
 from scex_sumo.extrapolation.loop.rollout import Batch, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
-from scex_sumo.learned.decoding import plan_along, way_of
+from scex_sumo.learned.decoding import intent_along, way_of
 from scex_sumo.learned.driver import LearnedDriver
 from scex_sumo.learned.inputs.surface import Surface, path_room, surface_of
 from scex_sumo.learned.training.closed_loop import REPLAN, drive_all
@@ -134,9 +135,9 @@ def best_of_six(test: TestScene, driver: LearnedDriver, vehicle: IntArray) -> Fl
     pair, number = pair[rank < GUESSES], number[rank < GUESSES]
     vehicles = VehicleIndex(future=np.zeros_like(pair), vehicle=vehicle[owner[pair]])
     offset = modes.offset[pair, number]
-    plan = plan_along(
-        history, vehicles, paths, row[pair], modes.acceleration[pair, number], offset, road=road
-    )
+    acceleration = modes.acceleration[pair, number]
+    intent = intent_along(history, vehicles, paths, row[pair], acceleration, offset, road)
+    plan = driven(history, [intent])[0]
     off = _distances(seed, vehicles.vehicle, plan.x, plan.y)[:, -1]
     best = np.full(len(vehicle), np.inf)
     np.minimum.at(best, owner[pair], off)

@@ -52,8 +52,7 @@ from scex_sumo.learned.training.data.dataset import (
 )
 from scex_sumo.learned.training.data.samples import TrainingSamples, learnable
 from scex_sumo.learned.training.networks.graph_image import save_net
-from scex_sumo.learned.training.options import Kind, TrainOptions
-from scex_sumo.learned.training.train import Trainer, device_of
+from scex_sumo.learned.training.train import Kind, Trainer, TrainOptions
 from scex_sumo.scene import States
 
 SETS = ("mona", "taf_bw", "ngsim", "interaction")
@@ -101,7 +100,7 @@ def train(
     epochs = max(1, round(steps * TrainOptions.nodes / nodes))
     sizes = {"hidden": hidden}
     options = TrainOptions(kind=kind, seed=seed, epochs=epochs, rounds=0, patience=epochs, sizes=sizes)
-    run = Trainer(dataset, options, device=device_of(device))
+    run = Trainer(dataset, options, device=torch.device(device))
     run.run(lambda progress: None)
     save_net(file, run.finished(), {"sites": sorted(set(np.array(dataset.sites)[dataset.train.site]))})
 

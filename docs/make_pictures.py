@@ -132,8 +132,10 @@ def scene_graph() -> None:
 
 def attention() -> None:
     """What is planned for several attention weights; needs the extra ``learned``."""
+    import attention_picture
+
     scene = scex.read_seed(scex.example_path("roundabout"), time=ATTENTION_S)
-    scex.plot_attention(scene, IMAGES / "attention.png", around_m=32.0)
+    attention_picture.draw_attention(scene, IMAGES / "attention.png", around_m=32.0)
 
 
 def converter() -> None:
@@ -297,7 +299,10 @@ PICTURES: dict[str, Picture] = {
     "attention": Picture(
         draw=attention,
         files=("attention.png",),
-        shows=of_package("learned/trained/graph_image_predictor*", "learned/training/attention.py"),
+        shows=lambda: [
+            ROOT / "docs" / "attention_picture.py",
+            *of_package("learned/trained/graph_image_predictor*")(),
+        ],
     ),
     "going_first": Picture(
         draw=going_first,

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.base.errors import UsageError, listed
 from scex_sumo.base.sending import SentOnce
 
@@ -308,7 +308,7 @@ class SceneHistory:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class VehicleIndex:
+class VehicleIndex(Rows):
     """Vehicles that plan in one call, as index arrays into (C, V).
 
     Attributes:
@@ -326,6 +326,12 @@ class VehicleIndex:
 
     def __len__(self) -> int:
         return len(self.future)
+
+    @classmethod
+    def everyone(cls, history: SceneHistory) -> VehicleIndex:
+        """Return all vehicles of all futures, future by future."""
+        future, vehicle = np.indices(history.now.shape).reshape(2, -1)
+        return cls(future=future, vehicle=vehicle)
 
     def __getitem__(self, key: Any) -> VehicleIndex:
         return VehicleIndex(future=self.future[key], vehicle=self.vehicle[key])

@@ -30,7 +30,6 @@ PRELOADED = (
     "scex_sumo.converters.cleaning.repair",
     "scex_sumo.formats.lane_maps.lane_map",
     "scex_sumo.humans.driver",
-    "scex_sumo.humans.entries",
     "scex_sumo.steps.moment",
     "scex_sumo.lanelet2sumo.net",
     "scex_sumo.page.report.report",

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, ClassVar, Final, Literal, Protocol, TypeAlias, TypeGuard, runtime_checkable
+from typing import Any, Final, Literal, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.road import Road
-from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
+from scex_sumo.scene import Plan, SceneHistory, States, VehicleIndex
 
 PLAN_STEPS = 30
 _PACKAGE: Final = __name__.partition(".")[0]
@@ -76,22 +75,17 @@ class Driver:
 
     Attributes:
         inner: the model that an adapter, such as the guard, wraps.
-        driven_by_sumo: whether SUMO moves its vehicles; see `DrivenBySumo`.
         source_file: of a user's model.
+        weights_sha256: of learned weights.
     """
 
     inner: Any = None
-    driven_by_sumo: ClassVar[bool] = False
     source_file: Path | None = None
+    weights_sha256: str | None = None
 
     @property
     def sight(self) -> Sight | None:
         """States that plans depend on; None: random numbers, too."""
-        return None
-
-    @property
-    def weights_sha256(self) -> str | None:
-        """SHA-256 of learned weights."""
         return None
 
     def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Any:
@@ -101,9 +95,6 @@ class Driver:
     def clear_of_others(self) -> Any:
         """Return a copy that steers away from vehicles beside it, or the model if it cannot."""
         return self
-
-    def keep_images(self) -> None:
-        """Keep features of map images in the user's cache."""
 
     def try_on(
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
@@ -126,33 +117,6 @@ def declared(model: Any) -> Driver:
 def is_built_in(model: Any) -> bool:
     """Return whether a model is a driver of this package, below all adapters, and not one of a user's."""
     return any(layer.inner is None for layer in layers(model))
-
-
-class DrivenBySumo(Protocol):
-    """Model whose vehicles SUMO moves, by one of its own car-following models."""
-
-    model: str
-    parameters: Mapping[str, str]
-
-    @property
-    def path(self) -> object:
-        """Path of its vehicles; ``straight`` and ``random`` keep to the route of a SUMO simulation."""
-        ...
-
-    def driving(self, scene: SeedScene, vehicle: int) -> tuple[str, Mapping[str, str]]:
-        """Return SUMO's model and its parameters for a vehicle."""
-        ...
-
-    def routes(
-        self, scene: SeedScene, road: Road, vehicle: IntArray, draw: FloatArray
-    ) -> list[tuple[int, ...]]:
-        """Return the lane ids of the vehicles' routes; empty off the mapped lanes."""
-        ...
-
-
-def is_driven_by_sumo(model: Any) -> TypeGuard[DrivenBySumo]:
-    """Return whether SUMO moves the model's vehicles; the model then gives their routes."""
-    return isinstance(model, Driver) and model.driven_by_sumo
 
 
 def sight_of(model: Any) -> Sight | None:

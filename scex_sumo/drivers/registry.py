@@ -20,7 +20,6 @@ from scex_sumo.behaviors.models.simple import (
     EmergencyBrake,
     EmergencyBrakeProfile,
     Replay,
-    ReplayProfile,
 )
 from scex_sumo.behaviors.spec import ModelEntry, maker_of, parameter_value
 from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
@@ -60,7 +59,6 @@ _CORE: Final[Mapping[str, ModelEntry]] = {
     ),
     "replay": _rule(
         make=Replay,
-        profile=ReplayProfile(),
         summary="repeats the recorded future, then constant velocity along its path",
         place=100,
     ),

@@ -16,7 +16,7 @@ from scex_sumo.base.errors import OwnCodeError, UsageError
 from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
-from scex_sumo.behaviors.base import is_driven_by_sumo
+from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.signals import signals_of
 from scex_sumo.extrapolation.extras import Extra, Row, Work, rows_of
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, ruled
@@ -158,8 +158,6 @@ def checked_models(settings: RunSettings, options: RunOptions) -> ModelSet:
 
 
 def _assignment(scene: SeedScene, settings: RunSettings, models: ModelSet, *, keep: bool) -> IntArray:
-    if keep:
-        models.keep_images()
     drawn = models.draw(scene, futures=settings.count, seed=settings.seed, keep=keep)
     settings.check_size(len(drawn), scene.vehicles)
     return drawn
@@ -180,13 +178,14 @@ def _recorded(job: Job) -> Recorded | None:
         settings.steps,
         replan=settings.replan,
         metrics=settings.measured,
+        preset=settings.rule,
         vehicles=settings.vehicles_that_count(job.scene),
     )
 
 
 def check_world(settings: RunSettings, models: ModelSet, *, gui: bool) -> None:
     """Raise a `UsageError` if SUMO is needed and the world has none."""
-    by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if is_driven_by_sumo(m)]
+    by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if isinstance(m, SumoDriver)]
     if (by_sumo or gui) and not WORLDS.load(settings.world).has_sumo:
         what = f"{by_sumo[0]} is driven by SUMO" if by_sumo else "--gui shows SUMO"
         raise UsageError(f"--world {settings.world}: {what}, which is not there; use --world sumo")

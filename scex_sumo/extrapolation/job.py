@@ -16,11 +16,16 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.base.owned import owner_cache
-from scex_sumo.behaviors.base import is_driven_by_sumo
+from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.converters.signals import signals_of
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
-from scex_sumo.extrapolation.loop.measure import measure_conflicts, measure_outcome, measure_rollout, worst_of
+from scex_sumo.extrapolation.loop.measure import (
+    measure_conflicts,
+    measure_outcome,
+    measure_rollout,
+    worst_of,
+)
 from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
@@ -92,7 +97,7 @@ class Job:
     @property
     def sumo_drives(self) -> bool:
         """Whether SUMO drives some vehicles."""
-        return any(is_driven_by_sumo(model) for model in self.models.built)
+        return any(isinstance(model, SumoDriver) for model in self.models.built)
 
     @property
     def apart(self) -> bool:
@@ -217,6 +222,7 @@ def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: On
         job.scene,
         rollout,
         metrics=settings.measured,
+        preset=settings.rule,
         counted=job.counted,
         vehicles=settings.vehicles_that_count(job.scene),
         on_paths=job.on_paths,
@@ -261,7 +267,9 @@ def _tested(job: Job, rollout: Rollout) -> FloatArray | None:
     tested = np.flatnonzero(np.isin(job.scene.track_ids, list(job.models.tested))).tolist()
     if not tested:
         return None
-    own = measure_rollout(job.scene, rollout, metrics=job.settings.measured, vehicles=tested)
+    own = measure_rollout(
+        job.scene, rollout, metrics=job.settings.measured, preset=job.settings.rule, vehicles=tested
+    )
     return np.stack([own.values, own.defined.astype(np.float64)])
 
 
@@ -272,7 +280,7 @@ def _batch(job: Job, futures: IntArray) -> Batch:
         assignment=job.assignment[futures],
         models=built,
         names=job.models.names,
-        overridden=np.array([not is_driven_by_sumo(model) for model in built]),
+        overridden=np.array([not isinstance(model, SumoDriver) for model in built]),
         route_draw=route_draws(futures, job.scene.vehicles, seed=seed),
         generators=[future_generator(seed, int(c)) for c in futures],
     )
@@ -286,7 +294,7 @@ def _driven_by_sumo(job: Job, batch: Batch) -> list[SumoDriven]:
 
         scene, road = mirrored_scene(scene), mirrored_road(road)
     for index, model in enumerate(batch.models):
-        if not is_driven_by_sumo(model):
+        if not isinstance(model, SumoDriver):
             continue
         future, vehicle = np.nonzero(batch.assignment == index)
         routes = model.routes(scene, road, vehicle, batch.route_draw[future, vehicle])

@@ -15,7 +15,14 @@ from scex_sumo.base.files import sha256_of
 from scex_sumo.base.sending import SentOnce
 from scex_sumo.behaviors.base import BatchBehavior, Driver, layers
 from scex_sumo.converters.tracks.road_users import PEOPLE
-from scex_sumo.drivers.registry import ModelSpec, build, is_own, model_specs, moved_by, refuse_namesake
+from scex_sumo.drivers.registry import (
+    ModelSpec,
+    build,
+    is_own,
+    model_specs,
+    moved_by,
+    refuse_namesake,
+)
 from scex_sumo.extrapolation.assignments import (
     assignments,
     future_generator,
@@ -94,11 +101,6 @@ class ModelSet(SentOnce):
         """SHA-256 of the source file of each of the user's models, by name."""
         files = {str(s): file for s, model in self._layers() if is_own(s) and (file := model.source_file)}
         return {name: sha256_of(file) for name, file in files.items() if file.is_file()}
-
-    def keep_images(self) -> None:
-        """Let learned drivers cache their map features on the disk."""
-        for _, model in self._layers():
-            model.keep_images()
 
     def _layers(self) -> Iterator[tuple[ModelSpec, Driver]]:
         """Yield the spec of each model, and each of its layers."""

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.errors import listed
-from scex_sumo.behaviors.base import is_driven_by_sumo
+from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.datasets.writer import write_tracks
 from scex_sumo.extrapolation.assignments import listing
 from scex_sumo.extrapolation.job import Job
@@ -99,7 +99,7 @@ def _first_step(part: Part) -> Part:
 
 def handover_notes(job: Job, part: Part) -> list[str]:
     """Return a note if SUMO moved vehicles in the first step."""
-    by_sumo = np.array([is_driven_by_sumo(model) for model in job.models.built])[job.assignment]
+    by_sumo = np.array([isinstance(model, SumoDriver) for model in job.models.built])[job.assignment]
     jumps = handover_jumps(job.scene, part.states[:, 0], by_sumo)
     far = int((jumps > HANDOVER_M).sum())
     if far == 0:

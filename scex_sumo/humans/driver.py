@@ -22,6 +22,7 @@ from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, REAR_AXLE_SHARE, Accelerate, curve_speeds, drive
 from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths, path_positions
 from scex_sumo.behaviors.models.idm import desired_speeds
+from scex_sumo.behaviors.spec import ModelEntry
 from scex_sumo.humans.attention import awareness, kept_clear
 from scex_sumo.humans.guard.guarded import yielding
 from scex_sumo.humans.late import still_unaware, unchanged
@@ -329,3 +330,14 @@ def accelerations(
         return acceleration(now, human)
 
     return accelerate
+
+
+LIKELY_DRIVER = ModelEntry(
+    make=LikelyDriver,
+    profile=LikelyProfile(),
+    summary="a driver drawn for every vehicle and future, as people were recorded",
+    path_words=("fitted",),
+    may_fail=False,
+    is_own=False,
+    place=40,
+)

@@ -2,38 +2,37 @@
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, distinct
-from scex_sumo.base.cache import cached_bytes
 from scex_sumo.base.errors import InputError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.base.owned import owner_cache
+from scex_sumo.behaviors.base import PLAN_STEPS, Driver, Sight
 from scex_sumo.behaviors.driving.motion import Intent, driven
-from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths
+from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths
 from scex_sumo.graphs.graph import scene_graph
 from scex_sumo.humans.lines.nearest_path import follow_path
 from scex_sumo.learned.decoding import intent_along, plan_freely, way_of
 from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS, STANDING_MPS, PathInputs, path_inputs
 from scex_sumo.learned.inputs.raster import raster_of
-from scex_sumo.learned.network.architecture import FEATURES, STRIDE
 from scex_sumo.learned.network.image_encoder import MapImage
 from scex_sumo.learned.network.layers import exact
 from scex_sumo.learned.network.networks import KINDS, GraphImageNet, Modes, Net
-from scex_sumo.learned.network.weights import load_weights
-from scex_sumo.learned.profiles import Profile
+from scex_sumo.learned.network.weights import MODELS, load_weights
+from scex_sumo.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 
+SHIPPED = Path(__file__).parent / "trained"
 OUTPUT_GRID = 2.0**-10  # m/s² and m: rounds away effects of the order of sums, see `layers`
 DRAW_DIGITS = 2.0**20  # modes are drawn with digits of `route_draw` that paths do not use
 STOPPING_MPS2 = -1.0
@@ -50,18 +49,10 @@ def _algebra() -> ThreadpoolController:
 
 
 @owner_cache
-def image_of(road: Road, net: GraphImageNet, kept_as: str) -> MapImage:
-    """Return a map's image features; with a hash of the weights they stay in the user's cache."""
+def image_of(road: Road, net: GraphImageNet) -> MapImage:
+    """Return a map's image features."""
     raster = raster_of(road)
-    if not kept_as:
-        return MapImage.of(raster, net.image.features_of(raster))
-
-    def make() -> bytes:
-        return net.image.features_of(raster).astype(np.float32).tobytes()  # exact, on their grid
-
-    made_of = pickle.dumps((kept_as, road))
-    features = np.frombuffer(cached_bytes("images", made_of, make), np.float32).astype(np.float64)
-    return MapImage.of(raster, features.reshape(FEATURES, -(-raster.values.shape[1] // STRIDE), -1))
+    return MapImage.of(raster, net.image.features_of(raster))
 
 
 @lru_cache(maxsize=4)
@@ -83,35 +74,47 @@ class _Choice:
     modes: FloatArray  # (P, M) cumulative probability of the modes along each path
 
 
-class LearnedDriver:
+class LearnedDriver(Driver):
     """A network that plans for all vehicles of all futures at once.
 
-    Path and mode of a vehicle are chosen in the seed scene.
+    Path and mode of a vehicle are chosen in the seed scene; follows its path off the map.
 
     Attributes:
-        keeps: whether image features of maps stay in the user's cache.
-        leaves_map: whether it drives vehicles that are off the map, too.
+        leaves_map: whether the network drives vehicles that are off the map, too.
         clear: whether it steers away from vehicles beside it.
     """
 
-    keeps = False
     leaves_map = False
     clear = False
 
-    def __init__(self, kind: str, file: Path, profile: Profile, *, attention: float, free: bool) -> None:
-        self.kind, self.file, self.profile, self.attention, self.free = kind, file, profile, attention, free
-        self.sha256 = sha256_of(file) if file.is_file() else ""
-        if free and not self._net.sizes.free:
-            raise InputError(f"{file}: trained without the head for free trajectories; use head=bounded")
+    def __init__(self, kind: str, profile: GraphPredictorProfile) -> None:
+        given, shipped = profile.weights, SHIPPED / f"{MODELS[kind]}.safetensors"
+        self.file = Path(given).expanduser().absolute() if given else shipped
+        self.kind, self.profile = kind, profile
+        self.free = isinstance(profile, GraphImagePredictorProfile) and profile.head == "free"
+        self.weights_sha256 = sha256_of(self.file) if self.file.is_file() else ""
+        if not self._net.sizes.free and self.free:  # loads the weights, to report them before the run begins
+            raise InputError(f"{self.file}: trained without the head for free trajectories; use head=bounded")
 
     @property
     def _net(self) -> Net:
-        return loaded(self.file, self.kind, self.sha256)[0]
+        return loaded(self.file, self.kind, self.weights_sha256)[0]
 
     @property
     def meta(self) -> dict[str, Any]:
         """Meta data of the weights."""
-        return loaded(self.file, self.kind, self.sha256)[1]
+        return loaded(self.file, self.kind, self.weights_sha256)[1]
+
+    @property
+    def sight(self) -> Sight | None:
+        """What a plan depends on; a drawn path or mode differs between futures."""
+        return None if self.profile.path == "random" or self.profile.mode == "draw" else "everyone"
+
+    def clear_of_others(self) -> LearnedDriver:
+        """See `Driver.clear_of_others`."""
+        other = copy(self)
+        other.clear = True
+        return other
 
     def plan(
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
@@ -119,16 +122,15 @@ class LearnedDriver:
         """Plan 3 s; see `BatchBehavior.plan`."""
         paths, row = self._paths(history, road, vehicles)
         reasons = np.where(self._drives(paths, vehicles), "", OFF_MAP)
-        usable = np.flatnonzero(reasons == "")
-        parts: list[tuple[IntArray, Plan]] = []
+        usable, whole = np.flatnonzero(reasons == ""), States.empty((len(vehicles), PLAN_STEPS))
         if len(usable):
             plan, finite = self._drive(history, road, vehicles[usable], paths, row[usable])
             reasons[usable[~finite]] = NOT_FINITE
-            parts.append((usable[finite], plan))
+            whole.assign(usable[finite], plan)
         rest = np.flatnonzero(reasons != "")
-        if len(rest) or not parts:
-            parts.append((rest, follow_path(history, road, vehicles[rest])))
-        return _merged(parts, reasons)
+        if len(rest):
+            whole.assign(rest, follow_path(history, road, vehicles[rest]))
+        return Plan(**vars(whole), fallback=reasons != "", reasons=tuple(reasons.tolist()))
 
     def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Intent | None:
         """Return the drive of these vehicles along their paths; None if some need another plan."""
@@ -145,32 +147,31 @@ class LearnedDriver:
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> tuple[PathInputs, Any]:
         """Run the network for n pairs of a vehicle and a path; return its inputs, and `Modes` or `Tokens`."""
-        graph = scene_graph(history, road, radius=self.profile.radius)
-        inputs = path_inputs(history, road, vehicles, paths, row, radius=self.profile.radius)
-        net = self._net
+        graph, inputs = scene_graph(history, road), path_inputs(history, road, vehicles, paths, row)
+        net, profile = self._net, self.profile
         # Products this small gain nothing from threads, and workers share the cores.
         with _algebra().limit(limits=1):
             if not isinstance(net, GraphImageNet):
                 return inputs, net(graph, inputs)
+            assert isinstance(profile, GraphImagePredictorProfile)
             now = history.now[vehicles.future, vehicles.vehicle]
             pose = np.stack([now.x, now.y, now.heading], 1)
             first, place = distinct(pose)  # many futures have a vehicle at the same place
-            image = image_of(road, net, self.sha256 if self.keeps else "")
-            return inputs, net(graph, inputs, image, pose[first], place, self.attention, free=self.free)
+            image = image_of(road, net)
+            return inputs, net(graph, inputs, image, pose[first], place, profile.attention, free=self.free)
 
     def _drive(
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> tuple[Plan, BoolArray]:
         """Plan for those of n vehicles with finite outputs; return (n,) which these are, too."""
-        if self.free:
-            _, modes = self.predict(history, road, vehicles, paths, row)
-            free = rounded(
-                modes.free[np.arange(len(vehicles)), self._modes(history, road, vehicles, row, modes)]
-            )
-            finite = _finite(free)
-            return plan_freely(history, vehicles[finite], free[finite]), finite
-        intent, finite = self._intend(history, road, vehicles, paths, row)
-        return driven(history, [intent])[0], finite
+        if not self.free:
+            intent, finite = self._intend(history, road, vehicles, paths, row)
+            return driven(history, [intent])[0], finite
+        _, modes = self.predict(history, road, vehicles, paths, row)
+        mode = self._modes(history, road, vehicles, row, modes)
+        free = rounded(modes.free[np.arange(len(vehicles)), mode])
+        finite = _finite(free)
+        return plan_freely(history, vehicles[finite], free[finite]), finite
 
     def _intend(
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
@@ -185,21 +186,21 @@ class LearnedDriver:
         finite = _finite(acceleration) & _finite(offset)
         wanted = (acceleration[finite], offset[finite])
         some = vehicles[finite], paths, row[finite]
-        return intent_along(history, *some, *wanted, road=road, clear=self.clear), finite
+        return intent_along(history, *some, *wanted, road, clear=self.clear), finite
 
     def path_prior(self, scene: SeedScene, paths: SeedPaths) -> FloatArray | float:
         """Return (P,) numbers to add to the network's logits of paths."""
         return 0.0
 
     def _paths(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> tuple[SeedPaths, IntArray]:
-        paths, row = chosen_paths(history, road, vehicles, _plain(self.profile.path))
-        if self.profile.path == "likeliest":
-            choice = choice_of(history.scene, self, road)
-            row = choice.likeliest[vehicles.vehicle]
-            if self.profile.mode == "draw":
-                draw = history.route_draw[vehicles.future, vehicles.vehicle]
-                row = paths.first[vehicles.vehicle] + drawn(choice.paths[vehicles.vehicle], draw)
-        return paths, row
+        path, mine = self.profile.path, vehicles.vehicle
+        paths, row = chosen_paths(history, road, vehicles, "straight" if path == "likeliest" else path)
+        if path != "likeliest":
+            return paths, row
+        choice = choice_of(history.scene, self, road)
+        if self.profile.mode != "draw":
+            return paths, choice.likeliest[mine]
+        return paths, paths.first[mine] + drawn(choice.paths[mine], history.route_draw[vehicles.future, mine])
 
     def _modes(
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, row: IntArray, modes: Modes
@@ -217,8 +218,7 @@ class LearnedDriver:
 def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
     """Run the network in the seed scene."""
     history = SceneHistory.of_scene(scene)
-    everyone = VehicleIndex(future=np.zeros(scene.vehicles, np.int64), vehicle=np.arange(scene.vehicles))
-    paths, _ = chosen_paths(history, road, everyone, _plain(driver.profile.path))
+    paths, _ = chosen_paths(history, road, VehicleIndex.everyone(history), "straight")
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     pairs = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     _, modes = driver.predict(history, road, pairs, paths, np.arange(len(vehicle)))
@@ -259,8 +259,7 @@ def _stays(inputs: PathInputs, modes: Modes, *, waits: bool) -> BoolArray:
 
 def rounded(values: FloatArray) -> FloatArray:
     """Round outputs of a network to `OUTPUT_GRID`."""
-    on_grid: FloatArray = np.round(values * (1 / OUTPUT_GRID)) * OUTPUT_GRID
-    return on_grid
+    return np.asarray(np.round(values * (1 / OUTPUT_GRID)) * OUTPUT_GRID)
 
 
 def drawn(upper: FloatArray, draw: FloatArray) -> IntArray:
@@ -268,17 +267,6 @@ def drawn(upper: FloatArray, draw: FloatArray) -> IntArray:
     return np.asarray((draw[:, None] >= upper[:, :-1]).sum(1))
 
 
-def _plain(path: PathChoice | Literal["likeliest"]) -> PathChoice:
-    return "straight" if path == "likeliest" else path
-
-
 def _finite(values: FloatArray) -> BoolArray:
     """Return (n,) whether all of a vehicle's outputs are finite."""
     return np.asarray(np.isfinite(values.reshape(len(values), -1)).all(axis=1))
-
-
-def _merged(parts: list[tuple[IntArray, Plan]], reasons: NDArray[np.str_]) -> Plan:
-    whole = States.empty((len(reasons), parts[0][1].shape[1]))
-    for index, plan in parts:
-        whole.assign(index, plan)
-    return Plan(**vars(whole), fallback=reasons != "", reasons=tuple(reasons.tolist()))

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
-from pathlib import Path
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -13,17 +11,18 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.base.draws import uniforms
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.driving.motion import driven
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, expected_way
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance, seen_from
 from scex_sumo.humans.observed.observations import path_weights
 from scex_sumo.humans.observed.seed_state import estimated_history
 from scex_sumo.humans.parameters import human_parameters
-from scex_sumo.learned.decoding import plan_along
+from scex_sumo.learned.decoding import intent_along
 from scex_sumo.learned.driver import LearnedDriver, drawn, rounded
 from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS, PathInputs
 from scex_sumo.learned.network.architecture import TOKEN_STEPS
 from scex_sumo.learned.network.networks import Tokens
-from scex_sumo.learned.profiles import JointPredictorProfile, Profile
+from scex_sumo.learned.profiles import JointPredictorProfile
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, States, VehicleIndex
 
@@ -58,31 +57,26 @@ class JointDriver(LearnedDriver):
 
     clear = leaves_map = True
 
-    def __init__(self, kind: str, file: Path, profile: Profile) -> None:
-        super().__init__(kind, file, profile, attention=1.0, free=False)
+    def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> None:
+        """Vehicles move together: there are only plans."""
 
     def _drive(
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> tuple[Plan, BoolArray]:
         """Roll out all vehicles of the futures of `vehicles`; other models' vehicles are predicted, too."""
         futures, future = np.unique(vehicles.future, return_inverse=True)
-        count = history.scene.vehicles
-        here = history.part(futures)
-        everyone = _everyone(here)
-        _, rows = self._paths(here, road, everyone)
-        rolled, finite = self._roll(here, road, everyone, paths, rows)
+        count, here = history.scene.vehicles, history.part(futures)
+        _, rows = self._paths(here, road, VehicleIndex.everyone(here))
+        rolled, finite = self._roll(here, road, paths, rows)
         for attempt in range(1, 1 + (REDRAWS if self.profile.mode == "draw" else 0)):
             again = np.flatnonzero(_touch(here, rolled))
             if not len(again):
                 break
-            part = here.part(again)
             k = (again[:, None] * count + np.arange(count)).ravel()
-            redrawn, finite[k] = self._roll(part, road, _everyone(part), paths, rows[k], attempt)
+            redrawn, finite[k] = self._roll(here.part(again), road, paths, rows[k], attempt)
             rolled.assign(k, redrawn)
         mine = future * count + vehicles.vehicle
-        chosen = finite[mine]
-        plan = rolled[mine[chosen]]
-        return Plan(**vars(plan)), chosen
+        return Plan(**vars(rolled[mine[finite[mine]]])), finite[mine]
 
     def path_prior(self, scene: SeedScene, paths: SeedPaths) -> FloatArray:
         """Return (P,) log probabilities of `LikelyDriver`, from pose, speed and shape, times `prior`."""
@@ -92,15 +86,10 @@ class JointDriver(LearnedDriver):
         return rounded(self.profile.prior * np.log(np.maximum(share, TINY)))
 
     def _roll(
-        self,
-        history: SceneHistory,
-        road: Road,
-        vehicles: VehicleIndex,
-        paths: SeedPaths,
-        row: IntArray,
-        attempt: int = 0,
+        self, history: SceneHistory, road: Road, paths: SeedPaths, row: IntArray, attempt: int = 0
     ) -> tuple[States, BoolArray]:
-        futures, count, _ = history.states.shape
+        """Return states (F * V, H) of all vehicles on their paths, and which are finite."""
+        shape, vehicles = (*history.now.shape, -1), VehicleIndex.everyone(history)
         finite, parts = np.ones(len(vehicles), dtype=np.bool_), []
         for _ in range(PLAN_STEPS // TOKEN_STEPS):
             inputs, tokens = self.predict(history, road, vehicles, paths, row)
@@ -113,18 +102,18 @@ class JointDriver(LearnedDriver):
             acceleration, sideways = self._chosen(history, draw, tokens, inputs, ahead)
             finite &= np.isfinite(acceleration) & np.isfinite(sideways)
             acceleration[~finite], sideways[~finite] = 0.0, 0.0
-            drives = partial(self._driven, history, road, paths=paths)
-            plan = drives(vehicles, row, acceleration, offset, sideways)
+            motion = np.stack([acceleration, offset, sideways])
+            plan = self._driven(history, road, vehicles, paths, row, motion)
             pairs = _near(history, plan)
             for both in (False, True):
                 k = _yielding(history, plan, pairs, both=both)
                 if not len(k):
                     break
-                acceleration[k], sideways[k] = -SAFE_MPS2, 0.0
-                plan.assign(k, drives(vehicles[k], row[k], acceleration[k], offset[k], sideways[k]))
+                motion[0, k], motion[2, k] = -SAFE_MPS2, 0.0
+                plan.assign(k, self._driven(history, road, vehicles[k], paths, row[k], motion[:, k]))
             parts.append(plan)
             states = States.concatenate(
-                [history.states[:, :, TOKEN_STEPS:], plan.map(lambda a: a.reshape(futures, count, -1))], 2
+                [history.states[:, :, TOKEN_STEPS:], plan.map(lambda a: a.reshape(shape))], 2
             )
             history = replace(history, states=states, step=history.step + TOKEN_STEPS)
         return States.concatenate(parts, 1), finite
@@ -134,28 +123,19 @@ class JointDriver(LearnedDriver):
         history: SceneHistory,
         road: Road,
         vehicles: VehicleIndex,
-        row: IntArray,
-        acceleration: FloatArray,
-        offset: FloatArray,
-        sideways: FloatArray,
-        *,
         paths: SeedPaths,
+        row: IntArray,
+        motion: FloatArray,
     ) -> Plan:
-        """Drive n vehicles for 0.5 s, from offsets (n,), m."""
+        """Drive n vehicles for 0.5 s; motion (3, n): acceleration, m/s², offset, m, sideways speed, m/s."""
         if history.step == 0:
             heading = estimated_history(history, road).states.heading
             history = replace(history, states=replace(history.states, heading=heading))
-        later = STEP_S * np.arange(1, TOKEN_STEPS + 1)
-        return plan_along(
-            history,
-            vehicles,
-            paths,
-            row,
-            np.repeat(acceleration[:, None], TOKEN_STEPS, axis=1),
-            offset[:, None] + sideways[:, None] * later,
-            road=road,
-            clear=self.clear,
-        )
+        acceleration, offset, sideways = motion[:, :, None]
+        wanted = offset + sideways * (STEP_S * np.arange(1, TOKEN_STEPS + 1))
+        steady = np.repeat(acceleration, TOKEN_STEPS, axis=1)
+        intent = intent_along(history, vehicles, paths, row, steady, wanted, road, clear=self.clear)
+        return driven(history, [intent], TOKEN_STEPS)[0]
 
     def _chosen(
         self, history: SceneHistory, draw: FloatArray, tokens: Tokens, inputs: PathInputs, ahead: _Pairs
@@ -256,13 +236,6 @@ def _near(history: SceneHistory, plan: Plan) -> tuple[IntArray, IntArray, IntArr
         near = near & (np.abs(end[:, None, :] - end[:, :, None]) < reach)
     future, i, j = np.nonzero(near)
     return future, i, j
-
-
-def _everyone(history: SceneHistory) -> VehicleIndex:
-    futures, vehicles, _ = history.states.shape
-    return VehicleIndex(
-        future=np.repeat(np.arange(futures), vehicles), vehicle=np.tile(np.arange(vehicles), futures)
-    )
 
 
 def _touch(history: SceneHistory, states: States) -> BoolArray:

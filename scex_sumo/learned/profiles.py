@@ -1,64 +1,58 @@
-"""Parameters of the learned drivers, and files of their weights."""
+"""Parameters of the learned drivers."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Literal
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import check_path, check_positive
 from scex_sumo.behaviors.driving.paths import PathChoice
 
-SHIPPED = Path(__file__).parent / "trained"
 MODES = ("best", "draw")
 HEADS = ("bounded", "free")
 
 
 @dataclass(frozen=True, kw_only=True)
 class GraphPredictorProfile:
-    """Parameters of `GraphPredictor`.
+    """Parameters of `graph_predictor`.
 
     Attributes:
         path: index, ``straight`` or ``random``; or ``likeliest``, the path that the network prefers in the
             seed scene, drawn by its probability if ``mode=draw``.
         mode: ``best``, the expected mode; or ``draw``, drawn per vehicle and future in the seed scene.
-        radius: perception radius, m.
         weights: file of weights; empty takes the shipped ones.
     """
 
     path: PathChoice | Literal["likeliest"] = "straight"
     mode: str = "best"
-    radius: float = 100.0
     weights: str = ""
 
     def __post_init__(self) -> None:
-        _check(self)
+        if self.path != "likeliest":
+            check_path(self.path)
+        if self.mode not in MODES:
+            raise UsageError(f"mode: got {self.mode!r}; give {' or '.join(MODES)}")
+        if not isinstance(self.weights, str):
+            raise UsageError(f"weights: got {self.weights!r}; give the name of a file")
 
 
 @dataclass(frozen=True, kw_only=True)
-class GraphImagePredictorProfile:
-    """Parameters of `GraphImagePredictor`.
+class GraphImagePredictorProfile(GraphPredictorProfile):
+    """Parameters of `graph_image_predictor`.
 
     Attributes:
         attention: w in [0, 1]: 1 uses the scene graph alone, 0 the road image alone.
-        path: index, ``straight`` or ``random``; or ``likeliest``, the path that the network prefers.
-        mode: ``best``, the expected mode; or ``draw``, drawn per vehicle and future in the seed scene.
         head: ``bounded`` drives along the path at the network's offset, within the road and the vehicle's
             limits; ``free`` takes the paper's free x, y trajectory unchanged.
-        radius: perception radius, m.
-        weights: file of weights; empty takes the shipped ones.
     """
 
     attention: float = 0.5
     path: PathChoice | Literal["likeliest"] = "likeliest"
-    mode: str = "best"
     head: str = "bounded"
-    radius: float = 100.0
-    weights: str = ""
 
     def __post_init__(self) -> None:
-        _check(self)
+        super().__post_init__()
         number = isinstance(self.attention, int | float) and not isinstance(self.attention, bool)
         if not number or not 0 <= self.attention <= 1:
             raise UsageError(f"attention: got {self.attention!r}; give a number from 0 to 1")
@@ -67,8 +61,8 @@ class GraphImagePredictorProfile:
 
 
 @dataclass(frozen=True, kw_only=True)
-class JointPredictorProfile:
-    """Parameters of `JointPredictor`.
+class JointPredictorProfile(GraphPredictorProfile):
+    """Parameters of `joint_predictor`.
 
     Attributes:
         path: index, ``straight`` or ``random``; ``likeliest`` weighs probabilities of the network with those
@@ -76,36 +70,14 @@ class JointPredictorProfile:
         mode: ``draw``, one motion for each vehicle every 0.5 s; or ``best``, the expected motion.
         temperature: 1 draws with the network's probabilities; less prefers probable motions.
         prior: power of the probabilities of `LikelyDriver`; 0 leaves them out.
-        radius: perception radius, m.
-        weights: file of weights; empty takes the shipped ones.
     """
 
     path: PathChoice | Literal["likeliest"] = "likeliest"
     mode: str = "draw"
     temperature: float = 0.95
     prior: float = 0.5
-    radius: float = 100.0
-    weights: str = ""
 
     def __post_init__(self) -> None:
-        _check(self)
+        super().__post_init__()
         check_positive(self, "temperature")
         check_positive(self, "prior", zero=True)
-
-
-Profile: TypeAlias = GraphPredictorProfile | GraphImagePredictorProfile | JointPredictorProfile
-
-
-def _check(profile: Profile) -> None:
-    if profile.path != "likeliest":
-        check_path(profile.path)
-    if profile.mode not in MODES:
-        raise UsageError(f"mode: got {profile.mode!r}; give {' or '.join(MODES)}")
-    check_positive(profile, "radius")
-    if not isinstance(profile.weights, str):
-        raise UsageError(f"weights: got {profile.weights!r}; give the name of a file")
-
-
-def weights_file(name: str, given: str) -> Path:
-    """Return the user's file of weights, else the shipped one."""
-    return Path(given).expanduser().absolute() if given else SHIPPED / f"{name}.safetensors"

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.base import PLAN_STEPS, Driver, Sight, check_positive
+from scex_sumo.behaviors.spec import ModelEntry
+from scex_sumo.converters.tracks.road_users import PEOPLE
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
@@ -17,6 +20,7 @@ SPEEDING_UP_MPS2, BRAKING_MPS2 = 1.5, 3.0
 LOOK_STEPS = 40  # for which a person and a vehicle are expected to keep their velocities
 WAIT_M = 0.5  # from a vehicle's way, or from the vehicle ahead, to where a person waits
 STANDING_MPS = 0.5
+STEPS_OUT_MPS = 1.5  # least speed of a person that steps out
 FAR_M = 60.0  # beyond it nobody steps out before a vehicle
 
 
@@ -26,15 +30,12 @@ class KeepsWayProfile:
 
     Attributes:
         gap: least time between leaving the way of a vehicle and its arrival, s.
-        braking: in m/s².
     """
 
     gap: float = 0.5
-    braking: float = BRAKING_MPS2
 
     def __post_init__(self) -> None:
         check_positive(self, "gap", zero=True)
-        check_positive(self, "braking")
 
 
 class KeepsWay(Driver):
@@ -49,29 +50,8 @@ class KeepsWay(Driver):
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `BatchBehavior.plan`."""
-        shown, profile = history.scene.now[vehicles.vehicle], self.profile
-        wait = way_to_wait(history, vehicles, gap_s=profile.gap, braking=profile.braking)
-        return walked(
-            history.now[vehicles.future, vehicles.vehicle],
-            shown.speed,
-            shown.heading,
-            wait,
-            braking=profile.braking,
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class StopsProfile:
-    """Parameters of `Stops`.
-
-    Attributes:
-        braking: in m/s².
-    """
-
-    braking: float = BRAKING_MPS2
-
-    def __post_init__(self) -> None:
-        check_positive(self, "braking")
+        now, shown = history.now[vehicles.future, vehicles.vehicle], history.scene.now[vehicles.vehicle]
+        return walked(now, shown.speed, shown.heading, way_to_wait(history, vehicles, self.profile.gap))
 
 
 class Stops(Driver):
@@ -79,29 +59,12 @@ class Stops(Driver):
 
     sight: Sight = "itself"
 
-    def __init__(self, profile: StopsProfile) -> None:
-        self.profile = profile
-
     def plan(
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `BatchBehavior.plan`."""
         now, nothing = history.now[vehicles.future, vehicles.vehicle], np.zeros(len(vehicles))
-        return walked(now, nothing, now.heading, nothing, braking=self.profile.braking)
-
-
-@dataclass(frozen=True, kw_only=True)
-class StepsOutProfile:
-    """Parameters of `StepsOut`.
-
-    Attributes:
-        speed: least speed, m/s.
-    """
-
-    speed: float = 1.5
-
-    def __post_init__(self) -> None:
-        check_positive(self, "speed")
+        return walked(now, nothing, now.heading, nothing)
 
 
 class StepsOut(Driver):
@@ -109,19 +72,16 @@ class StepsOut(Driver):
 
     sight: Sight = "itself"
 
-    def __init__(self, profile: StepsOutProfile) -> None:
-        self.profile = profile
-
     def plan(
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `BatchBehavior.plan`."""
-        speed = np.maximum(history.scene.now.speed[vehicles.vehicle], self.profile.speed)
-        free = np.full(len(vehicles), np.inf)
-        return walked(history.now[vehicles.future, vehicles.vehicle], speed, _across(history, vehicles), free)
+        speed = np.maximum(history.scene.now.speed[vehicles.vehicle], STEPS_OUT_MPS)
+        free, now = np.full(len(vehicles), np.inf), history.now[vehicles.future, vehicles.vehicle]
+        return walked(now, speed, _across(history, vehicles), free)
 
 
-def way_to_wait(history: SceneHistory, vehicles: VehicleIndex, *, gap_s: float, braking: float) -> FloatArray:
+def way_to_wait(history: SceneHistory, vehicles: VehicleIndex, gap_s: float) -> FloatArray:
     """Return the way (n,) to where people wait for a vehicle, m; inf for those that go on.
 
     A person and a vehicle are expected to keep their velocities for 4 s. The person waits if it would then
@@ -149,18 +109,11 @@ def way_to_wait(history: SceneHistory, vehicles: VehicleIndex, *, gap_s: float, 
     before = np.where(enters > 0, enters, np.where(follows & (meets > 0), meets, np.inf))
     with np.errstate(invalid="ignore"):  # no way at no speed
         distance_m = np.where(np.isfinite(meets) & np.isfinite(before), before * speed - WAIT_M, np.inf)
-    stops = (distance_m + WAIT_M >= me.speed[:, None] ** 2 / (2 * braking)) | (enters == 0)
+    stops = (distance_m + WAIT_M >= me.speed[:, None] ** 2 / (2 * BRAKING_MPS2)) | (enters == 0)
     return np.asarray(np.where(stops, np.maximum(distance_m, 0.0), np.inf).min(axis=1, initial=np.inf))
 
 
-def walked(
-    now: States,
-    speed: FloatArray,
-    heading: FloatArray,
-    wait_m: FloatArray,
-    *,
-    braking: float = BRAKING_MPS2,
-) -> Plan:
+def walked(now: States, speed: FloatArray, heading: FloatArray, wait_m: FloatArray) -> Plan:
     """Let n people go straight on, and stop where they wait.
 
     Args:
@@ -168,7 +121,6 @@ def walked(
         speed: (n,) wanted, m/s.
         heading: (n,) rad.
         wait_m: (n,) way to where they wait; inf: they need not.
-        braking: m/s², at most.
     """
     v, travelled_m = np.maximum(now.speed, 0.0), np.zeros_like(now.speed)
     speeds, ways = np.empty((2, len(v), PLAN_STEPS))
@@ -176,7 +128,7 @@ def walked(
         left = wait_m - travelled_m
         needed = np.where(left > 0, v**2 / (2 * np.maximum(left, 1e-6)), np.inf)
         eased = v + np.clip(speed - v, -SPEEDING_UP_MPS2 * STEP_S, SPEEDING_UP_MPS2 * STEP_S)
-        held = np.minimum(eased, v - np.minimum(needed, braking) * STEP_S)
+        held = np.minimum(eased, v - np.minimum(needed, BRAKING_MPS2) * STEP_S)
         following = np.maximum(np.where(needed >= SPEEDING_UP_MPS2 / 2, held, eased), 0.0)
         travelled_m = travelled_m + (v + following) * (STEP_S / 2)
         v = following
@@ -196,3 +148,19 @@ def _across(history: SceneHistory, vehicles: VehicleIndex) -> FloatArray:
     next_one, row = np.argmin(soon, axis=1), np.arange(len(vehicles))
     towards = others.heading[next_one] - np.sign(aside[row, next_one]) * (np.pi / 2)
     return np.where(np.isfinite(soon[row, next_one]), towards, now.heading)
+
+
+_person = partial(ModelEntry, may_fail=False, is_own=False, takes_guard=False, moves=PEOPLE)
+
+KEEPS_WAY = _person(
+    make=KeepsWay,
+    profile=KeepsWayProfile(),
+    summary="a person that keeps its velocity, and waits for vehicles that come",
+    place=81,
+)
+STOPS = _person(make=Stops, summary="a person that stops at once", place=82)
+STEPS_OUT = _person(
+    make=StepsOut,
+    summary="a person that walks across the line of the vehicle that comes next",
+    place=83,
+)

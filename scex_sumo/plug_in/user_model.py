@@ -12,7 +12,8 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ScexError, UsageError
-from scex_sumo.behaviors.base import PLAN_STEPS, SingleVehicleBehavior, is_driven_by_sumo
+from scex_sumo.behaviors.base import PLAN_STEPS, SingleVehicleBehavior
+from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.behaviors.objects import signature_of
 from scex_sumo.behaviors.spec import EMPTY, ModelEntry
 from scex_sumo.plug_in.inputs import Surroundings
@@ -31,7 +32,7 @@ def user_model(given: Any, name: str) -> ModelEntry:
         if hasattr(given, "__scex_predictor__"):
             return given.__scex_predictor__  # type: ignore[no-any-return]
         if hasattr(given, "plan") or hasattr(given, "plan_one"):
-            own = not is_driven_by_sumo(given)  # SUMO's plans never fail
+            own = not isinstance(given, SumoDriver)  # SUMO's plans never fail
             return ModelEntry(
                 make=lambda: given, summary=_summary(given), takes_guard=own, may_fail=own, is_own=own
             )

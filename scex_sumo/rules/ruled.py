@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from scex_sumo.behaviors.base import check_positive
 from scex_sumo.behaviors.driving.motion import Intent
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.models.idm import IdmDriver, IdmProfile
+from scex_sumo.behaviors.spec import ModelEntry
 from scex_sumo.road import Road
 from scex_sumo.scene import SceneHistory, VehicleIndex
 
@@ -71,10 +73,7 @@ class RuledDriver(IdmDriver):
         drivers: Sequence[RuledDriver], history: SceneHistory, road: Road, groups: Sequence[VehicleIndex]
     ) -> list[Intent]:
         """See `DrivesAlong`."""
-        vehicles = VehicleIndex(
-            future=np.concatenate([group.future for group in groups]),
-            vehicle=np.concatenate([group.vehicle for group in groups]),
-        )
+        vehicles = VehicleIndex.join(groups)
         path = drivers[0].profile.path
         paths, row = chosen_paths(history, road, vehicles, path)
         hold: FloatArray | None = None
@@ -119,3 +118,44 @@ def _manner(drivers: Sequence[RuledDriver], groups: Sequence[VehicleIndex]) -> M
         gaps=each("gap_factor"),
         priority_mps2=each("comfort_deceleration"),
     )
+
+
+_rule = partial(ModelEntry, make=RuledDriver, may_fail=False, is_own=False)
+
+# Parameters of the standard and the risky driver: Zipfl, Schütt, Zöllner 2024, except max_acceleration, which
+# the paper does not state, and those of the rules.
+_STANDARD = RuledProfile(
+    comfort_deceleration=3.0, time_headway=3.1, minimum_gap=9.0, max_acceleration=1.5, clearance=5.0
+)
+_RISKY = RuledProfile(
+    comfort_deceleration=8.0,
+    time_headway=2.1,
+    minimum_gap=5.0,
+    max_acceleration=3.0,
+    clearance=5.0,
+    yellow_deceleration=0.0,
+    red_delay=1.0,
+    gap_factor=0.5,
+)
+
+
+def _violation(what: str, place: int, **changes: Any) -> ModelEntry:
+    """Return the standard driver but for one thing."""
+    summary = f"standard_driver that {what}"
+    return _rule(profile=replace(_STANDARD, **changes), summary=summary, place=place)
+
+
+STANDARD_DRIVER = _rule(
+    profile=_STANDARD,
+    summary="Intelligent Driver Model, the paper's standard profile; obeys lights and right of way",
+    place=10,
+)
+RISKY_DRIVER = _rule(
+    profile=_RISKY,
+    summary="Intelligent Driver Model, the paper's risky profile: close, fast, in short gaps, at yellow",
+    place=20,
+)
+RUNS_RED = _violation("does not stop at lights", 71, lights=False)
+IGNORES_PRIORITY = _violation("gives way to nobody", 72, priority=False)
+CUTS_IN = _violation("changes to a lane beside it without looking", 73, sideways="cuts_in")
+DRIFTS = _violation("leaves its lane sideways", 74, sideways="drifts")

@@ -65,7 +65,7 @@ def _print_all() -> None:
         rows.append((model.name, model.summary))
         more = len(model.parameters) - _SHOWN
         shown = [*model.parameters[:_SHOWN], *([f"and {more} more"] if more > 0 else [])]
-        rows.append(("", ", ".join(shown)))
+        rows += [("", ", ".join(shown))] if shown else []
     rows.append((sumo[0], f"SUMO's own models, also {', '.join(sumo[1:])}"))
     rows.append(("", "parameters: attributes of SUMO's vehicle types, e.g. tau=1.2"))
     _print(rows)

@@ -172,11 +172,11 @@ def entry_points(monkeypatch: pytest.MonkeyPatch, value: str) -> None:
 
 
 def test_another_package_adds_a_model_by_an_entry_point(monkeypatch: pytest.MonkeyPatch) -> None:
-    entry_points(monkeypatch, "scex_sumo.behaviors.models.simple:ReplayProfile")
+    entry_points(monkeypatch, "scex_sumo.behaviors.models.simple:ConstantVelocityProfile")
     assert "installed" in known_names()
     spec = ModelSpec(name="installed", parameters={"path": "3"})
     # Any callable may stand there; this one makes no model, which is noticed when it is built.
-    with pytest.raises(UsageError, match="installed: ReplayProfile has neither plan nor plan_one"):
+    with pytest.raises(UsageError, match="installed: ConstantVelocityProfile has neither plan nor plan_one"):
         build(spec)
 
 

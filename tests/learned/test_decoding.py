@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.arrays import FloatArray
+from scex_sumo.behaviors.driving.motion import driven
 from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.humans.guard.guarded import Guarded
-from scex_sumo.learned.decoding import EDGE_MARGIN_M, plan_along, plan_freely
+from scex_sumo.learned.decoding import EDGE_MARGIN_M, intent_along, plan_freely
 from scex_sumo.learned.inputs.surface import CELL_M
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene
@@ -28,7 +29,7 @@ def along(
     road: Road,
     scene: SeedScene | SceneHistory,
     acceleration: FloatArray,
-    offset: FloatArray | None,
+    offset: FloatArray,
     *,
     clear: bool = False,
 ) -> Plan:
@@ -36,8 +37,8 @@ def along(
     vehicles = roads.every(history)
     paths, row = chosen_paths(history, road, vehicles, "straight")
     rows = np.broadcast_to(acceleration, (len(vehicles), 30))
-    wanted = None if offset is None else np.broadcast_to(offset, (len(vehicles), 30))
-    return plan_along(history, vehicles, paths, row, rows, wanted, road=road, clear=clear)
+    wanted = np.broadcast_to(offset, (len(vehicles), 30))
+    return driven(history, [intent_along(history, vehicles, paths, row, rows, wanted, road, clear=clear)])[0]
 
 
 @pytest.mark.parametrize("speed", [8.0, 15.0, 30.0])
@@ -119,12 +120,13 @@ def test_a_free_trajectory_is_taken_as_it_is_in_the_vehicles_own_frame() -> None
 
 def test_a_replan_continues_the_plan() -> None:
     scene = roads.scene_of((50.0, 1.0, 0.0, 10.0))
-    whole = along(WIDE, scene, np.full(30, -1.0), None)
+    whole = along(WIDE, scene, np.full(30, -1.0), np.exp(-TIMES / 3))
     history = roads.present(scene)
     states = history.states.map(np.copy)
     states.assign((slice(None), slice(None), slice(0, 6)), history.states[:, :, 5:])
     for key in ("x", "y", "heading", "speed"):
         getattr(states, key)[0, 0, 6:] = getattr(whole, key)[0, :5]
-    further = along(WIDE, replace(history, states=states, step=5), np.full(30, -1.0), None)
+    history = replace(history, states=states, step=5)
+    further = along(WIDE, history, np.full(30, -1.0), whole.y[0, 4] * np.exp(-TIMES / 3))
     assert further.y[0, :20] == pytest.approx(whole.y[0, 5:25], abs=0.03)
     assert further.x[0, :20] == pytest.approx(whole.x[0, 5:25], abs=0.01)

@@ -13,10 +13,8 @@ from scex_sumo.base.errors import InputError
 from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.humans.lines.nearest_path import follow_path
-from scex_sumo.learned.driver import choice_of, loaded
+from scex_sumo.learned.driver import LearnedDriver, choice_of, loaded
 from scex_sumo.learned.inputs.surface import surface_of
-from scex_sumo.learned.models import GraphImagePredictor, GraphPredictor
-from scex_sumo.learned.network.image_encoder import ImageEncoder
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 from tests.behaviors import roads
 from tests.learned import nets
@@ -62,7 +60,7 @@ def test_who_stands_starts_behind_one_that_moves_or_after_three_seconds(tmp_path
     alone = roads.scene_of((10.0, 0.0, 0.0, 0.0))
     behind = roads.scene_of((10.0, 0.0, 0.0, 0.0), (25.0, 0.0, 0.0, 5.0))
     model = driver(tmp_path, f"{name}:path=straight", behind)
-    assert isinstance(model, GraphPredictor | GraphImagePredictor)
+    assert isinstance(model, LearnedDriver)
 
     def starts(scene: SeedScene, step: int = 0) -> bool:
         history = replace(roads.present(scene), step=step)
@@ -127,23 +125,23 @@ def test_vehicles_off_the_map_are_left_to_the_path_following_driver_and_counted(
 
 def modes_driven(model: BatchBehavior, history: SceneHistory) -> np.ndarray:
     """(n,) which mode each vehicle drives, as the driver chooses it."""
-    assert isinstance(model, GraphPredictor | GraphImagePredictor)
+    assert isinstance(model, LearnedDriver)
     vehicles = roads.every(history)
-    paths, row = model.driver._paths(history, ROAD, vehicles)
-    _, modes = model.driver.predict(history, ROAD, vehicles, paths, row)
-    return model.driver._modes(history, ROAD, vehicles, row, modes)
+    paths, row = model._paths(history, ROAD, vehicles)
+    _, modes = model.predict(history, ROAD, vehicles, paths, row)
+    return model._modes(history, ROAD, vehicles, row, modes)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_drawn_mode_is_as_frequent_as_it_is_probable_and_stays(tmp_path: Path, name: str) -> None:
     model = driver(tmp_path, f"{name}:mode=draw")
-    assert isinstance(model, GraphPredictor | GraphImagePredictor)
+    assert isinstance(model, LearnedDriver)
     futures = 500
     draw = np.random.default_rng(0).random((futures, SCENE.vehicles))
     history = roads.present(SCENE, futures, draw)
     driven = modes_driven(model, history).reshape(futures, SCENE.vehicles)
-    upper = choice_of(SCENE, model.driver, ROAD).modes
-    _, row = model.driver._paths(history, ROAD, roads.every(history))
+    upper = choice_of(SCENE, model, ROAD).modes
+    _, row = model._paths(history, ROAD, roads.every(history))
     shares = np.diff(upper[row[: SCENE.vehicles]], axis=1, prepend=0.0)
     counted = np.stack([(driven == mode).mean(0) for mode in range(shares.shape[1])], 1)
     assert np.abs(counted - shares).max() < 4 * np.sqrt(0.25 / futures)
@@ -153,12 +151,12 @@ def test_a_drawn_mode_is_as_frequent_as_it_is_probable_and_stays(tmp_path: Path,
 
 def test_paths_are_drawn_as_often_as_the_network_holds_them_probable(tmp_path: Path) -> None:
     model = driver(tmp_path, "graph_predictor:path=likeliest:mode=draw")
-    assert isinstance(model, GraphPredictor)
+    assert isinstance(model, LearnedDriver)
     futures = 400
     draw = np.random.default_rng(0).random((futures, SCENE.vehicles))
     history = roads.present(SCENE, futures, draw)
-    paths, row = model.driver._paths(history, ROAD, roads.every(history))
-    upper = choice_of(SCENE, model.driver, ROAD).paths
+    paths, row = model._paths(history, ROAD, roads.every(history))
+    upper = choice_of(SCENE, model, ROAD).paths
     taken = row.reshape(futures, -1) - paths.first
     assert (taken < paths.count).all()
     shares = np.diff(upper, axis=1, prepend=0.0)
@@ -178,7 +176,7 @@ def test_attention_changes_what_is_driven(tmp_path: Path) -> None:
 
 def test_weights_that_change_while_a_run_goes_on_are_not_mixed(tmp_path: Path) -> None:
     model = driver(tmp_path, "graph_predictor")
-    assert isinstance(model, GraphPredictor)
+    assert isinstance(model, LearnedDriver)
     before, sha256 = roads.plan(model, ROAD, roads.present(SCENE)), model.weights_sha256
     file = nets.untrained(tmp_path, "graph_predictor", SCENE, ROAD, modes=3)
     assert same(before, roads.plan(model, ROAD, roads.present(SCENE)))
@@ -207,22 +205,3 @@ def test_the_shipped_drivers_stop_behind_a_standing_vehicle_and_need_no_guard_fo
         still = States.concatenate([still, standing[:, :, :1]], axis=2)
         history = replace(history, states=States.concatenate([window, still], axis=1), step=step + 5)
         assert history.now.x[0, 0] < 50.0 + gap
-
-
-def test_what_a_network_makes_of_a_map_stays_for_the_next_run_where_that_is_wanted(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    history, plans = roads.present(SCENE), []
-    for keeps in (False, True, True):
-        model = driver(tmp_path, "graph_image_predictor")
-        assert isinstance(model, GraphImagePredictor)
-        model.driver.keeps = keeps
-        plans.append(roads.plan(model, replace(ROAD), history))  # nothing derived from this road yet
-        if not keeps:
-            assert not (tmp_path / "cache").exists()
-            continue
-        (file,) = (tmp_path / "cache" / "scex-sumo" / "images").iterdir()
-        monkeypatch.setattr(ImageEncoder, "features_of", None)  # not computed again
-        assert same(plans[0], plans[-1])
-    assert file.stat().st_size < 1e6

@@ -12,9 +12,7 @@ from scex_sumo.people.models import (
     KeepsWay,
     KeepsWayProfile,
     StepsOut,
-    StepsOutProfile,
     Stops,
-    StopsProfile,
 )
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, Plan, SceneHistory, SeedScene, States, VehicleIndex
@@ -94,7 +92,7 @@ def test_one_that_waited_walks_on_when_the_way_is_free() -> None:
 @pytest.mark.parametrize("car_x", [0.0, 1.5, -2.0])
 def test_one_does_not_walk_into_the_side_of_a_standing_car(car_x: float) -> None:
     assert plan_of(walks_up(car_x, -2.5, drives=0.0)).y[0, -1] < EDGE_M
-    assert plan_of(walks_up(car_x, -2.5, drives=0.0), Stops(StopsProfile())).y[0, -1] < EDGE_M
+    assert plan_of(walks_up(car_x, -2.5, drives=0.0), Stops()).y[0, -1] < EDGE_M
 
 
 def test_one_passes_a_standing_car() -> None:
@@ -118,8 +116,8 @@ def test_one_in_the_way_of_a_car_that_comes_goes_on() -> None:
 
 def test_people_stop_and_step_out() -> None:
     along = crossing(-20.0, (0.0, -5.0, 0.0, 1.0))
-    stops, out = (plan_of(along, model) for model in (Stops(StopsProfile()), StepsOut(StepsOutProfile())))
+    stops, out = (plan_of(along, model) for model in (Stops(), StepsOut()))
     assert stops.speed[0, -1] == 0.0 and stops.x[0, -1] == pytest.approx(1.0 / 6, abs=0.06)
     # From 5 m beside it crosses the way of the car.
     assert out.x[0, -1] == pytest.approx(0.0, abs=1e-9) and out.y[0, -1] > -1.0
-    assert out.speed[0, -1] == pytest.approx(StepsOutProfile().speed)
+    assert out.speed[0, -1] == pytest.approx(1.5)

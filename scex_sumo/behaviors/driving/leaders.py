@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows, least_of
+from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
 from scex_sumo.geometry.paths import COARSE
 from scex_sumo.scene import SceneHistory, States, VehicleIndex
@@ -80,17 +81,9 @@ def find_leaders(
         >>> bool(leader.gap[0] > 0)
         True
     """
-    ahead = find_ahead(
-        history,
-        vehicles,
-        paths,
-        row,
-        s_centre,
-        clearance=clearance,
-        radius=radius,
-        obstacle_clearance=obstacle_clearance,
-    )
-    return ahead.leaders(len(vehicles))
+    at = history, vehicles, paths, row, s_centre
+    near = find_ahead(*at, clearance=clearance, radius=radius, obstacle_clearance=obstacle_clearance)
+    return near.leaders(len(vehicles))
 
 
 def find_ahead(
@@ -100,10 +93,10 @@ def find_ahead(
     row: IntArray,
     s_centre: FloatArray,
     *,
-    clearance: float,
-    radius: float,
+    clearance: float = 1.5,
+    radius: float = 100.0,
     obstacle_clearance: float = 1.5,
-    aside: FloatArray | None = None,
+    aside: FloatArray | float = 0.0,
     margin: float = CORRIDOR_MARGIN_M,
 ) -> Ahead:
     """Find the vehicles and obstacles on or near each driver's path, within the perception radius.
@@ -115,28 +108,17 @@ def find_ahead(
     Args:
         clearance: of a vehicle's centre from the path, m.
         obstacle_clearance: of an obstacle's centre from the path, m.
-        aside: (n,) offset of each driver's line, m, left positive; None is 0.
+        aside: (n,) offset of each driver's line, m, left positive.
         margin: of the corridor beyond the driver's width, on each side, m.
     """
-    others = everyone(history)
-    size = max(1, MAX_PAIRS // max(1, others.length.size))
-    parts = [
-        _ahead_of(
-            history,
-            others,
-            vehicles[k],
-            paths,
-            row[k],
-            s_centre[k],
-            np.where(others.obstacle, obstacle_clearance, clearance),
-            radius,
-            None if aside is None else aside[k],
-            margin,
-        )
-        for k in (slice(i, i + size) for i in range(0, max(1, len(vehicles)), size))
-    ]
-    for number, part in enumerate(parts):
-        part.driver[:] += number * size
+    others, aside = everyone(history), np.broadcast_to(aside, row.shape)
+    clear = np.where(others.obstacle, obstacle_clearance, clearance)
+    size, parts = max(1, MAX_PAIRS // max(1, others.length.size)), []
+    for begin in range(0, max(1, len(vehicles)), size):
+        k = slice(begin, begin + size)
+        some = vehicles[k], paths, row[k], s_centre[k], aside[k]
+        parts.append(_ahead_of(history, others, *some, clear, radius, margin))
+        parts[-1].driver[:] += begin
     return Ahead.join(parts)
 
 
@@ -147,9 +129,9 @@ def _ahead_of(
     paths: SeedPaths,
     row: IntArray,
     s_centre: FloatArray,
+    aside: FloatArray,
     clearance: FloatArray,
     radius: float,
-    aside: FloatArray | None,
     margin: float,
 ) -> Ahead:
     now = history.now[vehicles.future, vehicles.vehicle]
@@ -159,35 +141,26 @@ def _ahead_of(
     near &= others.present[vehicles.future]
     near[np.arange(len(vehicles)), vehicles.vehicle] = False
     # Points further than this from every coarse sample count in no case.
-    reach = max(
-        float(clearance.max(initial=0.0)), float(width.max(initial=0.0)) / 2 + margin + others.longest / 2
-    )
-    if aside is not None:
-        reach += float(np.abs(aside).max(initial=0.0))
+    bodies = float(width.max(initial=0.0)) / 2 + margin + others.longest / 2
+    reach = max(float(clearance.max(initial=0.0)), bodies) + float(np.abs(aside).max(initial=0.0))
     i, j, guess = _first_guess(paths, row, s_centre, ox, oy, near, radius, reach + COARSE * DS_M)
-    x, y = ox[i, j], oy[i, j]
-    s, offset, path_heading = paths.refine(row[i], guess, x, y, 3)
-    if aside is not None:
-        offset = offset - aside[i]
+    s, offset, path_heading = paths.refine(row[i], guess, ox[i, j], oy[i, j], 3)
+    offset = offset - aside[i]
     turn = others.states.heading[vehicles.future[i], j] - path_heading
     cos, sin = np.cos(turn), np.sin(turn)
     half_length, half_width = others.length[j] / 2, others.width[j] / 2
     extent = np.abs(cos) * half_length + np.abs(sin) * half_width
     body = np.abs(offset) - np.abs(sin) * half_length - np.abs(cos) * half_width
-    speed = others.states.speed[vehicles.future[i], j] * cos
-    inside = body <= width[i] / 2 + margin
-    ahead = s - s_centre[i]
+    speed = others.states.speed[vehicles.future[i], j]
+    inside, ahead = body <= width[i] / 2 + margin, s - s_centre[i]
     gap = ahead - extent - length[i] / 2
-    oncoming = cos < -0.5
-    counts = np.where(
-        (gap > 0) & ~oncoming, (np.abs(offset) <= clearance[j]) | inside, inside & (ahead > 0)
-    )  # fmt: skip
+    follows = (gap > 0) & (cos >= -0.5)
+    counts = np.where(follows, (np.abs(offset) <= clearance[j]) | inside, inside & (ahead > 0))
     # Bodies have to pass each other by half of both widths, on the side where it is going.
-    across = others.states.speed[vehicles.future[i], j] * sin
+    across = speed * sin
     to_go = np.abs(offset) - body + width[i] / 2 - np.sign(across) * offset
     leaves = np.maximum(to_go, 0.0) / np.maximum(np.abs(across), MIN_ACROSS_MPS)
-    pairs = Ahead(driver=i, other=j, gap=gap, speed=speed, cos=cos, leaves=leaves)
-    return pairs.take(counts)
+    return Ahead(driver=i, other=j, gap=gap, speed=speed * cos, cos=cos, leaves=leaves).take(counts)
 
 
 def _first_guess(
@@ -238,11 +211,11 @@ class Everyone:
     longest: float  # largest diagonal, m
 
 
+@owner_cache
 def everyone(history: SceneHistory) -> Everyone:
     """Join vehicles and obstacles."""
     scene, now = history.scene, history.now
-    present = np.ones(now.shape, dtype=np.bool_)
-    length, width = scene.length, scene.width
+    present, length, width = np.ones(now.shape, dtype=np.bool_), scene.length, scene.width
     obstacles = scene.obstacles
     if obstacles is not None:
         shape = (now.shape[0], len(obstacles.ids))
@@ -250,12 +223,15 @@ def everyone(history: SceneHistory) -> Everyone:
         spread = states.map(lambda values: np.broadcast_to(values, shape))
         now = States.concatenate([now, spread], axis=1)
         present = np.concatenate([present, np.broadcast_to(there, shape)], axis=1)
-        length = np.concatenate([length, obstacles.length])
-        width = np.concatenate([width, obstacles.width])
-    longest = float(np.sqrt(length**2 + width**2).max(initial=0.0))
+        length, width = np.append(length, obstacles.length), np.append(width, obstacles.width)
     obstacle = np.arange(len(length)) >= scene.vehicles
     if scene.people is not None:
         obstacle[: scene.vehicles] = scene.people
     return Everyone(
-        states=now, present=present, length=length, width=width, obstacle=obstacle, longest=longest
+        states=now,
+        present=present,
+        length=length,
+        width=width,
+        obstacle=obstacle,
+        longest=float(np.sqrt(length**2 + width**2).max(initial=0.0)),
     )

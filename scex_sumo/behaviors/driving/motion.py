@@ -61,19 +61,15 @@ def _present_bend(
     aside: FloatArray | None,
 ) -> FloatArray:
     """Return (n,) curvatures of the vehicles' motion minus those of their lines, 1/m."""
-    steps = 1 if history.step > 0 else 5
+    now = history.now[vehicles.future, vehicles.vehicle]
+    before = history.states[vehicles.future, vehicles.vehicle, -2 if history.step > 0 else -6]
     length = history.scene.length[vehicles.vehicle]
-    now = history.states[vehicles.future, vehicles.vehicle, -1]
-    before = history.states[vehicles.future, vehicles.vehicle, -1 - steps]
-    x, y = rear_axle(now, length)
-    px, py = rear_axle(before, length)
-    chord = np.sqrt((x - px) ** 2 + (y - py) ** 2)
-    turned = wrap(now.heading - before.heading)
+    (x, y), (px, py) = rear_axle(now, length), rear_axle(before, length)
+    chord, turned = np.sqrt((x - px) ** 2 + (y - py) ** 2), wrap(now.heading - before.heading)
     arc_length = chord * (1 + turned**2 / 24)  # arc over a chord
     then, _, _ = paths.refine(row, s - arc_length, px, py, 2)
-    bend = turned / np.maximum(arc_length, 0.02) - _bend_beside(
-        paths.bend_at(row, then + arc_length / 2), aside, v
-    )
+    line = _bend_beside(paths.bend_at(row, then + arc_length / 2), aside, v)
+    bend = turned / np.maximum(arc_length, 0.02) - line
     # A padded history is straight in a curve; a standing vehicle can turn its wheels first.
     most = _bend_limit(v, _urgency(wrap(now.heading - heading)))
     return np.where(arc_length > 0.02, clipped(bend, -most, most), 0.0)
@@ -127,26 +123,30 @@ def drive(
     for step in range(steps):
         a = accelerate(step, v, s - s0, s)
         following = v + a * STEP_S
-        moved = np.where(
-            following >= 0, (v + following) * (STEP_S / 2), v**2 / np.maximum(-2 * a, 1e-9)
-        )  # fmt: skip
+        stops_m = v**2 / np.maximum(-2 * a, 1e-9)
+        moved = np.where(following >= 0, (v + following) * (STEP_S / 2), stops_m)
         px, py, cos, sin, path_heading, _ = paths.at(row, s)
         dx, dy = x - px, y - py
         s = s + (cos * dx + sin * dy)
-        offset, lead = cos * dy - sin * dx, None
+        offset = cos * dy - sin * dx
+        lead: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0)
         if wanted is not None:
-            offset = offset - wanted[step]
-            lead = _lead(wanted, step, moved)
+            offset, lead = offset - wanted[step], _lead(wanted, step, moved)
             beside = wanted[step] if parallel else None
         bend = _steer(bend, offset, heading - path_heading, v, moved, lead)
         curvature = _bend_beside(paths.bend_at(row, s + moved / 2), beside, v)
         most = np.maximum(np.abs(curvature), CURVATURE_LIMIT)
         turn = clipped(curvature + bend, -most, most)
         bend = turn - curvature
-        x, y, heading = _along_arc(x, y, heading, turn * moved, moved)
+        angle = turn * moved
+        chord, middle = _chord(angle, moved), heading + angle / 2
+        x, y, heading = x + chord * np.cos(middle), y + chord * np.sin(middle), heading + angle
         s, v = s + moved, np.maximum(following, 0.0)
         out[0, step], out[1, step], out[2, step], out[3, step] = x, y, heading, v
-    return _centres(out, length)
+    x, y, heading, speed = np.ascontiguousarray(out.transpose(0, 2, 1))
+    ahead = (REAR_AXLE_SHARE * length)[:, None]
+    x, y = x + ahead * np.cos(heading), y + ahead * np.sin(heading)
+    return Plan(x=x, y=y, heading=wrap(heading), speed=speed)
 
 
 def drive_along(
@@ -169,14 +169,9 @@ def drive_along(
     )
 
 
-def _along_arc(
-    x: FloatArray, y: FloatArray, heading: FloatArray, angle: FloatArray, moved: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    # sin(z)/z of the half angle, below 0.5: the chord of the arc.
-    z2 = (angle / 2) ** 2
-    chord = moved * (1 - z2 / 6 * (1 - z2 / 20))
-    middle = heading + angle / 2
-    return x + chord * np.cos(middle), y + chord * np.sin(middle), heading + angle
+def _chord(angle: FloatArray, moved: FloatArray) -> FloatArray:
+    z2 = (angle / 2) ** 2  # sin(z)/z of the half angle, below 0.5
+    return np.asarray(moved * (1 - z2 / 6 * (1 - z2 / 20)))
 
 
 def _bend_beside(bend: FloatArray, aside: FloatArray | None, v: FloatArray) -> FloatArray:
@@ -205,7 +200,7 @@ def _steer(
     error: FloatArray,
     v: FloatArray,
     moved: FloatArray,
-    lead: tuple[FloatArray, FloatArray] | None = None,
+    lead: tuple[FloatArray | float, FloatArray | float],
 ) -> FloatArray:
     """Return the curvature error after one step.
 
@@ -217,11 +212,8 @@ def _steer(
     urgency = _urgency(error)
     most = _bend_limit(v, urgency)
     aim = -clipped(omega / 3 * offset, -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD)
-    if lead is None:
-        wanted = clipped(omega * (aim - error), -most, most)
-    else:
-        aim = clipped(aim + lead[0], -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD)
-        wanted = clipped(omega * (aim - error) + lead[1], -most, most)
+    aim = clipped(aim + lead[0], -JOIN_ANGLE_RAD, JOIN_ANGLE_RAD)
+    wanted = clipped(omega * (aim - error) + lead[1], -most, most)
     rate = np.minimum(STEERING_RATE, urgency * JOIN_JERK / np.maximum(v * v, 1.0)) * STEP_S
     change = (3 * omega * moved) * (wanted - bend)
     return bend + clipped(change, -rate, rate)
@@ -235,14 +227,6 @@ def _bend_limit(v: FloatArray, urgency: FloatArray) -> FloatArray:
     return np.minimum(0.75 * CURVATURE_LIMIT, urgency * JOIN_ACCELERATION / np.maximum(v * v, 1.0))
 
 
-def _centres(out: FloatArray, length: FloatArray) -> Plan:
-    x, y, heading, speed = np.ascontiguousarray(out.transpose(0, 2, 1))
-    ahead = (REAR_AXLE_SHARE * length)[:, None]
-    return Plan(
-        x=x + ahead * np.cos(heading), y=y + ahead * np.sin(heading), heading=wrap(heading), speed=speed
-    )
-
-
 @owner_cache
 def curve_speeds(paths: SeedPaths, lateral: float, deceleration: float) -> FloatArray:
     """Return (P * N,) highest speeds along all paths that respect every curve ahead, m/s."""
@@ -250,8 +234,7 @@ def curve_speeds(paths: SeedPaths, lateral: float, deceleration: float) -> Float
     # v² may fall by 2·b·ds per sample: a running minimum of v² + 2·b·s from the far end.
     slope = 2 * deceleration * DS_M * np.arange(paths.samples)
     reachable = np.minimum.accumulate((square + slope)[:, ::-1], axis=1)[:, ::-1] - slope
-    speeds: FloatArray = np.sqrt(reachable).ravel()
-    return speeds
+    return np.asarray(np.sqrt(reachable).ravel())
 
 
 def _slowing_for_curves(
@@ -371,33 +354,23 @@ def driven(history: SceneHistory, intents: Sequence[Intent], steps: int = PLAN_S
     plans: dict[int, Plan] = {}
     for paths in {id(intent.paths): intent.paths for intent in intents}.values():
         mine = [index for index, intent in enumerate(intents) if intent.paths is paths]
-        plans |= zip(
-            mine, _side_by_side(history, paths, [intents[index] for index in mine], steps), strict=True
-        )
+        plans |= zip(mine, _side_by_side(history, [intents[k] for k in mine], steps), strict=True)
     return [plans[index] for index in range(len(intents))]
 
 
-def _side_by_side(
-    history: SceneHistory, paths: SeedPaths, intents: Sequence[Intent], steps: int
-) -> list[Plan]:
-    ends = [0, *accumulate(len(intent.vehicles) for intent in intents)]
+def _side_by_side(history: SceneHistory, intents: Sequence[Intent], steps: int) -> list[Plan]:
+    counts = [len(intent.vehicles) for intent in intents]
+    ends = [0, *accumulate(counts)]
     parts = [(intent.accelerate, slice(*part)) for intent, part in zip(intents, pairwise(ends), strict=True)]
-    vehicles = VehicleIndex(
-        future=np.concatenate([intent.vehicles.future for intent in intents]),
-        vehicle=np.concatenate([intent.vehicles.vehicle for intent in intents]),
-    )
 
     def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
         return np.concatenate([model(step, v[k], travelled[k], s[k]) for model, k in parts])
 
+    vehicles = VehicleIndex.join([intent.vehicles for intent in intents])
     row, aside = np.concatenate([intent.row for intent in intents]), None
     if any(intent.aside is not None for intent in intents):
-        aside = np.vstack(
-            [
-                np.zeros((len(intent.vehicles), PLAN_STEPS + 1)) if intent.aside is None else intent.aside
-                for intent in intents
-            ]
-        )
-    plan = drive(history, vehicles, paths, row, accelerate, steps=steps, aside=aside)
-    kinds = [np.arange(len(intent.vehicles)) if intent.kind is None else intent.kind for intent in intents]
+        given = ((intent.aside, count) for intent, count in zip(intents, counts, strict=True))
+        aside = np.vstack([np.zeros((n, PLAN_STEPS + 1)) if a is None else a for a, n in given])
+    plan = drive(history, vehicles, intents[0].paths, row, accelerate, steps=steps, aside=aside)
+    kinds = [np.arange(n) if i.kind is None else i.kind for i, n in zip(intents, counts, strict=True)]
     return [handed_out(plan, begin + kind) for begin, kind in zip(ends, kinds, strict=False)]

@@ -26,12 +26,16 @@ from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex
 
 LINE_GAP_M = 0.5  # before a place to stop
 LINE_BRAKING = 0.7  # of the comfortable deceleration, for one
+POSITIVE = {
+    *("comfort_deceleration", "max_acceleration", "max_deceleration", "speed_factor", "radius"),
+    "curve_deceleration",
+}
 HABIT_STEPS = 5  # over which the acceleration before the seed scene is measured
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdmProfile:
-    """Driver profile of the Intelligent Driver Model (Treiber et al. 2000).
+class IdmParameters:
+    """Parameters of the formula (Treiber et al. 2000), one for all or (n,) one per vehicle.
 
     Attributes:
         comfort_deceleration: ``b`` in m/s², positive.
@@ -39,6 +43,20 @@ class IdmProfile:
         minimum_gap: ``s0`` in m, bumper to bumper.
         max_acceleration: ``a_max`` in m/s².
         max_deceleration: braking limit in m/s².
+    """
+
+    comfort_deceleration: FloatArray | float
+    time_headway: FloatArray | float
+    minimum_gap: FloatArray | float
+    max_acceleration: FloatArray | float
+    max_deceleration: FloatArray | float = 9.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdmProfile(IdmParameters):
+    """Driver profile of the Intelligent Driver Model.
+
+    Attributes:
         speed: desired speed ``v0`` in m/s; 0 takes the lane's speed limit.
         speed_factor: factor on the speed limit.
         habit_memory: time constant in s with which the desired speed moves from the one shown in the seed
@@ -54,11 +72,6 @@ class IdmProfile:
             straightest from the most probable lane) or ``random`` (drawn per future and vehicle).
     """
 
-    comfort_deceleration: float
-    time_headway: float
-    minimum_gap: float
-    max_acceleration: float
-    max_deceleration: float = 9.0
     speed: float = 0.0
     speed_factor: float = 1.0
     habit_memory: float = 0.0
@@ -72,17 +85,9 @@ class IdmProfile:
     path: PathChoice = "straight"
 
     def __post_init__(self) -> None:
-        positive = (
-            "comfort_deceleration",
-            "max_acceleration",
-            "max_deceleration",
-            "speed_factor",
-            "radius",
-            "curve_deceleration",
-        )
-        check_positive(self, *positive)
-        others = (name for name in IdmProfile.__dataclass_fields__ if name not in (*positive, "path"))
-        check_positive(self, *others, zero=True)
+        for name in IdmProfile.__dataclass_fields__:
+            if name != "path":
+                check_positive(self, name, zero=name not in POSITIVE)
         check_path(self.path)
 
 
@@ -104,19 +109,8 @@ Clearance and memory are not fitted, because 3 s of driving do not show them.
 """
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class IdmParameters:
-    """Parameters of the formula, one for all or (n,) one per vehicle; see `IdmProfile`."""
-
-    time_headway: FloatArray | float
-    minimum_gap: FloatArray | float
-    max_acceleration: FloatArray | float
-    comfort_deceleration: FloatArray | float
-    max_deceleration: FloatArray | float
-
-
 def idm_acceleration(
-    profile: IdmProfile | IdmParameters,
+    profile: IdmParameters,
     speed: FloatArray,
     desired_speed: FloatArray,
     gap: FloatArray,
@@ -135,11 +129,8 @@ def idm_acceleration(
 
     Source: Treiber, Hennecke, Helbing 2000; lower bound on s*: Treiber and Kesting 2013.
     """
-    a_max = profile.max_acceleration
-    result: FloatArray = a_max * (
-        free_share(speed, desired_speed) - leader_share(profile, speed, gap, leader_speed)
-    )
-    return np.maximum(result, -profile.max_deceleration)
+    share = free_share(speed, desired_speed) - leader_share(profile, speed, gap, leader_speed)
+    return np.maximum(profile.max_acceleration * share, -profile.max_deceleration)
 
 
 def free_share(speed: FloatArray, desired_speed: FloatArray, exponent: float = 4) -> FloatArray:
@@ -149,22 +140,16 @@ def free_share(speed: FloatArray, desired_speed: FloatArray, exponent: float = 4
 
 
 def leader_share(
-    profile: IdmProfile | IdmParameters, speed: FloatArray, gap: FloatArray, leader_speed: FloatArray
+    profile: IdmParameters, speed: FloatArray, gap: FloatArray, leader_speed: FloatArray
 ) -> FloatArray:
     """Return (n,) shares of a_max that a leader takes from that: (s*/s)²."""
-    braking = (
-        speed
-        * (speed - leader_speed)
-        / (2 * np.sqrt(profile.max_acceleration * profile.comfort_deceleration))
-    )
+    hardness = 2 * np.sqrt(profile.max_acceleration * profile.comfort_deceleration)
+    braking = speed * (speed - leader_speed) / hardness
     wanted = profile.minimum_gap + np.maximum(speed * profile.time_headway + braking, 0.0)
-    share: FloatArray = (wanted / np.maximum(gap, 0.1)) ** 2
-    return share
+    return np.asarray((wanted / np.maximum(gap, 0.1)) ** 2)
 
 
-def holding_acceleration(
-    profile: IdmProfile | IdmParameters, speed: FloatArray, gap: FloatArray
-) -> FloatArray:
+def holding_acceleration(profile: IdmParameters, speed: FloatArray, gap: FloatArray) -> FloatArray:
     """Return (n,) accelerations that end at places to stop, m/s²: a_max·(1 - (s*/s)²); inf without."""
     slowing = profile.max_acceleration * (1 - leader_share(profile, speed, gap, np.zeros_like(gap)))
     return np.where(np.isfinite(gap), np.maximum(slowing, -profile.max_deceleration), np.inf)
@@ -198,19 +183,11 @@ class IdmDriver(DrivesAlong):
         arc_length: FloatArray | None = None,
     ) -> Leaders:
         """Return the leaders of vehicles on rows of paths; ``arc_length`` (n,): where they are on them, m."""
-        profile = self.profile
+        profile, at = self.profile, (history, vehicles, paths, row)
         if arc_length is None:
-            arc_length, _, _ = path_positions(history, vehicles, paths, row)
-        return find_leaders(
-            history,
-            vehicles,
-            paths,
-            row,
-            arc_length,
-            clearance=profile.clearance,
-            radius=profile.radius,
-            obstacle_clearance=profile.obstacle_clearance,
-        )
+            arc_length, _, _ = path_positions(*at)
+        near, people = profile.clearance, profile.obstacle_clearance
+        return find_leaders(*at, arc_length, clearance=near, radius=profile.radius, obstacle_clearance=people)
 
     def behind(
         self,
@@ -226,11 +203,11 @@ class IdmDriver(DrivesAlong):
         holds = [] if hold is None else [hold]
         situation = np.stack([row, leaders.gap, leaders.speed, *holds], axis=1)
         first, kind = distinct(np.concatenate([own_motion(history, vehicles), situation], axis=1))
-        behind = (leaders.gap[first], leaders.speed[first])
-        accelerate = self._accelerate(history, vehicles[first], paths, row[first], *behind)
+        some, row = vehicles[first], row[first]
+        accelerate = self._accelerate(history, some, paths, row, leaders.gap[first], leaders.speed[first])
         if hold is not None:
             accelerate = stopping(accelerate, self.profile, hold[first])
-        return Intent(vehicles=vehicles[first], paths=paths, row=row[first], accelerate=accelerate, kind=kind)
+        return Intent(vehicles=some, paths=paths, row=row, accelerate=accelerate, kind=kind)
 
     def _accelerate(
         self,
@@ -244,11 +221,8 @@ class IdmDriver(DrivesAlong):
         """Return accelerations behind leaders of constant speed."""
         profile = self.profile
         wished = desired_speeds(paths, profile.speed, profile.speed_factor)
-        curves = (
-            curve_speeds(paths, profile.curve_acceleration, profile.curve_deceleration)
-            if profile.curve_acceleration > 0
-            else None
-        )
+        comfort = profile.curve_acceleration, profile.curve_deceleration
+        curves = curve_speeds(paths, *comfort) if profile.curve_acceleration > 0 else None
         habit = seed_motion(history, vehicles)
         # speeds are those at the centre, while the rear axle follows the table
         ahead = REAR_AXLE_SHARE * history.scene.length[vehicles.vehicle]
@@ -276,9 +250,8 @@ def stopping(accelerate: Accelerate, profile: IdmProfile, distance_m: FloatArray
     to_line = replace(profile, minimum_gap=LINE_GAP_M, time_headway=0.0, comfort_deceleration=braking)
 
     def accelerate_and_stop(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
-        return np.minimum(
-            accelerate(step, v, travelled, s), holding_acceleration(to_line, v, distance_m - travelled)
-        )
+        held = holding_acceleration(to_line, v, distance_m - travelled)
+        return np.minimum(accelerate(step, v, travelled, s), held)
 
     return accelerate_and_stop
 
@@ -312,13 +285,11 @@ def desired_speed(
     """
     if profile.habit_memory == 0:
         return wished
-    shown = clipped(
-        speed + profile.habit_lead * acceleration + profile.habit_margin, 0.0, np.maximum(wished, speed)
-    )
+    shown = speed + profile.habit_lead * acceleration + profile.habit_margin
+    shown = clipped(shown, 0.0, np.maximum(wished, speed))
     desired = wished + (shown - wished) * np.exp(-time_s / profile.habit_memory)
     gentle = (1 + profile.comfort_deceleration / profile.max_acceleration) ** -0.25
-    bounded: FloatArray = np.maximum(desired, gentle * present)
-    return bounded
+    return np.asarray(np.maximum(desired, gentle * present))
 
 
 @owner_cache

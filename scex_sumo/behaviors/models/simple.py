@@ -66,26 +66,10 @@ class EmergencyBrake(DrivesAlong):
         return Intent(vehicles=vehicles, paths=paths, row=row, accelerate=lambda *_: braking)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReplayProfile:
-    """Parameters of `Replay`; ``path`` is for the time after the recording's end."""
-
-    path: PathChoice = "straight"
-
-    def __post_init__(self) -> None:
-        check_path(self.path)
-
-
 class Replay(Driver):
-    """Repeats the recorded future, then keeps the last speed along the path."""
+    """Repeats the recorded future, then keeps the last speed along its straightest path."""
 
-    def __init__(self, profile: ReplayProfile) -> None:
-        self.profile = profile
-
-    @property
-    def sight(self) -> Sight | None:
-        """What a plan depends on; a drawn path differs between futures."""
-        return None if self.profile.path == "random" else "itself"
+    sight: Sight = "itself"
 
     def plan(
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
@@ -97,22 +81,19 @@ class Replay(Driver):
         """
         scene = history.scene
         if scene.future is None or scene.future_valid is None:
-            raise UsageError(
-                f"replay: seed scene {scene.name} has no recorded future; "
-                "choose other models or a recorded seed"
-            )
+            missing = f"replay: seed scene {scene.name} has no recorded future"
+            raise UsageError(f"{missing}; choose other models or a recorded seed")
         # up to the first gap
         valid = np.cumprod(scene.future_valid, axis=1).sum(axis=1)[vehicles.vehicle]
         left = np.clip(valid - history.step, 0, PLAN_STEPS)  # (n,) recorded steps from now on
         recorded = scene.future[vehicles.vehicle]
-        last = np.clip(history.step + left - 1, 0, recorded.shape[1] - 1)
-        i = np.arange(len(vehicles))
+        i, h, steps = np.arange(len(vehicles)), np.arange(PLAN_STEPS), recorded.shape[1] - 1
+        last = np.clip(history.step + left - 1, 0, steps)
         ends = [recorded[i, last], history.now[vehicles.future, vehicles.vehicle]]
         end = States.joined(ends, lambda parts: np.where(left > 0, *parts))
-        h = np.arange(PLAN_STEPS)
-        planned = recorded[:, np.minimum(history.step + h, recorded.shape[1] - 1)]
+        planned = recorded[:, np.minimum(history.step + h, steps)]
         ending = np.flatnonzero(left < PLAN_STEPS)
-        rest = drive_along(history, road, vehicles[ending], self.profile.path, start=end[ending])
+        rest = drive_along(history, road, vehicles[ending], "straight", start=end[ending])
         row, step = np.nonzero(h >= left[ending, None])
         planned.assign((ending[row], step), rest[row, step - left[ending[row]]])
         return Plan(**vars(planned))

@@ -28,8 +28,6 @@ class SumoDriver(Driver):
         UsageError: SUMO has no such model or parameter, or its result would depend on the tile.
     """
 
-    driven_by_sumo = True
-
     def __init__(
         self, model: str, parameters: Mapping[str, str] | None = None, *, path: PathChoice = "straight"
     ) -> None:

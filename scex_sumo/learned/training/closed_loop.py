@@ -30,8 +30,7 @@ from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 from scex_sumo.world.plain import PlainWorld
 
 if TYPE_CHECKING:
-    from scex_sumo.learned.training.options import TrainOptions
-    from scex_sumo.learned.training.train import Drift
+    from scex_sumo.learned.training.train import Drift, TrainOptions
 
 REPLAN = 5
 DRIFT_STEPS = (5, 10, 20)  # that a driver drives before a sample is made
@@ -47,16 +46,15 @@ def closed_loop(
     def drift(file: Path, number: int) -> TrainingSamples | None:
         # The plan of `joint` is what it drives in closed loop.
         replan = PLAN_STEPS if options.kind == "joint" else REPLAN
-        rng, model = np.random.default_rng([options.seed, number, 1]), driver(options.kind, file)
-        parts = []
+        rng, parts = np.random.default_rng([options.seed, number, 1]), list[TrainingSamples]()
+        spec = ModelSpec(name=MODELS[options.kind], parameters={"path": "likeliest", "weights": str(file)})
+        model = build(spec)
         for index, site in enumerate(dataset.sites):
             loaded = [load_recording(recording) for recording in recordings if recording.site == site]
             every_s = max(EVERY_S, moments_apart(loaded, MOMENTS))
-            here: list[SeedScene] = []
-            for one in loaded:
-                here += part_scenes(one, "train", split=sampling.split, every_s=every_s)
-            chosen = rng.permutation(len(here))[:MAX_SCENES]
-            for k in sorted(chosen.tolist()):
+            parted = (part_scenes(one, "train", split=sampling.split, every_s=every_s) for one in loaded)
+            here = [scene for scenes in parted for scene in scenes]
+            for k in sorted(rng.permutation(len(here))[:MAX_SCENES].tolist()):
                 road = here[k].road
                 assert road is not None
                 samples = drifted_samples(here[k], road, model, sampling.perturbation, rng, replan)
@@ -67,29 +65,22 @@ def closed_loop(
     return drift
 
 
-def driver(kind: str, file: Path) -> BatchBehavior:
-    """Build the model that drives with a file of weights, on its likeliest path."""
-    return build(ModelSpec(name=MODELS[kind], parameters={"path": "likeliest", "weights": str(file)}))
-
-
 def drifted_samples(
     scene: SeedScene,
     road: Road,
     model: BatchBehavior,
     perturbation: Perturbation,
     rng: np.random.Generator,
-    replan: int = REPLAN,
+    replan: int,
 ) -> list[TrainingSamples]:
     """Make samples where a driver drifts to; targets are the way back, or a stop behind standing vehicles."""
-    starts = [(replace(scene, history=perturbed(scene.history, perturbation, rng)), None)]
+    off = replace(scene, history=perturbed(scene.history, perturbation, rng))
     stop = add_obstacles(scene, road, learnable(scene, max(DRIFT_STEPS)), rng)
     drifted = []
-    for start, blocked in [*starts, *([] if stop is None else [stop])]:
+    for start, blocked in [(off, None), *([] if stop is None else [stop])]:
         held = start.vehicles - scene.vehicles
-        driven = drive_all(start, road, model, steps=max(DRIFT_STEPS), held=held, replan=replan).swapaxes(
-            1, 2
-        )
-        whole = States.concatenate([start.history.repeat(1), driven], 2)
+        driven = drive_all(start, road, model, steps=max(DRIFT_STEPS), held=held, replan=replan)
+        whole = States.concatenate([start.history.repeat(1), driven.swapaxes(1, 2)], 2)
         for step in DRIFT_STEPS:
             window = whole[:, :, step : step + HISTORY_STEPS + 1]
             samples = scene_samples(start, road, window, blocked=blocked, step=step)

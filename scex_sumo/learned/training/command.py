@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 from collections.abc import Sequence
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -79,16 +80,14 @@ def train_command(
         *(f"--leave-out {name}" for name in leave_out or ()),
         *(f"--validation {name}" for name in validation or ()),
     ]
-    command = " ".join(words)
+    split = Split(kept_validation=tuple(validation or ()))
+    recordings = partial(_recordings, data or [], leave_out or [], validation or [])
     if kind == SCENES:
-        kept = Split(kept_validation=tuple(validation or ()))
-        recordings = _recordings(data or [], leave_out or [], validation or [])
-        _train_scenes(recordings, kept, weights, command, seed=seed, epochs=epochs)
+        _train_scenes(recordings(), split, weights, " ".join(words), seed=seed, epochs=epochs)
         return
     from scex_sumo.learned.training.closed_loop import closed_loop
     from scex_sumo.learned.training.data.dataset import SampleOptions, make_dataset
-    from scex_sumo.learned.training.options import EPOCHS, TrainOptions
-    from scex_sumo.learned.training.train import Trainer, device_of
+    from scex_sumo.learned.training.train import EPOCHS, Trainer, TrainOptions
 
     count = EPOCHS[kind] if epochs is None else epochs
     options = TrainOptions(
@@ -97,14 +96,11 @@ def train_command(
         epochs=count,
         rounds=min(TrainOptions.rounds, max(count - 1, 0)),
     )
-    recordings = _recordings(data or [], leave_out or [], validation or [])
-    sampling = SampleOptions(split=Split(kept_validation=tuple(validation or ())))
+    found, sampling = recordings(), SampleOptions(split=split)
     with progress_bar("samples") as tick:
-        maps = tuple(simulated or ())
-        dataset = make_dataset(recordings, sampling, maps=maps, cache=cache_folder(), tick=tick)
+        dataset = make_dataset(found, sampling, maps=simulated or (), cache=cache_folder(), tick=tick)
     folder = _checkpoints(weights)
-    drift = closed_loop(recordings, sampling, dataset, options)
-    run = Trainer(dataset, options, device=device_of("auto"), drift=drift, folder=folder)
+    run = Trainer(dataset, options, drift=closed_loop(found, sampling, dataset, options), folder=folder)
     if overwrite and folder.exists():
         shutil.rmtree(folder)
     if run.resume():
@@ -114,7 +110,7 @@ def train_command(
     except KeyboardInterrupt:
         warn([f"{folder}: has the checkpoint after epoch {run.epoch}; the same command goes on"])
         raise
-    _finish(run, weights, command)
+    _finish(run, weights, " ".join(words))
     shutil.rmtree(folder)
 
 
@@ -138,26 +134,15 @@ def _check(kind: str, roots: Sequence[Path], out: Path | None, *, overwrite: boo
 
 
 def _train_scenes(
-    recordings: Sequence[Recording],
-    split: Split,
-    out: Path,
-    command: str,
-    *,
-    seed: int,
-    epochs: int | None,
+    recordings: Sequence[Recording], split: Split, out: Path, command: str, *, seed: int, epochs: int | None
 ) -> None:
     import torch
 
     from scex_sumo.generators.scene_model import save_scenes
     from scex_sumo.learned.training.scenes import EPOCHS, train_scenes
 
-    def report(epoch: int, loss: float, validation: float) -> None:
-        print(f"epoch {epoch} loss {loss:.3f} validation {validation:.3f}", file=sys.stderr)
-
     torch.set_num_threads(1)  # its products are small
-    tensors, meta = train_scenes(
-        recordings, split=split, moments=MOMENTS, seed=seed, epochs=epochs or EPOCHS, report=report
-    )
+    tensors, meta = train_scenes(recordings, split=split, moments=MOMENTS, seed=seed, epochs=epochs or EPOCHS)
     save_scenes(out, tensors, {"command": command, **meta, "seed": seed, "moments": MOMENTS})
     print(
         f"{out}: {meta['scenes']} scenes of {len(meta['sites'])} sites, "
@@ -205,7 +190,7 @@ def _train(run: Trainer) -> None:
     def report(progress: Progress) -> None:
         mark = " *" if progress.better else ""
         print(
-            f"epoch {progress.epoch}/{progress.epochs} {progress.seconds:.0f} s "
+            f"epoch {progress.epoch}/{run.options.epochs} {progress.seconds:.0f} s "
             f"loss {sum(progress.parts.values()):.3f} validation {progress.score.loss:.3f}  "
             f"{progress.score}{mark}",
             file=sys.stderr,
@@ -237,5 +222,5 @@ def _finish(run: Trainer, out: Path, command: str) -> None:
     }
     save_net(out, run.finished(), meta)
     print(f"{out}: {run.options.kind}, epoch {run.best_epoch}, {run.seconds:.0f} s")
-    for site, (ade, fde, best) in ((site, each.values()) for site, each in figures.items()):
-        print(f"  {site}: ADE {ade:.2f} m, FDE {fde:.2f} m, best of six {best:.2f} m")
+    for site, errors in figures.items():
+        print("  {}: ADE {:.2f} m, FDE {:.2f} m, best of six {:.2f} m".format(site, *errors.values()))

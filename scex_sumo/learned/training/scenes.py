@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import copy
 import itertools
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import shapely
 import torch
 from torch import Tensor, nn
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import load_recording
@@ -48,7 +49,7 @@ MOST_LATERAL_MPS2 = 4.5  # at a lane's curvature; recorded vehicles cut sharp be
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SceneSamples:
+class SceneSamples(Rows):
     """Vehicles to place, (n,) each; the first of the places (n, 1 + `ELSEWHERE`, F) is right."""
 
     places: FloatArray
@@ -144,14 +145,6 @@ def pace_slopes(known: Sequence[FloatArray]) -> FloatArray:
     return np.asarray(np.linalg.solve(square + penalty, x.T @ (weight * y)))
 
 
-def joined(parts: Sequence[SceneSamples | None]) -> SceneSamples:
-    """Join samples of several maps."""
-    kept = [part for part in parts if part is not None]
-    return SceneSamples(
-        **{f.name: np.concatenate([getattr(p, f.name) for p in kept]) for f in fields(SceneSamples)}
-    )
-
-
 def bins_of(values: FloatArray) -> FloatArray:
     """Return (K, 2) lowest and highest values of bins; a frequent value has one of its own."""
     values = values[np.isfinite(values)]
@@ -182,13 +175,11 @@ def fit(
     *,
     seed: int = 0,
     epochs: int = EPOCHS,
-    report: Callable[[int, float, float], None] = lambda *_: None,
 ) -> tuple[dict[str, FloatArray], float]:
     """Fit the networks; return tensors of a `SceneModel` and the validation loss.
 
     Args:
         known: (S, 3 + R) of `known_scenes` for each site.
-        report: called with the epoch, its loss and the validation loss.
     """
     torch.manual_seed(seed)
     flat = train.places[:, 0]
@@ -228,9 +219,11 @@ def fit(
             total += loss.item() * len(rows)
         nets.eval()
         with torch.no_grad():
-            each = torch.cat([_losses(nets, [t[rows] for t in parts[1]]) for rows in _rows(parts[1][0])])
+            some = zip(*(torch.split(t, 1024) for t in parts[1]), strict=True)
+            each = torch.cat([_losses(nets, [*batch]) for batch in some])
         score = float(each.sum(1).mean())
-        report(epoch + 1, total / len(weight), score)
+        words = f"epoch {epoch + 1} loss {total / len(weight):.3f} validation {score:.3f}"
+        print(words, file=sys.stderr)
         since += 1
         if score < best:
             best, state, since = score, copy.deepcopy(nets.state_dict()), 0
@@ -264,10 +257,6 @@ def _tensors(model: SceneModel, samples: SceneSamples) -> list[Tensor]:
     return [torch.as_tensor(array) for array in arrays]
 
 
-def _rows(tensor: Tensor) -> Sequence[Tensor]:
-    return torch.split(torch.arange(len(tensor)), 1024)
-
-
 def _losses(nets: nn.ModuleDict, batch: list[Tensor]) -> Tensor:
     """Return (n, 6) negative log-likelihoods of the place and of each quantity; 0 where it is unknown."""
     places, units, number = batch
@@ -285,7 +274,6 @@ def train_scenes(
     moments: int,
     seed: int = 0,
     epochs: int = EPOCHS,
-    report: Callable[[int, float, float], None] = lambda *_: None,
 ) -> tuple[dict[str, FloatArray], dict[str, Any]]:
     """Fit a scene model to the training parts of recordings; return its tensors and meta data.
 
@@ -325,12 +313,11 @@ def train_scenes(
     if not any(parts["train"]) or not any(parts["validation"]):
         raise TrackError("train scenes: needs scenes for training and for validation; give more recordings")
     tensors, loss = fit(
-        joined(parts["train"]),
-        joined(parts["validation"]),
+        SceneSamples.join([part for part in parts["train"] if part]),
+        SceneSamples.join([part for part in parts["validation"] if part]),
         [np.concatenate(some) for some in known.values()],
         seed=seed,
         epochs=epochs,
-        report=report,
     )
     count = sum(len(scenes) for m in of_maps.values() for (_, part), scenes in m.items() if part == "train")
     bounds = bounds_of(needs)

@@ -6,16 +6,17 @@ import hashlib
 import io
 import math
 import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 import torch
-from torch import nn
+from torch import Tensor, nn
 
-from scex_sumo.base.arrays import IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.cache import code_key
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import sha256_of, write_atomic
@@ -24,21 +25,51 @@ from scex_sumo.learned.training.data.augment import Images, mirrored
 from scex_sumo.learned.training.data.batches import Batch, Batches
 from scex_sumo.learned.training.data.dataset import Dataset
 from scex_sumo.learned.training.data.samples import TrainingSamples, load_samples, save_samples
-from scex_sumo.learned.training.loss import loss
-from scex_sumo.learned.training.networks.graph import ModeTensors
+from scex_sumo.learned.training.loss import LossWeights, loss
+from scex_sumo.learned.training.networks.graph import ModeTensors, ScalerModule
 from scex_sumo.learned.training.networks.graph_image import NETWORKS, Net, save_net
 from scex_sumo.learned.training.networks.joint import JointPredictorNet
-from scex_sumo.learned.training.options import (
-    TrainOptions,
-    copied,
-    fit_scales,
-    learning_rate,
-    roughen,
-    site_weights,
-    unlinked,
-    weight_groups,
-)
 from scex_sumo.learned.training.validate import Score, score_network
+
+Kind: TypeAlias = Literal["graph", "hybrid", "joint"]
+EPOCHS: Mapping[str, int] = {"graph": 6, "hybrid": 6, "joint": 12}  # of the shipped networks
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainOptions:
+    """Options of a training run.
+
+    Attributes:
+        average: share of the running mean of the weights that stays at each step; the mean is kept.
+        sizes: numbers of `Architecture` that differ from the shipped ones.
+    """
+
+    kind: Kind
+    seed: int = 0  # of the first weights, the order of batches and all draws
+    epochs: int = 6
+    rounds: int = 1  # in closed loop, evenly spread over the epochs
+    patience: int = 6  # stop after so many epochs without a better validation
+    nodes: int = 800  # vehicles per batch, about
+    rate: float = 2e-3  # highest learning rate; falls to zero like a cosine
+    decay: float = 0.1
+    average: float = 0.99
+    gradient: float = 1.0
+    dropout: float = 0.2  # share of hidden values that is dropped
+    noise: float = 0.05  # spread of the noise on scaled inputs, in standard deviations
+    unlinked: float = 0.2  # share of the graph's edges that is dropped
+    mirror: float = 0.5  # share of the batches that are mirrored
+    simulated: float = 0.3  # share of an epoch's vehicles that SUMO drove, if there are such
+    balance: float = 0.25  # a site counts like the number of its vehicles to the power of 1 minus this
+    sizes: dict[str, Any] = field(default_factory=dict)
+    weights: LossWeights = field(default_factory=LossWeights)  # of the parts of the loss
+
+    def __post_init__(self) -> None:
+        if self.epochs < 1 or self.rounds < 0 or self.rounds >= self.epochs:
+            raise UsageError(
+                f"train: --epochs needs at least 1 and more than the rounds in closed loop; "
+                f"got {self.epochs} and {self.rounds}"
+            )
+
 
 Drift: TypeAlias = Callable[[Path, int], TrainingSamples | None]
 """Makes the samples of a round in closed loop, from a network's file and the round's number."""
@@ -49,29 +80,14 @@ FILE = "checkpoint.pt"
 _DIGEST = hashlib.sha256().digest_size
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Progress:
+class Progress(NamedTuple):
     """One epoch, for the log."""
 
     epoch: int
-    epochs: int
     seconds: float
     parts: dict[str, float]
     score: Score
     better: bool
-
-
-def device_of(name: str) -> torch.device:
-    """Return a device by name; ``auto`` takes a GPU if there is one."""
-    if name == "auto":
-        return torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    try:
-        device = torch.device(name)
-        torch.zeros(1, device=device)
-    except (RuntimeError, AssertionError) as error:
-        words = str(error).splitlines()[0]
-        raise UsageError(f"--device {name}: cannot be used ({words}); give cpu, cuda or auto") from None
-    return device
 
 
 class Trainer:
@@ -79,6 +95,7 @@ class Trainer:
 
     Args:
         drift: makes the samples of a round in closed loop; None for no rounds.
+        device: None takes a GPU if there is one.
         folder: for checkpoints and the samples of rounds; None keeps none.
     """
 
@@ -87,11 +104,12 @@ class Trainer:
         dataset: Dataset,
         options: TrainOptions,
         *,
-        device: torch.device,
+        device: torch.device | None = None,
         drift: Drift | None = None,
         folder: Path | None = None,
     ) -> None:
-        self.dataset, self.options, self.device, self.folder = dataset, options, device, folder
+        self.dataset, self.options, self.folder = dataset, options, folder
+        self.device = device or torch.device("cuda" if torch.cuda.is_available() else "cpu")
         self.drift = drift if options.rounds else None
         torch.manual_seed(options.seed)
         self.net: Net = NETWORKS[options.kind](Architecture(**options.sizes))
@@ -99,16 +117,16 @@ class Trainer:
         if isinstance(self.net, JointPredictorNet):
             train, right = dataset.train, dataset.train.right
             self.net.fit_tokens(train.s[right], train.d[right], train.start[right])
-        self.net.to(device)
-        self.mean = copied(self.net)
+        self.net.to(self.device)
+        self.mean = deepcopy(self.net).requires_grad_(False)
         roughen(self.net, options)
         self.optimizer = torch.optim.AdamW(
             weight_groups(self.net, options.decay), lr=options.rate, betas=(0.9, 0.98)
         )
         self.site_weight = site_weights(dataset, options.balance)
-        self.images = Images.of_roads(dataset.roads, device) if options.kind == "hybrid" else None
-        self.train = Batches(dataset.train, self.site_weight, device)
-        self.validation = Batches(dataset.validation, self.site_weight, device)
+        self.images = Images.of_roads(dataset.roads, self.device) if options.kind == "hybrid" else None
+        self.train = Batches(dataset.train, self.site_weight, self.device)
+        self.validation = Batches(dataset.validation, self.site_weight, self.device)
         self.drifted: list[TrainingSamples] = []
         self.rounds: list[str] = []  # SHA-256 of their files
         self.epoch, self.best_loss, self.best_epoch, self.seconds = 0, math.inf, 0, 0.0
@@ -129,8 +147,7 @@ class Trainer:
             self.seconds = time.monotonic() - begun
             if self.folder is not None:
                 _write_checkpoint(self.folder, self._state())
-            report(Progress(epoch=self.epoch, epochs=options.epochs, seconds=self.seconds, parts=parts,
-                            score=score, better=better))  # fmt: skip
+            report(Progress(self.epoch, self.seconds, parts, score, better))
             if self.epoch - self.best_epoch >= options.patience:
                 return
 
@@ -189,11 +206,8 @@ class Trainer:
         if self.images is None:
             return self.train.groups(order, self.options.nodes)
         site = self.train.samples.site[order]
-        groups = [
-            group
-            for s in np.unique(site)
-            for group in self.train.groups(order[site == s], self.options.nodes)
-        ]
+        orders = (order[site == s] for s in np.unique(site))
+        groups = [group for each in orders for group in self.train.groups(each, self.options.nodes)]
         return [groups[k] for k in rng.permutation(len(groups))]
 
     def _mixed(self, order: IntArray) -> IntArray:
@@ -206,15 +220,14 @@ class Trainer:
     def _predict(
         self, net: Net, batch: Batch, rng: np.random.Generator | None, *, mirror: bool = False
     ) -> ModeTensors:
-        if self.images is None:
-            modes: ModeTensors = net(batch.scene, batch.path)
-            return modes
-        turns = 0 if rng is None else int(rng.integers(4))
-        count = len(batch.path.node)
-        attention = torch.full((count,), 0.5) if rng is None else torch.rand(count)
-        image = self.images.batch(batch, turns, mirrored=mirror)
-        seen: ModeTensors = net(batch.scene, batch.path, image, attention.to(self.device))
-        return seen
+        given: tuple[Any, ...] = (batch.scene, batch.path)
+        if self.images is not None:
+            turns = 0 if rng is None else int(rng.integers(4))
+            count = len(batch.path.node)
+            attention = torch.full((count,), 0.5) if rng is None else torch.rand(count)
+            given += self.images.batch(batch, turns, mirrored=mirror), attention.to(self.device)
+        modes: ModeTensors = net(*given)
+        return modes
 
     def predict_mean(self, batch: Batch) -> ModeTensors:
         """Predict with the mean weights, the map not turned, and an attention of 0.5."""
@@ -228,19 +241,22 @@ class Trainer:
 
     def finished(self) -> Net:
         """Return the network with the best weights."""
-        net = copied(self.mean)
+        net = deepcopy(self.mean).requires_grad_(False)
         net.load_state_dict(self.best)
         return net.cpu().eval()
 
     def resume(self) -> bool:
         """Go on from the checkpoint in the folder; return False if there is none."""
-        if self.folder is None:
-            return False
-        checkpoint = _read_checkpoint(self.folder, self.identity())
+        checkpoint = None if self.folder is None else _read_checkpoint(self.folder, self.identity())
         if checkpoint is None:
             return False
         state, self.drifted = checkpoint
-        self._restore(state)
+        for name in _MODULES:
+            getattr(self, name).load_state_dict(state[name])
+        for name in _NUMBERS:
+            setattr(self, name, state[name])
+        self.rounds = state["rounds"]
+        self.best = {k: v.to(self.device) for k, v in state["best"].items()}
         if self.drifted:
             self._use_drifted()
         return True
@@ -254,14 +270,6 @@ class Trainer:
         modules = {name: getattr(self, name).state_dict() for name in _MODULES}
         numbers = {name: getattr(self, name) for name in _NUMBERS}
         return {"identity": self.identity(), "best": self.best, "rounds": self.rounds, **modules, **numbers}
-
-    def _restore(self, state: dict[str, Any]) -> None:
-        for name in _MODULES:
-            getattr(self, name).load_state_dict(state[name])
-        for name in _NUMBERS:
-            setattr(self, name, state[name])
-        self.rounds = state["rounds"]
-        self.best = {k: v.to(self.device) for k, v in state["best"].items()}
 
 
 def _round_file(folder: Path, number: int) -> Path:
@@ -302,3 +310,59 @@ def _read_checkpoint(
             raise ResultError(f"{file}: is not that of the checkpoint; --overwrite begins anew")
         drifted.append(samples)
     return state, drifted
+
+
+def site_weights(dataset: Dataset, balance: float) -> FloatArray:
+    """Return (S,) weights of a site's vehicles; see `TrainOptions.balance`."""
+    train = dataset.train
+    site = np.repeat(train.site, train.pairs)[train.right]
+    count = np.bincount(site, minlength=len(dataset.sites))
+    seen = count > 0  # others are for validation alone
+    weight: FloatArray = np.where(seen, (count[seen].mean() / np.maximum(count, 1)) ** balance, 1.0)
+    return weight
+
+
+def learning_rate(options: TrainOptions, done: float) -> float:
+    """Return the learning rate after a share of the training."""
+    rise = min(1.0, (done * options.epochs + 0.02) / 1.0)
+    return options.rate * rise * 0.5 * (1 + math.cos(math.pi * done))
+
+
+def weight_groups(net: nn.Module, decay: float) -> list[dict[str, Any]]:
+    """Return parameters for the optimizer; only matrices decay."""
+    matrices = [p for p in net.parameters() if p.dim() >= 2]
+    others = [p for p in net.parameters() if p.dim() < 2]
+    return [{"params": matrices, "weight_decay": decay}, {"params": others, "weight_decay": 0.0}]
+
+
+def roughen(net: Net, options: TrainOptions) -> None:
+    """Add dropout after every ReLU and noise on scaled inputs, in training only."""
+
+    def drop(module: nn.Module, given: Any, out: Tensor) -> Tensor:
+        return nn.functional.dropout(out, options.dropout, module.training)
+
+    def shake(module: nn.Module, given: Any, out: Tensor) -> Tensor:
+        return out + options.noise * torch.randn_like(out) if module.training else out
+
+    for module in net.modules():
+        if isinstance(module, nn.ReLU) and options.dropout:
+            module.register_forward_hook(drop)
+        if isinstance(module, ScalerModule) and options.noise:
+            module.register_forward_hook(shake)
+
+
+def unlinked(batch: Batch, share: float) -> Batch:
+    """Drop a share of a batch's edges."""
+    if not share:
+        return batch
+    keep = torch.rand(batch.scene.edge.shape[0], device=batch.scene.edge.device) >= share
+    scene = batch.scene._replace(edge_index=batch.scene.edge_index[:, keep], edge=batch.scene.edge[keep])
+    return replace(batch, scene=scene)
+
+
+def fit_scales(net: Net, samples: TrainingSamples) -> None:
+    """Fit means and spreads of all inputs."""
+    net.scene.node_scale.fit(torch.as_tensor(samples.node))
+    net.scene.history_scale.fit(torch.as_tensor(samples.history).flatten(1))
+    net.scene.edge_scale.fit(torch.as_tensor(samples.edge))
+    net.path_scale.fit(torch.as_tensor(samples.feature))

@@ -14,7 +14,6 @@ from scex_sumo.behaviors.models.simple import (
     EmergencyBrake,
     EmergencyBrakeProfile,
     Replay,
-    ReplayProfile,
 )
 from scex_sumo.scene import SeedScene, States
 from tests.behaviors import roads
@@ -64,7 +63,7 @@ def with_future(scene: SeedScene, steps: int, speed: float) -> SeedScene:
 
 def test_replay_repeats_the_recording_and_goes_on_with_its_last_speed() -> None:
     scene = with_future(roads.scene_of((30.0, 50.0, np.pi / 2, 4.0)), 12, 4.0)
-    made = roads.plan(Replay(ReplayProfile()), roads.straight(), roads.present(scene))
+    made = roads.plan(Replay(), roads.straight(), roads.present(scene))
     # Off the road, so straight on along the heading it had in the seed scene.
     assert made.x[0] == pytest.approx(30.0)
     assert made.y[0] == pytest.approx(50.0 + 0.4 * np.arange(1, 31))
@@ -75,6 +74,6 @@ def test_replay_of_a_vehicle_that_left_the_recording_follows_its_path() -> None:
     scene = with_future(roads.scene_of((30.0, 0.0, 0.0, 6.0)), 20, 4.0)
     assert scene.future_valid is not None
     gone = replace(scene, future_valid=np.zeros_like(scene.future_valid))
-    made = roads.plan(Replay(ReplayProfile()), roads.straight(), roads.present(gone))
+    made = roads.plan(Replay(), roads.straight(), roads.present(gone))
     assert made.x[0] == pytest.approx(30.0 + 0.6 * np.arange(1, 31))
     assert made.y[0] == pytest.approx(0.0)

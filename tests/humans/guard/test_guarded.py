@@ -11,7 +11,7 @@ import pytest
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import BatchBehavior
-from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile, Replay, ReplayProfile
+from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile, Replay
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.drivers.own import behavior
 from scex_sumo.drivers.registry import ModelSpec, build, parse_models
@@ -46,7 +46,7 @@ def hard_braking(scene: SeedScene) -> tuple[int, int]:
         np.flatnonzero(scene.future_valid[:, :30].all(axis=1)),
     )
     vehicles = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
-    model, now = Replay(ReplayProfile()), scene.now.speed[vehicle]
+    model, now = Replay(), scene.now.speed[vehicle]
     raw, made = (one.plan(history, scene.road, vehicles, []) for one in (model, Guarded(model)))
     smooth = np.abs(np.diff(raw.speed[:, :5], axis=1, prepend=now[:, None])).max(axis=1) < 0.5
     hard = (made.speed[:, 4] - now < -1.5) & (raw.speed[:, 4] - now >= -1.5)
@@ -260,8 +260,8 @@ def test_who_was_slowed_down_regains_its_speed_instead_of_leaping() -> None:
 
 @pytest.mark.parametrize("name", ["standard_driver", "constant_velocity", "replay"])
 def test_every_model_that_we_drive_takes_a_guard_and_keeps_it_in_its_name(name: str) -> None:
-    (spec,) = parse_models(f"{name}:path=0:guard=true")
-    assert str(spec) == f"{name}:path=0:guard=true"
+    (spec,) = parse_models(f"{name}:guard=true")
+    assert str(spec) == f"{name}:guard=true"
     built = build(spec)
     assert isinstance(built, Guarded)
     assert type(built.inner) is type(build(ModelSpec(name=name)))

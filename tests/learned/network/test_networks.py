@@ -31,7 +31,7 @@ def ask(net: Net, history: SceneHistory, road: Road, attention: float = 0.5) -> 
         return net(graph, inputs)
     now = history.now
     pose = np.stack([now.x.ravel(), now.y.ravel(), now.heading.ravel()], 1)
-    return net(graph, inputs, image_of(road, net, ""), pose, np.arange(len(vehicles)), attention, free=True)
+    return net(graph, inputs, image_of(road, net), pose, np.arange(len(vehicles)), attention, free=True)
 
 
 def network(kind: str, **numbers: int | bool) -> Net:

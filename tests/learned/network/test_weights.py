@@ -14,9 +14,9 @@ from scex_sumo.base.errors import InputError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.base.tensors import ABOUT
 from scex_sumo.drivers.registry import build, parse_models
+from scex_sumo.learned.driver import SHIPPED
 from scex_sumo.learned.network.layers import exact
 from scex_sumo.learned.network.weights import load_weights, save_weights
-from scex_sumo.learned.profiles import SHIPPED
 from tests.behaviors import roads
 from tests.learned import nets
 

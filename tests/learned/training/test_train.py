@@ -29,8 +29,11 @@ from scex_sumo.learned.training.data.dataset import (  # noqa: E402
     part_scenes,
 )
 from scex_sumo.learned.training.data.samples import load_samples  # noqa: E402
-from scex_sumo.learned.training.options import TrainOptions  # noqa: E402
-from scex_sumo.learned.training.train import Progress, Trainer  # noqa: E402
+from scex_sumo.learned.training.train import (  # noqa: E402
+    Progress,
+    Trainer,
+    TrainOptions,
+)
 from scex_sumo.scenarios import example_path  # noqa: E402
 
 SMALL = {"hidden": 16, "heads": 2, "layers": 1}

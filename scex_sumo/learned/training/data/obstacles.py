@@ -9,6 +9,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import find_leaders
 from scex_sumo.behaviors.driving.paths import SeedPaths, path_positions, seed_paths
+from scex_sumo.behaviors.models.idm import IdmParameters, idm_acceleration
 from scex_sumo.learned.inputs.surface import path_room
 from scex_sumo.learned.training.data.targets import right_paths
 from scex_sumo.road import Road
@@ -20,8 +21,14 @@ BRAKING_MPS2 = (0.5, 5.0)  # that it takes to stop; its logarithm is drawn evenl
 MAX_GAP_M = 80.0
 ROOM_M = 8.0  # between the centres of a standing vehicle and of any other
 SIZE_M = (4.6, 1.9)
-# The Intelligent Driver Model (Treiber 2000) of stopping vehicles.
-STOP_GAP_M, HEADWAY_S, FASTER_MPS2, SLOWER_MPS2, HARDEST_MPS2 = 2.0, 1.0, 1.5, 2.5, 8.0
+STOP_GAP_M = 2.0
+STOPPING = IdmParameters(
+    time_headway=1.0,
+    minimum_gap=STOP_GAP_M,
+    max_acceleration=1.5,
+    comfort_deceleration=2.5,
+    max_deceleration=8.0,
+)
 
 
 def add_obstacles(
@@ -55,21 +62,15 @@ def add_obstacles(
 def _places(
     scene: SeedScene, road: Road, paths: SeedPaths, vehicle: IntArray, row: IntArray, rng: np.random.Generator
 ) -> tuple[States, BoolArray]:
-    history, vehicles = (
-        SceneHistory.of_scene(scene),
-        VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle),
-    )
-    own = scene.now[vehicle]
-    s, _, _ = path_positions(history, vehicles, paths, row)
+    vehicles = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
+    s, gap_ahead = standing_gap(SceneHistory.of_scene(scene), vehicles, paths, row)
     least, most = BRAKING_MPS2
     braking = least * (most / least) ** rng.random(len(vehicle))
-    gap = np.minimum(STOP_GAP_M + own.speed**2 / (2 * braking), MAX_GAP_M)
+    gap = np.minimum(STOP_GAP_M + scene.now.speed[vehicle] ** 2 / (2 * braking), MAX_GAP_M)
     at = s + gap + (scene.length[vehicle] + SIZE_M[0]) / 2
-    leader = find_leaders(history, vehicles, paths, row, s, clearance=1.5, radius=150.0)
     px, py, _, _, heading, _ = paths.at(row, at)
-    place = States(x=px, y=py, heading=heading, speed=np.zeros_like(px))
-    free = leader.gap > gap + SIZE_M[0] + STOP_GAP_M
-    return place, free & (at + SIZE_M[0] < path_room(paths, road).end[row])
+    free = (gap_ahead > gap + SIZE_M[0] + STOP_GAP_M) & (at + SIZE_M[0] < path_room(paths, road).end[row])
+    return States(x=px, y=py, heading=heading, speed=np.zeros_like(px)), free
 
 
 def _with_standing(scene: SeedScene, place: States) -> SeedScene:
@@ -97,21 +98,18 @@ def _with_standing(scene: SeedScene, place: States) -> SeedScene:
 
 def standing_gap(
     history: SceneHistory, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
-) -> FloatArray:
-    """Return (n,) m from vehicles to the next one on their paths; inf without one."""
+) -> tuple[FloatArray, FloatArray]:
+    """Return (n,) arc lengths of vehicles on their paths, and m to the next one on them; inf without one."""
     s, _, _ = path_positions(history, vehicles, paths, row)
-    return find_leaders(history, vehicles, paths, row, s, clearance=1.5, radius=150.0).gap
+    return s, find_leaders(history, vehicles, paths, row, s, clearance=1.5, radius=150.0).gap
 
 
 def stopping_way(speed: FloatArray, gap: FloatArray, steps: int) -> FloatArray:
     """Return (n, H) m that vehicles travel until they stand behind one (n,) m ahead."""
     v, travelled_m, ways = speed, np.zeros_like(speed), []
-    wanted = np.maximum(speed, 8.0)
     for _ in range(steps):
-        brakes = STOP_GAP_M + v * HEADWAY_S + v**2 / (2 * np.sqrt(FASTER_MPS2 * SLOWER_MPS2))
-        left = np.maximum(gap - travelled_m, 0.1)
-        a = FASTER_MPS2 * (1 - (v / wanted) ** 4 - (brakes / left) ** 2)
-        following = np.maximum(v + np.clip(a, -HARDEST_MPS2, FASTER_MPS2) * STEP_S, 0.0)
+        a = idm_acceleration(STOPPING, v, np.maximum(speed, 8.0), gap - travelled_m, np.zeros_like(v))
+        following = np.maximum(v + a * STEP_S, 0.0)
         travelled_m = travelled_m + (v + following) * (STEP_S / 2)
         v = following
         ways.append(travelled_m)

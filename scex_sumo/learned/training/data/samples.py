@@ -97,10 +97,9 @@ def scene_samples(
     *,
     seen: States | None = None,
     blocked: IntArray | None = None,
-    site: int = 0,
     step: int = 0,
 ) -> TrainingSamples | None:
-    """Make samples of a scene, one graph for each of C futures.
+    """Make samples of a scene, one graph for each of C futures; None if no vehicle can be learned from.
 
     The target is the recorded motion from the same time on; a vehicle elsewhere comes back smoothly. All
     vehicles are nodes; `learnable` ones are learned from.
@@ -109,39 +108,31 @@ def scene_samples(
         states: (C, V, 11) what the vehicles did, oldest first.
         seen: (C, V, 11) what the drivers see of it; None for the same.
         blocked: the only vehicles to be learned from, which stop behind an obstacle on their way.
-
-    Returns:
-        C graphs, or None if no vehicle can be learned from.
     """
     usable = learnable(scene, step) if blocked is None else blocked
-    futures = states.shape[0]
     if not len(usable):
         return None
-    paths = seed_paths(scene, road)
-    recorded, later, valid = recorded_from(scene, step)
-    row, owner, right = right_paths(paths, usable, recorded[usable], later[usable], valid[usable])
-    future = np.repeat(np.arange(futures), len(row))
-    vehicle = np.tile(usable[owner], futures)
-    vehicles = VehicleIndex(future=future, vehicle=vehicle)
-    rows, takes = np.tile(row, futures), np.tile(right, futures)
-    drawn = np.zeros((futures, scene.vehicles))
-    seen = states if seen is None else seen
-    history = history_at(scene, seen, np.arange(futures), drawn, step=step)
-    actual = states[:, :, -1][future, vehicle]
-    gap = None if blocked is None else standing_gap(history, vehicles, paths, rows)
-    goal = _goals(
-        paths, rows, vehicles, history, actual, recorded[vehicle], later[vehicle][:, :PLAN_STEPS], gap
+    assert scene.future is not None and scene.future_valid is not None
+    futures, count, paths = states.shape[0], scene.vehicles, seed_paths(scene, road)
+    recorded, later = scene.now if step == 0 else scene.future[:, step - 1], scene.future[:, step:]
+    valid = scene.future_valid[usable, step:]
+    row, owner, right = right_paths(paths, usable, recorded[usable], later[usable], valid)
+    vehicles = VehicleIndex(
+        future=np.repeat(np.arange(futures), len(row)), vehicle=np.tile(usable[owner], futures)
     )
-    keep = goal.near
+    rows, draws = np.tile(row, futures), np.zeros((futures, count))
+    history = history_at(scene, states if seen is None else seen, np.arange(futures), draws, step=step)
+    actual = states[:, :, -1][vehicles.future, vehicles.vehicle]
+    true = recorded[vehicles.vehicle], later[vehicles.vehicle][:, :PLAN_STEPS]
+    gap = None if blocked is None else standing_gap(history, vehicles, paths, rows)[1]
+    goals, keep = _goals(paths, rows, vehicles, history, actual, *true, gap)
     vehicles = vehicles[keep]
     inputs = path_inputs(history, road, vehicles, paths, rows[keep])
-    graph = scene_graph(history, road)
-    count = scene.vehicles
-    now = history.now
+    graph, now = scene_graph(history, road), history.now
     graph_of_edge = graph.edge_index[1] // count
     order = np.argsort(graph_of_edge, kind="stable")
     return TrainingSamples(
-        site=np.full(futures, site),
+        site=np.zeros(futures, dtype=np.int64),
         nodes=np.full(futures, count),
         edges=np.bincount(graph_of_edge, minlength=futures),
         pairs=np.bincount(vehicles.future, minlength=futures),
@@ -152,11 +143,8 @@ def scene_samples(
         edge=graph.edge[order].astype(np.float32),
         pair_node=vehicles.vehicle,
         feature=inputs.features.astype(np.float32),
-        right=takes[keep],
-        s=goal.s[keep].astype(np.float32),
-        d=goal.d[keep].astype(np.float32),
-        start=goal.start[keep].astype(np.float32),
-        xy=goal.xy[keep].astype(np.float32),
+        right=np.tile(right, futures)[keep],
+        **{name: values[keep].astype(np.float32) for name, values in goals.items()},
     )
 
 
@@ -168,22 +156,6 @@ def learnable(scene: SeedScene, step: int = 0) -> IntArray:
     return np.flatnonzero(whole & (scene.recorded_steps >= HISTORY_STEPS))
 
 
-def recorded_from(scene: SeedScene, step: int) -> tuple[States, States, BoolArray]:
-    """Return (V,) recorded states after some steps, (V, F) states after these, (V, F) whether recorded."""
-    assert scene.future is not None and scene.future_valid is not None
-    now = scene.now if step == 0 else scene.future[:, step - 1]
-    return now, scene.future[:, step:], scene.future_valid[:, step:]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Goals:
-    s: FloatArray  # (P, H)
-    d: FloatArray  # (P, H)
-    start: FloatArray  # (P, 4)
-    xy: FloatArray  # (P, H, 2)
-    near: BoolArray  # (P,)
-
-
 def _goals(
     paths: SeedPaths,
     row: IntArray,
@@ -193,18 +165,18 @@ def _goals(
     recorded: States,
     future: States,
     gap: FloatArray | None,
-) -> _Goals:
-    """Return targets of each vehicle along each of its paths."""
+) -> tuple[dict[str, Any], BoolArray]:
+    """Return the targets (P, ...) of vehicles along their paths, and (P,) whether they are near enough."""
     present = history.now[vehicles.future, vehicles.vehicle]
     expected = BEHIND_M + history.step * STEP_S * history.scene.now.speed[vehicles.vehicle]
-    s_then, d_then, s_true, d_true = along_paths(paths, row, recorded, future, start_way=expected)
-    s_now, d_now, _, _ = along_paths(paths, row, present, present[:, None], start_way=expected)
-    heading = paths.at(row, s_now)[4]
-    s_here, d_here, _, _ = along_paths(paths, row, actual, actual[:, None], start_way=expected)
+    s_then, d_then, s_true, d_true = along_paths(paths, row, recorded, future, expected)
+    s_now, d_now, heading = paths.foot_points(row, present.x, present.y, expected)
+    s_here, d_here, _ = paths.foot_points(row, actual.x, actual.y, expected)
     aside, ahead = d_here - d_then, s_here - s_then
     lean = np.tan(np.clip(wrap(actual.heading - recorded.heading), -MAX_SLOPE, MAX_SLOPE))
     if gap is None:
-        catching = _catch_up(ahead, actual.speed - recorded.speed, future.x.shape[1])
+        keep, gain = fading(STEP_S * np.arange(1.0, future.x.shape[1] + 1) / CATCH_UP_S)
+        catching = ahead[:, None] * keep + (actual.speed - recorded.speed)[:, None] * CATCH_UP_S * gain
         travelled = np.maximum.accumulate(np.maximum(s_true + catching - s_now[:, None], 0.0), axis=1)
         near = np.abs(ahead) <= MAX_AHEAD_M
     else:
@@ -214,22 +186,12 @@ def _goals(
         d_true = np.array([np.interp(*one) for one in places]).reshape(d_true.shape)
         near = np.ones(len(row), dtype=np.bool_)
     d = d_true + smooth_return(aside, lean, actual.speed, travelled)
-    px, py, cos, sin, _, _ = _sampled(paths, row, s_now[:, None] + travelled)
-    return _Goals(
-        s=travelled,
-        d=d,
-        start=np.stack([present.speed, d_now, wrap(present.heading - heading), aside], -1),
-        xy=np.stack(present.ahead_and_left(px - d * sin, py + d * cos), -1),
-        near=near & (np.abs(aside) <= MAX_ASIDE_M),
-    )
-
-
-def _catch_up(ahead: FloatArray, faster: FloatArray, steps: int) -> FloatArray:
-    keep, lean = fading(STEP_S * np.arange(1.0, steps + 1) / CATCH_UP_S)
-    still: FloatArray = ahead[:, None] * keep + faster[:, None] * CATCH_UP_S * lean
-    return still
-
-
-def _sampled(paths: SeedPaths, row: IntArray, s: FloatArray) -> FloatArray:
-    n, steps = s.shape
-    return paths.at(np.repeat(row, steps), s.ravel()).reshape(6, n, steps)
+    at = (s_now[:, None] + travelled).ravel()
+    px, py, cos, sin, *_ = paths.at(np.repeat(row, d.shape[1]), at).reshape(6, *d.shape)
+    goals = {
+        "s": travelled,
+        "d": d,
+        "start": np.stack([present.speed, d_now, wrap(present.heading - heading), aside], -1),
+        "xy": np.stack(present.ahead_and_left(px - d * sin, py + d * cos), -1),
+    }
+    return goals, near & (np.abs(aside) <= MAX_ASIDE_M)

@@ -14,18 +14,15 @@ RETURN_M = 12.0  # shortest way for it: a standing vehicle does not move sideway
 
 
 def along_paths(
-    paths: SeedPaths, row: IntArray, start: States, future: States, *, start_way: FloatArray | None = None
+    paths: SeedPaths, row: IntArray, start: States, future: States, start_way: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return arc lengths and offsets of states from paths: (n,), (n,) now; (n, F), (n, F) later.
+    """Return arc lengths and offsets of states from paths (n,): (n,), (n,) now; (n, F), (n, F) later.
 
     Args:
-        row: (n,) path of each vehicle.
-        future: (n, F).
-        start_way: (n,) rough arc length at present, m; None is the table's beginning.
+        start_way: (n,) rough arc length at present, m.
     """
     n, steps = future.x.shape
-    way = np.full(n, BEHIND_M) if start_way is None else start_way
-    s0, d0, _ = paths.foot_points(row, start.x, start.y, way)
+    s0, d0, _ = paths.foot_points(row, start.x, start.y, start_way)
     step_x = np.diff(np.concatenate([start.x[:, None], future.x], 1), axis=1)
     step_y = np.diff(np.concatenate([start.y[:, None], future.y], 1), axis=1)
     expected = s0[:, None] + np.cumsum(np.hypot(step_x, step_y), axis=1)
@@ -52,7 +49,7 @@ def right_paths(
     row = paths.first[vehicle][owner] + np.arange(len(owner)) - first[owner]
     if not len(row):
         return row, owner, np.zeros(0, dtype=np.bool_)
-    _, _, _, d = along_paths(paths, row, now[owner], future[owner])
+    _, _, _, d = along_paths(paths, row, now[owner], future[owner], np.full(len(row), BEHIND_M))
     known = valid[owner]
     distance = (np.abs(d) * known).sum(1) / np.maximum(known.sum(1), 1)
     best = np.minimum.reduceat(distance, first)
@@ -69,8 +66,7 @@ def smooth_return(
     """
     length = np.maximum(RETURN_M, RETURN_S * speed)[:, None]
     keep, lean = fading(np.clip(travelled_m / length, 0.0, 1.0))
-    back: FloatArray = displaced[:, None] * keep + slope[:, None] * length * lean
-    return back
+    return np.asarray(displaced[:, None] * keep + slope[:, None] * length * lean)
 
 
 def fading(u: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -73,7 +73,7 @@ def both(
     if isinstance(running, GraphNet | JointNet):
         return theirs, running(graph, path)
     return theirs, running(
-        graph, path, image_of(ROAD, running, ""), pose, np.arange(len(vehicles)), 0.3, free=True
+        graph, path, image_of(ROAD, running), pose, np.arange(len(vehicles)), 0.3, free=True
     )
 
 

@@ -9,9 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 
-from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.errors import UsageError
 from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.geometry.rectangles import outlines
 from scex_sumo.page.figures.drawing import draw_road, look_at, save, sheet
@@ -21,69 +19,34 @@ _VALUES = (0.0, 0.25, 0.5, 0.75, 1.0)
 _SPEED_PANELS = 3
 
 
-@checked
-def plot_attention(
-    scene: SeedScene,
-    path: str | Path,
-    *,
-    weights: str | Path = "",
-    values: Sequence[float] = _VALUES,
-    head: str = "bounded",
-    around_m: float = 40.0,
-) -> Path:
-    """Draw the plans of a seed scene's vehicles for several attention weights, and return the file.
+def draw_attention(scene: SeedScene, path: Path, around_m: float) -> None:
+    """Draw the plans of a scene's vehicles for several attention weights.
 
     The picture is centred on the vehicle whose plans differ most, beside the planned speeds of the three
     visible vehicles whose plans differ most. A plan ends in the outline of the vehicle after 3 s.
-
-    Args:
-        scene: with its road.
-        weights: of the Graph Image Predictor; empty takes the shipped ones.
-        values: attention weights w in [0, 1]; 1 uses the scene graph alone.
-        head: ``bounded`` or ``free``.
-        around_m: visible distance to each side, m.
-
-    Raises:
-        UsageError: the scene has no road, or no values are given.
-        InputError: the weights cannot be used.
-
-    Example:
-        >>> scene = scex.read_seed(scex.example_path("roundabout"))
-        >>> scex.plot_attention(scene, "attention.png", values=(0.0, 1.0)).name
-        'attention.png'
     """
-    if scene.road is None:
-        raise UsageError(f"{scene.name}: the scene has no road; read it with its map")
-    if not around_m > 0:
-        raise UsageError(f"around_m: got {around_m:g}, needs a distance above 0 m")
-    if not len(values):
-        raise UsageError("values: got none; give at least one attention weight")
-    plans = [_plan(scene, f"graph_image_predictor:attention={w:g}:head={head}", weights) for w in values]
+    plans = [_plan(scene, f"graph_image_predictor:attention={w:g}") for w in _VALUES]
     order = _most_different(plans)
     centre = _middle(scene, plans, order[0])
     order = [v for v in order if np.abs(_middle(scene, plans, v) - centre).max() < around_m][:_SPEED_PANELS]
     with sheet(9, 5.4) as figure:
         grid = figure.add_gridspec(len(order), 2, width_ratios=[1.7, 1])
         whole = figure.add_subplot(grid[:, 0])
-        _draw_plans(whole, scene, plans, values, order)
+        _draw_plans(whole, scene, plans, order)
         look_at(whole, centre - around_m, centre + around_m)
         for place, vehicle in enumerate(order):
             axes = figure.add_subplot(grid[place, 1])
-            _draw_speeds(axes, scene, plans, values, vehicle)
+            _draw_speeds(axes, scene, plans, vehicle)
             axes.set_title("ABC"[place], loc="left", fontweight="bold")
         figure.axes[-1].set_xlabel("time [s]")
         save(figure, path, dpi=130)
-    return Path(path)
 
 
-def _plan(scene: SeedScene, model: str, weights: str | Path) -> Plan:
+def _plan(scene: SeedScene, model: str) -> Plan:
     assert scene.road is not None
-    built = build(parse_models(f"{model}:weights={weights}" if str(weights) else model)[0])
     history = SceneHistory.of_scene(scene)
-    vehicles = VehicleIndex(
-        future=np.zeros(scene.vehicles, dtype=np.int64), vehicle=np.arange(scene.vehicles)
-    )
-    return built.plan(history, scene.road, vehicles, [np.random.default_rng(0)])
+    driver = build(parse_models(model)[0])
+    return driver.plan(history, scene.road, VehicleIndex.everyone(history), [np.random.default_rng(0)])
 
 
 def _most_different(plans: Sequence[Plan]) -> list[int]:
@@ -92,14 +55,12 @@ def _most_different(plans: Sequence[Plan]) -> list[int]:
     return [int(v) for v in np.argsort(-spread, kind="stable")]
 
 
-def _draw_plans(
-    axes: Axes, scene: SeedScene, plans: Sequence[Plan], values: Sequence[float], order: Sequence[int]
-) -> None:
+def _draw_plans(axes: Axes, scene: SeedScene, plans: Sequence[Plan], order: Sequence[int]) -> None:
     assert scene.road is not None
     draw_road(axes, scene.road)
     for box in outlines(scene.now, scene.length, scene.width):
         axes.fill(*box.T, facecolor="#222222", edgecolor="white", linewidth=0.6, zorder=5)
-    for number, (plan, w) in enumerate(zip(plans, values, strict=True)):
+    for number, (plan, w) in enumerate(zip(plans, _VALUES, strict=True)):
         x, y = (np.column_stack([a, b]) for a, b in ((scene.now.x, plan.x), (scene.now.y, plan.y)))
         color = _color(w)
         lines = axes.plot(x.T, y.T, color=color, linewidth=1.4, zorder=4 - 0.1 * number)
@@ -113,13 +74,11 @@ def _draw_plans(
     axes.legend(loc="best", frameon=True, framealpha=0.9)
 
 
-def _draw_speeds(
-    axes: Axes, scene: SeedScene, plans: Sequence[Plan], values: Sequence[float], vehicle: int
-) -> None:
+def _draw_speeds(axes: Axes, scene: SeedScene, plans: Sequence[Plan], vehicle: int) -> None:
     past = scene.history.speed[vehicle]
     before = STEP_S * np.arange(1 - len(past), 1)
     axes.plot(before, past, color="#222222", linewidth=1.4)
-    for plan, w in zip(plans, values, strict=True):
+    for plan, w in zip(plans, _VALUES, strict=True):
         ahead = STEP_S * np.arange(plan.speed.shape[1] + 1)
         axes.plot(ahead, [past[-1], *plan.speed[vehicle]], color=_color(w), linewidth=1.4)
     axes.set(ylabel="speed [m/s]", xlim=(before[0], STEP_S * plans[0].speed.shape[1]))
