@@ -18,7 +18,7 @@ from scex_sumo.base.errors import ScexError
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.net.sumo_net import SumoNet
-from scex_sumo.converters.signals import signals_of
+from scex_sumo.converters.registries import signals_of
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
 from scex_sumo.extrapolation.loop.measure import (
     measure_conflicts,

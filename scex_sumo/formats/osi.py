@@ -16,7 +16,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.naming import map_name
-from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
+from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.converters.xml import unpacked, xml_root
 from scex_sumo.formats.lane_maps.lane_map import FAR_M, DrawnMap, drawn_road
@@ -248,5 +248,5 @@ OSI = Dataset(
     read=_read,
     recordings=_recordings,
     within=within_map,
-    signals=SignalFormat(read=_read_signals),
+    signals=_read_signals,
 )
