@@ -34,7 +34,7 @@ TOPICS = {"ground_truth": "GroundTruth", "map": "MapAsamOpenDrive"}
 _VEHICLES = {
     7: "truck", 16: "truck", 8: "truck", 6: "truck", 9: "trailer", 10: "motorcycle", 11: "bicycle", 12: "bus",
     13: "tram", 14: "train", 15: "wheelchair", 17: "scooter", 18: "scooter", 19: "work machine",
-    20: "watercraft", 21: "aircraft",
+    20: "watercraft", 21: "aircraft"
 }  # fmt: skip
 """Our type by OSI's type of vehicle; every other one is a car."""
 _OTHERS = {1: "other", 3: "pedestrian", 4: "animal"}
@@ -237,11 +237,7 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
 
 
 OSI_MAP = MapFormat(
-    is_mine=is_osi,
-    read=_read_road,
-    tracks=lambda path: path,
-    asks_for="--tracks TRACE",
-    opendrive=map_text,
+    is_mine=is_osi, read=_read_road, tracks=lambda path: path, asks_for="--tracks TRACE", opendrive=map_text
 )
 OSI = Dataset(
     is_mine=is_osi,
