@@ -178,7 +178,6 @@ def _recorded(job: Job) -> Recorded | None:
         settings.steps,
         replan=settings.replan,
         metrics=settings.measured,
-        preset=settings.rule,
         vehicles=settings.vehicles_that_count(job.scene),
     )
 
