@@ -18,33 +18,19 @@ GUARD: Final = "guard"  # a parameter of every model but SUMO's
 
 @dataclass(frozen=True, kw_only=True)
 class ModelEntry:
-    """Entry of the model registry: how a model is made, and what it says of itself.
+    """Entry of the model registry: how a model is made, and what it says of itself."""
 
-    Attributes:
-        make: makes the model, from its profile, else from parameters by name.
-        summary: one sentence for ``scex-sumo models``.
-        profile: the default parameters, a frozen dataclass.
-        parameters: the defaults by name of a model without a profile; ``EMPTY`` if there is none.
-        path_words: values of the parameter ``path`` beside an index, ``straight`` and ``random``.
-        takes_guard: whether it has the parameter ``guard``.
-        is_own: whether it is the user's; a vehicle that it is assigned to is under test.
-        may_fail: whether plans may be unusable, as those of users', so that a fallback planner stands by.
-        moves: road users that it moves, e.g. ``pedestrian``; (): vehicles.
-        split: splits the text after the name into ``parameter=value``; None: at each colon.
-        place: models are listed by it.
-    """
-
-    make: Callable[..., Any]
-    summary: str
-    profile: Any = None
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-    path_words: tuple[str, ...] = ()
-    takes_guard: bool = True
-    may_fail: bool = True
-    is_own: bool = True
-    moves: tuple[str, ...] = ()
-    split: Callable[[str], list[str]] | None = None
-    place: int = 1000
+    make: Callable[..., Any]  # from the profile, else from parameters by name
+    summary: str  # one sentence for ``scex-sumo models``
+    profile: Any = None  # the default parameters, a frozen dataclass
+    parameters: Mapping[str, Any] = field(default_factory=dict)  # without one: defaults, `EMPTY` if none
+    path_words: tuple[str, ...] = ()  # of ``path`` beside an index, ``straight`` and ``random``
+    takes_guard: bool = True  # whether it has the parameter ``guard``
+    may_fail: bool = True  # whether plans may be unusable, so that a fallback planner stands by
+    is_own: bool = True  # whether it is the user's; a vehicle that it is assigned to is under test
+    moves: tuple[str, ...] = ()  # road users that it moves, e.g. ``pedestrian``; (): vehicles
+    split: Callable[[str], list[str]] | None = None  # of the text after the name; None: at each colon
+    place: int = 1000  # in the list of models
 
     @property
     def defaults(self) -> dict[str, Any]:
@@ -129,10 +115,9 @@ def parameter_value(spec: ModelSpec, key: str, entry: ModelEntry, value: Any) ->
         if value.lower() not in ("true", "false", "0", "1"):
             raise UsageError(f"{spec.name}: {key}={value} is neither true nor false")
         return value.lower() in ("true", "1")
-    if isinstance(default, int):
-        return _number(spec, key, value, int, "a whole number")
-    if isinstance(default, float):
-        return _number(spec, key, value, float, "a number")
+    if isinstance(default, int | float):
+        what = "a whole number" if isinstance(default, int) else "a number"
+        return _number(spec, key, value, type(default), what)
     return value
 
 

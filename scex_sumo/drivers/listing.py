@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.objects import parameter_texts
@@ -23,19 +22,13 @@ _SHARED: Final = {
 _DOCUMENTED: Final = re.compile(r"^    (\w+): (.*(?:\n {5,}\S.*)*)", re.MULTILINE)  # of Args and Attributes
 
 
-@dataclass(frozen=True, kw_only=True)
-class ModelInfo:
-    """A model as ``scex-sumo models`` prints it.
-
-    Attributes:
-        parameters: ``name=default``, those that people set first.
-        meanings: what a parameter means, where its class documents it.
-    """
+class ModelInfo(NamedTuple):
+    """A model as ``scex-sumo models`` prints it."""
 
     name: str
-    parameters: tuple[str, ...]
+    parameters: tuple[str, ...]  # ``name=default``, those that people set first
     summary: str
-    meanings: dict[str, str]
+    meanings: dict[str, str]  # of parameters, where their class documents them
 
 
 def known_models() -> list[ModelInfo]:
@@ -49,22 +42,13 @@ def model_info(name: str) -> ModelInfo:
 
 
 def _info(name: str, entry: ModelEntry) -> ModelInfo:
-    return ModelInfo(
-        name=name,
-        parameters=parameter_texts(entry.defaults),
-        summary=entry.summary,
-        meanings=_meanings(entry),
-    )
-
-
-def _meanings(entry: ModelEntry) -> dict[str, str]:
-    """Return what parameters mean, from the docstrings of the profile, else of what makes the model."""
+    """Parameters mean what the docstrings of the profile say, else of what makes the model."""
     makers = (entry.make,) if entry.profile is None else type(entry.profile).__mro__
     meanings = dict(_SHARED)
     for documented in (Surroundings, *reversed(makers)):
-        for name, text in _DOCUMENTED.findall(inspect.getdoc(documented) or ""):
-            meanings[name] = " ".join(text.replace("``", "").replace("`", "").split()).removesuffix(".")
-    return meanings
+        for key, text in _DOCUMENTED.findall(inspect.getdoc(documented) or ""):
+            meanings[key] = " ".join(text.replace("``", "").replace("`", "").split()).removesuffix(".")
+    return ModelInfo(name, parameter_texts(entry.defaults), entry.summary, meanings)
 
 
 def known_entries() -> dict[str, ModelEntry]:

@@ -114,7 +114,7 @@ def entry_of(name: str) -> ModelEntry:
     if ":" in name:
         hint = "; a model is name[:parameter=value]... or package.module:Class"
         return _entry(import_object(name, hint=hint, own=True), name)
-    if mix := _mix(name):
+    if mix := _MIXES.get(name):
         raise UsageError(
             f"{name} stands for several models and takes neither parameters nor a weight; "
             f"give them to the models: {mix}"
@@ -140,11 +140,6 @@ def _entry(given: Any, name: str) -> ModelEntry:
     return user_model(given, name)
 
 
-def _mix(name: str) -> str:
-    """Return what a mix stands for; an empty text for other names."""
-    return _MIXES.get(name, "")
-
-
 @checked
 def parse_models(text: str) -> list[ModelSpec]:
     """Read ``name[:parameter=value]...[@weight]``, several separated by commas.
@@ -159,10 +154,8 @@ def parse_models(text: str) -> list[ModelSpec]:
         >>> [str(spec) for spec in scex.parse_models("standard_driver@2,risky_driver:minimum_gap=3")]
         ['standard_driver', 'risky_driver:minimum_gap=3']
     """
-    given = _parts(text)
-    mixed = [(part, _mix(part)) for part in given]
-    parts = [name for part, mix in mixed for name in (mix.split(",") if mix else [part])]
-    specs = [_parse_one(part) for part in parts if part]
+    mixed = (_MIXES[part].split(",") if part in _MIXES else [part] for part in _parts(text))
+    specs = [_parse_one(part) for parts in mixed for part in parts if part]
     if not specs:
         raise UsageError(f"no model in {text!r}; give e.g. standard_driver; 'scex-sumo models' lists all")
     _refuse_twice(specs)
@@ -256,7 +249,11 @@ def _parse_one(text: str) -> ModelSpec:
 
             raise UsageError(f"{text}: name the SUMO model, one of {', '.join(SUMO_MODELS)}, as in sumo:EIDM")
         name = f"{SUMO}:{rest.pop(0)}"
-    elif rest and _is_import_path(name, rest[0]) and not _is_known(name):
+    elif (
+        rest
+        and all(part.isidentifier() for part in (*name.split("."), rest[0]))
+        and not (name in _CORE or name in _registered or name in EXTENSIONS.paths)
+    ):
         name = f"{name}:{rest.pop(0)}"
     parameters = {}
     for item in rest:
@@ -266,35 +263,30 @@ def _parse_one(text: str) -> ModelSpec:
         if key in parameters:
             raise UsageError(f"{text}: parameter {key} is given twice")
         parameters[key] = value
-    spec = ModelSpec(name=name, parameters=parameters, weight=_weight(text, weight) if at else 1.0)
+    try:
+        share = float(weight) if at else 1.0
+    except ValueError:
+        raise UsageError(f"{text}: weight {weight!r} is not a number; write e.g. @2 or @0.5") from None
+    spec = ModelSpec(name=name, parameters=parameters, weight=share)
     _maker(spec)  # raises for what cannot be made
     return spec
 
 
-def _is_import_path(module: str, attribute: str) -> bool:
-    return all(part.isidentifier() for part in module.split(".")) and attribute.isidentifier()
-
-
-def _is_known(name: str) -> bool:
-    return name in _CORE or name in _registered or name in EXTENSIONS.paths
-
-
-def _weight(text: str, weight: str) -> float:
-    try:
-        return float(weight)
-    except ValueError:
-        raise UsageError(f"{text}: weight {weight!r} is not a number; write e.g. @2 or @0.5") from None
-
-
 def build(spec: ModelSpec, *, fallback: bool = False) -> BatchBehavior:
-    """Make the model of a spec.
-
-    Args:
-        fallback: put the fallback planner around a model that may fail.
-    """
+    """Make the model of a spec; ``fallback``: put the fallback planner around a model that may fail."""
     entry = _entry_for(spec)
     make, guard = _maker(spec)
-    model = _built(spec.name, entry, make)
+    made = own_call(f"{spec.name}: making it", make, error=UsageError)() if entry.is_own else make()
+    model: BatchBehavior = made
+    if not isinstance(made, BatchBehavior):
+        if not isinstance(made, SingleVehicleBehavior):
+            raise UsageError(
+                f"{spec.name}: {type(made).__name__} has neither plan nor plan_one; needs a class with one "
+                "of them, or a function of history"
+            )
+        from scex_sumo.plug_in.user_model import SingleVehicle
+
+        model = SingleVehicle(made)
     if fallback and (entry.may_fail or entry.is_own):
         from scex_sumo.plug_in.fallback import Fallible
 
@@ -318,17 +310,3 @@ def _maker(spec: ModelSpec) -> tuple[Callable[[], Any], bool]:
     check_driver(model, given)
     path = parameter_value(spec, "path", entry, spec.parameters.get("path", "straight"))
     return partial(entry.make, model, given, path=path), False
-
-
-def _built(name: str, entry: ModelEntry, make: Callable[[], Any]) -> BatchBehavior:
-    model = own_call(f"{name}: making it", make, error=UsageError)() if entry.is_own else make()
-    if isinstance(model, BatchBehavior):
-        return model
-    if isinstance(model, SingleVehicleBehavior):
-        from scex_sumo.plug_in.user_model import SingleVehicle
-
-        return SingleVehicle(model)
-    raise UsageError(
-        f"{name}: {type(model).__name__} has neither plan nor plan_one; needs a class with one of them, "
-        "or a function of history"
-    )

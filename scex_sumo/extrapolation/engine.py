@@ -17,7 +17,7 @@ from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.converters.registries import signals_of
+from scex_sumo.converters.signals import signals_of
 from scex_sumo.extrapolation.extras import Extra, Row, Work, rows_of
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, ruled
 from scex_sumo.extrapolation.loop.measure import Recorded, measure_recorded
@@ -178,6 +178,7 @@ def _recorded(job: Job) -> Recorded | None:
         settings.steps,
         replan=settings.replan,
         metrics=settings.measured,
+        preset=settings.rule,
         vehicles=settings.vehicles_that_count(job.scene),
     )
 
@@ -214,7 +215,7 @@ def _info(job: Job, command: Sequence[str] | None, part: Part, notes: list[str])
         "versions": versions(),
     }
     if scene.rules is not None:
-        from scex_sumo.rules.precedence import precedence
+        from scex_sumo.rules.holds import precedence
 
         info["precedence"] = precedence(scene, job.road)
     vehicles = settings.vehicles_that_count(scene)

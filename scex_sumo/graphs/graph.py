@@ -205,8 +205,7 @@ def slope(values: FloatArray) -> FloatArray:
     """Return robust changes per second of values (..., K): the median slope (Theil 1950, Sen 1968)."""
     first, second = np.triu_indices(values.shape[-1], 1)
     slopes = (values[..., second] - values[..., first]) / ((second - first) * STEP_S)
-    median: FloatArray = np.median(slopes, axis=-1)
-    return median
+    return np.asarray(np.median(slopes, axis=-1))
 
 
 def _obstacle_ahead(history: SceneHistory) -> FloatArray:

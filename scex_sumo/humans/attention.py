@@ -27,8 +27,7 @@ def awareness(view: View, leaders: Leaders, factor: float) -> BoolArray:
     It follows from `SceneHistory.route_draw` and the time alone. A driver that was closing in on its leader a
     second ago does not look away.
 
-    Args:
-        factor: on the share of time of glances.
+    ``factor``: on the share of time of glances.
     """
     history, human = view.history, view.human
     draw = history.route_draw[view.vehicles.future, view.vehicles.vehicle]
@@ -81,23 +80,15 @@ def kept_clear(aside: FloatArray, view: View) -> FloatArray:
 
     The front of a long vehicle reaches further to the side than its rear axle, which follows it.
     """
-    history, vehicles, paths, row, s = view.history, view.vehicles, view.paths, view.row, view.s
+    history, vehicles, paths, row, s, _ = view
     time = STEP_S * np.arange(aside.shape[1])
     travelled_m = np.maximum(history.now[vehicles.future, vehicles.vehicle].speed, 0.0)[:, None] * time
-    least, most = offsets_beside(
-        history,
-        vehicles,
-        paths,
-        row,
-        s,
-        travelled_m,
-        margin=view.human.beside_gap_m,
-        passing=view.human.passing_gap_m,
-    )
+    margin, passing, steepest = view.human.beside_gap_m, view.human.passing_gap_m, view.human.max_slope
+    beside = history, vehicles, paths, row, s, travelled_m
+    least, most = offsets_beside(*beside, margin=margin, passing=passing)
     narrow = least > most
     middle = np.where(narrow, least, 0.0) / 2 + np.where(narrow, most, 0.0) / 2
     least, most = np.where(narrow, middle, least), np.where(narrow, middle, most)
-    steepest = view.human.max_slope
     moved = np.maximum(np.diff(travelled_m, axis=1), SLOPE_SPEED * STEP_S)
     slope = np.clip(np.diff(aside, axis=1) / moved, -steepest, steepest)
     length = history.scene.length[vehicles.vehicle]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -83,8 +83,7 @@ class LikelyProfile:
             check_path(self.path)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Draws:
+class Draws(NamedTuple):
     """Random numbers in [0, 1) of n drivers, the same in all plans of a future."""
 
     variation: FloatArray  # (n, 4) of accelerations, see `students`
@@ -98,15 +97,7 @@ class Draws:
     def of(cls, route_draw: FloatArray) -> Draws:
         """Draw for drivers by their `SceneHistory.route_draw` (n,)."""
         drawn = uniforms(route_draw, 11, DRIVER)
-        headway, crawl, change, pull = drawn[:, 7:].T
-        return cls(
-            variation=drawn[:, :4],
-            side=drawn[:, 4:7],
-            headway=headway,
-            crawl=crawl,
-            change=change,
-            pull=pull,
-        )
+        return cls(drawn[:, :4], drawn[:, 4:7], *drawn[:, 7:].T)
 
 
 class LikelyDriver(Driver):
@@ -124,7 +115,7 @@ class LikelyDriver(Driver):
         paths, row = self._paths(history, road, vehicles)
         s, _, _ = path_positions(history, vehicles, paths, row)
         human = human_of(history.scene, self.human)
-        view = View(history=history, vehicles=vehicles, paths=paths, row=row, s=s, human=human)
+        view = View(history, vehicles, paths, row, s, human)
         draws = Draws.of(history.route_draw[vehicles.future, vehicles.vehicle])
         drivers, offsets = self._drivers(view, draws), self._offsets(view, road, draws)
         leaders, obeyed = leaders_of(view, offsets[:, 0]), self._obeyed(view, road)
@@ -133,8 +124,7 @@ class LikelyDriver(Driver):
         hold = np.inf if obeyed is None else obeyed.hold
         unaware = still_unaware(history, paths, vehicles, self.profile.spread)
         accelerate = accelerations(view, drivers, leaders, aware=aware, waits_s=waits_s, hold=hold)
-        accelerate = unchanged(accelerate, unaware)
-        aside = kept_clear(offsets, view)
+        accelerate, aside = unchanged(accelerate, unaware), kept_clear(offsets, view)
         plan = drive(history, vehicles, paths, row, accelerate, aside=aside, parallel=True)
         yielded = yielding(plan, history, road, vehicles, human, aware)
         yielded.assign(unaware, plan[unaware])
@@ -159,29 +149,28 @@ class LikelyDriver(Driver):
             return None
         from scex_sumo.humans.obedience import obedience
 
-        future, vehicle = np.indices(history.now.shape).reshape(2, -1)
-        _, rows = self._paths(history, road, VehicleIndex(future=future, vehicle=vehicle))
+        _, rows = self._paths(history, road, VehicleIndex.everyone(history))
         return obedience(view, rows.reshape(history.now.shape), self.profile.spread)
 
     def _drivers(self, view: View, draws: Draws) -> Drivers:
         human, spread, observed, row = view.human, self.profile.spread, view.observed, view.row
         shown, vehicle = view.shown, view.vehicles.vehicle
         speed = shown.speed[vehicle]
-        headway = np.exp(
-            human.headway_log[0] + spread * human.headway_log[1] * normal_quantiles(draws.headway)
-        )
+        mean, deviation = human.headway_log
+        headway = np.exp(mean + spread * deviation * normal_quantiles(draws.headway))
         crawl = speed * (1 + np.minimum(spread, 1.0) * (2 * draws.crawl - 1))
         pull = np.exp(spread * human.pull_spread * normal_quantiles(draws.pull))
         stands = speed < human.standing_mps
         share, top = vehicle_types(view.scene)[vehicle].T
-        normal, mean, unsure = students(draws.variation), observed.mean_features, observed.spread_features
+        normal = spread * students(draws.variation)
+        shows = speed, observed.mean_features[row], observed.spread_features[row]
         drivers = Drivers(
             speed=speed,
             acceleration=shown.acceleration[vehicle],
             headway=np.minimum(np.minimum(headway, human.most_headway_s), observed.headway[row]),
             rest=np.clip(observed.gap[row], 0.0, human.rest_m),
             sudden=shown.sudden[vehicle],
-            variation=share[:, None] * drawn_variation(speed, mean[row], unsure[row], spread * normal, human),
+            variation=share[:, None] * drawn_variation(*shows, normal, human),
             crawl=np.where(stands, np.minimum(crawl, human.standing_mps), 0.0),
             limit=np.minimum(observed.limit[row], top),
             pull=np.where(stands, pull, 1.0) * share,
@@ -246,13 +235,10 @@ def vehicle_types(scene: SeedScene) -> FloatArray:
 def lane_offsets(view: View, deviation: FloatArray) -> FloatArray:
     """Return (n,) offsets from the path after 3 s without a lane change, m.
 
-    Args:
-        deviation: (n,) Student's draws.
+    ``deviation``: (n,) Student's draws.
     """
-    human, vehicle = view.human, view.vehicles.vehicle
-    lateral, bends, room = (
-        values[view.row] for values in (view.observed.lateral, view.observed.bends, view.observed.room)
-    )
+    human, vehicle, observed = view.human, view.vehicles.vehicle, view.observed
+    lateral, bends, room = (values[view.row] for values in (observed.lateral, observed.bends, observed.room))
     spread = np.exp(keep_features(view.shown.speed[vehicle], bends, room, human) @ human.keep_growth)
     leftmost, rightmost = np.maximum(offset_limits(room[:, 1], human), np.abs(lateral[:, :1])).T
     keeps = place_features(lateral, bends, room) @ human.keep_weights
@@ -280,14 +266,6 @@ def shown_habit(view: View, drivers: Drivers) -> FloatArray:
     return np.where(drivers.speed < human.standing_mps, 0.0, drivers.acceleration - trust * asked)
 
 
-def headway_to(view: View, drivers: Drivers, leaders: Leaders) -> FloatArray:
-    """Return (n,) headways, s; behind a leader other than in the seed scene at most the present one."""
-    speed = view.history.now.speed[view.vehicles.future, view.vehicles.vehicle]
-    same = leaders.index == view.observed.leader[view.row]
-    kept = kept_headway(leaders.gap, speed, view.human)
-    return np.where(same, drivers.headway, np.minimum(drivers.headway, kept))
-
-
 def accelerations(
     view: View,
     drivers: Drivers,
@@ -308,7 +286,10 @@ def accelerations(
     limits = desired_speeds(paths, human.idm.speed, human.idm.speed_factor)
     curves = curve_speeds(paths, human.idm.curve_acceleration, human.idm.curve_deceleration)
     ahead = REAR_AXLE_SHARE * view.scene.length[view.vehicles.vehicle]
-    headway = headway_to(view, drivers, leaders)
+    # behind a leader other than in the seed scene at most the present headway
+    speed = view.history.now.speed[view.vehicles.future, view.vehicles.vehicle]
+    kept = np.minimum(drivers.headway, kept_headway(leaders.gap, speed, human))
+    headway = np.where(leaders.index == view.observed.leader[view.row], drivers.headway, kept)
 
     def at(s: FloatArray) -> IntArray:
         return paths.sample_at(view.row, s + ahead)

@@ -46,8 +46,7 @@ def still_unaware(
 ) -> BoolArray:
     """Return (n,) whether drivers drive on as they do, because they have not responded yet.
 
-    Args:
-        spread: on the variation between drivers.
+    ``spread``: on the variation between drivers.
     """
     need = needs(history.scene, paths)[vehicles.vehicle]
     draws = uniforms(history.route_draw[vehicles.future, vehicles.vehicle], 2, _SALT)
@@ -59,9 +58,7 @@ def still_unaware(
 def share_unseen(need: FloatArray, speed: FloatArray) -> FloatArray:
     """Return the share of drivers that have not seen what they need to brake for.
 
-    Args:
-        need: of braking, m/s²; from `MOST_NEED_MPS2` on the share is 0.
-        speed: m/s.
+    ``need``: of braking, m/s²; from `MOST_NEED_MPS2` on the share is 0; ``speed``: m/s.
     """
     looking = (1 - UNSEEN) * np.exp(-need / np.interp(speed, *SCALES))
     unseen = UNSEEN * np.exp(-need / UNSEEN_MPS2)

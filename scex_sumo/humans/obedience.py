@@ -22,9 +22,7 @@ class RuleParameters:
 
     yellow_s: float = 4.0  # s | time to the line at which half of the drivers stop at yellow | 10 % stop at
     yellow_scale_s: float = 0.68  # s | scale of that logistic | 2.5 s, 90 % at 5.5 s: Zegeer and Deen 1978
-    latest_s: float = (
-        3.2  # s | nobody else hopes to enter later after yellow begins, which lasts 3 s | chosen
-    )
+    latest_s: float = 3.2  # s | nobody else hopes to enter later after yellow begins, of 3 s | chosen
     red_mps2: float = 4.5  # m/s² | hardest braking for red of a driver that does not brake yet | chosen
     runs_red: float = 0.004  # 1 | share that enters in early red | Bonneson and Zimmerman 2004
     early_red_s: float = 2.0  # s | the same: time of early red | the same: 95 % of 541 violations
@@ -34,9 +32,7 @@ class RuleParameters:
     priority_mps2: float = 3.0  # m/s² | hardest braking to give way | chosen
     rolls_mps: float = 2.5  # m/s | speed at which drivers roll over the line of a stop sign | chosen
     start_s: float = 1.0  # s | mean time from green, or a gap, to the start | HCM 7: start-up lost time 2 s
-    change_s: float = (
-        20.0  # s | mean time to the next green, if lights are unknown | chosen: half a red of 40 s
-    )
+    change_s: float = 20.0  # s | mean time to an unknown light's green | chosen: half a red of 40 s
     held_m: float = 5.0  # m | a vehicle that stands nearer before its place to stop waits for it | chosen
 
 
@@ -44,6 +40,7 @@ RULE_PARAMETERS = RuleParameters()
 
 
 def _logit(share: FloatArray) -> FloatArray:
+    share = np.clip(share, 1e-6, 1 - 1e-6)
     return np.asarray(np.log(share / (1 - share)))
 
 
@@ -56,9 +53,7 @@ def manner_of(draw: FloatArray, spread: float, given: RuleParameters = RULE_PARA
     """
     yellow, red, priority, gap = uniforms(draw, 4, OBEYS).T
     runs = (red < given.runs_red) & (spread > 0)
-    waits_s = given.yellow_s + min(spread, 1.0) * given.yellow_scale_s * _logit(
-        np.clip(yellow, 1e-6, 1 - 1e-6)
-    )
+    waits_s = given.yellow_s + min(spread, 1.0) * given.yellow_scale_s * _logit(yellow)
     return Manner(
         priority=(priority >= given.ignores) | (spread == 0),
         yellow_mps2=np.inf,
@@ -75,17 +70,17 @@ def manner_of(draw: FloatArray, spread: float, given: RuleParameters = RULE_PARA
 def obedience(view: View, rows: IntArray, spread: float) -> Obeyed:
     """Return where drivers have to stop, and where lights are green, in a scene with rules.
 
-    Args:
-        rows: (C, V) paths of all vehicles: turn indicators show them.
+    ``rows``: (C, V) paths of all vehicles: turn indicators show them.
     """
-    history, vehicles, rules = view.history, view.vehicles, view.history.scene.rules
+    history, vehicles, paths, row, _, human = view
+    rules = history.scene.rules
     assert rules is not None
     manner = manner_of(history.route_draw[vehicles.future, vehicles.vehicle], spread)
-    if np.isfinite(view.human.yellow_mps2):
+    if np.isfinite(human.yellow_mps2):
         yellow_s = np.where(np.isinf(manner.yellow_s), np.inf, 0.0)
-        manner = replace(manner, yellow_mps2=view.human.yellow_mps2, yellow_s=yellow_s)
-    traffic = traffic_on(history, view.paths, rows)
-    return obeyed(history, vehicles, view.paths, view.row, traffic, manner, _lights(view, rules, spread))
+        manner = replace(manner, yellow_mps2=human.yellow_mps2, yellow_s=yellow_s)
+    traffic = traffic_on(history, paths, rows)
+    return obeyed(history, vehicles, paths, row, traffic, manner, _lights(view, rules, spread))
 
 
 def _lights(view: View, rules: Rules, spread: float) -> Lit:
@@ -96,7 +91,7 @@ def _lights(view: View, rules: Rules, spread: float) -> Lit:
     from scex_sumo.rules.inferred import drawn_lights
 
     draw, count = history.route_draw[:, 0], len(rules.signals)
-    noise = _logit(np.clip(uniforms(draw, count, LIGHTS), 1e-6, 1 - 1e-6))
+    noise = _logit(uniforms(draw, count, LIGHTS))
     change_s = -given.change_s * np.log(uniforms(draw, count, CHANGES))
     return drawn_lights(history, view.paths, rules, noise, change_s)
 

@@ -42,8 +42,7 @@ def spread_factor(features: FloatArray, noise: FloatArray, growth: FloatArray) -
         noise: (N,) 1/(m/s²): at a scatter of 1 / noise half of the variance is noise.
         growth: (2,) weights of the features in an exponential.
     """
-    grown: FloatArray = np.hypot(1.0, features[:, :1] * noise) * np.exp(features[:, 1:] @ growth)[:, None]
-    return grown
+    return np.asarray(np.hypot(1.0, features[:, :1] * noise) * np.exp(features[:, 1:] @ growth)[:, None])
 
 
 def node_weights(time_s: float, human: HumanParameters) -> FloatArray:
@@ -78,9 +77,7 @@ def lateral_offsets(
 def students(uniform: FloatArray) -> FloatArray:
     """Return (n, K) numbers of Student's multivariate distribution with four degrees of freedom.
 
-    Args:
-        uniform: (n, K + 2) K for a normal vector and two for the common χ² with four degrees, -2·ln(u·u').
+    ``uniform``: (n, K + 2) K for a normal vector and two for the common χ² with four degrees, -2·ln(u·u').
     """
     chi2 = -2.0 * np.log(uniform[:, -2] * uniform[:, -1])
-    result: FloatArray = normal_quantiles(uniform[:, :-2]) * np.sqrt(DEGREES / chi2)[:, None]
-    return result
+    return np.asarray(normal_quantiles(uniform[:, :-2]) * np.sqrt(DEGREES / chi2)[:, None])

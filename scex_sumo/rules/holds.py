@@ -13,11 +13,12 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import everyone
-from scex_sumo.behaviors.driving.paths import SeedPaths
-from scex_sumo.rules.link import NO_SIGN
+from scex_sumo.behaviors.driving.paths import SeedPaths, seed_paths
+from scex_sumo.road import Road
+from scex_sumo.rules.apparent import NO_SIGN
 from scex_sumo.rules.passages import RuledWays, crosswalk_areas, ruled_ways
-from scex_sumo.rules.states import STANDS_MPS, Lit, Traffic
-from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex
+from scex_sumo.rules.states import STANDS_MPS, Lit, Traffic, straight_traffic
+from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 
 REACH_M = 100.0  # holds further ahead count later
 PASSED_M = 0.5  # a front that is so far beyond a line has passed it,
@@ -33,35 +34,24 @@ GOING_MPS = 5.0  # least speed of a vehicle that goes, after it has started
 LONG_RED_S, HARDEST_MPS2 = 3.0, 9.0  # nobody hopes to pass so long after red begins: all brake as they can
 CLEAR_S = 1.0  # between a vehicle that leaves a conflict and the next one
 PERMITTED_S, CROSSING_S, MERGING_S = 4.5, 6.5, 5.0  # critical headways
+MUST_YIELD, HAS_RED = "must yield", "has red"  # words of `precedence`
 WALKER_M, WALKER_S = 1.0, (0.0, 1.0, 2.0)  # around a crosswalk; times ahead at which walkers count
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Manner:
-    """How n drivers obey; numbers, or one (n,) for each.
+    """How n drivers obey; numbers, or one (n,) for each."""
 
-    Attributes:
-        lights: whether lights count; so ``priority``.
-        yellow_mps2: a driver stops at yellow if that needs no harder braking, and
-        yellow_s: if it was no nearer to the line, in time, when the light turned yellow.
-        red_mps2: the same at red.
-        red_delay_s: time for which red counts as yellow.
-        gaps: factor on critical headways.
-        priority_mps2: a driver gives way if that needs no harder braking.
-        stands_mps: speed below which a driver has stopped at a stop sign.
-        ready: whether a driver that stands or is slow goes at red and yellow.
-    """
-
-    lights: FloatArray | bool = True
-    priority: FloatArray | bool = True
-    yellow_mps2: FloatArray | float = 3.0
-    yellow_s: FloatArray | float = 0.0
-    red_mps2: FloatArray | float = 9.0
-    red_delay_s: FloatArray | float = 0.0
-    gaps: FloatArray | float = 1.0
-    priority_mps2: FloatArray | float = 4.0
-    stands_mps: FloatArray | float = STANDS_MPS
-    ready: bool = False
+    lights: FloatArray | bool = True  # whether lights count
+    priority: FloatArray | bool = True  # whether it gives way
+    yellow_mps2: FloatArray | float = 3.0  # a driver stops at yellow if that needs no harder braking, and
+    yellow_s: FloatArray | float = 0.0  # if it was no nearer to the line, in time, when yellow began
+    red_mps2: FloatArray | float = 9.0  # the same as the braking for yellow
+    red_delay_s: FloatArray | float = 0.0  # time for which red counts as yellow
+    gaps: FloatArray | float = 1.0  # factor on critical headways
+    priority_mps2: FloatArray | float = 4.0  # a driver gives way if that needs no harder braking
+    stands_mps: FloatArray | float = STANDS_MPS  # below it a driver has stopped at a stop sign
+    ready: bool = False  # whether a driver that stands or is slow goes at red and yellow
 
 
 def lights(history: SceneHistory, paths: SeedPaths) -> Lit:
@@ -77,15 +67,11 @@ def lights(history: SceneHistory, paths: SeedPaths) -> Lit:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Obeyed:
-    """What rules ask of n drivers.
+    """What rules ask of n drivers."""
 
-    Attributes:
-        hold: way of the front to the next place where a driver has to stop, m; inf if there is none.
-        released: whether a driver may enter the passage that it is at: a light shows green, or all others
-            leave it time, and it has to stop nowhere near behind the line.
-    """
-
-    hold: FloatArray
+    hold: FloatArray  # way of the front to the next place where a driver has to stop, m; inf without
+    # whether it may enter the passage that it is at: a light shows green, or all others leave it time, and
+    # it has to stop nowhere near behind the line
     released: BoolArray
 
 
@@ -98,17 +84,10 @@ def obeyed(
     manner: Manner,
     lit: Lit,
 ) -> Obeyed:
-    """Return what the rules of the scene ask of drivers.
-
-    Args:
-        row: (n,) path of each driver.
-        traffic: of all vehicles.
-        lit: the lights now.
-    """
+    """Return what the rules of the scene ask of drivers on paths (n,), with traffic of all and lights now."""
     rules = history.scene.rules
     assert rules is not None
-    ways = ruled_ways(paths, rules)
-    me = _Drivers(vehicles, row, traffic, manner)
+    ways, me = ruled_ways(paths, rules), _Drivers(vehicles, row, traffic, manner)
     gap, opened = _at_lights(me, ways, lit)
     gap = np.minimum(gap, _giving_way(me, ways, traffic, lit))
     gap = np.minimum(gap, _at_crosswalks(me, ways, history))
@@ -163,9 +142,8 @@ def _at_lights(me: _Drivers, ways: RuledWays, lit: Lit) -> tuple[FloatArray, Flo
     red, yellow = lit.of("red", *light) & ~ready, lit.of("yellow", *light)
     early = red & (since < me.of("red_delay_s", driver))
     away_s = gap / np.maximum(me.speed[driver], STANDS_MPS) + since * ~early
-    stops = (
-        (yellow | early) & (needed <= me.of("yellow_mps2", driver)) & (away_s >= me.of("yellow_s", driver))
-    )
+    stops = (yellow | early) & (needed <= me.of("yellow_mps2", driver))
+    stops &= away_s >= me.of("yellow_s", driver)
     hardest = np.where(since > LONG_RED_S, HARDEST_MPS2, me.of("red_mps2", driver))
     stops |= red & ~early & (needed <= hardest)
     stops &= me.of("lights", driver) != 0
@@ -279,10 +257,33 @@ def _at_crosswalks(me: _Drivers, ways: RuledWays, history: SceneHistory) -> Floa
     first = np.searchsorted(walks[:, 0], np.arange(len(ways.first)))
     driver, walk = _spread(first[me.row], first[me.row + 1] - first[me.row])
     gap = walks[walk, 1] - BEFORE_ZONE_M - me.front[driver]
-    stops = (
-        used[me.vehicles.future[driver], walks[walk, 3].astype(int)]
-        & (gap > -PASSED_M)
-        & (gap < REACH_M)
-        & (me.needed(driver, gap) <= me.of("priority_mps2", driver))
-    )
+    stops = used[me.vehicles.future[driver], walks[walk, 3].astype(int)] & (gap > -PASSED_M)
+    stops &= (gap < REACH_M) & (me.needed(driver, gap) <= me.of("priority_mps2", driver))
     return me.least(driver, gap, stops & (me.of("priority", driver) != 0))
+
+
+def precedence(scene: SeedScene, road: Road) -> list[tuple[int, int, str]]:
+    """Return (track, other track, what rules say of the first) where straightest paths conflict."""
+    rules = scene.rules
+    if rules is None:
+        return []
+    paths, history = seed_paths(scene, road), SceneHistory.of_scene(scene)
+    ways, traffic, lit = ruled_ways(paths, rules), straight_traffic(history, paths), lights(history, paths)
+    straight, tracks, rules_of = paths.first + paths.straight, scene.track_ids.tolist(), {}
+    for k, (own, other) in enumerate(zip(ways.own.tolist(), ways.other.tolist(), strict=True)):
+        one, two = (int(ways.vehicle[ways.row[entry]]) for entry in (own, other))
+        ahead = all(
+            straight[v] == ways.row[entry] and traffic.rear[0, v] < span[k, 1]
+            for v, entry, span in ((one, own, ways.own_span), (two, other, ways.other_span))
+        )
+        red = [
+            lit.red[0, ways.signal[entry]] and traffic.front[0, v] < ways.stop[entry]
+            for v, entry in ((one, own), (two, other))
+        ]
+        if not ahead or one == two or all(red):
+            continue
+        if red[1]:
+            rules_of[two, one] = HAS_RED
+        elif red[0] or not (ways.mutual[k] or lit.free[0, ways.signal[own]]):
+            rules_of[one, two] = HAS_RED if red[0] else MUST_YIELD
+    return [(tracks[one], tracks[two], what) for (one, two), what in rules_of.items()]

@@ -43,12 +43,9 @@ def expected_lights(history: SceneHistory, paths: SeedPaths, rules: Rules) -> Li
 def drawn_lights(
     history: SceneHistory, paths: SeedPaths, rules: Rules, noise: FloatArray, change_s: FloatArray
 ) -> Lit:
-    """Return lights drawn for each future.
+    """Return lights drawn for each future, with logistic noise (C, G) beside the evidence.
 
-    Args:
-        noise: (C, G) logistic numbers beside the evidence.
-        change_s: (C, G) times at which the other groups of a junction become green; the first of a junction
-            counts.
+    ``change_s`` (C, G): times at which the other groups of a junction become green; the first one counts.
     """
     odds, clash, time_s = evidence(history.scene, paths, rules), clashes(rules), history.step * STEP_S
     score = odds + noise
@@ -83,8 +80,7 @@ def _greedy(score: FloatArray, clash: BoolArray, allowed: BoolArray) -> BoolArra
     green = np.zeros(score.shape, dtype=np.bool_)
     futures = np.arange(len(score))
     for group in np.argsort(-score, axis=1, kind="stable").T:
-        free = ~(clash[group] & green).any(axis=1) & allowed[futures, group]
-        green[futures, group] = free
+        green[futures, group] = ~(clash[group] & green).any(axis=1) & allowed[futures, group]
     return green
 
 

@@ -27,15 +27,14 @@ class LightBar(NamedTuple):
 def light_bars(net: Path, steps: int, *, known: bool) -> list[LightBar]:
     """Return the bars of the lights of a net; those of one lane stand side by side.
 
-    Args:
-        known: whether phases count that no recording gave, as those of a SUMO simulation do.
+    ``known``: whether phases count that no recording gave, as those of a SUMO simulation do.
     """
     if not net.is_file():
         return []
     root = net_root(net)
     lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}
     shapes = {name: points_of(lane.get("shape", "")) for name, lane in lanes.items()}
-    links = [link for link in links_of(root, shapes) if link.light is not None]
+    links = [link for link in links_of(root) if link.light is not None]
     signals, _ = signals_of_links(root, links, known=known)
     shown: dict[str, dict[int, str]] = defaultdict(dict)
     for link in links:

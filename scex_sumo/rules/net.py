@@ -10,18 +10,16 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.converters.net.sumo_net import RECORDED, LaneTable, SumoNet
 from scex_sumo.converters.net.text import points_of
-from scex_sumo.converters.registries import signals_of
+from scex_sumo.converters.signals import signals_of
 from scex_sumo.converters.xml import net_root, unpacked
 from scex_sumo.geometry.polylines import without_repeats
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.road import Passage, Road, Rules, Signal
-from scex_sumo.rules.apparent import apparent_lights
-from scex_sumo.rules.link import Link, turns_that_wait
+from scex_sumo.rules.apparent import Link, apparent_lights, turns_that_wait
 from scex_sumo.scene import STEP_S, SeedScene
 
 BOTH_WAYS = "wZ="  # link states of which two may give way to each other
@@ -30,9 +28,7 @@ BOTH_WAYS = "wZ="  # link states of which two may give way to each other
 def with_rules(scene: SeedScene, net: SumoNet, *, keep: bool = True) -> tuple[SeedScene, tuple[str, ...]]:
     """Return a scene with the rules of its road, and notes; without rules if the road has none.
 
-    Args:
-        net: of the road, with or without the recorded lights of the scene.
-        keep: use the cache of nets.
+    ``net``: of the road, with or without the recorded lights of the scene; ``keep``: use the cache of nets.
     """
     file = _NetFile(path=net.path, digest=hashlib.sha256(unpacked(net.path)).hexdigest())
     if scene.rules is not None and scene.rules.net == file.digest:
@@ -63,26 +59,23 @@ def _rules_of(scene: SeedScene, lanes: LaneTable, net: _NetFile, keep: bool) -> 
     signals = signals_of(scene)
     if signals is None:
         rules = _rules_of_road(road, lanes, net)
-        return (
-            rules if road.regulations or road.net else _with_apparent_lights(scene, road, lanes, net, rules)
-        )
+        known = road.regulations or road.net
+        return rules if known else _with_apparent_lights(scene, road, lanes, net, rules)
     root = net_root(net.path)
     if not _is_recorded(root):
         with TemporaryFolder() as folder:
             path = Path(folder) / "lit.net.xml"
             lanes = converted(road, path, keep=keep, signals=signals, time_s=scene.time_s).lanes
             root = net_root(path)
-    rules, notes = read_rules(root, lanes, road)
-    if _is_recorded(root):
-        notes = (f"lights as recorded in {signals.name}", *notes)
-    return replace(rules, notes=notes, net=net.digest)
+    rules = read_rules(root, lanes, road)
+    recorded = (f"lights as recorded in {signals.name}",) if _is_recorded(root) else ()
+    return replace(rules, notes=(*recorded, *rules.notes), net=net.digest)
 
 
 @owner_cache
 def _rules_of_road(road: Road, lanes: LaneTable, net: _NetFile) -> Rules:
     """Return the rules of a road without recorded lights, once for all its moments."""
-    rules, notes = read_rules(net_root(net.path), lanes, road)
-    return replace(rules, notes=notes, net=net.digest)
+    return replace(read_rules(net_root(net.path), lanes, road), net=net.digest)
 
 
 def _with_apparent_lights(
@@ -115,7 +108,7 @@ def _with_apparent_lights(
 @owner_cache
 def _links_by_junction(road: Road, net: _NetFile) -> dict[str, list[Link]]:
     """Return the links of each junction of a road's net, once for all its moments."""
-    return dict(sorted(_by_junction(_links(net_root(net.path))).items()))
+    return dict(sorted(_by_junction(links_of(net_root(net.path))).items()))
 
 
 def _by_junction(links: Sequence[Link]) -> dict[str, list[Link]]:
@@ -125,22 +118,17 @@ def _by_junction(links: Sequence[Link]) -> dict[str, list[Link]]:
     return found
 
 
-def _links(root: Element) -> list[Link]:
-    shapes = {lane.get("id", ""): points_of(lane.get("shape", "")) for lane in root.iter("lane")}
-    return list(links_of(root, shapes))
-
-
 def _is_recorded(root: Element) -> bool:
     return any(logic.get("programID") == RECORDED for logic in root.iter("tlLogic"))
 
 
-def read_rules(root: Element, lanes: LaneTable, road: Road) -> tuple[Rules, tuple[str, ...]]:
-    """Return the rules of a net and notes on what contradicts itself, where nothing is obeyed.
+def read_rules(root: Element, lanes: LaneTable, road: Road) -> Rules:
+    """Return the rules of a net, with notes on what contradicts itself, where nothing is obeyed.
 
     Lights whose phases are invented, as the net of a map without phases needs them, are unknown; so those
     that netconvert gives to OpenStreetMap maps.
     """
-    links = _links(root)
+    links = links_of(root)
     signals, notes = signals_of_links(root, links, known=road.net is not None and road.phases)
     by_junction, passages = _by_junction(links), list[Passage]()
     for junction in root.iter("junction"):
@@ -152,8 +140,7 @@ def read_rules(root: Element, lanes: LaneTable, road: Road) -> tuple[Rules, tupl
             continue  # its lights were left out
         # Without regulations the net's right of way is guessed.
         if lit or ((road.regulations or road.net) and any(link.yields for link in mine)):
-            twice = _contradiction(mine)
-            if twice:
+            if twice := _contradiction(mine):
                 notes.append(f"junction {junction.get('id')}: {twice} give way to each other; no rules there")
                 continue
             passages += _passages(mine, len(passages), signals, lanes)
@@ -162,18 +149,20 @@ def read_rules(root: Element, lanes: LaneTable, road: Road) -> tuple[Rules, tupl
     states = tuple(signals.values())
     if unknown := sum(p.signal >= 0 and not states[p.signal].letters for p in passages):
         notes.append(f"lights of {unknown} passages are unknown: inferred from vehicles that stand or drive")
-    rules = Rules(passages=tuple(passages), signals=states, stop_lines=lines, crosswalks=crosswalks)
-    return rules, tuple(notes)
+    return Rules(
+        passages=tuple(passages), signals=states, stop_lines=lines, crosswalks=crosswalks, notes=tuple(notes)
+    )
 
 
-def links_of(root: Element, shapes: Mapping[str, FloatArray]) -> Iterator[Link]:
-    """Yield the links of a net that lead through junctions; shapes are those of its lanes."""
+def links_of(root: Element) -> list[Link]:
+    """Return the links of a net that lead through junctions."""
+    shapes = {lane.get("id", ""): points_of(lane.get("shape", "")) for lane in root.iter("lane")}
     following = {
         f"{c.get('from')}_{c.get('fromLane')}": c.get("via")
         for c in root.iter("connection")
         if c.get("from", "").startswith(":")
     }
-    rows = dict(_rows(root))
+    rows, links = dict(_rows(root)), []
     for c in root.iter("connection"):
         if c.get("from", "").startswith(":") or not c.get("via"):
             continue
@@ -188,15 +177,8 @@ def links_of(root: Element, shapes: Mapping[str, FloatArray]) -> Iterator[Link]:
             continue
         light = (c.get("tl", ""), int(c.get("linkIndex", -1))) if c.get("tl") else None
         ends = (f"{c.get('from')}_{c.get('fromLane')}", f"{c.get('to')}_{c.get('toLane')}")
-        yield Link(
-            line=line,
-            lanes=(ends[0], *chain, ends[1]),
-            junction=request[0],
-            row=request[1],
-            state=c.get("state", ""),
-            light=light,
-            yields=request[2],
-        )
+        links.append(Link(line, (ends[0], *chain, ends[1]), *request, c.get("state", ""), light))
+    return links
 
 
 def _rows(root: Element) -> Iterator[tuple[str, tuple[str, int, frozenset[int]]]]:

@@ -14,7 +14,7 @@ from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
 from scex_sumo.geometry.polylines import along, length_of, samples
 from scex_sumo.road import Rules
-from scex_sumo.rules.link import NO_SIGN
+from scex_sumo.rules.apparent import NO_SIGN
 
 NEAR_M = 1.5  # between a path and the passage that it takes; the next lane is 3 m away
 LONGER = 1.3, 4.0  # a path may be so many times longer than a passage, and m
@@ -25,35 +25,22 @@ STEP_M = 0.5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RuledWays:
-    """Passages on the paths of a seed scene: E passages on paths, sorted by path; K pairs that conflict.
+    """Passages on the paths of a seed scene: E passages on paths, sorted by path; K pairs that conflict."""
 
-    Attributes:
-        row: (E,) path; so ``passage`` and ``signal``, their indices.
-        stop: (E,) arc length on the path where a vehicle stops, m; so ``end``, where the passage ends.
-        first: (P + 1,) entries of path p are ``first[p]`` to ``first[p + 1]``.
-        own: (K,) entry that gives way; sorted.
-        other: (K,) entry that has priority.
-        own_span: (K, 2) arc lengths of the conflict on the path that gives way, m; so ``other_span``.
-        mutual: (K,) whether both give way to each other; so ``merges``, whether they lead to one lane.
-        vehicle: (P,) vehicle of each path.
-        walks: (W, 4) path, begin and end of each crosswalk on it, m, and index of the crosswalk.
-    """
-
-    row: IntArray
-    passage: IntArray
-    signal: IntArray
-    state: tuple[str, ...]
-    stop: FloatArray
-    end: FloatArray
-    first: IntArray
-    own: IntArray
-    other: IntArray
-    own_span: FloatArray
-    other_span: FloatArray
-    mutual: BoolArray
-    merges: BoolArray
-    vehicle: IntArray
-    walks: FloatArray
+    row: IntArray  # (E,) path
+    signal: IntArray  # (E,) -1 without
+    state: tuple[str, ...]  # (E,) of the link
+    stop: FloatArray  # (E,) arc length on the path where a vehicle stops, m
+    end: FloatArray  # (E,) where the passage ends, m
+    first: IntArray  # (P + 1,) entries of path p are ``first[p]`` to ``first[p + 1]``
+    own: IntArray  # (K,) entry that gives way; sorted
+    other: IntArray  # (K,) entry that has priority
+    own_span: FloatArray  # (K, 2) arc lengths of the conflict on the path that gives way, m
+    other_span: FloatArray  # (K, 2) and on the other
+    mutual: BoolArray  # (K,) whether both give way to each other
+    merges: BoolArray  # (K,) whether they lead to one lane
+    vehicle: IntArray  # (P,) vehicle of each path
+    walks: FloatArray  # (W, 4) path, begin and end of each crosswalk on it, m, and index of the crosswalk
 
     @cached_property
     def unsigned(self) -> BoolArray:
@@ -81,7 +68,6 @@ def ruled_ways(paths: SeedPaths, rules: Rules) -> RuledWays:
     mutual = [passage[a] in yields[passage[b]] for a, b in zip(own, other, strict=True)]
     return RuledWays(
         row=rows,
-        passage=passage,
         signal=np.array([rules.passages[k].signal for k in passage.tolist()], dtype=np.int64),
         state=tuple(rules.passages[k].state for k in passage.tolist()),
         stop=stop,
@@ -101,11 +87,8 @@ def ruled_ways(paths: SeedPaths, rules: Rules) -> RuledWays:
 @owner_cache
 def _marks(rules: Rules) -> list[tuple[float, FloatArray]]:
     """Return the length of each passage, m, and its points (3, 2): begin, middle, end."""
-    lengths = [length_of(passage.line) for passage in rules.passages]
-    return [
-        (length, along(passage.line, np.array([0.0, length / 2, length])))
-        for length, passage in zip(lengths, rules.passages, strict=True)
-    ]
+    lengths = ((length_of(passage.line), passage.line) for passage in rules.passages)
+    return [(length, along(line, np.array([0.0, length / 2, length]))) for length, line in lengths]
 
 
 def _place(
@@ -113,8 +96,7 @@ def _place(
 ) -> tuple[float, float] | None:
     """Return the arc lengths where a passage begins and ends on a path (N, 2); None if it is not taken.
 
-    Args:
-        length: of the passage, m; ``marks`` as of `_marks`.
+    ``length``: of the passage, m; ``marks`` as of `_marks`.
     """
     distance = np.hypot(*(points[:, None] - marks).transpose(2, 0, 1))
     at = distance.argmin(axis=0)
@@ -133,9 +115,8 @@ def _stop(points: FloatArray, begin: float, rules: Rules, stops: shapely.STRtree
     if not len(rules.stop_lines) or len(before) < 2:
         return begin
     line = shapely.LineString(before)
-    met = [
-        line.project(line.intersection(stops.geometries[k]).centroid) for k in stops.query(line, "intersects")
-    ]
+    crossed = (stops.geometries[k] for k in stops.query(line, "intersects"))
+    met = [line.project(line.intersection(stop).centroid) for stop in crossed]
     return DS_M * first + max(met) if met else begin
 
 
@@ -146,19 +127,19 @@ def _pairs(
     on: dict[int, list[int]] = {}
     for entry, k in enumerate(passage.tolist()):
         on.setdefault(k, []).append(entry)
-    span_of: dict[tuple[int, int], FloatArray | None] = {}
-    own, other, spans = [], [], []
+    lines, span_of = [p.line for p in rules.passages], dict[tuple[int, int], FloatArray | None]()
+    pairs, spans = [], []
     for entry, k in enumerate(passage.tolist()):
         for foe in rules.passages[k].yields_to:
             for theirs in on.get(foe, ()):
                 if (k, foe) not in span_of:
-                    span_of[k, foe] = _span(rules.passages[k].line, rules.passages[foe].line)
+                    span_of[k, foe] = _span(lines[k], lines[foe])
                 span = span_of[k, foe]
                 if span is not None and row[entry] != row[theirs]:
-                    own.append(entry)
-                    other.append(theirs)
+                    pairs.append((entry, theirs))
                     spans.append(span + np.repeat([begin[entry], begin[theirs]], 2))
-    return np.array(own, np.int64), np.array(other, np.int64), np.array(spans).reshape(-1, 4)
+    own, other = np.array(pairs, np.int64).reshape(-1, 2).T
+    return own, other, np.array(spans).reshape(-1, 4)
 
 
 def _span(one: FloatArray, other: FloatArray) -> FloatArray | None:

@@ -19,7 +19,7 @@ GAIN_STEPS = 3
 GREEN, YELLOW, RED = "Gg", "yY", "rRu"
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Lit:
     """Lights now: (1 or C, G + 1), of all futures or of each; the last one is that of passages without."""
 
@@ -35,16 +35,10 @@ class Lit:
     def at(cls, rules: Rules, time_s: float) -> Lit:
         """Return the lights at a time since the seed moment."""
         shown = [*(signal.at(time_s) for signal in rules.signals), ("", 0.0)]
-        letters = [letter for letter, _ in shown]
-        return cls(
-            red=np.array([[x != "" and x in RED for x in letters]]),
-            yellow=np.array([[x != "" and x in YELLOW for x in letters]]),
-            green=np.array([[x != "" and x in GREEN for x in letters]]),
-            free=np.array([[x == "G" for x in letters]]),
-            stop=np.array([[x == "s" for x in letters]]),
-            ready=np.array([[x == "u" for x in letters]]),
-            since_s=np.array([[since for _, since in shown]]),
-        )
+        letters = np.array([[letter for letter, _ in shown]])
+        kinds = RED, YELLOW, GREEN, "G", "s", "u"
+        red, yellow, green, free, stop, ready = (np.isin(letters, [*kind]) for kind in kinds)
+        return cls(red, yellow, green, free, stop, ready, np.array([[since for _, since in shown]]))
 
     def of(self, name: str, future: IntArray, signal: IntArray) -> Any:
         """Return what signals (m,) show in futures (m,)."""
@@ -67,9 +61,8 @@ class Traffic:
 
 def traffic_on(history: SceneHistory, paths: SeedPaths, row: IntArray) -> Traffic:
     """Return the places of all vehicles on paths (C, V)."""
-    future, vehicle = np.indices(row.shape).reshape(2, -1)
-    vehicles, now = VehicleIndex(future=future, vehicle=vehicle), history.now
-    s, _, _ = path_positions(history, vehicles, paths, row.ravel())
+    now = history.now
+    s, _, _ = path_positions(history, VehicleIndex.everyone(history), paths, row.ravel())
     s, half = s.reshape(row.shape), history.scene.length / 2
     return Traffic(
         row=row,

@@ -139,7 +139,7 @@ def bounds_of(v: float, *, safe: bool = False, **values: list[float]) -> FloatAr
     """Highest speeds of vehicles with a stop line each: values of `StopLines` that are not 0 or inf."""
     count = len(values["position"])
     arrays = {name: np.zeros(count) for name in ("speed", "deceleration", "enter")}
-    arrays |= {name: np.full(count, np.inf) for name in ("stop_time", "until")}
+    arrays["until"] = np.full(count, np.inf)
     arrays |= {name: np.array(given) for name, given in values.items()}
     flags = {"firm": np.ones(count, dtype=bool), "safe": np.full(count, safe)}
     aware = np.ones((count, 30), dtype=bool)

@@ -23,9 +23,11 @@ def queue(vehicles: int, steps: int) -> SceneTracks:
     return SceneTracks(states=states, length=np.full(vehicles, 4.5), width=np.full(vehicles, 1.8))
 
 
-@pytest.mark.parametrize("metric", ["gap_time", "pet"])
+@pytest.mark.parametrize(
+    ("metric", "preset"), [("gap_time", "paper"), ("gap_time", "path"), ("pet", "paper")]
+)
 def test_blocks_of_pairs_bound_the_memory_and_change_no_byte(
-    metric: str, monkeypatch: pytest.MonkeyPatch
+    metric: str, preset: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tracks = queue(24, 100)
     planned = PlannedPaths.from_tracks(tracks)
@@ -33,7 +35,7 @@ def test_blocks_of_pairs_bound_the_memory_and_change_no_byte(
     for rows in (1 << 40, 1 << 16):
         monkeypatch.setattr(paths_ahead, "BLOCK_ROWS", rows)
         tracemalloc.start()
-        values = evaluate(tracks, planned, metrics=[metric])
+        values = evaluate(tracks, planned, preset=preset, metrics=[metric])
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
         scene, worst = values.scene[metric], values.worst[metric]

@@ -17,7 +17,7 @@ from scex_sumo.geometry.polylines import bend
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.road import Area, Road
 from scex_sumo.roads.mirror import mirrored_road
-from scex_sumo.rules.link import Link, turns_that_wait
+from scex_sumo.rules.apparent import Link, turns_that_wait
 from scex_sumo.rules.net import read_rules, with_rules
 from tests.behaviors.roads import scene_of, straight
 from tests.converters.maps import write_map
@@ -47,7 +47,8 @@ def rules_of(*, net: bool = True, phases: bool = True, **words: str):
     for word, value in ({"FIRST": "00", "LIGHT": "", "OFFSET": "0.1", "PROGRAMME": "0"} | words).items():
         text = text.replace(word, value)
     road = Road(name="drawn", lanes={}, net=__file__ if net else None, phases=phases)  # type: ignore[arg-type]
-    return read_rules(ElementTree.fromstring(text), LANES, road)
+    rules = read_rules(ElementTree.fromstring(text), LANES, road)
+    return rules, rules.notes
 
 
 def test_passages_with_their_lanes_and_priority() -> None:

@@ -160,8 +160,7 @@ def drive_along(
 ) -> Plan:
     """Drive vehicles along chosen paths for 3 s; see `drive` and `SeedPaths.choose`.
 
-    Args:
-        accelerate: None keeps the speed.
+    ``accelerate``: None keeps the speed.
     """
     paths, row = chosen_paths(history, road, vehicles, path)
     return drive(

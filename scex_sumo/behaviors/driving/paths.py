@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import chain
 from math import ceil
 from typing import Any, Literal, TypeAlias
@@ -58,8 +58,7 @@ class SeedPaths(Paths):
             vehicle: (n,) index into the seed scene.
             draw: (n,) in [0, 1).
         """
-        first: IntArray = self.first[vehicle]
-        count: IntArray = self.count[vehicle]
+        first, count = self.first[vehicle], self.count[vehicle]
         if path == "random":
             passed = np.zeros(len(vehicle), dtype=np.int64)
             for k in range(int(self.count.max()) - 1):
@@ -74,13 +73,10 @@ class SeedPaths(Paths):
     @cached_property
     def curve_curvature(self) -> FloatArray:
         """(P, N) |curvature| averaged over 3 m, 1/m, for curve speeds."""
-        k = np.abs(self.bend[0].reshape(self.x.shape))
-        reach = int(1.5 / DS_M)
-        padded = np.pad(k, ((0, 0), (reach, reach)), mode="edge")
-        width = 2 * reach + 1
+        k, reach = np.abs(self.bend[0].reshape(self.x.shape)), int(1.5 / DS_M)
+        padded, width = np.pad(k, ((0, 0), (reach, reach)), mode="edge"), 2 * reach + 1
         total = np.cumsum(np.pad(padded, ((0, 0), (1, 0))), axis=1)
-        mean: FloatArray = (total[:, width:] - total[:, :-width]) / width
-        return mean
+        return np.asarray((total[:, width:] - total[:, :-width]) / width)
 
 
 def chosen_paths(
@@ -134,24 +130,17 @@ def seed_paths(
     return replace(paths, speed_limit=paths.speed_limit * factors[:, None])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class RouteLines:
-    """Centrelines of K candidate paths before they are sampled as `SeedPaths`.
+    """Centrelines of K candidate paths before they are sampled as `SeedPaths`."""
 
-    Attributes:
-        count: (V,) of each vehicle.
-        points: (P, 2) of each centreline, m; ``owner`` (P,) the lane under each point, None off the lanes.
-        raw: (K, N, 2) centrelines, every `DS_M`, m; ``smooth`` as a car can drive them.
-        limit: (K, N) of the speed, m/s.
-    """
-
-    count: IntArray
+    count: IntArray  # (V,) of each vehicle
     routes: list[CandidatePath]
-    points: list[FloatArray]
-    owner: list[IntArray | None]
-    raw: FloatArray
-    smooth: FloatArray
-    limit: FloatArray
+    points: list[FloatArray]  # (P, 2) of each centreline, m
+    owner: list[IntArray | None]  # (P,) the lane under each point; None off the lanes
+    raw: FloatArray  # (K, N, 2) centrelines, every `DS_M`, m
+    smooth: FloatArray  # (K, N, 2) as a car can drive them
+    limit: FloatArray  # (K, N) of the speed, m/s
 
 
 @owner_cache
@@ -173,9 +162,7 @@ def _route_lines(scene: SeedScene, road: Road, horizon_s: float) -> RouteLines:
         if lane is not None:
             width[k], limit[k] = _of_lanes(road, points[k], lane, raw.shape[1])
     smooth = drivable(raw, np.maximum(width, 1.0) / 2, DS_M)
-    return RouteLines(
-        count=count, routes=routes, points=points, owner=owner, raw=raw, smooth=smooth, limit=limit
-    )
+    return RouteLines(count, routes, points, owner, raw, smooth, limit)
 
 
 @owner_cache
@@ -191,7 +178,12 @@ def _straight(scene: SeedScene, v: int, ahead: float) -> FloatArray:
 
 def _sampled(road: Road, lines: RouteLines, redraw: Redraw | None) -> SeedPaths:
     key = (redraw, *(route.lanes for route in lines.routes), lines.raw.tobytes())
-    even = recent(_recent_lines(road), key, _RECENT, partial(_evenly, road, lines, redraw))
+
+    def evenly() -> FloatArray:
+        driven = lines.smooth if redraw is None else redraw(road, lines)
+        return np.stack([resample(line, driven.shape[1], DS_M) for line in driven])
+
+    even = recent(_recent_lines(road), key, _RECENT, evenly)
     step = np.gradient(even, axis=1)
     first = np.cumsum(lines.count) - lines.count
     parts = [slice(f, f + n) for f, n in zip(first, lines.count, strict=True)]
@@ -210,12 +202,6 @@ def _sampled(road: Road, lines: RouteLines, redraw: Redraw | None) -> SeedPaths:
         speed_limit=lines.limit,
         slow_in_curves=road.sumo_lanes,
     )
-
-
-def _evenly(road: Road, lines: RouteLines, redraw: Redraw | None) -> FloatArray:
-    """Return the lines (K, N, 2) that are driven, every `DS_M`."""
-    driven = lines.smooth if redraw is None else redraw(road, lines)
-    return np.stack([resample(line, driven.shape[1], DS_M) for line in driven])
 
 
 def _shares(routes: list[CandidatePath]) -> FloatArray:
@@ -315,5 +301,4 @@ def nearest_paths(
 def _misfit(feet: tuple[FloatArray, FloatArray, FloatArray], heading: FloatArray) -> FloatArray:
     _, offset, path_heading = feet
     error = wrap(heading - path_heading)
-    misfit: FloatArray = (offset / OFFSET_SIGMA_M) ** 2 + (error / HEADING_SIGMA_RAD) ** 2
-    return misfit
+    return np.asarray((offset / OFFSET_SIGMA_M) ** 2 + (error / HEADING_SIGMA_RAD) ** 2)

@@ -107,23 +107,20 @@ def curvature(points: FloatArray) -> FloatArray:
     second = np.gradient(first, axis=1)
     cross = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
     speed = np.hypot(first[..., 0], first[..., 1])
-    result: FloatArray = cross / np.maximum(speed, 1e-6) ** 3
-    return result
+    return np.asarray(cross / np.maximum(speed, 1e-6) ** 3)
 
 
 def _within(moved: FloatArray, points: FloatArray, bound: FloatArray) -> FloatArray:
     shift = moved - points
     size = np.hypot(shift[..., 0], shift[..., 1]) / bound
     # x / (1 + x^8)^(1/8) is x for small x and 1 for large x.
-    drawn: FloatArray = points + shift / (1 + np.minimum(size, 1e6)[..., None] ** 8) ** 0.125
-    return drawn
+    return np.asarray(points + shift / (1 + np.minimum(size, 1e6)[..., None] ** 8) ** 0.125)
 
 
 def _dilate(mask: BoolArray, reach: int) -> BoolArray:
     n = mask.shape[1]
     total = np.cumsum(np.pad(mask, ((0, 0), (reach + 1, reach))), axis=1)
-    near: BoolArray = total[:, 2 * reach + 1 :] > total[:, :n]
-    return near
+    return np.asarray(total[:, 2 * reach + 1 :] > total[:, :n])
 
 
 def resample(points: FloatArray, count: int, ds: float, first_s: float = 0.0) -> FloatArray:
@@ -132,5 +129,4 @@ def resample(points: FloatArray, count: int, ds: float, first_s: float = 0.0) ->
     past = np.maximum(s - length_of(points), 0.0)
     tail = points[-1] - points[-2]
     tail = tail / max(float(np.hypot(*tail)), 1e-9)
-    line: FloatArray = along(points, s) + past[:, None] * tail
-    return line
+    return np.asarray(along(points, s) + past[:, None] * tail)

@@ -42,9 +42,7 @@ class SumoDriver(Driver):
     ) -> list[tuple[int, ...]]:
         """Return the lane ids of routes; empty off the mapped lanes.
 
-        Args:
-            vehicle: (n,) index into the seed scene.
-            draw: (n,) `SceneHistory.route_draw`.
+        ``vehicle``: (n,) index into the seed scene; ``draw``: (n,) `SceneHistory.route_draw`.
         """
         return planned_lanes(scene, road, self.path, vehicle, draw)
 

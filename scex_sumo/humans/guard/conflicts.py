@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,27 +41,26 @@ class StopLines(Rows):
     position: FloatArray  # (P,) m along its plan
     speed: FloatArray  # (P,) m/s, at least 0
     deceleration: FloatArray  # (P,) m/s², at least 0
-    stop_time: FloatArray  # (P,) when the line stands, s; inf: never
     enter: FloatArray  # (P,) when the other enters the corridor, s; 0: is inside
     until: FloatArray  # (P,) when the line ends, s
     firm: BoolArray  # (P,) hard braking is allowed
     safe: BoolArray  # (P,) both stay apart for a while with constant velocity and heading
 
+    @cached_property
+    def stop_time(self) -> FloatArray:
+        """(P,) when the line stands, s; inf: never."""
+        braked = self.speed / np.maximum(self.deceleration, 1e-9)
+        return np.where(self.deceleration > 0, braked, np.inf)
+
     def joined_by(self, rows: IntArray) -> StopLines:
         """Add lines without effect for further vehicles."""
         further = np.setdiff1d(rows, self.row)
-        if not len(further):
-            return self
-        order = np.argsort(np.concatenate([self.row, further]), kind="stable")
-        idle = np.zeros(len(further))
-        values = {f.name: np.concatenate([getattr(self, f.name), idle])[order] for f in fields(self)}
-        values["row"] = np.concatenate([self.row, further])[order]
-        values |= {name: values[name].astype(np.bool_) for name in ("firm", "safe")}
-        return StopLines(**values)
+        idle = {f.name: np.zeros(len(further), getattr(self, f.name).dtype) for f in fields(self)}
+        lines = StopLines.join([self, StopLines(**{**idle, "row": further})])
+        return lines.take(np.argsort(lines.row, kind="stable"))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _View:
+class _View(NamedTuple):
     """Arguments of the search for stop lines of n vehicles."""
 
     paths: PlannedWays
@@ -78,23 +79,11 @@ def find_stop_lines(
 
     They include the places where planned and expected boxes first touch.
     """
-    others, motion, braking = expected(history, road)
-    view = _View(
-        paths=paths,
-        others=others,
-        motion=motion,
-        braking=braking,
-        history=history,
-        vehicles=vehicles,
-        human=human,
-    )
+    view = _View(paths, *expected(history, road), history, vehicles, human)
     i, j = _near_pairs(view)
-    parts = [
-        _stop_lines_of(view, i[k : k + MAX_PAIRS], j[k : k + MAX_PAIRS])
-        for k in range(0, max(1, len(i)), MAX_PAIRS)
-    ]
-    lines = StopLines.join([*parts, _contacts(view, i, j)])
-    return lines.take(np.argsort(lines.row, kind="stable"))
+    begins = range(0, max(1, len(i)), MAX_PAIRS)
+    parts = [_stop_lines_of(view, i[k : k + MAX_PAIRS], j[k : k + MAX_PAIRS]) for k in begins]
+    return StopLines.join([*parts, _contacts(view, i, j)])
 
 
 def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
@@ -102,10 +91,7 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     paths, others, scene, steps = view.paths, view.others, view.history.scene, round(SAMPLE_S / STEP_S)
     samples = int(view.human.contact_s / SAMPLE_S) + 1
     future, vehicle = view.vehicles.future[i], view.vehicles.vehicle[i]
-    sizes = (
-        (scene.length[vehicle], scene.width[vehicle]),
-        (others.length[j], others.width[j]),
-    )
+    sizes = (scene.length[vehicle], scene.width[vehicle]), (others.length[j], others.width[j])
     reach = sum(np.hypot(*size) for size in sizes) / 2
     own = slice(0, samples * steps, steps)
     dx = view.motion.x[future, j, :samples] - paths.states.x[i, own]
@@ -136,17 +122,15 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     follows = leave <= first + steps
     line = np.where(follows, np.maximum(others.states.speed[future, j] * along, 0.0), 0.0)
     braking = np.where(line > 0, np.minimum(view.braking[future, j], view.human.leader_braking_mps2), 0.0)
-    none = np.zeros(len(k))
     return StopLines(
         row=i,
         position=paths.arc[i, first] - line * STEP_S * first,
         speed=line,
         deceleration=braking,
-        stop_time=np.where(braking > 0, line / np.maximum(braking, 1e-9), np.inf),
         enter=np.where(follows, 0.0, STEP_S * first),
         until=np.where(follows, np.inf, STEP_S * leave + view.human.conflict_margin_s),
-        firm=none == 0,
-        safe=none != 0,
+        firm=np.ones(len(k), dtype=np.bool_),
+        safe=np.zeros(len(k), dtype=np.bool_),
     )
 
 
@@ -161,14 +145,12 @@ def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:
         near &= low - reach <= planned.max(axis=1)[:, None]
         near &= high + reach >= planned.min(axis=1)[:, None]
     near[np.arange(len(vehicles)), vehicles.vehicle] = False
-    if view.human.touching_m > 0:
-        near[:, : scene.vehicles] &= (box_distances(scene) >= view.human.touching_m)[vehicles.vehicle]
+    near[:, : scene.vehicles] &= (box_distances(scene) >= view.human.touching_m)[vehicles.vehicle]
     i, j = np.nonzero(near)
     return i, j
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Blocked:
+class _Blocked(NamedTuple):
     """Others in corridors at K moments, (K, P)."""
 
     inside: BoolArray
@@ -182,14 +164,10 @@ class _Blocked:
 def _stop_lines_of(view: _View, i: IntArray, j: IntArray) -> StopLines:
     """Return the stop lines of pairs: vehicle i of the n, other j of the M."""
     paths, others, vehicles, human = view.paths, view.others, view.vehicles, view.human
-    blocked = _blocked(view, i, j)
-    some = blocked.inside.any(axis=0)
-    i, j = i[some], j[some]
-    blocked = _Blocked(**{f.name: getattr(blocked, f.name)[:, some] for f in fields(_Blocked)})
+    i, j, blocked = _blocked(view, i, j)
     v, v_other = paths.states.speed[i, 0], np.maximum(others.states.speed[vehicles.future[i], j], 0.0)
     meeting = _meetings(blocked, v, v_other, human)
-    obstacle = others.obstacle[j]
-    yields = _yields(meeting, v, v_other, ~obstacle, j < vehicles.vehicle[i], human)
+    yields = _yields(meeting, v, v_other, ~others.obstacle[j], j < vehicles.vehicle[i], human)
     # A vehicle that is through before the other one comes need not wait.
     before = (meeting.enter - human.conflict_margin_s) / STEP_S
     before = np.clip(before, 0, paths.arc.shape[1] - 1).astype(np.int64)
@@ -203,7 +181,6 @@ def _stop_lines_of(view: _View, i: IntArray, j: IntArray) -> StopLines:
         position=meeting.position[k],
         speed=speed,
         deceleration=braking,
-        stop_time=np.where(braking > 0, speed / np.maximum(braking, 1e-9), np.inf),
         enter=meeting.enter[k],
         until=meeting.leave[k] + human.conflict_margin_s,
         firm=in_front | (speed == 0) | meeting.stops[k],
@@ -232,8 +209,8 @@ def _stay_apart(view: _View, i: IntArray, j: IntArray, time_s: FloatArray) -> Bo
         for now, travelled_m, (length, width) in zip((one, two), ways, sizes, strict=True)
     ]
     distance = np.where(t <= time_s[:, None], rectangle_distance(*boxes), np.inf)
-    least: BoolArray = distance.min(axis=1) >= np.minimum(SAFE_M, KEPT_SHARE * distance[:, 0])
-    return least & (distance[:, 0] > 0)
+    least = np.minimum(SAFE_M, KEPT_SHARE * distance[:, 0])
+    return np.asarray((distance.min(axis=1) >= least) & (distance[:, 0] > 0))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -305,12 +282,11 @@ def _yields(
     less = needs < other_needs + np.where(other_first, 1, -1) * human.order_margin_mps2
     later = np.where((meeting.speed == 0) & gives_way, less, later)
     yields = np.where(meeting.stops == other_stops, later, meeting.stops)
-    result: BoolArray = np.where(meeting.enter == 0, meeting.lead < 0, yields)
-    return result
+    return np.asarray(np.where(meeting.enter == 0, meeting.lead < 0, yields))
 
 
-def _blocked(view: _View, i: IntArray, j: IntArray) -> _Blocked:
-    """Project the others j onto the corridors of the vehicles i."""
+def _blocked(view: _View, i: IntArray, j: IntArray) -> tuple[IntArray, IntArray, _Blocked]:
+    """Project the others j onto the corridors of the vehicles i; return the pairs that ever meet, and how."""
     paths, others, human = view.paths, view.others, view.human
     future, vehicle = view.vehicles.future[i], view.vehicles.vehicle[i]
     # Pairs are the last axis, so that operations run along memory.
@@ -327,4 +303,6 @@ def _blocked(view: _View, i: IntArray, j: IntArray) -> _Blocked:
     beside = (low[0] < 0) & (high[0] > 0)
     margin = np.where(beside | (cos < TOWARDS), human.alongside_margin_m, human.conflict_margin_m)
     inside = (body <= margin) & (low <= paths.corner_arc[i, -1])
-    return _Blocked(inside=inside, s=s, offset=offset, cos=cos, low=low, high=high)
+    k = np.flatnonzero(inside.any(axis=0))
+    some = _Blocked(inside[:, k], s[:, k], offset[:, k], cos[:, k], low[:, k], high[:, k])
+    return i[k], j[k], some

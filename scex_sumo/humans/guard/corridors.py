@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,8 +25,7 @@ DRIFT_S = 1.5  # motion across the path dies out with this time constant
 BRAKING_STEPS = 5  # driven steps over which a leader's braking is measured, at most
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PlannedWays:
+class PlannedWays(NamedTuple):
     """Plans of n vehicles by arc length; the present is arc length 0."""
 
     states: States  # (n, H + 1), the present first; speeds are at least 0
@@ -63,34 +63,18 @@ def planned_paths(
     states = replace(states, speed=np.maximum(states.speed, 0.0))
     x, y, arc = states.x, states.y, np.zeros(states.shape)
     np.cumsum(np.sqrt(np.diff(x, axis=1) ** 2 + np.diff(y, axis=1) ** 2), axis=1, out=arc[:, 1:])
-    last = states.speed[:, -1]
+    last, end = states.speed[:, -1], states.heading[:, -1]
     ahead = 5.0 + last * human.ahead_s + last**2 / (2 * human.leader_braking_mps2)
     corners = np.append(np.arange(0, x.shape[1] - 1, VERTEX_STEPS), x.shape[1] - 1)
-    end = states.heading[:, -1]
     corner_x = np.column_stack([x[:, corners], x[:, -1] + ahead * np.cos(end)])
     corner_y = np.column_stack([y[:, corners], y[:, -1] + ahead * np.sin(end)])
-    cos, sin = _directions(corner_x, corner_y)
-    return PlannedWays(
-        states=states,
-        arc=arc,
-        corner_x=corner_x,
-        corner_y=corner_y,
-        corner_arc=np.column_stack([arc[:, corners], arc[:, -1] + ahead]),
-        corner_cos=cos,
-        corner_sin=sin,
-    )
-
-
-def _directions(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return cosine and sine (n, G - 1) of segments."""
-    dx, dy = np.diff(x, axis=1), np.diff(y, axis=1)
+    corner_arc = np.column_stack([arc[:, corners], arc[:, -1] + ahead])
+    dx, dy = np.diff(corner_x, axis=1), np.diff(corner_y, axis=1)
     length = np.sqrt(dx**2 + dy**2)
-    safe = np.maximum(length, 1e-9)
     # A segment without length, of a standing vehicle, has the direction of the last one.
-    still = length < MIN_WAY_M
-    cos = np.where(still, dx[:, -1:] / safe[:, -1:], dx / safe)
-    sin = np.where(still, dy[:, -1:] / safe[:, -1:], dy / safe)
-    return cos, sin
+    still, length = length < MIN_WAY_M, np.maximum(length, 1e-9)
+    cos, sin = (np.where(still, (d / length)[:, -1:], d / length) for d in (dx, dy))
+    return PlannedWays(states, arc, corner_x, corner_y, corner_arc, cos, sin)
 
 
 def onto_ways(
@@ -153,22 +137,16 @@ def _along_paths(
     history: SceneHistory, road: Road, t: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return x, y, heading (C, V, K) of vehicles along their paths."""
-    shape = history.now.shape
-    future, vehicle = (a.ravel() for a in np.indices(shape))
-    vehicles = VehicleIndex(future=future, vehicle=vehicle)
+    shape, vehicles, now = history.now.shape, VehicleIndex.everyone(history), history.now.map(np.ravel)
     paths, straight = chosen_paths(history, road, vehicles, "straight")
-    now = history.now.map(np.ravel)
-    arc_length = expected_way(history, vehicles)
     # The rear axle follows the path, as in `drive`.
-    length = history.scene.length[vehicle]
-    axle_x, axle_y = rear_axle(now, length)
-    row, (s, offset, path_heading) = nearest_paths(
-        paths, straight, vehicle, arc_length, axle_x, axle_y, now.heading
-    )
+    length = history.scene.length[vehicles.vehicle]
+    axle, expected_m = rear_axle(now, length), expected_way(history, vehicles)
+    row, feet = nearest_paths(paths, straight, vehicles.vehicle, expected_m, *axle, now.heading)
+    s, offset, path_heading = feet
     error = wrap(now.heading - path_heading)
     v = np.maximum(now.speed, 0.0)
-    drift = v * np.sin(error)
-    fade = np.exp(-t / DRIFT_S)
+    drift, fade = v * np.sin(error), np.exp(-t / DRIFT_S)
     # The drift dies out; the offset stays.
     side = offset[:, None] + drift[:, None] * (DRIFT_S * (1 - fade))
     at = s[:, None] + (v * np.cos(error))[:, None] * t

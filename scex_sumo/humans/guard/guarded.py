@@ -39,10 +39,8 @@ class Guarded(Driver):
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Return the model's plan, slowed down where necessary."""
-        plan, aware = (
-            self.inner.plan(history, road, vehicles, rng),
-            np.ones((len(vehicles), PLAN_STEPS), bool),
-        )
+        plan = self.inner.plan(history, road, vehicles, rng)
+        aware = np.ones((len(vehicles), PLAN_STEPS), dtype=np.bool_)
         human = replace(human_parameters(), creep_gap_m=LAST_GAP_M)
         return yielding(plan, history, road, vehicles, human, aware) if len(vehicles) else plan
 
@@ -60,12 +58,9 @@ def yielding(
     lines = find_stop_lines(paths, history, road, vehicles, human).joined_by(_leaping(paths))
     if not len(lines.row):
         return plan
-    speed, arc, changed = _timed(paths, lines, aware, human)
-    rows = np.flatnonzero(changed)
-    if not len(rows):
-        return plan
+    rows, speed, arc = _timed(paths, lines, aware, human)
     slow = plan.map(np.copy)
-    slow.assign(rows, paths.poses(rows, arc[rows], speed[rows]))
+    slow.assign(rows, paths.poses(rows, arc, speed))
     return replace(plan, **vars(slow))
 
 
@@ -79,10 +74,8 @@ def _leaping(paths: PlannedWays) -> IntArray:
 
 def _timed(
     paths: PlannedWays, lines: StopLines, aware: BoolArray, human: HumanParameters
-) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Return speeds and arc lengths (n, H), and (n,) which vehicles are slowed."""
-    speed, arc = paths.states.speed[:, 1:].copy(), paths.arc[:, 1:].copy()
-    changed = np.zeros(len(speed), dtype=np.bool_)
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return (r,) which vehicles are slowed, and their speeds and arc lengths (r, H)."""
     rows, first = np.unique(lines.row, return_index=True)  # rows are sorted
     s, v = np.zeros(len(rows)), paths.states.speed[rows, 0]
     # Vehicles are the last axis, so that operations run along memory.
@@ -93,9 +86,8 @@ def _timed(
     gain = np.maximum(np.where(gain > LEAP_MPS2, 0.0, gain), human.release_mps2)
     timed = np.empty((2, *planned.shape))
     for step, (speed_then, way_then) in enumerate(zip(planned, moves_m, strict=True)):
-        bound = responses(
-            lines, first, step, np.repeat(s, count), np.repeat(v, count), aware=aware, human=human
-        )
+        at = np.repeat(s, count), np.repeat(v, count)
+        bound = responses(lines, first, step, *at, aware=aware, human=human)
         wanted = np.minimum(np.minimum(speed_then, bound), v + gain[step] * STEP_S)
         following = np.maximum(np.minimum(wanted, speed_then), 0.0)
         moved = (v + following) * (STEP_S / 2)
@@ -103,9 +95,7 @@ def _timed(
         s = np.where(held, s + np.minimum(moved, way_then), arcs[step + 1])
         v = following
         timed[0, step], timed[1, step] = v, s
-    changed[rows] = held
-    speed[rows], arc[rows] = timed[0].T, timed[1].T
-    return speed, arc, changed
+    return rows[held], timed[0].T[held], timed[1].T[held]
 
 
 def responses(
@@ -142,12 +132,10 @@ def responses(
     close = (gap >= 0) & (lines.enter <= t + soon)
     close |= ~lines.safe & (gap > -human.fall_back_m) & (lines.enter <= t)
     close &= (gap < human.stop_gap_m) & (lines.until > t)
-    creeps = np.maximum(
-        leader + (gap - human.creep_gap_m) / human.creep_s, v - human.conflict_braking_mps2 * STEP_S
-    )
+    creeps = leader + (gap - human.creep_gap_m) / human.creep_s
+    creeps = np.maximum(creeps, v - human.conflict_braking_mps2 * STEP_S)
     allowed = np.where(close, np.minimum(allowed, creeps), allowed)
-    lowest: FloatArray = np.minimum.reduceat(allowed, first)
-    return lowest
+    return np.asarray(np.minimum.reduceat(allowed, first))
 
 
 def needed_braking(

@@ -35,16 +35,10 @@ class _Boxes(Rows):
 
     @classmethod
     def of(
-        cls,
-        paths: SeedPaths,
-        row: IntArray,
-        near: FloatArray,
-        states: States,
-        length: FloatArray,
-        width: FloatArray,
+        cls, paths: SeedPaths, row: IntArray, near: FloatArray, states: States, size: tuple[FloatArray, ...]
     ) -> _Boxes:
-        """Project boxes onto paths, near arc lengths."""
-        s, offset, direction = paths.foot_points(row, states.x, states.y, near)
+        """Project boxes of lengths and widths onto paths, near arc lengths."""
+        (length, width), (s, offset, direction) = size, paths.foot_points(row, states.x, states.y, near)
         turned = wrap(states.heading - direction)
         cos, sin = np.abs(np.cos(turned)), np.abs(np.sin(turned))
         return cls(
@@ -85,9 +79,9 @@ def offsets_beside(
     near &= everybody.present[vehicles.future]
     near[np.arange(len(vehicles)), vehicles.vehicle] = False
     i, j = np.nonzero(near)
-    length, width = everybody.length, everybody.width
-    own = _Boxes.of(paths, row, s, now, length[vehicles.vehicle], width[vehicles.vehicle]).take(i)
-    other = _Boxes.of(paths, row[i], s[i], everybody.states[vehicles.future[i], j], length[j], width[j])
+    mine, theirs = ((everybody.length[k], everybody.width[k]) for k in (vehicles.vehicle, j))
+    own = _Boxes.of(paths, row, s, now, mine).take(i)
+    other = _Boxes.of(paths, row[i], s[i], everybody.states[vehicles.future[i], j], theirs)
     t: FloatArray = STEP_S * np.arange(travelled_m.shape[1], dtype=np.float64)
     ahead = (other.s - own.s)[:, None] + other.ahead[:, None] * t - travelled_m[i]
     along, apart = own.along + other.along, np.abs(other.offset - own.offset)
@@ -98,7 +92,7 @@ def offsets_beside(
     side = np.where(other.offset > own.offset, 1.0, -1.0)
     alone = everybody.obstacle[j] & (passing is not None)
     kept = np.where(alone, passing or 0.0, margin)[:, None]
-    free = apart[:, None] - _taken(own, other, side, width[j], t) - kept
+    free = apart[:, None] - _taken(own, other, side, theirs[1][k], t) - kept
     counts = np.abs(ahead) < (own.along + other.along)[:, None] + AHEAD_M
     own_share = np.where(alone, 1.0, 0.5)[:, None]
     room = reached(np.where(counts, np.maximum(own_share * free, -ASIDE_M), np.inf))
@@ -118,15 +112,13 @@ def _taken(own: _Boxes, other: _Boxes, side: FloatArray, width: FloatArray, t: F
     drift = np.maximum(-side * other.sine, 0.0) * straightens
     own_drift = np.maximum(side * own.ahead * own.sine, 0.0) * OWN_DRIFT_S
     turned, straight = other.across[:, None], (width / 2 + drift)[:, None]
-    taken: FloatArray = (own.across + own_drift)[:, None] + straight + (turned - straight) * left
-    return taken
+    return np.asarray((own.across + own_drift)[:, None] + straight + (turned - straight) * left)
 
 
 def reached(room: FloatArray) -> FloatArray:
     """Return (n, H + 1) room from which the later room can be reached at `ASIDE_SPEED`."""
     reach = ASIDE_SPEED * STEP_S * np.arange(room.shape[1])
-    reachable: FloatArray = np.minimum.accumulate((room + reach)[:, ::-1], axis=1)[:, ::-1] - reach
-    return reachable
+    return np.asarray(np.minimum.accumulate((room + reach)[:, ::-1], axis=1)[:, ::-1] - reach)
 
 
 @owner_cache

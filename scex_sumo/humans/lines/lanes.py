@@ -66,8 +66,7 @@ def lanes_beside(scene: SeedScene, road: Road, paths: SeedPaths, human: HumanPar
 def lanes_occupied(scene: SeedScene, human: HumanParameters, headway_s: float = 0.0) -> BoolArray:
     """Return (V, 2) whether a vehicle is, or soon will be, on the left, and on the right.
 
-    Args:
-        headway_s: of a vehicle behind that counts, too.
+    ``headway_s``: of a vehicle behind that counts, too.
     """
     others = scene.now
     now, length, width = others[:, None], scene.length[:, None], scene.width[:, None]
@@ -92,8 +91,7 @@ def change_features(
     1; trust in lateral motion; no lane mapped; lane occupied; offset, m, speed, m/s, and acceleration, m/s²,
     towards that side, times the trust.
 
-    Args:
-        scatter: (n,) of accelerations, m/s².
+    ``scatter``: (n,) of accelerations, m/s².
     """
     trust = 1 / np.hypot(1.0, scatter * human.lateral_doubt)
     towards = trust[:, None, None] * lateral[:, None] * np.array([1.0, -1.0])[:, None]

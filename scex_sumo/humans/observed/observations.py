@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,11 +12,7 @@ from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.leaders import Leaders, find_ahead
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, curve_speeds, rear_axle
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
-from scex_sumo.behaviors.models.idm import (
-    HABIT_STEPS,
-    desired_speeds,
-    idm_acceleration,
-)
+from scex_sumo.behaviors.models.idm import HABIT_STEPS, desired_speeds, idm_acceleration
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.humans.observed.room import CLEAR_M, room_at
 from scex_sumo.humans.parameters import HumanParameters
@@ -57,9 +54,7 @@ def behind_a_wave(
 ) -> BoolArray:
     """Return (n,) whether the leader's leader moves off.
 
-    Args:
-        speed_mps: (C, V) present speeds.
-        queue: (V,) as `queue_leaders`.
+    ``speed_mps``: (C, V) present speeds; ``queue``: (V,) as `queue_leaders`.
     """
     first = np.where((leaders.index >= 0) & (leaders.index < len(queue)), leaders.index, 0)
     second = np.where(leaders.index == first, queue[first], -1)
@@ -67,8 +62,7 @@ def behind_a_wave(
     return (second >= 0) & (speed > human.standing_mps) & (speed < human.queue_start_mps)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class View:
+class View(NamedTuple):
     """n vehicles on their paths when they plan."""
 
     history: SceneHistory
@@ -99,13 +93,9 @@ def leaders_of(view: View, aside: FloatArray) -> Leaders:
 
     One that crosses and has left before the driver arrives is no leader.
     """
-    history, vehicles, human = view.history, view.vehicles, view.human
+    history, vehicles, paths, row, s, human = view
     ahead = find_ahead(
-        history,
-        vehicles,
-        view.paths,
-        view.row,
-        view.s,
+        *(history, vehicles, paths, row, s),
         clearance=human.clearance_m,
         radius=human.idm.radius,
         obstacle_clearance=human.idm.obstacle_clearance,
@@ -168,8 +158,7 @@ def keep_features(
 
     Spare room is what half the width of the wider lane exceeds the largest offset by.
 
-    Args:
-        room: (n, 2, 2), see `PathObservations`.
+    ``room``: (n, 2, 2), see `PathObservations`.
     """
     spare = np.clip(room.mean(axis=2).max(axis=1) - human.max_offset_m, 0.0, human.max_spare_m)
     bend = np.abs(bends).max(axis=1) / human.max_bend
@@ -180,8 +169,7 @@ def keep_features(
 def place_features(lateral: FloatArray, bends: FloatArray, room: FloatArray) -> FloatArray:
     """Return (n, 5) ``lateral`` (n, 3), ``bends`` (n, 2); the offset shrinks with a lane that narrows.
 
-    Args:
-        room: (n, 2, 2), see `PathObservations`.
+    ``room``: (n, 2, 2), see `PathObservations`.
     """
     here, ahead = room.mean(axis=2).T
     shrinks = np.where(ahead > 0, np.minimum(ahead / np.maximum(here, ahead + 1e-9), 1.0), 1.0)
@@ -191,8 +179,7 @@ def place_features(lateral: FloatArray, bends: FloatArray, room: FloatArray) -> 
 def offset_limits(room: FloatArray, human: HumanParameters) -> FloatArray:
     """Return (n, 2) largest offsets to the left and right without a lane change, m.
 
-    Args:
-        room: (n, 2) to the bounds of the lane, m.
+    ``room``: (n, 2) to the bounds of the lane, m.
     """
     return np.maximum(room - CLEAR_M, human.max_offset_m)
 
@@ -224,7 +211,7 @@ def observations_of(scene: SeedScene, paths: SeedPaths, human: HumanParameters) 
     vehicles = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     now, speed = scene.now[vehicle], shown.speed[vehicle]
     s, _, _ = paths.foot_points(row, now.x, now.y, np.full(len(row), BEHIND_M))
-    view = View(history=history, vehicles=vehicles, paths=paths, row=row, s=s, human=human)
+    view = View(history, vehicles, paths, row, s, human)
     lateral = _lateral(view)
     leaders = leaders_of(view, lateral[:, 0])
     gap, near = leaders.gap, leaders.gap < human.far_leader_m
@@ -249,10 +236,9 @@ def observations_of(scene: SeedScene, paths: SeedPaths, human: HumanParameters) 
 def _mean_features(view: View, leaders: Leaders, gap: FloatArray, near: BoolArray) -> FloatArray:
     """Return (P, 8); see `PathObservations`."""
     human, shown, vehicle = view.human, view.shown, view.vehicles.vehicle
-    there = view.paths.curve_curvature.ravel()[
-        view.paths.sample_at(view.row, view.s + human.curve_ahead_s * shown.speed[vehicle])
-    ]
     speed, ahead = shown.speed[vehicle], int((BEHIND_M + human.limit_ahead_m) / DS_M)
+    at = view.paths.sample_at(view.row, view.s + human.curve_ahead_s * speed)
+    there = view.paths.curve_curvature.ravel()[at]
     features = (
         shown.acceleration[vehicle],
         idm_acceleration(human.idm, speed, np.full_like(speed, np.inf), gap, leaders.speed),

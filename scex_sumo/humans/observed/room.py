@@ -33,8 +33,7 @@ def room_at(road: Road, paths: SeedPaths, s: FloatArray) -> FloatArray:
 
     Of the lanes of a path that contain the place the narrowest counts; off the lanes the room is 0.
 
-    Args:
-        s: (P,) place on each path, m.
+    ``s``: (P,) place on each path, m.
     """
     x, y = paths.at(np.arange(len(s)), s)[:2]
     row = np.repeat(np.arange(len(s)), [len(lanes) for lanes in paths.lanes])

@@ -105,13 +105,11 @@ def _smoothed(values: FloatArray, steady: FloatArray, usual: float, outlier: flo
     time = _TIME - _TIME.mean()
     line = values.mean(axis=1, keepdims=True) + (steady * (values @ time) / (time @ time))[:, None] * time
     noise = np.median(np.abs(np.diff(values, n=2, axis=1)), axis=1, keepdims=True) / (0.6745 * np.sqrt(6.0))
-    smooth: FloatArray = line + np.clip(values - line, -outlier, outlier) / (1 + (noise / usual) ** 2)
-    return smooth
+    return np.asarray(line + np.clip(values - line, -outlier, outlier) / (1 + (noise / usual) ** 2))
 
 
 def _scatter(values: FloatArray, terms: int = 3) -> FloatArray:
     """(V,) standard deviation of values (V, 11) from a polynomial with so many terms."""
     basis = _BASIS[:, :terms]
     left = values - (values @ basis) @ basis.T
-    scatter: FloatArray = np.sqrt((left**2).sum(axis=1) / (values.shape[1] - terms))
-    return scatter
+    return np.asarray(np.sqrt((left**2).sum(axis=1) / (values.shape[1] - terms)))

@@ -26,8 +26,7 @@ TREND = (PAST_S - PAST_S.mean()) / ((PAST_S - PAST_S.mean()) ** 2).sum()  # weig
 
 def _end_of_fit(degree: int, states: int) -> FloatArray:
     fit = np.linalg.pinv(np.vander(PAST_S[-states:], degree + 1, increasing=True))[0]
-    weights: FloatArray = np.concatenate([np.zeros(HISTORY_STEPS + 1 - states), fit])
-    return weights
+    return np.asarray(np.concatenate([np.zeros(HISTORY_STEPS + 1 - states), fit]))
 
 
 # Estimates of the present speed, as weights of the past second's speeds.
@@ -165,8 +164,7 @@ def _road_ahead(
 
 def _unsteady(speed: FloatArray) -> FloatArray:
     line = speed.mean(axis=1, keepdims=True) + (speed @ TREND)[:, None] * (PAST_S - PAST_S.mean())
-    off: FloatArray = np.abs(speed - line).mean(axis=1)
-    return off
+    return np.asarray(np.abs(speed - line).mean(axis=1))
 
 
 def _others(

@@ -38,8 +38,7 @@ class Surface:
         flat, at = self.depth.ravel(), i * columns + j
         below = flat[at] * (1 - fj) + flat[at + 1] * fj
         above = flat[at + columns] * (1 - fj) + flat[at + columns + 1] * fj
-        depth: FloatArray = below * (1 - fi) + above * fi
-        return depth
+        return np.asarray(below * (1 - fi) + above * fi)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

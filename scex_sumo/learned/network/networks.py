@@ -159,8 +159,7 @@ class PlanHead:
         wanted /= limit
         bounded = np.tanh(wanted, out=wanted)
         bounded *= limit
-        acceleration: FloatArray = bounded @ self.between
-        return acceleration
+        return np.asarray(bounded @ self.between)
 
     def _offset(self, knots: FloatArray, present: FloatArray) -> FloatArray:
         change = WIDEST_OFFSET_M * np.tanh(knots / WIDEST_OFFSET_M)

@@ -132,8 +132,7 @@ def known_scenes(table: LaneCells, inside: IntArray, wholes: Sequence[Placed]) -
 def pace_slopes(known: Sequence[FloatArray]) -> FloatArray:
     """Return the slopes (2,) of `usual_pace` by ridge regression; all sites have the same weight.
 
-    Args:
-        known: (S, 3 + R) of `known_scenes` for each site.
+    ``known``: (S, 3 + R) of `known_scenes` for each site.
     """
     scenes = np.concatenate(known)
     weight = np.concatenate([np.full(len(k), 1.0 / max(len(k), 1)) for k in known])
@@ -178,8 +177,7 @@ def fit(
 ) -> tuple[dict[str, FloatArray], float]:
     """Fit the networks; return tensors of a `SceneModel` and the validation loss.
 
-    Args:
-        known: (S, 3 + R) of `known_scenes` for each site.
+    ``known``: (S, 3 + R) of `known_scenes` for each site.
     """
     torch.manual_seed(seed)
     flat = train.places[:, 0]

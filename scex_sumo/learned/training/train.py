@@ -318,8 +318,7 @@ def site_weights(dataset: Dataset, balance: float) -> FloatArray:
     site = np.repeat(train.site, train.pairs)[train.right]
     count = np.bincount(site, minlength=len(dataset.sites))
     seen = count > 0  # others are for validation alone
-    weight: FloatArray = np.where(seen, (count[seen].mean() / np.maximum(count, 1)) ** balance, 1.0)
-    return weight
+    return np.asarray(np.where(seen, (count[seen].mean() / np.maximum(count, 1)) ** balance, 1.0))
 
 
 def learning_rate(options: TrainOptions, done: float) -> float:

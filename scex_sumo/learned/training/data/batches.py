@@ -96,5 +96,4 @@ class Batches:
 
 
 def _starts(count: IntArray) -> IntArray:
-    start: IntArray = np.cumsum(count) - count
-    return start
+    return np.asarray(np.cumsum(count) - count)

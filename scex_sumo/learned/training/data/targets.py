@@ -18,8 +18,7 @@ def along_paths(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return arc lengths and offsets of states from paths (n,): (n,), (n,) now; (n, F), (n, F) later.
 
-    Args:
-        start_way: (n,) rough arc length at present, m.
+    ``start_way``: (n,) rough arc length at present, m.
     """
     n, steps = future.x.shape
     s0, d0, _ = paths.foot_points(row, start.x, start.y, start_way)
