@@ -145,8 +145,7 @@ def _folder_and_job(
     if added:
         net = dataclasses.replace(net, notes=(*net.notes, *added))
     scene, net = ruled(scene, net, settings)
-    compared, gui = options.compared, options.gui
-    job = Job(scene, net, settings, models, assignment, folder.path, gui, compared=compared)
+    job = Job(scene, net, settings, models, assignment, folder.path, options.gui)
     return folder, dataclasses.replace(job, conflicts=options.is_reference)
 
 

@@ -60,7 +60,6 @@ class Job:
         on_paths: measure TTC, PET and DRAC of encounters, too.
         conflicts: measure needed braking and time margins of all pairs, too.
         with_plans: keep the plans of futures that `run_in_memory` runs.
-        compared: compare a checked world with SUMO's.
     """
 
     scene: SeedScene
@@ -71,7 +70,6 @@ class Job:
     folder: Path
     gui: bool = False
     counted: BoolArray | None = None
-    compared: bool = True
     on_paths: bool = True
     conflicts: bool = False
     with_plans: bool = False
@@ -95,14 +93,9 @@ class Job:
         return design_intervals(self.assignment, weights, self.fixed, self.settings.design)
 
     @property
-    def sumo_drives(self) -> bool:
-        """Whether SUMO drives some vehicles."""
-        return any(isinstance(model, SumoDriver) for model in self.models.built)
-
-    @property
     def apart(self) -> bool:
         """Whether each future needs its own tile: SUMO's drivers and sumo-gui see a whole tile."""
-        return self.gui or self.sumo_drives
+        return self.gui or self.models.world == "sumo"
 
     def slots(self, futures: IntArray) -> IntArray:
         """Return the tile slot (C,) of each future."""
@@ -192,9 +185,7 @@ def _simulator(job: Job, slots: Sequence[int]) -> Simulator:
         net=job.net,
         models=job.models.names,
         slots=slots,
-        sumo_drives=job.sumo_drives,
         gui=job.gui,
-        compared=job.compared,
     )
     simulator = WORLDS.load(job.settings.world)
     # sumo-gui shows the map as it is.

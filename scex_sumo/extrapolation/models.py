@@ -14,6 +14,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.base.sending import SentOnce
 from scex_sumo.behaviors.base import BatchBehavior, Driver, layers
+from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.tracks.road_users import PEOPLE
 from scex_sumo.drivers.registry import (
     ModelSpec,
@@ -52,6 +53,11 @@ class ModelSet(SentOnce):
     tested: Mapping[Any, str | None]
     people: Mapping[str, Mapping[int, float]]
     built: tuple[BatchBehavior, ...]
+
+    @property
+    def world(self) -> str:
+        """The simplest world for them: ``sumo`` if SUMO drives a vehicle, else ``plain``."""
+        return "sumo" if any(isinstance(model, SumoDriver) for model in self.built) else "plain"
 
     @classmethod
     def of(cls, settings: RunSettings) -> ModelSet:

@@ -39,7 +39,6 @@ class RunOptions:
         extra: an object, too.
         bar: opens a progress bar by its label; yields a function of (done, total), or None.
         command: the command line, for ``run.json``.
-        compared: compare a checked world with SUMO's.
         is_reference: it is the human-like reference of another run.
 
     Raises:
@@ -79,7 +78,6 @@ class RunOptions:
     cache: bool = True
     bar: Callable[[str], AbstractContextManager[Progress | None]] = no_bar
     command: Sequence[str] | None = None
-    compared: bool = True
     is_reference: bool = False
 
     def __post_init__(self) -> None:

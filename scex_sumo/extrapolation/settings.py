@@ -93,8 +93,7 @@ class RunSettings:
         under_test: by track id, as ``assign``; None for a vehicle that is driven as drawn.
         futures: ``"all"`` runs every combination; 385, as in the paper, gives a 95 % interval of
             at most +-5 %.
-        world: ``plain`` has the same result to the bit if SUMO drives no vehicle; ``checked`` compares
-            arrays with SUMO in two futures of each batch.
+        world: ``plain`` has the same result to the bit if SUMO drives no vehicle.
         metrics: names, import paths, metrics, or sets of them: ``paper``, ``path``, ``both``.
         thresholds: by metric column, on top of the defaults.
         region: also the text ``X,Y,R``, or a track id. In scenes of over 100 vehicles, those too far away to
@@ -168,9 +167,9 @@ class RunSettings:
     )
     seed: int = option("Random seed.", 0, panel=DRIVERS)
     world: str = option(
-        "plain: without SUMO; checked: plain, compared with SUMO; or an entry point.",
+        "plain: without SUMO; or an entry point.",
         DEFAULT_WORLD,
-        metavar="sumo|plain|checked|NAME",
+        metavar="sumo|plain|NAME",
         panel=DRIVERS,
     )
     vru: str = option(

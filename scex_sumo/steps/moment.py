@@ -19,7 +19,6 @@ from scex_sumo.results.info import BASELINE, PAGE, REFERENCE
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.pairs import PAIRS_FILE
 from scex_sumo.scene import SeedScene
-from scex_sumo.world.base import WORLDS
 
 REFERENCE_FUTURES: Final = 32
 """With more, P of the most probable pair varies as much from seed to seed."""
@@ -114,7 +113,7 @@ def reference_settings(settings: RunSettings, models: str, futures: int) -> RunS
         assign={},
         under_test={},
         futures=reference_futures(futures, settings.steps),
-        world="checked" if WORLDS.load(settings.world).has_sumo else "plain",
+        world="sumo" if "sumo:" in models else "plain",
     )
 
 

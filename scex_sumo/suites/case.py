@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -153,7 +152,7 @@ def write_exports(folder: Path, driven: Driven, pair: Mapping[str, Any], formats
         models=[script], futures=2, steps=STEPS, replan=REPLAN, world="plain", metrics="gap"
     )
     with TemporaryFolder() as temporary, Workers(1) as workers:
-        options = replace(RunOptions(compared=False), out=Path(temporary) / "run")
+        options = RunOptions(out=Path(temporary) / "run")
         run = run_scene(scene, settings, workers=workers, options=options)
         for name in formats:
             ego = int(scene.track_ids[driven.vehicle])

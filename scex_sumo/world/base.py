@@ -65,16 +65,13 @@ class WorldRequest:
     Attributes:
         models: names of behaviour models.
         slots: tile slots of all futures.
-        compared: whether a checked world is compared with SUMO's.
     """
 
     scene: SeedScene
     net: SumoNet
     models: Sequence[str]
     slots: Sequence[int]
-    sumo_drives: bool = False
     gui: bool = False
-    compared: bool = True
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

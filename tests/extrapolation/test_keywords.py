@@ -13,7 +13,7 @@ import pytest
 from scex_sumo.extrapolation.extras import run_options
 from scex_sumo.steps.extrapolate import RunKeywords
 
-OURS = {"bar", "command", "compared", "is_reference"}  # of this package's own callers
+OURS = {"bar", "command", "is_reference"}  # of this package's own callers
 ROOT = Path(__file__).resolve().parents[2]
 DRIVERS = """
 import numpy as np

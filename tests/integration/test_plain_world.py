@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import scex_sumo
-from scex_sumo.base.errors import SimulationError, UsageError
+from scex_sumo.base.errors import UsageError
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from tests.runs import extrapolate
@@ -44,31 +44,9 @@ def test_both_worlds_hold_the_same_on_real_maps(data: Path, tmp_path: Path) -> N
         )
 
 
-def test_a_checked_run_gives_the_same_and_has_seen_that_sumo_does(tmp_path: Path) -> None:
-    scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
-    worlds = ("sumo", "checked")
-    runs = [extrapolate(scene, out=tmp_path / w, world=w, models=MODELS, futures=9) for w in worlds]
-    assert_equal(runs)
-
-
-def test_a_plain_world_that_holds_something_else_than_sumo_ends_the_run(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr("scex_sumo.world.plain.angle_read_back", lambda angle: angle + 1e-9)
-    scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
-    with pytest.raises(SimulationError, match=r"^the plain world and SUMO differ in x by .*use world sumo"):
-        extrapolate(scene, out=tmp_path / "out", world="checked", futures=9)
-
-
-def test_a_checked_run_is_sumos_where_sumo_drives(tmp_path: Path) -> None:
-    scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
-    run = extrapolate(scene, out=tmp_path / "o", models="sumo:EIDM", world="checked", futures=2)
-    assert run.futures == 2
-
-
 def test_sumo_drives_nobody_in_the_plain_world() -> None:
     scene = scex_sumo.read_seed(scex_sumo.example_path("roundabout"))
     with pytest.raises(UsageError, match=r"^world plain: sumo:EIDM is driven by SUMO"):
         extrapolate(scene, models="sumo:EIDM", world="plain", futures=2)
-    with pytest.raises(UsageError, match=r"^world: got 'moon', needs checked, plain, sumo$"):
+    with pytest.raises(UsageError, match=r"^world: got 'moon', needs plain, sumo$"):
         extrapolate(scene, world="moon", futures=2)

@@ -33,7 +33,7 @@ class StudySettings:
     """Settings that all studies of moments share.
 
     Attributes:
-        run: of each moment; SUMO checks samples of its futures.
+        run: of each moment.
         every: least time between two moments of a recording, s; every case is a moment.
         weights: SHA-256 of the weights by learned model.
     """
@@ -52,9 +52,10 @@ class StudySettings:
                 "leave out futures='all', assign and under_test"
             )
         models = written(run.models)
-        run = dataclasses.replace(run, models=models, world="checked")
+        made = built(models)
+        run = dataclasses.replace(run, models=models, world=made.world)
         object.__setattr__(self, "run", run)
-        object.__setattr__(self, "weights", built(models).weights)
+        object.__setattr__(self, "weights", made.weights)
 
     @property
     def futures(self) -> int:
@@ -118,8 +119,6 @@ def built(models: tuple[str | ModelSpec, ...]) -> ModelSet:
 Task = TypeVar("Task", bound="MomentTask")
 Result = TypeVar("Result")
 
-COMPARED_EVERY = 16
-
 
 def pack_road(road: Road) -> bytes:
     """Pickle and compress a road for workers."""
@@ -158,9 +157,6 @@ class MomentTask:
         return cls(**{field.name: getattr(task, field.name) for field in fields(MomentTask)}, **more)
 
 
-_compared_on = weakref.WeakSet[SumoNet]()
-
-
 def attempt(work: Callable[[Task, SeedScene], Result], task: Task) -> Result | Failure:
     """Return the result of ``work`` on a task and its seed scene with the road, or the moment's failure."""
     try:
@@ -185,10 +181,3 @@ def net_of(packed: bytes) -> SumoNet:
         net = converted(road, Path(folder.name) / "map.net.xml")
     weakref.finalize(net, folder.cleanup)
     return net
-
-
-def compared(net: SumoNet, ref: MomentRef) -> bool:
-    """Whether SUMO checks futures of a moment: of a worker's first on a map, and of every 16th."""
-    first = net not in _compared_on
-    _compared_on.add(net)
-    return first or zlib.crc32(ref.moment.encode()) % COMPARED_EVERY == 0

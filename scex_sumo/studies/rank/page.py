@@ -159,7 +159,7 @@ _Made: TypeAlias = tuple[bytes, dict[_Pair, float], list[str], dict[_Pair, Stage
 def _reported(task: _ReportTask, scene: SeedScene) -> _Made:
     """Return a moment's report, stress test of its pairs, notes, stages of encounters, and map."""
     with TemporaryFolder() as folder:
-        options = RunOptions(compared=False, out=Path(folder) / "run")
+        options = RunOptions(out=Path(folder) / "run")
         with Workers(1) as alone:
             run = run_scene(scene, task.settings.run, workers=alone, options=options)
         write_decision(run.folder, task.pairs, futures=HUMAN_FUTURES)

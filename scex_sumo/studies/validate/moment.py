@@ -32,7 +32,7 @@ from scex_sumo.metrics.collisions import OVERLAP_M2
 from scex_sumo.results.tables.outcomes import collided
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.moments.folder import MomentRef, StudyFolder
-from scex_sumo.studies.moments.run import MomentTask, StudySettings, built, compared, net_of
+from scex_sumo.studies.moments.run import MomentTask, StudySettings, built, net_of
 from scex_sumo.studies.validate.noise import BoxNoise, as_recorded
 from scex_sumo.studies.validate.vehicles import gap_forecasts, position_forecasts
 
@@ -126,7 +126,7 @@ def validate_moment(task: ForecastTask, scene: SeedScene) -> Forecast:
     plain = RunSettings(models="constant_velocity", futures=1, steps=steps, world=asked.world)
     # Vehicles leave the futures at the step at which they leave the recording.
     net = net_of(task.road)
-    run = partial(_run, scene, net, compared(net, task.ref))
+    run = partial(_run, scene, net)
     futures = run(asked, built(task.settings.models), len(task.futures))
     straight = run(plain, ModelSet.of(plain), 1)
     recorded = measure_recorded(scene, steps, metrics=asked.measured, preset=asked.rule)
@@ -161,15 +161,13 @@ class _Futures:
 
 
 def _run(
-    scene: SeedScene, net: SumoNet, compared: bool, settings: RunSettings, models: ModelSet, count: int
+    scene: SeedScene, net: SumoNet, settings: RunSettings, models: ModelSet, count: int
 ) -> _Futures:
     models.try_on(scene, seed=settings.seed)
     scene, net = ruled(scene, net, settings)
     drawn = models.draw(scene, futures=count, seed=settings.seed)
     folder, counted = net.path.parent, recorded_steps_of(scene, settings.steps)
-    job = Job(
-        scene, net, settings, models, drawn, folder, counted=counted, compared=compared, with_plans=True
-    )
+    job = Job(scene, net, settings, models, drawn, folder, counted=counted, with_plans=True)
     part = run_in_memory(job, range(count))
     assert part.collisions is not None and part.plan_x is not None and part.plan_y is not None
     return _Futures(
