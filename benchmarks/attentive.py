@@ -147,7 +147,7 @@ def with_rules(scene: SeedScene) -> SeedScene:
 
 
 def case_of(site: str, scene: SeedScene, noise: BoxNoise) -> Case:
-    recorded = measure_recorded(scene, STEPS, metrics=SETTINGS.measured, preset=SETTINGS.rule)
+    recorded = measure_recorded(scene, STEPS, metrics=SETTINGS.measured)
     assert recorded is not None
     values = np.where(recorded.values.defined, recorded.values.values, np.nan)
     distance = box_distances(scene) + np.diag(np.full(scene.vehicles, np.inf))
@@ -184,7 +184,7 @@ def simulated(scene: SeedScene, model: str, futures: range, seed: int = 0) -> Ro
 def measured(scene: SeedScene, rollout: Rollout) -> FloatArray:
     """(C, K) metric values and whether something collides."""
     counted = recorded_steps_of(scene, STEPS)
-    found = measure_outcome(scene, rollout, metrics=SETTINGS.measured, preset=SETTINGS.rule, counted=counted)
+    found = measure_outcome(scene, rollout, metrics=SETTINGS.measured, counted=counted)
     values = np.where(found.values.defined, found.values.values, np.nan)
     hit = np.zeros(len(values))
     hit[found.collisions.future] = 1.0

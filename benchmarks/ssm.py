@@ -3,7 +3,7 @@
     python benchmarks/ssm.py OUT [--future N ...]
 
 Replays futures of a result folder in SUMO, from the FCD that ``scex-sumo view`` writes, with the SSM device
-on every vehicle, and evaluates the same futures with preset ``path``.
+on every vehicle, and evaluates the same futures along paths.
 """
 
 from __future__ import annotations
@@ -75,10 +75,10 @@ def device_values(output: Path) -> Values:
 def our_values(folder: Path, future: int) -> Values:
     table, _ = read_source(folder)
     case = table.case(table.cases.index(str(future)))
-    rows = recording_table(case, level="pair", preset="path", metrics=("ttc", "drac", "pet")).to_pylist()
+    rows = recording_table(case, level="pair", metrics=("ttc_path", "drac", "pet")).to_pylist()
     values: Values = {}
     for row in rows:
-        key = (row["metric"], row["timestamp_ms"], row["track_id"], row["other_id"])
+        key = (row["metric"].removesuffix("_path"), row["timestamp_ms"], row["track_id"], row["other_id"])
         if row["metric"] == "pet":
             # The device gives one value per encounter: ours when both are still to come.
             key = ("pet", 0, row["track_id"], row["other_id"])

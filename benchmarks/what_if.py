@@ -1,12 +1,17 @@
 """Futures of SUMO simulations against SUMO itself, from the same moment on and without random driving.
 
     python -m benchmarks.what_if [A.sumocfg ...] [--times 60,100] [--model sumo:own] [--own-step] [--closed]
+    python -m benchmarks.what_if [A.sumocfg ...] [--times 60,100] --export
 
 Without files: the ten of `benchmarks.simulations`, at steps of 0.1 s or at their own ones. The table has the
 vehicles, the median and largest distance in m after 3 s and 8 s, vehicles that left the simulation but not
 the future ("too many"), and the future but not the simulation ("missing"); then, of persons with
 ``--vru model``, their number, median and largest distance after 3 s. No future has the vehicles that SUMO
 inserts after the moment: with ``--closed`` they are taken out of the simulation at once.
+
+``--export`` replays ``export --to sumo`` of the future beside the closed simulation, for 60 s from its end:
+road users, how many are exported, how many with the same route, seconds in which all lights are the same,
+median and largest distance after 10 s, vehicles that brake harder than 4.5 m/s2 in the export alone.
 """
 
 from __future__ import annotations
@@ -28,6 +33,18 @@ STEPS, AFTER = 80, (30, 80)
 OPTIONS = ("--no-step-log", "--no-warnings", "--xml-validation", "never")
 PRECISE = ("--save-state.transportables", "true", "--save-state.precision", "12")
 STILL = ("--pedestrian.striping.dawdling", "0")
+HARD_MPS2 = -4.6
+COMPARED = ("Simulation", "vehicles", "3 s", "8 s", "too many", "missing", "persons")
+EXPORTED = (
+    "Simulation",
+    "road users",
+    "exported",
+    "routes",
+    "lights of 61",
+    "10 s",
+    "largest",
+    "hard braking",
+)
 CHANGES = ("--lanechange.duration", "3")  # as in futures: lane changes take their time
 
 
@@ -85,6 +102,65 @@ def compare(config: str, time_s: float, model: str, own_step: bool, closed: bool
     print(json.dumps([*off, *gone, people]))
 
 
+def replay_beside(config: str, time_s: float, model: str) -> None:
+    """Print as JSON the comparison of an exported future with the simulation that goes on."""
+    import libsumo as sumo
+
+    import scex_sumo as scex
+    from scex_sumo.exporters.request import EXPORTERS, Request
+
+    warnings.simplefilter("ignore")
+    changes = () if b"lateral-resolution" in Path(config).read_bytes() else CHANGES
+    sumo.start(["sumo", "-c", config, "--step-length", "0.1", *OPTIONS, *PRECISE, *STILL, *changes])
+    watch = scex.watch(sumo)
+    while sumo.simulation.getTime() < time_s - 1e-6:
+        sumo.simulationStep()
+    for name in sumo.vehicle.getIDList():
+        sumo.vehicle.setImperfection(name, 0.0)
+    run = watch.extrapolate(futures=1, models=model, steps=AFTER[0], reference="none")
+    for _ in range(AFTER[0]):
+        closed_step(sumo)
+    own = minute(sumo)
+    sumo.close()
+    with tempfile.TemporaryDirectory() as folder:
+        (file,) = EXPORTERS.load("sumo")(Request(run=run, futures=(0,), out=Path(folder)))
+        sumo.start(["sumo", "-c", str(file), *OPTIONS, *STILL, *changes])
+        exported = minute(sumo)
+    (lights, routes, places, braking), (seen, ways, there, harder) = own, exported
+    off = [float(np.hypot(*np.subtract(places[n], there[n]))) for n in places.keys() & there.keys()]
+    same = sum(a == b for a, b in zip(lights, seen, strict=True))
+    brakes = [n for n in harder if harder[n] < HARD_MPS2 <= braking.get(n, 0.0)]
+    equal = sum(ways.get(name) == route for name, route in routes.items())
+    print(json.dumps([len(routes), len(ways), equal, same, np.median(off), max(off), len(brakes)]))
+
+
+def closed_step(sumo: Any) -> None:
+    """Advance without the vehicles that are inserted."""
+    sumo.simulationStep()
+    for name in sumo.simulation.getDepartedIDList():
+        sumo.vehicle.remove(name)
+
+
+def minute(sumo: Any) -> tuple[list[Any], dict[str, Any], dict[str, Any], dict[str, float]]:
+    """Return lights of each second, routes at the begin, places after 10 s, and hardest braking, m/s2."""
+    lights: list[Any] = []
+    places: dict[str, Any] = {}
+    hardest: dict[str, float] = {}
+    ask = sumo.vehicle
+    routes = {v: ask.getRoute(v)[max(ask.getRouteIndex(v), 0) :][:40] for v in ask.getIDList()}
+    routes |= {p: sumo.person.getEdges(p)[:-1] for p in sumo.person.getIDList()}
+    for step in range(601):
+        if step % 10 == 0:
+            signals = sumo.trafficlight
+            lights.append([signals.getRedYellowGreenState(light) for light in signals.getIDList()])
+        if step == 100:
+            places = {v: ask.getPosition(v) for v in ask.getIDList()}
+        closed_step(sumo)
+        for v in ask.getIDList():
+            hardest[v] = min(hardest.get(v, 0.0), ask.getAcceleration(v))
+    return lights, routes, places, hardest
+
+
 def walked(watch: Any, model: str) -> Any:
     """Return a run in which persons walk by their models."""
     return watch.extrapolate(futures=1, models=model, steps=STEPS, reference="none", vru="model")
@@ -111,14 +187,16 @@ def main() -> None:
     parser.add_argument("--model", default="sumo:own")
     parser.add_argument("--own-step", action="store_true")
     parser.add_argument("--closed", action="store_true")
+    parser.add_argument("--export", action="store_true")
     parser.add_argument("--one", nargs=2, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.one:
         config, at = given.one
+        if given.export:
+            return replay_beside(config, float(at), given.model)
         return compare(config, float(at), given.model, given.own_step, given.closed)
-    print(
-        "| Simulation | vehicles | 3 s | 8 s | too many | missing | persons |\n|---|---|---|---|---|---|---|"
-    )
+    columns = EXPORTED if given.export else COMPARED
+    print(f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|")
     with tempfile.TemporaryDirectory() as folder:
         for config in given.configs or ten_simulations(Path(folder)):
             print(row(config, given), flush=True)
@@ -131,10 +209,15 @@ def row(config: Path, given: argparse.Namespace) -> str:
     for at in given.times.split(","):
         one = ["-m", "benchmarks.what_if", "--one", str(config.resolve()), at, "--model", given.model]
         one += ["--own-step"] * given.own_step + ["--closed"] * given.closed
+        one += ["--export"] * given.export
         done = subprocess.run([sys.executable, *one], capture_output=True, text=True, check=False)
         if done.returncode:
             return f"| {config.parent.name} | {at} s: {done.stderr.strip().splitlines()[-1]} |"
         parts.append(json.loads(done.stdout.splitlines()[-1]))
+    if given.export:
+        return "\n".join(
+            f"| {config.parent.name} | {' | '.join(f'{x:.4g}' for x in part)} |" for part in parts
+        )
     soon, late, people = ([value for part in parts for value in part[k]] for k in (0, 1, 4))
     name = config.parent.name if config.stem == "m" else config.stem
     told = [f"{np.median(values):.2f}, {max(values):.2f}" if values else "–" for values in (soon, late)]

@@ -38,14 +38,12 @@ def scene_of(vehicles: Sequence[Vehicle]) -> SceneTracks:
     return SceneTracks(states=states, length=LENGTH * size, width=WIDTH * size, first=1)
 
 
-def value_of(metric: str, vehicles: Sequence[Vehicle], paths: Sequence[Path2], preset: str) -> float:
+def value_of(metric: str, vehicles: Sequence[Vehicle], paths: Sequence[Path2]) -> float:
     """Of the first vehicle that has one."""
     now = np.zeros(1, dtype=np.int64)
     nodes = np.array(paths, dtype=float)[None, None]
     planned = PlannedPaths(x=nodes[..., 0], y=nodes[..., 1], index=now, column=now)
-    return float(
-        evaluate_pairs(scene_of(vehicles), planned, preset=preset, metrics=(metric,))[metric].value[0]
-    )
+    return float(evaluate_pairs(scene_of(vehicles), planned, metrics=(metric,))[metric].value[0])
 
 
 def draw(axes: Axes, vehicles: Sequence[Vehicle], paths: Sequence[Path2] = ()) -> None:
@@ -112,7 +110,7 @@ def draw_metrics(path: Path) -> None:
         low: float,
     ) -> float:
         draw(axes, vehicles, paths)
-        value = value_of(metric, vehicles, paths, "paper")
+        value = value_of(metric, vehicles, paths)
         axes.set_title(f"{title} = {value:.2f}{unit}", fontsize=9, loc="left")
         left = min(x for x, *_ in vehicles) - 5
         axes.set_xlim(left, left + 52)
@@ -121,16 +119,13 @@ def draw_metrics(path: Path) -> None:
 
     ttc, pttc, gap, wttc, distance, tq = panels.flat
     panel(ttc, "ttc", column, ahead, "TTC: d / (v_f − v_l)", " s", -8)
-    span(ttc, (0, 2.5), (30, 2.5), "d: centres (preset paper)")
-    span(ttc, (LENGTH / 2, -6.5), (30 - LENGTH / 2, -6.5), "d: bumpers (preset path)")
+    span(ttc, (0, 2.5), (30, 2.5), "d: centres (set paper)")
+    span(ttc, (LENGTH / 2, -6.5), (30 - LENGTH / 2, -6.5), "d: bumpers (set path)")
     panel(pttc, "pttc", braking, ahead, "PTTC: the leader keeps braking", " s", -8)
     panel(gap, "gap_time", crossing, across, "gap time: |s₁/v₁ − s₂/v₂|", " s", -16)
     span(gap, (-18, 2), (0, 2), "s₁")
     gap.annotate("", (2, 0), (2, -12), arrowprops={"arrowstyle": "|-|", "mutation_scale": 3, "color": GREY})
     gap.annotate("s₂", (2.5, -6), fontsize=8, color=GREY)
-    half = WIDTH / 2
-    gap.add_patch(Polygon([(-half, -half), (half, -half), (half, half), (-half, half)], color="#e0b040"))
-    gap.annotate("conflict area (preset path)", (2, 4.5), fontsize=7, color=GREY)
     reach(wttc, oncoming, panel(wttc, "wttc", oncoming, apart, "WTTC: the discs touch", " s", -11))
     panel(distance, "distance", oncoming, apart, "distance of the centres", " m", -11)
     distance.plot([0, 32], [0, 3.5], color=GREY, linewidth=1)

@@ -59,11 +59,7 @@ def alike(one: Any, other: Any) -> bool:
 
 
 def own_call(
-    said: str,
-    function: Callable[..., Any],
-    needs: type = object,
-    *,
-    error: type[ScexError] = OwnCodeError,
+    said: str, function: Callable[..., Any], needs: type = object, *, error: type[ScexError] = OwnCodeError
 ) -> Callable[..., Any]:
     """Return a function of the user's whose errors are one line.
 

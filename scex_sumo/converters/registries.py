@@ -18,11 +18,13 @@ from scex_sumo.base.importing import Registry, import_object
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.road import Road
+from scex_sumo.scene import SeedScene
 
 MAPS = Registry(group="scex_sumo.maps", kind="map format", last="lanelet2")
 DATASETS = Registry(group="scex_sumo.datasets", kind="dataset", last="interaction")
 
 Window: TypeAlias = tuple[float | None, float | None]
+Signals: TypeAlias = Callable[..., tuple[Any, list[str]]]
 
 Format = TypeVar("Format", bound=Any)
 
@@ -101,18 +103,6 @@ class MapFormat:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SignalFormat:
-    """Recorded signal phases in a file.
-
-    Attributes:
-        read: ``read(layout, road, path)`` gives a `Programme` (None if it controls no link of the net) and
-            notes.
-    """
-
-    read: Callable[..., tuple[Any, list[str]]]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Dataset:
     """Dataset: which files and folders it recognises, and how it reads a recording.
 
@@ -130,7 +120,8 @@ class Dataset:
             to simulate only that, and ``progress``.
         within: ``within(table, road)`` treats vehicles off the lanes, of a recording from a car with a map in
             the same coordinates, and gives the table and phrases; None: the recording is aligned to its map.
-        signals: how its files tell the phases of signals; None if they tell none.
+        signals: ``signals(layout, road, path)`` gives the `Programme` of a recording (None if it controls no
+            link of the net) and notes; None: the files tell none.
     """
 
     registry: ClassVar = DATASETS
@@ -144,7 +135,7 @@ class Dataset:
     repair: Callable[[TrackTable], tuple[TrackTable, tuple[str, ...]]] = lambda table: (table, ())
     simulated: bool = False
     within: Callable[[TrackTable, Road], tuple[TrackTable, list[str]]] | None = None
-    signals: SignalFormat | None = None
+    signals: Signals | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,6 +172,33 @@ def refuse_folder(path: Path) -> None:
 def dataset_of(path: Path) -> Dataset:
     """The dataset of a track file or folder; INTERACTION for what no other dataset recognises."""
     return next(recognised(Dataset, path))
+
+
+def signal_reader(path: Path) -> Signals:
+    """Return what reads the phases in a file."""
+    if (found := dataset_of(path).signals) is not None:
+        return found
+    raise MapError(
+        f"{path}: not a recording of signal phases; give a CSV with the column signal_group_id, or a file of "
+        f"a dataset that has phases, of {', '.join(DATASETS.paths)}"
+    )
+
+
+def signals_of(scene: SeedScene) -> Path | None:
+    """Return the recording of signal phases that belongs to a scene's own recording; None if there is none.
+
+    It is the recording itself, or ``signal_phases_NAME.csv`` beside ``vehicle_tracks_NAME.csv``.
+    """
+    if tracks := scene.source.get("tracks"):
+        name = Path(tracks).name.removesuffix(".gz").replace("vehicle_tracks", "signal_phases")
+        beside = Path(tracks).with_name(name)
+        if name.startswith("signal_phases") and beside.is_file():
+            return beside
+    road = scene.road
+    for file in (None if road is None else road.file, Path(tracks) if tracks else None):
+        if file is not None and file.suffix != ".csv" and dataset_of(file).signals is not None:
+            return file
+    return None
 
 
 def place_name(map_path: Path) -> str:

@@ -30,12 +30,7 @@ FUTURES: Final = 16
 @cache
 def _drivers(futures: int, seed: int, steps: int) -> tuple[RunSettings, ModelSet]:
     settings = RunSettings(
-        models="likely",
-        futures=futures,
-        seed=seed,
-        steps=steps,
-        metrics="gap",
-        world="plain",
+        models="likely", futures=futures, seed=seed, steps=steps, metrics="gap", world="plain"
     )
     return settings, ModelSet.of(settings)
 

@@ -172,8 +172,7 @@ def _leads(scene: SeedScene, lead: int, path: States) -> bool:
 def _lead_kind(scene: SeedScene, driven: DrivenPaths, lead: int, follower: int) -> str:
     speed, later = scene.now.speed, min(HISTORY_STEPS + _SECOND, driven.states.shape[1] - 1)
     slows = min(
-        speed[lead] - scene.history.speed[lead, -1 - _SECOND],
-        driven.states.speed[lead, later] - speed[lead],
+        speed[lead] - scene.history.speed[lead, -1 - _SECOND], driven.states.speed[lead, later] - speed[lead]
     )
     if speed[lead] < _STANDS_MPS:
         return LEAD_STOPPED

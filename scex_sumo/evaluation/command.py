@@ -39,29 +39,27 @@ def metrics_command(
     """Evaluate criticality metrics of recorded or simulated tracks."""
     from scex_sumo.evaluation.sources import read_source
     from scex_sumo.evaluation.tables import recording_table
-    from scex_sumo.metrics.registry import metrics_asked, rule_of
+    from scex_sumo.metrics.registry import metrics_asked
     from scex_sumo.results.info import as_written
 
     if out is not None and out.suffix not in TABLE_SUFFIXES:
         raise UsageError(f"-o {out}: unknown format {out.suffix!r}; known: {', '.join(TABLE_SUFFIXES)}")
     of_run = source.is_dir() and metrics is None
     chosen = metrics_asked(_of_run(source) if of_run else metrics or "paper")
-    rule = rule_of(chosen)
     tracks, history = read_source(source)
     warn(tracks.notes)
     if source.is_dir():
         warn(["the tracks driven are the planned paths, so gap times and metrics along paths differ"])
-    options: dict[str, Any] = {"level": level, "preset": rule, "metrics": chosen}
+    options: dict[str, Any] = {"level": level, "metrics": chosen}
     with as_written(source) if source.is_dir() else nullcontext():
         table = recording_table(tracks, history=history, outcomes=source.is_dir(), **options)
-    # The rule changes the meaning of every number.
-    table = table.replace_schema_metadata({"preset": rule, "level": level})
+    table = table.replace_schema_metadata({"level": level})
     if out is None:
         write_csv(table, sys.stdout.buffer)
-        warn([f"level {level}, preset {rule}"])
+        warn([f"level {level}"])
     else:
         write_table(table, out, source)
-        print(f"{out}: {table.num_rows} rows, level {level}, preset {rule}")
+        print(f"{out}: {table.num_rows} rows, level {level}")
 
 
 def _of_run(folder: Path) -> tuple[str, ...]:

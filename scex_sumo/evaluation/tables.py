@@ -13,10 +13,9 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.evaluation.blocks import Block, blocks
-from scex_sumo.metrics.base import PAPER, MetricParameters, PlannedPaths, SceneTracks
+from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.collisions import CONTACT_M2, Collisions, find_collisions
 from scex_sumo.metrics.evaluate import (
-    PAPER_PRESET,
     ScenarioValues,
     dense,
     evaluate,
@@ -36,8 +35,6 @@ def recording_table(
     table: TrackTable,
     *,
     level: str = "scenario",
-    preset: str = "paper",
-    parameters: MetricParameters = PAPER,
     metrics: Sequence[str | Metric] | None = None,
     history: int = 0,
     outcomes: bool = False,
@@ -54,18 +51,17 @@ def recording_table(
         outcomes: add collision (``scenario``) or after_collision (``pair``, ``worst``).
 
     Raises:
-        UsageError: an unknown level, preset or metric.
+        UsageError: an unknown level or metric.
     """
     if level not in LEVELS:
         raise UsageError(f"metrics: unknown level {level!r}; known: {', '.join(LEVELS)}")
     names = case_ids(table)
     chosen = metrics_named(metrics)
-    options: dict[str, Any] = {"preset": preset, "parameters": parameters, "metrics": chosen}
     parts = list(blocks(table, history=history))
     if level == "pair":
-        tables = [rows for block in parts for rows in _pair_rows(block, chosen, options, outcomes=outcomes)]
+        tables = [rows for block in parts for rows in _pair_rows(block, chosen, outcomes=outcomes)]
         return _sorted_pairs(tables, names, len(chosen))
-    evaluated = [(block, evaluate(block.tracks, block.planned, **options)) for block in parts]
+    evaluated = [(block, evaluate(block.tracks, block.planned, metrics=chosen)) for block in parts]
     if level == "scene":
         return _scene_table(evaluated, names, chosen)
     cases = _Cases(len(names), chosen, outcomes=outcomes)
@@ -87,11 +83,9 @@ def case_ids(table: TrackTable) -> pa.Array:
     return pa.array(numbers, pa.float64())
 
 
-def _pair_rows(
-    block: Block, metrics: Sequence[Metric], options: dict[str, Any], *, outcomes: bool
-) -> list[pa.Table]:
+def _pair_rows(block: Block, metrics: Sequence[Metric], *, outcomes: bool) -> list[pa.Table]:
     hits = find_collisions(block.tracks, limit_m2=CONTACT_M2) if outcomes else None
-    values = evaluate_pairs(block.tracks, block.planned, **options)
+    values = evaluate_pairs(block.tracks, block.planned, metrics=metrics)
     tables = []
     for metric in metrics:
         rows, ids = values[metric.name], block.track_id
@@ -240,14 +234,12 @@ def evaluate_pairs(
     tracks: SceneTracks,
     planned: PlannedPaths | None,
     *,
-    preset: str = PAPER_PRESET,
-    parameters: MetricParameters = PAPER,
     metrics: Sequence[str | Metric] | None = None,
 ) -> dict[str, PairValues]:
     """Evaluate all pairs by metric, sorted by future, step, vehicle, other; see `evaluate`."""
     chosen = metrics_named(metrics)
     parts: dict[str, list[PairValues]] = {metric.name: [] for metric in chosen}
-    for start, scenes in scene_batches(tracks, planned, preset=preset, parameters=parameters):
+    for start, scenes in scene_batches(tracks, planned):
         for metric in chosen:
             samples = samples_of(metric, scenes, quick=False)
             parts[metric.name].append(_rows(dense(samples, scenes), start, tracks.first))

@@ -60,7 +60,7 @@ def write_ssm(request: Request) -> list[Path]:
     pair is written once; the ego follows, or comes second.
     """
     table, history = read_source(request.run.folder)
-    measures = {"level": "pair", "preset": "path", "metrics": [e.name for e in CONFLICTS], "history": history}
+    measures = {"level": "pair", "metrics": ("ttc_path", "drac", "pet"), "history": history}
 
     def lines(future: int) -> Iterator[str]:
         case = table.case(table.cases.index(str(future)))
@@ -119,7 +119,7 @@ def _conflicts(future: _Future, rows: Sequence[Row], collisions: Sequence[Row]) 
         own = [row for row in rows_of_pair if row["timestamp_ms"] < until_ms]
         worst = [
             max(
-                (row for row in own if row["metric"] == event.name),
+                (row for row in own if row["metric"].removesuffix("_path") == event.name),
                 key=lambda row: event.side * row["value"],
                 default=None,
             )

@@ -1,6 +1,7 @@
 """SUMO folder: net, vehicle types, routes and a state from which SUMO continues a future.
 
-Vehicles of a SUMO simulation keep routes, types' attributes, speed factors, next stops and names.
+A simulation goes through the future from its own saved state on: its road users keep names, types, routes,
+stops and walks, its lights their programmes.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -16,19 +18,23 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.sumo.car_following import OWN_MODEL
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.converters.net.allowed import prune
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.xml import net_root
 from scex_sumo.exporters.request import Request
-from scex_sumo.intention import MAX_BEHIND, Intention
+from scex_sumo.intention import SIMULATED, Intention, Walk
+from scex_sumo.results.participants import some_obstacles
 from scex_sumo.results.road import load_intentions
-from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
-from scex_sumo.world.batch import vehicle_ids
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene, States
+from scex_sumo.world.batch import obstacle_id, vehicle_ids
+from scex_sumo.world.loaded import OWN_TYPE
 from scex_sumo.world.sumo import SumoDriven, SumoWorld
 from scex_sumo.world.tiles import tile_prefix
 
 NET, STATE = "net.net.xml", "state.xml"
 _MODEL = "EIDM"
-_END_S = 60
+_GOES_ON_S = 60
+_SAME_M = 0.01
 _BLOCKED_S = 5  # after which others pass a vehicle that stands in a junction: futures can end in a deadlock
 
 _CONFIGURATION = """<configuration>
@@ -60,104 +66,140 @@ def write_sumo(request: Request) -> list[Path]:
 
 
 def _write_future(request: Request, future: int, folder: Path) -> Path:
-    end_s = STEP_S * int(request.run.info["steps"])
-    scene = _at_the_end(request, future)
-    routes = SumoDriver(_MODEL).routes(
-        scene, request.road, np.arange(scene.vehicles), np.zeros(scene.vehicles)
-    )
-    edges = [tuple(request.run.net.lanes.edges(route)) for route in routes]
-    known = [_later(one, edges[v], end_s) for v, one in enumerate(load_intentions(request.run.folder))]
-    scene = replace(scene, intentions=tuple(known))
-    walks = np.array([road_user(kind) == "pedestrian" for kind in scene.types])
-    there = np.isfinite(scene.now.x)
-    kept = [v for v, route in enumerate(edges) if route and there[v] and not walks[v]]
+    steps = int(request.run.info["steps"])
+    states = request.run.states(future)
+    scene = replace(request.scene, history=states[:, -HISTORY_STEPS - 1 :], obstacles=None)
+    edges = _edges_ahead(request, scene)
+    on_foot = [road_user(kind) == "pedestrian" for kind in scene.types]
+    kept = [v for v, way in enumerate(edges) if way and np.isfinite(scene.now.x[v]) and not on_foot[v]]
     if not kept:
         raise UsageError(f"future {future}: no vehicle is on a mapped lane at its end; choose another one")
     left_out = [name for v, name in enumerate(scene.names) if v not in kept]
+    intentions, walks = load_intentions(request.run.folder)
+    if simulated := bool(intentions) and all((one := intentions[v]) and one.saved for v in kept):
+        time_s = float(request.run.info["seed_scene"]["time_s"])
+        others = _with_walks(request.scene.obstacles, walks)
+        scene = replace(request.scene, obstacles=others, time_s=time_s)
+    scene = replace(scene, intentions=intentions, future=None, future_valid=None)
     scene = scene.reordered(kept, name=scene.name)
-    driven = [_driven(scene, n, edges[v]) for n, v in enumerate(kept)]
+    net, driven = net_root(request.run.net.path), [_driven(scene, n, edges[v]) for n, v in enumerate(kept)]
+    lights = _own_lights(net) if simulated else _delayed_lights(net, STEP_S * steps)
     with TemporaryFolder() as temporary:
-        net = Path(temporary) / NET
-        net.write_bytes(_lights_at(request.run.net.path, end_s))
-        unsaved = tuple(one and replace(one, saved="") for one in scene.intentions)  # of the moment
-        now = replace(scene, intentions=unsaved)
-        with SumoWorld(replace(request.run.net, path=net), now, slots=[0]) as world:
-            world.begin(scene.now.repeat(1), np.zeros(1, dtype=np.int64), driven)
+        file = Path(temporary) / NET
+        file.write_bytes(ElementTree.tostring(net, encoding="utf-8", xml_declaration=True))
+        with SumoWorld(replace(request.run.net, path=file), scene, slots=[0]) as world:
+            world.begin(scene.now.repeat(1), np.zeros(1, dtype=np.int64), driven, lights)
+            if simulated:
+                _go_through(world, states[kept, -steps:])
+            for n, v in enumerate(kept):
+                world.follow(n, _route(scene.intention(n), edges[v]))
             world.save(Path(temporary))
-        request.write(folder / NET, net.read_bytes())
-        request.write(folder / STATE, _renamed(Path(temporary) / STATE, scene))
+        request.write(folder / NET, file.read_bytes())
+        state = _renamed(Path(temporary) / STATE, scene)
+    request.write(folder / STATE, ElementTree.tostring(state, encoding="utf-8", xml_declaration=True))
     left = f"Off the lanes, arrived or on foot, and left out: {', '.join(left_out)}." if left_out else ""
-    model = "its own car-following model" if any(known) else _MODEL
+    model = "its own car-following model" if intentions else _MODEL
     text = _README.format(future=future, name=request.name, model=model, left=left)
     request.write(folder / "README.md", text.encode())
-    configuration = _CONFIGURATION.format(step=STEP_S, end=_END_S, blocked=_BLOCKED_S, net=NET, state=STATE)
+    end_s = float(state.get("time", "0")) + _GOES_ON_S
+    blocked = -1 if simulated else _BLOCKED_S
+    configuration = _CONFIGURATION.format(step=STEP_S, end=end_s, blocked=blocked, net=NET, state=STATE)
     request.write(folder / "future.sumocfg", configuration.encode())
     return folder / "future.sumocfg"
 
 
-def _at_the_end(request: Request, future: int) -> SeedScene:
-    states = request.run.states(future)[:, -HISTORY_STEPS - 1 :]
-    return replace(request.scene, history=states, future=None, future_valid=None, obstacles=None)
+def _go_through(world: SumoWorld, states: States) -> None:
+    """Let SUMO drive as in the states (V, T) of a future; vehicles that it drives otherwise are moved."""
+    moved = np.zeros((1, states.shape[0]), dtype=np.bool_)
+    for step in range(states.shape[1]):
+        now = states[:, step][None]
+        world.move(now, moved)
+        world.step()
+        seen = world.read()
+        moved |= ~(np.hypot(seen.x - now.x, seen.y - now.y) < _SAME_M)
 
 
-def _later(intention: Intention | None, ahead: tuple[str, ...], after_s: float) -> Intention | None:
-    """Return what a vehicle is to do after a time, from the edge on that comes first among those ahead."""
-    if intention is None:
+def _edges_ahead(request: Request, scene: SeedScene) -> list[tuple[str, ...]]:
+    """Return the edges (V,) that `SumoDriver` would take from the present of a scene on."""
+    vehicles = np.arange(scene.vehicles)
+    routes = SumoDriver(_MODEL).routes(scene, request.road, vehicles, np.zeros(scene.vehicles))
+    return [tuple(request.run.net.lanes.edges(route)) for route in routes]
+
+
+def _route(intention: Intention | None, ahead: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the route from the first of the edges ahead on, as intended where the vehicle keeps to that."""
+    known = () if intention is None else intention.edges
+    first = next((known.index(edge) for edge in ahead if edge in known), None)
+    return ahead if first is None else known[first:]
+
+
+def _with_walks(others: Obstacles | None, walks: tuple[Walk, ...]) -> Obstacles | None:
+    """Return those road users that SUMO walks or drives on from what it saved of them."""
+    if others is None or len(others.ids) != len(walks):
         return None
-    first = next((intention.edges.index(edge) for edge in ahead if edge in intention.edges), None)
-    stops = tuple(
-        replace(stop, until_s=stop.until_s - after_s if stop.until_s >= 0 else -1.0)
-        for stop in intention.stops
-    )
-    edges = ahead if first is None else intention.edges[first:]
-    behind = intention.behind if first == 0 else intention.edges[: first or 0][-MAX_BEHIND:]
-    return replace(intention, edges=edges, behind=behind, stops=stops, change_mps=0.0)
+    return some_obstacles(replace(others, walks=walks), np.array([bool(walk.saved) for walk in walks]))
 
 
 def _driven(scene: SeedScene, vehicle: int, edges: tuple[str, ...]) -> SumoDriven:
-    intention, model, parameters = scene.intention(vehicle), _MODEL, dict[str, str]()
+    intention, model, parameters, arrival = scene.intention(vehicle), _MODEL, dict[str, str](), None
     if intention is not None:
-        edges = intention.edges
         model, parameters = SumoDriver(OWN_MODEL).driving(scene, vehicle)
-    arrival = None if intention is None else intention.arrival
+        arrival = intention.arrival if intention.edges[-1:] == edges[-1:] else None
     return SumoDriven(
         future=0, vehicle=vehicle, model=model, parameters=parameters, edges=edges, arrival=arrival
     )
 
 
-def _lights_at(net: Path, time_s: float) -> bytes:
-    """Return a net whose lights are those at a time after the moment."""
-    root = net_root(net)
-    for light in root.iter("tlLogic"):
+def _own_lights(net: Element) -> list[Element]:
+    """Give the lights of a net their programmes in the simulation; return their saved states."""
+    saved = []
+    for k, light in reversed(list(enumerate(net))):
+        param = light.find(f"param[@key={SIMULATED!r}]") if light.tag == "tlLogic" else None
+        if param is not None:
+            own = list(ElementTree.fromstring(f"<own>{param.get('value')}</own>"))
+            saved += [one for one in own if not len(one)]
+            net[k : k + 1] = [one for one in own if len(one)]
+    prune(net)
+    return saved
+
+
+def _delayed_lights(net: Element, time_s: float) -> list[Element]:
+    """Let the lights of a net begin as they are at a time after the moment."""
+    for light in net.iter("tlLogic"):
         cycle_s = sum(float(phase.get("duration", "0")) for phase in light.iter("phase"))
         if cycle_s > 0:
             light.set("offset", f"{(float(light.get('offset', '0')) - time_s) % cycle_s:.3f}")
-    return bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
+    return []
 
 
-def _name_types(root: ElementTree.Element, scene: SeedScene) -> None:
-    """Give the vehicles of a saved state the names of their types in their simulation."""
+def _name_types(root: Element, scene: SeedScene) -> None:
+    """Give the road users of a saved state the names of their types in their simulation."""
     types = {kind.get("id", ""): kind for kind in root.iter("vType")}
-    for vehicle in root.iter("vehicle"):
-        intention = scene.intention(scene.names.index(vehicle.get("id", "")))
-        saved = ElementTree.fromstring((intention and intention.saved) or "<user/>")
-        name = "".join(own.get("id", "") for own in saved.iter("vType")).partition("@")[0]
+    for user in (*root.iter("vehicle"), *root.iter("person")):
+        if (here := types.get(user.get("type", ""))) is None:
+            continue
+        name = here.get("id", "").removeprefix(OWN_TYPE)
+        if user.get("id", "") in scene.names:
+            intention = scene.intention(scene.names.index(user.get("id", "")))
+            saved = ElementTree.fromstring((intention and intention.saved) or "<user/>")
+            name = "".join(own.get("id", "") for own in saved.iter("vType")).partition("@")[0]
         if name and not name.startswith("DEFAULT_"):
-            here = types[vehicle.get("type", "")]
             if name not in types:
-                types[name] = ElementTree.Element("vType", {**here.attrib, "id": name})
+                types[name] = Element("vType", {**here.attrib, "id": name})
                 root.insert(list(root).index(here), types[name])
-            vehicle.set("type", name)
+            user.set("type", name)
 
 
-def _renamed(state: Path, scene: SeedScene) -> bytes:
-    """Return a saved state without the prefix of its tile, with the names of the vehicles."""
-    root, names = ElementTree.parse(state).getroot(), scene.names
-    vehicles = dict(zip(vehicle_ids([0], scene.track_ids), names, strict=True))
+def _renamed(state: Path, scene: SeedScene) -> Element:
+    """Return a saved state without the prefix of its tile, with the names of the road users."""
+    root = ElementTree.parse(state).getroot()
+    named = dict(zip(vehicle_ids([0], scene.track_ids), scene.names, strict=True))
+    if scene.obstacles is not None:
+        named |= {obstacle_id(0, name): name.removesuffix(" (person)") for name in scene.obstacles.ids}
     for element in root.iter():
-        is_list = element.tag in ("vehicle", "vehicles")
+        is_list = element.tag in ("vehicle", "vehicles", "person")
         for key, value in element.attrib.items():
-            words = [vehicles.get(word, word) if is_list else word for word in value.split(" ")]
+            words = [named.get(word, word) if is_list else word for word in value.split(" ")]
             element.set(key, " ".join(re.sub(f"^(:?){tile_prefix(0)}", r"\1", word) for word in words))
     _name_types(root, scene)
-    return bytes(ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
+    return root

@@ -17,7 +17,7 @@ from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
-from scex_sumo.converters.signals import signals_of
+from scex_sumo.converters.registries import signals_of
 from scex_sumo.extrapolation.extras import Extra, Row, Work, rows_of
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, ruled
 from scex_sumo.extrapolation.loop.measure import Recorded, measure_recorded
@@ -177,7 +177,6 @@ def _recorded(job: Job) -> Recorded | None:
         settings.steps,
         replan=settings.replan,
         metrics=settings.measured,
-        preset=settings.rule,
         vehicles=settings.vehicles_that_count(job.scene),
     )
 

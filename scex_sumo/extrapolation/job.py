@@ -18,14 +18,9 @@ from scex_sumo.base.errors import ScexError
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.net.sumo_net import SumoNet
-from scex_sumo.converters.signals import signals_of
+from scex_sumo.converters.registries import signals_of
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
-from scex_sumo.extrapolation.loop.measure import (
-    measure_conflicts,
-    measure_outcome,
-    measure_rollout,
-    worst_of,
-)
+from scex_sumo.extrapolation.loop.measure import measure_conflicts, measure_outcome, measure_rollout, worst_of
 from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
@@ -213,7 +208,6 @@ def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: On
         job.scene,
         rollout,
         metrics=settings.measured,
-        preset=settings.rule,
         counted=job.counted,
         vehicles=settings.vehicles_that_count(job.scene),
         on_paths=job.on_paths,
@@ -258,9 +252,7 @@ def _tested(job: Job, rollout: Rollout) -> FloatArray | None:
     tested = np.flatnonzero(np.isin(job.scene.track_ids, list(job.models.tested))).tolist()
     if not tested:
         return None
-    own = measure_rollout(
-        job.scene, rollout, metrics=job.settings.measured, preset=job.settings.rule, vehicles=tested
-    )
+    own = measure_rollout(job.scene, rollout, metrics=job.settings.measured, vehicles=tested)
     return np.stack([own.values, own.defined.astype(np.float64)])
 
 

@@ -65,11 +65,7 @@ class RunOptions:
     )
     report: bool = option("Write report.html.", True, names=("--report/--no-report",), panel=OUTPUT)
     extra: Sequence[Any] = option(
-        "An extra of your own; repeatable.",
-        (),
-        metavar="MODULE:CLASS[:OPTION=V]",
-        panel=OUTPUT,
-        several=True,
+        "An extra of your own; repeatable.", (), metavar="MODULE:CLASS[:OPTION=V]", panel=OUTPUT, several=True
     )
     overwrite: bool = option("Replace another run's result.", False, names=("--overwrite",), panel=OUTPUT)
     out: str | Path | None = option(

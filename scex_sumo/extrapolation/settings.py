@@ -22,7 +22,6 @@ from scex_sumo.metrics.registry import (
     columns_of,
     describe_metrics,
     metrics_asked,
-    rule_of,
 )
 from scex_sumo.scene import SeedScene
 from scex_sumo.world.base import DEFAULT_WORLD, WORLDS
@@ -292,11 +291,6 @@ class RunSettings:
     def measured(self) -> tuple[Metric, ...]:
         """The metrics that are evaluated."""
         return metrics_asked(self.metrics)
-
-    @property
-    def rule(self) -> str:
-        """Car-following rule of the metrics that leave it open."""
-        return rule_of(self.measured)
 
     @property
     def columns(self) -> tuple[str, ...]:

@@ -81,7 +81,7 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None) -> P
         )
     write_tracks(folder.path / "seed.csv", job.scene)
     save_road(folder.path, job.road)
-    save_intentions(folder.path, job.scene.intentions)
+    save_intentions(folder.path, job.scene)
     return part
 
 

@@ -33,9 +33,8 @@ from scex_sumo.converters.naming import (
 )
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording, place_name, recording_name
 from scex_sumo.converters.tracks.check import MAX_VALUES
-from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, obstacle_size
+from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, obstacle_size, with_unknown_vehicles
 from scex_sumo.converters.tracks.rows import FORWARD_MPS, TrackTable
-from scex_sumo.converters.tracks.unknown_types import with_unknown_vehicles
 from scex_sumo.formats.recognition import LEVELX_META, LEVELX_TRACKS, is_highd_map, is_levelx, levelx_file
 from scex_sumo.formats.samples.boxes import one_line
 from scex_sumo.formats.samples.build import track_table

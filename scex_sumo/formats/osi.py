@@ -16,7 +16,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.naming import map_name
-from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
+from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.converters.xml import unpacked, xml_root
 from scex_sumo.formats.lane_maps.lane_map import FAR_M, DrawnMap, drawn_road
@@ -34,7 +34,7 @@ TOPICS = {"ground_truth": "GroundTruth", "map": "MapAsamOpenDrive"}
 _VEHICLES = {
     7: "truck", 16: "truck", 8: "truck", 6: "truck", 9: "trailer", 10: "motorcycle", 11: "bicycle", 12: "bus",
     13: "tram", 14: "train", 15: "wheelchair", 17: "scooter", 18: "scooter", 19: "work machine",
-    20: "watercraft", 21: "aircraft",
+    20: "watercraft", 21: "aircraft"
 }  # fmt: skip
 """Our type by OSI's type of vehicle; every other one is a car."""
 _OTHERS = {1: "other", 3: "pedestrian", 4: "animal"}
@@ -237,16 +237,12 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
 
 
 OSI_MAP = MapFormat(
-    is_mine=is_osi,
-    read=_read_road,
-    tracks=lambda path: path,
-    asks_for="--tracks TRACE",
-    opendrive=map_text,
+    is_mine=is_osi, read=_read_road, tracks=lambda path: path, asks_for="--tracks TRACE", opendrive=map_text
 )
 OSI = Dataset(
     is_mine=is_osi,
     read=_read,
     recordings=_recordings,
     within=within_map,
-    signals=SignalFormat(read=_read_signals),
+    signals=_read_signals,
 )

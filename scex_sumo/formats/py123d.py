@@ -17,7 +17,7 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.base.importing import extra_for
-from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
+from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.recognition import PY123D_LOG, is_py123d, is_py123d_map
@@ -288,5 +288,5 @@ PY123D = Dataset(
     files=_files,
     name=lambda path, files: _name(files[0]),
     within=within_map,
-    signals=SignalFormat(read=_read_signals),
+    signals=_read_signals,
 )

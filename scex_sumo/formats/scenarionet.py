@@ -21,7 +21,7 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, MapError, TrackError, reason_of
 from scex_sumo.converters.naming import map_name, open_binary
-from scex_sumo.converters.registries import Dataset, MapFormat, Recording, SignalFormat
+from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road, polyline
@@ -415,5 +415,5 @@ SCENARIONET = Dataset(
     recordings=_recordings,
     name=lambda path, files: _name(files[0]),
     within=within_map,
-    signals=SignalFormat(read=_read_signals),
+    signals=_read_signals,
 )

@@ -19,7 +19,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, TrackError, one_line
 from scex_sumo.converters.lanelet.projection import to_local
 from scex_sumo.converters.net.sumo_net import RECORDED
-from scex_sumo.converters.registries import Dataset, SignalFormat
+from scex_sumo.converters.registries import Dataset
 from scex_sumo.converters.xml import xml_root
 from scex_sumo.formats.recognition import is_spat
 from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
@@ -140,7 +140,7 @@ def _no_tracks(paths: Sequence[Path], **_: Any) -> NoReturn:
     raise TrackError(f"{paths[0]}: signal phases, no tracks; give the recording of the vehicles")
 
 
-SPAT = Dataset(is_mine=is_spat, read=_no_tracks, signals=SignalFormat(read=recorded_programme))
+SPAT = Dataset(is_mine=is_spat, read=_no_tracks, signals=recorded_programme)
 
 
 def _read_phases(signals: Path) -> dict[int, list[tuple[float, str]]]:

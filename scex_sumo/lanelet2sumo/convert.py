@@ -93,11 +93,13 @@ def _cached(road: Road, signals: Path | None, *digest: str) -> WrittenNet:
 
 
 def _written(road: Road, signals: Path | None = None) -> WrittenNet:
-    from scex_sumo.lanelet2sumo.copy import copy_net
-    from scex_sumo.lanelet2sumo.net import write_net  # in milliseconds, most nets come from the cache
+    from scex_sumo.lanelet2sumo.net import (  # in milliseconds, most nets come from the cache
+        copy_net,
+        write_net,
+    )
 
     if road.net is not None:
-        return copy_net(road, signals)
+        return copy_net(road)
     check_road(road, f"road {road.name}")
     return write_net(road, signals)
 

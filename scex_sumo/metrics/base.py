@@ -1,4 +1,4 @@
-"""Tracks and planned paths as input of metrics, and the metrics' parameters.
+"""Tracks and planned paths as input of metrics, and the metrics' constants.
 
 Axes: C (future), T (step), V (vehicle), R (replan), H (planned step), P (unordered pairs), N (rows).
 """
@@ -17,6 +17,15 @@ from scex_sumo.scene import STEP_S, States
 
 MAX_MAGNITUDE: Final = 1e12
 """Largest coordinate, heading, speed or size; squares of larger ones may overflow."""
+
+FOLLOWING_RAD: Final = np.pi / 6
+"""Largest difference of headings of a car-following pair."""
+MAX_ACCELERATION: Final = 6.9
+"""Of one vehicle in any direction, for WTTC, m/s²."""
+STANDING_MPS: Final = 1e-4
+"""Up to it a vehicle has no gap time and no time headway."""
+EXTENSION_M, EXTENSION_S = 20.0, 2.0
+"""Straight extension of planned paths in the search for leaders; the longer one, at present speed, counts."""
 
 
 def backward_acceleration(speed: FloatArray, present: BoolArray | None, step_s: float) -> FloatArray:
@@ -172,31 +181,3 @@ class PlannedPaths:
     def futures(self, part: slice) -> PlannedPaths:
         """Select some futures."""
         return replace(self, x=self.x[part], y=self.y[part])
-
-
-@dataclass(frozen=True, kw_only=True)
-class MetricParameters:
-    """Parameters of the metrics; the defaults are the paper's."""
-
-    following_angle: float = np.pi / 6  # largest difference of headings of a car-following pair, rad
-    max_acceleration: float = 6.9  # of one vehicle in any direction, for WTTC, m/s²
-    standing_speed: float = 1e-4  # up to it a vehicle has no gap time and no time headway, m/s
-    path_extension: float = 20.0  # least straight extension of planned paths in the search for leaders, m
-    path_extension_time: float = 2.0  # the same as a time at present speed, s; the longer one counts
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.following_angle <= np.pi:
-            raise InputError(
-                f"metrics: following angle {self.following_angle} rad; choose one within 0 to pi"
-            )
-        if not (np.isfinite(self.max_acceleration) and self.max_acceleration >= 0):
-            raise InputError(f"metrics: largest acceleration {self.max_acceleration} m/s²; choose one >= 0")
-        if not self.standing_speed >= 0:
-            raise InputError(f"metrics: standing speed {self.standing_speed} m/s; choose one >= 0")
-        if not (np.isfinite(self.path_extension) and self.path_extension > 0):
-            raise InputError(f"metrics: path extension {self.path_extension} m; choose one above 0")
-        if not (np.isfinite(self.path_extension_time) and self.path_extension_time >= 0):
-            raise InputError(f"metrics: path extension {self.path_extension_time} s; choose one >= 0")
-
-
-PAPER: Final = MetricParameters()

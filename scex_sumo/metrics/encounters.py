@@ -17,7 +17,7 @@ from scex_sumo.metrics.events import EVENTS, Event
 from scex_sumo.metrics.formulas.crossing import pet
 from scex_sumo.metrics.formulas.distance import gap_bounds, gaps_of
 from scex_sumo.metrics.formulas.following import deceleration_to_avoid_crash, time_to_collision
-from scex_sumo.metrics.pairs.leaders import preset_named
+from scex_sumo.metrics.pairs.leaders import leaders_on_path
 from scex_sumo.metrics.pairs.paths_ahead import paths_ahead
 from scex_sumo.metrics.pairs.scenes import Scenes
 
@@ -67,13 +67,13 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_path
 
     Without ``on_paths``, only gaps and collisions make an encounter.
     """
-    scenes = (scenes if scenes.meeting is None else scenes.meeting.scenes).under(preset_named("path"))
+    scenes = scenes if scenes.near is None else scenes.near.scenes
     futures, steps = scenes.shape
     inside = (collisions.future >= start) & (collisions.future < start + futures)
     hits = collisions.take(np.flatnonzero(inside))
     first, second = scenes.pairs
     size = len(first) * futures
-    gap, gap_step = _gaps_of_near(scenes)
+    gap, gap_step = scenes.of_pairs(_least_gaps).reshape(size, 2).T
     if on_paths:
         least_pet, cross = scenes.of_pairs(_crossings).reshape(size, 2).T
         ttc, ttc_step, drac, towards = _on_paths(scenes)
@@ -134,18 +134,8 @@ def _crossings(scenes: Scenes) -> FloatArray:
     return np.stack([least_pet, _cross(scenes)], axis=1).reshape(-1, futures, 2)
 
 
-def _gaps_of_near(scenes: Scenes) -> FloatArray:
-    """Return (2, P·C) least gaps and their steps; the gap is inf above `NEAR_M`."""
-    near = scenes if scenes.near is None else scenes.near.scenes.under(scenes.preset)
-    gaps = near.of_pairs(_least_gaps)
-    if scenes.near is not None:
-        table = np.full((len(scenes.pairs[0]), *gaps.shape[1:]), np.inf)
-        table[scenes.near.pair] = gaps
-        gaps = table
-    return gaps.reshape(-1, 2).T
-
-
 def _least_gaps(scenes: Scenes) -> FloatArray:
+    """Return (P, C, 2) least gaps and their steps; the gap is inf above `NEAR_M`."""
     futures, steps = scenes.shape
     size = len(scenes.pairs[0]) * futures
     low, high = gap_bounds(scenes)
@@ -161,7 +151,7 @@ def _least_gaps(scenes: Scenes) -> FloatArray:
 def _on_paths(scenes: Scenes) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
     futures, steps = scenes.shape
     size = len(scenes.pairs[0]) * futures
-    following = scenes.following
+    following = scenes.once(leaders_on_path)
     ordered, scene = np.divmod(following.where, scenes.count)
     pair = ordered % max(len(scenes.pairs[0]), 1)
     key, step = pair * futures + scene // max(steps, 1), scene % max(steps, 1)
@@ -190,6 +180,6 @@ def _cross(scenes: Scenes) -> BoolArray:
     pairs = len(scenes.pairs[0])
     cross = np.zeros(pairs * futures, dtype=bool)
     if scenes.planned is not None and pairs and steps:
-        ordered, scene = np.divmod(paths_ahead(scenes).next_crossings.where, futures * steps)
+        ordered, scene = np.divmod(scenes.once(paths_ahead).next_crossings.where, futures * steps)
         cross[(ordered % pairs) * futures + scene // steps] = True
     return cross

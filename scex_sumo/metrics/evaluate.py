@@ -7,23 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, distinct
 from scex_sumo.base.errors import InputError, ScexError
-from scex_sumo.metrics.base import PAPER, MetricParameters, PlannedPaths, SceneTracks
+from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.extrema import SceneValues, Worst, extrema, scene_mean
-from scex_sumo.metrics.pairs.leaders import preset_named
-from scex_sumo.metrics.pairs.near import meeting_pairs, near_pairs, scheduled
-from scex_sumo.metrics.pairs.scenes import Entries, Preset, Samples, Scenes, TrackPairs
+from scex_sumo.metrics.pairs.near import near_pairs
+from scex_sumo.metrics.pairs.scenes import Entries, Near, Samples, Scenes, TrackPairs
 from scex_sumo.metrics.registry import METRICS, Metric, columns_of, metrics_named
 
-PAPER_PRESET: Final = "paper"
-BATCH_PAIR_STEPS = 1 << 17  # unordered near pair-steps per batch
-ALL_PAIR_STEPS = 1 << 20  # of the futures whose equal tracks are evaluated once, far pairs included
-SHARED_PAIR_STEPS = 1 << 21  # near ones of the futures whose equal tracks are evaluated once; 0: never
+BATCH_PAIR_STEPS = 1 << 18  # near pair-steps of a batch
+ALL_PAIR_STEPS = 1 << 20  # pair-steps of a batch
+SHARED_PAIR_STEPS = 1 << 20  # near ones of the futures whose equal tracks are evaluated once; 0: never
 MAX_DIFFERENT = 0.9  # share of different pairs above which the search for equal ones does not pay
 
 
@@ -36,7 +33,6 @@ class ScenarioValues:
     defined: BoolArray
     scene: Mapping[str, SceneValues]  # by metric, the extremum of every evaluated step
     worst: Mapping[str, Worst]  # by metric, the step and the vehicles of the extremum
-    preset: str  # car-following rule
 
     def column(self, name: str) -> tuple[FloatArray, BoolArray]:
         """Return (C,) values and mask of a column."""
@@ -48,8 +44,6 @@ def evaluate(
     tracks: SceneTracks,
     planned: PlannedPaths | None,
     *,
-    preset: str = PAPER_PRESET,
-    parameters: MetricParameters = PAPER,
     metrics: Sequence[str | Metric] | None = None,
     vehicles: Collection[int] | None = None,
     also: Callable[[int, Scenes], None] | None = None,
@@ -58,7 +52,6 @@ def evaluate(
 
     Args:
         planned: gap time is undefined without planned paths.
-        preset: car-following rule of metrics without one of their own.
         metrics: None for the paper's six.
         vehicles: only values that involve one of these indices; None for all.
         also: called with each batch's first future and scenes.
@@ -66,9 +59,7 @@ def evaluate(
     chosen = metrics_named(metrics)
     parts: dict[str, list[tuple[SceneValues, Worst]]] = {metric.name: [] for metric in chosen}
     all_pairs = any(m.quick is None or (vehicles is not None and not m.pairwise) for m in chosen)
-    for start, scenes in scene_batches(
-        tracks, planned, preset=preset, parameters=parameters, all_pairs=all_pairs
-    ):
+    for start, scenes in scene_batches(tracks, planned, all_pairs=all_pairs):
         own = scenes if vehicles is None else scenes.of_vehicles(vehicles)
         for metric in chosen:
             if vehicles is None or metric.pairwise:
@@ -92,74 +83,53 @@ def evaluate(
         defined=defined,
         scene=scene,
         worst=worst,
-        preset=preset,
     )
 
 
 def scene_batches(
-    tracks: SceneTracks,
-    planned: PlannedPaths | None,
-    *,
-    preset: str,
-    parameters: MetricParameters,
-    all_pairs: bool = True,
+    tracks: SceneTracks, planned: PlannedPaths | None, *, all_pairs: bool = True
 ) -> Iterator[tuple[int, Scenes]]:
     """Yield scenes of a few futures with the number of the first; the next batch drops derived values.
 
     Args:
         all_pairs: values of all pairs are needed: fewer futures at once.
     """
-    rules = preset_named(preset)
     futures, _, vehicles = tracks.states.shape
     if planned is not None:
         planned.check_fit(tracks)
-    near = near_pairs(tracks)
-    meeting = None if near is None else meeting_pairs(tracks, planned, parameters, near[0])
+    near = near_pairs(tracks, planned)
     every = vehicles * (vehicles - 1) // 2
     some_pairs = every if near is None else len(near[0])
-    shares = every if meeting is None else len(meeting)
-    size, shared_size, most, many = (
+    group_size, size, size_of_all = (
         max(limit // max(tracks.steps * pairs, 1), 1)
         for limit, pairs in (
-            (BATCH_PAIR_STEPS, some_pairs),
             (SHARED_PAIR_STEPS, some_pairs),
-            (ALL_PAIR_STEPS, shares),
-            (ALL_PAIR_STEPS, every if all_pairs else shares),
+            (BATCH_PAIR_STEPS, some_pairs),
+            (ALL_PAIR_STEPS, every),
         )
     )
-    group_size, size = min(shared_size, most), min(size, many)
+    size = min(size, size_of_all) if all_pairs else size
     for begin in range(0, max(futures, 1), group_size):
         group = slice(begin, begin + group_size)
         some, plans = tracks.futures(group), None if planned is None else planned.futures(group)
-        shared = track_pairs(some, plans, preset=rules, parameters=parameters, pairs=meeting)
-        of_some = None
-        if shared is not None and near is not None and near[0].size:
-            of_some = shared.of_pairs(near[0] if meeting is None else np.searchsorted(meeting, near[0]))
-        both = shared, of_some
+        shared = track_pairs(some, plans, None if near is None else near[0])
         for start in range(0, max(some.states.shape[0], 1), size):
             part = slice(start, start + size)
-            of_all, of_near = (None if each is None else each.of_futures(part) for each in both)
-            scenes = Scenes(
-                tracks=some.futures(part),
-                planned=None if plans is None else plans.futures(part),
-                parameters=parameters,
-                preset=rules,
-            )
-            scenes = scheduled(scenes, near, meeting, (of_all, of_near))
+            scenes = Scenes(tracks=some.futures(part), planned=None if plans is None else plans.futures(part))
+            equal = None if shared is None else shared.of_futures(part)
+            if near is None:
+                scenes = replace(scenes, shared=equal)
+            else:
+                those = scenes.of_pair_numbers(near[0], equal)
+                scenes = replace(scenes, near=Near(scenes=those, pair=near[0], apart=near[1]))
             yield begin + start, scenes
             scenes.release()
-        for each in both:
-            if each is not None:
-                each.scenes.release()
+        if shared is not None:
+            shared.scenes.release()
 
 
 def track_pairs(
-    tracks: SceneTracks,
-    planned: PlannedPaths | None,
-    *,
-    preset: Preset,
-    parameters: MetricParameters,
-    pairs: IntArray | None = None,
+    tracks: SceneTracks, planned: PlannedPaths | None, pairs: IntArray | None = None
 ) -> TrackPairs | None:
     """Find the different pairs of tracks; None if few are equal or sizes depend on the future.
 
@@ -187,8 +157,6 @@ def track_pairs(
     scenes = Scenes(
         tracks=_tracks_of(tracks, future, owner),
         planned=None if planned is None else _plans_of(planned, future, owner),
-        parameters=parameters,
-        preset=preset,
         chosen=(keys // len(future), keys % len(future)),
     )
     return TrackPairs(scenes=scenes, row=row.reshape(one.shape))
@@ -223,9 +191,8 @@ def _plans_of(planned: PlannedPaths, future: IntArray, vehicle: IntArray) -> Pla
 def samples_of(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entries:
     """Return the values of a metric, checked; ``quick`` allows fewer pairs with the same extrema."""
     function = metric.quick if quick and metric.quick is not None else metric.evaluate
-    seen = scenes if metric.preset is None else scenes.under(preset_named(metric.preset))
     try:
-        samples = function(seen)
+        samples = function(scenes)
     except Exception as error:
         if metric.name in METRICS or isinstance(error, ScexError):
             raise
@@ -247,7 +214,13 @@ def samples_of(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entr
 
 def dense(samples: Samples | Entries, scenes: Scenes) -> Samples:
     """Return values of all pairs at all steps."""
-    return scenes.scattered(samples.where, samples.value) if isinstance(samples, Entries) else samples
+    if isinstance(samples, Samples):
+        return samples
+    row, other = scenes.ordered_pairs
+    value, defined = np.zeros((len(row), *scenes.shape)), np.zeros((len(row), *scenes.shape), np.bool_)
+    value.reshape(-1)[samples.where] = samples.value
+    defined.reshape(-1)[samples.where] = True
+    return Samples(value=value, defined=defined, row=row, other=other)
 
 
 def _of_vehicles(samples: Samples | Entries, vehicles: Collection[int], scenes: Scenes) -> Samples:

@@ -14,7 +14,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Event:
     """Event of two vehicles in a future: a value is beyond a threshold.
 
@@ -44,16 +44,13 @@ class Event:
     @property
     def words(self) -> str:
         """What happens, in words, e.g. ``TTC < 1.5 s``."""
-        return f"{self.title}{self._limit}"
+        limit = f" {'<' if self.side < 0 else '>'} {self.threshold:g} {self.unit}" if self.column else ""
+        return f"{self.title}{limit}"
 
     @property
     def question(self) -> str:
         """What happens, with the name of the value in full."""
-        return f"{self.measure}{self._limit}"
-
-    @property
-    def _limit(self) -> str:
-        return f" {'<' if self.side < 0 else '>'} {self.threshold:g} {self.unit}" if self.column else ""
+        return self.words.replace(self.title, self.measure, 1)
 
     def defined(self, values: FloatArray) -> FloatArray:
         """Return values (N,), NaN where undefined: inf, or 0 if large values are critical."""
@@ -64,48 +61,12 @@ class Event:
         return np.asarray(self.side * values > self.side * self.threshold)
 
 
+# drivers rarely brake harder than 3.4 m/s² (Archer 2005)
 EVENTS: Final[Mapping[str, Event]] = {
-    event.name: event
-    for event in (
-        Event(
-            name="collision",
-            value="collided",
-            title="collides",
-            measure="collision",
-            threshold=0.0,
-            critical="max",
-        ),
-        Event(
-            name="ttc",
-            value="ttc",
-            title="TTC",
-            measure="TTC on path",
-            unit="s",
-            threshold=1.5,
-            critical="min",
-            column="min_ttc_path",
-        ),
-        Event(
-            name="pet",
-            value="pet",
-            title="PET",
-            measure="PET",
-            unit="s",
-            threshold=1.0,
-            critical="min",
-            column="min_pet",
-        ),
-        Event(
-            name="drac",
-            value="drac",
-            title="DRAC",
-            measure="DRAC",
-            unit="m/s²",
-            threshold=3.4,  # drivers rarely brake harder (Archer 2005)
-            critical="max",
-            column="max_drac",
-        ),
-    )
+    "collision": Event("collision", "collided", "collides", "collision", 0.0, "max"),
+    "ttc": Event("ttc", "ttc", "TTC", "TTC on path", 1.5, "min", "s", "min_ttc_path"),
+    "pet": Event("pet", "pet", "PET", "PET", 1.0, "min", "s", "min_pet"),
+    "drac": Event("drac", "drac", "DRAC", "DRAC", 3.4, "max", "m/s²", "max_drac"),
 }
 """Events by name, in the order of all tables. A collision counts as each."""
 

@@ -8,19 +8,30 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import inspect
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, TypeVar
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import UsageError, nearest
 from scex_sumo.base.importing import Registry, import_object
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.formulas.conflicts import needed_braking, time_margin
 from scex_sumo.metrics.formulas.crossing import gap_time, pet
 from scex_sumo.metrics.formulas.distance import distance, gap, least_distance, least_gap
-from scex_sumo.metrics.formulas.following import drac, least_pttc, least_ttc, pttc, thw, ttc
+from scex_sumo.metrics.formulas.following import (
+    drac,
+    least_pttc,
+    least_ttc,
+    pttc,
+    pttc_path,
+    thw,
+    ttc,
+    ttc_path,
+)
 from scex_sumo.metrics.formulas.tq import tq
 from scex_sumo.metrics.formulas.wttc import least_wttc, least_wttc_path, wttc, wttc_path
 from scex_sumo.metrics.pairs.scenes import Entries, Samples, Scenes
@@ -41,7 +52,6 @@ class Metric:
     inverse: bool = False  # aggregate 1 / value; ``critical``, ``threshold`` and ``label`` refer to it
     finite: bool = False  # leave infinite values out of the aggregates
     harmonic: bool = False  # the mean over scenes is 1 / mean(1 / value); infinite values count as 0
-    preset: str | None = None  # car-following rule; None uses that of the evaluation
     quick: Callable[[Scenes], Samples | Entries] | None = None  # computes the same extrema from fewer pairs
     pairwise: bool = False  # a pair's values depend on its own two tracks only
     threshold: float | None = None  # value from which a future is critical
@@ -102,124 +112,46 @@ def _no_formula(scenes: Scenes) -> Samples | Entries:
     raise UsageError("metrics: this metric is known from a result only; register its function to evaluate it")
 
 
-_PTTC = Metric(
-    name="pttc",
-    unit="s",
-    critical="min",
-    evaluate=pttc,
-    quick=least_pttc,
-    finite=True,
-    harmonic=True,
-    label="PTTC",
-)
-_TTC = Metric(
-    name="ttc",
-    unit="s",
-    critical="max",
-    evaluate=ttc,
-    quick=least_ttc,
-    inverse=True,
-    threshold=1 / 1.5,
-    label="1/TTC",
-)
+def _of(name: str, unit: str, side: Any, formula: Any, quick: Any, label: str = "", **more: Any) -> Metric:
+    return Metric(name=name, unit=unit, critical=side, evaluate=formula, quick=quick, label=label, **more)
+
+
+_TTC, _PET, _DRAC = (EVENTS[name].threshold for name in ("ttc", "pet", "drac"))
+_INVERSE_TTC: Final[dict[str, Any]] = {"inverse": True, "threshold": 1 / _TTC}
+_BRAKING, _MARGIN = "needed braking", "time margin"
 _BY_HEADING = (
-    Metric(
-        name="distance",
-        unit="m",
-        critical="min",
-        evaluate=distance,
-        quick=least_distance,
-        pairwise=True,
-        threshold=5.0,
-    ),
-    Metric(name="tq", critical="max", evaluate=tq, quick=tq, threshold=1.2, label="traffic quality"),
-    Metric(name="gap_time", unit="s", critical="min", evaluate=gap_time, quick=gap_time, label="gap time"),
-    _PTTC,
-    Metric(
-        name="wttc",
-        unit="s",
-        critical="min",
-        evaluate=wttc,
-        quick=least_wttc,
-        pairwise=True,
-        threshold=0.26,
-        label="WTTC",
-    ),
-    _TTC,
+    _of("distance", "m", "min", distance, least_distance, pairwise=True, threshold=5.0),
+    _of("tq", "", "max", tq, tq, "traffic quality", threshold=1.2),
+    _of("gap_time", "s", "min", gap_time, gap_time, "gap time"),
+    _of("pttc", "s", "min", pttc, least_pttc, "PTTC", finite=True, harmonic=True),
+    _of("wttc", "s", "min", wttc, least_wttc, "WTTC", pairwise=True, threshold=0.26),
+    _of("ttc", "s", "max", ttc, least_ttc, "1/TTC", **_INVERSE_TTC),
 )
-_LIMITS = {name: event.threshold for name, event in EVENTS.items()}
 _ON_PATHS = (
-    Metric(
-        name="gap",
-        unit="m",
-        critical="min",
-        evaluate=gap,
-        quick=least_gap,
-        pairwise=True,
-        label="body gap",
-    ),
-    replace(
-        _TTC,
-        name="ttc_path",
-        preset="path",
-        threshold=1 / _LIMITS["ttc"],
-        label="1/TTC on path",
-    ),
-    replace(_PTTC, name="pttc_path", preset="path", label="PTTC on path"),
-    Metric(
-        name="wttc_path",
-        unit="s",
-        critical="min",
-        evaluate=wttc_path,
-        quick=least_wttc_path,
-        pairwise=True,
-        label="WTTC of outlines",
-    ),
-    Metric(name="thw", unit="s", critical="min", evaluate=thw, label="THW"),
-    Metric(
-        name="drac",
-        unit="m/s²",
-        critical="max",
-        evaluate=drac,
-        threshold=_LIMITS["drac"],
-        label="DRAC",
-    ),
-    Metric(
-        name="pet", unit="s", critical="min", evaluate=pet, quick=pet, threshold=_LIMITS["pet"], label="PET"
-    ),
+    _of("gap", "m", "min", gap, least_gap, "body gap", pairwise=True),
+    _of("ttc_path", "s", "max", ttc_path, ttc_path, "1/TTC on path", **_INVERSE_TTC),
+    _of("pttc_path", "s", "min", pttc_path, pttc_path, "PTTC on path", finite=True, harmonic=True),
+    _of("wttc_path", "s", "min", wttc_path, least_wttc_path, "WTTC of outlines", pairwise=True),
+    _of("thw", "s", "min", thw, thw, "THW"),
+    _of("drac", "m/s²", "max", drac, drac, "DRAC", threshold=_DRAC),
+    _of("pet", "s", "min", pet, pet, "PET", threshold=_PET),
 )
 _OF_CONFLICTS = (
-    Metric(
-        name="needed_braking",
-        unit="m/s²",
-        critical="max",
-        evaluate=needed_braking,
-        pairwise=True,
-        threshold=_LIMITS["drac"],
-        label="needed braking",
-    ),
-    Metric(
-        name="time_margin",
-        unit="s",
-        critical="min",
-        evaluate=time_margin,
-        pairwise=True,
-        threshold=_LIMITS["pet"],
-        label="time margin",
-    ),
+    _of("needed_braking", "m/s²", "max", needed_braking, None, _BRAKING, pairwise=True, threshold=_DRAC),
+    _of("time_margin", "s", "min", time_margin, None, _MARGIN, pairwise=True, threshold=_PET),
 )
 METRICS: Final[Mapping[str, Metric]] = {
     each.name: each for each in (*_BY_HEADING, *_ON_PATHS, *_OF_CONFLICTS)
 }
-"""Built-in metrics: the paper's six, those of preset ``path``, those of any two that meet."""
+"""Built-in metrics: the paper's six, those along paths, those of any two that meet."""
 
 PAPER_METRICS: Final[tuple[str, ...]] = tuple(each.name for each in _BY_HEADING)
 SETS: Final[Mapping[str, tuple[Metric, ...]]] = {
     "paper": _BY_HEADING,
-    "path": tuple(replace(each, preset="path", quick=each.quick or each.evaluate) for each in _ON_PATHS),
+    "path": _ON_PATHS,
     "conflicts": _OF_CONFLICTS,
 }
-"""Metrics that a word stands for; those of ``path`` are always evaluated along paths."""
+"""Metrics that a word stands for."""
 
 COLUMNS: Final[tuple[str, ...]] = tuple(c for name in PAPER_METRICS for c in METRICS[name].columns)
 """The paper's twelve columns of a future; ``ttc`` and ``ttc_mean`` are in 1/s."""
@@ -265,20 +197,10 @@ def metrics_asked(given: str | Iterable[str | Metric]) -> tuple[Metric, ...]:
     return metrics_named(one for name in names for one in (("paper", "path") if name == BOTH else (name,)))
 
 
-def rule_of(metrics: Iterable[Metric]) -> str:
-    """Return the car-following rule of metrics that leave it open: ``path`` with those along paths alone."""
-    names = {metric.name for metric in metrics}
-    along = {metric.name for metric in SETS["path"]}
-    return "path" if along <= names and not names & set(PAPER_METRICS) else "paper"
-
-
 def _metric(name: str) -> Metric:
     here = {**METRICS, **_registered}
     if name in here:
         return here[name]
-    printed = {_plain(word): own for own in here.values() for word in (own.name, own.words)}
-    if _plain(name) in printed:
-        return printed[_plain(name)]
     paths = PACKAGES.paths
     if ":" not in name and name not in paths:
         raise UsageError(f"{_unknown(name)}; a metric of your own is MODULE:FUNCTION")
@@ -292,34 +214,12 @@ def _unknown(name: str) -> str:
     return f"metrics: unknown metric {name[:40]!r}; nearest: {nearest(name[:40], known_metrics())}"
 
 
-def _plain(text: str) -> str:
-    return text.partition("[")[0].strip().lower().replace("-", " ").replace("_", " ")
-
-
-def column_named(
-    text: str, columns: Iterable[str] = COLUMNS, own: Mapping[str, Metric] = MappingProxyType({})
-) -> str:
-    """Find a column by its name as printed, in any case: ``TTC``, ``1/TTC``, ``mean TTC``.
-
-    ``own`` metrics as of `metric_of`.
-    """
-    columns = tuple(columns)
-    if text in columns:
-        return text
-    spelled: dict[str, str] = {}
-    for column in columns:
-        words = _plain(metric_of(column, own).words)
-        inverted = words.removeprefix("1/")  # the table says 1/TTC
-        if column.endswith("_mean"):
-            for said in (inverted, words):
-                spelled |= dict.fromkeys((f"{said} mean", f"mean {said}"), column)
-            spelled[f"mean {_plain(column.removesuffix('_mean'))}"] = column
-        else:
-            spelled |= dict.fromkeys((inverted, words), column)
-        spelled[_plain(column)] = column
-    if _plain(text) not in spelled:
-        raise UsageError(f"unknown metric {text[:40]!r}; nearest: {nearest(text[:40], columns)}")
-    return spelled[_plain(text)]
+def column_named(text: str, columns: Iterable[str] = COLUMNS) -> str:
+    """Return the column of a name, in any case; raise a `UsageError` with the nearest ones if none has it."""
+    known = {column.lower(): column for column in columns}
+    if text.lower() not in known:
+        raise UsageError(f"unknown metric {text[:40]!r}; nearest: {nearest(text[:40], known.values())}")
+    return known[text.lower()]
 
 
 def columns_of(metrics: Sequence[Metric]) -> tuple[str, ...]:
@@ -348,7 +248,7 @@ def critical_columns(columns: Iterable[str]) -> list[str]:
 
 
 def describe_metrics(metrics: Sequence[Metric]) -> list[dict[str, Any]]:
-    """Describe metrics for ``run.json``; nothing for the presets' sets."""
+    """Describe metrics for ``run.json``; nothing for the usual sets."""
     if tuple(metrics) in (SETS["paper"], SETS["path"], (*SETS["paper"], *SETS["path"])):
         return []
     return [each.description() for each in metrics]
@@ -357,3 +257,57 @@ def describe_metrics(metrics: Sequence[Metric]) -> list[dict[str, Any]]:
 def described_metrics(descriptions: Iterable[Mapping[str, Any]]) -> dict[str, Metric]:
     """Return by name the metrics of ``run.json``, whose functions this process may not have."""
     return {each["name"]: Metric.described(each) for each in descriptions if each["name"] not in _TAKEN}
+
+
+F = TypeVar("F", bound=Callable[[Scenes], Samples | Entries])
+
+
+@checked
+def metric(
+    name: str,
+    *,
+    critical: Literal["min", "max"],
+    unit: str = "",
+    threshold: float | None = None,
+    label: str | None = None,
+    inverse: bool = False,
+    finite: bool = False,
+) -> Callable[[F], F]:
+    """Register a function of `Scenes` that returns `Samples` as a metric: ``@metric("my_metric", ...)``.
+
+    Args:
+        critical: ``min`` if small values are critical, else ``max``.
+        unit: of the function's values.
+        threshold: value from which a future is critical.
+        inverse: aggregate 1 / value; ``critical`` and ``threshold`` refer to it.
+        finite: leave infinite values out of the aggregates.
+
+    Raises:
+        UsageError: the name is taken or cannot be written on a command line, or the side is unknown.
+
+    Example:
+        >>> scene = scex.read_seed(scex.example_path("roundabout"))
+        >>> @scex.metric("slowest", critical="min", unit="m/s")
+        ... def slowest(scenes):
+        ...     first, second = scenes.pairs
+        ...     return scenes.unordered(np.minimum(scenes.speed[first], scenes.speed[second]))
+        >>> scex.extrapolate(scene, futures=2, metrics=["slowest"]).metrics.column_names
+        ['future', 'slowest', 'slowest_mean', 'collision']
+    """
+    if name in METRICS or name in _TAKEN:
+        raise UsageError(f"metric {name!r}: the name is taken; choose another one")
+    if not name or name.endswith("_mean") or any(c in name for c in ",:@=. \t\n"):
+        raise UsageError(f"metric {name!r}: a name must not contain , : @ = . or spaces, nor end with _mean")
+    if critical not in ("min", "max"):
+        raise UsageError(f"metric {name!r}: critical={critical!r}; choose min or max")
+    if threshold is not None and not math.isfinite(threshold):
+        raise UsageError(f"metric {name!r}: threshold {threshold} is not a finite number")
+
+    def register(function: F) -> F:
+        more: dict[str, Any] = {"inverse": inverse, "finite": finite, "threshold": threshold}
+        registered = _of(name, unit, critical, function, None, label or "", **more)
+        _registered[name] = registered
+        function.__scex_metric__ = registered  # type: ignore[attr-defined]
+        return function
+
+    return register

@@ -1,9 +1,8 @@
-"""Road of a run and intentions of its vehicles in the result folder, so that exports need no other file."""
+"""Road of a run and intentions of its road users in the result folder, so that exports need no other file."""
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -11,8 +10,9 @@ from typing import Any, Final
 from scex_sumo.base.cache import UNPACKABLE, pack, unpack
 from scex_sumo.base.errors import ResultError, one_line
 from scex_sumo.base.files import write_atomic
-from scex_sumo.intention import Intention, Stop
+from scex_sumo.intention import Intention, Stop, Walk
 from scex_sumo.road import Area, Georeference, Lane, MapLoss, Marking, Regulation, Road
+from scex_sumo.scene import SeedScene
 
 ROAD: Final = "road.bin"
 INTENTIONS: Final = "intentions.bin"
@@ -32,20 +32,22 @@ def load_road(folder: Path) -> Road:
     return road
 
 
-def save_intentions(folder: Path, intentions: Sequence[Intention | None]) -> None:
-    """Keep the intentions (V,) of a simulation's vehicles in a result folder, if there are any."""
-    if intentions:
-        known = tuple(one and {**vars(one), "lanes": (), "arrives": ()} for one in intentions)
-        write_atomic(folder / INTENTIONS, zlib.compress(pack(known, (Stop,))))
+def save_intentions(folder: Path, scene: SeedScene) -> None:
+    """Keep the intentions (V,) of a simulation's vehicles and the walks (O,) in a result folder, if any."""
+    if scene.intentions:
+        known = tuple(one and {**vars(one), "lanes": (), "arrives": ()} for one in scene.intentions)
+        walks = () if scene.obstacles is None else tuple(map(tuple, scene.obstacles.walks))
+        write_atomic(folder / INTENTIONS, zlib.compress(pack((known, walks), (Stop,))))
 
 
-def load_intentions(folder: Path) -> tuple[Intention | None, ...]:
-    """Return the intentions of `save_intentions`, without lanes; () of a run of recorded vehicles."""
+def load_intentions(folder: Path) -> tuple[tuple[Intention | None, ...], tuple[Walk, ...]]:
+    """Return what `save_intentions` kept, without lanes; (), () of a run of recorded vehicles."""
     if not (folder / INTENTIONS).is_file():
-        return ()
+        return (), ()
     try:
-        return tuple(one and Intention(**one) for one in _unpacked(folder / INTENTIONS, (Stop,)))
-    except TypeError:
+        known, walks = _unpacked(folder / INTENTIONS, (Stop,))
+        return tuple(one and Intention(**one) for one in known), tuple(Walk(*walk) for walk in walks)
+    except (TypeError, ValueError):
         raise ResultError(f"{folder / INTENTIONS}: holds no intentions; run again") from None
 
 

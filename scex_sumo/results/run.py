@@ -273,7 +273,7 @@ class Run:
         """Return the metric column of a printed name; raise a `UsageError` if there is none."""
         if text.strip().lower() == COLLISION:
             return COLLISION
-        return column_named(text, self.columns, self.own_metrics)
+        return column_named(text, self.columns)
 
     def metric(self, column: str) -> Metric:
         """Return the metric of a column."""

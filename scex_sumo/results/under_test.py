@@ -127,7 +127,7 @@ class UnderTest:
 
     def values(self, column: str, driven: Driven = "under_test") -> tuple[FloatArray, BoolArray]:
         """Return the values (C,) of a metric in all futures, and where it is defined."""
-        column = column_named(column, self.columns, self.own_metrics)
+        column = column_named(column, self.columns)
         table = self.metrics if driven == "under_test" else self.baseline
         values = np.asarray(table[column].fill_null(0.0), dtype=np.float64)
         return values, ~np.asarray(table[column].is_null())
@@ -150,7 +150,7 @@ class UnderTest:
 
     def p_critical(self, column: str, driven: Driven = "under_test") -> Interval | None:
         """Return the share of critical futures with its 95 % interval; None without a threshold."""
-        column = column_named(column, self.columns, self.own_metrics)
+        column = column_named(column, self.columns)
         limit = self.thresholds.get(column)
         if limit is None:
             return None

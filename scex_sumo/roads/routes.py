@@ -12,15 +12,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache, recent
-from scex_sumo.geometry.polylines import (
-    along,
-    arc_lengths,
-    headings,
-    join_owned,
-    length_of,
-    nearest,
-    wrap,
-)
+from scex_sumo.geometry.polylines import along, arc_lengths, headings, join_owned, length_of, nearest, wrap
 from scex_sumo.road import Lane, Road
 from scex_sumo.roads.matching import OFFSET_SIGMA_M, Matches, match
 from scex_sumo.scene import SeedScene

@@ -14,7 +14,7 @@ from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.converters.net.sumo_net import RECORDED, LaneTable, SumoNet
 from scex_sumo.converters.net.text import points_of
-from scex_sumo.converters.signals import signals_of
+from scex_sumo.converters.registries import signals_of
 from scex_sumo.converters.xml import net_root, unpacked
 from scex_sumo.geometry.polylines import without_repeats
 from scex_sumo.lanelet2sumo.convert import converted

@@ -47,13 +47,7 @@ class DesignIntervals:
         whole: True if all assignments occur once: then nothing is uncertain.
     """
 
-    def __init__(
-        self,
-        levels: IntArray,
-        *,
-        design: str,
-        shares: Sequence[FloatArray] | None = None,
-    ) -> None:
+    def __init__(self, levels: IntArray, *, design: str, shares: Sequence[FloatArray] | None = None) -> None:
         """Prepare for futures.
 
         Args:

@@ -67,6 +67,11 @@ def vehicle_ids(slots: Sequence[int], track_ids: IntArray) -> list[str]:
     return ids
 
 
+def obstacle_id(slot: int, name: str) -> str:
+    """Return SUMO's id of a replayed road user in a tile."""
+    return tile_id(slot, f"other{name}")
+
+
 class SharedVehicles:
     """Vehicles with bit-equal poses so far, which share one vehicle in SUMO.
 

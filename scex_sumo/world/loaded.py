@@ -5,17 +5,20 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Final, NamedTuple
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr as quoted
 
 from scex_sumo.base.sumo.car_following import RANDOM_PARAMETERS
 from scex_sumo.scene import SeedScene
 from scex_sumo.world.base import SumoDriven
-from scex_sumo.world.batch import RunningBatch
+from scex_sumo.world.batch import RunningBatch, obstacle_id
 from scex_sumo.world.tiles import prefixed, tile_id, tile_prefix
 from scex_sumo.world.vehicle_types import TypeBook
 
+OWN_TYPE: Final = "own_"
+"""Begin of the name of a road user's type in its simulation."""
+_TYPE_SET = 2  # bit of a state: else SUMO saves no type
 _LANE = re.compile(r":?\S*_\d+")
 _TILE, _KEY, _KIND = "\x01", "\x02", "\x03"  # marks; no characters of XML 1.0
 
@@ -50,20 +53,29 @@ def users_of(
         if (others := scene.obstacles) is not None:
             for name, walk in zip(others.ids, others.walks, strict=False):
                 if walk.saved:
-                    key = tile_id(slot, f"other{name}")
+                    key = obstacle_id(slot, name)
                     users[key] = Loaded(key, "", slot, walk.saved)
                 elif walk.edges:
                     return {}
     return users if all(batch.id_of(d.future, d.vehicle) in users for d in driven) else {}
 
 
-def state_with(empty: bytes, users: Iterable[Loaded], time_s: float) -> bytes:
-    """Return the state of empty tiles with road users, at the time of their simulation."""
+def state_with(
+    empty: bytes, users: Iterable[Loaded], time_s: float, lights: Iterable[ElementTree.Element] = ()
+) -> bytes:
+    """Return the state of empty tiles with road users, at the time of their simulation.
+
+    ``lights``: of a simulation's state, in the first tile; the others go on from the begin.
+    """
     root = ElementTree.fromstring(empty)
     later_ms = round(1000 * (time_s - float(root.get("time", "0"))))
     root.set("time", f"{time_s:.3f}")
     for light in root.iter("tlLogic"):
         light.set("until", str(int(light.get("until", "0")) + later_ms))
+    for own in lights:
+        key, programme = tile_id(0, own.get("id", "")), own.get("programID", "")
+        for light in root.iterfind(f"tlLogic[@id={key!r}][@programID={programme!r}]"):
+            light.attrib = {**own.attrib, "id": key}
     types, lanes = set[str](), dict[str, list[tuple[int, str]]]()
     vehicles, persons = list[str](), list[str]()
     for key, kind, slot, saved in users:
@@ -96,7 +108,7 @@ def _marked(saved: str) -> tuple[str, str, str, str, int]:
     (one,) = (*user.iter("vehicle"), *user.iter("person"))
     own_kind = one.get("type", "")
     if own is not None and not own_kind.startswith("DEFAULT_"):
-        own_kind = f"own_{own_kind}"
+        own_kind = OWN_TYPE + own_kind
         own.attrib |= {**dict.fromkeys(RANDOM_PARAMETERS, "0"), "id": own_kind}
         own_type = ElementTree.tostring(own, encoding="unicode")
     one.attrib |= {"id": _KEY, "type": _KIND}
@@ -105,13 +117,14 @@ def _marked(saved: str) -> tuple[str, str, str, str, int]:
             part.set("lane", prefixed(_TILE, part.attrib["lane"]))
         if "edges" in part.attrib:
             part.set("edges", _edges(part.attrib["edges"]))
-    lane, route = user.get("lane", ""), ""
+    lane, route, words = user.get("lane", ""), "", one.get("state", "").split()
+    words[0] = str(int(words[0]) | _TYPE_SET)
     if lane:
         one.set("route", f"saved_{_KEY}")
         route = f'<route id="saved_{_KEY}" state="1" edges={quoted(_edges(user.get("edges", "")))}/>'
     else:
-        words = one.get("state", "").split()
-        one.set("state", " ".join(prefixed(_TILE, w) if _LANE.fullmatch(w) else w for w in words))
+        words = [prefixed(_TILE, word) if _LANE.fullmatch(word) else word for word in words]
+    one.set("state", " ".join(words))
     text = ElementTree.tostring(one, encoding="unicode")
     return own_type, quoted(own_kind)[1:-1], route + text, lane, int(user.get("order", "0"))
 

@@ -10,7 +10,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.converters.tracks.road_users import obstacle_kinds, road_user
 from scex_sumo.scene import HISTORY_STEPS, REPLAYED, Obstacles, SeedScene, States
-from scex_sumo.world.batch import MATCH_M, NO_LANE, OWN_LANE, RunningBatch, to_sumo
+from scex_sumo.world.batch import MATCH_M, NO_LANE, OWN_LANE, RunningBatch, obstacle_id, to_sumo
 from scex_sumo.world.persons import Person, Persons
 from scex_sumo.world.session import ANY_ROUTE
 from scex_sumo.world.tiles import tile_id
@@ -38,7 +38,7 @@ def put_obstacles(
     for future in np.flatnonzero(batch.mixed):
         slot, (dx, dy) = batch.slots[future], batch.offset[:, future, 0]
         for o in obstacles_in_reach(scene):
-            key = tile_id(slot, f"other{others.ids[o]}")
+            key = obstacle_id(slot, others.ids[o])
             if key in batch.loaded:
                 continue
             x, y, turned = float(front_x[o] + dx), float(front_y[o] + dy), float(angle[o])

@@ -164,6 +164,11 @@ class Persons:
         if place is not None and (place != WALKS or key in self._sumo.person.getIDList()):
             self._sumo.person.remove(key)
 
+    def remove_put(self) -> None:
+        """Remove all that do not walk by themselves."""
+        for key in [key for key, place in self._place.items() if place != WALKS]:
+            self.remove(key)
+
     def color(self, key: str, rgba: tuple[int, int, int, int]) -> None:
         """Colour a person in sumo-gui."""
         self._colors[key] = rgba

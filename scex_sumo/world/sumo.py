@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -104,13 +106,20 @@ class SumoWorld:
         self._running = None
         self._temporary.cleanup()
 
-    def begin(self, start: States, slots: IntArray, driven: Sequence[SumoDriven] = ()) -> None:
+    def begin(
+        self,
+        start: States,
+        slots: IntArray,
+        driven: Sequence[SumoDriven] = (),
+        lights: Sequence[Element] = (),
+    ) -> None:
         """Set all vehicles to the start of a batch; ``read`` then equals ``start``.
 
         Args:
             start: (C, V) states of the seed scene.
             slots: (C,) tile slots; futures without SUMO drivers may share one.
             driven: vehicles that SUMO drives; all others must be moved before each step.
+            lights: as a simulation saved them, in slot 0, if the vehicles of the scene are saved, too.
         """
         wanted, tiles = [int(slot) for slot in slots], self._session.slots
         if missing := sorted(set(wanted) - set(tiles)):
@@ -134,7 +143,7 @@ class SumoWorld:
         batch.refuse_shared_slots()
         self._running = batch
         poses = self._poses(start)
-        self._load(batch, driven, poses)
+        self._load(batch, driven, poses, lights)
         self._call = VehicleCalls.of(self._sumo)
         self._persons = self._new_persons(batch)
         with self._session.refusals(f"set up a batch of {len(wanted)} futures"):
@@ -214,9 +223,19 @@ class SumoWorld:
             )
         return from_sumo(x - batch.offset[0], y - batch.offset[1], angle, speed, self._length)
 
+    def follow(self, vehicle: int, edges: Sequence[str]) -> None:
+        """Set the route of a vehicle in the first future, unless it leads to the last of the edges."""
+        batch, ask = self._batch, self._sumo.vehicle
+        key, slot = batch.id_of(0, vehicle), batch.slots[0]
+        with suppress(*self._session.errors):  # none from its lane
+            if ask.getRoute(key)[-1] != tile_id(slot, edges[-1]):
+                ask.setRoute(key, [tile_id(slot, edge) for edge in edges])
+
     def save(self, folder: Path) -> None:
-        """Write a state for ``--load-state``."""
+        """Write a state for ``--load-state``, without persons that stand where they were put."""
         with self._session.refusals("save its state"):
+            if self._persons is not None:
+                self._persons.remove_put()
             self._sumo.simulation.saveState(str(folder / "state.xml"))
 
     def color(self, future: int, vehicle: int, rgb: Rgb) -> None:
@@ -251,14 +270,20 @@ class SumoWorld:
             speeds, changes = (values.reshape(-1)[at].tolist() for values in (speed, acceleration))
             self._speeds.extend(zip([some.ids[i] for i in some.watched], speeds, changes, strict=True))
 
-    def _load(self, batch: RunningBatch, driven: Sequence[SumoDriven], poses: Sequence[FloatArray]) -> None:
+    def _load(
+        self,
+        batch: RunningBatch,
+        driven: Sequence[SumoDriven],
+        poses: Sequence[FloatArray],
+        lights: Sequence[Element],
+    ) -> None:
         """Get SUMO ready: empty, or with the road users of a simulation as that one saved them."""
         module = load_sumo(gui=self._gui)
         if driven and self._scene.intentions:
             from scex_sumo.world.loaded import state_with, users_of
 
             if users := users_of(self._scene, batch, driven, self._types):
-                filled = partial(state_with, users=users.values(), time_s=self._scene.time_s)
+                filled = partial(state_with, users=users.values(), time_s=self._scene.time_s, lights=lights)
                 self._sumo = self._session.ready(module, filled)
                 places = zip(batch.ids, *(values.reshape(-1).tolist() for values in poses[:2]), strict=True)
                 ask = self._sumo.vehicle.getPosition

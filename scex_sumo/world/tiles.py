@@ -16,6 +16,7 @@ from xml.sax.saxutils import quoteattr as quoted
 
 from scex_sumo.base.errors import SimulationError, listed
 from scex_sumo.converters.net.allowed import prune
+from scex_sumo.intention import SIMULATED
 
 TILE_SLOTS = 64
 """Number of tile slots; a future i with its own tile is in slot ``i % TILE_SLOTS``."""
@@ -98,8 +99,8 @@ class TileTemplate:
         self.lanes = sum(1 for _ in root.iter("lane"))  # internal ones included
         for element in list(root.iter()):
             element.tail, element.text = "\n", None
-            for future in [future for future in element if future.tag in _LEFT_OUT]:
-                element.remove(future)
+            for child in [c for c in element if c.tag in _LEFT_OUT or c.get("key") == SIMULATED]:
+                element.remove(child)
             if element.tag not in _ONCE:
                 _mark(element)
         texts = [(e.tag in _ONCE, ElementTree.tostring(e, encoding="unicode")) for e in root]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from scex_sumo.converters.signals import signals_of
+from scex_sumo.converters.registries import signals_of
 from tests.behaviors.roads import scene_of
 
 

@@ -10,7 +10,6 @@ from scex_sumo import example_path
 from tests.extensions.package import install, scex
 
 CODE = """
-from scex_sumo.converters.registries import SignalFormat
 from scex_sumo.lanelet2sumo.plan.elements import Programme
 
 
@@ -28,7 +27,7 @@ def phases(layout, origin, path):
     return Programme(name="theirs", connections=links, phases=((seconds, "r" * len(links)),)), ["all red"]
 
 
-signals = SignalFormat(read=phases)
+signals = phases
 """
 
 

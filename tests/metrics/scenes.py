@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
-from scex_sumo.metrics.base import PAPER, PlannedPaths, SceneTracks
+from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.collisions import find_collisions
 from scex_sumo.metrics.encounters import Encounters, encounters_of
 from scex_sumo.metrics.evaluate import scene_batches
@@ -126,5 +126,5 @@ def moved(tracks: SceneTracks, planned: PlannedPaths, motion: Any) -> tuple[Scen
 def find_encounters(tracks: SceneTracks, planned: PlannedPaths | None) -> Encounters:
     """Encounters of all pairs in all futures."""
     hits = find_collisions(tracks)
-    batches = scene_batches(tracks, planned, preset="path", parameters=PAPER)
+    batches = scene_batches(tracks, planned)
     return Encounters.join([encounters_of(scenes, hits, start) for start, scenes in batches])

@@ -11,7 +11,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, UsageError
 from scex_sumo.evaluation.tables import evaluate_pairs
 from scex_sumo.metrics import evaluate as evaluation
-from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks
+from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.metrics.pairs.scenes import Samples
 from scex_sumo.metrics.registry import COLUMNS, METRICS, Metric
@@ -195,9 +195,5 @@ def test_what_does_not_fit_is_refused() -> None:
         replace(planned, x=planned.x * 1e300)
     with pytest.raises(InputError, match="planned paths are of 2 futures"):
         evaluate(tracks.futures(slice(0, 1)), planned)
-    with pytest.raises(UsageError, match="known: paper, path"):
-        evaluate(tracks, planned, preset="best")
     with pytest.raises(UsageError, match="unknown metric 'speed'; nearest: "):
         evaluate(tracks, planned, metrics=("speed",))
-    with pytest.raises(InputError, match="largest acceleration -1"):
-        MetricParameters(max_acceleration=-1.0)

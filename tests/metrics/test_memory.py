@@ -23,11 +23,9 @@ def queue(vehicles: int, steps: int) -> SceneTracks:
     return SceneTracks(states=states, length=np.full(vehicles, 4.5), width=np.full(vehicles, 1.8))
 
 
-@pytest.mark.parametrize(
-    ("metric", "preset"), [("gap_time", "paper"), ("gap_time", "path"), ("pet", "paper")]
-)
+@pytest.mark.parametrize("metric", ["gap_time", "pet"])
 def test_blocks_of_pairs_bound_the_memory_and_change_no_byte(
-    metric: str, preset: str, monkeypatch: pytest.MonkeyPatch
+    metric: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     tracks = queue(24, 100)
     planned = PlannedPaths.from_tracks(tracks)
@@ -35,7 +33,7 @@ def test_blocks_of_pairs_bound_the_memory_and_change_no_byte(
     for rows in (1 << 40, 1 << 16):
         monkeypatch.setattr(paths_ahead, "BLOCK_ROWS", rows)
         tracemalloc.start()
-        values = evaluate(tracks, planned, preset=preset, metrics=[metric])
+        values = evaluate(tracks, planned, metrics=[metric])
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
         scene, worst = values.scene[metric], values.worst[metric]

@@ -7,10 +7,10 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from scex_sumo.metrics.base import PAPER, SceneTracks
+from scex_sumo.metrics.base import SceneTracks
 from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.metrics.pairs import near
-from scex_sumo.metrics.pairs.near import meeting_pairs, near_pairs
+from scex_sumo.metrics.pairs.near import near_pairs
 from scex_sumo.scene import States
 from tests.metrics.scenes import find_encounters, random_run
 
@@ -22,18 +22,17 @@ def standing(x: list[float]) -> SceneTracks:
     return SceneTracks(states=states, length=np.full(len(x), 4.0), width=np.full(len(x), 2.0))
 
 
-def test_pairs_are_near_up_to_20_m_between_their_circles(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The circle around each car has a radius of sqrt(5) m; pairs are 01, 02, 12."""
+def test_standing_cars_are_near_where_a_search_for_leaders_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """20 m straight ahead, 1 m for rounding, the widths of both; pairs are 01, 02, 12."""
     monkeypatch.setattr(near, "MIN_PAIRS", 0)
-    found = near_pairs(standing([0, 24.4, 49]))
+    found = near_pairs(standing([0, 24.9, 50]), None)
     assert found is not None and found[0].tolist() == [0]
 
 
-@pytest.mark.parametrize("preset", ["paper", "path"])
 @pytest.mark.parametrize("longer", [1, 5])
 @pytest.mark.parametrize(("seed", "absent", "same"), [(0, 0.0, 1), (1, 0.2, 1), (2, 0.0, 4), (3, 0.2, 4)])
 def test_far_pairs_change_no_byte(
-    seed: int, absent: float, same: int, longer: int, preset: str, monkeypatch: pytest.MonkeyPatch
+    seed: int, absent: float, same: int, longer: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """``same``: how often each of two futures is there, so that their pairs of tracks are shared.
 
@@ -49,13 +48,12 @@ def test_far_pairs_change_no_byte(
     present = None if tracks.present is None else tracks.present[times]
     tracks = replace(tracks, states=states, present=present)
     planned = replace(planned, x=planned.x[times], y=planned.y[times])
-    assert meeting_pairs(tracks, planned, PAPER, np.empty(0, dtype=np.int64)) is not None
     found = []
     for few in (0, 10**9):
         monkeypatch.setattr(near, "MIN_PAIRS", few)
-        assert (near_pairs(tracks) is None) == bool(few)
-        values = evaluate(tracks, planned, preset=preset, metrics=("paper", "path"))
-        some = evaluate(tracks, planned, preset=preset, metrics=("paper", "path"), vehicles=[1, 3])
+        assert (near_pairs(tracks, planned) is None) == bool(few)
+        values = evaluate(tracks, planned, metrics=("paper", "path"))
+        some = evaluate(tracks, planned, metrics=("paper", "path"), vehicles=[1, 3])
         met = find_encounters(tracks, planned)
         arrays = [values.values, values.defined, some.values, *(getattr(met, f.name) for f in fields(met))]
         for part in (*values.scene.values(), *values.worst.values()):

@@ -1,4 +1,4 @@
-"""Columns of preset ``path``: body gap, WTTC of outlines, and the times along the follower's path."""
+"""Columns of the set ``path``: body gap, WTTC of outlines, and the times along the follower's path."""
 
 from __future__ import annotations
 
@@ -24,14 +24,13 @@ def test_closed_forms() -> None:
         pairs = evaluate_pairs(
             tracks,
             PlannedPaths.from_tracks(tracks),
-            preset="path",
-            metrics=("ttc", "drac", "pet", "gap", "wttc_path"),
+            metrics=("ttc_path", "drac", "pet", "gap", "wttc_path"),
         )
         first = {name: rows.value[(rows.step == 0) & (rows.vehicle == 0)] for name, rows in pairs.items()}
         if case.get("ttc_path"):
-            assert first["ttc"] == pytest.approx([case["ttc_path"]], rel=1e-9)
+            assert first["ttc_path"] == pytest.approx([case["ttc_path"]], rel=1e-9)
         elif "ttc_path" in case:
-            assert first["ttc"].size == 0
+            assert first["ttc_path"].size == 0
         if "drac" in case:
             assert first["drac"] == pytest.approx([case["drac"]], rel=1e-9)
         if "pet" in case:
@@ -81,7 +80,7 @@ def test_quick_extrema_are_those_of_all_pairs(seed: int) -> None:
     quick = evaluate(tracks, planned, metrics=["path"])
     names = ("gap", "wttc_path", "thw", "drac", "pet")
     slow = [replace(metric, quick=None) for metric in metrics_named(names)]
-    every = evaluate(tracks, planned, preset="path", metrics=slow)
+    every = evaluate(tracks, planned, metrics=slow)
     assert quick.columns == columns_of(metrics_named(["path"])) and quick.values.shape == (4, 14)
     for name in every.columns:
         np.testing.assert_array_equal(quick.column(name)[0], every.column(name)[0])
@@ -90,7 +89,7 @@ def test_quick_extrema_are_those_of_all_pairs(seed: int) -> None:
             assert np.array_equal(getattr(quick.worst[name], part), getattr(every.worst[name], part))
     of_all = evaluate(tracks, planned, metrics=["path"], vehicles=range(9))
     np.testing.assert_array_equal(of_all.values, quick.values)
-    some = [evaluate(tracks, planned, preset="path", metrics=m, vehicles=(2, 5)) for m in (names, slow)]
+    some = [evaluate(tracks, planned, metrics=m, vehicles=(2, 5)) for m in (names, slow)]
     np.testing.assert_array_equal(some[0].values, some[1].values)
     assert (some[0].column("gap")[0] > quick.column("gap")[0]).any()
 

@@ -1,4 +1,4 @@
-"""Preset ``path``: leaders on the own path, conflict areas; and DRAC, THW, PET."""
+"""Metrics along paths: leaders on the own path, conflict areas; TTC, DRAC, THW, PET."""
 
 from __future__ import annotations
 
@@ -33,10 +33,8 @@ def planned(tracks: SceneTracks, *paths: Sequence[tuple[float, float]]) -> Plann
     )
 
 
-def value(
-    metric: str, tracks: SceneTracks, paths: PlannedPaths, *, row: int = 0, preset: str = "path"
-) -> dict[int, float]:
-    rows = evaluate_pairs(tracks, paths, preset=preset, metrics=(metric,))[metric]
+def value(metric: str, tracks: SceneTracks, paths: PlannedPaths, *, row: int = 0) -> dict[int, float]:
+    rows = evaluate_pairs(tracks, paths, metrics=(metric,))[metric]
     assert rows.other is not None
     own = rows.vehicle == row
     return dict(zip(rows.other[own].tolist(), rows.value[own].tolist(), strict=True))
@@ -46,21 +44,20 @@ def test_the_gap_is_bumper_to_bumper() -> None:
     """Centres 50 m apart, both 4.5 m long, closing at 10 m/s."""
     tracks = one_scene([{"x": 0, "v": 20}, {"x": 50, "v": 10}])
     paths = planned(tracks, [(30, 0), (60, 0)], [(60, 0), (80, 0)])
-    assert value("ttc", tracks, paths) == pytest.approx({1: 4.55}, rel=EXACT)
+    assert value("ttc_path", tracks, paths) == pytest.approx({1: 4.55}, rel=EXACT)
     assert value("drac", tracks, paths) == pytest.approx({1: 100 / (2 * 45.5)}, rel=EXACT)
     assert value("thw", tracks, paths) == pytest.approx({1: 45.5 / 20}, rel=EXACT)
-    assert value("ttc", tracks, paths, row=1) == {}
+    assert value("ttc_path", tracks, paths, row=1) == {}
     # The paper's rule: centre to centre.
-    assert value("drac", tracks, paths, preset="paper") == pytest.approx({1: 1.0}, rel=EXACT)
-    assert value("thw", tracks, paths, preset="paper") == pytest.approx({1: 2.5}, rel=EXACT)
+    assert value("ttc", tracks, paths) == pytest.approx({1: 5.0}, rel=EXACT)
 
 
 def test_the_gap_is_measured_along_the_path() -> None:
     """10 m ahead, then a right angle, and 20 m more to a leader that drives up the side road."""
     tracks = one_scene([{"x": 0, "v": 10}, {"x": 10, "y": 20, "psi": math.pi / 2, "v": 5}])
     paths = planned(tracks, [(10, 0), (10, 10), (10, 40)], [(10, 30)])
-    assert value("ttc", tracks, paths) == pytest.approx({1: (30 - 4.5) / 5}, rel=EXACT)
-    assert value("ttc", tracks, paths, preset="paper") == {}
+    assert value("ttc_path", tracks, paths) == pytest.approx({1: (30 - 4.5) / 5}, rel=EXACT)
+    assert value("ttc", tracks, paths) == {}
 
 
 @pytest.mark.parametrize(
@@ -80,14 +77,14 @@ def test_the_gap_is_measured_along_the_path() -> None:
 def test_who_is_on_the_path(leader: dict[str, float], leads: bool) -> None:
     tracks = one_scene([{"x": 0, "v": 20}, {**leader, "v": 5}])
     paths = planned(tracks, [(20, 0), (40, 0)], [])
-    assert (1 in value("ttc", tracks, paths)) == leads
+    assert (1 in value("ttc_path", tracks, paths)) == leads
 
 
 def test_a_driver_who_stops_behind_a_leader_still_follows_it() -> None:
     """The plan ends 7 m before the leader's centre."""
     tracks = one_scene([{"x": 0, "v": 8}, {"x": 20, "v": 0}])
     paths = planned(tracks, [(6, 0), (10, 0), (13, 0), (13, 0)], [])
-    assert value("ttc", tracks, paths) == pytest.approx({1: 15.5 / 8}, rel=EXACT)
+    assert value("ttc_path", tracks, paths) == pytest.approx({1: 15.5 / 8}, rel=EXACT)
 
 
 def slow_leader(
@@ -143,7 +140,7 @@ def slow_leader(
 @pytest.mark.parametrize("seed", range(4))
 def test_random_leaders_are_those_of_a_search_segment_by_segment(seed: int) -> None:
     tracks, plans = random_run(np.random.default_rng(seed), vehicles=12, area=25.0, futures=3)
-    rows = evaluate_pairs(tracks, plans, preset="path", metrics=("ttc",))["ttc"]
+    rows = evaluate_pairs(tracks, plans, metrics=("ttc_path",))["ttc_path"]
     assert rows.other is not None
     got = {
         (int(c), int(t), int(i)): (int(j), float(v))
@@ -170,16 +167,6 @@ def test_random_leaders_are_those_of_a_search_segment_by_segment(seed: int) -> N
         assert got[key][1] == pytest.approx(time, rel=1e-7, abs=1e-9)
 
 
-def test_gap_time_between_leaving_and_entering_the_area() -> None:
-    """Right angle, 4.5 m long, 1.8 m wide: in the area within 3.15 m of the crossing point."""
-    tracks = one_scene([{"x": -30, "v": 10}, {"y": -40, "psi": math.pi / 2, "v": 5}])
-    paths = planned(tracks, [(30, 0)], [(0, 20)])
-    expected = (40 - 3.15) / 5 - (30 + 3.15) / 10
-    assert value("gap_time", tracks, paths) == pytest.approx({1: expected}, rel=EXACT)
-    assert value("gap_time", tracks, paths, row=1) == pytest.approx({0: expected}, rel=EXACT)
-    assert value("gap_time", tracks, paths, preset="paper") == pytest.approx({1: 5.0}, rel=EXACT)
-
-
 def straight(*vehicles: tuple[float, float, float, float], steps: int = 80) -> SceneTracks:
     """(x, y, heading, speed) at constant speed, with everything evaluated."""
     x, y, heading, speed = np.array(vehicles, dtype=float).T
@@ -197,22 +184,21 @@ def straight(*vehicles: tuple[float, float, float, float], steps: int = 80) -> S
     )
 
 
-@pytest.mark.parametrize(("preset", "reach"), [("paper", 0.0), ("path", 0.9 + 2.25)])
-def test_pet_is_the_time_between_leaving_and_coming(preset: str, reach: float) -> None:
-    """The first is at the crossing after 2.03 s, the second after 5.01 s."""
+def test_pet_is_the_time_between_leaving_and_coming() -> None:
+    """The centres are at the crossing after 2.03 s and 5.01 s; half a width and half a length reach there."""
+    reach = 0.9 + 2.25
     tracks = straight((-20.3, 0, 0, 10), (0, -25.05, math.pi / 2, 5))
-    rows = evaluate_pairs(tracks, PlannedPaths.from_tracks(tracks), preset=preset, metrics=("pet",))["pet"]
+    rows = evaluate_pairs(tracks, PlannedPaths.from_tracks(tracks), metrics=("pet",))["pet"]
     expected = (25.05 - reach) / 5 - (20.3 + reach) / 10
     assert rows.value == pytest.approx(np.full(rows.value.size, expected), rel=1e-7)
     # From the start until the first one passes, for both orders.
     assert rows.step.max() == 20 and rows.value.size == 2 * 21
 
 
-def test_on_the_path_pet_leaves_out_who_weaves_across_the_leader_in_its_lane() -> None:
+def test_pet_leaves_out_who_weaves_across_the_leader_in_its_lane() -> None:
     """One follows the other in its lane; their tracks cross at 20 degrees."""
     tracks = straight((-20, 0, 0, 10), (0, -1, math.radians(20), 10))
-    assert evaluate_pairs(tracks, None, preset="path", metrics=("pet",))["pet"].value.size == 0
-    assert evaluate_pairs(tracks, None, preset="paper", metrics=("pet",))["pet"].value.size > 0
+    assert evaluate_pairs(tracks, None, metrics=("pet",))["pet"].value.size == 0
 
 
 def test_pet_follows_the_speed_that_was_really_driven() -> None:
@@ -223,4 +209,5 @@ def test_pet_follows_the_speed_that_was_really_driven() -> None:
     y[0, :30, 1] = y[0, 0, 1]
     waiting = replace(tracks, states=replace(tracks.states, y=y))
     rows = evaluate_pairs(waiting, None, metrics=("pet",))["pet"]
-    assert rows.value == pytest.approx(np.full(rows.value.size, 3 + 2.01 - 2.03), rel=1e-7)
+    expected = 3 + (10.05 - 3.15) / 5 - (20.3 + 3.15) / 10
+    assert rows.value == pytest.approx(np.full(rows.value.size, expected), rel=1e-7)

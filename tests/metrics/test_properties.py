@@ -23,7 +23,6 @@ from scex_sumo.metrics.registry import METRICS
 from tests.metrics.scenes import moved, random_run
 
 seeds = st.integers(0, 2**32 - 1)
-presets = st.sampled_from(["paper", "path"])
 # Moved coordinates are rounded anew: 1e-9 m at the largest shift, over metres and metres per second.
 ROUNDING = 1e-6
 
@@ -33,8 +32,8 @@ def run(seed: int) -> tuple[SceneTracks, PlannedPaths]:
     return random_run(rng, vehicles=6, steps=4, area=float(rng.choice([10, 40, 120])), absent=0.15)
 
 
-def every(tracks: SceneTracks, planned: PlannedPaths, preset: str) -> ScenarioValues:
-    return evaluate(tracks, planned, preset=preset, metrics=tuple(METRICS))
+def every(tracks: SceneTracks, planned: PlannedPaths) -> ScenarioValues:
+    return evaluate(tracks, planned, metrics=tuple(METRICS))
 
 
 def assert_same(first: ScenarioValues, second: ScenarioValues, tolerance: float = ROUNDING) -> None:
@@ -43,9 +42,9 @@ def assert_same(first: ScenarioValues, second: ScenarioValues, tolerance: float 
 
 
 @settings(max_examples=30)
-@given(seeds, presets, st.floats(-np.pi, np.pi), st.floats(-1e4, 1e4), st.floats(-1e4, 1e4))
+@given(seeds, st.floats(-np.pi, np.pi), st.floats(-1e4, 1e4), st.floats(-1e4, 1e4))
 def test_turning_and_shifting_the_map_changes_nothing(
-    seed: int, preset: str, angle: float, east: float, north: float
+    seed: int, angle: float, east: float, north: float
 ) -> None:
     tracks, planned = run(seed)
 
@@ -53,20 +52,20 @@ def test_turning_and_shifting_the_map_changes_nothing(
         c, s = math.cos(angle), math.sin(angle)
         return c * x - s * y + east, s * x + c * y + north, heading + angle
 
-    assert_same(every(tracks, planned, preset), every(*moved(tracks, planned, motion), preset))
+    assert_same(every(tracks, planned), every(*moved(tracks, planned, motion)))
 
 
 @settings(max_examples=20)
-@given(seeds, presets)
-def test_a_mirrored_world_is_as_critical(seed: int, preset: str) -> None:
+@given(seeds)
+def test_a_mirrored_world_is_as_critical(seed: int) -> None:
     tracks, planned = run(seed)
     mirrored = moved(tracks, planned, lambda x, y, heading: (x, -y, -heading))
-    assert_same(every(tracks, planned, preset), every(*mirrored, preset), 1e-9)
+    assert_same(every(tracks, planned), every(*mirrored), 1e-9)
 
 
 @settings(max_examples=20)
-@given(seeds, presets, st.permutations(range(6)))
-def test_the_order_of_vehicles_changes_nothing(seed: int, preset: str, order: list[int]) -> None:
+@given(seeds, st.permutations(range(6)))
+def test_the_order_of_vehicles_changes_nothing(seed: int, order: list[int]) -> None:
     tracks, planned = run(seed)
     assert tracks.present is not None
     shuffled = replace(
@@ -77,15 +76,15 @@ def test_the_order_of_vehicles_changes_nothing(seed: int, preset: str, order: li
         present=tracks.present[:, :, order],
     )
     paths = replace(planned, x=planned.x[:, :, order], y=planned.y[:, :, order])
-    before, after = every(tracks, planned, preset), every(shuffled, paths, preset)
+    before, after = every(tracks, planned), every(shuffled, paths)
     assert_same(before, after, 1e-9)
     for name, worst in before.worst.items():
         np.testing.assert_array_equal(worst.step[worst.defined], after.worst[name].step[worst.defined])
 
 
 @settings(max_examples=20)
-@given(seeds, presets)
-def test_an_absent_vehicle_is_as_good_as_none(seed: int, preset: str) -> None:
+@given(seeds)
+def test_an_absent_vehicle_is_as_good_as_none(seed: int) -> None:
     tracks, planned = run(seed)
     assert tracks.present is not None
     keep = [0, 1, 3, 4, 5]
@@ -99,7 +98,7 @@ def test_an_absent_vehicle_is_as_good_as_none(seed: int, preset: str) -> None:
         present=tracks.present[:, :, keep],
     )
     fewer = replace(planned, x=planned.x[:, :, keep], y=planned.y[:, :, keep])
-    assert_same(every(without, fewer, preset), every(replace(tracks, present=gone), planned, preset), 1e-12)
+    assert_same(every(without, fewer), every(replace(tracks, present=gone), planned), 1e-12)
 
 
 positive = st.floats(0.01, 200.0)
@@ -166,7 +165,6 @@ def test_thousands_of_kilometres_and_standing_vehicles_stay_finite() -> None:
     rng = np.random.default_rng(0)
     tracks, planned = random_run(rng, futures=3, vehicles=6, area=1e6)
     still = replace(tracks, states=replace(tracks.states, speed=np.zeros(tracks.states.shape)))
-    for preset in ("paper", "path"):
-        for scene in (tracks, still):
-            values = every(scene, planned, preset)
-            assert np.isfinite(values.values[values.defined]).all()
+    for scene in (tracks, still):
+        values = every(scene, planned)
+        assert np.isfinite(values.values[values.defined]).all()

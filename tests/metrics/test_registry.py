@@ -187,26 +187,12 @@ def test_what_is_no_metric_is_refused(example: Path) -> None:
     ("text", "column"),
     [
         ("TTC", "ttc"),
-        ("1/TTC", "ttc"),
-        ("1/TTC [1/s]", "ttc"),
-        ("Gap Time", "gap_time"),
-        ("gap-time", "gap_time"),
-        ("traffic quality", "tq"),
-        ("WTTC mean", "wttc_mean"),
-        ("mean 1/TTC", "ttc_mean"),
+        ("gap_time", "gap_time"),
         ("TTC_MEAN", "ttc_mean"),
     ],
 )
-def test_a_column_is_known_by_what_is_printed(text: str, column: str) -> None:
+def test_a_column_is_known_in_any_case(text: str, column: str) -> None:
     assert column_named(text) == column
-
-
-def test_metrics_are_named_as_they_are_printed() -> None:
-    assert [m.name for m in metrics_named(["TTC", "gap time", "DRAC", "1/ttc"])] == [
-        "ttc",
-        "gap_time",
-        "drac",
-    ]
 
 
 def test_an_unknown_metric_is_a_short_line_with_the_nearest_names() -> None:

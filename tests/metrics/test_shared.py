@@ -9,9 +9,8 @@ import pytest
 
 from scex_sumo.evaluation.tables import evaluate_pairs
 from scex_sumo.metrics import evaluate as evaluation
-from scex_sumo.metrics.base import PAPER, PlannedPaths, SceneTracks
+from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate, track_pairs
-from scex_sumo.metrics.pairs.leaders import preset_named
 from tests.metrics.scenes import find_encounters, random_run
 
 METRICS = ("paper", "path")
@@ -32,19 +31,17 @@ def mixed_run(seed: int, *, absent: float = 0.0) -> tuple[SceneTracks, PlannedPa
 
 
 @pytest.mark.parametrize(
-    ("seed", "absent", "preset"),  # plans apart, and shared
-    [(0, 0.0, "paper"), (0, 0.2, "path"), (1, 0.2, "paper"), (1, 0.0, "path")],
+    ("seed", "absent"),  # plans apart, and shared
+    [(0, 0.0), (0, 0.2), (1, 0.2), (1, 0.0)],
 )
-def test_sharing_changes_no_byte(
-    seed: int, absent: float, preset: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_sharing_changes_no_byte(seed: int, absent: float, monkeypatch: pytest.MonkeyPatch) -> None:
     tracks, planned = mixed_run(seed, absent=absent)
     found = []
     for pair_steps in (evaluation.SHARED_PAIR_STEPS, 0):
         monkeypatch.setattr(evaluation, "SHARED_PAIR_STEPS", pair_steps)
-        values = evaluate(tracks, planned, preset=preset, metrics=METRICS)
-        some = evaluate(tracks, planned, preset=preset, metrics=METRICS, vehicles=[1, 3])
-        pairs = evaluate_pairs(tracks, planned, preset=preset, metrics=METRICS)
+        values = evaluate(tracks, planned, metrics=METRICS)
+        some = evaluate(tracks, planned, metrics=METRICS, vehicles=[1, 3])
+        pairs = evaluate_pairs(tracks, planned, metrics=METRICS)
         met = find_encounters(tracks, planned)
         arrays = [values.values, values.defined, some.values, *(getattr(met, f.name) for f in fields(met))]
         for part in (*values.scene.values(), *values.worst.values(), *pairs.values()):
@@ -56,7 +53,7 @@ def test_sharing_changes_no_byte(
 def test_of_many_futures_each_pair_of_tracks_is_there_once() -> None:
     """Five vehicles of three tracks each: ten pairs of nine."""
     tracks, planned = mixed_run(1)
-    shared = track_pairs(tracks, planned, preset=preset_named("paper"), parameters=PAPER)
+    shared = track_pairs(tracks, planned)
     assert shared is not None
     assert shared.scenes.vehicles == 15
     assert len(shared.scenes.pairs[0]) <= 90

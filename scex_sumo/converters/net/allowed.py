@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections import Counter
 from xml.etree.ElementTree import Element
 
+from scex_sumo.intention import SIMULATED
+
 _ATTRIBUTES = {
     "net": "version junctionCornerDetail junctionLinkDetail lefthand rectangularLaneCut walkingareas"
     " limitTurnSpeed checkLaneFoesAll checkLaneFoesRoundabout tlsIgnoreInternalJunctionJam spreadType"
@@ -62,7 +64,7 @@ _LIGHT_PARAMETERS = (
     " detector-length-left-turn-lane linkMaxDur linkMinDur cycleTime coordinated green-time max-green"
     " show-detectors build-all-detectors hide-conflicts minTimeLoss detectorRange extendMaxDur ignore-errors"
     " total-cycle-length ring1 ring2 barrierPhases barrier2Phases coordinatePhases offset cabinetType"
-    " linkSignalID"
+    f" linkSignalID {SIMULATED}"
 )
 
 

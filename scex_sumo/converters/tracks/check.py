@@ -1,15 +1,21 @@
-"""Checks of a track file: its columns, and the size of its values."""
+"""Checks of a track file: its columns, the size of its values, and what is wrong in one line."""
 
 from __future__ import annotations
 
+import csv
+import gzip
+import math
+import zlib
 from codecs import BOM_UTF8
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from functools import partial
+from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 
 from scex_sumo.base.errors import TrackError
+from scex_sumo.converters.naming import open_binary, open_text, other_content
 from scex_sumo.converters.tracks.rows import TrackTable
 
 BASE_COLUMNS = ("track_id", "timestamp_ms", "agent_type", "x", "y", "vx", "vy")
@@ -19,6 +25,8 @@ HEADINGS = ("yaw_rad", "heading_rad")
 """Other names of ``psi_rad``, by preference: SinD has both, and its ``heading_rad`` is the course."""
 MISSING = ("", "NA", "N/A", "#N/A", "NULL", "null", "None", "NaN", "nan", "n/a")
 """Words for a missing value."""
+
+_NEEDED = f"INTERACTION tracks need {', '.join((*BASE_COLUMNS, *SHAPE_COLUMNS))}"
 
 MAX_VALUES = {"timestamp_ms": 1e16, "x": 1e8, "y": 1e8, "vx": 1e4, "vy": 1e4, "psi_rad": 1e4}
 """Largest magnitude of a value; 1e4 for sizes."""
@@ -61,3 +69,123 @@ def column_names(line: str) -> list[str]:
 def repeated(header: Sequence[str]) -> list[str]:
     """Our names that are in a header more than once."""
     return [name for name in KNOWN if header.count(name) > 1]
+
+
+def explain_header(path: Path, needed: Sequence[str]) -> TrackError:
+    """Error about a file without a header that has all ``needed`` columns."""
+    if path.is_dir():
+        return TrackError(f"{path}: a folder; give one CSV file of it, e.g. vehicle_tracks_000.csv")
+    try:
+        with open_binary(path) as file:
+            _, first = first_line(file)
+    except FileNotFoundError:
+        return TrackError(f"{path}: no such file; check the path of the tracks")
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        return TrackError(f"{path}: cannot be unpacked ({error}); fetch the file again")
+    except OSError as error:
+        return TrackError(f"{path}: cannot be read ({error.strerror}); check its permissions")
+    if kind := other_content(path):
+        return TrackError(f"{path}: {kind}, not CSV; {_NEEDED}")
+    if b"\r" in first.rstrip(b"\r\n"):
+        return TrackError(f"{path}: its lines end with CR alone; save it with LF or CRLF")
+    if not first.strip():
+        return TrackError(f"{path}: empty; give a CSV file with tracks")
+    try:
+        line = first.decode("utf-8-sig").strip()
+    except UnicodeDecodeError:
+        return TrackError(f"{path}: not CSV (binary data); {_NEEDED}")
+    if line.startswith("<") or "\0" in line:
+        kind = "XML, perhaps the map" if line.startswith("<") else "binary data"
+        return TrackError(f"{path}: not CSV ({kind}); {_NEEDED}")
+    return _explain_names(path, line, needed)
+
+
+def _explain_names(path: Path, line: str, needed: Sequence[str]) -> TrackError:
+    for mark, name in ((";", "semicolons"), ("\t", "tabs")):
+        if line.count(mark) > line.count(","):
+            return TrackError(f"{path}: columns are separated by {name}; save it with commas")
+    header = column_names(line)
+    if twice := repeated(header):
+        return TrackError(f"{path}: column {', '.join(twice)} is there twice; keep one")
+    missing = [name for name in needed if name not in header]
+    shown = ", ".join(header[:14]) + (", ..." if len(header) > 14 else "")
+    if len(shown) > 160:
+        shown = shown[:157] + "..."
+    return TrackError(f"{path}: no column {', '.join(missing)} (found: {shown}); {_NEEDED}")
+
+
+def explain_parse_error(path: Path, header: Sequence[str], numbers: Sequence[str], reason: str) -> TrackError:
+    """Error about the first row with too few or too many values, or a value that is not a number."""
+    for line, row in _lines(path):
+        if len(row) != len(header):
+            got = f"{len(row)} values" if len(row) != 1 else "1 value"
+            return TrackError(f"{path}: line {line} has {got} for {len(header)} columns; repair or drop it")
+        for name in numbers:
+            value = row[header.index(name)]
+            if not _is_number(value):
+                return TrackError(
+                    f"{path}: line {line}: {name} is {_short(value)}, not a number; repair or drop it"
+                )
+    return TrackError(f"{path}: not CSV ({reason.splitlines()[0][:120]}); {_NEEDED}")
+
+
+def explain_bad_values(path: Path, header: Sequence[str], index: int, motor: Collection[str]) -> TrackError:
+    """Error about the missing or impossible value of a data row; index 0 is the first after the header."""
+    for count, (line, row) in enumerate(_lines(path)):
+        if count < index:
+            continue
+        values = dict(zip(header, (value.strip() for value in row), strict=False))
+        for name in ("track_id", "agent_type", "case_id"):
+            if name in header and values[name] in MISSING:
+                return TrackError(f"{path}: line {line}: {name} is missing; repair or drop the row")
+        kind = values["agent_type"].lower()
+        names = (*BASE_COLUMNS, *SHAPE_COLUMNS) if kind in motor else BASE_COLUMNS
+        for name in names:
+            if name in ("track_id", "agent_type"):
+                continue
+            wrong = _wrong(name, values.get(name, ""))
+            if wrong:
+                whose = f"{name} of a {kind[:24]}" if name not in ("length", "width") else name
+                return TrackError(f"{path}: line {line}: {whose} is {wrong}")
+    return TrackError(f"{path}: data row {index + 1} has a missing value; repair or drop the row")
+
+
+def _wrong(name: str, value: str) -> str:
+    if value in MISSING:
+        got = repr(value) if value else "missing"
+        return f"{got}; repair or drop the row"
+    if not _is_number(value) or not math.isfinite(float(value)):
+        return f"{_short(value)}; repair or drop the row"
+    if name in ("length", "width") and float(value) <= 0.0:
+        return f"{value} m, must be positive"
+    largest = MAX_VALUES.get(name, 1e4)
+    return (
+        f"{_short(value)}, beyond {largest:g}; repair or drop the row" if abs(float(value)) > largest else ""
+    )
+
+
+def _short(value: str) -> str:
+    return repr(value if len(value) <= 24 else f"{value[:24]}...")
+
+
+def _lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+    with open_text(path, errors="replace") as file:
+        reader = csv.reader(file)
+        try:
+            next(filter(None, reader))
+            for row in reader:
+                if row:
+                    yield reader.line_num, row
+        except csv.Error:  # a value longer than 128 KiB: the fast reader's reason is the message then
+            return
+
+
+def _is_number(value: str) -> bool:
+    text = value.strip()
+    if text in MISSING:
+        return True
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return "_" not in text

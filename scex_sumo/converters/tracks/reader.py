@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import math
 import re
 import zlib
 from collections.abc import Collection
@@ -21,10 +20,18 @@ from scex_sumo.converters.tracks.check import (
     MISSING,
     SHAPE_COLUMNS,
     column_names,
+    explain_bad_values,
+    explain_header,
+    explain_parse_error,
     first_line,
     repeated,
 )
-from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, OTHER_TYPES, obstacle_size
+from scex_sumo.converters.tracks.road_users import (
+    MOTOR_TYPES,
+    OTHER_TYPES,
+    obstacle_size,
+    with_unknown_vehicles,
+)
 from scex_sumo.converters.tracks.rows import (
     FLOAT_COLUMNS,
     ROW_COLUMNS,
@@ -40,8 +47,6 @@ WALKERS = ("vehicle_tracks", "pedestrian_tracks")
 MAX_MISSING = 0.1
 """A larger share of rows without a value means another format, and is an error."""
 MAX_FRAME = 1e12
-DRIVEN_MPS, MIN_ALIGNED = 3.0, 0.9
-"""From this speed on the cosine between heading and motion is at least 0.9."""
 MIN_STEP_S, MAX_STEP_S = 0.001, 0.5
 """Limits of the time between two samples of a track; they decide between milliseconds and seconds."""
 
@@ -70,8 +75,6 @@ def read_tracks(
         motor = np.array([label in vehicles for label in labels], bool)
     else:
         if not set(types) <= MOTOR_TYPES | OTHER_TYPES:
-            from scex_sumo.converters.tracks.unknown_types import with_unknown_vehicles
-
             sizes, speed = (columns["length"], columns["width"]), np.hypot(columns["vx"], columns["vy"])
             of_track, unknown = with_unknown_vehicles(types, of_track, columns["track"], *sizes, speed)
         motor = np.array([name in MOTOR_TYPES for name in types], bool)[of_track]
@@ -238,8 +241,6 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
                 ),
             )
     except (pa.ArrowInvalid, pa.ArrowKeyError) as error:
-        from scex_sumo.converters.tracks.faults import explain_parse_error
-
         raise explain_parse_error(path, header, numbers, str(error)) from None
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise TrackError(f"{path}: cannot be unpacked ({error}); fetch the file again") from None
@@ -253,7 +254,7 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
         encoded = text.combine_chunks().dictionary_encode()
         columns[name] = np.asarray(encoded.indices, dtype=np.int64), [str(n) for n in encoded.dictionary]
     columns, notes = _checked(path, header, columns)
-    return columns, [*notes, *_in_milliseconds(path, columns), *_in_radians(columns), *_of_no_size(columns)]
+    return columns, [*notes, *_in_milliseconds(path, columns), *_of_no_size(columns)]
 
 
 def _header(path: Path, *, shapes: bool = True) -> tuple[list[str], int]:
@@ -267,8 +268,6 @@ def _header(path: Path, *, shapes: bool = True) -> tuple[list[str], int]:
         line = ""
     header = column_names(line)
     if "\r" in line or repeated(header) or not set(needed) <= set(header):
-        from scex_sumo.converters.tracks.faults import explain_header
-
         raise explain_header(path, needed)
     return header, before
 
@@ -295,8 +294,6 @@ def _checked(path: Path, header: list[str], columns: dict[str, Any]) -> tuple[di
     if missing.mean() > MAX_MISSING:
         wrong |= missing
     if wrong.any():
-        from scex_sumo.converters.tracks.faults import explain_bad_values
-
         raise explain_bad_values(path, header, int(np.argmax(wrong)), MOTOR_TYPES)
     # A comparison with nan is False, too.
     if "frame_id" not in columns or not (np.abs(columns["frame_id"]) <= MAX_FRAME).all():
@@ -336,16 +333,3 @@ def _in_milliseconds(path: Path, columns: dict[str, Any]) -> list[str]:
 def _of_no_size(columns: dict[str, Any]) -> list[str]:
     count = int(((columns["length"] <= 0.0) | (columns["width"] <= 0.0)).sum())
     return [f"{count} rows of a length or width that is not positive: the usual one"] if count else []
-
-
-def _in_radians(columns: dict[str, Any]) -> list[str]:
-    heading, (vx, vy) = columns["psi_rad"], (columns["vx"], columns["vy"])
-    driven = (np.hypot(vx, vy) > DRIVEN_MPS) & np.isfinite(heading)
-    if not driven.any() or np.abs(heading[driven]).max() < 2.0 * math.pi:
-        return []
-    course = np.arctan2(vy[driven], vx[driven])
-    fits = [float(np.median(np.cos(scale * heading[driven] - course))) for scale in (1.0, math.pi / 180.0)]
-    if fits[1] < MIN_ALIGNED or fits[0] > fits[1]:
-        return []
-    columns["psi_rad"] = np.radians(heading)
-    return ["psi_rad is in degrees: converted to radians"]

@@ -18,7 +18,7 @@ from scex_sumo.geometry.rectangles import Rectangles, overlap_area
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.collisions import CONTACT_M2, OVERLAP_M2, Collisions, find_collisions
 from scex_sumo.metrics.encounters import Encounters, encounters_of
-from scex_sumo.metrics.evaluate import PAPER_PRESET, ScenarioValues, evaluate
+from scex_sumo.metrics.evaluate import ScenarioValues, evaluate
 from scex_sumo.metrics.pairs.scenes import Scenes
 from scex_sumo.metrics.registry import Metric
 from scex_sumo.results.participants import everybody, with_everybody
@@ -62,7 +62,6 @@ def measure_outcome(
     rollout: Rollout,
     *,
     metrics: Sequence[Metric] | None = None,
-    preset: str = PAPER_PRESET,
     counted: BoolArray | None = None,
     limit_m2: float = CONTACT_M2,
     vehicles: Collection[int] | None = None,
@@ -71,7 +70,6 @@ def measure_outcome(
     """Measure a batch of futures by the metrics, or by the paper's six.
 
     Args:
-        preset: car-following rule of the metrics that leave it open.
         counted: (T, V) steps in which a vehicle counts; None: all.
         limit_m2: overlap above which vehicles have collided; `OVERLAP_M2` for boxes as recorded.
         vehicles: only pairs with one of these (indices) count; None: all.
@@ -88,7 +86,7 @@ def measure_outcome(
     def meet(start: int, scenes: Scenes) -> None:
         met.append(_of_pairs(encounters_of(scenes, hits, start, on_paths=on_paths), vehicles))
 
-    values = evaluate(tracks, planned, preset=preset, metrics=metrics, vehicles=vehicles, also=meet)
+    values = evaluate(tracks, planned, metrics=metrics, vehicles=vehicles, also=meet)
     severity = severity_of(tracks, hits, scene.types, scene.road)
     return Outcome(values=values, collisions=hits, severity=severity, encounters=Encounters.join(met))
 
@@ -147,7 +145,6 @@ def measure_rollout(
     rollout: Rollout,
     *,
     metrics: Sequence[Metric] | None = None,
-    preset: str = PAPER_PRESET,
     vehicles: Collection[int] | None = None,
 ) -> ScenarioValues:
     """Return the metric values of a batch; arguments as of `measure_outcome`.
@@ -156,7 +153,7 @@ def measure_rollout(
         vehicles: only pairs with one of these (indices) count; None: all.
     """
     tracks, planned = _evaluated(scene, rollout, None)
-    return evaluate(tracks, planned, preset=preset, metrics=metrics, vehicles=vehicles)
+    return evaluate(tracks, planned, metrics=metrics, vehicles=vehicles)
 
 
 def worst_of(
@@ -181,7 +178,6 @@ def measure_recorded(
     *,
     replan: int = 5,
     metrics: tuple[Metric, ...] | None = None,
-    preset: str = PAPER_PRESET,
     vehicles: tuple[int, ...] | None = None,
 ) -> Recorded | None:
     """Measure the recorded future as one row; return None if there is none.
@@ -206,7 +202,7 @@ def measure_recorded(
     )
     counted = recorded_steps_of(scene, steps)
     tracks, planned = _evaluated(scene, rollout, counted[None])
-    values = evaluate(tracks, planned, preset=preset, metrics=metrics, vehicles=vehicles)
+    values = evaluate(tracks, planned, metrics=metrics, vehicles=vehicles)
     overlaps, last = _of_pairs(find_collisions(tracks), vehicles), counted.sum(axis=0)
     return Recorded(values=values, overlaps=overlaps, last_step=last, steps=steps)
 

@@ -58,12 +58,7 @@ class Workers:
         return [] if self.pool is None else self.pool.deaths
 
     def run(
-        self,
-        job: Job,
-        batches: Sequence[IntArray],
-        *,
-        together: int,
-        on_step: Callable[[int], None],
+        self, job: Job, batches: Sequence[IntArray], *, together: int, on_step: Callable[[int], None]
     ) -> None:
         """Run batches of futures, here and in the pool, and save their parts in the result folder.
 

@@ -14,6 +14,7 @@ import numpy as np
 from scex_sumo.base.errors import listed
 from scex_sumo.converters.xml import net_root
 from scex_sumo.formats.sumo.imported import kept_net
+from scex_sumo.intention import SIMULATED
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S
 
@@ -51,12 +52,14 @@ def with_lights(
     programmes: Mapping[tuple[str, str], Programme],
     time_s: float,
     end_s: float,
+    saved: Sequence[ElementTree.Element] = (),
 ) -> tuple[Road | None, list[str]]:
     """Return a road whose net begins with the lights as they are at a time, and notes on the lights.
 
     Args:
         recorded: changes of each light, in order of time, of which those before ``end_s`` count.
         programmes: by light and name.
+        saved: of SUMO's saved state at the time; the net keeps them, with its own programmes, for exports.
     """
     if road is None or road.net is None:
         return road, []
@@ -74,8 +77,18 @@ def with_lights(
         lights[name] = light
     if not lights:
         return road, []
-    made_of = b"".join(ElementTree.tostring(light) for light in lights.values())
     given = road.net
+    programmes_of = [*net_root(given).iter("tlLogic")]
+    there = {(own.get("id"), own.get("programID")) for own in programmes_of}
+    elsewhere = {s.get("id") for s in saved if (s.get("id"), s.get("programID")) not in there}
+    for own in (*programmes_of, *saved):
+        if own.get("id") not in elsewhere and (kept := lights.get(own.get("id", ""))) is not None:
+            param = kept.find("param")
+            if param is None:
+                param = ElementTree.SubElement(kept, "param", key=SIMULATED, value="")
+            own.tail = None
+            param.attrib["value"] += ElementTree.tostring(own, encoding="unicode")
+    made_of = b"".join(ElementTree.tostring(light) for light in lights.values())
     net = kept_net(given, given.read_bytes() + made_of, lambda: _relit(given, lights))
     notes = [f"{said}: {listed(groups[said])}" for said in (_FOLLOWED, _LONGEST, _STILL) if said in groups]
     return dataclasses.replace(road, net=net), notes

@@ -24,7 +24,14 @@ from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.sumo.fcd import numbers_of, tracks_of
 from scex_sumo.formats.sumo.intentions import intention_at, intentions_now, with_lanes
 from scex_sumo.formats.sumo.phases import Light, Programme, with_lights
-from scex_sumo.formats.sumo.saved import person_label, road_users, saved_state, text_of, types_and_arrivals
+from scex_sumo.formats.sumo.saved import (
+    person_label,
+    road_users,
+    saved_lights,
+    saved_state,
+    text_of,
+    types_and_arrivals,
+)
 from scex_sumo.intention import Intention, Walk
 from scex_sumo.scene import STEP_S, SeedScene
 
@@ -92,7 +99,9 @@ def _completed(recorded: Recorded, path: Path, names: Mapping[str, str], scene: 
     """Complete a seed scene: lights in their phases, names of vehicles, notes on absent ones."""
     time_s, notes = scene.time_s, list[str]()
     end_s = min(recorded.end_s, time_s + FUTURE_STEPS * STEP_S)
-    road, on_lights = with_lights(scene.road, recorded.lights, recorded.programmes, time_s, end_s)
+    state = recorded.states.get(round(time_s, 3))
+    lights = saved_lights(state or b"")
+    road, on_lights = with_lights(scene.road, recorded.lights, recorded.programmes, time_s, end_s, lights)
     absent = [entry for entry in recorded.absent if abs(entry[0] - time_s) < STEP_S / 2]
     for _, teleporting, parked, waiting in absent[:1]:
         if teleporting:
@@ -103,7 +112,6 @@ def _completed(recorded: Recorded, path: Path, names: Mapping[str, str], scene: 
             notes.append(f"vehicles that wait to be inserted are left out: {waiting}")
     notes += on_lights
     vehicles = {str(track): names[str(track)] for track in scene.track_ids}
-    state = recorded.states.get(round(time_s, 3))
     users = road_users(state or b"")
 
     def known(name: str) -> tuple[Intention | None, str]:

@@ -53,6 +53,11 @@ def types_and_arrivals(state: bytes) -> tuple[dict[str, dict[str, str]], dict[st
     return {kind.get("id", ""): dict(kind.attrib) for kind in root.iter("vType")}, arrivals
 
 
+def saved_lights(state: bytes) -> list[Element]:
+    """Return the programmes of the lights in a packed state."""
+    return list(_root(state).iter("tlLogic"))
+
+
 def road_users(state: bytes) -> dict[str, Element]:
     """Return vehicles on the road and walking persons of a packed state by the names of their tracks.
 

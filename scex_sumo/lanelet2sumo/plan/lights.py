@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from scex_sumo.base.errors import listed
-from scex_sumo.converters.signals import signal_format
+from scex_sumo.converters.registries import signal_reader
 from scex_sumo.geometry.polylines import length_of, project, turn
 from scex_sumo.lanelet2sumo.plan.elements import (
     Connection,
@@ -41,7 +41,7 @@ def plan_lights(
     """Return the programmes of all lights, recorded ones (``signals``) first, and notes."""
     recorded, notes = None, list[str]()
     if signals is not None:
-        recorded, notes = signal_format(signals).read(layout, road, signals)
+        recorded, notes = signal_reader(signals)(layout, road, signals)
     taken = {c.internal.name for c in recorded.connections} if recorded is not None else set()
     fixed = fixed_programmes(layout, lanes, road.regulations, conflicts)
     free = (p for p in fixed if taken.isdisjoint(c.internal.name for c in p.connections))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.metrics.pairs.leaders import leaders_by_heading
-from scex_sumo.metrics.pairs.near import soonest_following
+from scex_sumo.metrics.base import STANDING_MPS
+from scex_sumo.metrics.pairs.leaders import leaders_by_heading, leaders_on_path, soonest_following
 from scex_sumo.metrics.pairs.scenes import Entries, Following, Scenes
 
 MIN_CLOSING_MPS = 1e-9
@@ -25,23 +25,23 @@ def time_to_collision(*, gap: FloatArray, closing_speed: FloatArray) -> FloatArr
 
 
 def ttc(scenes: Scenes) -> Entries:
-    """Compute the TTC of all car-following pairs, s."""
-    return _ttc_of(scenes.following)
+    """Compute the TTC of all pairs that follow by heading, s."""
+    return _ttc_of(scenes.once(leaders_by_heading))
 
 
 def least_ttc(scenes: Scenes) -> Entries:
-    """Compute the TTC of the car-following pairs that can have the least one of their scene, s."""
-    return _ttc_of(_soonest(scenes))
+    """Compute the TTC of those of them that can have the least one of their scene, s."""
+    return _ttc_of(scenes.once(soonest_following))
+
+
+def ttc_path(scenes: Scenes) -> Entries:
+    """Compute the TTC of all pairs that follow along a planned path, s."""
+    return _ttc_of(scenes.once(leaders_on_path))
 
 
 def _ttc_of(pairs: Following) -> Entries:
     time = time_to_collision(gap=pairs.gap, closing_speed=pairs.follower_speed - pairs.leader_speed)
     return Entries(where=pairs.where, value=time)
-
-
-def _soonest(scenes: Scenes) -> Following:
-    by_heading = scenes.preset.leaders is leaders_by_heading
-    return scenes.once(soonest_following) if by_heading else scenes.following
 
 
 def potential_time_to_collision(
@@ -81,13 +81,18 @@ def potential_time_to_collision(
 
 
 def pttc(scenes: Scenes) -> Entries:
-    """Compute the PTTC of all car-following pairs, s."""
-    return _pttc_of(scenes.following)
+    """Compute the PTTC of all pairs that follow by heading, s."""
+    return _pttc_of(scenes.once(leaders_by_heading))
 
 
 def least_pttc(scenes: Scenes) -> Entries:
-    """Compute the PTTC of the car-following pairs that can have the least one of their scene, s."""
-    return _pttc_of(_soonest(scenes))
+    """Compute the PTTC of those of them that can have the least one of their scene, s."""
+    return _pttc_of(scenes.once(soonest_following))
+
+
+def pttc_path(scenes: Scenes) -> Entries:
+    """Compute the PTTC of all pairs that follow along a planned path, s."""
+    return _pttc_of(scenes.once(leaders_on_path))
 
 
 def _pttc_of(pairs: Following) -> Entries:
@@ -101,12 +106,12 @@ def _pttc_of(pairs: Following) -> Entries:
 
 
 def thw(scenes: Scenes) -> Entries:
-    """Compute the time in which each follower reaches the leader's present position, s.
+    """Compute the time in which each follower along a path reaches the leader's present position, s.
 
     Undefined for standing followers. Source: Westhofen et al. 2021 (review).
     """
-    pairs = scenes.following
-    moving = pairs.follower_speed > scenes.parameters.standing_speed
+    pairs = scenes.once(leaders_on_path)
+    moving = pairs.follower_speed > STANDING_MPS
     return Entries(where=pairs.where[moving], value=pairs.gap[moving] / pairs.follower_speed[moving])
 
 
@@ -123,7 +128,7 @@ def deceleration_to_avoid_crash(*, gap: FloatArray, closing_speed: FloatArray) -
 
 
 def drac(scenes: Scenes) -> Entries:
-    """Compute the deceleration rate to avoid a crash (DRAC) of all car-following pairs, m/s²."""
-    pairs = scenes.following
+    """Compute the deceleration rate to avoid a crash (DRAC) of all pairs that follow along a path, m/s²."""
+    pairs = scenes.once(leaders_on_path)
     rate = deceleration_to_avoid_crash(gap=pairs.gap, closing_speed=pairs.follower_speed - pairs.leader_speed)
     return Entries(where=pairs.where, value=rate)

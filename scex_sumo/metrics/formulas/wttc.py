@@ -17,6 +17,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.geometry.rectangles import separated
+from scex_sumo.metrics.base import MAX_ACCELERATION
 from scex_sumo.metrics.formulas.distance import MARGIN, OutlinePairs, in_chunks, outline_pairs
 from scex_sumo.metrics.pairs.near import least_of_near
 from scex_sumo.metrics.pairs.scenes import PairValues, Samples, Scenes
@@ -110,7 +111,7 @@ def _disc_times(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
             dvx=vx[two, scene] - vx[one, scene],
             dvy=vy[two, scene] - vy[one, scene],
             radius=scenes.size_of(radius, one, scene) + scenes.size_of(radius, two, scene),
-            acceleration=np.full(one.shape, 2 * scenes.parameters.max_acceleration),
+            acceleration=np.full(one.shape, 2 * MAX_ACCELERATION),
         )
 
     return in_chunks(pair, scene, of_chunk)
@@ -123,7 +124,7 @@ def least_wttc(scenes: Scenes) -> Samples:
 
 def _within(scenes: Scenes) -> Callable[[float], float]:
     """Return the distance that two vehicles can close in a time, m by s."""
-    limit = 2 * scenes.parameters.max_acceleration
+    limit = 2 * MAX_ACCELERATION
     closing = 2 * np.abs(scenes.speed).max(initial=0.0)
     return lambda time_s: float(closing * time_s + limit * time_s * time_s / 2)
 
@@ -139,7 +140,7 @@ def _disc_bounds(scenes: Scenes) -> FloatArray:
         closing = (dx * (vx[two] - vx[one]) + dy * (vy[two] - vy[one])) / np.where(
             distance > 0, distance, 1.0
         )
-        both = np.full(spare.shape, 2 * scenes.parameters.max_acceleration)
+        both = np.full(spare.shape, 2 * MAX_ACCELERATION)
         least = _tangent_meets_parabola(np.maximum(spare, 0.0), closing, both)
         return np.where(scenes.both_present[part], np.where(spare > 0, least, 0.0), np.inf)
 
@@ -224,7 +225,7 @@ def wttc_path(scenes: Scenes) -> Samples:
 
 def _worst_times(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
     def of_chunk(pair: IntArray, scene: IntArray) -> FloatArray:
-        both = np.full(pair.shape, 2 * scenes.parameters.max_acceleration)
+        both = np.full(pair.shape, 2 * MAX_ACCELERATION)
         return worst_time_of_outlines(outline_pairs(scenes, pair, scene), both)
 
     return in_chunks(pair, scene, of_chunk)
@@ -265,7 +266,7 @@ def _outline_bounds(scenes: Scenes) -> FloatArray:
             across = ny * scenes.cos[side] - nx * scenes.sin[side]
             near -= scenes.length[side] / 2 * np.abs(along) + scenes.width[side] / 2 * np.abs(across)
             closing += sign * along * scenes.speed[side]
-        both = np.full(near.shape, 2 * scenes.parameters.max_acceleration)
+        both = np.full(near.shape, 2 * MAX_ACCELERATION)
         least = _tangent_meets_parabola(np.maximum(near, 0.0), closing, both)
         return np.where(scenes.both_present[part], np.where(near > 0, least, 0.0), np.inf)
 

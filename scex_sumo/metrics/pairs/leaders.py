@@ -1,25 +1,26 @@
-"""Leaders: preset ``paper`` by heading, preset ``path`` along planned paths."""
+"""Leaders: by heading as in the paper, and along planned paths."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray, least_of
-from scex_sumo.base.errors import UsageError
 from scex_sumo.geometry.crossings import meeting_segments, octagon
+from scex_sumo.metrics.base import EXTENSION_M, EXTENSION_S, FOLLOWING_RAD
+from scex_sumo.metrics.pairs.near import ROUNDING
 from scex_sumo.metrics.pairs.paths_ahead import PathsAhead, meeting_pairs, paths_ahead
-from scex_sumo.metrics.pairs.scenes import Following, PairRows, Preset, Scenes
+from scex_sumo.metrics.pairs.scenes import Following, PairRows, Scenes
 
 COSINE_ROUNDING = 1e-12  # a heading difference equal to the limit must not depend on the scene's rotation
 MIN_PATH_M = 0.1  # a shorter path has no direction of its own; the heading counts
+MIN_CLOSING_MPS = 1e-6
+PAIR_STEPS = 1 << 21  # of far pairs at a time
 
 
 def leaders_by_heading(scenes: Scenes) -> Following:
-    """Find leaders as in the paper: headings within ``following_angle``, the leader ahead, no lane test.
+    """Find leaders as in the paper: headings within `FOLLOWING_RAD`, the leader ahead, no lane test.
 
     The gap is the distance of the centres. Two vehicles can each be the other's leader.
     """
@@ -31,7 +32,7 @@ def _similar_and_ahead(scenes: Scenes) -> Following:
     cos, sin = scenes.cos, scenes.sin
     alignment = cos[first] * cos[second]
     alignment += sin[first] * sin[second]
-    similar = alignment >= np.cos(scenes.parameters.following_angle) - COSINE_ROUNDING
+    similar = alignment >= np.cos(FOLLOWING_RAD) - COSINE_ROUNDING
     similar &= scenes.both_present
     pair = np.flatnonzero(similar)
     ahead = []
@@ -57,6 +58,49 @@ def _following(scenes: Scenes, where: IntArray, gap: FloatArray) -> Following:
     )
 
 
+def soonest_following(scenes: Scenes) -> Following:
+    """Find those pairs of `leaders_by_heading` that can have the least TTC or PTTC of their scene.
+
+    These are the near pairs, and others in scenes in which they may be as soon as the soonest near pair.
+    """
+    if scenes.near is None:
+        return scenes.once(leaders_by_heading)
+    pairs, count, apart = len(scenes.pairs[0]), scenes.count, scenes.near.apart
+    near = scenes.near.scenes.once(leaders_by_heading)
+    closing = near.follower_speed - near.leader_speed
+    closes = closing > MIN_CLOSING_MPS
+    soonest = np.full(count, np.inf)
+    np.minimum.at(soonest, near.where[closes] % count, near.gap[closes] / closing[closes])
+    fastest = (scenes.speed.max(initial=0.0) - scenes.speed.min(initial=0.0)) * (1 + ROUNDING)
+    found = [(near, scenes.near.pair, np.arange(count))]
+    far = np.ones(pairs, dtype=bool)
+    far[scenes.near.pair] = False
+    least = apart[far].min(initial=np.inf)
+    for late in (np.isfinite(soonest) & (soonest * fastest >= least), np.isinf(soonest)):
+        reach = soonest[late].max(initial=0.0)
+        some = np.flatnonzero(far & ((apart <= reach * fastest) | np.isinf(reach)))
+        scene, size = np.flatnonzero(late), max(PAIR_STEPS // max(len(some), 1), 1)
+        for part in (scene[start : start + size] for start in range(0, len(scene), size)):
+            found.append((leaders_by_heading(_of_scenes(scenes, part, some)), some, part))
+    return Following.join([scenes.numbered(*each) for each in found])
+
+
+def _of_scenes(scenes: Scenes, scene: IntArray, pairs: IntArray) -> Scenes:
+    """Return scenes, by flat index into (C, T), as steps of one future, with pairs by number."""
+    at, tracks = np.divmod(scene, max(scenes.shape[1], 1)), scenes.tracks
+    at = at[0], at[1] + tracks.first
+    tracks = replace(
+        tracks,
+        states=tracks.states.map(lambda values: values[at][None]),
+        present=None if tracks.present is None else tracks.present[at][None],
+        acceleration=scenes.all_acceleration[at][None],
+        length=np.atleast_2d(tracks.length)[0],  # sizes of one future: unused by leaders
+        width=np.atleast_2d(tracks.width)[0],
+        first=0,
+    )
+    return replace(scenes.of_pair_numbers(pairs), tracks=tracks, planned=None)
+
+
 def leaders_on_path(scenes: Scenes) -> Following:
     """Find the next vehicle on each vehicle's own planned path; the gap is bumper to bumper along it.
 
@@ -66,24 +110,11 @@ def leaders_on_path(scenes: Scenes) -> Following:
     """
     if scenes.planned is None or len(scenes.pairs[0]) == 0:
         return _following(scenes, np.empty(0, dtype=np.int64), np.empty(0))
-    on_paths = scenes.of_meeting_pairs(_on_paths)
+    on_paths = scenes.of_near_pairs(_on_paths)
     follower, _ = scenes.flat_of(on_paths.where)
     # the smallest arc length to its centre
     chosen = np.sort(least_of(follower, on_paths.along))
     return _following(scenes, on_paths.where[chosen], on_paths.gap[chosen])
-
-
-PRESETS: Final[Mapping[str, Preset]] = {
-    "paper": Preset(name="paper", leaders=leaders_by_heading, conflict_area=False),
-    "path": Preset(name="path", leaders=leaders_on_path, conflict_area=True),
-}
-
-
-def preset_named(name: str) -> Preset:
-    """Return a preset by name."""
-    if name not in PRESETS:
-        raise UsageError(f"metrics: unknown preset {name!r}; known: {', '.join(PRESETS)}")
-    return PRESETS[name]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,14 +124,13 @@ class _OnPaths(PairRows):
 
 
 def _on_paths(scenes: Scenes) -> _OnPaths:
-    return _Corridors(scenes, paths_ahead(scenes)).vehicles_on_paths()
+    return _Corridors(scenes, scenes.once(paths_ahead)).vehicles_on_paths()
 
 
 class _Corridors:
     def __init__(self, scenes: Scenes, paths: PathsAhead) -> None:
         self.scenes, self.paths = scenes, paths
-        parameters = scenes.parameters
-        reach = np.maximum(parameters.path_extension, parameters.path_extension_time * scenes.speed)
+        reach = np.maximum(EXTENSION_M, EXTENSION_S * scenes.speed)
         end = paths.lines.end_of(paths.line)
         end_x, end_y = np.where(paths.has_path, end[0], scenes.x), np.where(paths.has_path, end[1], scenes.y)
         moves = paths.length >= MIN_PATH_M
@@ -125,7 +155,7 @@ class _Corridors:
         entry, aside, along, cos = entry[keep], aside[keep], along[keep], cos[keep]
         # The nearest piece counts; of equals the first.
         best = least_of(entry, aside, along)
-        limit = np.cos(self.scenes.parameters.following_angle) - COSINE_ROUNDING
+        limit = np.cos(FOLLOWING_RAD) - COSINE_ROUNDING
         best = best[(along[best] > 0) & (cos[best] >= limit)]
         entry, along = entry[best], along[best]
         half = (self._size(self.scenes.length, row[entry]) + self._size(self.scenes.length, other[entry])) / 2

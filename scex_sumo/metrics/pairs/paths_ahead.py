@@ -16,7 +16,7 @@ from scex_sumo.geometry.crossings import (
     segment_boxes,
     segment_crossings,
 )
-from scex_sumo.metrics.base import PlannedPaths
+from scex_sumo.metrics.base import STANDING_MPS, PlannedPaths
 from scex_sumo.metrics.pairs.scenes import PairRows, Scenes
 
 BLOCK_ROWS = 1 << 23  # bound of the crossing points of a block of pairs at all steps
@@ -80,7 +80,7 @@ class PathsAhead:
         self.has_plan = some_x & some_y
         self.line = (future * replans + planned.index) * vehicles + vehicle
         self.column = planned.column
-        moves: BoolArray = scenes.speed > (scenes.parameters.standing_speed if moving_only else -np.inf)
+        moves: BoolArray = scenes.speed > (STANDING_MPS if moving_only else -np.inf)
         self.has_path = scenes.present & self.has_plan[self.line] & (planned.column < columns)
         self.ahead = self.has_path & moves
         self.dx = np.where(self.has_path, x[self.line, next_column] - scenes.x, 0.0)
@@ -252,10 +252,6 @@ def _first_on_own_path(crossings: Crossings, size: int) -> Crossings:
 
 
 def paths_ahead(scenes: Scenes) -> PathsAhead:
-    """Return the planned paths of scenes, computed once for all metrics."""
-    return scenes.once(_paths_ahead)
-
-
-def _paths_ahead(scenes: Scenes) -> PathsAhead:
+    """Return the planned paths of scenes; by `Scenes.once`."""
     assert scenes.planned is not None
     return PathsAhead(scenes, scenes.planned)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -11,11 +10,10 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
-from scex_sumo.metrics.base import MetricParameters, PlannedPaths, SceneTracks, backward_acceleration
+from scex_sumo.metrics.base import PlannedPaths, SceneTracks, backward_acceleration
 
 T = TypeVar("T")
 E = TypeVar("E", bound="PairRows")
-S = TypeVar("S", bound="Some")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,15 +62,6 @@ class Samples:
     symmetric: bool = False  # each unordered pair appears once and stands for both orders
 
 
-@dataclass(frozen=True, kw_only=True)
-class Preset:
-    """Rules that the metrics' definitions leave open."""
-
-    name: str
-    leaders: Callable[[Scenes], Following]
-    conflict_area: bool  # crossings are areas as wide as the vehicles, not points
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scenes:
     """Batch of scenes; every array starts with the vehicle (V, C, T) or the pair (P, C, T).
@@ -89,13 +78,10 @@ class Scenes:
 
     tracks: SceneTracks
     planned: PlannedPaths | None  # current plans; None if there are none
-    parameters: MetricParameters
-    preset: Preset
     chosen: tuple[IntArray, IntArray] | None = None
     shared: TrackPairs | None = None  # values computed once for equal tracks of several futures
     near: Near | None = None  # None: all pairs are taken for near
-    meeting: Some | None = None  # pairs whose ways may meet; None: all may
-    _derived: dict[Callable[[Scenes], Any] | str, Any] = field(default_factory=dict, repr=False)
+    _derived: dict[Callable[[Scenes], Any], Any] = field(default_factory=dict, repr=False)
 
     def _evaluated(self, array: FloatArray) -> FloatArray:
         array = array[:, self.tracks.first :]
@@ -211,38 +197,22 @@ class Scenes:
         """(P, C, T) between centres, m."""
         return self.of_pairs(_distance)
 
-    @property
-    def following(self) -> Following:
-        """Car-following pairs by the preset's rule."""
-        return self.once(self.preset.leaders)
-
-    def under(self, preset: Preset) -> Scenes:
-        """Return the same scenes with another preset, with shared derived values."""
-        if preset is self.preset:
-            return self
-        if preset.name not in self._derived:
-            other = copy.copy(self)
-            object.__setattr__(other, "preset", preset)
-            self._derived[preset.name] = other
-        made: Scenes = self._derived[preset.name]
-        return made
-
     def of_vehicles(self, vehicles: Collection[int]) -> Scenes:
         """Return the same scenes with those pairs only that one of these vehicles (indices) is in."""
         own = np.flatnonzero(np.isin(self.pairs, list(vehicles)).any(axis=0))
         shared = None if self.shared is None else replace(self.shared, row=self.shared.row[own])
-        scenes, near, meeting = self.of_pair_numbers(own, shared), self.near, self.meeting
-        if near is not None:
-            near = replace(near.among(own, near.scenes.of_vehicles(vehicles)), apart=near.apart[own])
-        if meeting is not None:
-            meeting = meeting.among(own, meeting.scenes.of_vehicles(vehicles))
-        return replace(scenes, near=near, meeting=meeting)
+        scenes, near = self.of_pair_numbers(own, shared), self.near
+        if near is None:
+            return scenes
+        pair = np.searchsorted(own, near.pair[np.isin(near.pair, own)])
+        near = Near(scenes=near.scenes.of_vehicles(vehicles), pair=pair, apart=near.apart[own])
+        return replace(scenes, near=near)
 
     def of_pair_numbers(self, pairs: IntArray, shared: TrackPairs | None = None) -> Scenes:
         """Return the same scenes with some pairs, by number, whose values are ``shared``."""
         first, second = self.pairs
         chosen = first[pairs], second[pairs]
-        return replace(self, chosen=chosen, shared=shared, near=None, meeting=None, _derived={})
+        return replace(self, chosen=chosen, shared=shared, near=None, _derived={})
 
     def once(self, make: Callable[[Scenes], T]) -> T:
         """Return ``make(self)``, computed once for all metrics."""
@@ -254,29 +224,28 @@ class Scenes:
     def release(self) -> None:
         """Drop derived values, because reference cycles keep the memory."""
         self._derived.clear()
-        for some in (self.near, self.meeting):
-            if some is not None:
-                some.scenes.release()
+        if self.near is not None:
+            self.near.scenes.release()
 
     def of_pairs(self, make: Callable[[Scenes], FloatArray]) -> FloatArray:
         """Return (P, C, T) values that depend on a pair's two tracks only."""
         if self.shared is None:
             return make(self)
-        table = self.shared.scenes.under(self.preset).once(make)
+        table = self.shared.scenes.once(make)
         return np.take(table.reshape(len(table), -1), self.shared.row, axis=0)
 
     def of_ordered_pairs(self, make: Callable[[Scenes], E]) -> E:
         """Return rows that depend on an ordered pair's two tracks only."""
         if self.shared is None:
             return self.once(make)
-        return self.shared.per_future(make, self.shared.scenes.under(self.preset).once(make))
+        return self.shared.per_future(make, self.shared.scenes.once(make))
 
-    def of_meeting_pairs(self, make: Callable[[Scenes], E]) -> E:
-        """Return rows of `of_ordered_pairs` that only pairs can have whose ways may meet."""
-        if self.meeting is None:
+    def of_near_pairs(self, make: Callable[[Scenes], E]) -> E:
+        """Return rows of `of_ordered_pairs` that only near pairs can have."""
+        if self.near is None:
             return self.of_ordered_pairs(make)
-        rows = self.meeting.scenes.under(self.preset).of_ordered_pairs(make)
-        return self.numbered(rows, self.meeting.pair, np.arange(self.count))
+        rows = self.near.scenes.of_ordered_pairs(make)
+        return self.numbered(rows, self.near.pair, np.arange(self.count))
 
     def numbered(self, rows: E, pair: IntArray, scene: IntArray) -> E:
         """Return rows of some pairs in some scenes, both by number, as rows of all."""
@@ -315,15 +284,6 @@ class Scenes:
         first, second = self.pairs
         return Samples(value=value, defined=self.both_present, row=first, other=second, symmetric=True)
 
-    def scattered(self, where: IntArray, value: FloatArray) -> Samples:
-        """Return samples of an ordered metric, from values at flat indices into (2P, C, T)."""
-        row, other = self.ordered_pairs
-        table = np.zeros((len(row), *self.shape))
-        defined = np.zeros(table.shape, dtype=bool)
-        table.reshape(-1)[where] = value
-        defined.reshape(-1)[where] = True
-        return Samples(value=table, defined=defined, row=row, other=other)
-
 
 PairValues: TypeAlias = Callable[[Scenes, IntArray, IntArray], FloatArray]
 
@@ -333,22 +293,11 @@ def _distance(scenes: Scenes) -> FloatArray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Some:
-    """Some pairs of a batch of scenes."""
+class Near:
+    """Near pairs of a batch of scenes, see `scex_sumo.metrics.pairs.near.near_pairs`."""
 
     scenes: Scenes  # the same scenes with these pairs only
     pair: IntArray  # (P',) their numbers among all, ascending
-
-    def among(self: S, pairs: IntArray, scenes: Scenes) -> S:
-        """Return those of them that are among other pairs, by number; they have their own scenes."""
-        own = np.isin(self.pair, pairs)
-        return replace(self, scenes=scenes, pair=np.searchsorted(pairs, self.pair[own]))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Near(Some):
-    """Near pairs of a batch of scenes."""
-
     apart: FloatArray  # (P,) distance that the centres of each pair never fall below, m
 
 
@@ -360,13 +309,6 @@ class TrackPairs:
     row: IntArray  # (P, C) number of each pair of vehicles among those pairs
     _bounds: dict[Any, IntArray] = field(default_factory=dict, repr=False)
     _values: dict[Any, tuple[FloatArray, BoolArray]] = field(default_factory=dict, repr=False)
-
-    def of_pairs(self, pairs: IntArray) -> TrackPairs:
-        """Return the different pairs of tracks of some pairs of vehicles."""
-        first, second = self.scenes.pairs
-        kept, row = np.unique(self.row[pairs], return_inverse=True)
-        scenes = replace(self.scenes, chosen=(first[kept], second[kept]), _derived={})
-        return TrackPairs(scenes=scenes, row=row.reshape(len(pairs), -1))
 
     def of_futures(self, part: slice) -> TrackPairs:
         """Return the same pairs of tracks for some futures."""

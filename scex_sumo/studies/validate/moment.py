@@ -129,7 +129,7 @@ def validate_moment(task: ForecastTask, scene: SeedScene) -> Forecast:
     run = partial(_run, scene, net)
     futures = run(asked, built(task.settings.models), len(task.futures))
     straight = run(plain, ModelSet.of(plain), 1)
-    recorded = measure_recorded(scene, steps, metrics=asked.measured, preset=asked.rule)
+    recorded = measure_recorded(scene, steps, metrics=asked.measured)
     assert recorded is not None and scene.future is not None
     after = scene.future[:, :steps].repeat(1).swapaxes(1, 2)
     values = np.where(recorded.values.defined, recorded.values.values, np.nan)
@@ -192,7 +192,6 @@ def _seen(
         scene,
         seen,
         metrics=settings.measured,
-        preset=settings.rule,
         counted=counted,
         limit_m2=OVERLAP_M2,
     )

@@ -145,15 +145,6 @@ def test_the_real_recordings_are_read_whole(data: Path) -> None:
     assert table.step_s == pytest.approx(0.1)
 
 
-def test_headings_in_degrees_are_told_by_the_driving(tmp_path: Path) -> None:
-    rows = straight(1, speed=-10.0, psi_rad=180.0) + straight(2, y=4.0, psi_rad=0.0)
-    table = read_tracks(write_rows(tmp_path / "t.csv", rows))
-    np.testing.assert_allclose(np.unique(table.vehicles.psi_rad), [0.0, np.pi])
-    assert table.notes == ("psi_rad is in degrees: converted to radians",)
-    turned = straight(1, psi_rad=4.0 * np.pi) + straight(2, y=4.0)
-    assert read_tracks(write_rows(tmp_path / "u.csv", turned)).notes == ()
-
-
 def test_a_stamp_of_another_clock_is_refused_with_its_track(tmp_path: Path) -> None:
     rows = straight(1) + [row | {"timestamp_ms": 1.6e12 + 100 * k} for k, row in enumerate(straight(2))]
     path = write_rows(tmp_path / "t.csv", rows)
