@@ -12,19 +12,17 @@ import typer
 from scex_sumo.base.options import Option
 
 
-def with_options(
-    kinds: Callable[[], Sequence[type]],
-) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def with_options(kinds: Sequence[type]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Decorate a command: in place of ``**given`` it takes the options of dataclasses.
 
     Args:
-        kinds: returns the dataclasses, in the order of the help; keyword-only options of the command follow.
+        kinds: the dataclasses, in the order of the help; keyword-only options of the command follow.
     """
 
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
         signature = inspect.signature(command, eval_str=True)
         own = [p for p in signature.parameters.values() if p.kind is not inspect.Parameter.VAR_KEYWORD]
-        more = [parameter for kind in kinds() for parameter in parameters_of(kind)]
+        more = [parameter for kind in kinds for parameter in parameters_of(kind)]
         last = [p for p in own if p.kind is inspect.Parameter.KEYWORD_ONLY]
         first = [p for p in own if p not in last]
         command.__signature__ = signature.replace(parameters=[*first, *more, *last])  # type: ignore[attr-defined]

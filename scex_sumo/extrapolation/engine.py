@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.options import RunOptions
 from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.extrapolation.writing import handover_notes, outcome_notes, recorded_info, write_tables
+from scex_sumo.extrapolation.writing import outcome_notes, recorded_info, write_tables
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.metrics.registry import thresholds_of
 from scex_sumo.results.folder import ResultFolder
@@ -55,53 +55,36 @@ def run_scene(
     Raises:
         ScexError: as of `extrapolate`.
     """
-    return finished(opened(scene, settings, options, models), workers, extras)
+    return run_job(scene, settings, workers, options, extras, models)[0]
 
 
-class Stopwatch:
-    """Times of the parts of a run."""
+def run_job(
+    scene: SeedScene,
+    settings: RunSettings,
+    workers: Workers,
+    options: RunOptions,
+    extras: Sequence[Extra] = (),
+    models: ModelSet | None = None,
+    stale: Sequence[str] = (),
+) -> tuple[Run, Job]:
+    """Return the run of `run_scene`, and its job.
 
-    def __init__(self) -> None:
-        self._last, self._laps = time.perf_counter(), dict[str, float]()
-
-    def lap(self, part: str) -> dict[str, float]:
-        """End a part of the run; return the times of all parts so far, s."""
-        now = time.perf_counter()
-        self._laps[part], self._last = round(now - self._last, 3), now
-        return dict(self._laps)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Opened:
-    """Run in its folder, before its futures are simulated."""
-
-    folder: ResultFolder
-    job: Job
-    options: RunOptions
-    temporary: TemporaryFolder | None
-    watch: Stopwatch
-
-
-def opened(scene: SeedScene, settings: RunSettings, options: RunOptions, models: ModelSet | None) -> Opened:
-    """Open the folder of a run with its net and its assignments."""
-    watch, models = Stopwatch(), models or checked_models(settings, options)
+    Args:
+        stale: results of a former run in its folder, which are removed.
+    """
+    marks = [time.perf_counter()]
     temporary = TemporaryFolder() if options.out is None else None
     path = Path(temporary.name) / "run" if temporary else Path(str(options.out))
-    folder, job = _folder_and_job(scene, settings, options, models, path)
-    watch.lap("convert")
-    return Opened(folder=folder, job=job, options=options, temporary=temporary, watch=watch)
-
-
-def finished(run: Opened, workers: Workers, extras: Sequence[Extra]) -> Run:
-    """Simulate and measure the futures of a run, let the extras work, and finish its folder."""
-    job, folder, watch, options = run.job, run.folder, run.watch, run.options
+    folder, job = _folder_and_job(scene, settings, options, models or checked_models(settings, options), path)
+    folder.remove(stale)
+    marks.append(time.perf_counter())
     # More threads of matrix products would wait for cores on which workers run.
     with threadpool_limits(1, user_api="blas"), options.bar("stress-test futures") as tick:
         _run_all(job, workers, tick)
-        watch.lap("simulate_and_measure")
+        marks.append(time.perf_counter())
         recorded = _recorded(job)
         part = write_tables(folder, job, recorded)
-        watch.lap("tables")
+        marks.append(time.perf_counter())
         work = Work(job=job, part=part, workers=workers, options=options)
         rows: list[Row] = []
         failed: list[str] = []
@@ -110,14 +93,17 @@ def finished(run: Opened, workers: Workers, extras: Sequence[Extra]) -> Run:
                 rows += rows_of(extra, work)
             except OwnCodeError as error:  # the run's other results stay
                 failed.append(f"warning: {error}; its rows are left out")
-    watch.lap("extras")
-    notes = [*failed, *handover_notes(job, part), *outcome_notes(job.scene, recorded), *workers.deaths]
+    marks.append(time.perf_counter())
+    notes = [*failed, *outcome_notes(job.scene, recorded), *workers.deaths]
     info = _info(job, options.command, part, notes) | {"recorded": recorded_info(job.scene, recorded)}
     info["rows"] = [dataclasses.asdict(row) for row in rows]
-    folder.finish({**info, "timings_s": watch.lap("write")})
-    result = Run(folder.path, run.temporary)
-    result.intervals = job.intervals
-    return result
+    marks.append(time.perf_counter())
+    parts = ("convert", "simulate_and_measure", "tables", "extras", "write")
+    laps = {name: round(end - start, 3) for name, (start, end) in zip(parts, pairwise(marks), strict=True)}
+    folder.finish({**info, "timings_s": laps})
+    run = Run(folder.path, temporary)
+    run.intervals = job.intervals
+    return run, job
 
 
 def _folder_and_job(

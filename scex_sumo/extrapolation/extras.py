@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import TYPE_CHECKING, Any, Final
 
 from scex_sumo.base.blame import own_call
 from scex_sumo.base.errors import OwnCodeError, UsageError
@@ -14,7 +12,6 @@ from scex_sumo.base.importing import Registry
 from scex_sumo.base.options import Option, options_of
 from scex_sumo.extrapolation.options import RunOptions
 from scex_sumo.extrapolation.processes.workers import Workers
-from scex_sumo.extrapolation.settings import RunSettings
 
 if TYPE_CHECKING:
     from scex_sumo.extrapolation.job import Job
@@ -80,8 +77,7 @@ class Work:
 class Extra:
     """Extra of a run; a frozen dataclass whose fields, made by `option`, are its options.
 
-    Registered by an entry point in ``scex_sumo.extras``, its options belong to ``scex-sumo run`` and
-    `extrapolate`; else it is given as ``--extra package.module:Class:option=value``.
+    A run takes it as ``--extra package.module:Class:option=value``, or by the name of its entry point.
 
     Example:
         >>> class Vehicles(scex.Extra):
@@ -98,23 +94,6 @@ class Extra:
         return ()
 
 
-@cache
-def extra_types() -> Mapping[str, type[Extra]]:
-    """Return the registered extras by name; one that cannot be imported is left out."""
-    types: dict[str, type[Extra]] = {}
-    for name in EXTRAS.paths:
-        try:
-            types[name] = EXTRAS.load(name)
-        except UsageError as error:
-            print(f"warning: extra {name} is left out: {error}", file=sys.stderr)
-    return types
-
-
-def run_options() -> tuple[type, ...]:
-    """Return the dataclasses whose fields are the options of a run: settings, other options, extras."""
-    return RunSettings, RunOptions, *extra_types().values()
-
-
 def rows_of(extra: Extra, work: Work) -> list[Row]:
     """Return the rows of an extra.
 
@@ -127,17 +106,6 @@ def rows_of(extra: Extra, work: Work) -> list[Row]:
     if wrong:
         raise OwnCodeError(f"{said} returned {type(wrong[0]).__name__}, needs rows")
     return list(rows)
-
-
-def extras_of(given: Sequence[Mapping[str, Any]], own: Sequence[str | Extra]) -> list[Extra]:
-    """Return the extras of a run.
-
-    Args:
-        given: options of each registered one, in the order of `run_options`.
-        own: others, see `extra_named`.
-    """
-    kinds = cast("Sequence[type[Extra]]", run_options()[2:])
-    return [*(kind(**values) for kind, values in zip(kinds, given, strict=True)), *map(extra_named, own)]
 
 
 def extra_named(given: str | Extra) -> Extra:

@@ -103,6 +103,10 @@ class RunOptions:
         return max(1, min(idle_cores(), help_by))
 
 
+RUN_OPTIONS: Final = (RunSettings, RunOptions)
+"""The dataclasses whose fields are the options of a run."""
+
+
 def has_own_drivers(settings: RunSettings) -> bool:
     """Return whether a run has drivers of the user's."""
     given = [*settings.assign.values(), *(one for one in settings.under_test.values() if one is not None)]

@@ -11,11 +11,10 @@ import numpy as np
 import pyarrow as pa
 
 from scex_sumo.base.errors import listed
-from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.datasets.writer import write_tracks
 from scex_sumo.extrapolation.assignments import listing
 from scex_sumo.extrapolation.job import Job
-from scex_sumo.extrapolation.loop.measure import Recorded, handover_jumps, overlapping_at_first
+from scex_sumo.extrapolation.loop.measure import Recorded, overlapping_at_first
 from scex_sumo.extrapolation.loop.uncounted import touch_in_simulation
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.design import DENSITIES, densities_table
@@ -31,7 +30,6 @@ from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene
 ROWS_AT_ONCE = 1 << 18  # of tracks, in a row group of Parquet
 
 COPY_M = 0.5  # between the centres of copies
-HANDOVER_M = 0.5  # jump that gets a note
 
 
 def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None) -> Part:
@@ -95,19 +93,6 @@ def _written_tracks(folder: ResultFolder, job: Job) -> Iterator[Part]:
 
 def _first_step(part: Part) -> Part:
     return dataclasses.replace(part, states=part.states[:, :1].map(np.copy))
-
-
-def handover_notes(job: Job, part: Part) -> list[str]:
-    """Return a note if SUMO moved vehicles in the first step."""
-    by_sumo = np.array([isinstance(model, SumoDriver) for model in job.models.built])[job.assignment]
-    jumps = handover_jumps(job.scene, part.states[:, 0], by_sumo)
-    far = int((jumps > HANDOVER_M).sum())
-    if far == 0:
-        return []
-    return [
-        f"SUMO turned {far} of {len(jumps)} vehicles that it drives into their lanes in the first step, "
-        f"by up to {jumps.max():.1f} m; this affects the metrics of that step"
-    ]
 
 
 def outcome_notes(scene: SeedScene, recorded: Recorded | None) -> list[str]:

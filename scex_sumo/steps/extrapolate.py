@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Any, TypedDict, cast
 
 from scex_sumo.base.arguments import check_argument
 from scex_sumo.base.errors import ScexError, UsageError, warn_notes
-from scex_sumo.base.options import Option, options_of, split_options
+from scex_sumo.base.options import split_options
 from scex_sumo.base.progress import Progress, progress_of
-from scex_sumo.extrapolation.extras import extras_of, run_options
-from scex_sumo.extrapolation.options import RunOptions, has_own_drivers
-from scex_sumo.extrapolation.processes.workers import Workers, kept_workers
+from scex_sumo.extrapolation.extras import extra_named
+from scex_sumo.extrapolation.options import RUN_OPTIONS, RunOptions
+from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.metrics.registry import METRICS
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from scex_sumo.steps.moment import run_moment
@@ -73,8 +72,8 @@ def extrapolate(
         scene: the seed scene, with its road.
         settings: None makes them of the options.
         progress: True for a bar on a terminal or in a notebook; or called with (steps done, steps in all).
-        options: fields of `RunSettings`, `RunOptions` and the registered extras, as ``scex-sumo run --help``
-            lists them, e.g. ``futures``, ``models``, ``assign``, ``out``, ``reference``.
+        options: fields of `RunSettings` and `RunOptions`, as ``scex-sumo run --help`` lists them, e.g.
+            ``futures``, ``models``, ``assign``, ``out``, ``reference``.
 
     Raises:
         UsageError: an option makes no sense.
@@ -108,40 +107,21 @@ def _run(
     check_argument("progress", progress, "Progress | bool | None")
     if "children" in options:  # the former name
         options["futures"] = options.pop("children")
-    values, others, *own = split_options(options, run_options())
-    _check_types(options, run_options())
+    values, others = split_options(options, RUN_OPTIONS)
+    for one in (one for kind in RUN_OPTIONS for one in dataclasses.fields(kind) if one.name in options):
+        check_argument(one.name, options[one.name], str(one.type))
     settings = RunSettings(**values) if settings is None else dataclasses.replace(settings, **values)
     how = RunOptions(bar=partial(progress_of, progress), **others)
-    extras = extras_of(own, how.extra)
-    # The user's own code may change within a session; kept workers have what they loaded first.
-    own_metrics = any(metric.name not in METRICS for metric in settings.measured)
-    made = Workers if how.extra or own_metrics or has_own_drivers(settings) else kept_workers
-    with one_at_a_time, made(how.processes(settings)) as pool:
+    extras = [extra_named(one) for one in how.extra]
+    with one_at_a_time, Workers(how.processes(settings)) as pool:
         return run_moment(scene, settings, workers=pool, options=how, extras=extras)
 
 
 def _python_message(message: str) -> str:
-    """Return a message with arguments, e.g. ``report=False``, in the place of options of the command line."""
-    words = {"-o": "out"}
-    for kind in run_options():
-        flags = {one.name for one in dataclasses.fields(kind) if isinstance(one.default, bool)}
-        for name, one in options_of(kind).items():
-            words |= _arguments(name, one, is_flag=name in flags)
-    return re.sub(r"(?<![\w-])--?[a-z][a-z-]*(?![\w-])", lambda match: words.get(match[0], match[0]), message)
-
-
-def _arguments(name: str, option: Option, *, is_flag: bool) -> dict[str, str]:
-    """Return the words for an option in Python by its names on the command line."""
-    words: dict[str, str] = {}
-    for pair in option.names or (f"--{name.replace('_', '-')}",):
-        on, _, off = pair.partition("/")
-        words |= {on: f"{name}=True" if is_flag else name}
-        if is_flag:
-            words |= {off or on.replace("--", "--no-", 1): f"{name}=False"}
-    return words
-
-
-def _check_types(given: Mapping[str, Any], kinds: Sequence[type]) -> None:
-    """Raise a `UsageError` for a value of another type than its field."""
-    for one in (one for kind in kinds for one in dataclasses.fields(kind) if one.name in given):
-        check_argument(one.name, given[one.name], str(one.type))
+    """Return a message with arguments in the place of options of the command line, e.g. ``under_test``."""
+    words = {"-o": "out", "--no-report": "report=False", "--threshold": "thresholds"}
+    return re.sub(
+        r"(?<![\w-])--?[a-z][a-z-]*(?![\w-])",
+        lambda option: words.get(option[0]) or option[0].removeprefix("--").replace("-", "_"),
+        message,
+    )

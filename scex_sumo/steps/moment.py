@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from scex_sumo.drivers.registry import parse_models
-from scex_sumo.extrapolation.engine import checked_models, finished, opened, run_scene
+from scex_sumo.extrapolation.engine import checked_models, run_job, run_scene
 from scex_sumo.extrapolation.extras import Extra
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.models import ModelSet
@@ -46,13 +46,12 @@ def run_moment(
     """
     if (numbered := settings.numbered(scene)) is not settings:
         settings, models = numbered, None
-    start = opened(scene, settings, options, models or models_of(settings, options))
-    human, job = options.human, start.job
+    human, models = options.human, models or models_of(settings, options)
     is_tested = any(model is not None for model in settings.under_test.values())
     off = [] if is_tested else [BASELINE]
     off += [] if human is not None else [REFERENCE, PAIRS_FILE, DECISION]
-    start.folder.remove([*off, *([] if options.report else [PAGE])])
-    run = finished(start, workers, extras)
+    off += [] if options.report else [PAGE]
+    run, job = run_job(scene, settings, workers, options, extras, models, off)
     if is_tested:
         _run_baseline(job, workers, options)
     if human is not None:

@@ -18,8 +18,8 @@ from scex_sumo.commands.console import output_console, progress_bar, resumable, 
 from scex_sumo.commands.generated import with_options
 from scex_sumo.commands.options import MapPath
 from scex_sumo.commands.shared import COMMANDS, Answer
-from scex_sumo.extrapolation.extras import extras_of, run_options
-from scex_sumo.extrapolation.options import OUTPUT, RunOptions
+from scex_sumo.extrapolation.extras import extra_named
+from scex_sumo.extrapolation.options import OUTPUT, RUN_OPTIONS, RunOptions
 from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.scenarios.options import SeedOptions
@@ -33,20 +33,18 @@ Details = Annotated[bool, Option("--details", help="Print all metrics, too.", ri
 EXAMPLE = "scex_sumo/scenarios/data/roundabout.osm -o out/roundabout"
 
 
-def _kinds() -> tuple[type, ...]:
-    return SeedOptions, *run_options()
+KINDS = (SeedOptions, *RUN_OPTIONS)
 
 
-@with_options(_kinds)
+@with_options(KINDS)
 def run_command(map_path: MapPath, *, details: Details = False, **given: Any) -> Answer:
     """Simulate futures of one moment: how critical can it become?"""
-    kinds = _kinds()
-    own = zip(kinds, split_options(given, kinds), strict=True)
+    own = zip(KINDS, split_options(given, KINDS), strict=True)
     values = [from_command_line(kind, options) for kind, options in own]
     values[2].setdefault("workers", read_workers(os.environ.get("SCEX_WORKERS", AUTO)))
     source, settings = SeedOptions(**values[0]), RunSettings(**values[1])
     options = RunOptions(bar=progress_bar, command=["scex-sumo", *sys.argv[1:]], **values[2])
-    extras = extras_of(values[3:], options.extra)
+    extras = [extra_named(one) for one in options.extra]
     with Workers(options.processes(settings)) as pool:
         from scex_sumo.steps.moment import models_of, run_moment  # while workers start
 

@@ -1,4 +1,4 @@
-"""An extra of another package is one file: its option belongs to ``run``, its row to every answer."""
+"""An extra of another package is one file: it has options, and its row is in every answer."""
 
 from __future__ import annotations
 
@@ -37,8 +37,7 @@ def command(folder: Path, *options: object) -> list[object]:
 
 def test_an_extra_of_another_package_has_an_option_and_a_row_everywhere(tmp_path: Path) -> None:
     install(tmp_path, group="scex_sumo.extras", name="speeding", target="stranger:Speeding", code=CODE)
-    assert "Speed above which a vehicle is fast, m/s." in scex(tmp_path, "run", "--help").stdout
-    done = scex(tmp_path, *command(tmp_path, "--fast", 5))
+    done = scex(tmp_path, *command(tmp_path, "--extra", "speeding:fast=5"))
     assert done.returncode == 0, done.stderr
     (line,) = (line for line in done.stdout.splitlines() if line.startswith("fast vehicles [%]: "))
     info = json.loads((tmp_path / "out" / "run.json").read_text())
@@ -47,7 +46,7 @@ def test_an_extra_of_another_package_has_an_option_and_a_row_everywhere(tmp_path
     assert info["rows"][0]["name"] == "fast vehicles" and all(value in line for value in shown)
     page = (tmp_path / "out" / "report.html").read_text()
     assert f"fast vehicles [%]: {shown[0]} stress test, {shown[1]} human-like" in page
-    answer = scex(tmp_path, *command(tmp_path, "--fast", 5, "--overwrite", "--json"))
+    answer = scex(tmp_path, *command(tmp_path, "--extra", "speeding:fast=5", "--overwrite", "--json"))
     assert json.loads(answer.stdout)["rows"]["fast vehicles [%]"][0] == info["rows"][0]["value"]
 
 
@@ -67,12 +66,6 @@ def test_an_extra_by_its_import_path_needs_no_package(tmp_path: Path) -> None:
         assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr, done.stderr
 
 
-def test_an_extra_that_cannot_be_imported_is_left_out_with_a_word(tmp_path: Path) -> None:
-    install(tmp_path, group="scex_sumo.extras", name="bad", target="stranger:no", code="import nothing_here")
-    done = scex(tmp_path, *command(tmp_path, *ALONE, "--no-report"))
-    assert done.returncode == 0 and "warning: extra bad is left out" in done.stderr
-
-
 @pytest.mark.parametrize(
     ("line", "instead", "says"),
     [
@@ -83,9 +76,9 @@ def test_an_extra_that_cannot_be_imported_is_left_out_with_a_word(tmp_path: Path
 def test_a_run_is_finished_without_the_rows_of_an_extra_that_fails(
     line: str, instead: str, says: str, tmp_path: Path
 ) -> None:
-    code = CODE.replace(line, instead)
-    install(tmp_path, group="scex_sumo.extras", name="speeding", target="stranger:Speeding", code=code)
-    done = scex(tmp_path, *command(tmp_path, *ALONE, "--no-report"))
+    (tmp_path / "stranger.py").write_text(CODE.replace(line, instead))
+    given = ("--extra", "stranger:Speeding")
+    done = scex(tmp_path, *command(tmp_path, *given, *ALONE, "--no-report"), cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert f"warning: extra Speeding: {says}; its rows are left out" in done.stderr
     info = json.loads((tmp_path / "out" / "run.json").read_text())

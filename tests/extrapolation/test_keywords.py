@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo.extrapolation.extras import run_options
+from scex_sumo.extrapolation.options import RUN_OPTIONS
 from scex_sumo.steps.extrapolate import RunKeywords
 
 OURS = {"bar", "command", "is_reference"}  # of this package's own callers
@@ -43,7 +43,7 @@ scex.extrapolate(scene, steps="30")
 
 
 def test_the_keywords_are_the_options_of_a_run_with_their_types() -> None:
-    options = {one.name: one.type for kind in run_options() for one in dataclasses.fields(kind) if one.init}
+    options = {one.name: one.type for kind in RUN_OPTIONS for one in dataclasses.fields(kind) if one.init}
     named = {name: kind.__forward_arg__ for name, kind in RunKeywords.__annotations__.items()}
     assert named == {name: kind for name, kind in options.items() if name not in OURS}
 

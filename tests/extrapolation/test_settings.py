@@ -15,8 +15,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import options_of
 from scex_sumo.base.processes import idle_cores
 from scex_sumo.behaviors.spec import ModelSpec
-from scex_sumo.extrapolation.extras import run_options
-from scex_sumo.extrapolation.options import RunOptions
+from scex_sumo.extrapolation.options import RUN_OPTIONS, RunOptions
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.region import Region
 from scex_sumo.steps.run_command import run_command
@@ -77,10 +76,10 @@ def test_settings_go_to_other_processes_and_into_other_settings() -> None:
 
 def test_the_command_line_has_the_options_of_python_and_their_defaults() -> None:
     shown = {name: p.default for name, p in inspect.signature(run_command).parameters.items()}
-    options = {name: one for kind in run_options() for name, one in options_of(kind).items()}
+    options = {name: one for kind in RUN_OPTIONS for name, one in options_of(kind).items()}
     assert set(options) <= set(shown)
     assert {"models", "out", "reference", "report"} <= set(options)
-    defaults = {field.name: field.default for kind in run_options() for field in dataclasses.fields(kind)}
+    defaults = {field.name: field.default for kind in RUN_OPTIONS for field in dataclasses.fields(kind)}
     given = [name for name, one in options.items() if not (one.takes or one.several)]
     assert all(shown[name] == defaults[name] for name in given)
 

@@ -223,22 +223,6 @@ def overlapping_at_first(scene: SeedScene) -> list[tuple[int, int]]:
     return list(zip(one[at].tolist(), two[at].tolist(), strict=True))
 
 
-def handover_jumps(scene: SeedScene, first: States, by_sumo: BoolArray) -> FloatArray:
-    """Return how far (n,) SUMO moved each vehicle that it drives in the first step, m.
-
-    SUMO turns a vehicle about its front bumper, until it is parallel to its lane.
-
-    Args:
-        first: (C, V) states after the first step.
-        by_sumo: (C, V) whether SUMO drives.
-    """
-    now = scene.now
-    travelled_m = now.speed * STEP_S
-    x, y = now.x + travelled_m * np.cos(now.heading), now.y + travelled_m * np.sin(now.heading)
-    jumps: FloatArray = np.hypot(first.x - x, first.y - y)[by_sumo]
-    return jumps
-
-
 def _evaluated(
     scene: SeedScene, rollout: Rollout, present: BoolArray | None
 ) -> tuple[SceneTracks, PlannedPaths]:

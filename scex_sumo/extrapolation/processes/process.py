@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import faulthandler
 import os
 import pickle
-import re
 import subprocess
 import sys
-import tempfile
 import threading
 import traceback
 from collections.abc import Callable
@@ -25,7 +22,6 @@ from scex_sumo.base.sending import pickled, unpickled
 OnStep: TypeAlias = Callable[[int], None]
 Report: TypeAlias = tuple[Literal["step", "done", "failed"], Any]
 
-_FRAME = re.compile(r"^  File .* in (\S+)$", re.MULTILINE)  # of faulthandler
 SIMULATES = "simulates"
 _MAIN = str(Path(__file__).with_name("__main__.py"))
 # One thread each: the processes are the parallelism.
@@ -95,15 +91,7 @@ class WorkerProcess:
             self._process.wait(timeout=1)
         self._process.kill()
         status = self._process.wait()
-        return f"signal {-status}{self._crash_place()}" if status < 0 else f"exit status {status}"
-
-    def _crash_place(self) -> str:
-        """Return the last calls of Python before a crash, innermost first."""
-        assert self._process is not None
-        with suppress(OSError):
-            frames = _FRAME.findall(_crash_file(self._folder, self._process.pid).read_text(errors="replace"))
-            return "".join(f" < {function}" for function in frames[:3]).replace(" <", " in", 1)
-        return ""
+        return f"signal {-status}" if status < 0 else f"exit status {status}"
 
     def kill(self) -> None:
         """Kill the process for good."""
@@ -129,8 +117,6 @@ class WorkerProcess:
 
 def serve() -> None:
     """Do the tasks that come in on standard input until it closes: the main function of a worker."""
-    crash = _crash_file(tempfile.gettempdir(), os.getpid()).open("w")
-    faulthandler.enable(crash)
     reports = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # SUMO's prints do not get among the reports
     from scex_sumo.world.session import load_sumo
@@ -161,10 +147,6 @@ def serve() -> None:
             except Exception as error:
                 opened.close()
                 report("failed", (_sendable(error), WorkerTraceback(traceback.format_exc())))
-
-
-def _crash_file(folder: str, process: int) -> Path:
-    return Path(folder) / f"crash-{process}.txt"
 
 
 class WorkerTraceback(Exception):

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import atexit
-import os
 import resource
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from scex_sumo.base.errors import SimulationError, UsageError
 
@@ -79,38 +75,3 @@ class Workers:
         with batch_runner(job, slots) as run_here:
             for batch in batches:
                 run_here(batch, on_step)
-
-
-_idle: dict[tuple[Any, ...], Workers] = {}
-"""Workers that wait for the next run, by what they have inherited."""
-
-
-@contextmanager
-def kept_workers(processes: int) -> Iterator[Workers]:
-    """Give workers that stay for the next run of a Python session, with all that they have loaded.
-
-    A run that fails ends them; so does a run in another folder or environment, or with another number.
-    """
-    workers = _idle.pop(_inherited(processes), None)
-    _end_idle()
-    workers = workers or Workers(processes)
-    try:
-        yield workers
-    except BaseException:
-        workers.__exit__()
-        raise
-    workers.deaths.clear()
-    _end_idle()  # of another thread
-    _idle[_inherited(processes)] = workers
-
-
-def _inherited(processes: int) -> tuple[Any, ...]:
-    return os.getpid(), processes, Path.cwd(), *sorted(os.environ.items())
-
-
-@atexit.register
-def _end_idle() -> None:
-    while _idle:
-        key, workers = _idle.popitem()
-        if key[0] == os.getpid():  # another process is a fork
-            workers.__exit__()

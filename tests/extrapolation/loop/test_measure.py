@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from scex_sumo.extrapolation.loop.measure import (
-    handover_jumps,
     measure_outcome,
     measure_recorded,
     measure_rollout,
@@ -74,14 +73,6 @@ def test_futures_can_be_measured_for_as_long_as_their_vehicles_were_recorded() -
         assert found.column(name)[0] == pytest.approx(recorded.values.column(name)[0].repeat(2), abs=1e-9)
     every = measure_outcome(left, futures).values
     assert (every.column("distance")[0] < found.column("distance")[0]).all()  # they go on towards each other
-
-
-def test_only_the_vehicles_that_sumo_drives_can_jump_at_its_takeover() -> None:
-    scene = crossing_seed()
-    first = going_on(scene, 1)[:, 0].repeat(2)
-    moved = dataclasses.replace(first, x=first.x + np.array([[0.0, 3.0], [0.0, 0.0]]))
-    by_sumo = np.array([[False, True], [False, True]])
-    assert handover_jumps(scene, moved, by_sumo) == pytest.approx([3.0, 0.0])
 
 
 def test_the_worst_moment_is_named_by_its_frame() -> None:
