@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import functools
 import inspect
 import os
@@ -51,33 +52,32 @@ def fits(value: Any, wanted: str) -> bool:
     Our classes are found by their name among those of the value; items of ``Sequence`` and ``tuple`` are
     checked, too. Every value fits a type of another name.
     """
-    return any(_fits_one(value, _ALIASES.get(one, one)) for one in _split(wanted, "|"))
+    return _fits(value, _parsed(wanted))
 
 
-def _fits_one(value: Any, wanted: str) -> bool:
-    name, _, inside = wanted.removesuffix("]").partition("[")
+@functools.cache
+def _parsed(annotation: str) -> ast.expr:
+    return ast.parse(annotation, mode="eval").body
+
+
+def _fits(value: Any, wanted: ast.expr) -> bool:
+    if isinstance(wanted, ast.BinOp):
+        return _fits(value, wanted.left) or _fits(value, wanted.right)
+    outer = wanted.value if isinstance(wanted, ast.Subscript) else wanted
+    name = ast.unparse(outer)
+    if name in _ALIASES:
+        return fits(value, _ALIASES[name])
     if name in _KINDS:
         return isinstance(value, _KINDS[name]) and not (isinstance(value, bool) and name in ("int", "float"))
     if name not in ("Sequence", "tuple"):
         return name not in _CLASSES or any(one.__name__ == name for one in type(value).__mro__)
     if isinstance(value, (str, bytes, Mapping)) or not hasattr(value, "__len__"):
         return False
-    items = _split(inside, ",")
-    if name == "Sequence" or items[1:] == ["..."]:
-        return all(fits(one, items[0]) for one in value)
-    return len(value) == len(items) and all(map(fits, value, items))
-
-
-def _split(text: str, sign: str) -> list[str]:
-    """Return the parts of an annotation between signs outside of brackets."""
-    parts, depth = [""], 0
-    for letter in text:
-        depth += (letter == "[") - (letter == "]")
-        if letter == sign and not depth:
-            parts.append("")
-        else:
-            parts[-1] += letter
-    return [part.strip() for part in parts]
+    assert isinstance(wanted, ast.Subscript)
+    items = wanted.slice.elts if isinstance(wanted.slice, ast.Tuple) else [wanted.slice]
+    if name == "Sequence" or ast.unparse(items[-1]) == "...":
+        return all(_fits(one, items[0]) for one in value)
+    return len(value) == len(items) and all(map(_fits, value, items))
 
 
 def check_argument(name: str, value: Any, wanted: str) -> None:

@@ -76,13 +76,6 @@ def least_of(group: IntArray, *keys: FloatArray | IntArray) -> IntArray:
     return first[first < group.size]
 
 
-def mean_ranks(values: FloatArray) -> FloatArray:
-    """Return the ranks (n,) of values, 1 the least; equal ones have their mean rank."""
-    ordered = np.sort(values)
-    below, not_above = (np.searchsorted(ordered, values, side=end) for end in ("left", "right"))
-    return np.asarray((below + not_above + 1) / 2)
-
-
 def between(values: FloatArray, position: FloatArray) -> FloatArray:
     """Return values (n, T) at positions (T,) between columns (n, K), linear; the last column goes on.
 

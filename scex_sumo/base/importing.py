@@ -13,7 +13,7 @@ from importlib.abc import MetaPathFinder
 from pathlib import Path
 from typing import Any
 
-from scex_sumo.base.blame import own_error_reason, staying
+from scex_sumo.base.blame import own_error_reason
 from scex_sumo.base.errors import MissingExtraError, UsageError
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -129,8 +129,7 @@ def import_object(path: str, *, hint: str = "", own: bool = False) -> Any:
         # A console script has its own folder in the path instead.
         sys.path.append(here)
     try:
-        with staying():
-            module = importlib.import_module(name)
+        module = importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name is None or not (name == error.name or name.startswith(f"{error.name}.")):
             raise UsageError(f"{path}: {name} imports {error.name}, which is not installed") from None

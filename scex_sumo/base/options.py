@@ -98,21 +98,3 @@ def number_or_name(text: str) -> int | str:
     """Return the track id, or SUMO's name of a vehicle, that an option names."""
     word = text.strip()
     return int(word) if word.removeprefix("-").isdecimal() else word
-
-
-def numbers_by_name(option: str, entries: Iterable[str], form: str) -> dict[str, float]:
-    """Return ``NAME=NUMBER`` entries of an option as a mapping.
-
-    Raises:
-        UsageError: an entry has another form; it tells the right ``form``, with an example.
-    """
-    numbers = {}
-    for entry in entries:
-        name, _, number = (part.strip() for part in entry.rpartition("="))
-        try:
-            numbers[name] = float(number)
-        except ValueError:
-            name = ""
-        if not name:
-            raise UsageError(f"{option} {entry}: needs {form}")
-    return numbers

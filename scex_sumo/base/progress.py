@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TypeAlias
 
 Progress: TypeAlias = Callable[[int, int], None]
-
-_WIDTH = 30  # characters
-_EVERY_S = 0.1
 
 
 @contextmanager
@@ -25,23 +21,19 @@ def progress_of(wanted: Progress | bool | None, label: str) -> Iterator[Progress
     if wanted is not True:
         yield wanted or None
         return
-    stream, begun, last = sys.stderr, time.monotonic(), [0.0]
+    stream = getattr(sys.stderr, "stream", sys.stderr)  # a bar needs control characters
     if not (stream.isatty() or type(stream).__module__.startswith("ipykernel")):
         yield None
         return
+    from rich.console import Console
+    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bars
 
-    def tick(done: int, total: int) -> None:
-        now = time.monotonic()
-        if now - last[0] < _EVERY_S and done < total:
-            return
-        last[0], share = now, done / max(total, 1)
-        left = f"{(now - begun) * (1 / share - 1):.0f} s left" if share else ""
-        bar = ("█" * round(_WIDTH * share)).ljust(_WIDTH)
-        stream.write(f"\r{label}: {share:4.0%} |{bar}| {now - begun:.0f} s, {left:<12}")
-        stream.flush()
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Bars(*columns, console=Console(file=stream), transient=True) as bars:
+        task = bars.add_task(label, total=None)
 
-    try:
+        def tick(done: int, total: int) -> None:
+            bars.update(task, completed=done, total=total)
+
         yield tick
-    finally:
-        if last[0]:
-            stream.write("\n")

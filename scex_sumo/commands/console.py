@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO, cast
 
 from scex_sumo.base.errors import one_line
+from scex_sumo.base.progress import Progress, progress_of
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 level = 0
 """1 with ``--verbose``: notes in full; -1 with ``--quiet``: neither notes nor progress."""
-
-Tick = Callable[[int, int], None]
-
 
 # Control characters except tab and line feed, and those that turn the direction of text.
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
@@ -91,22 +89,9 @@ def tell(words: str) -> None:
     print(*lines, sep="\n", file=sys.stderr)
 
 
-@contextmanager
-def progress_bar(label: str) -> Iterator[Tick | None]:
-    """Yield a function of (done, total) that moves a progress bar; None without a terminal or if quiet."""
-    if not sys.stderr.isatty() or level < 0:
-        yield None
-        return
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=output_console(error=True), transient=True) as bar:
-        task = bar.add_task(label, total=None)
-
-        def tick(done: int, total: int) -> None:
-            bar.update(task, completed=done, total=total)
-
-        yield tick
+def progress_bar(label: str) -> AbstractContextManager[Progress | None]:
+    """Open a function of (done, total) that moves a progress bar; None without a terminal or if quiet."""
+    return progress_of(level >= 0, printable(label))
 
 
 @contextmanager

@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
-from scex_sumo.base.blame import own_error_reason, staying
+from scex_sumo.base.blame import own_error_reason
 from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
@@ -71,8 +71,7 @@ def _planned(
     road, began = history.scene.road, time.perf_counter()
     assert road is not None
     try:
-        with staying():
-            plan = plan_arrays(model.plan(history, road, vehicles, rng), len(vehicles))
+        plan = plan_arrays(model.plan(history, road, vehicles, rng), len(vehicles))
     except (Exception, SystemExit) as error:  # whatever a user's driver raises
         raise ScexError(f"{name}: {own_error_reason(error)}") from error
     seconds = (time.perf_counter() - began) / len(vehicles)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 import numpy as np
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.options import last_of_list, number_or_name, numbers_by_name, option
+from scex_sumo.base.options import last_of_list, number_or_name, option
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.drivers.registry import DEFAULT_MODELS, ModelSpec, is_own, known_names, mixes, model_specs
 from scex_sumo.metrics.registry import (
@@ -79,7 +79,16 @@ def read_under_test(entries: Sequence[str]) -> dict[int | str, str | None]:
 
 def read_thresholds(entries: Sequence[str]) -> dict[str, float]:
     """Read ``METRIC=VALUE`` entries."""
-    return numbers_by_name("--threshold", entries, "METRIC=VALUE, e.g. --threshold ttc=0.5")
+    numbers = {}
+    for entry in entries:
+        name, _, number = (part.strip() for part in entry.rpartition("="))
+        try:
+            numbers[name] = float(number)
+        except ValueError:
+            name = ""
+        if not name:
+            raise UsageError(f"--threshold {entry}: needs METRIC=VALUE, e.g. --threshold ttc=0.5")
+    return numbers
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.blame import own_error_reason, staying
+from scex_sumo.base.blame import own_error_reason
 from scex_sumo.base.errors import OutOfTimeError, ScexError
 from scex_sumo.behaviors.base import (
     BY_ITSELF,
@@ -113,7 +113,7 @@ class Fallible(Driver):
         futures = np.unique(vehicles.future).tolist() if len(vehicles) > 1 else []
         before = [rng[future].bit_generator.state for future in futures]
         try:
-            with staying(), self._limited(len(vehicles)):
+            with self._limited(len(vehicles)):
                 planned = self.inner.plan(history, road, vehicles, rng)
             plan = plan_arrays(planned, len(vehicles))
             defects = plan_defects(plan, history, vehicles)

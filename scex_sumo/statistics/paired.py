@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, mean_ranks
+from scex_sumo.base.arrays import FloatArray
 
 ROUNDING: Final = 1e-9  # in the metric's unit
 
@@ -32,7 +32,10 @@ def signed_rank(one: FloatArray, two: FloatArray) -> float:
         return float("nan")
     finite = np.isfinite(one) & np.isfinite(two)
     size = np.where(finite, np.abs(np.where(finite, one, 0.0) - np.where(finite, two, 0.0)), np.inf)
-    rank = mean_ranks(np.where(direction == 0, 0.0, size))
+    size[direction == 0] = 0.0
+    ordered = np.sort(size)
+    below, not_above = (np.searchsorted(ordered, size, side=end) for end in ("left", "right"))
+    rank = (below + not_above + 1) / 2  # equal ones have their mean rank
     total = float((direction * rank).sum())
     return float(2 * ndtr(-abs(total) / np.sqrt(float((rank[direction != 0] ** 2).sum()))))
 

@@ -26,7 +26,7 @@ def test_a_bar_is_drawn_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -> N
             if tick is not None:
                 tick(1, 4)
                 tick(4, 4)
-        assert ("run: 100%" in stream.getvalue()) == drawn
+        assert ("run" in stream.getvalue() and "100%" in stream.getvalue()) == drawn
 
 
 def test_a_function_of_the_user_is_called_itself() -> None:
