@@ -14,25 +14,10 @@ except ImportError as error:
         f"environments need Gymnasium ({error}); install it: pip install '.[gym]' in the clone"
     ) from error
 
+from scex_sumo.environment.vector_env import SeedEnv, SeedVectorEnv
+
 SEED_ENV = "scex_sumo/Seed-v0"
+_vector: Any = SeedVectorEnv
 
-
-def _seed_env(**options: Any) -> Any:
-    from scex_sumo.environment.vector_env import SeedEnv
-
-    return SeedEnv(**options)
-
-
-def _seed_vector_env(**options: Any) -> Any:
-    from scex_sumo.environment.vector_env import SeedVectorEnv
-
-    return SeedVectorEnv(**options)
-
-
-def register() -> None:
-    """Register the environments with Gymnasium; does nothing the second time."""
-    if SEED_ENV not in gymnasium.registry:
-        gymnasium.register(SEED_ENV, entry_point=_seed_env, vector_entry_point=_seed_vector_env)
-
-
-register()
+if SEED_ENV not in gymnasium.registry:
+    gymnasium.register(SEED_ENV, entry_point=SeedEnv, vector_entry_point=_vector)

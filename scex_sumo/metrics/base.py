@@ -59,21 +59,7 @@ class SceneTracks:
     acceleration: FloatArray | None = None  # (C, T, V) m/s²; None derives it from these steps
 
     def __post_init__(self) -> None:
-        shape = self.states.shape
-        if len(shape) != 3:
-            raise InputError(f"tracks to evaluate: states have shape {shape}; pass (future, step, vehicle)")
-        if not 0 <= self.first <= shape[1]:
-            raise InputError(
-                f"tracks to evaluate: first step {self.first} is not within the {shape[1]} steps"
-            )
-        if self.present is not None and self.present.shape != shape:
-            raise InputError(f"tracks to evaluate: `present` is {self.present.shape}, the states are {shape}")
         for name, size in (("length", self.length), ("width", self.width)):
-            if size.shape not in ((shape[2],), (shape[0], shape[2])):
-                raise InputError(
-                    f"tracks to evaluate: {name} has shape {size.shape}; pass ({shape[2]},) or "
-                    f"({shape[0]}, {shape[2]}) for {shape[0]} futures of {shape[2]} vehicles"
-                )
             if not np.all((size >= 0) & (size <= MAX_MAGNITUDE)):
                 raise InputError(
                     f"tracks to evaluate: a {name} is not within 0 to {MAX_MAGNITUDE:g} m; repair it"
@@ -122,24 +108,6 @@ class PlannedPaths:
     column: IntArray  # (T,) first column of that plan that is still ahead; H if none is
     driven: bool = False  # the plan is the track itself, one column per step
 
-    def __post_init__(self) -> None:
-        if self.x.ndim != 4 or self.x.shape != self.y.shape:
-            raise InputError(
-                f"planned paths: x is {self.x.shape} and y {self.y.shape}; pass both as "
-                "(future, replan, vehicle, planned step)"
-            )
-        if self.index.shape != self.column.shape or self.index.ndim != 1:
-            raise InputError(
-                f"planned paths: index is {self.index.shape}, column {self.column.shape}; pass one per step"
-            )
-        if np.any((self.index < 0) | (self.index >= max(self.x.shape[1], 1))) or np.any(self.column < 0):
-            raise InputError(
-                f"planned paths: index or column points outside the {self.x.shape[1]} plans of "
-                f"{self.x.shape[3]} columns"
-            )
-        if any(np.any((np.abs(values) > MAX_MAGNITUDE) & np.isfinite(values)) for values in (self.x, self.y)):
-            raise InputError(f"planned paths: a coordinate is beyond {MAX_MAGNITUDE:g} m; repair the plan")
-
     @classmethod
     def from_replans(cls, x: FloatArray, y: FloatArray, made_at: IntArray, steps: int) -> PlannedPaths:
         """Build from the plans of a run; the newest plan is the current one.
@@ -167,16 +135,6 @@ class PlannedPaths:
             column=np.arange(tracks.first + 1, tracks.first + tracks.steps + 1),
             driven=True,
         )
-
-    def check_fit(self, tracks: SceneTracks) -> None:
-        """Raise an `InputError` unless the vehicles and steps are those of the tracks."""
-        futures, _, vehicles = tracks.states.shape
-        if (self.x.shape[0], self.x.shape[2]) != (futures, vehicles) or self.index.shape != (tracks.steps,):
-            raise InputError(
-                f"planned paths are of {self.x.shape[0]} futures, {self.x.shape[2]} vehicles and "
-                f"{self.index.size} steps, the tracks of {futures}, {vehicles} and {tracks.steps} evaluated "
-                "steps; pass matching ones"
-            )
 
     def futures(self, part: slice) -> PlannedPaths:
         """Select some futures."""

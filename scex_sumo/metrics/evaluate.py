@@ -95,8 +95,6 @@ def scene_batches(
         all_pairs: values of all pairs are needed: fewer futures at once.
     """
     futures, _, vehicles = tracks.states.shape
-    if planned is not None:
-        planned.check_fit(tracks)
     near = near_pairs(tracks, planned)
     every = vehicles * (vehicles - 1) // 2
     some_pairs = every if near is None else len(near[0])
