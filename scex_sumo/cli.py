@@ -122,10 +122,7 @@ def _run() -> None:
         if _stopped:  # a library that was being imported raised its own error
             _fail("interrupted", INTERRUPTED)
         if _is_out_of_memory(error):
-            _fail(
-                "error: out of memory; ask for fewer --futures, --steps or --workers",
-                1,
-            )
+            _fail("error: out of memory; ask for fewer --futures, --steps or --workers", 1)
         shown = getattr(error, "format_message", None)
         if shown is None:
             raise

@@ -73,8 +73,3 @@ InRegion = Annotated[
 Result = Annotated[
     Path, typer.Argument(metavar="OUT", help="Result folder.", autocompletion=complete_results)
 ]
-
-
-def metric_option(help: str) -> Any:
-    """Return an option that takes one metric."""
-    return typer.Option(metavar="METRIC", help=help, autocompletion=complete_metrics)

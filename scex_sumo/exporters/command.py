@@ -37,17 +37,10 @@ def export_command(
     folder: Result,
     future: Annotated[int | None, Option(metavar="N", help="Number of the future.")] = None,
     encounter: Annotated[
-        str | None,
-        Option(metavar="A,B", help="The typical future in which these two vehicles meet."),
+        str | None, Option(metavar="A,B", help="The typical future in which these two vehicles meet.")
     ] = None,
     every: Annotated[bool, Option("--all", help="All futures.")] = False,
-    recorded: Annotated[
-        bool,
-        Option(
-            "--recorded",
-            help=f"The recorded future ({WITH_RECORDED}).",
-        ),
-    ] = False,
+    recorded: Annotated[bool, Option("--recorded", help=f"The recorded future ({WITH_RECORDED}).")] = False,
     to: Annotated[
         str,
         Option(

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from typer import Option
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.commands.options import InRegion, Result
 from scex_sumo.commands.shared import Answer
-
-if TYPE_CHECKING:
-    from scex_sumo.reports.encounter_rows import Meeting
-    from scex_sumo.results.run import Run
 
 EXAMPLE = "out/roundabout --pair 11,7"
 
@@ -25,7 +21,7 @@ def encounters_command(
     """List which vehicles meet in a run, the most critical first."""
     from scex_sumo.commands.console import output_console
     from scex_sumo.page.report.encounter_table import print_encounters, print_pair
-    from scex_sumo.reports.encounter_rows import meeting_rows, meetings
+    from scex_sumo.reports.encounter_rows import meetings
     from scex_sumo.results.info import as_written
     from scex_sumo.results.region import region_of
     from scex_sumo.results.run import open_run
@@ -34,20 +30,15 @@ def encounters_command(
     with as_written(folder):
         run = open_run(folder)
         part = region_of(region)
-        encounters = meetings(run, part) if pair is None else _meetings(run, pair)
+        encounters = meetings(run, part)
         if pair is None:
             print_encounters(run, console, region=part)
-        for meeting in encounters if pair is not None else ():
-            print_pair(meeting, console)
-        name, rows = run.info["seed_scene"]["name"], meeting_rows(encounters)
+        else:
+            wanted = sorted(run.two_tracks(pair, "--pair"))
+            encounters = [meeting for meeting in meetings(run) if list(meeting.pair) == wanted]
+            if not encounters:
+                raise UsageError(f"--pair {pair}: these two vehicles meet in no future of the run")
+            for meeting in encounters:
+                print_pair(meeting, console)
+        name, rows = run.info["seed_scene"]["name"], [meeting.named_row for meeting in encounters]
     return lambda: {"scene": name, "futures": run.futures, "encounters": rows}
-
-
-def _meetings(run: Run, pair: str) -> list[Meeting]:
-    from scex_sumo.reports.encounter_rows import meetings
-
-    wanted = sorted(run.two_tracks(pair, "--pair"))
-    of_pair = [meeting for meeting in meetings(run) if list(meeting.pair) == wanted]
-    if not of_pair:
-        raise UsageError(f"--pair {pair}: these two vehicles meet in no future of the run")
-    return of_pair

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.commands.options import complete_results, metric_option
+from scex_sumo.commands.options import complete_metrics, complete_results
 
 if TYPE_CHECKING:
     from scex_sumo.results.run import Run
@@ -29,7 +29,12 @@ def plot_command(
             autocompletion=complete_results,
         ),
     ],
-    metric: Annotated[str | None, metric_option("One metric only; else all of them.")] = None,
+    metric: Annotated[
+        str | None,
+        typer.Option(
+            metavar="METRIC", help="One metric only; else all of them.", autocompletion=complete_metrics
+        ),
+    ] = None,
     curve: Annotated[str, typer.Option(metavar="|".join(CURVES), help="What is drawn.")] = "density",
     out: Annotated[
         Path | None,

@@ -16,7 +16,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from scex_sumo.reports.encounter_rows import Meeting, driven_as, worst_stress
+from scex_sumo.reports.encounter_rows import driven_as, worst_stress
 from scex_sumo.reports.run_table import MAIN, counted, extra_rows, participants, row_cell
 from scex_sumo.results.decision import DISAGREE, DOUBTFUL, NOTHING, TEST, VERDICTS
 from scex_sumo.results.run import Run
@@ -35,6 +35,7 @@ _STYLES: Final[Mapping[str, str]] = {
     DISAGREE: "bold yellow",
     DOUBTFUL: "bold yellow",
 }
+_HEADS = ("pair", "what happens", "people", "stress test", "after")
 _OFTEN = "; people collide "  # where the second line of the verdict begins
 
 
@@ -89,12 +90,11 @@ def chance(probability: float) -> str:
 
 def pair_lines(run: Run) -> list[PairLine]:
     """Return the pairs of the card: those most probable between people, and the worst of the stress test."""
-    return _ordered(_candidates(run))
+    return sorted(_candidates(run), key=_by_people)
 
 
-def _ordered(lines: Sequence[PairLine]) -> list[PairLine]:
-    """Return pairs by P between people, those of the stress test alone as they come."""
-    return sorted(lines, key=lambda line: -(line.people or 0.0))
+def _by_people(line: PairLine) -> float:
+    return -(line.people or 0.0)
 
 
 def _candidates(run: Run) -> list[PairLine]:
@@ -103,43 +103,34 @@ def _candidates(run: Run) -> list[PairLine]:
     stress = [one for one in worst_stress(run) if one.row["collision"] > 0]
     shares = {frozenset(one.pair): float(one.row["collision"]) for one in stress}
     known = {frozenset((row["track_id"], row["other_id"])): row for row in people}
-    chosen = dict.fromkeys([*known][:_FROM_PEOPLE])
-    chosen |= dict.fromkeys(frozenset(one.pair) for one in stress)
-    chosen |= dict.fromkeys(known)
-    meeting = {frozenset(one.pair): one for one in stress}
+    meeting = {frozenset(one.pair): one.row for one in stress}
+    chosen = dict.fromkeys([*[*known][:_FROM_PEOPLE], *meeting, *known])
     return [
-        _of_people(known[pair], shares.get(pair, 0.0)) if pair in known else _of_stress(meeting[pair])
+        _line(known[pair], people=known[pair]["probability"], stress=shares.get(pair, 0.0))
+        if pair in known
+        else _line(_as_pair(meeting[pair]), people=None, stress=shares[pair])
         for pair in [*chosen][:_MOST]
     ]
 
 
-def _of_people(row: Mapping[str, Any], stress: float | None) -> PairLine:
+def _line(row: Mapping[str, Any], *, people: float | None, stress: float | None) -> PairLine:
     return PairLine(
         label=arrow(row),
         pair=(row["track_id"], row["other_id"]),
         what=row["what"],
         how=row["how"] or "",
-        people=row["probability"],
+        people=people,
         stress=stress,
         after_s=row["conflict_s"],
         future=row["future"],
     )
 
 
-def _of_stress(meeting: Meeting) -> PairLine:
-    row = meeting.row
+def _as_pair(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a row of encounters with the columns of a row of pairs."""
     words = cut_set_words(row)
     how = f"if {words[0].partition(' in which ')[2]}" if words and " in which " in words[0] else ""
-    return PairLine(
-        label=arrow(row),
-        pair=(row["track_id"], row["other_id"]),
-        what=row["kind"] or "collision",
-        how=how,
-        people=None,
-        stress=float(row["collision"]),
-        after_s=row["time_s"],
-        future=row["future"],
-    )
+    return {**row, "what": row["kind"] or "collision", "how": how, "conflict_s": row["time_s"]}
 
 
 def decided_line(run: Run) -> PairLine | None:
@@ -147,16 +138,13 @@ def decided_line(run: Run) -> PairLine | None:
     decision = run.decision
     if decision is None or decision.pair is None or decision.future is None:
         return None
-    return PairLine(
-        label=_label(run),
-        pair=decision.pair,
-        what=decision.what or "",
-        how=decision.doubt or decision.how or "",
-        people=decision.probability,
-        stress=None,
-        after_s=decision.time_s or 0.0,
-        future=decision.future,
-    )
+    row = _decided_row(run) | {
+        "what": decision.what or "",
+        "how": decision.doubt or decision.how,
+        "conflict_s": decision.time_s or 0.0,
+        "future": decision.future,
+    }
+    return _line(row, people=decision.probability, stress=None)
 
 
 def any_cells(run: Run) -> list[str]:
@@ -176,7 +164,7 @@ def print_card(run: Run, console: Console) -> None:
     closing = 3  # report, look, verdict
     candidates, total = _candidates(run), any_cells(run)
     for most in range(_MOST, _LEAST - 1, -1):
-        rows = _table(run, _ordered(candidates[:most]), total, wide)
+        rows = _table(run, sorted(candidates[:most], key=_by_people), total, wide)
         if len(above) + len(rows) + len(below) + closing <= LINES:
             break
     for line in [*above, *rows, *below]:
@@ -189,7 +177,7 @@ def print_closing(run: Run, console: Console) -> None:
         return
     text = Text(VERDICTS[decision.kind].upper(), style=_STYLES[decision.kind])
     if decision.pair is not None:
-        text.append(f"  {_label(run)}: {once_in(decision.probability)}", style="default")
+        text.append(f"  {arrow(_decided_row(run))}: {once_in(decision.probability)}", style="default")
     console.print(text, soft_wrap=True)
 
 
@@ -258,12 +246,13 @@ def _doubts(run: Run, wide: int) -> list[Text]:
     return [Text(textwrap.shorten(text, wide, placeholder=" …"), style="bright_black")]
 
 
-def _label(run: Run) -> str:
+def _decided_row(run: Run) -> dict[str, Any]:
+    """Return the row of the pair of the verdict, or its track ids where P is not told."""
     decision = run.decision
     assert decision is not None and decision.pair is not None
     rows = [*told_pairs(run), *told_pairs(run, doubtful=True)]
-    row = next((row for row in rows if (row["track_id"], row["other_id"]) == decision.pair), {"person": None})
-    return arrow({**row, "track_id": decision.pair[0], "other_id": decision.pair[1]})
+    ids = dict(zip(("track_id", "other_id"), decision.pair, strict=True))
+    return next((row for row in rows if row.items() >= ids.items()), ids)
 
 
 def _table(run: Run, lines: Sequence[PairLine], total: Sequence[str], wide: int) -> list[Text]:
@@ -271,26 +260,18 @@ def _table(run: Run, lines: Sequence[PairLine], total: Sequence[str], wide: int)
     if not lines:
         return []
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, show_edge=False)
-    people = run.reference is not None
-    heads = [("pair", "left"), ("what happens", "left"), ("people", "right")]
-    heads += [("stress test", "right"), ("after", "right")]
-    shown = [k for k, (name, _) in enumerate(heads) if people or name != "people"]
+    shown = [k for k in range(len(total)) if run.reference is not None or _HEADS[k] != "people"]
     for k in shown:
-        name, justify = heads[k]
         folds: dict[str, Any] = {"overflow": "fold"} if k == 1 else {"no_wrap": True}
-        table.add_column(Text(name, style="dim"), justify=justify, **folds)  # type: ignore[arg-type]
+        table.add_column(Text(_HEADS[k], style="dim"), justify="left" if k < 2 else "right", **folds)
     decided = set(run.decision.pair or ()) if run.decision is not None else set()
     for one in lines:
         style = "bold" if set(one.pair) == decided else None
         table.add_row(*(one.cells[k] for k in shown), style=style)
     table.add_row(*(total[k] for k in shown))
-    return _lines_of(table, wide)
-
-
-def _lines_of(table: Table, wide: int) -> list[Text]:
-    console = Console(width=wide, file=None, force_terminal=False, legacy_windows=False)
-    lines = console.render_lines(table, console.options.update(max_width=wide), pad=False)
-    texts = [Text.assemble(*((part.text, part.style or "") for part in line)) for line in lines]
+    console = Console(width=wide, force_terminal=False, legacy_windows=False)
+    rendered = console.render_lines(table, console.options.update(max_width=wide), pad=False)
+    texts = [Text.assemble(*((part.text, part.style or "") for part in line)) for line in rendered]
     for text in texts:
         text.rstrip()
     return texts

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
@@ -12,14 +11,11 @@ from scex_sumo.drivers.registry import mixes
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import (
     Encounter,
-    arrows,
     criticality,
     event_of,
     in_words,
-    is_queue,
     precedence_words,
 )
-from scex_sumo.results.tables.pairs import ends
 
 if TYPE_CHECKING:
     from scex_sumo.results.region import Region
@@ -50,6 +46,11 @@ class Meeting:
     def encounter(self) -> Encounter:
         """The encounter, for its probabilities."""
         return Encounter(row=self.row, run=self.run)
+
+    @property
+    def named_row(self) -> dict[str, Any]:
+        """The row with the name of its set of futures."""
+        return {"futures": self.futures, **self.row}
 
     @property
     def pair(self) -> tuple[int, int]:
@@ -120,64 +121,13 @@ def driven_as(run: Run) -> str:
     return "people were recorded" if drawn[0] == mixes().get("likely") else drawn[0]
 
 
-def worst_of(
-    encounters: list[Meeting], *, without: Collection[int] = (), doubtful: bool = False
-) -> list[Meeting]:
-    """Return the most critical line of each pair that is critical in some future.
-
-    Args:
-        without: leave out the pairs of these vehicles.
-        doubtful: keep pairs with doubtful data, too.
-    """
-    worst: dict[tuple[int, int], Meeting] = {}
-    for meeting in encounters:
-        if (
-            meeting.row["critical"] > 0
-            and not set(meeting.pair) & set(without)
-            and (doubtful or not meeting.doubt)
-        ):
-            worst.setdefault(meeting.pair, meeting)
-    return list(worst.values())
-
-
 def worst_stress(run: Run) -> list[Meeting]:
     """Return the worst encounters of the stress test, without vehicles whose baseline is compared."""
-    tested = [] if run.baseline is None else [int(track) for track in run.info.get("under_test") or {}]
-    stress = [one for one in meetings(run) if one.futures == STRESS_TEST]
-    return worst_of(stress, without=tested)
-
-
-def grouped(encounters: Sequence[Meeting]) -> list[list[Meeting]]:
-    """Return meetings by what they say, whichever vehicles it is about."""
-    groups: dict[tuple[Any, ...], list[Meeting]] = {}
-    for meeting in encounters:
-        groups.setdefault((meeting.row["kind"], meeting.row["place"], _of_roles(meeting)), []).append(meeting)
-    return list(groups.values())
-
-
-def sentence(group: Sequence[Meeting]) -> str:
-    """Return meetings that say the same in one line."""
-    row, pairs = group[0].row, [(one.row["track_id"], one.row["other_id"]) for one in group]
-    if len(group) == 1:
-        return group[0].words()
-    times = sorted({f"{one.row['time_s']:.1f}" for one in group}, key=float)
-    about = [row["kind"], row["place"], f"{'–'.join(times[:: max(len(times) - 1, 1)])} s"]
-    queue = " of a queue" if row["kind"] in (None, "rear-end") and is_queue(pairs) else ""
-    told = arrows([one.row for one in group])
-    head = f"{len(group)} pairs{queue}, {told} ({', '.join(part for part in about if part)})"
-    return f"{head}: {_of_roles(group[0])}"
-
-
-def _of_roles(meeting: Meeting) -> str:
-    """Return what a meeting says, without the names of its vehicles and its time."""
-    follows = meeting.row["kind"] in (None, "rear-end")
-    roles = ("the follower", "the leader") if follows else ("the first", "the second")
-    text = meeting.words().partition(": ")[2]
-    for name, role in zip(ends(meeting.row), roles, strict=True):
-        text = re.sub(rf"(?<!\S){re.escape(name)}(?= [a-z])", role, text)
-    return text
-
-
-def meeting_rows(encounters: Sequence[Meeting]) -> list[dict[str, Any]]:
-    """Return encounters as rows."""
-    return [{"futures": meeting.futures, **meeting.row} for meeting in encounters]
+    tested = set() if run.baseline is None else {int(track) for track in run.info["under_test"]}
+    return [
+        one
+        for one in meetings(run)
+        if one.futures == STRESS_TEST
+        and one.row["critical"] > 0
+        and not (one.doubt or tested & set(one.pair))
+    ]

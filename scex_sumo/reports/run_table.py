@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -14,17 +14,7 @@ from rich.text import Text
 
 from scex_sumo.base.errors import listed
 from scex_sumo.metrics.registry import PAPER_METRICS, critical_columns
-from scex_sumo.reports.encounter_rows import (
-    STRESS_TEST,
-    Meeting,
-    driven_as,
-    grouped,
-    meetings,
-    sentence,
-    worst_of,
-    worst_stress,
-)
-from scex_sumo.results.design import is_critical
+from scex_sumo.reports.encounter_rows import STRESS_TEST, driven_as, meetings, worst_stress
 from scex_sumo.results.folder import horizons_of
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
@@ -41,7 +31,6 @@ Formats: text, names and words (left-aligned), real, percent, seconds, metres; i
 _FORMS = {"real": "{:.2f}", "percent": "{:.1%}", "seconds": "{:.1f} s", "metres": "{:.1f} m"}
 
 _WORST = 3  # lines of encounters
-_ALWAYS = 0.95  # share from which a metric tells no futures apart
 _MIN_FOLDED = 12  # characters of a folded column
 
 
@@ -58,22 +47,15 @@ def print_details(run: Run, console: Console, *, every: bool = False) -> None:
 
 def stress_lines(run: Run) -> list[str]:
     """Return the stress test: share of collisions and the worst encounters in words."""
-    worst = grouped(worst_stress(run))[:_WORST]
+    worst = worst_stress(run)
+    doubts = dict.fromkeys(one.doubt for one in meetings(run) if one.doubt and one.row["critical"] > 0)
     which = "other " if run.baseline is not None else ""
     listed_below = "a vehicle hits or follows → another (how, where, after what time):"
     none = f"no {which}encounter of two vehicles is critical in any future"
-    head = f"{STRESS_TEST}: {_collides(run)}; {listed_below if worst else none}"
-    return [head, *(f"  {sentence(group)}" for group in worst), *_left_out(meetings(run))]
-
-
-def _collides(run: Run) -> str:
-    return f"a collision in {run.collision.percent} of futures, driven as {driven_as(run)}"
-
-
-def _left_out(encounters: list[Meeting]) -> list[str]:
-    """Return which critical pairs are left out of the lists, and why."""
-    doubts = dict.fromkeys(meeting.doubt for meeting in worst_of(encounters, doubtful=True) if meeting.doubt)
-    return [f"left out as doubtful: {listed(doubts)}"] if doubts else []
+    collides = f"a collision in {run.collision.percent} of futures, driven as {driven_as(run)}"
+    head = f"{STRESS_TEST}: {collides}; {listed_below if worst else none}"
+    left_out = [f"left out as doubtful: {listed(doubts)}"] if doubts else []
+    return [head, *(f"  {one.words()}" for one in worst[:_WORST]), *left_out]
 
 
 def expected_injuries(run: Run) -> float:
@@ -87,18 +69,6 @@ def print_line(text: str, console: Console) -> None:
     wide = console.size.width if console.is_terminal else len(text) + 1
     wrapped = textwrap.wrap(text, wide, subsequent_indent=" " * (indent + 2), break_on_hyphens=False)
     console.print(Text("\n".join(wrapped)), soft_wrap=True)
-
-
-def always_critical(run: Run) -> list[str]:
-    """Return columns that are critical in nearly all futures of both sets and in the recording."""
-    both = [one for one in (run, run.reference) if one is not None]
-    columns = []
-    for column, limit in run.thresholds.items():
-        recorded = run.recorded_value(column) if column in run.columns else None
-        is_so = recorded is None or bool(is_critical(np.array([recorded]), run.metric(column), limit)[0])
-        if column in run.columns and is_so and all(one.p_critical(column).value >= _ALWAYS for one in both):
-            columns.append(column)
-    return columns
 
 
 def console_table(
@@ -148,40 +118,46 @@ def summary_table(run: Run, *, every: bool = False) -> Table:
     """Return recorded value, median, critical share and number of defined futures by metric."""
     scene, likely = run.info["seed_scene"], run.reference
     title = f"{scene['name']}: {participants(scene)}, {counted(run.futures, 'future')}"
-    if likely is not None:
-        title += f", {likely.futures} human-like ones"
+    title += "" if likely is None else f", {likely.futures} human-like ones"
     if region := run.info.get("region"):
         inside = counted(len(region["vehicles"]), "vehicle")
         title += f"\nonly pairs with one of {inside} {region['words']}"
     shares = ("P(critical)",) if likely is None else ("human-like", "stress test")
-    heads = ("recorded", "median", "critical if", *shares, "95 %", "defined")
+    heads = ("metric", "recorded", "median", "critical if", *shares, "95 %", "defined")
     rows: list[Sequence[str] | None] = []
-    human = () if likely is None else (_tight(likely.collision.share),)
-    rows.append(("collision", _recorded_overlaps(run), "–", "any", *human, *_shares(run.collision), "all"))
-    for seconds in horizons_of(int(run.info.get("steps", 0))):
-        human = () if likely is None else (_tight(likely.p_collision_by(seconds).share),)
-        collided = _shares(run.p_collision_by(seconds))
-        rows.append((f"collision by {seconds:g} s", *("–",) * 2, "any", *human, *collided, "all"))
-    human = () if likely is None else (f"{1000 * expected_injuries(likely):.2f}",)
-    rows.append((SEVERITY, *("–",) * 3, *human, f"{1000 * expected_injuries(run):.2f}", "–", "all"))
+
+    def add(
+        name: str, human: str, *cells: str, before: Sequence[str] = ("–",) * 3, defined: str = "all"
+    ) -> None:
+        rows.append((name, *before, *(() if likely is None else (human,)), *cells, defined))
+
+    def collisions(name: str, recorded: str, share: Callable[[Run], Interval]) -> None:
+        human = "" if likely is None else _shares(share(likely))[0]
+        add(name, human, *_shares(share(run)), before=(recorded, "–", "any"))
+
+    collisions("collision", _recorded_overlaps(run), lambda one: one.collision)
+    for until_s in horizons_of(int(run.info.get("steps", 0))):
+        collisions(f"collision by {until_s:g} s", "–", lambda one, by=until_s: one.p_collision_by(by))  # type: ignore[misc]
+    injuries = ["" if one is None else f"{1000 * expected_injuries(one):.2f}" for one in (run, likely)]
+    add(SEVERITY, injuries[1], injuries[0], "–")
     for name, values in extra_rows(run).items():
-        cells = [row_cell(value) for value in values]
-        rows.append((name, *("–",) * 3, *([] if likely is None else cells[1:]), cells[0], "–", "all"))
+        add(name, row_cell(values[-1]), row_cell(values[0]), "–")
     for part in shown_columns(run, every=every):
         rows.append(None)
         for column in part:
-            recorded = run.recorded_value(column)
-            rows.append(
-                (
-                    run.metric(column).titled(),
-                    _number(recorded if recorded is None or np.isfinite(recorded) else None),
-                    _median(run, column),
-                    *_critical(run, column, likely),
-                    _defined(run, column, likely),
-                )
+            threshold, recorded = run.thresholds.get(column), run.recorded_value(column)
+            limit = "–" if threshold is None else f"{run.metric(column).sign} {threshold:.3g}"
+            before = (
+                _number(recorded if recorded is None or np.isfinite(recorded) else None),
+                _median(run, column),
             )
-    caption = f"median: of each future's worst value; {_interval_of(run)}"
-    named: list[Head] = [("metric", "names", ""), *((head, "text", "") for head in heads)]
+            human, cells = _critical(likely, column)[0], _critical(run, column)
+            defined = _defined(run, column, likely)
+            add(run.metric(column).titled(), human, *cells, before=(*before, limit), defined=defined)
+    all_drawn = "the futures are all assignments: only routes are drawn"
+    interval = all_drawn if run.intervals.whole else "95 %: confidence interval of the stress test"
+    caption = f"median: of each future's worst value; {interval}"
+    named: list[Head] = [(head, "text" if k else "names", "") for k, head in enumerate(heads)]
     return console_table(title, named, rows, caption=caption)
 
 
@@ -202,36 +178,20 @@ def extra_rows(run: Run) -> dict[str, list[float | str | None]]:
 
 
 def shown_columns(run: Run, *, every: bool) -> tuple[list[str], list[str]]:
-    """Return the metrics of the table, and the paper's six below them.
-
-    Without ``every``, those that are critical in nearly all futures are left out.
-    """
+    """Return the metrics of the table, and with ``every`` the paper's six below them."""
     columns = critical_columns(run.columns)
-    if not every:
-        always = always_critical(run)
-        columns = [column for column in columns if column not in always]
-        if set(MAIN) <= set(run.columns) and not run.info.get("metrics"):
-            return [column for column in MAIN if column in columns], []
     main = [column for column in MAIN if column in columns]
+    if not every and len(main) == len(MAIN) and not run.info.get("metrics"):
+        return main, []
     main += [column for column in columns if column not in (*main, *PAPER_METRICS)]
     return main, [column for column in columns if column in PAPER_METRICS]
 
 
-def _interval_of(run: Run) -> str:
-    if run.intervals.whole:
-        return "the futures are all assignments: only routes are drawn"
-    return "95 %: confidence interval of the stress test"
-
-
-def _critical(run: Run, column: str, likely: Run | None) -> tuple[str, ...]:
-    """Return threshold, human-like share, share and interval; dashes where nothing is defined."""
-    threshold = run.thresholds.get(column)
-    if threshold is None:
-        return ("–",) * (3 if likely is None else 4)
-    known = likely is not None and len(likely.samples(column)) > 0
-    human = _tight(likely.p_critical(column).share) if likely is not None and known else "–"
-    shares = _shares(run.p_critical(column)) if len(run.samples(column)) else ("–", "–")
-    return f"{run.metric(column).sign} {threshold:.3g}", *(() if likely is None else (human,)), *shares
+def _critical(run: Run | None, column: str) -> tuple[str, str]:
+    """Return the critical share and its interval; dashes where nothing is defined."""
+    if run is None or column not in run.thresholds or not len(run.samples(column)):
+        return "–", "–"
+    return _shares(run.p_critical(column))
 
 
 def _median(run: Run, column: str) -> str:
@@ -249,11 +209,7 @@ def _defined(run: Run, column: str, likely: Run | None) -> str:
 
 
 def _shares(share: Interval) -> tuple[str, str]:
-    return _tight(share.share), "–" if share.low == share.high else share.range
-
-
-def _tight(percent: str) -> str:
-    return percent.replace(" ", "")
+    return share.share.replace(" ", ""), "–" if share.low == share.high else share.range
 
 
 def _recorded_overlaps(run: Run) -> str:

@@ -12,7 +12,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, numbers_in
 from scex_sumo.base.errors import ResultError
 from scex_sumo.metrics.registry import Metric
 from scex_sumo.results.tables.columns import schema
-from scex_sumo.statistics.density import BANDWIDTH, Density, mixed_density
+from scex_sumo.statistics.density import Density, mixed_density
 from scex_sumo.statistics.intervals import DesignIntervals
 
 
@@ -63,29 +63,20 @@ def is_critical(values: FloatArray, metric: Metric, limit: float) -> BoolArray:
     return critical
 
 
-def column_of(table: pa.Table, column: str) -> FloatArray:
-    """Return the values (C,) of a metric column, NaN where undefined."""
-    return numbers_in(table[column])
-
-
 DENSITIES = "densities.parquet"
 DENSITIES_SCHEMA = schema("metric x pdf cdf low high atom")
 
 
-def metric_density(values: FloatArray, half_width: float, *, bandwidth: float = BANDWIDTH) -> Density:
-    """Return density and cumulative density of a metric (C,), NaN where undefined, with its 95 % band.
-
-    Args:
-        bandwidth: of the kernel, in the metric's unit.
-    """
-    return mixed_density(values[~np.isnan(values)], bandwidth, half_width=half_width)
+def metric_density(values: FloatArray, half_width: float) -> Density:
+    """Return density and cumulative density of a metric (C,), NaN where undefined, with its 95 % band."""
+    return mixed_density(values[~np.isnan(values)], half_width=half_width)
 
 
 def half_widths(metrics: pa.Table, columns: Sequence[str], intervals: DesignIntervals) -> dict[str, float]:
     """Return the half-width of the band of each column."""
     if not columns:
         return {}
-    values = np.stack([column_of(metrics, column) for column in columns], axis=1)
+    values = np.stack([numbers_in(metrics[column]) for column in columns], axis=1)
     return dict(zip(columns, intervals.half_widths(values).tolist(), strict=True))
 
 
@@ -98,7 +89,7 @@ def densities_table(metrics: pa.Table, columns: Sequence[str], intervals: Design
     parts = [DENSITIES_SCHEMA.empty_table()]
     widths = half_widths(metrics, columns, intervals)
     for column in columns:
-        values = column_of(metrics, column)
+        values = numbers_in(metrics[column])
         if np.isnan(values).all():
             continue
         curve = metric_density(values, widths[column])

@@ -40,7 +40,6 @@ from scex_sumo.results.road import INTENTIONS, ROAD
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene
 
 PENDING = "incomplete.json"
-_COPY = ".incomplete.json"  # used if `PENDING` is damaged
 _Folder = TypeVar("_Folder", bound="OutputFolder")
 
 
@@ -55,8 +54,6 @@ class OutputFolder:
     what: ClassVar[str]
     another: ClassVar[str]
     """Words for the result, and for a result with another configuration."""
-    evidence: ClassVar[tuple[str, ...]] = ()
-    """Files that together show that a folder is ours if ``info`` is damaged."""
 
     def __init__(self, path: Path, configuration: Mapping[str, Any], *, overwrite: bool = False) -> None:
         """Lock a folder and make it ready to be written; ``overwrite`` replaces another result.
@@ -73,8 +70,8 @@ class OutputFolder:
             refuse_special_files(path)
             remove_unfinished(path)
             self._make_free(overwrite)
-            for name in (_COPY, PENDING):  # before anything else: what is cut off after it goes on
-                write_atomic(path / name, as_json({"identity": self.identity}).encode())
+            # Before anything else: what is cut off after it goes on.
+            write_atomic(path / PENDING, as_json({"identity": self.identity}).encode())
             self._prepare()
             (path / self.info).unlink(missing_ok=True)
         except UnicodeEncodeError:
@@ -88,28 +85,19 @@ class OutputFolder:
 
     def _make_free(self, overwrite: bool) -> None:
         """Clear the folder unless it holds the same result; refuse one of another program."""
-        names = (PENDING, _COPY, self.info)
-        there = [name for name in names if (self.path / name).is_file()]
-        identities = [identity for name in there if (identity := identity_in(self.path / name))]
-        if self.identity in identities:
+        there = [name for name in (PENDING, self.info) if (self.path / name).is_file()]
+        if self.identity in [identity_in(self.path / name) for name in there]:
             return
-        remedy = "give another folder with -o, or --overwrite to replace it"
-        if identities:
-            if not overwrite:
-                raise ResultError(f"{self.path}: holds {self.another}; {remedy}")
-        elif there:
-            if not overwrite and not self._is_ours():
-                raise ResultError(f"{self.path / there[0]}: cannot be read; {remedy}")
-        elif any(self.path.iterdir()):
+        if there and not overwrite:
+            remedy = "give another folder with -o, or --overwrite to replace it"
+            raise ResultError(f"{self.path}: holds {self.another}; {remedy}")
+        if not there and any(self.path.iterdir()):
             raise ResultError(
                 f"{self.path}: not empty, and no {self.what} of scex-sumo; give another folder with -o"
             )
         self._clear()
-        for name in names:
-            (self.path / name).unlink(missing_ok=True)
-
-    def _is_ours(self) -> bool:
-        return bool(self.evidence) and all((self.path / name).exists() for name in self.evidence)
+        for name in there:
+            (self.path / name).unlink()
 
     def _clear(self) -> None:
         """Remove what was written before, and nothing else."""
@@ -123,8 +111,7 @@ class OutputFolder:
         """Write the file of the contents: from now on the folder is a result."""
         content = as_json({**info, "identity": self.identity}, indent=2, allow_nan=allow_nan)
         write_atomic(self.path / self.info, content.encode())
-        for name in (PENDING, _COPY):
-            (self.path / name).unlink(missing_ok=True)
+        (self.path / PENDING).unlink(missing_ok=True)
 
     def close(self) -> None:
         """Unlock the folder."""
@@ -147,7 +134,6 @@ class ResultFolder(OutputFolder):
     """Folder that a run is written into; a hidden folder in it keeps finished batches."""
 
     info, what, another = "run.json", "result", "the result of another run"
-    evidence = ("metrics.parquet", "assignments.parquet", "tracks.parquet", "seed.csv")
 
     def _clear(self) -> None:
         self.remove((*_FILES, PARTS, "sumo"))
@@ -186,8 +172,9 @@ class ResultFolder(OutputFolder):
         def write(table: pa.Table) -> None:
             nonlocal file
             if file is None:
-                file = _parquet(temporary, table.schema)
-            file.write_table(table)
+                names = table.schema.names
+                file = pq.ParquetWriter(temporary, table.schema, compression="zstd", use_dictionary=names)
+            file.write_table(table, row_group_size=max(table.num_rows, 1))  # no future lies in two
 
         with replacing(self.path / name) as temporary:
             try:
@@ -201,15 +188,6 @@ class ResultFolder(OutputFolder):
         super().finish(info, allow_nan=allow_nan)
         shutil.rmtree(self.path / PARTS, ignore_errors=True)
         self.close()
-
-
-def _parquet(path: Path, schema: pa.Schema) -> pq.ParquetWriter:
-    return pq.ParquetWriter(
-        path,
-        schema,
-        compression="zstd",
-        use_dictionary=schema.names,
-    )
 
 
 _FILES = (

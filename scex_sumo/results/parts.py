@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -114,26 +114,18 @@ class Parts:
         """Return futures ``first`` to ``stop - 1`` in order; they must be there."""
         part = slice(*np.searchsorted(self.futures, (first, stop)))
         some = self._taken(part, (*_STATES, "values", "defined", "tested"))
-        tables: dict[str, list[pa.Table]] = {name: [] for name in TABLES}
+        found: dict[str, list[pa.Table]] = {name: [] for name in TABLES}
         for file in np.unique(self._file[part]):
             mine = pa.array(self.futures[part][self._file[part] == file])
             with np.load(self._files[file]) as data:
-                for name in tables.keys() & data.keys():
+                for name in found.keys() & data.keys():
                     table = _unpacked(data[name])
-                    tables[name].append(table.filter(pc.is_in(table["future"], value_set=mine)))
-        return Part(
-            futures=self.futures[part],
-            states=States(**{name: some[name] for name in _STATES}),
-            worst=_by_future(tables["worst"]),
-            fallbacks=_none_if_empty(_in_order(tables["fallbacks"])),
-            collisions=_in_order(tables["collisions"]),
-            encounters=_in_order(tables["encounters"]),
-            horizons=_in_order(tables["horizons"]),
-            conflicts=_in_order(tables["conflicts"]),
-            values=some["values"],
-            defined=some["defined"],
-            tested=some.get("tested"),
-        )
+                    found[name].append(table.filter(pc.is_in(table["future"], value_set=mine)))
+        tables: dict[str, Any] = {name: _in_order(parts) if parts else None for name, parts in found.items()}
+        if tables["fallbacks"] is not None and not tables["fallbacks"].num_rows:
+            tables["fallbacks"] = None
+        arrays: dict[str, Any] = {"states": States(**{name: some.pop(name) for name in _STATES}), **some}
+        return Part(futures=self.futures[part], **arrays, **tables)
 
     def _taken(self, part: slice, names: Sequence[str]) -> dict[str, NDArray[Any]]:
         """Return the arrays of some futures; one file at a time."""
@@ -156,44 +148,20 @@ _AXIS = {"tested": 1}  # the futures's axis, where it is not the first
 def joined_parts(parts: Sequence[Part]) -> Part:
     """Join parts of consecutive futures."""
 
-    def one(arrays: Sequence[Any], axis: int = 0) -> Any:
-        there = [array for array in arrays if array is not None]
-        return np.concatenate(there, axis) if there else None
-
-    def table(name: str) -> pa.Table | None:
+    def joined(name: str) -> Any:
         there = [value for part in parts if (value := getattr(part, name)) is not None]
-        return pa.concat_tables(there) if there else None
+        if not there:
+            return None
+        if name in TABLES:
+            return pa.concat_tables(there)
+        join = States.concatenate if name == "states" else np.concatenate
+        return join(there, axis=_AXIS.get(name, 0))
 
-    return Part(
-        futures=one([part.futures for part in parts]),
-        states=States.concatenate([part.states for part in parts], axis=0),
-        values=one([part.values for part in parts]),
-        defined=one([part.defined for part in parts]),
-        worst=pa.concat_tables([part.worst for part in parts]),
-        plan_x=one([part.plan_x for part in parts]),
-        plan_y=one([part.plan_y for part in parts]),
-        fallbacks=table("fallbacks"),
-        collisions=table("collisions"),
-        encounters=table("encounters"),
-        horizons=table("horizons"),
-        conflicts=table("conflicts"),
-        tested=one([part.tested for part in parts], axis=1),
-    )
+    return Part(**{field.name: joined(field.name) for field in fields(Part)})
 
 
-def _by_future(tables: Sequence[pa.Table]) -> pa.Table:
+def _in_order(tables: Sequence[pa.Table]) -> pa.Table:
+    """Join tables, with rows ordered by future, and metric if they have it."""
     whole = pa.concat_tables(tables)
-    names = np.asarray(whole["metric"])
-    return whole.take(np.lexsort((names, np.asarray(whole["future"]))))
-
-
-def _in_order(tables: Sequence[pa.Table]) -> pa.Table | None:
-    """Join tables, with rows ordered by future; None if no part has the table."""
-    if not tables:
-        return None
-    whole = pa.concat_tables(tables)
-    return whole.take(np.argsort(np.asarray(whole["future"]), kind="stable"))
-
-
-def _none_if_empty(table: pa.Table | None) -> pa.Table | None:
-    return None if table is None or table.num_rows == 0 else table
+    keys = [np.asarray(whole[name]) for name in ("metric", "future") if name in whole.column_names]
+    return whole.take(np.lexsort(keys))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import tempfile
 from collections.abc import Iterator, Sequence
 from functools import cached_property
@@ -12,11 +13,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from scex_sumo.base.arguments import checked
-from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.arrays import FloatArray, numbers_in
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.metrics.registry import COLLISION, Metric, column_named, described_metrics, metric_of
 from scex_sumo.results.decision import Decision, read_decision
-from scex_sumo.results.design import column_of, half_widths, intervals_of, is_critical, metric_density
+from scex_sumo.results.design import half_widths, intervals_of, is_critical, metric_density
 from scex_sumo.results.folder import HORIZONS, horizons_of
 from scex_sumo.results.info import BASELINE, PAGE, REFERENCE, read_info
 from scex_sumo.results.road import load_road
@@ -24,7 +25,7 @@ from scex_sumo.results.tables.encounters import Encounter
 from scex_sumo.results.tables.reading import read_assignments, read_metrics, read_table
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene, States, named
-from scex_sumo.statistics.density import BANDWIDTH, Density, Interval
+from scex_sumo.statistics.density import Density, Interval
 from scex_sumo.statistics.intervals import DesignIntervals
 
 if TYPE_CHECKING:
@@ -77,11 +78,11 @@ class Run:
 
     def to_pandas(self, table: str = "metrics") -> Any:
         """Return one of `TABLES` as a pandas data frame."""
-        from scex_sumo.results.tables.states import as_pandas
-
         if table not in TABLES:
             raise UsageError(f"unknown table {table!r}; known: {', '.join(TABLES)}")
-        return as_pandas(getattr(self, table))
+        if importlib.util.find_spec("pandas") is None:
+            raise UsageError("to_pandas needs pandas: pip install '.[notebook]' in the clone")
+        return getattr(self, table).to_pandas()
 
     def to_xarray(self) -> Any:
         """Return the tracks as an xarray data set: ``x``, ``y``, ``heading``, ``speed`` and ``model``.
@@ -92,12 +93,17 @@ class Run:
         Raises:
             UsageError: xarray is not installed.
         """
-        from scex_sumo.results.tables.states import as_xarray
+        if importlib.util.find_spec("xarray") is None:
+            raise UsageError("to_xarray needs xarray: pip install xarray")
+        import xarray
 
-        tracks, moments = self.info["seed_scene"]["track_ids"], LOGGED_HISTORY + int(self.info["steps"])
+        axes, tracks = ("future", "vehicle", "step"), self.info["seed_scene"]["track_ids"]
         models = np.array(self.assignments["model"].to_pylist()).reshape(self.futures, len(tracks))
         states = States.concatenate(list(self.state_blocks()), axis=0)
-        return as_xarray(states, models, vehicle=tracks, step=np.arange(moments) - (LOGGED_HISTORY - 1))
+        arrays: dict[str, Any] = {name: (axes, values) for name, values in vars(states).items()}
+        arrays["model"] = axes[:2], models
+        steps = np.arange(1 - LOGGED_HISTORY, 1 + int(self.info["steps"]))
+        return xarray.Dataset(arrays, {"future": np.arange(len(models)), "vehicle": tracks, "step": steps})
 
     @cached_property
     def metrics(self) -> ArrowTable:
@@ -182,14 +188,14 @@ class Run:
     @cached_property
     def baseline(self) -> Run | None:
         """The same futures without the models under test; None if it was not run."""
-        return self._within(BASELINE)
+        return self._part(BASELINE)
 
     @cached_property
     def reference(self) -> Run | None:
         """The reference with human-like drivers; None if it was not run."""
-        return self._within(REFERENCE)
+        return self._part(REFERENCE)
 
-    def _within(self, name: str) -> Run | None:
+    def _part(self, name: str) -> Run | None:
         folder = self.folder / name
         return Run(folder, self._temporary) if (folder / "run.json").is_file() else None
 
@@ -285,7 +291,7 @@ class Run:
         Args:
             until_s: of the first seconds alone, 1, 2, 3, 5 or 8, in a run of more than 3 s.
         """
-        return column_of(self._metrics_until(until_s), self.column(column))
+        return numbers_in(self._metrics_until(until_s)[self.column(column)])
 
     def _metrics_until(self, until_s: float | None) -> ArrowTable:
         """Return the metric columns of whole futures, or of their first seconds."""
@@ -294,7 +300,7 @@ class Run:
         if until_s not in (known := self.horizons_s):
             there = f"give one of {', '.join(f'{t:g}' for t in known)}" if known else "a run of 3 s has none"
             raise UsageError(f"until_s={until_s!r}: {there}")
-        table = self._horizons
+        table = self.table(HORIZONS, columns=("future", "until_s", *self.columns))
         return table.filter(np.asarray(table["until_s"]) == until_s)
 
     @property
@@ -303,44 +309,26 @@ class Run:
         there = (self.folder / HORIZONS).is_file()
         return horizons_of(int(self.info["steps"])) if there else ()
 
-    @cached_property
-    def _horizons(self) -> ArrowTable:
-        return self.table(HORIZONS, columns=("future", "until_s", *self.columns))
-
     def samples(self, column: str) -> FloatArray:
         """Return the values (n,) of a metric in the futures where it is defined."""
         values = self.values(column)
         return values[~np.isnan(values)]
 
-    def density(self, column: str, *, bandwidth: float = BANDWIDTH, until_s: float | None = None) -> Density:
-        """Return density and cumulative density of a metric with its 95 % band.
-
-        Args:
-            bandwidth: of the kernel, in the metric's unit.
-            until_s: as of `values`.
-        """
+    def density(self, column: str, *, until_s: float | None = None) -> Density:
+        """Return density, cumulative density and 95 % band of a metric; ``until_s`` as of `values`."""
         column = self.column(column)
         if column == COLLISION:
             raise UsageError(f"{column}: is 0 or 1 in each future and has no density; see its share instead")
-        width = self._half_widths(until_s)[column]
-        values = self.values(column, until_s=until_s)
-        return metric_density(values, width, bandwidth=bandwidth)
-
-    def _half_widths(self, until_s: float | None) -> dict[str, float]:
         if until_s not in self._widths:
             self._widths[until_s] = half_widths(self._metrics_until(until_s), self.columns, self.intervals)
-        return self._widths[until_s]
+        return metric_density(self.values(column, until_s=until_s), self._widths[until_s][column])
 
     def p_critical(
         self, column: str, *, threshold: float | None = None, until_s: float | None = None
     ) -> Interval:
         """Return the share of critical futures with its 95 % interval; an undefined metric is not critical.
 
-        Args:
-            until_s: as of `values`.
-
-        Raises:
-            UsageError: no ``threshold`` is given, and the run has none for this metric.
+        ``until_s`` as of `values`; a `UsageError` if there is no ``threshold``, given or of the run.
         """
         column = self.column(column)
         limit = self.thresholds.get(column) if threshold is None else threshold

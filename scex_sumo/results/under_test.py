@@ -7,20 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, numbers_in
 from scex_sumo.base.errors import ResultError
-from scex_sumo.metrics.registry import COLLISION, Metric, column_named, metric_of
+from scex_sumo.metrics.registry import COLLISION, Metric, column_named
 from scex_sumo.results.design import is_critical, metric_density
 from scex_sumo.results.run import UNDER_TEST, Run
 from scex_sumo.results.tables.outcomes import first_contacts
 from scex_sumo.statistics.density import Density, Interval
-from scex_sumo.statistics.intervals import DesignIntervals
 from scex_sumo.statistics.paired import mcnemar, signed_rank, signs
 
 Driven = Literal["under_test", "baseline"]
@@ -54,6 +52,7 @@ class Difference:
     critical_p_value: float
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
 class UnderTest:
     """Vehicles under test of a run, against its baseline.
 
@@ -61,7 +60,7 @@ class UnderTest:
         vehicles: model by track id; None: as drawn.
         metrics: one row per future over the vehicles' own pairs, null where undefined.
         baseline: the same without the models under test.
-        own_metrics: as of `Run`.
+        runs: the run and its baseline.
         injuries: (C,) expected severe injuries (MAIS 3+) in the vehicles' own collisions.
 
     Example:
@@ -71,22 +70,11 @@ class UnderTest:
         {8: 'emergency_brake'}
     """
 
-    def __init__(
-        self,
-        vehicles: Mapping[int, str | None],
-        metrics: pa.Table,
-        baseline: pa.Table,
-        thresholds: Mapping[str, float],
-        intervals: DesignIntervals,
-        *,
-        without: DesignIntervals,
-        injuries: Mapping[Driven, FloatArray],
-        own: Mapping[str, Metric] = MappingProxyType({}),
-    ) -> None:
-        self.vehicles, self.metrics, self.baseline = dict(vehicles), metrics, baseline
-        self.thresholds, self.injuries, self.own_metrics = thresholds, injuries, own
-        self.intervals = {"under_test": intervals, "baseline": without}
-        self.columns = [name for name in metrics.column_names if name != "future"]
+    vehicles: Mapping[int, str | None]
+    metrics: pa.Table
+    baseline: pa.Table
+    runs: Mapping[Driven, Run]
+    injuries: Mapping[Driven, FloatArray]
 
     @classmethod
     def of(cls, run: Run) -> UnderTest:
@@ -100,25 +88,28 @@ class UnderTest:
         if run.baseline is None:
             raise ResultError(f"{run.folder}: its baseline was not run; run again")
         driven: dict[Driven, Run] = {"under_test": run, "baseline": run.baseline}
+        hits = {k: first_contacts(one.collisions) for k, one in driven.items()}
         tested, without = (
-            _with_own_collisions(one.table(UNDER_TEST), first_contacts(one.collisions), known)
-            for one in driven.values()
+            _with_own_collisions(one.table(UNDER_TEST), hits[k], known) for k, one in driven.items()
         )
         if without["future"] != tested["future"]:
             raise ResultError(f"{run.baseline.folder}: its futures are not those of {run.folder}; run again")
-        injuries = {
-            k: _own_injuries(first_contacts(one.collisions), known, one.futures) for k, one in driven.items()
-        }
         return cls(
-            {int(track): model for track, model in known.items()},
-            tested,
-            without,
-            run.thresholds | {COLLISION: 1.0},
-            run.intervals,
-            without=run.baseline.intervals,
-            injuries=injuries,
-            own=run.own_metrics,
+            vehicles={int(track): model for track, model in known.items()},
+            metrics=tested,
+            baseline=without,
+            runs=driven,
+            injuries={k: _own_injuries(hits[k], known, one.futures) for k, one in driven.items()},
         )
+
+    @property
+    def columns(self) -> list[str]:
+        """The metric columns, and ``collision``."""
+        return [name for name in self.metrics.column_names if name != "future"]
+
+    @property
+    def _run(self) -> Run:
+        return self.runs["under_test"]
 
     @property
     def label(self) -> str:
@@ -128,34 +119,33 @@ class UnderTest:
     def values(self, column: str, driven: Driven = "under_test") -> tuple[FloatArray, BoolArray]:
         """Return the values (C,) of a metric in all futures, and where it is defined."""
         column = column_named(column, self.columns)
-        table = self.metrics if driven == "under_test" else self.baseline
-        values = np.asarray(table[column].fill_null(0.0), dtype=np.float64)
-        return values, ~np.asarray(table[column].is_null())
+        values = numbers_in((self.metrics if driven == "under_test" else self.baseline)[column])
+        return values, ~np.isnan(values)
 
     def metric(self, column: str) -> Metric:
         """Return the metric of a column."""
-        return metric_of(column, self.own_metrics)
+        return self._run.metric(column)
 
     def samples(self, column: str, driven: Driven = "under_test") -> FloatArray:
         """Return the values (n,) of a metric in the futures where it is defined."""
         values, defined = self.values(column, driven)
         return values[defined]
 
-    def density(self, column: str, driven: Driven = "under_test", *, bandwidth: float = 0.1) -> Density:
+    def density(self, column: str, driven: Driven = "under_test") -> Density:
         """Return density and cumulative density of a metric with its 95 % band."""
-        values, defined = self.values(column, driven)
-        known = np.where(defined, values, np.nan)
-        width = self.intervals[driven].half_width(known)
-        return metric_density(known, width, bandwidth=bandwidth)
+        values, _ = self.values(column, driven)
+        return metric_density(values, self.runs[driven].intervals.half_width(values))
 
     def p_critical(self, column: str, driven: Driven = "under_test") -> Interval | None:
         """Return the share of critical futures with its 95 % interval; None without a threshold."""
-        column = column_named(column, self.columns)
-        limit = self.thresholds.get(column)
+        limit = self._limit(column_named(column, self.columns))
         if limit is None:
             return None
-        values, defined = self.values(column, driven)
-        return self.intervals[driven].share(defined & is_critical(values, self.metric(column), limit))
+        values, _ = self.values(column, driven)
+        return self.runs[driven].intervals.share(is_critical(values, self.metric(column), limit))
+
+    def _limit(self, column: str) -> float | None:
+        return (self._run.thresholds | {COLLISION: 1.0}).get(column)
 
     def difference(self, column: str) -> Difference:
         """Compare each future with its baseline."""
@@ -163,7 +153,8 @@ class UnderTest:
         two, there_too = self.values(column, "baseline")
         both = there & there_too
         sign = -1.0 if self.metric(column).side == "left" else 1.0
-        limit = self.thresholds.get(column, float("nan"))  # without a threshold no future is critical
+        known, limit = self._limit(column), float("nan")  # without a threshold no future is critical
+        limit = limit if known is None else known
         change = signs(sign * one[both], sign * two[both])
         critical = [is_critical(values[both], self.metric(column), limit) for values in (one, two)]
         newly, no_longer = (int((a & ~b).sum()) for a, b in (critical, critical[::-1]))

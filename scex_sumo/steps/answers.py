@@ -9,7 +9,7 @@ import numpy as np
 
 from scex_sumo.decision.of_run import human_like_answer
 from scex_sumo.metrics.registry import critical_columns
-from scex_sumo.reports.encounter_rows import grouped, meeting_rows, meetings, sentence, worst_stress
+from scex_sumo.reports.encounter_rows import meetings, worst_stress
 from scex_sumo.reports.run_table import extra_rows
 from scex_sumo.results.run import Run
 
@@ -35,10 +35,10 @@ def run_answer(run: Run) -> dict[str, Any]:
         "metrics": [_metric(run, column) for column in critical_columns(run.columns)],
         "rows": extra_rows(run),
         "stress_test": [
-            {"pairs": [(one.row["track_id"], one.row["other_id"]) for one in group], "words": sentence(group)}
-            for group in grouped(worst_stress(run))
+            {"pairs": [(one.row["track_id"], one.row["other_id"])], "words": one.words()}
+            for one in worst_stress(run)
         ],
-        "encounters": meeting_rows(meetings(run)),
+        "encounters": [one.named_row for one in meetings(run)],
         "human_like": human_like_answer(run),
     }
 

@@ -13,7 +13,7 @@ from typer import Option
 
 from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.base.sumo.programs import environment, program
-from scex_sumo.commands.options import Result, metric_option
+from scex_sumo.commands.options import Result
 
 EXAMPLE = "out/roundabout --encounter 11,7"
 
@@ -21,12 +21,7 @@ EXAMPLE = "out/roundabout --encounter 11,7"
 def view_command(
     folder: Result,
     future: Annotated[int | None, Option(metavar="N", help="Show this future.")] = None,
-    grid: Annotated[
-        int | None, Option(metavar="N", help="Show the N most different futures, or the most --critical.")
-    ] = None,
-    critical: Annotated[
-        str | None, metric_option("Show the most critical future by this metric, at its worst step.")
-    ] = None,
+    grid: Annotated[int | None, Option(metavar="N", help="Show the N most different futures.")] = None,
     encounter: Annotated[
         str | None, Option(metavar="A,B", help="Show two vehicles in a typical future in which they meet.")
     ] = None,
@@ -37,16 +32,14 @@ def view_command(
     """Open futures in sumo-gui; by default the pair of the verdict."""
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
-    from scex_sumo.views.futures import write_encounter, write_first, write_future, write_grid, write_worst
+    from scex_sumo.views.futures import write_encounter, write_first, write_future, write_grid
 
-    if sum(option is not None for option in (future, grid or critical, encounter)) > 1:
-        raise UsageError("view: --future, --critical and --encounter exclude one another; give one of them")
+    if sum(option is not None for option in (future, grid, encounter)) > 1:
+        raise UsageError("view: --future, --grid and --encounter exclude one another; give one of them")
     with as_written(folder):
         run = open_run(folder)
         if grid is not None:
-            file = write_grid(run, grid, critical)
-        elif critical is not None:
-            file = write_worst(run, critical)
+            file = write_grid(run, grid)
         elif encounter is not None:
             file = write_encounter(run, *run.two_tracks(encounter))
         elif future is not None:

@@ -30,8 +30,8 @@ def completed(*words: str) -> list[str]:
     ("words", "offered"),
     [
         (("vi",), {"view"}),
-        (("view", "out", "--cr"), {"--critical"}),
-        (("view", "out", "--critical", "wt"), {"wttc", "wttc_path"}),
+        (("view", "out", "--gr"), {"--grid"}),
+        (("plot", "out", "--metric", "wt"), {"wttc", "wttc_path"}),
         (("run", "map.osm", "--models", "replay,risky"), {"replay,risky_driver"}),
         (("export", "out", "--to", "open"), {"openscenario", "openscenario-1.3"}),
     ],

@@ -10,7 +10,7 @@ import shapely
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.maps import read_map
-from scex_sumo.exporters.opendrive.file import opendrive_text
+from scex_sumo.exporters.opendrive.file import opendrive
 from scex_sumo.geometry.polylines import arc_lengths, distances, samples
 from scex_sumo.road import Road
 from scex_sumo.scenarios import example_path
@@ -37,7 +37,7 @@ def off(road: Road, file: OpenDrive) -> FloatArray:
 
 
 def check(road: Road) -> None:
-    file = OpenDrive(opendrive_text(road))
+    file = OpenDrive(opendrive(road).text)
     error = off(road, file)
     assert np.percentile(error, 95) < 0.05 and error.max() < 0.12  # as docs/handover.md promises
     assert file.successors() == {
@@ -61,7 +61,7 @@ def test_borders_and_links_are_those_of_real_maps(name: str, data: Path) -> None
 
 
 def test_reference_lines_have_no_gap_and_the_lengths_they_say() -> None:
-    file = OpenDrive(opendrive_text(read_map(example_path("roundabout"))))
+    file = OpenDrive(opendrive(read_map(example_path("roundabout"))).text)
     for road in file.roads.values():
         pieces = road.findall("planView/geometry")
         for piece, after in pairwise(pieces):
@@ -74,7 +74,7 @@ def test_reference_lines_have_no_gap_and_the_lengths_they_say() -> None:
 
 def test_crosswalks_stop_lines_and_priorities_are_there() -> None:
     road = read_map(example_path("urban_intersection"))
-    root = ET.fromstring(opendrive_text(road))
+    root = ET.fromstring(opendrive(road).text)
     walks = {one.area_id: one.outline for one in road.areas if one.kind == "crosswalk"}
     assert {int(e.get("id", "0")) for e in root.iter("object")} == set(walks)
     for e in root.iter("object"):
@@ -94,6 +94,6 @@ def test_pyxodr_reads_every_lane_of_a_map(tmp_path: Path) -> None:
     network = pytest.importorskip("pyxodr.road_objects.network")
     road = read_map(example_path("urban_intersection"))
     file = tmp_path / "map.xodr"
-    file.write_text(opendrive_text(road))
+    file.write_text(opendrive(road).text)
     roads = network.RoadNetwork(xodr_file_path=file, resolution=0.5).get_roads()
     assert sum(len(section.lanes) for one in roads for section in one.lane_sections) == len(road.lanes)

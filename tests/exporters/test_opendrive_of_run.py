@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from scex_sumo.converters.maps import read_map
-from scex_sumo.exporters.opendrive.file import opendrive_text
+from scex_sumo.exporters.opendrive.file import opendrive
 from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.generators.populated import synthetic_seed
 from scex_sumo.results.run import Run
@@ -20,7 +20,7 @@ from tests.runs import extrapolate
 def hill(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A merge on a hill of 5 m, with a place on Earth."""
     file: Path = tmp_path_factory.mktemp("hill") / "hill.xodr"
-    text = opendrive_text(read_map(example_path("motorway_merge")))
+    text = opendrive(read_map(example_path("motorway_merge"))).text
     header, rest = text.split("</header>", 1) if "</header>" in text else text.split("/>", 1)
     opened = header if "</header>" in text else f"{header}>"
     place = "<geoReference>+proj=utm +zone=32</geoReference><offset x='7' y='8' z='0' hdg='0'/>"

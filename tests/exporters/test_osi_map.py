@@ -1,4 +1,4 @@
-"""Lanes, logical lanes and lights of exported ground truth."""
+"""Lanes and lights of exported ground truth."""
 
 from __future__ import annotations
 
@@ -51,31 +51,6 @@ def test_lanes_of_a_trace_without_opendrive_are_those_of_the_map(run: Run, trace
     assert ends(back.lanes.values()) == ends(driven)
     changes = [sum(lane.left is not None for lane in lanes) for lanes in (driven, back.lanes.values())]
     assert changes[0] == changes[1]
-
-
-def test_logical_lanes_lie_between_their_boundaries_and_know_their_neighbours(run: Run, trace: Path) -> None:
-    first, road = frames(trace)[0], Request(run=run, futures=(1,)).road
-    logical = {one.physical_lane_reference[0].physical_lane_id.value: one for one in first.logical_lane}
-    number = {one.id.value: physical for physical, one in logical.items()}
-    bounds = {one.id.value: one for one in first.logical_lane_boundary}
-    assert set(logical) == set(numbers(first.lane))
-    for i, lane in road.lanes.items():
-        one = logical[i]
-        after = {number[link.other_lane_id.value] for link in one.successor_lane}
-        assert after == set(lane.successors)
-        assert {link.at_begin_of_other_lane for link in one.successor_lane} <= {True}
-        (left,), (right,) = one.left_boundary_id, one.right_boundary_id
-        sides = [[p.t_position for p in bounds[side.value].boundary_line] for side in (left, right)]
-        assert np.mean(sides[0]) - np.mean(sides[1]) == pytest.approx(lane.width_m, abs=0.3)
-        assert one.traffic_rule[0].speed_limit.speed_limit_value.value == pytest.approx(
-            3.6 * lane.speed_limit_mps
-        )
-    overlaps = {
-        frozenset((i, number[other.other_lane_id.value])) for i, one in logical.items()
-        for other in one.overlapping_lane
-    }  # fmt: skip
-    areas = {frozenset((i, j)) for i, lane in road.lanes.items() for j in lane.conflicts}
-    assert len(areas) / 2 < len(overlaps) and overlaps <= areas
 
 
 def test_negative_ids_of_lanes_become_numbers_of_osi(run: Run, tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.converters.maps import read_map
-from scex_sumo.exporters.opendrive.file import opendrive_text
+from scex_sumo.exporters.opendrive.file import opendrive
 from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
@@ -29,7 +29,7 @@ def test_real_maps_as_opendrive_are_valid_by_asam_s_checker(name: str, data: Pat
 
 def nothing_against(map_path: Path, folder: Path) -> None:
     file = folder / "map.xodr"
-    file.write_text(opendrive_text(read_map(map_path)))
+    file.write_text(opendrive(read_map(map_path)).text)
     assert findings(file) == []
 
 

@@ -132,9 +132,8 @@ def _folder(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
         how = "removed"
     else:
         how = _twice(file, rng)
-    metric = rng.choice(("ttc", "WTTC", "1/TTC"))
     commands = (
-        ["view", "out", "--write-only", "--critical", metric],
+        ["view", "out", "--write-only", "--future", "1"],
         ["view", "out", "--write-only", "--grid", "2"],
         ["export", "out", "--future", "1", "-o", "future.csv"],
         ["metrics", "out"],

@@ -23,7 +23,7 @@ EVIL = "from pathlib import Path\nPath(__file__).with_name('executed').touch()\n
 READERS: dict[str, Callable[[Path], list[object]]] = {
     "encounters": lambda out: [out],
     "report": lambda out: [out],
-    "view": lambda out: [out, "--critical", "ttc", "--write-only"],
+    "view": lambda out: [out, "--future", "1", "--write-only"],
     "export": lambda out: [out, "--future", "1", "--to", "interaction", "-o", out.with_name("future.csv")],
     "plot": lambda out: [out, out.with_name("other")],
     "metrics": lambda out: [out, "-o", out.with_name("metrics.csv")],

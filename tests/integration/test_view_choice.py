@@ -1,4 +1,4 @@
-"""``view`` frames what is worth a look: the worst step of a pair, encounters, the most different futures."""
+"""``view`` frames what is worth a look: encounters, the most different futures."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from scex_sumo import example_path, read_seed
-from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.base.errors import UsageError
 from scex_sumo.results.run import Run
-from scex_sumo.views.futures import most_critical, most_different, write_encounter, write_grid, write_worst
+from scex_sumo.views.futures import most_different, write_encounter, write_grid
 from tests.runs import extrapolate
 
 
@@ -26,24 +26,9 @@ def stops_at(file: Path) -> float:
     return float(view.find("breakpoint").get("time"))  # type: ignore[union-attr, arg-type]
 
 
-def texts(file: Path) -> str:
-    drawn = ElementTree.parse(file.with_suffix(".add.xml")).getroot()
-    return " ".join(poi.get("id", "") for poi in drawn.iter("poi")).replace("\N{NO-BREAK SPACE}", " ")
-
-
 def rings(file: Path) -> set[str]:
     drawn = ElementTree.parse(file.with_suffix(".add.xml")).getroot()
     return {poly.get("id", "") for poly in drawn.iter("poly") if poly.get("id", "").startswith("ring.")}
-
-
-def test_the_most_critical_future_stops_at_its_worst_step_with_the_pair_ringed(run: Run) -> None:
-    file = write_worst(run, "wttc")
-    number = run.most_critical("wttc")
-    row = next(r for r in run.worst.to_pylist() if (r["future"], r["metric"]) == (number, "wttc"))
-    ids = run.info["seed_scene"]["track_ids"]
-    assert stops_at(file) == pytest.approx(row["timestamp_ms"] / 1000)
-    assert rings(file) == {f"ring.{ids.index(row[name])}" for name in ("track_id", "other_id")}
-    assert f"WTTC {row['value']:.3g} s" in texts(file)
 
 
 def test_an_encounter_stops_where_the_two_meet(run: Run) -> None:
@@ -51,19 +36,19 @@ def test_an_encounter_stops_where_the_two_meet(run: Run) -> None:
     file = write_encounter(run, row["other_id"], row["track_id"])
     assert file.name == f"future_{row['future']:04d}.sumocfg"
     assert stops_at(file) == pytest.approx(1.0 + row["time_s"], abs=0.051)
-    with pytest.raises(ResultError, match="3 and 3 meet in no future"):
+    ids = run.info["seed_scene"]["track_ids"]
+    assert rings(file) == {f"ring.{ids.index(row[name])}" for name in ("track_id", "other_id")}
+    with pytest.raises(UsageError, match="3, 3: these two vehicles meet in no future"):
         write_encounter(run, 3, 3)
 
 
-def test_a_grid_shows_futures_that_differ_most_or_the_most_critical(run: Run) -> None:
+def test_a_grid_shows_futures_that_differ_most(run: Run) -> None:
     chosen = most_different(run, 9)
     assert len(set(chosen.tolist())) == 9
     ends = np.array([[run.states(c).x[:, -1], run.states(c).y[:, -1]] for c in range(run.futures)])
     apart = np.linalg.norm(ends[chosen][:, None] - ends[chosen][None], axis=(2, 3))
     every = np.linalg.norm(ends[:, None] - ends[None], axis=(2, 3))
     assert apart[np.triu_indices(9, 1)].min() > np.median(every[np.triu_indices(run.futures, 1)]) / 2
-    values = run.values("wttc")[most_critical(run, 9, "wttc")]
-    np.testing.assert_array_equal(values, np.sort(run.values("wttc"))[:9])
     with pytest.raises(UsageError, match="--grid 1: give 2 to 24"):
         write_grid(run, 1)
 

@@ -16,15 +16,8 @@ from rich.table import Table
 import scex_sumo
 from scex_sumo.metrics.registry import SETS
 from scex_sumo.page.report.tables import encounter_table
-from scex_sumo.reports.encounter_rows import grouped, meetings, sentence, worst_of
-from scex_sumo.reports.run_table import (
-    MAIN,
-    always_critical,
-    print_table,
-    shown_columns,
-    stress_lines,
-    summary_table,
-)
+from scex_sumo.reports.encounter_rows import meetings, worst_stress
+from scex_sumo.reports.run_table import MAIN, print_table, shown_columns, stress_lines, summary_table
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.results.tables.encounters import QUESTIONS, SCHEMA
 from tests.runs import extrapolate
@@ -71,20 +64,6 @@ def result(folder: Path, values: dict[str, list[float | None]], **about: object)
     info["thresholds"] = {name: limit for name, limit in limits.items() if name in values}
     (folder / "run.json").write_text(json.dumps(info | about))
     return folder
-
-
-def test_what_is_nearly_always_critical_has_a_row_only_if_it_is_asked_for(tmp_path: Path) -> None:
-    values: dict[str, list[float | None]] = {"distance": [3.0] * 19 + [9.0], "wttc": [0.1] * 18 + [0.9] * 2}
-    run = open_run(result(tmp_path, values))
-    assert always_critical(run) == ["distance"]  # 95 and 90 %
-    assert shown_columns(run, every=False) == ([], ["wttc"])
-    assert shown_columns(run, every=True) == ([], ["distance", "wttc"])
-    recorded = pa.table({"distance": [5.5], "wttc": [0.1]})
-    pq.write_table(recorded, tmp_path / "recorded.parquet")
-    assert always_critical(open_run(tmp_path)) == []  # the recording was not critical
-    pq.write_table(recorded.set_column(0, "distance", [[4.0]]), tmp_path / "recorded.parquet")
-    result(tmp_path / "reference", {"distance": [3.0, 9.0], "wttc": [0.1, 0.1]})
-    assert always_critical(open_run(tmp_path)) == []  # human-like drivers are not
 
 
 def test_the_main_metrics_are_the_table_and_the_papers_are_folded_below_them(tmp_path: Path) -> None:
@@ -159,7 +138,7 @@ def test_a_pair_that_collides_between_people_alone_is_found_before_those_of_the_
     assert [(one.futures, one.pair) for one in found] == [
         ("human-like", (1, 2)), ("stress test", (1, 2)), ("stress test", (5, 6)), ("human-like", (7, 8)),
     ]  # fmt: skip
-    assert [one.pair for one in worst_of(found)] == [(1, 2)] and worst_of(found, without=[1]) == []
+    assert worst_stress(run) == []
     table = encounter_table(run, [1, 2, 5, 6, 7, 8])
     assert [(row["cells"][1], row["future"]) for row in table["rows"]][:2] == [
         ("human-like", 385),
@@ -174,18 +153,6 @@ CRITICAL = {
     "critical": 0.2,
     "kind": "rear-end",
 }
-
-
-def test_pairs_that_say_the_same_have_one_line(tmp_path: Path) -> None:
-    result(tmp_path, {"collision": [1.0, 0.0]})
-    rows = [CRITICAL | {"track_id": k, "other_id": k + 1, "time_s": 1.0 + k} for k in (20, 21, 30)]
-    other = CRITICAL | {"track_id": 40, "other_id": 41, "model": "p"}
-    encounters(tmp_path, *rows, other)
-    groups = grouped(worst_of(meetings(open_run(tmp_path))))
-    assert [len(group) for group in groups] == [3, 1]
-    same = "collides in 20 % [10–30], typically the follower m, the leader o"
-    assert sentence(groups[0]) == f"3 pairs, 20 → 21, 21 → 22, 30 → 31 (rear-end, 21.0–31.0 s): {same}"
-    assert sentence(groups[0][:2]).startswith("2 pairs of a queue, 20 → 21, 21 → 22 (rear-end, 21.0–22.0 s)")
 
 
 def test_doubtful_pairs_are_left_out_and_named(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from scex_sumo.base.version import __version__
 from scex_sumo.converters.lanelet.projection import to_local, utm_zone
 from scex_sumo.exporters.opendrive.network import Piece, RoadLink, connections, road_network
 from scex_sumo.exporters.opendrive.reference import Curve
-from scex_sumo.exporters.opendrive.ribbons import Section
+from scex_sumo.exporters.opendrive.ribbons import Ribbon
 from scex_sumo.exporters.opendrive.rules import exact as _exact
 from scex_sumo.exporters.opendrive.rules import metres as _m
 from scex_sumo.exporters.opendrive.rules import placed_crosswalks, placed_signals, priorities
@@ -61,23 +61,17 @@ def opendrive(road: Road) -> OpenDrive:
     root.extend(_junctions(pieces, priorities(road, pieces)))
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode", xml_declaration=False)
-    parts = [(piece, section) for piece in pieces for section in piece.ribbon.sections]
     return OpenDrive(
         text=text.join(('<?xml version="1.0" encoding="UTF-8"?>\n', "\n")),
         projection=projection_text(road.origin) if road.origin != (0.0, 0.0) else "",
         places={
-            i: (str(piece.number), _exact(section.s[0]), str(-n - 1))
-            for piece, section in reversed(parts)
-            for n, i in enumerate(section.group)
+            i: (str(piece.number), "0", str(-n - 1))
+            for piece in reversed(pieces)
+            for n, i in enumerate(piece.ribbon.group)
         },
-        inside=frozenset(i for piece, section in parts if piece.junction is not None for i in section.group),
+        inside=frozenset(i for piece in pieces if piece.junction is not None for i in piece.ribbon.group),
         lights={one.lane: (one.element.get("id", ""), one.place) for one in signals if one.is_light},
     )
-
-
-def opendrive_text(road: Road) -> str:
-    """Return the text of `opendrive`."""
-    return opendrive(road).text
 
 
 def _header(road: Road) -> ET.Element:
@@ -108,10 +102,10 @@ def projection_text(origin: tuple[float, float]) -> str:
 def _road(
     piece: Piece, lanes: Mapping[int, Lane], objects: Sequence[ET.Element], signals: Sequence[ET.Element]
 ) -> ET.Element:
-    members = [i for section in piece.ribbon.sections for i in section.group]
+    members = piece.ribbon.group
     road = ET.Element(
         "road",
-        name=" ".join(map(str, dict.fromkeys(members))),
+        name=" ".join(map(str, members)),
         length=_exact(piece.ribbon.length),
         id=str(piece.number),
         junction=str(-1 if piece.junction is None else piece.junction),
@@ -159,30 +153,25 @@ def _plan_view(view: ET.Element, curve: Curve) -> None:
 
 
 def _lanes(element: ET.Element, piece: Piece, lanes: Mapping[int, Lane]) -> None:
-    sections = piece.ribbon.sections
-    for section in sections:
-        _lines(element, "laneOffset", section.s, section.offsets[:, 0], "s")
-    for k, section in enumerate(sections):
-        part = ET.SubElement(element, "laneSection", s=_exact(section.s[0]))
-        middle = ET.SubElement(ET.SubElement(part, "center"), "lane", id="0", type="none", level="false")
-        ET.SubElement(middle, "link")
-        _mark(middle, crossed=False)
-        right = ET.SubElement(part, "right")
-        for n, i in enumerate(section.group):
-            before = _linked(piece.before, -n - 1) if k == 0 else [-n - 1]
-            after = _linked(piece.after, -n - 1) if k + 1 == len(sections) else [-n - 1]
-            right.append(_lane(section, n, lanes[i], before, after))
+    ribbon = piece.ribbon
+    _lines(element, "laneOffset", ribbon.s, ribbon.offsets[:, 0], "s")
+    part = ET.SubElement(element, "laneSection", s="0")
+    middle = ET.SubElement(ET.SubElement(part, "center"), "lane", id="0", type="none", level="false")
+    ET.SubElement(middle, "link")
+    _mark(middle, crossed=False)
+    right = ET.SubElement(part, "right")
+    for n, i in enumerate(ribbon.group):
+        right.append(_lane(ribbon, n, lanes[i], _linked(piece.before, -n - 1), _linked(piece.after, -n - 1)))
 
 
-def _lane(section: Section, n: int, lane: Lane, before: Sequence[int], after: Sequence[int]) -> ET.Element:
+def _lane(ribbon: Ribbon, n: int, lane: Lane, before: Sequence[int], after: Sequence[int]) -> ET.Element:
     element = ET.Element("lane", id=str(-n - 1), type=_TYPES.get(lane.kind, "none"), level="false")
     link = ET.SubElement(element, "link")
     for tag, others in (("predecessor", before), ("successor", after)):
         for other in others:
             ET.SubElement(link, tag, id=str(other))
-    width = section.offsets[:, n] - section.offsets[:, n + 1]
-    _lines(element, "width", section.s - section.s[0], width, "sOffset")
-    _mark(element, crossed=lane.right is not None and n + 1 < len(section.group))
+    _lines(element, "width", ribbon.s, ribbon.offsets[:, n] - ribbon.offsets[:, n + 1], "sOffset")
+    _mark(element, crossed=lane.right is not None and n + 1 < len(ribbon.group))
     ET.SubElement(element, "speed", sOffset="0", max=_m(lane.speed_limit_mps), unit="m/s")
     ET.SubElement(element, "userData", code=LANE_CODE, value=str(lane.lane_id))
     return element

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from scex_sumo.converters.net.sumo_net import OPENDRIVE, net_file
 from scex_sumo.converters.xml import xml_root
-from scex_sumo.exporters.light_cycles import light_cycles
+from scex_sumo.exporters.light_cycles import with_lights
 from scex_sumo.exporters.opendrive.file import OpenDrive, opendrive
 from scex_sumo.exporters.request import Request
 from scex_sumo.formats.opendrive.lanes import opendrive_map
-from scex_sumo.road import Regulation, Road
 
 
 def opendrive_of(request: Request) -> OpenDrive:
@@ -21,23 +19,12 @@ def opendrive_of(request: Request) -> OpenDrive:
     A map that came as OpenDRIVE stays as it is, with its widths and heights. Lights that only the run knows
     join a map that is written.
     """
-    road = request.road
     given = net_file(request.run.net.path, OPENDRIVE)
-    return _as_given(request, given) if given.is_file() else opendrive(_with_lights(request, road))
-
-
-def _with_lights(request: Request, road: Road) -> Road:
-    known = {i for rule in road.regulations if rule.kind == "traffic_light" for i in rule.lanes}
-    lit = [i for i in light_cycles(request.run.net) if i in road.lanes]
-    # Of the lanes before and behind a light, those before.
-    first = [i for i in lit if known.isdisjoint((i, *road.lanes[i].predecessors, *road.lanes[i].successors))
-             and not set(lit).intersection(road.lanes[i].predecessors)]  # fmt: skip
-    number = max((rule.element_id for rule in road.regulations), default=0) + 1
-    lights = [
-        Regulation(element_id=number + k, kind="traffic_light", lanes=(i,), lights=())
-        for k, i in enumerate(first)
-    ]
-    return replace(road, regulations=(*road.regulations, *lights)) if lights else road
+    return (
+        _as_given(request, given)
+        if given.is_file()
+        else opendrive(with_lights(request.road, request.run.net))
+    )
 
 
 def _as_given(request: Request, file: Path) -> OpenDrive:

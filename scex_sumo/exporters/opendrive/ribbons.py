@@ -1,23 +1,16 @@
-"""Ribbon: the reference line of a chain of lane groups, and the offsets of all borders."""
+"""Ribbon: the reference line of a group of lanes, and the offsets of their borders."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.exporters.opendrive.reference import (
-    Chain,
-    Curve,
-    Group,
-    borders,
-    curve_through,
-    edge_direction,
-)
+from scex_sumo.exporters.opendrive.reference import Curve, Group, borders, curve_through, edge_direction
 from scex_sumo.geometry.polylines import distances, samples
 from scex_sumo.road import Lane
 
@@ -35,20 +28,6 @@ _TRIALS = (
     *((20.0, True), (40.0, True), (2.0, True)),
 )
 """Spacing of the reference line in m, and whether it ends at right angles to the edges."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Section:
-    """Group within a ribbon.
-
-    Attributes:
-        s: (N,) stations, m along the ribbon.
-        offsets: (N, lanes + 1) of the borders from the reference line, leftmost first, positive left, m.
-    """
-
-    group: Group
-    s: FloatArray
-    offsets: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,14 +67,18 @@ class RoadEnd:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ribbon:
-    """Shape of a road: reference line, and sections in driving order.
+    """Shape of a road: its reference line, and where the borders of its lanes are.
 
     Attributes:
+        s: (N,) stations, m along the reference line.
+        offsets: (N, lanes + 1) of the borders from it, leftmost first, positive left, m.
         error: largest distance between the lanes' borders and the ribbon's, m.
     """
 
     curve: Curve
-    sections: tuple[Section, ...]
+    group: Group
+    s: FloatArray
+    offsets: FloatArray
     error: float
 
     @property
@@ -106,9 +89,9 @@ class Ribbon:
     def edge(self, *, end: bool) -> RoadEnd:
         """Return the line across its end (beginning)."""
         at = -1 if end else 0
-        section, place, tangent = self.sections[at], self.curve.points[at], self.curve.tangents[at]
+        place, tangent = self.curve.points[at], self.curve.tangents[at]
         across = np.array([-tangent[1], tangent[0]])
-        return RoadEnd(point=place, direction=tangent, tips=place + section.offsets[at][:, None] * across)
+        return RoadEnd(point=place, direction=tangent, tips=place + self.offsets[at][:, None] * across)
 
     def split(self, *shares: float) -> list[Ribbon]:
         """Cut the ribbon at the knots nearest to ascending shares of its length."""
@@ -120,26 +103,21 @@ class Ribbon:
         return [self._part(a, b) for a, b in pairwise(knots)]
 
     def _part(self, first: int, last: int) -> Ribbon:
-        start, end = float(self.curve.s[first]), float(self.curve.s[last])
-        sections = []
-        for section in self.sections:
-            a, b = max(start, float(section.s[0])), min(end, float(section.s[-1]))
-            if b - a > 1e-6:
-                inner = section.s[(section.s > a + 1e-6) & (section.s < b - 1e-6)]
-                s = np.concatenate([[a], inner, [b]])
-                columns = [np.interp(s, section.s, column) for column in section.offsets.T]
-                sections.append(Section(group=section.group, s=s - start, offsets=np.stack(columns, axis=1)))
-        return Ribbon(curve=self.curve.part(first, last), sections=tuple(sections), error=self.error)
+        start, end = self.curve.s[[first, last]]
+        inner = self.s[(self.s > start + 1e-6) & (self.s < end - 1e-6)]
+        s = np.concatenate([[start], inner, [end]])
+        offsets = np.stack([np.interp(s, self.s, column) for column in self.offsets.T], axis=1)
+        return replace(self, curve=self.curve.part(first, last), s=s - start, offsets=offsets)
 
 
 def fitting_groups(lanes: Mapping[int, Lane], group: Group) -> list[Group]:
     """Return a group, or its parts if its lanes end too unevenly for one road."""
-    if len(group) == 1 or ribbon_of(lanes, (group,)).error < MAX_ERROR_M:
+    if len(group) == 1 or ribbon_of(lanes, group).error < MAX_ERROR_M:
         return [group]
     parts = [group[:1]]
     for lane in group[1:]:
         wider = (*parts[-1], lane)
-        if ribbon_of(lanes, (wider,)).error < MAX_ERROR_M:
+        if ribbon_of(lanes, wider).error < MAX_ERROR_M:
             parts[-1] = wider
         else:
             parts.append((lane,))
@@ -147,64 +125,41 @@ def fitting_groups(lanes: Mapping[int, Lane], group: Group) -> list[Group]:
 
 
 def ribbon_of(
-    lanes: Mapping[int, Lane], chain: Chain, ends: tuple[RoadEnd | None, RoadEnd | None] = (None, None)
+    lanes: Mapping[int, Lane], group: Group, ends: tuple[RoadEnd | None, RoadEnd | None] = (None, None)
 ) -> Ribbon:
-    """Return the ribbon of a chain with the first good reference line, else the best.
+    """Return the ribbon of a group with the first good reference line, else the best.
 
     ``ends`` are lines across, shared with other roads, on which it begins and ends.
     """
-    lines = [borders(lanes, group) for group in chain]
-    directions = _directions(lines)
-    for edge, at in zip(ends, (0, -1), strict=True):
+    lines = borders(lanes, group)
+    square = [edge_direction(lines, end=end) for end in (False, True)]
+    for k, edge in enumerate(ends):
         if edge is not None:
-            lines[at] = [edge.moved_onto(line, end=at < 0) for line in lines[at]]
-            directions[at] = edge.direction
+            lines = [edge.moved_onto(line, end=k == 1) for line in lines]
+            square[k] = edge.direction
     free = [None if edge is None else edge.direction for edge in ends]
     best: Ribbon | None = None
-    for spacing_m, square in _TRIALS:
-        chosen = directions if square else [free[0], *directions[1:-1], free[1]]
-        curve, last = curve_through(lines, chosen, spacing_m=spacing_m)
-        sections = tuple(_sections(chain, lines, curve, last))
-        error = _error(curve, sections, lines)
+    for spacing_m, is_square in _TRIALS:
+        curve = curve_through(lines, square if is_square else free, spacing_m=spacing_m)
+        s, offsets = _thinned(*_stations(lines, curve))
+        error = _error(curve, s, offsets, lines)
         if best is None or error < best.error:
-            best = Ribbon(curve=curve, sections=sections, error=error)
+            best = Ribbon(curve=curve, group=group, s=s, offsets=offsets, error=error)
         if best.error < _GOOD_ERROR_M:
             break
     assert best is not None
     return best
 
 
-def border_points(curve: Curve, s: FloatArray, offset: FloatArray) -> FloatArray:
-    """Return (N, 2) points at (N,) arc lengths and offsets, positive left, m."""
-    place, tangent = curve.at(s)
-    return np.asarray(place + offset[:, None] * np.stack([-tangent[:, 1], tangent[:, 0]], axis=1))
-
-
-def _directions(lines: Sequence[Sequence[FloatArray]]) -> list[FloatArray]:
-    directions = [edge_direction(lines[0], end=False)]
-    for before, after in pairwise(lines):
-        both = edge_direction(before, end=True) + edge_direction(after, end=False)
-        directions.append(both / np.hypot(*both))
-    return [*directions, edge_direction(lines[-1], end=True)]
-
-
-def _sections(
-    chain: Chain, lines: Sequence[Sequence[FloatArray]], curve: Curve, last: Sequence[int]
-) -> list[Section]:
-    result, first = [], 0
-    for group, edges, end in zip(chain, lines, last, strict=True):
-        stations = [
-            np.linspace(a, b, max(2, math.ceil((b - a) / _STATION_M)), endpoint=False)
-            for a, b in zip(curve.s[first:end], curve.s[first + 1 : end + 1], strict=True)
-        ]
-        s = np.concatenate([*stations, curve.s[end : end + 1]])
-        place, tangent = curve.at(s)
-        offsets = np.stack([_offsets(place, tangent, line) for line in edges], axis=1)
-        offsets = np.minimum.accumulate(offsets, axis=1)  # no lane has a negative width
-        keep = _thinned(s, offsets)
-        result.append(Section(group=group, s=s[keep], offsets=offsets[keep]))
-        first = end
-    return result
+def _stations(lines: Sequence[FloatArray], curve: Curve) -> tuple[FloatArray, FloatArray]:
+    """Return (N,) stations along a curve, and (N, lanes + 1) offsets of borders there."""
+    steps = [
+        np.linspace(a, b, max(2, math.ceil((b - a) / _STATION_M)), endpoint=False)
+        for a, b in pairwise(curve.s)
+    ]
+    s = np.concatenate([*steps, curve.s[-1:]])
+    offsets = np.stack([_offsets(*curve.at(s), line) for line in lines], axis=1)
+    return s, np.minimum.accumulate(offsets, axis=1)  # no lane has a negative width
 
 
 def _offsets(place: FloatArray, tangent: FloatArray, line: FloatArray) -> FloatArray:
@@ -229,7 +184,7 @@ def _offsets(place: FloatArray, tangent: FloatArray, line: FloatArray) -> FloatA
     return np.asarray(offsets)
 
 
-def _thinned(s: FloatArray, offsets: FloatArray) -> list[int]:
+def _thinned(s: FloatArray, offsets: FloatArray) -> tuple[FloatArray, FloatArray]:
     keep, stack = {0, len(s) - 1}, [(0, len(s) - 1)]
     while stack:
         a, b = stack.pop()
@@ -242,16 +197,17 @@ def _thinned(s: FloatArray, offsets: FloatArray) -> list[int]:
         if off[worst] > _MAX_OFFSET_M:
             keep.add(a + 1 + worst)
             stack += [(a, a + 1 + worst), (a + 1 + worst, b)]
-    return sorted(keep)
+    kept = sorted(keep)
+    return s[kept], offsets[kept]
 
 
-def _error(curve: Curve, sections: Sequence[Section], lines: Sequence[Sequence[FloatArray]]) -> float:
-    worst = 0.0
-    for section, edges in zip(sections, lines, strict=True):
-        s = np.linspace(section.s[0], section.s[-1], max(9, math.ceil(np.ptp(section.s) / _STATION_M)))
-        s = np.unique(np.concatenate([s, section.s]))
-        for k, line in enumerate(edges):
-            border = border_points(curve, s, np.interp(s, section.s, section.offsets[:, k]))
-            there = samples(line, 2 * _STATION_M)[1]
-            worst = max(worst, float(distances(border, line).max()), float(distances(there, border).max()))
+def _error(curve: Curve, s: FloatArray, offsets: FloatArray, lines: Sequence[FloatArray]) -> float:
+    worst, at = 0.0, np.linspace(s[0], s[-1], max(9, math.ceil(np.ptp(s) / _STATION_M)))
+    at = np.unique(np.concatenate([at, s]))
+    place, tangent = curve.at(at)
+    left = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+    for column, line in zip(offsets.T, lines, strict=True):
+        border = place + np.interp(at, s, column)[:, None] * left
+        there = samples(line, 2 * _STATION_M)[1]
+        worst = max(worst, float(distances(border, line).max()), float(distances(there, border).max()))
     return worst

@@ -11,7 +11,6 @@ import shapely
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.exporters.opendrive.network import Piece
-from scex_sumo.exporters.opendrive.ribbons import Section
 from scex_sumo.road import Area, Lane, Regulation, Road
 
 _STEP_M = 0.5  # between tried places of a signal
@@ -33,7 +32,7 @@ def exact(value: float) -> str:
 
 def priorities(road: Road, pieces: Sequence[Piece]) -> list[tuple[int, int, int]]:
     """Return junction, road with priority, and road that gives way, of the right of way inside junctions."""
-    inside = {i: p for p in pieces if p.junction is not None for x in p.ribbon.sections for i in x.group}
+    inside = {i: piece for piece in pieces if piece.junction is not None for i in piece.ribbon.group}
     rows = [
         (high.junction, high.number, low.number)
         for rule in road.regulations
@@ -47,13 +46,12 @@ def priorities(road: Road, pieces: Sequence[Piece]) -> list[tuple[int, int, int]
 def placed_crosswalks(road: Road, pieces: Sequence[Piece]) -> dict[int, list[ET.Element]]:
     """Return the crosswalks of each road, by its number: an outline at the road that is nearest."""
     objects: dict[int, list[ET.Element]] = {}
-    driven = [p for p in pieces if any(i in road.vehicle_lanes for i in p.ribbon.sections[0].group)]
+    driven = [p for p in pieces if any(i in road.vehicle_lanes for i in p.ribbon.group)]
     for area in road.areas if driven else ():
         if area.kind != "crosswalk":
             continue
         middle = shapely.Polygon(area.outline).centroid
-        options = [(p, x) for p in driven for x in p.ribbon.sections]
-        piece, _, s, gap = _nearest(options, np.array([middle.x, middle.y]))
+        piece, s, gap = _nearest(driven, np.array([middle.x, middle.y]))
         if gap < _FAR_M:
             objects.setdefault(piece.number, []).append(_crosswalk(area, piece, s))
     return objects
@@ -113,9 +111,9 @@ def placed_signals(road: Road, pieces: Sequence[Piece]) -> list[Signal]:
 def _signal(
     pieces: Sequence[Piece], lane: Lane, kind: tuple[str, str], rule: Regulation, number: int
 ) -> Signal:
-    piece, section, s = _where(pieces, lane, rule)
-    n = section.group.index(lane.lane_id)
-    t = float(np.interp(s, section.s, section.offsets[:, n + 1]))
+    piece, s = _where(pieces, lane, rule)
+    n = piece.ribbon.group.index(lane.lane_id)
+    t = float(np.interp(s, piece.ribbon.s, piece.ribbon.offsets[:, n + 1]))
     signal = ET.Element(
         "signal",
         s=exact(s),
@@ -150,7 +148,7 @@ def _all(rule: Regulation, lanes: Sequence[int], kind: tuple[str, str]) -> list[
     return [(i, one) for i in lanes for one in kinds]
 
 
-def _where(pieces: Sequence[Piece], lane: Lane, rule: Regulation) -> tuple[Piece, Section, float]:
+def _where(pieces: Sequence[Piece], lane: Lane, rule: Regulation) -> tuple[Piece, float]:
     line = shapely.LineString(lane.centreline)
     place = lane.centreline[-1]
     for points in rule.stop_lines:
@@ -158,18 +156,15 @@ def _where(pieces: Sequence[Piece], lane: Lane, rule: Regulation) -> tuple[Piece
             crossing = shapely.LineString(points).intersection(line).representative_point()
             place = np.array([crossing.x, crossing.y])
             break
-    options = [(p, x) for p in pieces for x in p.ribbon.sections if lane.lane_id in x.group]
-    piece, section, s, _ = _nearest(options, place)
-    return piece, section, s
+    piece, s, _ = _nearest([piece for piece in pieces if lane.lane_id in piece.ribbon.group], place)
+    return piece, s
 
 
-def _nearest(
-    options: Sequence[tuple[Piece, Section]], place: FloatArray
-) -> tuple[Piece, Section, float, float]:
-    """Return the section whose reference line is nearest to a place, s there, and the distance, m."""
+def _nearest(pieces: Sequence[Piece], place: FloatArray) -> tuple[Piece, float, float]:
+    """Return the road whose reference line is nearest to a place, s there, and the distance, m."""
     candidates = []
-    for piece, section in options:
-        s = np.linspace(section.s[0], section.s[-1], max(2, round(np.ptp(section.s) / _STEP_M)))
+    for piece in pieces:
+        s = np.linspace(0.0, piece.ribbon.length, max(2, round(piece.ribbon.length / _STEP_M)))
         gap = np.hypot(*(piece.ribbon.curve.at(s)[0] - place).T)
-        candidates.append((piece, section, float(s[gap.argmin()]), float(gap.min())))
-    return min(candidates, key=lambda one: one[3])
+        candidates.append((piece, float(s[gap.argmin()]), float(gap.min())))
+    return min(candidates, key=lambda one: one[2])

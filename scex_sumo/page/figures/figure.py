@@ -281,12 +281,7 @@ def _draw_atoms(curve: Density, axes: Axes) -> None:
 
 
 def _mark(
-    runs: Sequence[Run],
-    colors: Sequence[str],
-    column: str,
-    axes: Axes,
-    samples: FloatArray,
-    x: FloatArray,
+    runs: Sequence[Run], colors: Sequence[str], column: str, axes: Axes, samples: FloatArray, x: FloatArray
 ) -> None:
     """Draw threshold and recorded values as vertical lines; keep the view where most futures are."""
     recorded, threshold = [run.recorded_value(column) for run in runs], runs[0].thresholds.get(column)

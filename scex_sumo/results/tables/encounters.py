@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -165,10 +165,7 @@ def criticality(row: Mapping[str, Any]) -> tuple[float, float, float]:
 
 
 def _row(
-    encounters: Encounters,
-    mine: IntArray,
-    answers: Mapping[str, BoolArray],
-    drawn: DrawnModels,
+    encounters: Encounters, mine: IntArray, answers: Mapping[str, BoolArray], drawn: DrawnModels
 ) -> dict[str, Any]:
     track_ids, models = drawn.track_ids, drawn.models
     first, second = int(encounters.first[mine[0]]), int(encounters.second[mine[0]])
@@ -246,20 +243,6 @@ def in_words(row: Mapping[str, Any]) -> str:
     return f"{head}{event} in {share_of(row, name).percent}, typically {apart}{drivers}"
 
 
-def arrows(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return the pairs of rows in words, e.g. ``1 → 2, 2 → 3, ...``."""
-    return ", ".join([*map(arrow, rows[:3]), *["..."][: len(rows) - 3]])
-
-
-def is_queue(pairs: Sequence[tuple[int, int]]) -> bool:
-    """Return whether vehicles that follow one another connect all pairs."""
-    joined, rest = set(pairs[0]), list(pairs[1:])
-    while more := [pair for pair in rest if joined & set(pair)]:
-        joined.update(*more)
-        rest = [pair for pair in rest if pair not in more]
-    return not rest
-
-
 def event_of(row: Mapping[str, Any]) -> tuple[str, str]:
     """Return the question that a row answers, and the event in words; the first is empty if none happens."""
     if row["collision"] > 0:
@@ -277,29 +260,13 @@ def share_of(row: Mapping[str, Any], name: str, futures: int = 0) -> Interval:
     return Interval(value=value, low=low, high=high, count=round(value * futures))
 
 
-class PairTables(Protocol):
-    """Parts of a `Run` that tell what happens to a pair in each future."""
-
-    @property
-    def futures(self) -> int:
-        """Number of futures."""
-
-    @property
-    def collisions(self) -> pa.Table:
-        """Collisions by future and pair."""
-
-    @property
-    def pair_outcomes(self) -> pa.Table:
-        """Values of the events by future and pair."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Encounter:
     """Encounter of two vehicles over all futures of a run.
 
     Attributes:
         row: of ``encounters.parquet``.
-        run: that it belongs to.
+        run: `Run` that it belongs to.
 
     Example:
         >>> pair = run.encounter(run.encounters["track_id"][0].as_py(), run.encounters["other_id"][0].as_py())
@@ -308,7 +275,7 @@ class Encounter:
     """
 
     row: Mapping[str, Any]
-    run: PairTables = field(repr=False)
+    run: Any = field(repr=False)
 
     @property
     def pair(self) -> tuple[int, int]:

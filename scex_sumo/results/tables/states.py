@@ -1,8 +1,7 @@
-"""States of all futures in a result folder, its seed scene, and both for other libraries."""
+"""States of all futures in a result folder, its seed scene."""
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -11,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
 
-from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.base.errors import ResultError
 from scex_sumo.converters.datasets.scene import CleanRecording, take_scene
 from scex_sumo.converters.registries import place_name
 from scex_sumo.converters.tracks.reader import read_tracks
@@ -52,8 +50,8 @@ class StateBlocks:
             there = self._parquet.metadata
             groups = [there.row_group(index).num_rows for index in range(there.num_row_groups)]
         check_fit(file, self._parquet.schema_arrow.names, _STATES, there.num_rows, futures * rows)
-        self._whole = any(size % rows for size in groups)  # a future lies in two groups
-        groups = [there.num_rows] if self._whole else groups
+        if any(size % rows for size in groups):
+            raise ResultError(f"{file}: a future lies in two row groups; run again")
         self.ends = np.cumsum([size // rows for size in groups], dtype=np.int64)
         """Number of futures up to the end of each row group."""
         self._last: tuple[int, States] | None = None
@@ -63,8 +61,7 @@ class StateBlocks:
         if self._last is None or self._last[0] != block:
             self._last = None
             with as_table(self._file):
-                blocks = range(self._parquet.num_row_groups) if self._whole else [block]
-                table = self._parquet.read_row_groups(blocks, columns=list(_STATES))
+                table = self._parquet.read_row_groups([block], columns=list(_STATES))
             _checked_states(self._file, table)
             x, y, vx, vy, psi = (np.asarray(table[name]).reshape(self._shape) for name in _STATES)
             self._last = block, States(x=x, y=y, heading=psi, speed=np.hypot(vx, vy))
@@ -87,22 +84,3 @@ def read_scene(folder: Path, known: Mapping[str, Any]) -> SeedScene:
         raise ResultError(f"{folder}: seed.csv is not that of run.json; run again")
     scene = scene.reordered([where[track] for track in known["track_ids"]], name=known["name"])
     return replace(scene, source=known.get("source") or {})
-
-
-def as_xarray(states: States, models: NDArray[np.str_], **vehicle_and_step: Any) -> Any:
-    """Return an xarray data set of states (C, V, T) and models (C, V); a `UsageError` without xarray."""
-    if importlib.util.find_spec("xarray") is None:
-        raise UsageError("to_xarray needs xarray: pip install xarray")
-    import xarray
-
-    axes = ("future", "vehicle", "step")
-    arrays: dict[str, Any] = {name: (axes, values) for name, values in vars(states).items()}
-    arrays["model"] = axes[:2], models
-    return xarray.Dataset(arrays, coords={"future": np.arange(len(models)), **vehicle_and_step})
-
-
-def as_pandas(table: pa.Table) -> Any:
-    """Return a pandas data frame; raise a `UsageError` without pandas."""
-    if importlib.util.find_spec("pandas") is None:
-        raise UsageError("to_pandas needs pandas: pip install '.[notebook]' in the clone")
-    return table.to_pandas()

@@ -9,7 +9,7 @@ import pytest
 
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.maps import read_map
-from scex_sumo.exporters.opendrive.file import opendrive_text
+from scex_sumo.exporters.opendrive.file import opendrive
 from scex_sumo.geometry.polylines import distances, samples
 from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.road import Road
@@ -263,7 +263,7 @@ def test_signals_hold_the_lanes_for_which_they_are_valid(tmp_path: Path) -> None
 @pytest.mark.parametrize("name", ["motorway_merge", "urban_intersection"])
 def test_opendrive_of_this_project_comes_back_within_a_centimetre(name: str, tmp_path: Path) -> None:
     drawn = read_map(example_path(name))
-    (tmp_path / "own.xodr").write_text(opendrive_text(drawn))
+    (tmp_path / "own.xodr").write_text(opendrive(drawn).text)
     back = read_map(tmp_path / "own.xodr")
     lines = [lane.centreline for lane in back.vehicle_lanes.values()]
     for lane in drawn.vehicle_lanes.values():
