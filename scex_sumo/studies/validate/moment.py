@@ -160,9 +160,7 @@ class _Futures:
         return self.driven.states
 
 
-def _run(
-    scene: SeedScene, net: SumoNet, settings: RunSettings, models: ModelSet, count: int
-) -> _Futures:
+def _run(scene: SeedScene, net: SumoNet, settings: RunSettings, models: ModelSet, count: int) -> _Futures:
     models.try_on(scene, seed=settings.seed)
     scene, net = ruled(scene, net, settings)
     drawn = models.draw(scene, futures=count, seed=settings.seed)
