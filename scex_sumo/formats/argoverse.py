@@ -129,7 +129,6 @@ def _log(path: Path) -> tuple[TrackTable, tuple[str, ...]]:
 
 
 def _columns(table: Any, names: Sequence[str]) -> list[Any]:
-    """Columns of a table, of text as lists, else as numbers; raises `KeyError`."""
     import pyarrow as pa
 
     checked(table)

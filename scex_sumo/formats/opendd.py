@@ -93,7 +93,6 @@ def _files(path: Path) -> tuple[Path, ...]:
 
 
 def _map_of(path: Path) -> Path:
-    """Map of a recording, which its table names, in the folders as published."""
     place = path.name.split("_")[0]
     file = Path(f"map_{place}", f"map_{place}.sqlite")
     above = path.parent.parent

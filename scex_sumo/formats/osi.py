@@ -70,7 +70,6 @@ def _damage(error: type[MapError] | type[TrackError], path: Path) -> Iterator[No
 
 
 def _messages(path: Path, kind: str) -> Iterator[Any]:
-    """Yield the messages of one kind in a trace."""
     message = getattr(osi_library(), kind)
     for body in _bodies(path, kind):
         if len(body) > MAX_BYTES:
@@ -136,7 +135,6 @@ def _map_beside(path: Path) -> Path | None:
 
 
 def _lane_map(path: Path) -> DrawnMap:
-    """Return the lanes of OSI, which stand in one of the first messages."""
     truths = islice(_messages(path, TOPICS["ground_truth"]), FIRST)
     return osi_map(path, next((truth for truth in truths if truth.lane), osi_library().GroundTruth()))
 

@@ -85,7 +85,6 @@ def _lane(lane: Any, bounds: dict[int, Any]) -> DrawnLane:
 
 
 def _along(centre: FloatArray, parts: list[FloatArray]) -> FloatArray:
-    """Join the parts of a bound in the direction of a centreline."""
     ahead = centre[-1] - centre[0]
     parts = [part for part in parts if len(part)]
     turned = [part if (part[-1] - part[0]) @ ahead >= 0 else part[::-1] for part in parts]

@@ -67,7 +67,6 @@ def _table(path: Path) -> Any:
 
 
 def _meta(path: Path) -> dict[str, Any]:
-    """Return the metadata of a file, from its schema."""
     import pyarrow as pa
 
     with pa.OSFile(str(path), "rb") as source:
@@ -79,7 +78,6 @@ def _meta(path: Path) -> dict[str, Any]:
 
 
 def _array(item: dict[Any, Any]) -> Any:
-    """Return the array that a packed dict stands for; other dicts unchanged."""
     if b"__ndarray__" not in item:
         return item
     if not re.fullmatch(r"[<>|=]?[biuf]\d{1,2}", word := str(item[b"dtype"])):  # NumPy evaluates others
@@ -166,7 +164,6 @@ def _modality(path: Path, kind: str) -> Path | None:
 
 
 def _column(table: Any, name: str) -> Any:
-    """Column of a file by its name without that of the file."""
     return table[next((full for full in table.column_names if full.endswith(f".{name}")), name)]
 
 

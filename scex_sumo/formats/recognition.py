@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from pathlib import Path
 
-from scex_sumo.converters.naming import beginning, plain_or_packed, unpacked_name
+from scex_sumo.converters.naming import beginning, map_name, plain_or_packed, unpacked_name
 
 XML = (".xml", ".xml.gz")
 FCD_ENDINGS = (".fcd.xml", ".fcd.xml.gz", ".parquet")
@@ -13,6 +15,7 @@ AV2_MAP, AV2_BOXES = "log_map_archive_*.json", ("annotations_with_ego.feather", 
 AV2_POSES = "city_SE3_egovehicle.feather"
 OPENDD_FILES = ("trajectories_rdb*.sqlite", "*.sqlite/rdb*", "rdb*.sqlite")
 PY123D_LOG = "sync.arrow"
+_CHUNK = re.compile(r"(?P<scene>.+)_(?P<first>\d+)_T-(?P<last>\d+)")  # of a CommonRoad recording
 SIND_VEHICLES, SIND_WALKERS = "Veh_smoothed_tracks", "Ped_smoothed_tracks"
 
 
@@ -61,9 +64,36 @@ def is_commonroad_recording(path: Path) -> bool:
     """Whether a path is a CommonRoad scenario, or a folder with the chunks of one recording."""
     if not path.is_dir():
         return is_commonroad(path)
-    from scex_sumo.formats.chunks import commonroad_chains
-
     return len(commonroad_chains(filter(is_commonroad, path.iterdir()))) == 1
+
+
+def commonroad_chains(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
+    """CommonRoad files by recording: single files, then consecutive chunks ``SCENE_FIRST_T-LAST``."""
+    alone: list[tuple[Path, ...]] = []
+    chunks = []
+    for path in sorted(paths):
+        span = chunk_span(path)
+        if span is None:
+            alone.append((path,))
+        else:
+            chunks.append((path.parent, *span, path))
+    joined: list[list[Path]] = []
+    expected = None
+    for folder, scene, first, last, path in sorted(chunks):
+        if expected == (folder, scene, first):
+            joined[-1].append(path)
+        else:
+            joined.append([path])
+        expected = folder, scene, last + 1
+    return alone + [tuple(files) for files in joined]
+
+
+def chunk_span(path: Path) -> tuple[str, int, int] | None:
+    """Scene, first and last step of a chunk of a CommonRoad recording, by its name; else None."""
+    parts = _CHUNK.fullmatch(map_name(path))
+    if parts is None or int(parts["last"]) <= int(parts["first"]):
+        return None
+    return parts["scene"], int(parts["first"]), int(parts["last"])
 
 
 def is_levelx(path: Path) -> bool:

@@ -300,7 +300,6 @@ def _limit_mps(lane: Mapping[str, Any]) -> float | None:
 
 
 def _width_m(lane: Mapping[str, Any]) -> float:
-    """Width of a lane by its sides or its polygon, m; nan if unknown."""
     sides = np.asarray(lane.get("width", ()), np.float64)
     if sides.ndim == 2 and len(sides := sides[(sides > 0.1).all(axis=1)]):
         return float(np.median(sides.sum(axis=1)))
@@ -312,7 +311,6 @@ def _width_m(lane: Mapping[str, Any]) -> float:
 
 
 def _lit(scenario: Mapping[str, Any]) -> Iterator[tuple[str, list[str], Any]]:
-    """Yield lane, states by time and stopping place of each light."""
     for name, light in (scenario.get("dynamic_map_states") or {}).items():
         state = light["state"]
         lane, place = light.get("lane", name), light.get("stop_point")

@@ -11,7 +11,6 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.converters.tracks.road_users import PEOPLE, obstacle_size, person_kind, road_user
-from scex_sumo.roads.misplaced import misplaced
 from scex_sumo.scene import HISTORY_STEPS, Obstacles, SeedScene, States
 
 MAX_PEOPLE: Final = 100
@@ -27,12 +26,10 @@ def with_people(scene: SeedScene, vru: str) -> SeedScene:
         return scene
     people = np.array([road_user(kind) in PEOPLE for kind in others.types])
     if vru == "replay":
-        notes = _on_places(scene, people & others.present[:, HISTORY_STEPS])
-        return replace(scene, notes=(*scene.notes, *notes)) if notes else scene
+        return scene
     if vru == "none":
         return replace(scene, obstacles=some_obstacles(others, ~people))
-    taking = _taking(others) & people
-    notes = _on_places(scene, taking)
+    taking, notes = _taking(others) & people, list[str]()
     if (more := int(taking.sum()) - MAX_PEOPLE) > 0:
         taking = _nearest(scene, others, taking)
         notes.append(f"{more} of {MAX_PEOPLE + more} people, those farthest from vehicles, are replayed")
@@ -81,13 +78,6 @@ def _nearest(scene: SeedScene, others: Obstacles, taking: BoolArray) -> BoolArra
     far = _distance(scene, others)
     far[~taking] = np.inf
     return np.isin(np.arange(len(far)), np.argsort(far, kind="stable")[:MAX_PEOPLE])
-
-
-def _on_places(scene: SeedScene, taking: BoolArray) -> list[str]:
-    """Return notes on the places of some obstacles (O,)."""
-    others, rows = scene.obstacles, np.flatnonzero(taking)
-    assert others is not None
-    return misplaced(scene.road, others.states[rows, HISTORY_STEPS], [others.ids[k] for k in rows])
 
 
 def _taking_part(scene: SeedScene, people: Obstacles) -> tuple[SeedScene, str]:

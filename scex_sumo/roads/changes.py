@@ -70,7 +70,6 @@ def _neighbour(
 
 
 def _beside(line: FloatArray, other: FloatArray, length_m: float) -> FloatArray:
-    """Cut a line to a length, or continue it parallel to another line beside it."""
     foot = nearest(other, *line[-1])
     after = other[arc_lengths(other) > foot] + line[-1] - along(other, np.array([foot]))
     longer = np.vstack([line, after])

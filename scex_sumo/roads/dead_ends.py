@@ -48,7 +48,6 @@ def dead_ends(lanes: Mapping[int, Lane]) -> list[int]:
 
 
 def _sector(lane: Lane, *, at_end: bool) -> tuple[shapely.Polygon, float]:
-    """Return where a lane would go on beyond its end, from 1 m on, and its direction there."""
     direction = heading(lane.centreline, end=at_end, reach=2.0)
     ahead = np.array([math.cos(direction), math.sin(direction)]) * (1.0 if at_end else -1.0)
     aside = np.array([-ahead[1], ahead[0]])

@@ -64,7 +64,6 @@ def doubts_of(
 
 @owner_cache
 def _off_lanes(scene: SeedScene) -> BoolArray:
-    """Return (V,) whether vehicles are off the mapped lanes; people may be."""
     off = np.zeros(scene.vehicles, dtype=np.bool_)
     off[[] if scene.road is None else off_road(scene.road, scene, any_direction=True)] = True
     return off if scene.people is None else off & ~scene.people
@@ -76,7 +75,6 @@ def _exact(scene: SeedScene) -> bool:
 
 
 def _short(scene: SeedScene) -> BoolArray:
-    """Return (V,) whether vehicles are recorded for less than a second."""
     return np.asarray((scene.recorded_steps < HISTORY_STEPS) & (not _exact(scene)))
 
 

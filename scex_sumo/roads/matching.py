@@ -86,7 +86,6 @@ def lane_segments(road: Road) -> LaneSegments:
 
 @owner_cache
 def _reaches(road: Road) -> shapely.STRtree:
-    """Return the boxes around the centreline segments within which a pose may match them."""
     segments = lane_segments(road)
     reach = segments.reach[segments.owner][:, None] + SLACK_M
     end = segments.start + segments.length[:, None] * segments.direction

@@ -59,7 +59,6 @@ def _part(road: Road, points: FloatArray) -> Road:
 
 @owner_cache
 def _within(road: Road, left: float, bottom: float, right: float, top: float) -> Road | None:
-    """Return the part of a road in a rectangle, m; None for most of it."""
     low, high = np.array([left, bottom]), np.array([right, top])
     near = {
         i: lane
@@ -97,7 +96,6 @@ def way_round(lanes: Mapping[int, Lane], length: Mapping[int, float], start: int
 
 
 def _is_round(loop: FloatArray) -> bool:
-    """Return whether a closed line (N, 2) has no long straight part."""
     points = samples(np.vstack([loop, loop[:1]]), 2.0)[1]  # twice round below: a straight may hold the start
     heading = np.unwrap(headings(np.vstack([points, points[1:]])))
     turned = np.abs(heading[None] - heading[: len(points), None]) > STRAIGHT_RAD

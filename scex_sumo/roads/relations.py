@@ -193,7 +193,6 @@ def _meetings(
 
 
 def _conflicts_ahead(lanes: dict[int, Lane]) -> list[Conflict]:
-    """Return the crossings and merges that drivers approach, without the branches of a fork."""
     every = conflicts(lanes)
     forks = {c.lanes for c in every if c.kind == "diverge"}
     forks |= {  # forks at the map's border
@@ -221,7 +220,6 @@ def _parts_further(conflict: Conflict, lanes: dict[int, Lane], forks: set[tuple[
 
 
 def _meeting_place(conflict: Conflict, lanes: dict[int, Lane]) -> tuple[float, float]:
-    """Return where two lanes meet, as an arc length on each, m."""
     (first_a, last_a), (first_b, last_b) = conflict.spans
     if conflict.kind == "merge":
         return first_a, first_b

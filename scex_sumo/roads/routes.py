@@ -143,7 +143,6 @@ def _with_intended(
     horizon: float,
     pose: tuple[float, float, float],
 ) -> list[CandidatePath]:
-    """Mark the path along the lanes of a vehicle's route as intended; add it if it is none of them."""
     start = next(((lane, s) for lane, s, _ in starts if lane in allowed), None)
     if start is None:
         return paths
@@ -272,7 +271,6 @@ def _with_later_forks(
 
 
 def _covered(road: Road, lanes: tuple[int, ...]) -> float:
-    """Return the length of a route, m; a lane change adds none."""
     known, length = _known(road), _lengths(road)
     return length[lanes[0]] + sum(length[b] for a, b in pairwise(lanes) if b in known[a].successors)
 
@@ -344,7 +342,6 @@ def _traced(
 
 @owner_cache
 def _joined(road: Road, sequence: tuple[int, ...]) -> tuple[FloatArray, IntArray]:
-    """Return the points (P, 2) of successive lanes, and the lane of each."""
     return join_owned(*_pieces(_known(road), sequence, 0.0))
 
 

@@ -8,9 +8,7 @@ import numpy as np
 
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.participants import with_people
-from scex_sumo.road import Area, Marking, Road
 from scex_sumo.scene import Obstacles, SeedScene, States
-from tests.behaviors import roads
 from tests.seeds import straight_seed
 
 
@@ -50,24 +48,3 @@ def test_only_pairs_with_a_vehicle_count() -> None:
     taking = with_people(scene_with("pedestrian", "pedestrian"), "model")
     assert RunSettings(vru="model").vehicles_that_count(taking) == (0, 1)
     assert RunSettings().vehicles_that_count(straight_seed()) is None
-
-
-def test_people_in_buildings_behind_walls_and_on_motorways_are_named() -> None:
-    """P0 at (20, 5) walks along +x at 1 m/s, P1 one metre to its left."""
-    around = np.array([[19.0, 4.5], [21.0, 4.5], [21.0, 5.5], [19.0, 5.5]])
-    wall = Marking(line_id=1, kind="wall", subtype="", points=np.array([[22.0, 5.5], [22.0, 9.0]]))
-    lane = roads.lane(1, [(0.0, 6.0), (50.0, 6.0)], limit=130 / 3.6)
-    side = np.array([0.0, 0.5])
-    motorway = replace(lane, left_bound=lane.centreline + side, right_bound=lane.centreline - side)
-    house = Area(area_id=1, kind="building", outline=around)
-    road = Road(name="r", lanes={1: motorway}, markings=(wall,), areas=(house,))
-    scene = replace(scene_with("pedestrian", "pedestrian"), road=road)
-    one, other = "P0", "P1"
-    assert with_people(scene, "replay").notes == with_people(scene, "model").notes
-    assert with_people(scene, "model").notes == (
-        f"people in buildings or closed areas (check map and tracks): {one}",
-        f"people on lanes of motorways (check map and tracks): {other}",
-        f"people that walk through a wall or fence within 3 s (check map and tracks): {other}",
-    )
-    far = replace(road, lanes={}, markings=(), areas=())
-    assert not with_people(replace(scene_with("pedestrian"), road=far), "model").notes

@@ -102,17 +102,13 @@ def coordinate(text: str | None) -> float:
     return value if abs(value) < 1e9 else math.nan
 
 
-_LINKS = ("successor", "predecessor", "adjacentLeft", "adjacentRight")
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lanelet:
     """One lanelet as the file has it; relations and signs by id; bounds (P, 2 or 3) in m.
 
     Attributes:
         types: ``urban``, ``highway``, ``sidewalk``, ...
-        one_way: road users along its direction: ``vehicle``, ``car``, ``bus``, ...
-        both_ways: road users in both directions.
+        one_way: road users along its direction, ``vehicle``, ``car``, ``bus``, ...; ``both_ways`` so.
         left_marking: ``solid``, ``dashed``, ...
         stop_line: (2, 2) ends, m.
         speed_limit: as written on the lanelet itself (2018b), m/s.
@@ -136,47 +132,6 @@ class Lanelet:
     speed_limit: str | None
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Source:
-    file: CommonRoadFile
-    lanelet_id: int
-    xml: ElementTree.Element
-    left: FloatArray
-    right: FloatArray
-    known: Mapping[str, Collection[int]]
-    words: Mapping[str, set[str]]
-
-    def refs(self, tag: str, parent: ElementTree.Element) -> dict[int, ElementTree.Element]:
-        children: dict[int, ElementTree.Element] = {}
-        for child in parent.findall(tag):
-            target = element_id(child, "ref")
-            if target not in self.known[tag] or (target == self.lanelet_id and tag in _LINKS):
-                self.file.note(f"lanelets with a {tag} that is not there, dropped", self.lanelet_id)
-            elif target is not None:
-                children.setdefault(target, child)
-        return children
-
-    def neighbour(self, tag: str) -> int | None:
-        for target, child in self.refs(tag, self.xml).items():
-            return target if child.get("drivingDir") == "same" else None
-        return None
-
-    def said(self, tag: str, parent: ElementTree.Element | None) -> list[str]:
-        texts = [child.text or "" for child in parent.findall(tag)] if parent is not None else []
-        if not self.words[tag].issuperset(texts):
-            self.file.note(f"lanelets with a {tag} that CommonRoad does not have, left out", self.lanelet_id)
-        return [text for text in texts if text in self.words[tag]]
-
-    def stop_lines(self) -> Iterator[tuple[FloatArray, ElementTree.Element]]:
-        for line in self.xml.findall("stopLine"):
-            ends = _points(line)[:, :2]
-            usable = len(ends) in (0, 2) and bool(np.isfinite(ends).all())
-            if usable and line.findtext("lineMarking") in self.words["lineMarking"]:
-                yield (ends if len(ends) else np.array([self.left[-1, :2], self.right[-1, :2]])), line
-            else:
-                self.file.note("lanelets with an unusable stop line, left out", self.lanelet_id)
-
-
 def read_lanelets(file: CommonRoadFile, words: Mapping[str, set[str]]) -> dict[int, Lanelet]:
     """Read usable lanelets by ascending id; ``words``: words of CommonRoad by tag.
 
@@ -191,41 +146,77 @@ def read_lanelets(file: CommonRoadFile, words: Mapping[str, set[str]]) -> dict[i
             file.note("ids used twice, the first lanelet kept", i)
         elif (bounds := _bounds(xml, i, file)) is not None:
             usable[i] = (xml, *bounds)
-    known: dict[str, Collection[int]] = dict.fromkeys(_LINKS, usable.keys())
-    known["trafficSignRef"] = file.elements("trafficSign").keys()
-    known["trafficLightRef"] = file.elements("trafficLight").keys()
-    return {
-        i: _lanelet(
-            _Source(file=file, lanelet_id=i, xml=xml, left=left, right=right, known=known, words=words)
+    read = _Reader(file, usable.keys(), words)
+    return {i: read.lanelet(i, *parts) for i, parts in sorted(usable.items())}
+
+
+class _Reader:
+    """Reader of lanelets; what a file does not have, or CommonRoad, is left out and noted."""
+
+    def __init__(self, file: CommonRoadFile, ids: Collection[int], words: Mapping[str, set[str]]) -> None:
+        self._file, self._words = file, words
+        names = {"trafficSignRef": "trafficSign", "trafficLightRef": "trafficLight"}
+        self._known = {tag: file.elements(name).keys() for tag, name in names.items()}
+        self._ids = ids
+
+    def lanelet(self, i: int, xml: ElementTree.Element, left: FloatArray, right: FloatArray) -> Lanelet:
+        stop_line, line = next(self._stop_lines(i, xml, left, right), (None, None))
+        parents = [xml] if line is None else [xml, line]
+        markings = [self._said(i, "lineMarking", xml.find(name)) for name in ("leftBound", "rightBound")]
+        left_marking, right_marking = (next(iter(found), "unknown") for found in markings)
+        return Lanelet(
+            left=left,
+            right=right,
+            centre=0.5 * (left + right),
+            types=frozenset(self._said(i, "laneletType", xml)),
+            one_way=frozenset(self._said(i, "userOneWay", xml)),
+            both_ways=frozenset(self._said(i, "userBidirectional", xml)),
+            left_marking=left_marking,
+            right_marking=right_marking,
+            successors=frozenset(self._refs(i, "successor", xml)),
+            predecessors=frozenset(self._refs(i, "predecessor", xml)),
+            left_neighbour=self._neighbour(i, "adjacentLeft", xml),
+            right_neighbour=self._neighbour(i, "adjacentRight", xml),
+            signs=frozenset(ref for parent in parents for ref in self._refs(i, "trafficSignRef", parent)),
+            lights=frozenset(ref for parent in parents for ref in self._refs(i, "trafficLightRef", parent)),
+            stop_line=stop_line,
+            speed_limit=xml.findtext("speedLimit"),
         )
-        for i, (xml, left, right) in sorted(usable.items())
-    }
 
+    def _refs(self, i: int, tag: str, parent: ElementTree.Element) -> dict[int, ElementTree.Element]:
+        children: dict[int, ElementTree.Element] = {}
+        for child in parent.findall(tag):
+            target = element_id(child, "ref")
+            if (
+                target in self._known.get(tag, self._ids)
+                and target is not None
+                and (tag in self._known or target != i)
+            ):
+                children.setdefault(target, child)
+            else:
+                self._file.note(f"lanelets with a {tag} that is not there, dropped", i)
+        return children
 
-def _lanelet(source: _Source) -> Lanelet:
-    xml = source.xml
-    stop_line, line = next(source.stop_lines(), (None, None))
-    parents = [xml] if line is None else [xml, line]
-    markings = [source.said("lineMarking", xml.find(name)) for name in ("leftBound", "rightBound")]
-    left_marking, right_marking = (found[0] if found else "unknown" for found in markings)
-    return Lanelet(
-        left=source.left,
-        right=source.right,
-        centre=0.5 * (source.left + source.right),
-        types=frozenset(source.said("laneletType", xml)),
-        one_way=frozenset(source.said("userOneWay", xml)),
-        both_ways=frozenset(source.said("userBidirectional", xml)),
-        left_marking=left_marking,
-        right_marking=right_marking,
-        successors=frozenset(source.refs("successor", xml)),
-        predecessors=frozenset(source.refs("predecessor", xml)),
-        left_neighbour=source.neighbour("adjacentLeft"),
-        right_neighbour=source.neighbour("adjacentRight"),
-        signs=frozenset(ref for parent in parents for ref in source.refs("trafficSignRef", parent)),
-        lights=frozenset(ref for parent in parents for ref in source.refs("trafficLightRef", parent)),
-        stop_line=stop_line,
-        speed_limit=xml.findtext("speedLimit"),
-    )
+    def _neighbour(self, i: int, tag: str, xml: ElementTree.Element) -> int | None:
+        target, child = next(iter(self._refs(i, tag, xml).items()), (None, xml))
+        return target if child.get("drivingDir") == "same" else None
+
+    def _said(self, i: int, tag: str, parent: ElementTree.Element | None) -> list[str]:
+        texts = [child.text or "" for child in parent.findall(tag)] if parent is not None else []
+        if not self._words[tag].issuperset(texts):
+            self._file.note(f"lanelets with a {tag} that CommonRoad does not have, left out", i)
+        return [text for text in texts if text in self._words[tag]]
+
+    def _stop_lines(
+        self, i: int, xml: ElementTree.Element, left: FloatArray, right: FloatArray
+    ) -> Iterator[tuple[FloatArray, ElementTree.Element]]:
+        for line in xml.findall("stopLine"):
+            ends = _points(line)[:, :2]
+            usable = len(ends) in (0, 2) and bool(np.isfinite(ends).all())
+            if usable and line.findtext("lineMarking") in self._words["lineMarking"]:
+                yield (ends if len(ends) else np.array([left[-1, :2], right[-1, :2]])), line
+            else:
+                self._file.note("lanelets with an unusable stop line, left out", i)
 
 
 def _bounds(xml: ElementTree.Element, i: int, file: CommonRoadFile) -> tuple[FloatArray, FloatArray] | None:

@@ -144,7 +144,6 @@ def _remark_limits(file: CommonRoadFile, lanes: list[Lane], limited: set[int]) -
 
 
 def _speed(file: CommonRoadFile, i: int, lanelet: Lanelet, signs: Signs) -> float | None:
-    """Lowest speed limit of a lanelet and its signs, m/s; None without one, or if one is no speed."""
     shown = [sign for s in sorted(lanelet.signs) for sign in signs.get(s, ()) if sign.name in _SPEED_SIGNS]
     texts = [sign.values[0] if sign.values else "" for sign in shown]
     limits = [number(text) for text in (*texts, lanelet.speed_limit) if text is not None]

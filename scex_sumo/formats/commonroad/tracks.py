@@ -22,9 +22,13 @@ from scex_sumo.converters.lanelet.file import list_ids
 from scex_sumo.converters.naming import map_name, open_binary
 from scex_sumo.converters.registries import Dataset, Recording, recording_name
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, FORWARD_MPS, TrackRows, TrackTable
-from scex_sumo.formats.chunks import chunk_span, commonroad_chains
 from scex_sumo.formats.commonroad.file import coordinate, element_id, parse_commonroad
-from scex_sumo.formats.recognition import is_commonroad, is_commonroad_recording
+from scex_sumo.formats.recognition import (
+    chunk_span,
+    commonroad_chains,
+    is_commonroad,
+    is_commonroad_recording,
+)
 from scex_sumo.formats.samples.build import track_rows, track_table
 from scex_sumo.geometry.polylines import wrap
 
@@ -275,7 +279,6 @@ def _siblings(path: Path) -> list[Path]:
 
 
 def _stitch(parts: list[tuple[TrackTable, tuple[str, ...]]]) -> tuple[TrackTable, tuple[str, ...]]:
-    """Join consecutive chunks to one recording with the clock of the first one."""
     tables = [table for table, _ in parts]
     step_s = tables[0].step_s
     offsets_ms = [0.0]

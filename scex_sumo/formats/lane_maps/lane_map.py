@@ -280,7 +280,6 @@ def _links(drawn: DrawnMap, ids: Mapping[Hashable, int], lanes: Mapping[int, Lan
 
 
 def _along_most(a: Lane, b: Lane) -> bool:
-    """Return whether two lanes lead the same way side by side for most of both."""
     for one, other in ((a, b), (b, a)):
         _, points = samples(one.centreline, max(length_of(one.centreline) / 10.0, 0.1))
         s, gap = project(points, other.centreline)
@@ -314,7 +313,6 @@ def _joined(lanes: Mapping[int, Lane]) -> dict[int, list[int]]:
 
 
 def _side_by_side(lanes: Mapping[int, Lane]) -> dict[int, int]:
-    """Return the nearest lane on the left of each lane, beside its start, middle and end."""
     ids = list(lanes)
     widths = np.array([lane.width_m for lane in lanes.values()])
     places = _places(lanes)
@@ -359,7 +357,6 @@ def _regulations(
 
 
 def _stop_line(lane: Lane, place: FloatArray) -> FloatArray:
-    """Return the line across a lane at the point nearest to a place, (2, 2)."""
     s = np.clip(
         project(place[None], lane.centreline)[0][0], 0.05, max(length_of(lane.centreline) - 0.05, 0.05)
     )
@@ -370,7 +367,6 @@ def _stop_line(lane: Lane, place: FloatArray) -> FloatArray:
 
 
 def _borders(lanes: Mapping[int, Lane]) -> list[tuple[str, str, FloatArray]]:
-    """Lines to draw for a map without markings: bounds of lanes for cars."""
     lines: list[tuple[str, str, FloatArray]] = []
     for lane in lanes.values():
         if lane.kind == "vehicle":

@@ -128,7 +128,6 @@ def _closed(mark: Element) -> bool:
 
 
 def _lines(road: DrawnRoad) -> Iterator[tuple[str, str, FloatArray]]:
-    """Yield the markings of a road: kind, subtype and polyline."""
     for piece in road.pieces:
         for i in (0, *piece.lanes):
             shown = piece.mark(i).get("type", "none")
@@ -184,7 +183,6 @@ def _linked(element: Element, tag: str) -> list[int]:
 
 
 def _through(road: DrawnRoad) -> Iterator[tuple[End, End]]:
-    """Yield the ends of lanes that meet within a road."""
     for k, (one, other) in enumerate(pairwise(road.pieces)):
         pairs = [(i, i) for i in one.lanes if one.section == other.section]
         if one.section != other.section:
@@ -198,7 +196,6 @@ def _end(road: DrawnRoad, lane: int, *, at_end: bool) -> End:
 
 
 def _onward(road: DrawnRoad, roads: Mapping[str, DrawnRoad]) -> Iterator[tuple[End, End]]:
-    """Yield the ends of lanes that meet where a road is linked to another road."""
     for tag, at_end in (("predecessor", False), ("successor", True)):
         link = road.element.find(f"link/{tag}")
         other = None if link is None else roads.get(link.get("elementId", ""))
@@ -211,7 +208,6 @@ def _onward(road: DrawnRoad, roads: Mapping[str, DrawnRoad]) -> Iterator[tuple[E
 
 
 def _connections(root: Element, roads: Mapping[str, DrawnRoad]) -> Iterator[tuple[End, End]]:
-    """Yield the ends of lanes that meet at junctions, direct ones as well."""
     for link in root.iterfind("junction/connection"):
         incoming = roads.get(link.get("incomingRoad", ""))
         other = roads.get(link.get("connectingRoad") or link.get("linkedRoad") or "")
@@ -226,7 +222,6 @@ def _connections(root: Element, roads: Mapping[str, DrawnRoad]) -> Iterator[tupl
 
 
 def _signals(drawn: OpenDriveMap, road: DrawnRoad, known: Mapping[str, Element], tiny: set[Name]) -> None:
-    """Add the lights and signs of a road to the lanes for which they are valid."""
     shown = [*road.element.findall("signals/signal"), *road.element.findall("signals/signalReference")]
     for element in shown:
         kind = known.get(element.get("id", ""), element).get("type", "").strip()

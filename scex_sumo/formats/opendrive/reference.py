@@ -82,8 +82,6 @@ class ReferenceLine:
 
 
 class _Stretch:
-    """One geometry of a reference line."""
-
     def __init__(self, element: Element, length: float) -> None:
         self.length = length
         self._x, self._y, self._heading = (number(element, name) for name in ("x", "y", "hdg"))

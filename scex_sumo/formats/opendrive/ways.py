@@ -148,7 +148,6 @@ class Places:
         return Way(np.concatenate([self._lines[lanes[0]], *(self._lines[name][1:] for name in lanes[1:])]))
 
     def _lanes_to(self, lane: Driven, roads: Sequence[str]) -> float:
-        """Return how many lanes lead from one to the first of some roads; infinite if none do."""
         layer, seen, count = {lane}, {lane}, 0.0
         while roads and layer:
             if any(name[0] == roads[0] for name in layer):

@@ -49,7 +49,6 @@ def read_document(path: Path) -> Element:
 
 
 def _fill(element: Element, values: Mapping[str, str], entries: Mapping[tuple[str, ...], Element]) -> None:
-    """Replace parameters in attributes, and references to catalogs by their entries."""
     for one in element.findall("ParameterDeclarations/*"):
         name, value = one.get("name", "").lstrip("$"), _filled(one.get("value", ""), values)
         values = {name: value, **values} if element.tag in _DEFAULTS else {**values, name: value}

@@ -38,7 +38,6 @@ _WHAT = "scenario of OpenSCENARIO"
 
 
 def _map_of(path: Path) -> Path:
-    """Return the OpenDRIVE file that a scenario names."""
     with one_line(MapError, path, _WHAT):
         file = read_document(path).find("RoadNetwork/LogicFile")
         name = "" if file is None else file.get("filepath", "")

@@ -92,7 +92,6 @@ class Storyboard:
         return self.movers[name]
 
     def _pose(self, element: Element) -> Pose:
-        """Return the pose of the position within an element."""
         return self._placed(
             _needed(element, "*" if element.tag.startswith("TargetPosition") else "Position/*")
         )
@@ -172,7 +171,6 @@ class Storyboard:
                 self._start(event, [one for one in events if one.maneuver is event.maneuver])
 
     def _start(self, event: Event, others: Sequence[Event]) -> None:
-        """Begin the actions of an event, by its priority over others of its maneuver."""
         now, element = self._time_s, event.element
         others = [one for one in others if one.began_s <= now < one.ended_s]
         if element.get("priority") == "skip" and others:
@@ -329,7 +327,6 @@ class Storyboard:
         return bool(results) and (all if entities.get("triggeringEntitiesRule") == "all" else any)(results)
 
     def _measured(self, one: Element, mover: Mover) -> float:
-        """Return the value of a road user that a condition compares."""
         if one.tag == "SpeedCondition":
             return mover.speed
         if one.tag == "TraveledDistanceCondition":

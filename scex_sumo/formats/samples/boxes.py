@@ -180,7 +180,6 @@ def _fill_sizes(track: IntArray, values: FloatArray, words: list[str]) -> list[s
 
 
 def _numbers(labels: list[str], motor: list[bool]) -> tuple[list[str], list[str]]:
-    """Number the vehicles whose names are no numbers, after the others."""
     plain = [bool(re.fullmatch(r"\d{1,18}", label)) for label in labels]
     free = max((int(label) for label, number in zip(labels, plain, strict=True) if number), default=0)
     numbers, named = [], 0

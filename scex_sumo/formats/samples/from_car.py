@@ -57,7 +57,6 @@ def _near_lanes(rows: TrackRows, road: Road) -> BoolArray:
 
 
 def _parked(rows: TrackRows, road: Road) -> BoolArray:
-    """Return (K,) whether each track is a parked vehicle."""
     if not len(rows):
         return np.zeros(0, bool)
     begin = np.flatnonzero(np.append(True, np.diff(rows.track) != 0))
