@@ -7,8 +7,7 @@ keeps the sound ones.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -16,9 +15,9 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError
-from scex_sumo.converters.lanelet.file import Findings
 from scex_sumo.converters.naming import number
 from scex_sumo.converters.xml import xml_root
+from scex_sumo.formats.lane_maps.lane_map import DrawnMap
 from scex_sumo.geometry.polylines import arc_lengths
 
 VERSIONS = ("2018b", "2020a")
@@ -31,16 +30,10 @@ _ROOTS = {
 
 
 @dataclass(kw_only=True, eq=False)
-class CommonRoadFile(Findings):
-    """The contents of one CommonRoad file; ``remarks`` are complete notes."""
+class CommonRoadFile(DrawnMap):
+    """The contents of one CommonRoad file."""
 
-    path: Path
     root: ElementTree.Element
-    remarks: list[str] = field(default_factory=list)
-
-    def notes(self) -> tuple[str, ...]:
-        """One short sentence with ids for each kind of defect, and the remarks."""
-        return (*super().notes(), *self.remarks)
 
     def elements(self, tag: str) -> dict[int, ElementTree.Element]:
         """Elements of a tag right below the root by ascending id; the first of several with one id."""
@@ -71,7 +64,7 @@ def open_commonroad(path: str | Path) -> CommonRoadFile:
     root = parse_commonroad(path)
     if root.find("lanelet") is None:
         raise MapError(f"{path}: a CommonRoad file without lanelets; name one with a road network")
-    return CommonRoadFile(path=path, root=root)
+    return CommonRoadFile(path=path, root=root, moved=False)
 
 
 def parse_commonroad(path: Path) -> ElementTree.Element:
@@ -102,126 +95,10 @@ def coordinate(text: str | None) -> float:
     return value if abs(value) < 1e9 else math.nan
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Lanelet:
-    """One lanelet as the file has it; relations and signs by id; bounds (P, 2 or 3) in m.
-
-    Attributes:
-        types: ``urban``, ``highway``, ``sidewalk``, ...
-        one_way: road users along its direction, ``vehicle``, ``car``, ``bus``, ...; ``both_ways`` so.
-        left_marking: ``solid``, ``dashed``, ...
-        stop_line: (2, 2) ends, m.
-        speed_limit: as written on the lanelet itself (2018b), m/s.
-    """
-
-    left: FloatArray
-    right: FloatArray
-    centre: FloatArray
-    types: frozenset[str]
-    one_way: frozenset[str]
-    both_ways: frozenset[str]
-    left_marking: str
-    right_marking: str
-    successors: frozenset[int]
-    predecessors: frozenset[int]
-    left_neighbour: int | None
-    right_neighbour: int | None
-    signs: frozenset[int]
-    lights: frozenset[int]
-    stop_line: FloatArray | None
-    speed_limit: str | None
-
-
-def read_lanelets(file: CommonRoadFile, words: Mapping[str, set[str]]) -> dict[int, Lanelet]:
-    """Read usable lanelets by ascending id; ``words``: words of CommonRoad by tag.
-
-    Defects of the others go into the file's notes.
-    """
-    usable: dict[int, tuple[ElementTree.Element, FloatArray, FloatArray]] = {}
-    for xml in file.root.findall("lanelet"):
-        i = element_id(xml)
-        if i is None:
-            file.note("lanelets left out, their id is no positive number", xml.get("id", "")[:24] or "none")
-        elif i in usable:
-            file.note("ids used twice, the first lanelet kept", i)
-        elif (bounds := _bounds(xml, i, file)) is not None:
-            usable[i] = (xml, *bounds)
-    read = _Reader(file, usable.keys(), words)
-    return {i: read.lanelet(i, *parts) for i, parts in sorted(usable.items())}
-
-
-class _Reader:
-    """Reader of lanelets; what a file does not have, or CommonRoad, is left out and noted."""
-
-    def __init__(self, file: CommonRoadFile, ids: Collection[int], words: Mapping[str, set[str]]) -> None:
-        self._file, self._words = file, words
-        names = {"trafficSignRef": "trafficSign", "trafficLightRef": "trafficLight"}
-        self._known = {tag: file.elements(name).keys() for tag, name in names.items()}
-        self._ids = ids
-
-    def lanelet(self, i: int, xml: ElementTree.Element, left: FloatArray, right: FloatArray) -> Lanelet:
-        stop_line, line = next(self._stop_lines(i, xml, left, right), (None, None))
-        parents = [xml] if line is None else [xml, line]
-        markings = [self._said(i, "lineMarking", xml.find(name)) for name in ("leftBound", "rightBound")]
-        left_marking, right_marking = (next(iter(found), "unknown") for found in markings)
-        return Lanelet(
-            left=left,
-            right=right,
-            centre=0.5 * (left + right),
-            types=frozenset(self._said(i, "laneletType", xml)),
-            one_way=frozenset(self._said(i, "userOneWay", xml)),
-            both_ways=frozenset(self._said(i, "userBidirectional", xml)),
-            left_marking=left_marking,
-            right_marking=right_marking,
-            successors=frozenset(self._refs(i, "successor", xml)),
-            predecessors=frozenset(self._refs(i, "predecessor", xml)),
-            left_neighbour=self._neighbour(i, "adjacentLeft", xml),
-            right_neighbour=self._neighbour(i, "adjacentRight", xml),
-            signs=frozenset(ref for parent in parents for ref in self._refs(i, "trafficSignRef", parent)),
-            lights=frozenset(ref for parent in parents for ref in self._refs(i, "trafficLightRef", parent)),
-            stop_line=stop_line,
-            speed_limit=xml.findtext("speedLimit"),
-        )
-
-    def _refs(self, i: int, tag: str, parent: ElementTree.Element) -> dict[int, ElementTree.Element]:
-        children: dict[int, ElementTree.Element] = {}
-        for child in parent.findall(tag):
-            target = element_id(child, "ref")
-            if (
-                target in self._known.get(tag, self._ids)
-                and target is not None
-                and (tag in self._known or target != i)
-            ):
-                children.setdefault(target, child)
-            else:
-                self._file.note(f"lanelets with a {tag} that is not there, dropped", i)
-        return children
-
-    def _neighbour(self, i: int, tag: str, xml: ElementTree.Element) -> int | None:
-        target, child = next(iter(self._refs(i, tag, xml).items()), (None, xml))
-        return target if child.get("drivingDir") == "same" else None
-
-    def _said(self, i: int, tag: str, parent: ElementTree.Element | None) -> list[str]:
-        texts = [child.text or "" for child in parent.findall(tag)] if parent is not None else []
-        if not self._words[tag].issuperset(texts):
-            self._file.note(f"lanelets with a {tag} that CommonRoad does not have, left out", i)
-        return [text for text in texts if text in self._words[tag]]
-
-    def _stop_lines(
-        self, i: int, xml: ElementTree.Element, left: FloatArray, right: FloatArray
-    ) -> Iterator[tuple[FloatArray, ElementTree.Element]]:
-        for line in xml.findall("stopLine"):
-            ends = _points(line)[:, :2]
-            usable = len(ends) in (0, 2) and bool(np.isfinite(ends).all())
-            if usable and line.findtext("lineMarking") in self._words["lineMarking"]:
-                yield (ends if len(ends) else np.array([left[-1, :2], right[-1, :2]])), line
-            else:
-                self._file.note("lanelets with an unusable stop line, left out", i)
-
-
-def _bounds(xml: ElementTree.Element, i: int, file: CommonRoadFile) -> tuple[FloatArray, FloatArray] | None:
+def bounds_of(xml: ElementTree.Element, i: int, file: CommonRoadFile) -> tuple[FloatArray, FloatArray] | None:
+    """Return the bounds of a lanelet, with equally many points; None, and a note, if they are not usable."""
     elements = [xml.find(name) for name in ("leftBound", "rightBound")]
-    lines = [_points(element) for element in elements if element is not None]
+    lines = [points_of(element) for element in elements if element is not None]
     if len(lines) < 2:
         file.note("lanelets left out, a bound is missing", i)
         return None
@@ -247,7 +124,8 @@ def _bounds(xml: ElementTree.Element, i: int, file: CommonRoadFile) -> tuple[Flo
     return left, right
 
 
-def _points(line: ElementTree.Element) -> FloatArray:
+def points_of(line: ElementTree.Element) -> FloatArray:
+    """Return (P, 2 or 3) points below an element, m; nan for what is no number."""
     points = line.findall("point")
     names = ("x", "y", "z") if points and all(p.find("z") is not None for p in points) else ("x", "y")
     return np.array([[coordinate(p.findtext(name)) for name in names] for p in points]).reshape(

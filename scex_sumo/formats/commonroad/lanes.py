@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeAlias
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.lanelet.tags import default_speed_mps
 from scex_sumo.converters.naming import number
-from scex_sumo.formats.commonroad.file import CommonRoadFile, Lanelet, element_id
-from scex_sumo.geometry.polylines import bounds_cross, mean_width_m, without_repeats
+from scex_sumo.formats.commonroad.file import CommonRoadFile, bounds_of, element_id, points_of
+from scex_sumo.formats.lane_maps.lane_map import DrawnLane
+from scex_sumo.geometry.polylines import bounds_cross, without_repeats
 from scex_sumo.road import Area, Lane, Marking, Regulation
 
 CARS = {"vehicle", "car"}
+_LINKS = ("successor", "predecessor", "adjacentLeft", "adjacentRight")
 # In order of precedence.
 _KINDS = {
     "crosswalk": "pedestrian",
@@ -73,7 +75,7 @@ class Sign:
     values: tuple[str, ...] = ()
 
 
-def kind_by_types(types: frozenset[str], users: frozenset[str]) -> str:
+def kind_by_types(types: frozenset[str], users: set[str]) -> str:
     """Kind of a lane: ``vehicle``, ``bus``, ``bicycle``, ``pedestrian`` or ``other``."""
     if types & _NEVER_DRIVEN:
         return "other"
@@ -87,84 +89,137 @@ def kind_by_types(types: frozenset[str], users: frozenset[str]) -> str:
     return next((kind for kind in ("bus", "bicycle", "pedestrian") if kind in users), "other")
 
 
-def lane_tags(types: frozenset[str]) -> dict[str, str]:
-    """CommonRoad's lanelet types as Lanelet2's ``subtype`` and ``location``."""
-    subtype = next((word for name, word in _SUBTYPES.items() if name in types), "road")
-    location = "urban" if "urban" in types else "nonurban" if "country" in types else ""
-    return {"subtype": subtype, "location": location}
-
-
 Signs: TypeAlias = Mapping[int, tuple[Sign, ...]]
+Words: TypeAlias = Mapping[str, set[str]]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Lanelet(DrawnLane):
+    """Lanelet with its signs and lights by id, and its stop line, (2, 2) ends in m.
+
+    Attributes:
+        markings: of its left and right bound: ``solid``, ``dashed``, ...
+        both_ways: cars may use it in both directions.
+    """
+
+    markings: tuple[str, ...]
+    both_ways: bool
+    signs: frozenset[int]
+    lights: frozenset[int]
+    stop_line: FloatArray | None
+
+
 Lanelets: TypeAlias = Mapping[int, Lanelet]
 
 
-def lanes_of(file: CommonRoadFile, lanelets: Lanelets, signs: Signs) -> dict[int, Lane]:
-    """Build lanes without relations to others; doubts go into the file's notes."""
-    lanes = {}
-    limited = set()
-    for i, lanelet in lanelets.items():
-        left, right, centreline = (_xy(line) for line in (lanelet.left, lanelet.right, lanelet.centre))
-        if len(centreline) < 2:
-            file.note("lanelets left out, no length between their bounds", i)
-            continue
-        if bounds_cross(left, right):
-            file.note("bounds cross each other or themselves, the lane's shape may be off", i)
-        kind = kind_by_types(lanelet.types, lanelet.one_way | lanelet.both_ways)
-        tags = lane_tags(lanelet.types)
-        speed = _speed(file, i, lanelet, signs)
-        if speed is not None:
-            limited.add(i)
-        lanes[i] = Lane(
-            lane_id=i,
-            centreline=centreline,
-            left_bound=left,
-            right_bound=right,
-            width_m=mean_width_m(left, right),
-            speed_limit_mps=speed or default_speed_mps(tags, kind),
-            kind=kind,
-            subtype=tags["subtype"],
-            location=tags["location"],
-        )
-    _remark_limits(file, [lane for lane in lanes.values() if lane.kind == "vehicle"], limited)
-    return lanes
+def read_lanelets(file: CommonRoadFile, words: Words, signs: Signs) -> dict[int, Lanelet]:
+    """Read usable lanelets by ascending id; ``words``: words of CommonRoad by tag.
 
-
-def _xy(line: FloatArray) -> FloatArray:
-    return without_repeats(line[:, :2])
-
-
-def _remark_limits(file: CommonRoadFile, lanes: list[Lane], limited: set[int]) -> None:
-    unsigned = [lane for lane in lanes if lane.lane_id not in limited]
-    if unsigned:
-        kmh = sorted({round(lane.speed_limit_mps * 3.6) for lane in unsigned})
-        limits = "/".join(str(limit) for limit in kmh)
-        file.remarks.append(
-            f"{len(unsigned)} of {len(lanes)} lanelets have no speed limit: {limits} km/h by their type"
-        )
-
-
-def _speed(file: CommonRoadFile, i: int, lanelet: Lanelet, signs: Signs) -> float | None:
-    shown = [sign for s in sorted(lanelet.signs) for sign in signs.get(s, ()) if sign.name in _SPEED_SIGNS]
-    texts = [sign.values[0] if sign.values else "" for sign in shown]
-    limits = [number(text) for text in (*texts, lanelet.speed_limit) if text is not None]
-    if all(0.0 < limit <= MAX_LIMIT_MPS for limit in limits):
-        return min(limits, default=None)
-    file.note("speed limits that are none in m/s, left out", i)
-    return None
-
-
-def driven_both_ways(lanelets: Lanelets, lanes: Mapping[int, Lane]) -> list[int]:
-    """Vehicle lanes that cars may use in both directions."""
-    return [i for i, lane in lanes.items() if lane.kind == "vehicle" and lanelets[i].both_ways & CARS]
-
-
-def may_change(lanelets: Lanelets, left: int, right: int, leftwards: bool) -> bool:
-    """Return whether the markings between two lanelets allow a lane change.
-
-    The first word of ``dashed_solid`` is the left half of the line.
+    Defects of the others go into the file's notes.
     """
-    closed = {*_NO_CROSSING, "dashed_solid" if leftwards else "solid_dashed"}
-    return closed.isdisjoint((lanelets[left].right_marking, lanelets[right].left_marking))
+    usable: dict[int, tuple[Element, FloatArray, FloatArray]] = {}
+    for xml in file.root.findall("lanelet"):
+        i = element_id(xml)
+        if i is None:
+            file.note("lanelets left out, their id is no positive number", xml.get("id", "")[:24] or "none")
+        elif i in usable:
+            file.note("ids used twice, the first lanelet kept", i)
+        elif (bounds := bounds_of(xml, i, file)) is not None:
+            usable[i] = (xml, *bounds)
+    lights = file.elements("trafficLight").keys()
+    known = {"trafficSignRef": signs.keys(), "trafficLightRef": lights} | dict.fromkeys(_LINKS, usable.keys())
+    return {i: _Reader(file, i, known, words).lanelet(*parts, signs) for i, parts in sorted(usable.items())}
+
+
+class _Reader:
+    """Reader of one lanelet; what the file does not have, or CommonRoad, is left out and noted."""
+
+    def __init__(
+        self,
+        file: CommonRoadFile,
+        i: int,
+        known: Mapping[str, Collection[int]],
+        words: Words,
+    ) -> None:
+        self._file, self._id, self._known, self._words = file, i, known, words
+
+    def lanelet(self, xml: Element, left: FloatArray, right: FloatArray, signs: Signs) -> Lanelet:
+        if bounds_cross(*(without_repeats(line[:, :2]) for line in (left, right))):
+            self._file.note("bounds cross each other or themselves, the lane's shape may be off", self._id)
+        types = frozenset(self._said("laneletType", xml))
+        users, both_ways = (self._said(tag, xml) for tag in ("userOneWay", "userBidirectional"))
+        stop_line, line = next(self._stop_lines(xml, left, right), (None, None))
+        parents = [xml] if line is None else [xml, line]
+        found = [self._said("lineMarking", xml.find(name)) for name in ("leftBound", "rightBound")]
+        markings = tuple(next(iter(words), "unknown") for words in found)
+        ours = frozenset(ref for parent in parents for ref in self._refs("trafficSignRef", parent))
+        return Lanelet(
+            name=self._id,
+            centre=0.5 * (left + right),
+            left=left,
+            right=right,
+            kind=kind_by_types(types, {*users, *both_ways}),
+            subtype=next((word for name, word in _SUBTYPES.items() if name in types), "road"),
+            location="urban" if "urban" in types else "nonurban" if "country" in types else "",
+            limit_mps=self._speed(ours, xml.findtext("speedLimit"), signs),
+            closed=tuple(_closed(*both) for both in zip(("left", "right"), markings, strict=True)),
+            successors=[*self._refs("successor", xml)],
+            predecessors=[*self._refs("predecessor", xml)],
+            left_neighbours=self._neighbour("adjacentLeft", xml),
+            right_neighbours=self._neighbour("adjacentRight", xml),
+            markings=markings,
+            both_ways=not CARS.isdisjoint(both_ways),
+            signs=ours,
+            lights=frozenset(ref for parent in parents for ref in self._refs("trafficLightRef", parent)),
+            stop_line=stop_line,
+        )
+
+    def _refs(self, tag: str, parent: Element) -> dict[int, Element]:
+        children: dict[int, Element] = {}
+        for child in parent.findall(tag):
+            target = element_id(child, "ref")
+            if target not in self._known[tag] or (target == self._id and tag in _LINKS):
+                self._file.note(f"lanelets with a {tag} that is not there, dropped", self._id)
+            elif target is not None:
+                children.setdefault(target, child)
+        return children
+
+    def _neighbour(self, tag: str, xml: Element) -> list[int]:
+        first = [*self._refs(tag, xml).items()][:1]
+        return [target for target, child in first if child.get("drivingDir") == "same"]
+
+    def _said(self, tag: str, parent: Element | None) -> list[str]:
+        texts = [child.text or "" for child in parent.findall(tag)] if parent is not None else []
+        if not self._words[tag].issuperset(texts):
+            self._file.note(f"lanelets with a {tag} that CommonRoad does not have, left out", self._id)
+        return [text for text in texts if text in self._words[tag]]
+
+    def _stop_lines(
+        self, xml: Element, left: FloatArray, right: FloatArray
+    ) -> Iterator[tuple[FloatArray, Element]]:
+        for line in xml.findall("stopLine"):
+            ends = points_of(line)[:, :2]
+            usable = len(ends) in (0, 2) and bool(np.isfinite(ends).all())
+            if usable and line.findtext("lineMarking") in self._words["lineMarking"]:
+                yield (ends if len(ends) else np.array([left[-1, :2], right[-1, :2]])), line
+            else:
+                self._file.note("lanelets with an unusable stop line, left out", self._id)
+
+    def _speed(self, ours: Iterable[int], written: str | None, signs: Signs) -> float | None:
+        """Return the lowest speed limit, m/s; None without one, or if one is no speed."""
+        shown = [sign for s in sorted(ours) for sign in signs[s] if sign.name in _SPEED_SIGNS]
+        texts = [sign.values[0] if sign.values else "" for sign in shown]
+        limits = [number(text) for text in (*texts, written) if text is not None]
+        if all(0.0 < limit <= MAX_LIMIT_MPS for limit in limits):
+            return min(limits, default=None)
+        self._file.note("speed limits that are none in m/s, left out", self._id)
+        return None
+
+
+def _closed(side: str, marking: str) -> str:
+    """Return how a marking closes a side to changes; the first word of ``dashed_solid`` is its left half."""
+    ways = {"dashed_solid": f"{side} leftwards", "solid_dashed": f"{side} rightwards"}
+    return side if marking in _NO_CROSSING else ways.get(marking, "")
 
 
 def rules_of(
@@ -228,8 +283,8 @@ def drawn_markings(lanelets: Lanelets) -> tuple[Marking, ...]:
     """Lines to draw, with new ids; a line that two lanelets share is drawn once."""
     lines: dict[bytes, tuple[str, str, FloatArray]] = {}
     for lanelet in lanelets.values():
-        for line, marking in ((lanelet.left, lanelet.left_marking), (lanelet.right, lanelet.right_marking)):
-            drawn, points = LINES.get(marking), _xy(line)
+        for line, marking in zip((lanelet.left, lanelet.right), lanelet.markings, strict=True):
+            drawn, points = LINES.get(marking), without_repeats(line[:, :2])
             if drawn is not None and points[::-1].tobytes() not in lines:
                 lines.setdefault(points.tobytes(), (*drawn, points))
     for lanelet in lanelets.values():
@@ -250,48 +305,40 @@ def drawn_areas(lanes: Mapping[int, Lane]) -> tuple[Area, ...]:
     )
 
 
-def with_reverse(lanes: Mapping[int, Lane], both_ways: Iterable[int]) -> dict[int, Lane]:
-    """Add the opposite lane of each connected lane that cars drive both ways, without lane changes."""
-    result = dict(lanes)
-    turned: dict[int, int] = {}
-    for i in sorted(both_ways):
-        lane = lanes[i]
-        turned[i] = max(result) + 1
-        result[turned[i]] = replace(
-            lane,
-            lane_id=turned[i],
-            centreline=lane.centreline[::-1],
-            left_bound=lane.right_bound[::-1],
-            right_bound=lane.left_bound[::-1],
-            successors=(),
-            predecessors=(),
-            left=None,
-            right=None,
-            adjacent_left=None,
-            adjacent_right=None,
-            reverse_of=i,
-        )
-    pairs = {(turned[j], turned[i]) for i in turned for j in lanes[i].successors if j in turned}
-    pairs |= _joined(result, set(turned.values()))
-    for a, b in sorted(pairs):
-        result[a] = replace(result[a], successors=tuple(sorted({*result[a].successors, b})))
-        result[b] = replace(result[b], predecessors=tuple(sorted({*result[b].predecessors, a})))
+def with_opposite(lanelets: Lanelets) -> dict[int, Lanelet]:
+    """Add the opposite lane of each lanelet that cars drive both ways, without lane changes."""
+    result, turned = dict(lanelets), dict[int, int]()
+    for i, one in lanelets.items():
+        if one.kind == "vehicle" and one.both_ways:
+            turned[i] = max(result) + 1
+            result[turned[i]] = replace(
+                one,
+                name=turned[i],
+                reverse_of=i,
+                centre=one.centre[::-1],
+                left=one.right[::-1],
+                right=one.left[::-1],
+                successors=(),
+                predecessors=(),
+                left_neighbours=(),
+                right_neighbours=(),
+            )
+    links = {(i, j) for i in turned for j in turned if j in (lanelets[i].successors or ())}
+    links |= {(i, j) for i in turned for j in turned if i in (lanelets[j].predecessors or ())}
+    pairs = {(turned[j], turned[i]) for i, j in links}
+    for a, b in sorted(pairs | _joined(result, {*turned.values()})):
+        result[a] = replace(result[a], successors=[*{*(result[a].successors or ()), b}])
+        result[b] = replace(result[b], predecessors=[*{*(result[b].predecessors or ()), a}])
     return result
 
 
-def _joined(lanes: Mapping[int, Lane], turned: set[int]) -> set[tuple[int, int]]:
-    driven = [lane for lane in lanes.values() if lane.kind == "vehicle"]
-    if not turned:
-        return set()
-    starts, ends = _ends(driven, 0), _ends(driven, -1)
+def _joined(lanelets: Lanelets, turned: set[int]) -> set[tuple[int, int]]:
+    driven = [i for i, one in lanelets.items() if one.kind == "vehicle"] if turned else []
+    starts, ends = (
+        np.array([[*lanelets[i].left[k, :2], *lanelets[i].right[k, :2]] for i in driven]).reshape(-1, 4)
+        for k in (0, -1)
+    )
     near = np.abs(ends[:, None] - starts[None]).max(axis=2) < JOINT_M
-    met = ((driven[k], driven[m]) for k, m in np.argwhere(near))
-    return {
-        (a.lane_id, b.lane_id)
-        for a, b in met
-        if {a.lane_id, b.lane_id} & turned and b.lane_id != a.reverse_of and a.lane_id != b.reverse_of
-    }
-
-
-def _ends(lanes: list[Lane], index: int) -> FloatArray:
-    return np.array([[*lane.left_bound[index], *lane.right_bound[index]] for lane in lanes])
+    met = {(driven[k], driven[m]) for k, m in np.argwhere(near)}
+    apart = {(a, b) for a, b in met if lanelets[a].reverse_of != b and lanelets[b].reverse_of != a}
+    return {(a, b) for a, b in apart if {a, b} & turned}

@@ -5,32 +5,27 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 from xml.etree import ElementTree
 
-from scex_sumo.base.errors import MapError
 from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.lanelet.left_hand import CODES, drives_left_at
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import MapFormat
-from scex_sumo.formats.commonroad.file import CommonRoadFile, open_commonroad, read_lanelets
+from scex_sumo.formats.commonroad.file import CommonRoadFile, open_commonroad
 from scex_sumo.formats.commonroad.lanes import (
     Sign,
     drawn_areas,
     drawn_markings,
-    driven_both_ways,
-    lanes_of,
-    may_change,
+    read_lanelets,
     rules_of,
-    with_reverse,
+    with_opposite,
 )
-from scex_sumo.formats.lane_maps.lane_links import Links, connected
-from scex_sumo.formats.lane_maps.overlaps import overlapping
+from scex_sumo.formats.lane_maps.lane_map import drawn_road
 from scex_sumo.formats.recognition import is_commonroad
 from scex_sumo.road import Road
-from scex_sumo.roads.side import side_of
 
 ReadSign: TypeAlias = Callable[[ElementTree.Element, str], str]
 
@@ -46,34 +41,19 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
     """
     name_of_sign, words = _library()
     file = open_commonroad(path)
-    lanelets = read_lanelets(file, words)
-    if not lanelets:
-        raise MapError(
-            f"{path}: no usable lanelet ({'; '.join(file.notes())}); mend the map, e.g. in CommonRoad's "
-            "scenario designer"
-        )
     with _quiet():
         signs = _signs(file, name_of_sign)
-    links = Links(
-        after={i: one.successors for i, one in lanelets.items()},
-        before={i: one.predecessors for i, one in lanelets.items()},
-        left={i: one.left_neighbour for i, one in lanelets.items()},
-        right={i: one.right_neighbour for i, one in lanelets.items()},
-    )
-    lanes = connected(file, links, lanes_of(file, lanelets, signs), partial(may_change, lanelets))
-    lanes = with_reverse(lanes, driven_both_ways(lanelets, lanes))
-    lanes = overlapping(lanes, {i: lanelets[lane.reverse_of or i].centre for i, lane in lanes.items()})
-    told = None if file.country in ("", "ZAM") else file.country in CODES
-    side, unknown = side_of(lanes, told, None if file.origin is None else drives_left_at(file.origin))
-    return Road(
-        name=map_name(path),
-        lanes=lanes,
-        regulations=rules_of(file, lanelets, lanes, signs),
+    lanelets = read_lanelets(file, words, signs)
+    file.lanes += with_opposite(lanelets).values()
+    known = file.country not in ("", "ZAM")
+    file.left_hand = file.country in CODES if known else drives_left_at(file.origin) if file.origin else None
+    road = drawn_road(file, name=map_name(path))
+    return replace(
+        road,
+        regulations=rules_of(file, lanelets, road.lanes, signs),
         markings=drawn_markings(lanelets),
-        areas=drawn_areas(lanes),
+        areas=drawn_areas(road.lanes),
         origin=origin or file.origin or (0.0, 0.0),
-        notes=(*file.notes(), *unknown),
-        left_hand=side,
     )
 
 

@@ -53,7 +53,8 @@ class DrawnLane:
         width_m: without bounds; None or nan: the median of the other lanes.
         limit_mps: None: the country's.
         inside: in an intersection, where no lane change is allowed.
-        closed: sides, ``left`` or ``right``, whose marking forbids a change.
+        closed: sides, ``left`` or ``right``, whose marking forbids a change, or one, as ``left leftwards``.
+        reverse_of: name, an id, of the lane that this one drives in the opposite direction.
         successors: names; None: lanes that begin where this one ends.
         predecessors: names; None: lanes that this one succeeds.
         left_neighbours: names; None: the lane beside it, so ``right_neighbours``.
@@ -74,6 +75,7 @@ class DrawnLane:
     predecessors: Sequence[Hashable] | None = None
     left_neighbours: Sequence[Hashable] | None = None
     right_neighbours: Sequence[Hashable] | None = None
+    reverse_of: int | None = None
 
 
 @dataclass(kw_only=True, eq=False)
@@ -146,8 +148,9 @@ def drawn_road(drawn: DrawnMap, *, name: str, country: str | None = None, projec
     of = {ids[lane.name]: lane for lane in drawn.lanes}
 
     def may_change(left: int, right: int, leftwards: bool) -> bool:
-        free = "right" not in of[left].closed and "left" not in of[right].closed
-        return free and not (of[left].inside or of[right].inside)
+        ways = ("", " leftwards" if leftwards else " rightwards")
+        sides = (("right", of[left]), ("left", of[right]))
+        return not any(lane.inside or f"{side}{way}" in lane.closed for side, lane in sides for way in ways)
 
     lanes = connected(drawn, _links(drawn, ids, lanes), lanes, may_change)
     lanes = overlapping(lanes, {i: _heights(of[i], lane, frame) for i, lane in lanes.items()})
@@ -218,6 +221,7 @@ def _lanes(drawn: DrawnMap, ids: Mapping[Hashable, int], country: str) -> dict[i
             kind=drawn_lane.kind,
             subtype=drawn_lane.subtype,
             location=drawn_lane.location,
+            reverse_of=drawn_lane.reverse_of,
         )
     if not all(bounds for *_, bounds in lines.values()):
         drawn.remarks.append(

@@ -258,7 +258,7 @@ def test_a_compressed_file_is_the_same_map(tmp_path: Path) -> None:
         (
             "a.xml",
             '<commonRoad commonRoadVersion="2020a"><lanelet id="1"/></commonRoad>',
-            "no usable lanelet",
+            "no usable lane for cars",
         ),
         ("a.xml.gz", "\x1f\x8b broken", "not XML"),
         ("a.xodr", "<OpenDRIVE/>", "none of its 0 roads has geometry and lanes"),
@@ -311,7 +311,7 @@ BROKEN = {
     ),
     "no length between": (
         [Lanelet(5, [(0, 9), (9, 9)], [(9, 9), (0, 9)])],
-        "left out, no length between their bounds: 5",
+        "lanes left out, no usable line: 5",
     ),
 }
 
