@@ -62,12 +62,7 @@ def read_map(
 
 
 def _read_lanelet2(
-    path: Path,
-    *,
-    origin: tuple[float, float] | None,
-    tracks: str | Path | None,
-    own_corner: bool,
-    keep: bool,
+    path: Path, *, origin: tuple[float, float] | None, tracks: str | Path | None, own_corner: bool, keep: bool
 ) -> Road:
     refuse_folder(path)
     _refuse_recording(path)

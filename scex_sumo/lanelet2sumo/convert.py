@@ -108,10 +108,7 @@ _LANES, _DRAWING = ".lanes.csv", ".add.xml"
 
 
 def _with_files(
-    net: WrittenNet,
-    net_path: Path,
-    content: str = "",
-    write: Callable[[Path, bytes], None] = write_atomic,
+    net: WrittenNet, net_path: Path, content: str = "", write: Callable[[Path, bytes], None] = write_atomic
 ) -> SumoNet:
     """Write the files of a net, with another content if it is given."""
     extras = net_file(net_path, _DRAWING)

@@ -10,13 +10,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import listed
 from scex_sumo.converters.cleaning.motion import renew_motion, repair_headings
-from scex_sumo.converters.tracks.rows import (
-    FORWARD_MPS,
-    STANDING_MPS,
-    TrackRows,
-    TrackTable,
-    segments_of,
-)
+from scex_sumo.converters.tracks.rows import FORWARD_MPS, STANDING_MPS, TrackRows, TrackTable, segments_of
 
 JUMP_M = 3.0  # a shorter step is no jump
 JUMP_EXCESS_M = 1.5  # a jump is so much longer than the usual step there

@@ -13,19 +13,10 @@ from scex_sumo.base.errors import MapError, TrackError, listed, warn_notes
 from scex_sumo.base.files import identity_in
 from scex_sumo.converters.datasets.interaction import tracks_of_map
 from scex_sumo.converters.naming import refuse_unreadable, unpacked_name
-from scex_sumo.converters.registries import (
-    Dataset,
-    Recording,
-    dataset_of,
-    is_map,
-)
+from scex_sumo.converters.registries import Dataset, Recording, dataset_of, is_map
 
 _RESULTS = ("run.json", "rank.json", "validate.json", "incomplete.json")
-_AS_PUBLISHED = {
-    "sample_annotation.json": "nuScenes",
-    "*.tfrecord*": "Waymo Open Dataset",
-    "*.db": "nuPlan",
-}
+_AS_PUBLISHED = {"sample_annotation.json": "nuScenes", "*.tfrecord*": "Waymo Open Dataset", "*.db": "nuPlan"}
 """Datasets without a reader, by a file in them."""
 
 

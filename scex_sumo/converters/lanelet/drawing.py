@@ -28,11 +28,7 @@ def markings(map_file: MapFile, lines: Points) -> tuple[Marking, ...]:
 def areas(map_file: MapFile, lanes: Mapping[int, Lane], lines: Points) -> tuple[Area, ...]:
     """Return the areas by ascending id: non-vehicle lanelets, multipolygons' outlines, ways with area=yes."""
     drawn = [
-        Area(
-            area_id=i,
-            kind=lane.subtype or lane.kind,
-            outline=lane.outline,
-        )
+        Area(area_id=i, kind=lane.subtype or lane.kind, outline=lane.outline)
         for i, lane in lanes.items()
         if lane.kind != "vehicle"
     ]

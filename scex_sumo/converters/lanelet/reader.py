@@ -50,12 +50,7 @@ _LOAD_ERROR = re.compile(
 
 
 @checked
-def read_road(
-    map_path: str | Path,
-    *,
-    origin: Place | None = None,
-    own_corner: bool = True,
-) -> Road:
+def read_road(map_path: str | Path, *, origin: Place | None = None, own_corner: bool = True) -> Road:
     """Read a Lanelet2 map: its lanelets, how they connect, and the rules between them.
 
     Centrelines, bounds, successors, lane changes and conflicts are Lanelet2's own, under German traffic rules

@@ -86,9 +86,7 @@ SHAPES = (
 RIGHTS = (
     Figure("regulated_pairs", lambda r: r.regulated),
     Figure(
-        "wrong_priority",
-        lambda r: r.wrong,
-        "right of way against the map's rules (should yield, should go)",
+        "wrong_priority", lambda r: r.wrong, "right of way against the map's rules (should yield, should go)"
     ),
     Figure("signalled", lambda r: len(r.signalled)),
     Figure(

@@ -12,16 +12,7 @@ from shapely import MultiPoint, Polygon, unary_union
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.text import BEYOND, CHANGED_M, JOINT_M, LaneletPart
-from scex_sumo.geometry.polylines import (
-    along,
-    bend,
-    cut,
-    heading,
-    join,
-    length_of,
-    project,
-    width_along,
-)
+from scex_sumo.geometry.polylines import along, bend, cut, heading, join, length_of, project, width_along
 from scex_sumo.lanelet2sumo.plan.elements import Connection, Edge, NetLane, NetLayout, Node
 from scex_sumo.lanelet2sumo.plan.right_of_way import (
     approach,

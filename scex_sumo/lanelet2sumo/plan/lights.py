@@ -11,13 +11,7 @@ from typing import TypeAlias
 from scex_sumo.base.errors import listed
 from scex_sumo.converters.registries import signal_reader
 from scex_sumo.geometry.polylines import length_of, project, turn
-from scex_sumo.lanelet2sumo.plan.elements import (
-    Connection,
-    Crossing,
-    NetLayout,
-    Programme,
-    Walks,
-)
+from scex_sumo.lanelet2sumo.plan.elements import Connection, Crossing, NetLayout, Programme, Walks
 from scex_sumo.lanelet2sumo.topology.graph import Groups
 from scex_sumo.road import Lane, Regulation, Road
 from scex_sumo.roads.ahead import lanes_ahead
