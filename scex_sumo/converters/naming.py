@@ -5,12 +5,13 @@ from __future__ import annotations
 import contextlib
 import gzip
 import io
+import itertools
 import math
 import os
 import re
 import shutil
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
 
@@ -142,6 +143,16 @@ def map_name(map_path: str | Path) -> str:
     """Return the name of a map file without the ending; bytes that are not UTF-8 become ``-``."""
     name = re.sub("[\udc80-\udcff]", "-", unpacked_name(map_path))
     return Path(name).stem.removesuffix(".net")
+
+
+def unique_names(names: Iterable[str], used: Iterable[str] = ()) -> list[str]:
+    """Return names, none like another or like a used one: ``-2``, ``-3`` ... is added."""
+    taken, unique = set(used), []
+    for name in names:
+        numbered = (f"{name}-{count}" for count in itertools.count(2))
+        unique.append(next(free for free in itertools.chain((name,), numbered) if free not in taken))
+        taken.add(unique[-1])
+    return unique
 
 
 def number(text: str | None) -> float:

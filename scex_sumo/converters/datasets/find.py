@@ -12,7 +12,7 @@ from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import MapError, TrackError, listed, warn_notes
 from scex_sumo.base.files import identity_in
 from scex_sumo.converters.datasets.interaction import tracks_of_map
-from scex_sumo.converters.naming import refuse_unreadable, unpacked_name
+from scex_sumo.converters.naming import refuse_unreadable, unique_names, unpacked_name
 from scex_sumo.converters.registries import Dataset, Recording, dataset_of, is_map
 
 _RESULTS = ("run.json", "rank.json", "validate.json", "incomplete.json")
@@ -93,7 +93,9 @@ def _recordings_of(files: Sequence[Path]) -> tuple[Recording, ...]:
     for path in files:
         by_dataset.setdefault(dataset_of(path), []).append(path)
     recordings = [recording for dataset, own in by_dataset.items() for recording in dataset.recordings(own)]
-    return tuple(_with_unique_names(sorted(recordings, key=lambda one: (one.name, one.track_paths))))
+    recordings.sort(key=lambda one: (one.name, one.track_paths))
+    names = unique_names(re.sub(r"[^A-Za-z0-9._+-]+", "-", one.name) for one in recordings)
+    return tuple(replace(one, name=name) for one, name in zip(recordings, names, strict=True))
 
 
 def _why_none(files: Sequence[Path], results: Sequence[Path]) -> str:
@@ -138,15 +140,3 @@ def _walk(root: Path, results: list[Path]) -> Iterator[Path]:
 
 def _tracks_named(path: Path) -> list[Path]:
     return tracks_of_map(path) if unpacked_name(path).endswith(".osm") else [path]
-
-
-def _with_unique_names(recordings: list[Recording]) -> Iterator[Recording]:
-    used: set[str] = set()
-    for recording in recordings:
-        safe = re.sub(r"[^A-Za-z0-9._+-]+", "-", recording.name)
-        name, count = safe, 1
-        while name in used:
-            count += 1
-            name = f"{safe}-{count}"
-        used.add(name)
-        yield replace(recording, name=name)

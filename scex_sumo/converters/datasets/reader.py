@@ -13,7 +13,7 @@ import numpy as np
 from scex_sumo.base.errors import ScexError
 from scex_sumo.base.progress import Progress
 from scex_sumo.converters.cleaning.align import align_tracks
-from scex_sumo.converters.cleaning.plausibility import Check, lost_vehicles, plausibility, without_explained
+from scex_sumo.converters.cleaning.plausibility import lost_vehicles, plausibility, without_explained
 from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.moment import STAMP_MS
 from scex_sumo.converters.datasets.sample import interpolated
@@ -55,7 +55,6 @@ def read_clean(
     paths: Sequence[Path],
     road: Road | None,
     *,
-    repair: bool = True,
     align: bool = True,
     window: Window = (None, None),
     progress: Progress | None = None,
@@ -64,27 +63,24 @@ def read_clean(
 
     Args:
         road: the map; without it nothing is aligned.
-        repair: as `repair_tracks`. Cases of INTERACTION v1.2 are repaired when one is taken.
         align: as `align_tracks`, with the other recordings of the folder if the evidence is thin.
         window: first and last time that is needed, s.
         progress: as of `read_recorded`.
     """
     table, findings = read_recorded(paths, None if road is None else road.net, window, progress)
     dataset = dataset_of(paths[0])
-    checks: tuple[Check, ...] = ()
-    if repair:
-        checks = () if dataset.simulated else plausibility(table.vehicles, road)
-        raw = table
-        table, findings = repaired(table, findings, dataset)
-        checks = (lost_vehicles(raw, table), *checks)
-        findings = without_explained(findings, checks)
+    checks = () if dataset.simulated else plausibility(table.vehicles, road)
+    raw = table
+    table, findings = repaired(table, findings, dataset)
+    checks = (lost_vehicles(raw, table), *checks)
+    findings = without_explained(findings, checks)
     if road is not None and dataset.within is not None:
         table, left = dataset.within(table, road)
         findings = (*findings, *left)
     elif road is not None and align:
         table, moved = align_tracks(table, road, siblings=_siblings(paths))
         findings = (*findings, *moved)
-    return CleanRecording(table=table, findings=findings, repair=repair, checks=checks)
+    return CleanRecording(table=table, findings=findings, repair=True, checks=checks)
 
 
 def repaired(

@@ -27,8 +27,6 @@ def recorded_scene(
     tracks: str | Path | None = None,
     case: str | float | None = None,
     time_s: float | None = None,
-    min_history: int = 0,
-    repair: bool = True,
     road: Road | None = None,
     align: bool = True,
     force: bool = False,
@@ -43,7 +41,6 @@ def recorded_scene(
         tracks: a track file, or a folder with consecutive chunks of one CommonRoad recording.
         case: id of a case; ``1``, ``1.0`` and ``"1.0"`` are the same.
         time_s: the moment in the recording's clock; the nearest frame, of the first case if none is given.
-        min_history: vehicles with fewer recorded previous steps are left out (0 to 10).
         road: the map as read; tracks beside its lanes are moved onto them.
         align: False leaves the tracks where they are, see `align_tracks`.
         force: accept a moment with over half of its vehicles on no lane, sizes that no vehicle has, and
@@ -59,7 +56,6 @@ def recorded_scene(
     clean = read_clean(
         recording.track_paths,
         road,
-        repair=repair,
         align=align,
         window=window_with_history((at, at)),
         progress=progress,
@@ -74,7 +70,6 @@ def recorded_scene(
         location=place_name(recording.map_path),
         case=case,
         time_s=time_s,
-        min_history=min_history,
     )
     implausible = doubts(clean.checks, labels_of(scene))
     if road is None:

@@ -46,11 +46,11 @@ def sample_tracks(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Sam
     at = interpolated(rows, first, last, np.broadcast_to(grid_ms, recorded.shape))
     states = States(x=at.x, y=at.y, heading=wrap(at.heading), speed=ahead_speed(at.vx, at.vy, at.heading))
     track = rows.track[begin[present]]
-    sizes = [_usual_size(rows, number) for number in track]
+    tracks = [slice(*np.searchsorted(rows.track, (number, number + 1))) for number in track]
     return Sampled(
         track=track,
-        length=np.array([length for length, _ in sizes], np.float64),
-        width=np.array([width for _, width in sizes], np.float64),
+        length=np.array([np.median(rows.length[part]) for part in tracks], np.float64),
+        width=np.array([np.median(rows.width[part]) for part in tracks], np.float64),
         states=_extend(states, recorded, grid_ms / 1000.0),
         recorded=recorded,
         interpolated=int((recorded & ~at.exact).sum()),
@@ -102,16 +102,6 @@ def _search(rows: TrackRows, first: IntArray, time_ms: FloatArray) -> IntArray:
     axis = rows.timestamp_ms - start + length * rows.piece
     wanted = np.clip(time_ms - start, 0.0, length) + length * rows.piece[first]
     return np.asarray(np.searchsorted(axis, wanted), np.int64)
-
-
-def _usual_size(rows: TrackRows, track: int) -> tuple[float, float]:
-    begin, end = np.searchsorted(rows.track, (track, track + 1))
-    length, width = (
-        # Most trackers give a track one size.
-        float(sizes[0]) if (sizes == sizes[0]).all() else float(np.median(sizes))
-        for sizes in (rows.length[begin:end], rows.width[begin:end])
-    )
-    return length, width
 
 
 def _hermite(p: FloatArray, q: FloatArray, dp: FloatArray, dq: FloatArray, u: FloatArray) -> FloatArray:

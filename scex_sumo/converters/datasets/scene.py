@@ -16,6 +16,7 @@ from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.interaction import marked_vehicles
 from scex_sumo.converters.datasets.moment import CASE_FRAME, STAMP_MS, busiest, find_moments
 from scex_sumo.converters.datasets.sample import Sampled, sample_tracks
+from scex_sumo.converters.naming import unique_names
 from scex_sumo.converters.tracks.check import MISSING
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, number_of
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene
@@ -78,7 +79,7 @@ def _choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> flo
     rows = table.vehicles
     where = f"{table.path}: case {case_id}" if case_id else f"{table.path}"
     if not len(rows):
-        raise TrackError(f"{where}: no vehicle (left after repairs); choose another moment or repair=False")
+        raise TrackError(f"{where}: no vehicle (left after repairs); choose another moment")
     if time_s is None:
         if not table.has_cases:
             return 1000.0 * busiest(find_moments(table)).time_s
@@ -156,20 +157,6 @@ def _plain_word(text: str) -> str:
     return f"{word}_" if word in MISSING else word
 
 
-def _names(labels: Sequence[str], vehicles: Sequence[int]) -> tuple[str, ...]:
-    """Return plain ids of obstacles, none like another or like that of a vehicle."""
-    names: list[str] = []
-    used = {str(number) for number in vehicles}
-    for label in map(_plain_word, labels):
-        name, count = label, 1
-        while name in used:
-            count += 1
-            name = f"{label}-{count}"
-        used.add(name)
-        names.append(name)
-    return tuple(names)
-
-
 def _obstacles(
     rows: TrackRows, moment_ms: float, grid_ms: FloatArray, *, vehicles: Sequence[int]
 ) -> Obstacles | None:
@@ -179,7 +166,7 @@ def _obstacles(
     present = sampled.recorded.copy()
     present[:, HISTORY_STEPS:] = True  # after the recording's end they go on at constant velocity
     return Obstacles(
-        ids=_names([rows.labels[k] for k in sampled.track], vehicles),
+        ids=tuple(unique_names((_plain_word(rows.labels[k]) for k in sampled.track), map(str, vehicles))),
         types=tuple(_plain_word(rows.types[k].lower()) for k in sampled.track),
         length=sampled.length,
         width=sampled.width,

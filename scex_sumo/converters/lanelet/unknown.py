@@ -30,7 +30,7 @@ def unknown_subtypes(
 ) -> tuple[dict[str, set[int]], dict[str, set[int]], MapFile]:
     """Find the lanelets of unknown subtype or location: those that are roads, and the others.
 
-    A road is as wide as a car needs and connected to a known road, directly or over others.
+    A road is as wide as a car needs and connected to another road.
 
     Returns:
         Lanelet ids of the roads, and of the others, each by the unknown tag in words; and the map ``kept``
@@ -47,13 +47,7 @@ def unknown_subtypes(
         for v in vertices
         if v.lanelet_id in unknown and MIN_ROAD_M <= mean_width_m(v.left, v.right) <= MAX_ROAD_M
     }
-    linked = _linked([v for v in vertices if v.lanelet_id in driven | wide]) if wide else {}
-    connected = {i for i in wide if linked.get(i)}
-    roads = _reached(driven, linked) & wide if driven else connected
-    words: set[str] = set()
-    while fresh := {unknown[i] for i in roads} - words:
-        words |= fresh
-        roads |= _reached({i for i in connected if unknown[i] in fresh}, linked) & wide
+    roads = wide & _linked([v for v in vertices if v.lanelet_id in driven | wide]) if wide else wide
     return _by_word(unknown, roads), _by_word(unknown, set(unknown) - roads), _as_roads(kept, roads)
 
 
@@ -78,25 +72,18 @@ def _unknown_tag(lanelet: Relation) -> str:
     return f"location {location}" if location not in _LOCATIONS else ""
 
 
-def _linked(vertices: list[Vertex]) -> dict[int, set[int]]:
+def _linked(vertices: list[Vertex]) -> set[int]:
+    """Return the lanelets of which another one begins at the end, or ends at the beginning."""
     starts = np.array([[*v.left[0], *v.right[0]] for v in vertices])
-    ends = np.array([[*v.left[-1], *v.right[-1]] for v in vertices])
-    linked: dict[int, set[int]] = {v.lanelet_id: set() for v in vertices}
-    for k, end in enumerate(ends):
-        for j in np.flatnonzero(np.abs(starts - end).max(axis=1) < SAME_END_M):
-            linked[vertices[k].lanelet_id].add(vertices[j].lanelet_id)
-            linked[vertices[j].lanelet_id].add(vertices[k].lanelet_id)
-    return {i: others - {i} for i, others in linked.items()}
-
-
-def _reached(sources: Iterable[int], linked: Mapping[int, set[int]]) -> set[int]:
-    reached = set(sources)
-    stack = list(reached)
-    while stack:
-        fresh = linked.get(stack.pop(), set()) - reached
-        reached |= fresh
-        stack += fresh
-    return reached
+    linked: set[int] = set()
+    for v in vertices:
+        end = (*v.left[-1], *v.right[-1])
+        behind = {
+            vertices[j].lanelet_id for j in np.flatnonzero(np.abs(starts - end).max(axis=1) < SAME_END_M)
+        }
+        if behind := behind - {v.lanelet_id}:
+            linked |= {v.lanelet_id, *behind}
+    return linked
 
 
 def _by_word(unknown: Mapping[int, str], ids: Iterable[int]) -> dict[str, set[int]]:

@@ -76,7 +76,6 @@ def prune(root: Element) -> tuple[str, ...]:
         root.clear()
     else:
         _prune(root, left_out)
-        _prune_lights(root, left_out)
     return tuple(f"{count} {what}" for what, count in left_out.items())
 
 
@@ -95,25 +94,6 @@ def _prune(element: Element, left_out: Counter[str]) -> None:
             _prune(child, left_out)
             continue
         element.remove(child)
-
-
-def _prune_lights(root: Element, left_out: Counter[str]) -> None:
-    """Remove traffic lights with phases for fewer links than they control: SUMO refuses the whole net."""
-    links: dict[str, list[Element]] = {}
-    for link in root.iter("connection"):
-        links.setdefault(link.get("tl", ""), []).append(link)
-    for light in root.findall("tlLogic"):
-        name = light.get("id", "")
-        letters = min((len(phase.get("state", "")) for phase in light.iter("phase")), default=0)
-        indices = [link.get(key, "") for link in links.get(name, ()) for key in ("linkIndex", "linkIndex2")]
-        needed = 1 + max((int(index) for index in indices if index.isdecimal()), default=-1)
-        if light.find("phase") is None or letters >= needed:
-            continue
-        left_out[f"traffic light {name[:24]!r} with phases of {letters} letters for {needed} links"] += 1
-        root.remove(light)
-        for link in links[name]:
-            for key in ("tl", "linkIndex", "linkIndex2"):
-                link.attrib.pop(key, None)
 
 
 def _light_parameter(param: Element) -> bool:

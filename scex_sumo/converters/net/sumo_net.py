@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import TypeAlias, TypeVar
+from typing import TypeAlias
 
 from scex_sumo.road import MapLoss
 
@@ -69,7 +69,6 @@ def net_file(net_path: Path, suffix: str) -> Path:
 
 
 _Row: TypeAlias = tuple[int, str]  # lanelet, SUMO lane
-_Key = TypeVar("_Key", int, tuple[int, str])
 
 HEADER = ["lanelet_id", "lane_id"]
 
@@ -94,19 +93,6 @@ class LaneTable:
         for lanelet, sumo_lane in self.rows:
             self._of.setdefault(lanelet, []).append(sumo_lane)
             self._on.setdefault(sumo_lane, []).append(lanelet)
-        if self.ends:
-            self._of = {i: self._in_order([*dict.fromkeys(lanes)]) for i, lanes in self._of.items()}
-
-    def _in_order(self, lanes: Sequence[str]) -> list[str]:
-        at = {name.rpartition("_")[0]: k for k, name in enumerate(lanes)}
-        before: dict[int, set[int]] = {k: set() for k in range(len(lanes))}
-        for k, name in enumerate(lanes):
-            entry, leaving = (at.get(edge) for edge in self.ends.get(name, ("", "")))
-            if entry is not None:
-                before[k].add(entry)
-            if leaving is not None:
-                before[leaving].add(k)
-        return [lanes[k] for k in _sorted({k: set() for k in before}, before)]
 
     def sumo_lanes(self, lanelet_id: int) -> tuple[str, ...]:
         """Return the SUMO lanes of a lanelet, in driving order; empty if the net does not hold it."""
@@ -135,16 +121,11 @@ class LaneTable:
         return route
 
     def _beyond(self, lanelet_ids: Sequence[int], route: list[str], *, first: bool) -> str | None:
-        if not lanelet_ids:
+        lanes = self.sumo_lanes(lanelet_ids[0 if first else -1])[:: 1 if first else -1] if lanelet_ids else ()
+        if not lanes or not lanes[0].startswith(":"):
             return None
-        lanes = self.sumo_lanes(lanelet_ids[0 if first else -1])
-        candidates = [s for s in lanes if s in self.ends and lanes and s.startswith(":")]
-        outer = [s for s in (lanes[:1] if first else lanes[-1:]) if s.startswith(":")]
-        if not outer:
-            return None
-        for sumo_lane in candidates if first else reversed(candidates):
-            before, after = self.ends[sumo_lane]
-            beyond, joined = (before, after) if first else (after, before)
+        for sumo_lane in filter(self.ends.__contains__, lanes):
+            beyond, joined = self.ends[sumo_lane][:: 1 if first else -1]
             if not route or joined == route[0 if first else -1]:
                 return beyond
         return None
@@ -187,16 +168,16 @@ def lane_table(
     return LaneTable(_sorted(within, before), ends)
 
 
-def _sorted(within: Mapping[_Key, set[_Key]], before: Mapping[_Key, set[_Key]]) -> list[_Key]:
+def _sorted(within: Mapping[_Row, set[_Row]], before: Mapping[_Row, set[_Row]]) -> list[_Row]:
     """Sort keys behind those ``within`` and ``before`` name for them; in circles ``before`` may be broken."""
     waiting = {key: within[key] | before[key] for key in within}
-    following: dict[_Key, list[_Key]] = {}
+    following: dict[_Row, list[_Row]] = {}
     for key, others in waiting.items():
         for other in others:
             following.setdefault(other, []).append(key)
     ready = [key for key, others in waiting.items() if not others]
     heapq.heapify(ready)
-    result: list[_Key] = []
+    result: list[_Row] = []
     while waiting:
         if ready:
             key = heapq.heappop(ready)

@@ -145,15 +145,3 @@ def test_a_net_of_ours_that_somebody_changed_is_refused(grid: str, tmp_path: Pat
     drawing.write_text('<additional><include href="/x"/></additional>')
     with pytest.raises(MapError, match=r"copy\.add\.xml: changed since it was written: 1 <include> in it"):
         open_net(copy.path)
-
-
-def test_a_light_with_phases_for_fewer_links_is_left_out(tmp_path: Path) -> None:
-    net = tmp_path / "short.net.xml"
-    net.write_text(
-        '<net><tlLogic id="t" type="static" programID="0" offset="0">'
-        '<phase duration="9" state="Gr"/></tlLogic>'
-        '<connection from="a" to="b" fromLane="0" toLane="0" tl="t" linkIndex="2" dir="s" state="O"/></net>'
-    )
-    content, left_out = allowed_content(net)
-    assert left_out == ("1 traffic light 't' with phases of 2 letters for 3 links",)
-    assert b"tlLogic" not in content and b'tl="t"' not in content and b"linkIndex" not in content
