@@ -21,7 +21,7 @@ def metrics_command(
     source: Annotated[
         Path, Argument(metavar="TRACKS|OUT", help="Tracks in INTERACTION format, or a result folder.")
     ],
-    level: Annotated[str, Option(metavar="pair|scene|scenario|worst", help="Rows.")] = "scenario",
+    level: Annotated[str, Option(metavar="pair|scene|scenario", help="Rows.")] = "scenario",
     metrics: Annotated[
         str | None,
         Option(
@@ -52,7 +52,7 @@ def metrics_command(
         warn(["the tracks driven are the planned paths, so gap times and metrics along paths differ"])
     options: dict[str, Any] = {"level": level, "metrics": chosen}
     with as_written(source) if source.is_dir() else nullcontext():
-        table = recording_table(tracks, history=history, outcomes=source.is_dir(), **options)
+        table = recording_table(tracks, history=history, **options)
     table = table.replace_schema_metadata({"level": level})
     if out is None:
         write_csv(table, sys.stdout.buffer)

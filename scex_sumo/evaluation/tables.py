@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Literal, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
+from scex_sumo.base.arrays import FloatArray, IntArray, Rows
 from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.evaluation.blocks import Block, blocks
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
-from scex_sumo.metrics.collisions import CONTACT_M2, Collisions, find_collisions
 from scex_sumo.metrics.evaluate import (
     ScenarioValues,
     dense,
@@ -22,13 +21,12 @@ from scex_sumo.metrics.evaluate import (
     samples_of,
     scene_batches,
 )
-from scex_sumo.metrics.extrema import Worst, scene_sums
+from scex_sumo.metrics.extrema import scene_sums
 from scex_sumo.metrics.pairs.scenes import Samples
 from scex_sumo.metrics.registry import Metric, metrics_named
-from scex_sumo.results.tables.outcomes import after_collision, other_ids
+from scex_sumo.results.tables.outcomes import other_ids
 
-Level: TypeAlias = Literal["pair", "scene", "scenario", "worst"]
-LEVELS: Final[tuple[Level, ...]] = ("pair", "scene", "scenario", "worst")
+LEVELS: Final = ("pair", "scene", "scenario")
 
 
 def recording_table(
@@ -37,18 +35,15 @@ def recording_table(
     level: str = "scenario",
     metrics: Sequence[str | Metric] | None = None,
     history: int = 0,
-    outcomes: bool = False,
 ) -> pa.Table:
     """Evaluate metrics of the motor vehicles of a recording or of futures.
 
     Args:
         level: ``pair``: case_id, timestamp_ms, metric, track_id, other_id, value, one row per ordered pair
             where defined (TTC in s); ``scene``: case_id, timestamp_ms, metric, value (TTC as 1/s);
-            ``scenario``: case_id and two columns per metric; ``worst``: columns as ``pair``, one row per case
-            and metric.
+            ``scenario``: case_id and two columns per metric.
         metrics: names, import paths or metrics; default: the paper's six.
         history: steps at the start of each case without evaluation.
-        outcomes: add collision (``scenario``) or after_collision (``pair``, ``worst``).
 
     Raises:
         UsageError: an unknown level or metric.
@@ -59,15 +54,11 @@ def recording_table(
     chosen = metrics_named(metrics)
     parts = list(blocks(table, history=history))
     if level == "pair":
-        tables = [rows for block in parts for rows in _pair_rows(block, chosen, outcomes=outcomes)]
+        tables = [rows for block in parts for rows in _pair_rows(block, chosen)]
         return _sorted_pairs(tables, names, len(chosen))
     evaluated = [(block, evaluate(block.tracks, block.planned, metrics=chosen)) for block in parts]
-    if level == "scene":
-        return _scene_table(evaluated, names, chosen)
-    cases = _Cases(len(names), chosen, outcomes=outcomes)
-    for block, values in evaluated:
-        cases.add(block, values)
-    return cases.scenarios(names) if level == "scenario" else cases.origins(names)
+    table_of = _scene_table if level == "scene" else _scenario_table
+    return table_of(evaluated, names, chosen)
 
 
 def case_ids(table: TrackTable) -> pa.Array:
@@ -83,8 +74,7 @@ def case_ids(table: TrackTable) -> pa.Array:
     return pa.array(numbers, pa.float64())
 
 
-def _pair_rows(block: Block, metrics: Sequence[Metric], *, outcomes: bool) -> list[pa.Table]:
-    hits = find_collisions(block.tracks, limit_m2=CONTACT_M2) if outcomes else None
+def _pair_rows(block: Block, metrics: Sequence[Metric]) -> list[pa.Table]:
     values = evaluate_pairs(block.tracks, block.planned, metrics=metrics)
     tables = []
     for metric in metrics:
@@ -99,9 +89,6 @@ def _pair_rows(block: Block, metrics: Sequence[Metric], *, outcomes: bool) -> li
             ),
             "value": rows.value,
         }
-        if hits is not None:
-            flags = after_collision(hits, rows.future, rows.step, rows.vehicle, rows.other)
-            columns["after_collision"] = pa.array(flags)
         tables.append(pa.table(columns))
     return tables
 
@@ -150,73 +137,31 @@ def _scene_table(
     )
 
 
-class _Cases:
-    """Extrema and means of whole cases, collected block by block."""
-
-    def __init__(self, count: int, metrics: Sequence[Metric], *, outcomes: bool) -> None:
-        size = len(metrics)
-        self.metrics, self.outcomes = metrics, outcomes
-        self.collided, self.after = np.zeros(count, dtype=np.bool_), np.zeros((count, size), dtype=np.bool_)
-        self.of_single_vehicles = np.zeros(size, dtype=bool)
-        self.value = np.full((count, size), np.nan)
-        self.total, self.counted, self.scenes = (np.zeros((count, size)) for _ in range(3))
-        self.origin = np.zeros((count, size, 3), dtype=np.int64)
-
-    def add(self, block: Block, values: ScenarioValues) -> None:
-        hits = find_collisions(block.tracks, limit_m2=CONTACT_M2) if self.outcomes else None
-        if hits is not None:
-            self.collided[block.case[np.unique(hits.future)]] = True
-        for column, metric in enumerate(self.metrics):
+def _scenario_table(
+    evaluated: Sequence[tuple[Block, ScenarioValues]], names: pa.Array, metrics: Sequence[Metric]
+) -> pa.Table:
+    """Return extrema and means of whole cases, collected block by block."""
+    size = len(names), len(metrics)
+    value, (total, counted, scenes) = np.full(size, np.nan), np.zeros((3, *size))
+    for block, values in evaluated:
+        for column, metric in enumerate(metrics):
             scene, worst = values.scene[metric.name], values.worst[metric.name]
-            count, total = scene_sums(scene, harmonic=metric.harmonic)
-            np.add.at(self.total[:, column], block.case, total)
-            np.add.at(self.counted[:, column], block.case, count)
-            np.add.at(self.scenes[:, column], block.case, scene.defined.sum(axis=1))
-            self._keep_worse(column, block, worst, hits)
-
-    def _keep_worse(self, column: int, block: Block, worst: Worst, hits: Collisions | None) -> None:
-        now = self.value[block.case, column]
-        is_min = self.metrics[column].critical == "min"
-        worse: BoolArray = worst.value < now if is_min else worst.value > now
-        at = np.flatnonzero(worst.defined & (np.isnan(now) | worse))
-        case, ids, rows = block.case[at], block.track_id, worst.take(at)
-        self.of_single_vehicles[column] = rows.other is None
-        other = rows.vehicle if rows.other is None else rows.other
-        self.value[case, column] = rows.value
-        if hits is not None:
-            self.after[case, column] = after_collision(hits, at, rows.step, rows.vehicle, rows.other)
-        self.origin[case, column] = np.stack(
-            [block.timestamp_ms[at, rows.step], ids[at, rows.vehicle], ids[at, other]], axis=1
-        )
-
-    def scenarios(self, names: pa.Array) -> pa.Table:
-        columns: dict[str, Any] = {"case_id": names}
-        for column, metric in enumerate(self.metrics):
-            undefined = self.scenes[:, column] == 0
-            over, under = self.total[:, column], self.counted[:, column]
-            if metric.harmonic:
-                over, under = under, over
-            mean = over / np.where(undefined, 1.0, under)
-            columns[metric.name] = pa.array(self.value[:, column], mask=undefined)
-            columns[f"{metric.name}_mean"] = pa.array(mean, mask=undefined)
-        return pa.table(columns | ({"collision": pa.array(self.collided)} if self.outcomes else {}))
-
-    def origins(self, names: pa.Array) -> pa.Table:
-        case, column = np.nonzero(self.scenes > 0)
-        metric_names = pa.array([metric.name for metric in self.metrics], pa.string())
-        stamp, track, other = self.origin[case, column].T
-        flag = {"after_collision": pa.array(self.after[case, column])} if self.outcomes else {}
-        return pa.table(
-            {
-                "case_id": names.take(pa.array(case)),
-                "metric": metric_names.take(pa.array(column)),
-                "timestamp_ms": stamp,
-                "track_id": track,
-                "other_id": pa.array(other, mask=self.of_single_vehicles[column]),
-                "value": self.value[case, column],
-                **flag,
-            }
-        )
+            count, sums = scene_sums(scene, harmonic=metric.harmonic)
+            np.add.at(total[:, column], block.case, sums)
+            np.add.at(counted[:, column], block.case, count)
+            np.add.at(scenes[:, column], block.case, scene.defined.sum(axis=1))
+            case = block.case[worst.defined]
+            worse = np.fmin if metric.critical == "min" else np.fmax
+            value[case, column] = worse(value[case, column], worst.value[worst.defined])
+    columns: dict[str, Any] = {"case_id": names}
+    for column, metric in enumerate(metrics):
+        undefined, over, under = scenes[:, column] == 0, total[:, column], counted[:, column]
+        if metric.harmonic:
+            over, under = under, over
+        mean = over / np.where(undefined, 1.0, under)
+        columns[metric.name] = pa.array(value[:, column], mask=undefined)
+        columns[f"{metric.name}_mean"] = pa.array(mean, mask=undefined)
+    return pa.table(columns)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -52,7 +52,7 @@ def test_a_result_folder_is_evaluated_after_its_history(
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [
-        (["--level", "pairs"], 2, "unknown level 'pairs'; known: pair, scene, scenario, worst"),
+        (["--level", "pairs"], 2, "unknown level 'pairs'; known: pair, scene, scenario"),
         (["--preset", "best"], 2, "unknown metric 'best'; nearest: "),
         (["--metrics", "ttc,speed"], 2, "unknown metric 'speed'; nearest: "),
         (["-o", "out.xlsx"], 2, "unknown format '.xlsx'"),

@@ -76,15 +76,6 @@ def test_a_reversing_vehicle_closes_the_gap_behind_it(tmp_path: Path) -> None:
     assert times == [(7, 3, pytest.approx(8.0)), (7, 3, pytest.approx(7.9))]
 
 
-def test_the_worst_level_names_the_moment_and_the_pair(two_cars: TrackTable) -> None:
-    rows = {r["metric"]: r for r in recording_table(two_cars, level="worst").to_pylist()}
-    assert rows["ttc"] == {
-        "case_id": 1, "metric": "ttc", "timestamp_ms": 200, "track_id": 7, "other_id": 3,
-        "value": pytest.approx(1 / 1.9),
-    }  # fmt: skip
-    assert rows["tq"]["other_id"] is None
-
-
 def wandering(tmp_path: Path, *, case_id: bool) -> TrackTable:
     """Three random scenes as cases, or one of 100 steps as a recording."""
     rng = np.random.default_rng(5)
