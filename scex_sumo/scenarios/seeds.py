@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from scex_sumo.base.arguments import checked
-from scex_sumo.base.errors import TrackError, UsageError, warn_notes
+from scex_sumo.base.errors import TrackError, warn_notes
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.scene import SeedScene
 
@@ -17,7 +17,6 @@ def read_seed(
     tracks: str | Path | None = None,
     case: str | None = None,
     time: float | None = None,
-    time_s: float | None = None,
     origin: tuple[float, float] | None = None,
     align: bool = True,
     force: bool = False,
@@ -33,7 +32,6 @@ def read_seed(
         case: of a file with ``case_id``; None: the busiest one.
         time: seconds in the recording; None: frame 10 of a case, or the moment with most moving vehicles
             recorded from 1 s before to 3 s after.
-        time_s: another word for ``time``, as `SeedScene` has it.
         origin: latitude and longitude of the map's coordinates; None looks beside the tracks.
         align: move tracks beside the lanes onto them, see `align_tracks`.
         force: accept a moment with over half of its vehicles on no lane, as a wrong origin makes them, sizes
@@ -44,7 +42,6 @@ def read_seed(
     Raises:
         MapError: the map cannot be read.
         TrackError: the tracks cannot be read, hold no such moment, or lie beside the lanes.
-        UsageError: ``time`` and ``time_s`` are both given.
 
     Example:
         >>> scex.read_seed(scex.example_path("roundabout"), time=4.0).vehicles
@@ -55,8 +52,6 @@ def read_seed(
     from scex_sumo.converters.datasets.recordings import recorded_scene
     from scex_sumo.converters.maps import read_map
 
-    if time is not None and time_s is not None:
-        raise UsageError(f"time={time}, time_s={time_s}: two words for one moment; give one of them")
     map_path, given = map_and_tracks(Path(map_path), None if tracks is None else Path(tracks))
     try:
         track_path = find_tracks(map_path) if given is None else given
@@ -69,7 +64,7 @@ def read_seed(
             map_path,
             tracks=track_path,
             case=case,
-            time_s=time_s if time is None else time,
+            time_s=time,
             road=road,
             align=align,
             force=force,

@@ -97,7 +97,7 @@ def _tracks(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]:
     map_path, tracks = _copied(work, rng.choice(MAPS))
     how = _twice(tracks, rng)
     return how, rng.choice(
-        (["run", map_path.name, *RUN], ["metrics", tracks.name], ["metrics", tracks.name, "--level", "worst"])
+        (["run", map_path.name, *RUN], ["metrics", tracks.name], ["metrics", tracks.name, "--level", "pair"])
     )
 
 
