@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Protocol, TypeVar
+from typing import Annotated, Any
 
 from typer import Option
 
 from scex_sumo.commands.console import progress_bar, resumable, warn
 from scex_sumo.extrapolation.settings import complete_models
-
-Done = TypeVar("Done", bound="HasInfo")
 
 Models = Annotated[
     str | None,
@@ -24,17 +22,7 @@ Models = Annotated[
 ]
 
 
-class HasInfo(Protocol):
-    """Result of a study."""
-
-    @property
-    def info(self) -> Mapping[str, Any]:
-        """Content of its JSON file; ``notes`` are printed."""
-
-
-def run_study(
-    study: Callable[..., Done], label: str, *, roots: list[Path], out: Path, **options: Any
-) -> Done:
+def run_study(study: Callable[..., Any], label: str, *, roots: list[Path], out: Path, **options: Any) -> Any:
     """Run a resumable study with the options of its command, show progress, and print its notes."""
     with progress_bar(label) as tick, resumable("seeds", out):
         done = study(roots, out=out, command=["scex-sumo", *sys.argv[1:]], progress=tick, **options)

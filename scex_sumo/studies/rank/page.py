@@ -54,25 +54,13 @@ _KEYS = (
 )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Reported:
-    """Futures of the moments on the page of a ranking.
-
-    Attributes:
-        table: the encounters, with what these futures say.
-        moments: names of the moments, that of the first encounter first.
-        futures: number of futures that were run.
-        notes: why moments have no futures, and whose drivers failed.
-    """
-
-    table: pa.Table
-    moments: Sequence[str]
-    futures: int
-    notes: Sequence[str]
-
-
-def write_ranking_page(run: RankingRun, ranking: pa.Table, shown: int) -> Reported:
+def write_ranking_page(
+    run: RankingRun, ranking: pa.Table, shown: int
+) -> tuple[pa.Table, dict[str, Any], list[str]]:
     """Run the futures of the moments of the top encounters; write their reports and the page.
+
+    Return the encounters with the stress test, what ``rank.json`` tells of it, and notes: why moments have no
+    futures, and whose drivers failed.
 
     Args:
         ranking: the encounters in their order, of which so many are ``shown``.
@@ -135,8 +123,7 @@ def write_ranking_page(run: RankingRun, ranking: pa.Table, shown: int) -> Report
         "rows": [{name: row[name] for name in (*KEY, *TRIAGE)} for row in rows],
     }
     page.write(run.folder.path / HTML, _summary(run, ranking), *parts)
-    count = len(stress) * run.settings.futures
-    return Reported(table=ranking, moments=names, futures=count, notes=notes)
+    return ranking, {"futures_run": len(stress) * run.settings.futures, "shown": names}, notes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

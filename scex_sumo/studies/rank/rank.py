@@ -111,8 +111,8 @@ def rank(
         ranking = RankingRun(recordings, settings, folder, pool, tick)
         ranking.run()
         moments = moments_table(ranking)
-        page = write_ranking_page(ranking, ranked(encounters_of(ranking.pairs, every), verdicts), top)
-        table = page.table
+        encounters = ranked(encounters_of(ranking.pairs, every), verdicts)
+        table, about, notes = write_ranking_page(ranking, encounters, top)
         for name, content in (("moments", moments), ("ranking", table)):
             write_table(folder.path / name, content)
         info = {
@@ -125,10 +125,9 @@ def rank(
             "encounters": len(table),
             "doubtful": len(table) - table["doubt"].null_count,
             "to_test": pc.sum(table.filter(pc.is_valid(table["rank"]))["to_test"]).as_py() or 0,
-            "futures_run": page.futures,
             "top": top,
-            "shown": page.moments,
-            "notes": [*left_out(places), *pool.deaths, *page.notes],
+            **about,
+            "notes": [*left_out(places), *pool.deaths, *notes],
             "versions": versions(),
             "seconds": round(time.perf_counter() - started, 1),
         }
