@@ -144,8 +144,8 @@ def validate_moment(task: ForecastTask, scene: SeedScene) -> Forecast:
     return Forecast(
         futures=_futures_table(asked.columns, rows),
         seen=_futures_table(asked.columns, [(numbers, seen.values, seen.collided)]),
-        vehicles=position_forecasts(scene, futures.states, seen.states, straight.states, judged, rng),
-        encounters=gap_forecasts(scene, futures.states, seen.states, straight.states, after, judged, rng),
+        vehicles=position_forecasts(scene, futures.states, seen.states, straight.states, judged),
+        encounters=gap_forecasts(scene, futures.states, seen.states, straight.states, after, judged),
     )
 
 

@@ -1,4 +1,4 @@
-"""Page of a validation: scores, reliability diagrams and ranks."""
+"""Page of a validation: scores and reliability diagrams."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def write_validation_page(
         info: content of ``validate.json``.
         rows: events, pairs, values and positions, see `scex_sumo.studies.validate.scoring`.
     """
-    events, values = rows["events"], rows["values"]
+    events = rows["events"]
     usual = [row for row in events if 0.0 < row["happened"] < 1.0]
     page = Document(f"Validation of {', '.join(info['models'])}")
     sections = [
@@ -74,7 +74,7 @@ def write_validation_page(
         card(
             "Events",
             "Probability that the futures gave to recorded events.",
-            page.table("events", page_table(_EVENT_COLUMNS, rows["events"])),
+            page.table("events", page_table(_EVENT_COLUMNS, events)),
         ),
         card(
             "Pairs",
@@ -93,12 +93,6 @@ def write_validation_page(
             "Values",
             "Times count up to 10 s, 1/TTC up to 10 1/s, DRAC up to 20 m/s².",
             page.table("values", page_table(_VALUE_COLUMNS, rows["values"])),
-        ),
-        card(
-            "Is the spread right?",
-            "Ranks of the recorded value among the futures: flat (the line) where the futures are like "
-            "it, high at both ends where they spread too little, high at one where they are off.",
-            plots(*(_ranks(printed_name(row["column"]), row["ranks"]) for row in values)),
         ),
         card(
             "Positions",
@@ -155,14 +149,6 @@ def _diagram(row: Mapping[str, Any]) -> Html:
     parts = [plane.line(whole, whole, "soft", dashed=True), *dots]
     marks = [(share, f"{share:.0%}") for share in (0.0, 0.5, 1.0)]
     return plane.figure(row["event"], *parts, marks=marks)
-
-
-def _ranks(name: str, counts: Sequence[int]) -> Html:
-    plane = Plane(x=(0.0, float(len(counts))), y=(0.0, 1.1 * max(*counts, 1)), width=180, height=70)
-    bars = [plane.box((k + 0.06, k + 0.94), (0.0, n), "drawn") for k, n in enumerate(counts)]
-    level = sum(counts) / len(counts)
-    line = plane.line(np.array(plane.x), np.full(2, level), "critical")
-    return plane.figure(name, *bars, line, marks=[(0.5, "low"), (len(counts) - 0.5, "high")])
 
 
 def _failures(failed: Mapping[str, str]) -> list[Html]:

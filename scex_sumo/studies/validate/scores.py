@@ -1,4 +1,4 @@
-"""Scores of forecasts against what happened: of probabilities, of samples, and of ranks."""
+"""Scores of forecasts against what happened: of probabilities and of samples."""
 
 from __future__ import annotations
 
@@ -55,17 +55,6 @@ def crps(samples: FloatArray, outcome: float) -> float:
     x, n = np.sort(samples), len(samples)
     spread = float((2 * np.arange(1, n + 1) - n - 1) @ x) / n**2
     return float(np.abs(x - outcome).mean()) - spread
-
-
-def rank_among(samples: FloatArray, outcome: float, rng: np.random.Generator) -> float:
-    """Return the rank of the outcome among samples (C,), uniform in (0, 1) for equal distributions.
-
-    It is a random place in its interval of 1 / (C + 1); ties are broken at random.
-
-    Source: Hamill 2001; Czado, Gneiting, Held 2009 for the random place.
-    """
-    below, equal = int((samples < outcome).sum()), int((samples == outcome).sum())
-    return float((below + rng.random() * (equal + 1)) / (len(samples) + 1))
 
 
 def covered(samples: FloatArray, outcome: float) -> bool:

@@ -22,7 +22,6 @@ from scex_sumo.studies.validate.scores import (
     covered,
     crps,
     group_bootstrap,
-    rank_among,
     reliability,
     skill,
 )
@@ -207,12 +206,12 @@ def _scores(p: FloatArray, o: BoolArray, straight: BoolArray, group: IntArray) -
     }
 
 
-def value_scores(forecasts: Forecasts, *, seed: int = 0) -> list[dict[str, Any]]:
-    """Return one row for each metric column: CRPS and its skill, coverage, ranks.
+def value_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
+    """Return one row for each metric column: CRPS and its skill, coverage.
 
     Values are bounded by `SCORED_UP_TO`.
     """
-    rng, rows = np.random.default_rng(seed), []
+    rows = []
     for column, name in enumerate(forecasts.columns):
         if name == COLLISION:
             continue
@@ -227,8 +226,7 @@ def value_scores(forecasts: Forecasts, *, seed: int = 0) -> list[dict[str, Any]]
             least = MIN_DEFINED * len(values)
             if not (np.isfinite(y) and np.isfinite(straight)) or min(len(sample), len(noisy)) < least:
                 continue
-            scores = crps(sample, y), abs(straight - y), covered(noisy, y), rank_among(noisy, y, rng)
-            cases.append((*scores, forecasts.group[m]))
+            cases.append((crps(sample, y), abs(straight - y), covered(noisy, y), forecasts.group[m]))
         if cases:
             rows.append({"column": name, **_of_values(*zip(*cases, strict=True))})
     return rows
@@ -238,7 +236,6 @@ def _of_values(
     score: Sequence[float],
     plain: Sequence[float],
     seen: Sequence[bool],
-    rank: Sequence[float],
     group: Sequence[int],
 ) -> dict[str, Any]:
     reference, hit = float(np.mean(plain)), np.array(seen, dtype=np.float64)
@@ -250,7 +247,6 @@ def _of_values(
         "coverage": float(hit.mean()),
         "coverage_low": low,
         "coverage_high": high,
-        "ranks": np.histogram(rank, bins=10, range=(0.0, 1.0))[0].tolist(),
     }
 
 
@@ -259,7 +255,7 @@ def encounter_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
     table = forecasts.encounters
     if not len(table):
         return []
-    names = ("crps_m", "constant_velocity_error_m", "seen", "rank", "group")
+    names = ("crps_m", "constant_velocity_error_m", "seen", "group")
     return [
         {"column": "least gap of an encounter", **_of_values(*(table[name].to_pylist() for name in names))}
     ]
@@ -284,7 +280,6 @@ def position_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
                         f"{way}_coverage": float(np.mean(part[f"{way}_seen"].to_pylist()))
                         for way in ("along", "across")
                     },
-                    "along_ranks": np.histogram(part["along_rank"].to_numpy(), 10, (0, 1))[0].tolist(),
                 }
             )
     return rows

@@ -136,7 +136,7 @@ def validate(
         rows = {
             "events": event_scores(forecasts),
             "pairs": pair_scores(forecasts),
-            "values": [*value_scores(forecasts, seed=seed), *encounter_scores(forecasts)],
+            "values": [*value_scores(forecasts), *encounter_scores(forecasts)],
             "positions": position_scores(forecasts),
         }
         tables = {name: pa.Table.from_pylist(part_rows) for name, part_rows in rows.items()}

@@ -14,7 +14,7 @@ from scex_sumo.metrics.registry import metric_of
 from scex_sumo.results.tables.columns import schema
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.validate.noise import along_tracks
-from scex_sumo.studies.validate.scores import covered, crps, rank_among
+from scex_sumo.studies.validate.scores import covered, crps
 
 SECONDS = (1, 2, 3, 5, 8)
 MOVING_MPS = 0.5
@@ -24,14 +24,13 @@ _NUMBERS = ("error_of_mean_m", "mean_error_m", "least_error_m", "constant_veloci
 POSITIONS = schema(
     "track_id moving second",
     _NUMBERS,
-    "along_seen across_seen along_rank across_rank",
+    "along_seen across_seen",
 )
 _OUTCOMES = [f"{event.name}_{what}" for event in MEASURED for what in ("happened", "straight")]
 ENCOUNTERS = schema(
-    "first second recorded_m seen rank crps_m constant_velocity_error_m",
+    "first second recorded_m seen crps_m constant_velocity_error_m",
     (f"{event.name}_forecast" for event in MEASURED),
     _OUTCOMES,
-    rank=pa.float64(),
     **dict.fromkeys(_OUTCOMES, pa.bool_()),
 )
 
@@ -42,11 +41,10 @@ def position_forecasts(
     seen: States,
     straight: States,
     judged: BoolArray,
-    rng: np.random.Generator,
 ) -> pa.Table:
     """Return one row of `POSITIONS` for each vehicle recorded to the end and each second.
 
-    Along and across the heading: coverage by the 5-95 % of ``seen``, and the rank in (0, 1).
+    Along and across the heading: coverage by the 5-95 % of ``seen``.
 
     Args:
         futures: (C, T, V).
@@ -80,8 +78,6 @@ def position_forecasts(
                     ),
                     "along_seen": covered(along, 0.0),
                     "across_seen": covered(across, 0.0),
-                    "along_rank": rank_among(along, 0.0, rng),
-                    "across_rank": rank_among(across, 0.0, rng),
                 }
             )
     return pa.Table.from_pylist(rows, schema=POSITIONS)
@@ -99,11 +95,10 @@ def gap_forecasts(
     straight: States,
     recorded: States,
     judged: BoolArray,
-    rng: np.random.Generator,
 ) -> pa.Table:
     """Return one row of `ENCOUNTERS` for the least body gap of each pair within 10 m in some future.
 
-    ``crps_m`` is of the futures as driven, coverage and rank are of ``seen``. `MEASURED` events of the
+    ``crps_m`` is of the futures as driven, coverage is of ``seen``. `MEASURED` events of the
     futures (share), the recording and constant velocity count along the driven tracks. Arguments as of
     `position_forecasts`; ``recorded`` (1, T, V).
     """
@@ -120,7 +115,6 @@ def gap_forecasts(
             "second": int(scene.track_ids[second[k]]),
             "recorded_m": float(real[0, k]),
             "seen": covered(noisy[:, k], float(real[0, k])),
-            "rank": rank_among(noisy[:, k], float(real[0, k]), rng),
             "crps_m": crps(gaps[:, k], float(real[0, k])),
             "constant_velocity_error_m": float(abs(plain[0, k] - real[0, k])),
             **{f"{name}_forecast": float(flags[:, k].mean()) for name, flags in forecast.items()},

@@ -63,7 +63,7 @@ def forecast(distance: list[float], recorded: float, error: float = 0.0, name: s
             {
                 "track_id": 1, "moving": True, "second": 3, "error_of_mean_m": 1.0, "mean_error_m": 2.0,
                 "least_error_m": 0.5, "constant_velocity_error_m": 3.0, "along_seen": True,
-                "across_seen": True, "along_rank": 0.5, "across_rank": 0.99,
+                "across_seen": True,
             }
         ]
     )  # fmt: skip
