@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import functools
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +27,36 @@ def own_error_reason(error: BaseException) -> str:
     return _short(f"raised {reason_of(error)}") + place
 
 
+_twice = ContextVar("twice", default=False)
+
+
+@contextmanager
+def calling_twice() -> Iterator[None]:
+    """Call each function of the user's twice, see `own_call`; results that differ are an error."""
+    token = _twice.set(True)
+    try:
+        yield
+    finally:
+        _twice.reset(token)
+
+
+def alike(one: Any, other: Any) -> bool:
+    """Return whether two results hold the same: arrays, dataclasses, containers; NaN is like NaN."""
+    import numpy as np
+
+    if isinstance(one, np.ndarray):
+        return isinstance(other, np.ndarray) and np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
+    if type(one) is not type(other):
+        return False
+    if is_dataclass(one):
+        return all(alike(getattr(one, part.name), getattr(other, part.name)) for part in fields(one))
+    if isinstance(one, dict):
+        return list(one) == list(other) and alike([*one.values()], [*other.values()])
+    if isinstance(one, list | tuple):
+        return len(one) == len(other) and all(map(alike, one, other))
+    return bool(one == other or one != one)
+
+
 def own_call(
     said: str, function: Callable[..., Any], needs: type = object, *, error: type[ScexError] = OwnCodeError
 ) -> Callable[..., Any]:
@@ -37,15 +70,22 @@ def own_call(
         OwnCodeError: it raised, or returned something else; or another ``error``. Those of this package pass.
     """
 
+    def made_by(*arguments: Any, **options: Any) -> Any:
+        made = function(*arguments, **options)
+        return list(made) if needs is list else made
+
     @functools.wraps(function)
     def call(*arguments: Any, **options: Any) -> Any:
         try:
-            made = function(*arguments, **options)
-            made = list(made) if needs is list else made
+            made = again = made_by(*arguments, **options)
+            if _twice.get():
+                again = made_by(*arguments, **options)
         except ScexError:
             raise
         except (Exception, SystemExit) as cause:
             raise error(f"{said} {own_error_reason(cause)}") from cause
+        if made is not again and not alike(made, again):
+            raise error(f"{said} returned something else when called again: draw nothing, keep nothing")
         if not isinstance(made, needs):
             raise error(f"{said} returned {type(made).__name__}, needs {needs.__name__}")
         return made

@@ -56,6 +56,15 @@ def test_a_recording_of_another_packages_dataset_is_inspected(tmp_path: Path) ->
     assert "street_morning: 2 vehicles in 8.0 s" in done.stdout
 
 
+def test_a_reader_that_draws_at_random_is_told_by_inspect(tmp_path: Path) -> None:
+    code = CODE.replace("still = np.zeros(len(x))", "still = 0.01 * np.random.random(len(x))")
+    install(tmp_path, group="scex_sumo.datasets", name="cars", target="stranger", code=code)
+    street = a_street(tmp_path)
+    done = scex(tmp_path, "inspect", street / "street.osm", "--tracks", street / "morning.cars")
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert "dataset cars: read returned something else when called again" in done.stderr
+
+
 def test_a_folder_of_another_packages_dataset_is_ranked(tmp_path: Path) -> None:
     install(tmp_path, group="scex_sumo.datasets", name="cars", target="stranger", code=CODE)
     options = ("--futures", 2, "--every", 2, "--workers", 1, "-o", tmp_path / "out")

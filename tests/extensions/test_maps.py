@@ -51,6 +51,14 @@ def test_a_map_of_another_packages_format_is_populated_and_run(tmp_path: Path) -
     assert json.loads((tmp_path / "out/run.json").read_text())["seed_scene"]["location"] == "mymap"
 
 
+def test_a_map_format_that_draws_at_random_is_told_by_convert(tmp_path: Path) -> None:
+    code = CODE.replace("np.full(20, y)", "np.random.normal(y, 1e-3, 20)")
+    install(tmp_path, group="scex_sumo.maps", name="xyz", target="stranger", code=code)
+    done = scex(tmp_path, "convert", a_map(tmp_path), "-o", tmp_path / "net.net.xml")
+    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
+    assert "map format xyz: read returned something else when called again" in done.stderr
+
+
 def test_a_map_format_that_cannot_be_used_is_left_out_with_a_warning(tmp_path: Path) -> None:
     install(tmp_path, group="scex_sumo.maps", name="xyz", target="stranger", code="def is_mine(path): ...")
     done = scex(tmp_path, "inspect", a_map(tmp_path))

@@ -28,6 +28,7 @@ def convert_command(
     strict: Annotated[bool, Option("--strict", help="Fail if anything of the map is lost.")] = False,
 ) -> Answer:
     """Convert a map to a SUMO net and compare both."""
+    from scex_sumo.base.blame import calling_twice
     from scex_sumo.converters.lanelet.origin import parse_origin
     from scex_sumo.converters.maps import read_map
     from scex_sumo.lanelet2sumo.convert import convert
@@ -35,7 +36,8 @@ def convert_command(
 
     started = time.perf_counter()
     place = parse_origin(origin) if origin is not None else None
-    road = read_map(map_path, origin=place)
+    with calling_twice():
+        road = read_map(map_path, origin=place)
     warn(road.notes)
     net = convert(road, out if out is not None else Path(f"{road.name}.net.xml"), signals=signals)
     warn(net.notes)

@@ -31,6 +31,7 @@ def inspect_command(
     origin: Origin = None,
 ) -> Answer:
     """List recordings, moments of one, or vehicles of a moment."""
+    from scex_sumo.base.blame import calling_twice
     from scex_sumo.commands.console import output_console
     from scex_sumo.converters.datasets.find import left_out, map_and_tracks, recordings_of_folder
     from scex_sumo.converters.datasets.moment import busiest
@@ -50,7 +51,8 @@ def inspect_command(
             return partial(dict, inspect_folder(recordings))
     map_path, tracks = map_and_tracks(map_path, tracks)
     zero = parse_origin(origin) if origin is not None else None
-    loaded = load_recording(recording_of(map_path, tracks), zero, force=True)
+    with calling_twice():
+        loaded = load_recording(recording_of(map_path, tracks), zero, force=True)
     console = output_console(width=110)
     warn(loaded.notes)
     print(f"{loaded.recording.name}: {loaded.vehicles} vehicles in {loaded.seconds:.1f} s")
