@@ -101,11 +101,8 @@ def _bodies(path: Path, kind: str) -> Iterator[bytes]:
 def _read_road(path: Path, **_: Any) -> Road:
     """Read the OpenDRIVE map inside a trace, else that beside it, else OSI's lanes."""
     with _damage(MapError, path):
-        inside = _opendrive(path)
-        if inside is not None:
-            return opendrive_road(path, inside.encode())
-        if (beside := _map_beside(path)) is not None:
-            return opendrive_road(beside, beside.read_bytes())
+        if (found := _map_text(path)) is not None:
+            return opendrive_road(*found)
         drawn = _lane_map(path)
         if not drawn.lanes:
             raise MapError(f"{path}: has no map inside, and no .xodr is beside it; put its map there")
@@ -115,9 +112,15 @@ def _read_road(path: Path, **_: Any) -> Road:
 def map_text(path: Path) -> bytes | None:
     """Return the OpenDRIVE text inside a trace, or beside it; None without one."""
     with _damage(MapError, path):
-        inside = _opendrive(path)
-        beside = _map_beside(path) if inside is None else None
-        return inside.encode() if inside is not None else None if beside is None else beside.read_bytes()
+        found = _map_text(path)
+        return None if found is None else found[1]
+
+
+def _map_text(path: Path) -> tuple[Path, bytes] | None:
+    if (inside := _opendrive(path)) is not None:
+        return path, inside.encode()
+    beside = _map_beside(path)
+    return None if beside is None else (beside, beside.read_bytes())
 
 
 def _opendrive(path: Path) -> str | None:

@@ -1,9 +1,9 @@
-"""Kinds of places on a road: ring, crossing, merge or lane."""
+"""Kinds of places on a road: ring, crossing, merge or lane; lanes ahead of lanes."""
 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -93,6 +93,20 @@ def way_round(lanes: Mapping[int, Lane], length: Mapping[int, float], start: int
                 reached.add(after)
                 heapq.heappush(queue, (far + length[after], (*way, after)))
     return []
+
+
+def lanes_ahead(lanes: Mapping[int, Lane], ids: Iterable[int], reach_m: float) -> Iterator[int]:
+    """Yield some lanes, then those that begin within ``reach_m`` behind their beginnings, nearest first."""
+    queue = sorted((0.0, i) for i in ids)
+    reached: set[int] = set()
+    while queue:
+        start, i = heapq.heappop(queue)
+        if i in lanes and i not in reached and start <= reach_m:
+            reached.add(i)
+            yield i
+            end = start + length_of(lanes[i].centreline)
+            for j in lanes[i].successors:
+                heapq.heappush(queue, (end, j))
 
 
 def _is_round(loop: FloatArray) -> bool:

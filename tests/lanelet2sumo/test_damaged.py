@@ -11,7 +11,7 @@ from scex_sumo.base.errors import MapError
 from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.lanelet2sumo.topology.graph import MAX_LINKS
 from scex_sumo.road import Regulation, Road
-from scex_sumo.roads.ahead import lanes_ahead
+from scex_sumo.roads.places import lanes_ahead
 from tests.converters.sumo_roads import lane, road
 from tests.lanelet2sumo.judge.conflicts import find_conflicts
 

@@ -13,7 +13,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.lanelet.file import MapFile, Points, Relation, Tags
 from scex_sumo.geometry.polylines import along, length_of, turn
 from scex_sumo.road import Lane, Regulation
-from scex_sumo.roads.ahead import lanes_ahead
+from scex_sumo.roads.places import lanes_ahead
 
 BESIDE_M = 0.5  # a stop line may end this far beside the centreline that it stops
 MIN_SLANT_RAD = 0.7  # 40 degrees

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import ast
+import copy
 import itertools
 import math
+import operator
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from scex_sumo.base.errors import MapError, TrackError
-from scex_sumo.base.progress import Progress
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording, Window
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
@@ -23,39 +26,41 @@ from scex_sumo.converters.xml import unpacked, xml_root
 from scex_sumo.formats.opendrive.lanes import opendrive_map
 from scex_sumo.formats.opendrive.reader import read_opendrive
 from scex_sumo.formats.opendrive.ways import Places
-from scex_sumo.formats.openscenario.document import read_document
-from scex_sumo.formats.openscenario.motion import TICKS_PER_S, Mover, UnknownMotion
+from scex_sumo.formats.openscenario.motion import BODIES, TICKS_PER_S, Mover, UnknownMotion
 from scex_sumo.formats.openscenario.story import Storyboard
 from scex_sumo.formats.recognition import is_openscenario
 from scex_sumo.formats.samples.boxes import MAX_ITEMS, box_table, one_line
 from scex_sumo.formats.samples.from_car import within_map
-from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 
 MAX_S, AFTER_S = 600.0, 10.0  # of a scenario without an end, and after the last story
 _EVERY = TICKS_PER_S // 10  # ticks between two samples
 _WHAT = "scenario of OpenSCENARIO"
+_DEFAULTS = (*BODIES, "Maneuver", "Trajectory", "Route")  # their values are overruled by a reference
+_NAME = re.compile(r"\$(\w+)")
+_REMEDY = "export the scenario again"
+_LETTERS = 1000  # of an expression
+_OPERATORS: Mapping[type, Any] = {
+    **{ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul},
+    **{ast.Div: operator.truediv, ast.USub: operator.neg},
+}
+_FUNCTIONS: Mapping[str, Any] = {
+    **{name: getattr(math, name) for name in ("floor", "ceil", "sqrt", "pow")},
+    **{"round": round, "min": min, "max": max, "abs": abs},
+}
 
 
 def _map_of(path: Path) -> Path:
     with one_line(MapError, path, _WHAT):
-        file = read_document(path).find("RoadNetwork/LogicFile")
+        file = _document(path).find("RoadNetwork/LogicFile")
         name = "" if file is None else file.get("filepath", "")
         if not name.lower().endswith((".xodr", ".xodr.gz")):
             raise ValueError(f"its road network is {name[-60:]!r}, no OpenDRIVE file")
         return path.parent / name.replace("\\", "/")
 
 
-def _read_road(path: Path, **options: Any) -> Road:
-    return read_opendrive(_map_of(path), **options)
-
-
 def _read(
-    paths: Sequence[Path],
-    *,
-    net: Path | None = None,
-    window: Window = (None, None),
-    progress: Progress | None = None,
+    paths: Sequence[Path], *, window: Window = (None, None), **_: Any
 ) -> tuple[TrackTable, tuple[str, ...]]:
     """Drive a scenario's own actions; samples every 0.1 s, until it is not known any more."""
     path, map_path, end_s = paths[0], _map_of(paths[0]), min(MAX_S, window[1] or MAX_S)
@@ -64,7 +69,7 @@ def _read(
     notes: list[str] = []
     with one_line(TrackError, path, _WHAT):
         drawn = opendrive_map(map_path, xml_root(map_path, remedy="export the map again"))
-        story = Storyboard(read_document(path), Places(drawn))
+        story = Storyboard(_document(path), Places(drawn))
         numbers = _numbers(story.movers.values())
         for tick in itertools.count():
             time_s = tick / TICKS_PER_S
@@ -84,6 +89,72 @@ def _read(
         table, more = box_table(path, labels, kinds, np.array(values).reshape(-1, 8))
         table = replace(table, complete=partial(_completed, {label: name for name, label in numbers.items()}))
         return table, (*notes, *more)
+
+
+def _document(path: Path) -> Element:
+    """Return the root of a scenario, with its parameters and catalogs filled in."""
+    root = xml_root(path, remedy=_REMEDY)
+    if root.tag != "OpenSCENARIO" or root.find("Storyboard") is None:
+        raise ValueError("it is no scenario of OpenSCENARIO XML")
+    entries: dict[tuple[str, ...], Element] = {}
+    folders = [path.parent / one.get("path", "") for one in root.iterfind("CatalogLocations/*/Directory")]
+    for file in (file for folder in folders for file in sorted(folder.glob("*.xosc"))):
+        for catalog in xml_root(file, remedy=_REMEDY).iter("Catalog"):
+            for entry in catalog:
+                entries.setdefault((catalog.get("name", ""), entry.get("name", "")), entry)
+    _fill(root, {}, entries)
+    return root
+
+
+def _fill(element: Element, values: Mapping[str, str], entries: Mapping[tuple[str, ...], Element]) -> None:
+    for one in element.findall("ParameterDeclarations/*"):
+        name, value = one.get("name", "").lstrip("$"), _filled(one.get("value", ""), values)
+        values = {name: value, **values} if element.tag in _DEFAULTS else {**values, name: value}
+    for key, text in element.items():
+        element.set(key, _filled(text, values))
+    for k, child in enumerate(element):
+        if child.tag == "CatalogReference":
+            entry = tuple(_filled(child.get(key, ""), values) for key in ("catalogName", "entryName"))
+            if entry in entries:
+                given = [
+                    (x.get("parameterRef", ""), x.get("value", "")) for x in child.iter("ParameterAssignment")
+                ]
+                element[k] = copy.deepcopy(entries[entry])
+                _fill(element[k], {name.lstrip("$"): _filled(text, values) for name, text in given}, entries)
+            elif element.tag in ("ScenarioObject", "ManeuverGroup"):  # others matter less, as a controller
+                raise ValueError(f"entry {entry[1]} of catalog {entry[0]} is in none of its catalog folders")
+        elif child.tag != "ParameterDeclarations":
+            _fill(child, values, entries)
+
+
+def _filled(text: str, values: Mapping[str, str]) -> str:
+    def value(name: re.Match[str]) -> str:
+        if name[1] not in values:
+            raise ValueError(f"parameter {name[1][:40]} is not declared")
+        return values[name[1]]
+
+    if not text.startswith("$"):
+        return text
+    plain = _NAME.sub(value, text.removeprefix("${").removesuffix("}"))
+    if not text.startswith("${"):
+        return plain
+    try:
+        return str(_result(ast.parse(plain[:_LETTERS].strip(), mode="eval").body))
+    except (ArithmeticError, LookupError, SyntaxError, TypeError, ValueError):
+        return text  # names have some, too; where a number is needed, it is none
+
+
+def _result(node: ast.AST) -> Any:
+    match node:
+        case ast.Constant(value=int() | float() as value):
+            return value
+        case ast.BinOp(left=left, op=op, right=right):
+            return _OPERATORS[type(op)](_result(left), _result(right))
+        case ast.UnaryOp(op=op, operand=operand):
+            return _OPERATORS[type(op)](_result(operand))
+        case ast.Call(func=ast.Name(id=name), args=args):
+            return _FUNCTIONS[name](*map(_result, args))
+    raise ValueError
 
 
 def _numbers(movers: Iterable[Mover]) -> dict[str, str]:
@@ -109,7 +180,7 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
 
 OPENSCENARIO_MAP = MapFormat(
     is_mine=is_openscenario,
-    read=_read_road,
+    read=lambda path, **_: read_opendrive(_map_of(path)),
     tracks=lambda path: path,
     asks_for="--tracks LOG.csv",
     opendrive=lambda path: unpacked(_map_of(path)),

@@ -41,11 +41,6 @@ class Event:
         self.times_left = number(self.element, "maximumExecutionCount", "1")
         self.running: list[tuple[Mover, Action]] = []
 
-    @property
-    def goes_on(self) -> bool:
-        """Whether one of its actions does."""
-        return any(action in mover.actions.values() for mover, action in self.running)
-
     def end(self, time_s: float) -> None:
         """End it, and those of its actions that go on."""
         for mover, action in self.running:
@@ -158,7 +153,8 @@ class Storyboard:
             return
         is_stopped = self._is_on(act.find("StopTrigger"), otherwise=False)
         for event in (event for event in events if event.ended_s > now):
-            is_over = event.began_s <= now and not event.goes_on
+            goes_on = any(action in mover.actions.values() for mover, action in event.running)
+            is_over = event.began_s <= now and not goes_on
             if is_over and event.times_left >= 1:
                 event.began_s = math.inf
             elif is_over or is_stopped:

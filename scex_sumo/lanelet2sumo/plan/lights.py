@@ -14,8 +14,8 @@ from scex_sumo.geometry.polylines import length_of, project, turn
 from scex_sumo.lanelet2sumo.plan.elements import Connection, Crossing, NetLayout, Programme, Walks
 from scex_sumo.lanelet2sumo.topology.graph import Groups
 from scex_sumo.road import Lane, Regulation, Road
-from scex_sumo.roads.ahead import lanes_ahead
 from scex_sumo.roads.conflicts import Conflict
+from scex_sumo.roads.places import lanes_ahead
 
 GREEN_S, YELLOW_S, ALL_RED_S = 25, 3, 2
 AT_LINE_M = 2.0  # how far stop lines reach into crosswalks, as drawn
