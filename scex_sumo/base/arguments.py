@@ -33,16 +33,8 @@ _ALIASES = {
     "Weights": "Mapping",
 }
 _CLASSES = {
-    "LoadedRecording",
-    "Recording",
-    "Region",
-    "Road",
-    "Run",
-    "RunSettings",
-    "SceneGraph",
-    "SceneHistory",
-    "SeedScene",
-    "Suite",
+    *("LoadedRecording", "Recording", "Region", "Road", "Run", "RunSettings"),
+    *("SceneGraph", "SceneHistory", "SeedScene", "Suite"),
 }
 
 

@@ -11,13 +11,13 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
-from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import OwnCodeError, UsageError
 from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.registries import signals_of
+from scex_sumo.drivers.registry import parse_models
 from scex_sumo.extrapolation.extras import Extra, Row, Work, rows_of
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, ruled
 from scex_sumo.extrapolation.loop.measure import Recorded, measure_recorded
@@ -123,11 +123,17 @@ def _folder_and_job(
     if settings.within is not None:
         scene = settings.within.simulated(scene, settings.steps, [*settings.assign, *settings.under_test])
     settings.check_size(settings.count or 1, scene.vehicles)
-    assignment = _assignment(scene, settings, models, keep=options.cache)
+    assignment = models.draw(scene, futures=settings.count, seed=settings.seed, keep=options.cache)
+    settings.check_size(len(assignment), scene.vehicles)
     models.try_on(scene, seed=settings.seed)
-    identity = _identity(scene, settings, models, assignment)
+    own = {**models.to_json(), **settings.to_json(), "futures": len(assignment)}
+    identity = {"version": __version__, "scene": digest(scene), **own}
     folder = ResultFolder(path, identity, overwrite=options.overwrite)
-    net = _net(scene, folder, options, settings)
+    assert scene.road is not None
+    file = folder.path / "sumo" / f"{scene.road.name}.net.xml"
+    signals = signals_of(scene) if settings.obeys else None
+    with writing(file):
+        net = converted(scene.road, file, keep=options.cache, signals=signals, time_s=scene.time_s)
     if added:
         net = dataclasses.replace(net, notes=(*net.notes, *added))
     scene, net = ruled(scene, net, settings)
@@ -138,22 +144,13 @@ def _folder_and_job(
 def checked_models(settings: RunSettings, options: RunOptions) -> ModelSet:
     """Build the models of a run; raise a `UsageError` for what can be known without the seed scene."""
     models = ModelSet.of(settings)
-    check_world(settings, models, gui=options.gui)
+    by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if isinstance(m, SumoDriver)]
+    if (by_sumo or options.gui) and not WORLDS.load(settings.world).has_sumo:
+        what = f"{by_sumo[0]} is driven by SUMO" if by_sumo else "--gui shows SUMO"
+        raise UsageError(f"--world {settings.world}: {what}, which is not there; use --world sumo")
+    if options.human is not None:
+        parse_models(options.human)
     return models
-
-
-def _assignment(scene: SeedScene, settings: RunSettings, models: ModelSet, *, keep: bool) -> IntArray:
-    drawn = models.draw(scene, futures=settings.count, seed=settings.seed, keep=keep)
-    settings.check_size(len(drawn), scene.vehicles)
-    return drawn
-
-
-def _net(scene: SeedScene, folder: ResultFolder, options: RunOptions, settings: RunSettings) -> Any:
-    assert scene.road is not None
-    path = folder.path / "sumo" / f"{scene.road.name}.net.xml"
-    signals = signals_of(scene) if settings.obeys else None
-    with writing(path):
-        return converted(scene.road, path, keep=options.cache, signals=signals, time_s=scene.time_s)
 
 
 def _recorded(job: Job) -> Recorded | None:
@@ -165,21 +162,6 @@ def _recorded(job: Job) -> Recorded | None:
         metrics=settings.measured,
         vehicles=settings.vehicles_that_count(job.scene),
     )
-
-
-def check_world(settings: RunSettings, models: ModelSet, *, gui: bool) -> None:
-    """Raise a `UsageError` if SUMO is needed and the world has none."""
-    by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if isinstance(m, SumoDriver)]
-    if (by_sumo or gui) and not WORLDS.load(settings.world).has_sumo:
-        what = f"{by_sumo[0]} is driven by SUMO" if by_sumo else "--gui shows SUMO"
-        raise UsageError(f"--world {settings.world}: {what}, which is not there; use --world sumo")
-
-
-def _identity(
-    scene: SeedScene, settings: RunSettings, models: ModelSet, assignment: IntArray
-) -> dict[str, Any]:
-    own = {**models.to_json(), **settings.to_json(), "futures": len(assignment)}
-    return {"version": __version__, "scene": digest(scene), **own}
 
 
 def _info(job: Job, command: Sequence[str] | None, part: Part, notes: list[str]) -> dict[str, Any]:

@@ -20,10 +20,16 @@ from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.converters.registries import signals_of
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
-from scex_sumo.extrapolation.loop.measure import measure_conflicts, measure_outcome, measure_rollout, worst_of
+from scex_sumo.extrapolation.loop.measure import (
+    evaluated_tracks,
+    measure_conflicts,
+    measure_outcome,
+    worst_of,
+)
 from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
+from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.results.design import design_intervals
 from scex_sumo.results.folder import horizons_table
 from scex_sumo.results.parts import Part, joined_parts, save_part
@@ -37,10 +43,8 @@ from scex_sumo.world.tiles import TILE_SLOTS
 
 OnStep = Callable[[int], None]
 
-QUEUED, STANDING_MPS = (
-    4,
-    0.5,
-)  # vehicles that stand before a junction that may have lights without a map's word
+# vehicles that stand before a junction that may have lights without a map's word
+QUEUED, STANDING_MPS = 4, 0.5
 VEHICLES_AT_ONCE = 5400  # over all futures of a batch
 BATCHES_EACH = 2  # of each process: one that starts later does less
 
@@ -252,7 +256,7 @@ def _tested(job: Job, rollout: Rollout) -> FloatArray | None:
     tested = np.flatnonzero(np.isin(job.scene.track_ids, list(job.models.tested))).tolist()
     if not tested:
         return None
-    own = measure_rollout(job.scene, rollout, metrics=job.settings.measured, vehicles=tested)
+    own = evaluate(*evaluated_tracks(job.scene, rollout), metrics=job.settings.measured, vehicles=tested)
     return np.stack([own.values, own.defined.astype(np.float64)])
 
 

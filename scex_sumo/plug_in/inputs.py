@@ -23,16 +23,8 @@ from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, SceneHistory, States, VehicleIndex
 
 ARRAYS: Final = (
-    "history",
-    "size",
-    "kind",
-    "neighbours",
-    "neighbour_size",
-    "neighbour_kind",
-    "neighbour_mask",
-    "lanes",
-    "lane_limit",
-    "lane_mask",
+    *("history", "size", "kind", "neighbours", "neighbour_size", "neighbour_kind", "neighbour_mask"),
+    *("lanes", "lane_limit", "lane_mask"),
 )
 """Inputs with one row per vehicle; see `predictor_inputs`."""
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.behaviors.base import PLAN_STEPS, SingleVehicleBehavior
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
@@ -94,20 +93,15 @@ class SingleVehicle:
 
     def __init__(self, model: SingleVehicleBehavior) -> None:
         self.model = model
-        self.radius: float | None = getattr(model, "radius", None)
 
     def plan(
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Ask the model for one vehicle after the other; see `BatchBehavior.plan`."""
-        now = history.now
         plans = []
         alone = {c: history.part(slice(c, c + 1)) for c in np.unique(vehicles.future).tolist()}
         for c, v in zip(vehicles.future.tolist(), vehicles.vehicle.tolist(), strict=True):
-            visible = road
-            if self.radius is not None:
-                visible = narrow_road(road, float(now.x[c, v]), float(now.y[c, v]), self.radius)
-            plans.append(self._checked(self.model.plan_one(alone[c], visible, 0, v, rng[c])))
+            plans.append(self._checked(self.model.plan_one(alone[c], road, 0, v, rng[c])))
         if not plans:
             return Plan(**vars(States.empty((0, PLAN_STEPS))))
         steps = min(len(plan.x) for plan in plans)
@@ -121,23 +115,3 @@ class SingleVehicle:
                 f"needs four of at least ({PLAN_STEPS},)"
             )
         return plan
-
-
-def narrow_road(road: Road, x: float, y: float, radius: float) -> Road:
-    """Return the lanes, markings and areas with a point within a radius of (x, y), m."""
-
-    def near(points: FloatArray) -> bool:
-        return bool(len(points) and (np.hypot(points[:, 0] - x, points[:, 1] - y) <= radius).any())
-
-    lanes = {
-        i: lane
-        for i, lane in road.lanes.items()
-        if near(lane.centreline) or near(lane.left_bound) or near(lane.right_bound)
-    }
-    return replace(
-        road,
-        lanes=lanes,
-        regulations=tuple(r for r in road.regulations if any(i in lanes for i in r.lanes)),
-        markings=tuple(m for m in road.markings if near(m.points)),
-        areas=tuple(a for a in road.areas if near(a.outline)),
-    )

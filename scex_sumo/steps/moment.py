@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Final
 
-from scex_sumo.drivers.registry import parse_models
 from scex_sumo.extrapolation.engine import checked_models, run_job, run_scene
 from scex_sumo.extrapolation.extras import Extra
 from scex_sumo.extrapolation.job import Job
@@ -39,14 +38,14 @@ def run_moment(
     """Simulate and measure the futures of a seed scene that has a road; then take the steps below.
 
     Args:
-        models: what `models_of` returned for these settings; None builds them.
+        models: what `checked_models` returned for these settings; None builds them.
 
     Raises:
         ScexError: as of `extrapolate`.
     """
     if (numbered := settings.numbered(scene)) is not settings:
         settings, models = numbered, None
-    human, models = options.human, models or models_of(settings, options)
+    human, models = options.human, models or checked_models(settings, options)
     is_tested = any(model is not None for model in settings.under_test.values())
     off = [] if is_tested else [BASELINE]
     off += [] if human is not None else [REFERENCE, PAIRS_FILE, DECISION]
@@ -65,14 +64,6 @@ def run_moment(
         with options.bar("page"):
             run.written["report"] = write_report(run, job.scene)
     return run
-
-
-def models_of(settings: RunSettings, options: RunOptions) -> ModelSet:
-    """Build the models of a run; raise a `UsageError` for what can be known without the seed scene."""
-    models = checked_models(settings, options)
-    if options.human is not None:
-        parse_models(options.human)
-    return models
 
 
 def _run_baseline(job: Job, workers: Workers, options: RunOptions) -> None:

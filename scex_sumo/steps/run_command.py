@@ -46,9 +46,10 @@ def run_command(map_path: MapPath, *, details: Details = False, **given: Any) ->
     options = RunOptions(bar=progress_bar, command=["scex-sumo", *sys.argv[1:]], **values[2])
     extras = [extra_named(one) for one in options.extra]
     with Workers(options.processes(settings)) as pool:
-        from scex_sumo.steps.moment import models_of, run_moment  # while workers start
+        from scex_sumo.extrapolation.engine import checked_models  # while workers start
+        from scex_sumo.steps.moment import run_moment
 
-        models = models_of(settings, options)
+        models = checked_models(settings, options)
         scene = seed_scene(map_path, source, seed=settings.seed, cache=options.cache)
         folder = Path(options.out) if options.out is not None else Path("out") / scene.name
         options = replace(options, out=folder)

@@ -17,15 +17,8 @@ RANDOM_MODELS = frozenset({"W99"})  # its randomness cannot be switched off
 
 # SUMO draws random numbers per lane: a driver with these depends on its tile.
 RANDOM_PARAMETERS = (
-    "sigma",
-    "sigmaleader",
-    "sigmagap",
-    "sigmaerror",
-    "speedDev",
-    "lcSigma",
-    "jmSigmaMinor",
-    "jmIgnoreFoeProb",
-    "jmIgnoreJunctionFoeProb",
+    *("sigma", "sigmaleader", "sigmagap", "sigmaerror", "speedDev", "lcSigma", "jmSigmaMinor"),
+    *("jmIgnoreFoeProb", "jmIgnoreJunctionFoeProb"),
 )
 WORDS = {"latAlignment": ("left", "right", "center", "arbitrary", "nice", "compact")}
 """Parameters that need not be numbers."""

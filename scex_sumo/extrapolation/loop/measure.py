@@ -76,7 +76,7 @@ def measure_outcome(
         on_paths: encounters have TTC, PET and DRAC, too.
     """
     present = None if counted is None else counted[None].repeat(len(rollout.futures), axis=0)
-    tracks, planned = _evaluated(scene, rollout, present)
+    tracks, planned = evaluated_tracks(scene, rollout, present)
     hits = find_collisions(tracks, limit_m2=limit_m2)
     # What hits one of these later is no consequence.
     hits = hits.take(np.flatnonzero(~uncounted(scene)[hits.first, hits.second]))
@@ -140,22 +140,6 @@ def _of_pairs(rows: P, vehicles: Collection[int] | None) -> P:
     return rows.take(np.flatnonzero(np.isin([rows.first, rows.second], list(vehicles)).any(axis=0)))
 
 
-def measure_rollout(
-    scene: SeedScene,
-    rollout: Rollout,
-    *,
-    metrics: Sequence[Metric] | None = None,
-    vehicles: Collection[int] | None = None,
-) -> ScenarioValues:
-    """Return the metric values of a batch; arguments as of `measure_outcome`.
-
-    Args:
-        vehicles: only pairs with one of these (indices) count; None: all.
-    """
-    tracks, planned = _evaluated(scene, rollout, None)
-    return evaluate(tracks, planned, metrics=metrics, vehicles=vehicles)
-
-
 def worst_of(
     scene: SeedScene, values: ScenarioValues, futures: IntArray, hits: Collisions | None = None
 ) -> pa.Table:
@@ -201,7 +185,7 @@ def measure_recorded(
         PlainWorld(1, count), scene.road, scene, batch, steps=steps, replan=replan, crash=False
     )
     counted = recorded_steps_of(scene, steps)
-    tracks, planned = _evaluated(scene, rollout, counted[None])
+    tracks, planned = evaluated_tracks(scene, rollout, counted[None])
     values = evaluate(tracks, planned, metrics=metrics, vehicles=vehicles)
     overlaps, last = _of_pairs(find_collisions(tracks), vehicles), counted.sum(axis=0)
     return Recorded(values=values, overlaps=overlaps, last_step=last, steps=steps)
@@ -223,9 +207,10 @@ def overlapping_at_first(scene: SeedScene) -> list[tuple[int, int]]:
     return list(zip(one[at].tolist(), two[at].tolist(), strict=True))
 
 
-def _evaluated(
-    scene: SeedScene, rollout: Rollout, present: BoolArray | None
+def evaluated_tracks(
+    scene: SeedScene, rollout: Rollout, present: BoolArray | None = None
 ) -> tuple[SceneTracks, PlannedPaths]:
+    """Return the tracks and plans of a batch; ``present`` (C, T, V) where vehicles count, None: all."""
     count, steps, _ = rollout.states.shape
     # As many steps as in tracks.parquet, so that both give the same values.
     past = scene.history.repeat(count)[:, :, -LOGGED_HISTORY:].swapaxes(1, 2)

@@ -10,7 +10,6 @@ import pytest
 from scex_sumo.extrapolation.loop.measure import (
     measure_outcome,
     measure_recorded,
-    measure_rollout,
     overlapping_at_first,
     recorded_steps_of,
     worst_of,
@@ -86,7 +85,7 @@ def test_the_worst_moment_is_named_by_its_frame() -> None:
         plan_y=plan.y[None, None],
         replan=30,
     )
-    values = measure_rollout(scene, rollout)
+    values = measure_outcome(scene, rollout).values
     rows = worst_of(scene, values, rollout.futures).to_pylist()
     closest = next(row for row in rows if row["metric"] == "distance")
     # They come nearer all the time: the worst step is the last, frame 40 of the case.
