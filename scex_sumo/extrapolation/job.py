@@ -179,13 +179,7 @@ def run_in_memory(job: Job, futures: Sequence[int]) -> Part:
 
 
 def _simulator(job: Job, slots: Sequence[int]) -> Simulator:
-    request = WorldRequest(
-        scene=job.scene,
-        net=job.net,
-        models=job.models.names,
-        slots=slots,
-        gui=job.gui,
-    )
+    request = WorldRequest(scene=job.scene, net=job.net, models=job.models.names, slots=slots, gui=job.gui)
     simulator = WORLDS.load(job.settings.world)
     # sumo-gui shows the map as it is.
     if not (job.road.left_hand and simulator.has_sumo) or job.gui:

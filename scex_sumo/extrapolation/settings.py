@@ -175,10 +175,7 @@ class RunSettings:
     )
     seed: int = option("Random seed.", 0, panel=DRIVERS)
     world: str = option(
-        "plain: without SUMO; or an entry point.",
-        DEFAULT_WORLD,
-        metavar="sumo|plain|NAME",
-        panel=DRIVERS,
+        "plain: without SUMO; or an entry point.", DEFAULT_WORLD, metavar="sumo|plain|NAME", panel=DRIVERS
     )
     vru: str = option(
         "Pedestrians and cyclists are left out, move as recorded, or decide for themselves.",

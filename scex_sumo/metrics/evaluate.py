@@ -78,11 +78,7 @@ def evaluate(
     ]
     defined = np.repeat(np.stack([worst[m.name].defined for m in chosen], axis=1), 2, axis=1)
     return ScenarioValues(
-        columns=columns_of(chosen),
-        values=np.stack(values, axis=1),
-        defined=defined,
-        scene=scene,
-        worst=worst,
+        columns=columns_of(chosen), values=np.stack(values, axis=1), defined=defined, scene=scene, worst=worst
     )
 
 

@@ -104,12 +104,7 @@ class Interval:
 
 
 def density(
-    samples: ArrayLike,
-    bandwidth: float = BANDWIDTH,
-    *,
-    x: ArrayLike | None = None,
-    reflect: bool = False,
-    half_width: float | None = None,
+    samples: ArrayLike, bandwidth: float = BANDWIDTH, *, x: ArrayLike | None = None, reflect: bool = False
 ) -> Density:
     """Return the Gaussian kernel density with an absolute bandwidth.
 
@@ -121,7 +116,6 @@ def density(
         bandwidth: h, in the unit of the samples.
         x: where to evaluate, ascending; by default a grid of h / 4 around the samples.
         reflect: fold the density below 0 back.
-        half_width: of the band; by default that of independent draws.
     """
     values = checked(samples, "density")
     if not (np.isfinite(bandwidth) and bandwidth > 0):
@@ -141,13 +135,12 @@ def density(
         pdf = np.where(grid >= 0, pdf + mirrored_pdf, 0.0)
         below = np.where(grid >= 0, below + mirrored_below - finite.size, 0.0)
     cdf = below / values.size
-    half = dkw_half_width(values.size) if half_width is None else half_width
-    return Density(
-        x=grid,
-        pdf=pdf / (values.size * bandwidth),
-        cdf=cdf,
-        band=(np.maximum(cdf - half, 0.0), np.minimum(cdf + half, 1.0)),
-    )
+    band = _band(cdf, dkw_half_width(values.size))
+    return Density(x=grid, pdf=pdf / (values.size * bandwidth), cdf=cdf, band=band)
+
+
+def _band(cdf: FloatArray, half_width: float) -> tuple[FloatArray, FloatArray]:
+    return np.maximum(cdf - half_width, 0.0), np.minimum(cdf + half_width, 1.0)
 
 
 def dkw_half_width(count: int) -> float:
@@ -228,49 +221,37 @@ def _ranges(start: IntArray, stop: IntArray) -> tuple[IntArray, IntArray]:
     return row, np.arange(row.size) - offset + np.repeat(start, length)
 
 
-def split_atoms(samples: ArrayLike, least: float = MIN_SHARE) -> tuple[tuple[Atom, ...], FloatArray]:
+def split_atoms(samples: ArrayLike) -> tuple[tuple[Atom, ...], FloatArray]:
     """Split samples (n,) into atoms and the other samples, infinite ones included.
 
-    Args:
-        least: an atom is a finite value of more than this share of the samples, and of at least two.
+    An atom is a finite value of more than `MIN_SHARE` of the samples, and of at least two.
     """
     values = checked(samples, "atoms")
-    if not 0 < least < 1:
-        raise InputError(f"atoms: least share {least}; choose one between 0 and 1, e.g. {MIN_SHARE}")
     at, counts = np.unique(values + 0.0, return_counts=True)  # -0.0 becomes 0.0
-    many = (counts > np.maximum(least * values.size, 1)) & np.isfinite(at)
+    many = (counts > max(MIN_SHARE * values.size, 1)) & np.isfinite(at)
     each = zip(at[many].tolist(), (counts[many] / values.size).tolist(), strict=True)
     return tuple(Atom(value=v, share=s) for v, s in each), values[~np.isin(values, at[many])]
 
 
-def mixed_density(
-    samples: ArrayLike,
-    bandwidth: float = BANDWIDTH,
-    *,
-    half_width: float | None = None,
-    least: float = MIN_SHARE,
-) -> Density:
-    """Return atoms and the kernel density of the rest; arguments as of `density`.
-
-    The density below 0 is folded back if no sample is negative.
+def mixed_density(samples: ArrayLike, half_width: float | None = None) -> Density:
+    """Return atoms and the kernel density of the rest; below 0 it is folded back if no sample is negative.
 
     Args:
-        least: share above which a value is an atom.
+        half_width: of the band; None for that of independent draws.
     """
     values = checked(samples, "density")
     if values.size == 0:
         raise InputError("density: no samples; the metric is defined in no future")
-    atoms, rest = split_atoms(values, least)
+    atoms, rest = split_atoms(values)
     folded = bool(values.min() >= 0)
     finite = values[np.isfinite(values)]
-    grid = np.union1d(common_grid(finite, bandwidth), [atom.value for atom in atoms])
+    grid = np.union1d(common_grid(finite, BANDWIDTH), [atom.value for atom in atoms])
     grid = grid[grid >= 0] if folded else grid
     pdf, cdf = np.zeros(grid.size), np.zeros(grid.size)
     if rest.size:
-        smooth, weight = density(rest, bandwidth, x=grid, reflect=folded), rest.size / values.size
+        smooth, weight = density(rest, x=grid, reflect=folded), rest.size / values.size
         pdf, cdf = weight * smooth.pdf, weight * smooth.cdf
     for atom in atoms:
         cdf = cdf + np.where(grid >= atom.value, atom.share, 0.0)
-    half = dkw_half_width(values.size) if half_width is None else half_width
-    band = np.maximum(cdf - half, 0.0), np.minimum(cdf + half, 1.0)
+    band = _band(cdf, dkw_half_width(values.size) if half_width is None else half_width)
     return Density(x=grid, pdf=pdf, cdf=np.minimum(cdf, 1.0), band=band, atoms=atoms)
