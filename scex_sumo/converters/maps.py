@@ -42,9 +42,7 @@ def read_map(
         own_corner: whether a map without a known origin begins at its south-west corner.
         keep: use the user's cache of roads.
 
-    Raises:
-        MapError: the map cannot be read.
-        MissingExtraError: the format needs a library that is not installed.
+    Raises `MapError` if the map cannot be read, `MissingExtraError` if a library is not installed.
 
     Example:
         >>> scex.read_map(scex.example_path("roundabout")).name

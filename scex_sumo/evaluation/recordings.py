@@ -12,10 +12,10 @@ from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.cleaning.off_lanes import MIN_SHARE_ON_LANES, explain_mismatch, on_closed_lanes
 from scex_sumo.converters.cleaning.plausibility import Check, doubts, refuse_implausible
 from scex_sumo.converters.datasets.moment import STAMP_MS, Moment, find_moments
-from scex_sumo.converters.datasets.reader import read_clean
 from scex_sumo.converters.datasets.recordings import (
     doubts_of_place,
     labels_of,
+    read_clean,
     window_with_history,
     with_warnings,
 )

@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import TrackError, one_line
 from scex_sumo.converters.cleaning.repair import repair_tracks
-from scex_sumo.converters.datasets.reader import read_clean
+from scex_sumo.converters.datasets.recordings import read_clean
 from scex_sumo.converters.tracks.check import check_values
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of

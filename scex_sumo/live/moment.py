@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.datasets.reader import repaired
+from scex_sumo.converters.datasets.recordings import repaired
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import Recording
 from scex_sumo.converters.tracks.road_users import PEOPLE

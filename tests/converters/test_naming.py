@@ -10,7 +10,7 @@ import pytest
 
 import scex_sumo as scex
 from scex_sumo.base.errors import InputError, MapError, TrackError
-from scex_sumo.converters.datasets.reader import read_recorded
+from scex_sumo.converters.datasets.recordings import read_recorded
 from tests.converters.track_files import straight, write_rows
 
 MAP = Path(scex.__file__).parent / "scenarios/data/roundabout.osm"

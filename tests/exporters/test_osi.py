@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from scex_sumo.converters.datasets.reader import read_recorded
+from scex_sumo.converters.datasets.recordings import read_recorded
 from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.results.run import Run
 

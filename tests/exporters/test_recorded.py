@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.converters.datasets.reader import read_recorded
+from scex_sumo.converters.datasets.recordings import read_recorded
 from scex_sumo.exporters.command import export_command
 from scex_sumo.exporters.request import EXPORTERS, RECORDED, Request
 from scex_sumo.results.run import Run

@@ -14,7 +14,7 @@ import pytest
 
 from scex_sumo import find_recordings, load_recording, read_map, read_seed
 from scex_sumo.base.errors import MapError, TrackError
-from scex_sumo.converters.datasets.reader import read_recorded
+from scex_sumo.converters.datasets.recordings import read_recorded
 from tests.formats import streets
 from tests.runs import extrapolate
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.datasets.reader import read_recorded
+from scex_sumo.converters.datasets.recordings import read_recorded
 from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.xml import net_root
 from scex_sumo.formats.osi import OSI

@@ -15,7 +15,7 @@ import shapely
 
 from scex_sumo import read_map, read_seed
 from scex_sumo.base.errors import MapError, TrackError
-from scex_sumo.converters.datasets.reader import read_recorded
+from scex_sumo.converters.datasets.recordings import read_recorded
 from tests.formats import streets
 from tests.runs import extrapolate
 

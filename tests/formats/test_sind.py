@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from scex_sumo.converters.datasets.find import find_recordings
-from scex_sumo.converters.datasets.reader import read_recorded
+from scex_sumo.converters.datasets.recordings import read_recorded
 from tests.converters.datasets.test_recordings import town
 from tests.converters.track_files import COLUMNS, straight, write_rows
 

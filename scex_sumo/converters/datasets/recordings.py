@@ -1,21 +1,38 @@
-"""Recordings of traffic with their map: loaded, cleaned, and cut into seed scenes."""
+"""Recordings of every dataset: read, repaired, resampled, aligned to their map, and cut into seed scenes."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
-from scex_sumo.base.errors import listed
+import numpy as np
+
+from scex_sumo.base.errors import ScexError, listed
 from scex_sumo.base.progress import Progress
+from scex_sumo.converters.cleaning.align import align_tracks
 from scex_sumo.converters.cleaning.off_lanes import doubt_place, explain_off_lanes
-from scex_sumo.converters.cleaning.plausibility import doubts, refuse_implausible
+from scex_sumo.converters.cleaning.plausibility import (
+    doubts,
+    lost_vehicles,
+    plausibility,
+    refuse_implausible,
+    without_explained,
+)
+from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.interaction import find_tracks
-from scex_sumo.converters.datasets.reader import read_clean
-from scex_sumo.converters.datasets.scene import FUTURE_STEPS, take_scene
-from scex_sumo.converters.registries import Recording, Window, dataset_of, place_name
+from scex_sumo.converters.datasets.moment import STAMP_MS
+from scex_sumo.converters.datasets.sample import interpolated
+from scex_sumo.converters.datasets.scene import FUTURE_STEPS, CleanRecording, take_scene
+from scex_sumo.converters.naming import in_memory, refuse_unreadable
+from scex_sumo.converters.registries import Dataset, Recording, Window, dataset_of, place_name
+from scex_sumo.converters.tracks.check import check_values
 from scex_sumo.converters.tracks.evidence import Evidence, evidence
+from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, other_rate
+from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
@@ -32,38 +49,20 @@ def recorded_scene(
     force: bool = False,
     progress: Progress | None = None,
 ) -> SeedScene:
-    """Read one moment of a recording.
-
-    Without ``case`` and ``time_s`` it is the moment with most vehicles that move and are recorded from 1 s
-    before to 3 s after; that of a case (INTERACTION v1.2) is its frame 10.
+    """Read one moment of a recording; arguments and errors are those of `scex_sumo.read_seed`.
 
     Args:
-        tracks: a track file, or a folder with consecutive chunks of one CommonRoad recording.
-        case: id of a case; ``1``, ``1.0`` and ``"1.0"`` are the same.
-        time_s: the moment in the recording's clock; the nearest frame, of the first case if none is given.
-        road: the map as read; tracks beside its lanes are moved onto them.
-        align: False leaves the tracks where they are, see `align_tracks`.
-        force: accept a moment with over half of its vehicles on no lane, sizes that no vehicle has, and
-            vehicles that would drive backwards.
-        progress: as of `read_clean`.
-
-    Raises:
-        TrackError: no, unusable or impossible tracks, an unknown case, a moment outside the recording or
-            without vehicles, or with its vehicles beside the lanes.
+        case: ``1``, ``1.0`` and ``"1.0"`` are the same.
+        time_s: the nearest frame is taken, of the first case if none is given.
+        road: the map as read; without it nothing is aligned.
     """
     recording = recording_of(Path(map_path), tracks)
     at = time_s if time_s is not None and math.isfinite(time_s) else None
-    clean = read_clean(
-        recording.track_paths,
-        road,
-        align=align,
-        window=window_with_history((at, at)),
-        progress=progress,
-    )
+    window = window_with_history((at, at))
+    clean = read_clean(recording.track_paths, road, align=align, window=window, progress=progress)
+    track_path = recording.track_paths[0]
     if not force:
-        refuse_implausible(
-            recording.track_paths[0], clean.checks, "read_seed(..., force=True) runs it all the same"
-        )
+        refuse_implausible(track_path, clean.checks, "read_seed(..., force=True) runs it all the same")
     scene = take_scene(
         clean,
         name=recording.name,
@@ -73,16 +72,14 @@ def recorded_scene(
     )
     implausible = doubts(clean.checks, labels_of(scene))
     if road is None:
-        return dataclasses.replace(scene, notes=(*scene.notes, *implausible))
+        return replace(scene, notes=(*scene.notes, *implausible))
     samples, off = evidence(clean.table.vehicles), off_road(road, scene)
-    simulated = dataset_of(recording.track_paths[0]).simulated
+    simulated = dataset_of(track_path).simulated
     # Over half of the vehicles beside the lanes need ``force``; a scene with all of them there is refused.
     if len(off) == scene.vehicles or (2 * len(off) > scene.vehicles and not force):
         raise explain_off_lanes(scene, off, samples, road, simulated=simulated)
-    scene = with_warnings(
-        scene, off, (*implausible, *doubts_of_place(samples, road, recording.track_paths[0]))
-    )
-    return clean.table.complete(dataclasses.replace(scene, road=road))
+    scene = with_warnings(scene, off, (*implausible, *doubts_of_place(samples, road, track_path)))
+    return clean.table.complete(replace(scene, road=road))
 
 
 def recording_of(map_path: Path, tracks: str | Path | None) -> Recording:
@@ -101,7 +98,7 @@ def with_warnings(scene: SeedScene, off: list[int], doubts: Sequence[str]) -> Se
         shown, beside = listed(scene.track_ids[v] for v in off), f"{len(off)} of {scene.vehicles} vehicles"
         where = "on no mapped lane of their direction"
         notes.append(f"warning: {beside} are {where} and will drive straight ({shown})")
-    return dataclasses.replace(scene, notes=(*scene.notes, *notes, *doubts))
+    return replace(scene, notes=(*scene.notes, *notes, *doubts))
 
 
 def labels_of(scene: SeedScene) -> set[str]:
@@ -123,3 +120,116 @@ def doubts_of_place(samples: Evidence, road: Road, tracks: Path) -> tuple[str, .
     dataset = dataset_of(tracks)
     doubt = None if dataset.within is not None or dataset.simulated else doubt_place(samples, road)
     return (doubt,) if doubt else ()
+
+
+def read_recorded(
+    paths: Sequence[Path],
+    net: Path | None = None,
+    window: Window = (None, None),
+    progress: Progress | None = None,
+) -> tuple[TrackTable, tuple[str, ...]]:
+    """Read a recording, one file or consecutive chunks; nothing is repaired.
+
+    ``progress`` tells how far SUMO has simulated a configuration.
+
+    Returns:
+        The recording, and a phrase for each thing left out.
+    """
+    for path in paths:
+        refuse_unreadable(path)
+    dataset = dataset_of(paths[0])
+    simulation = {"window": window, "progress": progress} if dataset.simulated else {}
+    with in_memory(paths[0]):
+        table, notes = dataset.read(paths, net=net, **simulation)
+    check_values(table)
+    return table, notes
+
+
+def read_clean(
+    paths: Sequence[Path],
+    road: Road | None,
+    *,
+    align: bool = True,
+    window: Window = (None, None),
+    progress: Progress | None = None,
+) -> CleanRecording:
+    """Read a recording, check and repair it, resample it to 10 Hz and align it to its map.
+
+    Args:
+        road: the map; without it nothing is aligned.
+        align: as `align_tracks`, with the other recordings of the folder if the evidence is thin.
+        window: first and last time that is needed, s.
+        progress: as of `read_recorded`.
+    """
+    table, findings = read_recorded(paths, None if road is None else road.net, window, progress)
+    dataset = dataset_of(paths[0])
+    checks = () if dataset.simulated else plausibility(table.vehicles, road)
+    raw = table
+    table, findings = repaired(table, findings, dataset)
+    checks = (lost_vehicles(raw, table), *checks)
+    findings = without_explained(findings, checks)
+    if road is not None and dataset.within is not None:
+        table, left = dataset.within(table, road)
+        findings = (*findings, *left)
+    elif road is not None and align:
+        table, moved = align_tracks(table, road, siblings=_siblings(paths))
+        findings = (*findings, *moved)
+    return CleanRecording(table=table, findings=findings, repair=True, checks=checks)
+
+
+def repaired(
+    table: TrackTable, findings: tuple[str, ...], dataset: Dataset
+) -> tuple[TrackTable, tuple[str, ...]]:
+    """Repair a recording and resample it to 10 Hz; cases stay as they are."""
+    if table.has_cases:
+        return table, findings
+    table, before = dataset.repair(table)
+    table, after = repair_tracks(table, exact=dataset.simulated)
+    if other_rate(table.step_s):
+        vehicles, others = resample_tracks(table.vehicles), resample_tracks(table.others)
+        recorded_s = table.step_s
+        table = replace(table, vehicles=vehicles, others=others, step_s=STEP_S, recorded_step_s=recorded_s)
+    return table, (*findings, *before, *after)
+
+
+def _siblings(paths: Sequence[Path]) -> Iterator[tuple[str, Evidence]]:
+    if len(paths) > 1:
+        return
+    for file in sorted(dataset_of(paths[0]).siblings(paths[0])):
+        if file.name != paths[0].name:
+            with suppress(ScexError):
+                yield file.name, _evidence(file, file.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=128)
+def _evidence(path: Path, _changed_ns: int) -> Evidence:
+    return evidence(repaired(*read_recorded([path]), dataset_of(path))[0].vehicles)
+
+
+def resample_tracks(rows: TrackRows) -> TrackRows:
+    """Sample tracks at every full 0.1 s of the recording's clock; shorter pieces are left out."""
+    begin, end = rows.pieces
+    step_ms = 1000.0 * STEP_S
+    low = np.ceil((rows.timestamp_ms[begin] - STAMP_MS) / step_ms).astype(np.int64)
+    high = np.floor((rows.timestamp_ms[end] + STAMP_MS) / step_ms).astype(np.int64)
+    count = np.maximum(high - low + 1, 0)
+    piece = np.repeat(np.arange(len(begin)), count)
+    frame = np.arange(len(piece)) - (np.cumsum(count) - count)[piece] + low[piece]
+    at = interpolated(rows, begin[piece], end[piece], step_ms * frame)
+    used, track = np.unique(rows.track[at.nearest], return_inverse=True)
+    return TrackRows(
+        case=rows.case[at.nearest],
+        track=track.astype(np.int64),
+        segment=piece.astype(np.int64),
+        labels=tuple(rows.labels[k] for k in used),
+        types=tuple(rows.types[k] for k in used),
+        frame_id=frame,
+        timestamp_ms=step_ms * frame,
+        x=at.x,
+        y=at.y,
+        vx=at.vx,
+        vy=at.vy,
+        psi_rad=wrap(at.heading),
+        length=rows.length[at.nearest],
+        width=rows.width[at.nearest],
+    )

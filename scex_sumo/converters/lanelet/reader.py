@@ -62,13 +62,11 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, own_corner: 
     Defects are listed in the road's notes; what is lost is listed in its losses.
 
     Args:
-        map_path: an ``.osm`` or ``.osm.gz`` file.
         origin: latitude and longitude in degrees; None looks beside the map and at its coordinates.
         own_corner: whether a map without a known origin begins at its south-west corner.
 
     Raises:
-        MapError: the file is missing, no Lanelet2 map, far from its origin, without a known one, or has no
-            usable lanelet.
+        MapError: the map is missing, far from its origin or without a known one, or has no usable lanelet.
 
     Example:
         >>> scex.read_road(scex.example_path("roundabout")).name

@@ -9,7 +9,9 @@ import zlib
 from codecs import BOM_UTF8
 from collections.abc import Collection, Iterator, Sequence
 from functools import partial
+from itertools import islice
 from pathlib import Path
+from textwrap import shorten
 from typing import BinaryIO
 
 import numpy as np
@@ -90,13 +92,11 @@ def explain_header(path: Path, needed: Sequence[str]) -> TrackError:
         return TrackError(f"{path}: its lines end with CR alone; save it with LF or CRLF")
     if not first.strip():
         return TrackError(f"{path}: empty; give a CSV file with tracks")
-    try:
-        line = first.decode("utf-8-sig").strip()
-    except UnicodeDecodeError:
+    line = first.decode("utf-8-sig", errors="replace").strip()
+    if line.startswith("<"):
+        return TrackError(f"{path}: not CSV (XML, perhaps the map); {_NEEDED}")
+    if "\0" in line or "\ufffd" in line:
         return TrackError(f"{path}: not CSV (binary data); {_NEEDED}")
-    if line.startswith("<") or "\0" in line:
-        kind = "XML, perhaps the map" if line.startswith("<") else "binary data"
-        return TrackError(f"{path}: not CSV ({kind}); {_NEEDED}")
     return _explain_names(path, line, needed)
 
 
@@ -108,9 +108,7 @@ def _explain_names(path: Path, line: str, needed: Sequence[str]) -> TrackError:
     if twice := repeated(header):
         return TrackError(f"{path}: column {', '.join(twice)} is there twice; keep one")
     missing = [name for name in needed if name not in header]
-    shown = ", ".join(header[:14]) + (", ..." if len(header) > 14 else "")
-    if len(shown) > 160:
-        shown = shown[:157] + "..."
+    shown = shorten(", ".join(header), 160, placeholder=" ...")
     return TrackError(f"{path}: no column {', '.join(missing)} (found: {shown}); {_NEEDED}")
 
 
@@ -131,37 +129,29 @@ def explain_parse_error(path: Path, header: Sequence[str], numbers: Sequence[str
 
 def explain_bad_values(path: Path, header: Sequence[str], index: int, motor: Collection[str]) -> TrackError:
     """Error about the missing or impossible value of a data row; index 0 is the first after the header."""
-    for count, (line, row) in enumerate(_lines(path)):
-        if count < index:
-            continue
-        values = dict(zip(header, (value.strip() for value in row), strict=False))
-        for name in ("track_id", "agent_type", "case_id"):
-            if name in header and values[name] in MISSING:
-                return TrackError(f"{path}: line {line}: {name} is missing; repair or drop the row")
-        kind = values["agent_type"].lower()
-        names = (*BASE_COLUMNS, *SHAPE_COLUMNS) if kind in motor else BASE_COLUMNS
-        for name in names:
-            if name in ("track_id", "agent_type"):
-                continue
-            wrong = _wrong(name, values.get(name, ""))
-            if wrong:
-                whose = f"{name} of a {kind[:24]}" if name not in ("length", "width") else name
-                return TrackError(f"{path}: line {line}: {whose} is {wrong}")
+    line, row = next(islice(_lines(path), index, None), (index + 1, []))
+    values = dict(zip(header, (value.strip() for value in row), strict=False))
+    kind = values.get("agent_type", "").lower()
+    words = [name for name in ("track_id", "agent_type", "case_id") if name in header]
+    numbers = (*BASE_COLUMNS, *(SHAPE_COLUMNS if kind in motor else ()))
+    for name in (*words, *(name for name in numbers if name not in words)):
+        if wrong := _wrong(name, values.get(name, ""), is_word=name in words):
+            whose = name if name in (*words, "length", "width") else f"{name} of a {kind[:24]}"
+            return TrackError(f"{path}: line {line}: {whose} is {wrong}; repair or drop the row")
     return TrackError(f"{path}: data row {index + 1} has a missing value; repair or drop the row")
 
 
-def _wrong(name: str, value: str) -> str:
+def _wrong(name: str, value: str, *, is_word: bool) -> str:
     if value in MISSING:
-        got = repr(value) if value else "missing"
-        return f"{got}; repair or drop the row"
+        return f"missing ({value})" if value else "missing"
+    if is_word:
+        return ""
     if not _is_number(value) or not math.isfinite(float(value)):
-        return f"{_short(value)}; repair or drop the row"
+        return _short(value)
     if name in ("length", "width") and float(value) <= 0.0:
         return f"{value} m, must be positive"
     largest = MAX_VALUES.get(name, 1e4)
-    return (
-        f"{_short(value)}, beyond {largest:g}; repair or drop the row" if abs(float(value)) > largest else ""
-    )
+    return f"{_short(value)}, beyond {largest:g}" if abs(float(value)) > largest else ""
 
 
 def _short(value: str) -> str:

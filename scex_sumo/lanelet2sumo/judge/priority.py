@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
-from itertools import combinations, product
+from itertools import product
 from typing import TypeAlias
 
 import numpy as np
@@ -71,19 +71,6 @@ class RightOfWay:
 
     def _lit(self, link: SumoLink) -> bool:
         return any(link.signal_index < len(state) for state in self.net.phases.get(link.signal, ()))
-
-    def clashing_greens(self) -> list[tuple[str, str]]:
-        """Return the foes, by their internal lanes, that both have green without having to look."""
-        foes = (pair for pair in self.links.pairs() if self.links.are_foes(*pair))
-        return [(a.via[0], b.via[0]) for a, b in foes if self.both_show(a, b, "G")]
-
-    def both_show(self, one: SumoLink, other: SumoLink, letters: str) -> bool | None:
-        """Return whether two links show some of the letters at once; None if they have no common light."""
-        states = self.net.phases.get(one.signal)
-        if states is None or one.signal != other.signal:
-            return None
-        shown = ((state[k : k + 1] for k in (one.signal_index, other.signal_index)) for state in states)
-        return any(all(letter and letter in letters for letter in both) for both in shown)
 
 
 class Links:
@@ -163,15 +150,6 @@ class Links:
     def waits(self, one: SumoLink, other: SumoLink) -> bool:
         """Return whether only the first of two foes gives way."""
         return self.are_foes(one, other) and self.yields(one, other) and not self.yields(other, one)
-
-    def pairs(self) -> Iterator[LinkPair]:
-        """Yield all pairs of links of each junction."""
-        rows: dict[str, dict[int, SumoLink]] = defaultdict(dict)
-        for link in self.net.links:
-            if link.row >= 0:
-                rows[link.junction][link.row] = link
-        for of_junction in rows.values():
-            yield from combinations((link for _, link in sorted(of_junction.items())), 2)
 
     def _line(self, link: SumoLink) -> shapely.MultiLineString:
         if link not in self._lines:

@@ -94,7 +94,6 @@ RIGHTS = (
         lambda r: r.missing_signals(),
         "lanelets with a traffic light that nothing controls",
     ),
-    Figure("clashing_greens", lambda r: r.clashing_greens(), "foes that both have green"),
 )
 
 

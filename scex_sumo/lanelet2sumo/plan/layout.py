@@ -128,7 +128,7 @@ class _Plan:
             change_left=left is not None and lane.left == left,
             change_right=right is not None and lane.right == right,
             allow="" if lane.kind == "vehicle" else lane.kind,
-            parts=tuple(self._lanelet_parts([(piece, *self._trims(piece))])),
+            parts=(self._lanelet_part(piece, *self._trims(piece)),),
         )
 
     def _trims(self, piece: Piece) -> tuple[float, float]:
@@ -164,17 +164,16 @@ class _Plan:
         parts = self._inner_parts(path)
         return join([cut(self._topology.lane(piece).centreline, *span) for piece, *span in parts])
 
-    def _lanelet_parts(self, parts: Iterable[tuple[Piece, float, float]]) -> Iterator[LaneletPart]:
-        for piece, start, end in parts:
-            lane = self._topology.lane(piece)
-            lanelet = BEYOND if lane.subtype == ENTRY else lane.lane_id
-            yield LaneletPart(lanelet, start, end, lane.width_m, lane.speed_limit_mps)
+    def _lanelet_part(self, piece: Piece, start: float, end: float) -> LaneletPart:
+        lane = self._topology.lane(piece)
+        lanelet = BEYOND if lane.subtype == ENTRY else lane.lane_id
+        return LaneletPart(lanelet, start, end, lane.width_m, lane.speed_limit_mps)
 
     def _joined_parts(self, path: Path) -> Iterator[LaneletPart]:
         """Yield the stretches of an internal lane, with those between lanelets that do not meet."""
         reached = None
         for piece, start, end in self._inner_parts(path):
-            (stretch,) = self._lanelet_parts([(piece, start, end)])
+            stretch = self._lanelet_part(piece, start, end)
             line = cut(self._topology.lane(piece).centreline, start, end)
             gap = 0.0 if reached is None else math.dist(reached, line[0])
             if gap > CHANGED_M:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.colors import model_colors
 from scex_sumo.base.errors import ScexError
-from scex_sumo.lanelet2sumo.road_lines import road_lines
+from scex_sumo.lanelet2sumo.drawing import road_lines
 from scex_sumo.metrics.events import MEASURED
 from scex_sumo.page.figures.charts import samples_of_both, ticks, value_range
 from scex_sumo.page.packing import UNITS, quantized

@@ -15,7 +15,7 @@ import scex_sumo as scex
 from scex_sumo.base.errors import ScexWarning, TrackError
 from scex_sumo.converters.cleaning.plausibility import Check, doubts, plausibility
 from scex_sumo.converters.datasets.find import find_recordings
-from scex_sumo.converters.datasets.reader import read_recorded
+from scex_sumo.converters.datasets.recordings import read_recorded
 from scex_sumo.converters.tracks.rows import TrackRows
 
 CARS, RADIUS_M, SPEED_MPS = 6, 30.0, 8.0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.datasets.reader import read_recorded
+from scex_sumo.converters.datasets.recordings import read_recorded
 from scex_sumo.converters.tracks.reader import read_tracks
 from tests.converters.track_files import CASE_COLUMNS, COLUMNS, in_case, straight, write_rows
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.converters.datasets.reader import read_recorded
+from scex_sumo.converters.datasets.recordings import read_recorded
 from scex_sumo.converters.tracks.rows import TrackRows
 
 WIDTH = 3.5

@@ -74,6 +74,7 @@ WHOLE_RIGHTS = (
     Figure("merging", lambda r: sum(conflict.kind == "merge" for conflict in r.conflicts)),
     Figure("missing_foes", lambda r: r.missing_foes, "conflicting lanelets that are no foes"),
     Figure("foes_apart", lambda r: r.apart),
+    Figure("clashing_greens", lambda r: r.clashing_greens(), "foes that both have green"),
     Figure("from_the_right", lambda r: r.from_the_right),
     Figure(
         "wrong_from_the_right", lambda r: r.wrong_right, "not right before left (should yield, should go)"

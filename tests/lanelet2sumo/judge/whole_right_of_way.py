@@ -5,8 +5,10 @@ Conflicts are found by geometry, independent of the net writer.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -117,11 +119,33 @@ class WholeRightOfWay(RightOfWay):
         first, second = ({link.from_lane for link in self.links.of(i)} for i in (first_id, second_id))
         return first == second and len(first) == 1
 
+    def _pairs(self) -> Iterator[LinkPair]:
+        """Yield all pairs of links of each junction."""
+        rows: dict[str, dict[int, SumoLink]] = defaultdict(dict)
+        for link in self.net.links:
+            if link.row >= 0:
+                rows[link.junction][link.row] = link
+        for of_junction in rows.values():
+            yield from combinations((link for _, link in sorted(of_junction.items())), 2)
+
+    def clashing_greens(self) -> list[tuple[str, str]]:
+        """Return the foes, by their internal lanes, that both have green without having to look."""
+        foes = (pair for pair in self._pairs() if self.links.are_foes(*pair))
+        return [(a.via[0], b.via[0]) for a, b in foes if self._both_show(a, b, "G")]
+
+    def _both_show(self, one: SumoLink, other: SumoLink, letters: str) -> bool | None:
+        """Return whether two links show some of the letters at once; None if they have no common light."""
+        states = self.net.phases.get(one.signal)
+        if states is None or one.signal != other.signal:
+            return None
+        shown = ((state[k : k + 1] for k in (one.signal_index, other.signal_index)) for state in states)
+        return any(all(letter and letter in letters for letter in both) for both in shown)
+
     def mutual_yields(self) -> list[tuple[str, str]]:
         """Return the links that yield to each other for ever."""
         rules = (rule for rule in self.rules if rule.kind == "all_way_stop")
         stops = {i for rule in rules for i in (rule.yielding or rule.lanes)}
-        return _named(pair for pair in self.links.pairs() if self._wait_for_each_other(*pair, stops))
+        return _named(pair for pair in self._pairs() if self._wait_for_each_other(*pair, stops))
 
     def _wait_for_each_other(self, one: SumoLink, other: SumoLink, stops: set[int]) -> bool:
         links = self.links
@@ -130,13 +154,11 @@ class WholeRightOfWay(RightOfWay):
         if self.net.junctions[one.junction].kind == "allway_stop":
             return False
         stopped = all(self._with_approach(link) & stops for link in (one, other))
-        return not stopped and self.both_show(one, other, GREENS) is not False
+        return not stopped and self._both_show(one, other, GREENS) is not False
 
     def free_foes(self) -> list[tuple[str, str]]:
         """Return the foes without a light of which neither yields."""
-        foes = [
-            p for p in self.links.pairs() if self.links.are_foes(*p) and not (p[0].signal and p[1].signal)
-        ]
+        foes = [p for p in self._pairs() if self.links.are_foes(*p) and not (p[0].signal and p[1].signal)]
         return _named((a, b) for a, b in foes if not self.links.yields(a, b) and not self.links.yields(b, a))
 
     def inconsistent_rows(self) -> list[str]:
