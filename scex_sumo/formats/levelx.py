@@ -125,13 +125,8 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
         except TrackError:
             meta = {}  # reported when the recording is loaded
         map_path = meta_path if has_lane_markings(meta) else _nearest_map(path, meta)
-        yield Recording(
-            name=recording_name(map_path, (path,)),
-            site=place_name(map_path),
-            dataset="levelx",
-            map_path=map_path,
-            track_paths=(path,),
-        )
+        name, site = recording_name(map_path, (path,)), place_name(map_path)
+        yield Recording(name=name, site=site, dataset="levelx", map_path=map_path, track_paths=(path,))
 
 
 def _nearest_map(path: Path, meta: dict[str, str]) -> Path:

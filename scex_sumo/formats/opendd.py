@@ -105,9 +105,8 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
         for table in _tables(path) if path.suffix == ".sqlite" else [path.name]:
             paths = (path / table if path.suffix == ".sqlite" else path,)
             map_path = _map_of(paths[0])
-            yield Recording(
-                name=table, site=_name(map_path), dataset="opendd", map_path=map_path, track_paths=paths
-            )
+            site = _name(map_path)
+            yield Recording(name=table, site=site, dataset="opendd", map_path=map_path, track_paths=paths)
 
 
 def _tracks(path: Path) -> Path | None:

@@ -227,14 +227,9 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
     for path in files:
         with _damage(TrackError, path):
             beside = _map_beside(path) if path.suffix == ".osi" else None
-        map_path = beside or path
-        yield Recording(
-            name=map_name(path),
-            site=map_name(map_path),
-            dataset="osi",
-            map_path=map_path,
-            track_paths=(path,),
-        )
+        map_path, name = beside or path, map_name(path)
+        site = map_name(map_path)
+        yield Recording(name=name, site=site, dataset="osi", map_path=map_path, track_paths=(path,))
 
 
 OSI_MAP = MapFormat(

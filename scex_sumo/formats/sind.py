@@ -21,13 +21,8 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
     for path in files:
         if path.name.startswith(SIND_VEHICLES):
             map_path = _only_map(path.parent)
-            yield Recording(
-                name=_name(map_path, (path,)),
-                site=map_name(map_path),
-                dataset="sind",
-                map_path=map_path,
-                track_paths=(path,),
-            )
+            name, site = _name(map_path, (path,)), map_name(map_path)
+            yield Recording(name=name, site=site, dataset="sind", map_path=map_path, track_paths=(path,))
 
 
 def _name(map_path: Path, files: Sequence[Path]) -> str:

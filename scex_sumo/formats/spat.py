@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Any, NoReturn, TypeAlias
 
 import numpy as np
 
@@ -46,7 +46,7 @@ ALIGNED = math.radians(35.0)
 CLOSING_S = 3.0  # yellow between the end of the recording and its beginning
 AHEAD_M = 90.0  # how far beyond the light the exit lane of the KML is looked for
 
-_Key = TypeVar("_Key", bound=Hashable)
+Run: TypeAlias = Sequence[tuple[float, str]]  # times in s, and SUMO's letter from then on
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,7 +62,10 @@ def recorded_programme(layout: NetLayout, road: Road, signals: Path) -> tuple[Pr
     The recording begins at simulation time 0 and repeats.
     """
     runs = _read_phases(signals)
-    moves = _read_movements(_kml_beside(signals), road.origin)
+    beside = sorted(signals.parent.glob("*.kml"))
+    if not beside:
+        raise MapError(f"{signals}: no KML of the intersection beside it; put it into the same folder")
+    moves = _read_movements(beside[0], road.origin)
     groups: dict[str, int] = {}
     ways = _Ways(layout)
     for c in layout.connections:
@@ -75,7 +78,7 @@ def recorded_programme(layout: NetLayout, road: Road, signals: Path) -> tuple[Pr
 
 
 def lane_programme(
-    layout: NetLayout, road: Road, states: Mapping[int, list[tuple[float, str]]], name: str
+    layout: NetLayout, road: Road, states: Mapping[int, Run], name: str
 ) -> tuple[Programme | None, list[str]]:
     """Return the traffic light that replays recorded states of lanes, and notes.
 
@@ -84,7 +87,8 @@ def lane_programme(
             last known state holds, before the first one that one.
         name: of the recording, for notes.
     """
-    runs = _runs(states)
+    known = {i: [(time, letter) for time, letter in run if letter] for i, run in states.items()}
+    runs = {i: _changes([(0.0, run[0][1]), *run]) for i, run in known.items() if run}
     groups: dict[str, int] = {}
     before = {i for i in runs if _lit_at_end(road, i)}
     for c in layout.connections:
@@ -95,7 +99,9 @@ def lane_programme(
             groups[c.internal.name] = lit
     if not groups:
         return None, [f"no connection of the net belongs to a lane with known lights of {name}: no lights"]
-    return _programme(layout, groups, {**runs, -1: [(_end(states), "")]}), _unseen(states, runs, name)
+    end, unknown = max(run[-1][0] for run in states.values() if run), len(states) - len(runs)
+    notes = [f"{unknown} lights of {name} are never seen: not replayed"] if unknown else []
+    return _programme(layout, groups, {**runs, -1: [(end, "")]}), notes
 
 
 def _lit_at_end(road: Road, lane_id: int) -> bool:
@@ -110,27 +116,11 @@ def _lit_at_end(road: Road, lane_id: int) -> bool:
     return bool(s[0] > length_of(lane.centreline) / 2)
 
 
-def _runs(states: Mapping[_Key, list[tuple[float, str]]]) -> dict[_Key, list[tuple[float, str]]]:
-    """Return the changes of what is known, the first one from time 0 on."""
-    known = {key: [(time, letter) for time, letter in run if letter] for key, run in states.items()}
-    runs = {key: [(0.0, run[0][1]), *run] for key, run in known.items() if run}
-    return {
-        key: [x for k, x in enumerate(run) if not k or run[k - 1][1] != x[1]] for key, run in runs.items()
-    }
+def _changes(run: Run) -> Run:
+    return [x for k, x in enumerate(run) if not k or run[k - 1][1] != x[1]]
 
 
-def _end(states: Mapping[Any, list[tuple[float, str]]]) -> float:
-    return max(run[-1][0] for run in states.values() if run)
-
-
-def _unseen(states: Mapping[Any, Any], runs: Mapping[Any, Any], name: str) -> list[str]:
-    unknown = len(states) - len(runs)
-    return [f"{unknown} lights of {name} are never seen: not replayed"] if unknown else []
-
-
-def _programme(
-    layout: NetLayout, groups: dict[str, int], runs: dict[int, list[tuple[float, str]]]
-) -> Programme:
+def _programme(layout: NetLayout, groups: dict[str, int], runs: dict[int, Run]) -> Programme:
     links = [c for c in layout.connections if c.internal.name in groups]
     phases = _phases(links, groups, runs)
     return Programme(name="tl_recorded", connections=tuple(links), phases=phases, programme=RECORDED)
@@ -143,7 +133,7 @@ def _no_tracks(paths: Sequence[Path], **_: Any) -> NoReturn:
 SPAT = Dataset(is_mine=is_spat, read=_no_tracks, signals=recorded_programme)
 
 
-def _read_phases(signals: Path) -> dict[int, list[tuple[float, str]]]:
+def _read_phases(signals: Path) -> dict[int, Run]:
     groups: dict[int, list[tuple[int, str]]] = {}
     try:
         with signals.open(encoding="utf-8", newline="") as file:
@@ -159,23 +149,13 @@ def _read_phases(signals: Path) -> dict[int, list[tuple[float, str]]]:
         raise MapError(f"{signals}: cannot read the signal phases: {error.strerror}") from None
     if not groups:
         raise MapError(f"{signals}: no signal phases in it")
-    runs: dict[int, list[tuple[float, str]]] = {}
-    for group, rows in groups.items():
-        rows.sort()
-        runs[group] = [
-            (stamp / 1000, letter)
-            for k, (stamp, letter) in enumerate(rows)
-            if k == 0 or rows[k - 1][1] != letter
-        ]
-    runs[-1] = [(max(rows[-1][0] for rows in groups.values()) / 1000, "")]
+    runs: dict[int, Run] = {
+        group: _changes([(stamp / 1000, letter) for stamp, letter in sorted(rows)])
+        for group, rows in groups.items()
+    }
+    end = max(stamp for rows in groups.values() for stamp, _ in rows)
+    runs[-1] = [(end / 1000, "")]
     return runs
-
-
-def _kml_beside(signals: Path) -> Path:
-    candidates = sorted(signals.parent.glob("*.kml"))
-    if not candidates:
-        raise MapError(f"{signals}: no KML of the intersection beside it; put it into the same folder")
-    return candidates[0]
 
 
 def _read_movements(kml: Path, origin: tuple[float, float]) -> list[_Movement]:
@@ -263,7 +243,7 @@ def _leads_along(shape: FloatArray, sink: FloatArray) -> bool:
 
 
 def _phases(
-    links: Sequence[Connection], groups: dict[str, int], runs: dict[int, list[tuple[float, str]]]
+    links: Sequence[Connection], groups: dict[str, int], runs: dict[int, Run]
 ) -> tuple[tuple[float, str], ...]:
     used, end = {groups[c.internal.name] for c in links}, runs[-1][0][0]
 

@@ -214,12 +214,9 @@ def _filled(states: FloatArray, step_s: float) -> FloatArray:
 def _late_starts(rows: TrackRows) -> BoolArray:
     start = np.append(True, np.diff(rows.track) != 0)
     follows = np.append(np.diff(rows.segment) == 0, False)
-    late = np.zeros(len(rows), bool)
-    for i in np.flatnonzero(start & follows):
-        driven_m = math.hypot(rows.x[i + 1] - rows.x[i], rows.y[i + 1] - rows.y[i])
-        elapsed_s = (rows.timestamp_ms[i + 1] - rows.timestamp_ms[i]) / 1000.0
-        late[i] = abs(driven_m - elapsed_s * (rows.speed[i] + rows.speed[i + 1]) / 2.0) > LATE_START_M
-    return late
+    driven_m = np.hypot(np.diff(rows.x), np.diff(rows.y))
+    said_m = np.diff(rows.timestamp_ms) / 1000.0 * (rows.speed[1:] + rows.speed[:-1]) / 2.0
+    return np.asarray(start & follows & np.append(np.abs(driven_m - said_m) > LATE_START_M, False))
 
 
 def _common_turn(rows: TrackRows) -> float:
@@ -248,13 +245,9 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
     for paths in commonroad_chains(path for path in files if _is_scenario(path)):
         span = chunk_span(paths[0])
         scene = _SCENE.match(map_name(paths[0]))
-        yield Recording(
-            name=_name(paths[0], paths),
-            site=span[0] if span else scene[0] if scene else map_name(paths[0]),
-            dataset="commonroad",
-            map_path=paths[0],
-            track_paths=paths,
-        )
+        name = _name(paths[0], paths)
+        site = span[0] if span else scene[0] if scene else map_name(paths[0])
+        yield Recording(name=name, site=site, dataset="commonroad", map_path=paths[0], track_paths=paths)
 
 
 def _name(map_path: Path, files: Sequence[Path]) -> str:
