@@ -40,6 +40,7 @@ from scex_sumo.results.road import INTENTIONS, ROAD
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene
 
 PENDING = "incomplete.json"
+_COPY = ".incomplete.json"  # used if `PENDING` is damaged
 _Folder = TypeVar("_Folder", bound="OutputFolder")
 
 
@@ -54,6 +55,8 @@ class OutputFolder:
     what: ClassVar[str]
     another: ClassVar[str]
     """Words for the result, and for a result with another configuration."""
+    evidence: ClassVar[tuple[str, ...]] = ()
+    """Files that together show that a folder is ours if ``info`` is damaged."""
 
     def __init__(self, path: Path, configuration: Mapping[str, Any], *, overwrite: bool = False) -> None:
         """Lock a folder and make it ready to be written; ``overwrite`` replaces another result.
@@ -70,8 +73,8 @@ class OutputFolder:
             refuse_special_files(path)
             remove_unfinished(path)
             self._make_free(overwrite)
-            # Before anything else: what is cut off after it goes on.
-            write_atomic(path / PENDING, as_json({"identity": self.identity}).encode())
+            for name in (_COPY, PENDING):  # before anything else: what is cut off after it goes on
+                write_atomic(path / name, as_json({"identity": self.identity}).encode())
             self._prepare()
             (path / self.info).unlink(missing_ok=True)
         except UnicodeEncodeError:
@@ -85,19 +88,28 @@ class OutputFolder:
 
     def _make_free(self, overwrite: bool) -> None:
         """Clear the folder unless it holds the same result; refuse one of another program."""
-        there = [name for name in (PENDING, self.info) if (self.path / name).is_file()]
-        if self.identity in [identity_in(self.path / name) for name in there]:
+        names = (PENDING, _COPY, self.info)
+        there = [name for name in names if (self.path / name).is_file()]
+        identities = [identity for name in there if (identity := identity_in(self.path / name))]
+        if self.identity in identities:
             return
-        if there and not overwrite:
-            remedy = "give another folder with -o, or --overwrite to replace it"
-            raise ResultError(f"{self.path}: holds {self.another}; {remedy}")
-        if not there and any(self.path.iterdir()):
+        remedy = "give another folder with -o, or --overwrite to replace it"
+        if identities:
+            if not overwrite:
+                raise ResultError(f"{self.path}: holds {self.another}; {remedy}")
+        elif there:
+            if not overwrite and not self._is_ours():
+                raise ResultError(f"{self.path / there[0]}: cannot be read; {remedy}")
+        elif any(self.path.iterdir()):
             raise ResultError(
                 f"{self.path}: not empty, and no {self.what} of scex-sumo; give another folder with -o"
             )
         self._clear()
-        for name in there:
-            (self.path / name).unlink()
+        for name in names:
+            (self.path / name).unlink(missing_ok=True)
+
+    def _is_ours(self) -> bool:
+        return bool(self.evidence) and all((self.path / name).exists() for name in self.evidence)
 
     def _clear(self) -> None:
         """Remove what was written before, and nothing else."""
@@ -111,7 +123,8 @@ class OutputFolder:
         """Write the file of the contents: from now on the folder is a result."""
         content = as_json({**info, "identity": self.identity}, indent=2, allow_nan=allow_nan)
         write_atomic(self.path / self.info, content.encode())
-        (self.path / PENDING).unlink(missing_ok=True)
+        for name in (PENDING, _COPY):
+            (self.path / name).unlink(missing_ok=True)
 
     def close(self) -> None:
         """Unlock the folder."""
@@ -134,6 +147,7 @@ class ResultFolder(OutputFolder):
     """Folder that a run is written into; a hidden folder in it keeps finished batches."""
 
     info, what, another = "run.json", "result", "the result of another run"
+    evidence = ("metrics.parquet", "assignments.parquet", "tracks.parquet", "seed.csv")
 
     def _clear(self) -> None:
         self.remove((*_FILES, PARTS, "sumo"))

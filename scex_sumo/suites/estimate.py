@@ -17,6 +17,10 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 
 LEVEL: Final = 0.95
+WIDE: Final = 30.0
+"""Factor between both ends of an interval from which a larger suite is advised."""
+NARROW: Final = 3.0
+"""The factor that such a suite would have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +37,16 @@ class Rate:
     high: float
     deviation: float
     freedom: float
+
+    def cases_needed(self, cases: int) -> int | None:
+        """Return how many cases an interval of a factor of 3 would need; None if this one is below 30.
+
+        Standard errors fall with the root of the number.
+        """
+        if self.low <= 0 or self.high < WIDE * self.low:
+            return None
+        half = 2 * _student(math.inf) * self.deviation / self.value
+        return math.ceil(cases * (half / math.log(NARROW)) ** 2)
 
     def words(self) -> str:
         """Return value and interval, two digits each."""

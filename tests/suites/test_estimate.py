@@ -1,12 +1,14 @@
-"""The number: sums by weight, and intervals that hold."""
+"""The number: sums by weight, intervals that hold, and how many cases narrow ones need."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pytest
 
 from scex_sumo.suites.catalogue import choose
-from scex_sumo.suites.estimate import Design
+from scex_sumo.suites.estimate import Design, Rate
 from tests.suites.populations import population
 
 NONE = np.zeros(4)
@@ -95,3 +97,10 @@ def test_intervals_of_choices_hold_in_95_percent() -> None:
         found = design.rate(y[index], np.zeros(len(index)))
         held += found.low <= truth <= found.high
     assert held / 100 >= 0.90
+
+
+def test_wide_intervals_say_how_many_cases_a_narrow_one_needs() -> None:
+    """With a standard error of the value, log(3) is 2 · 1.96 standard errors of 12.7 times the cases."""
+    wide = Rate(value=1.0, low=0.05, high=20.0, deviation=1.0, freedom=5.0)
+    assert wide.cases_needed(12) == math.ceil(12 * (2 * 1.959964 / math.log(3)) ** 2) == 153
+    assert Rate(value=1.0, low=0.2, high=5.0, deviation=0.8, freedom=5.0).cases_needed(12) is None

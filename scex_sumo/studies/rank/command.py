@@ -32,6 +32,9 @@ def rank_command(
     futures: Annotated[int, Option(help="Futures of each seed scene on the page.")] = 96,
     models: Models = None,
     top: Annotated[int, Option(help="Encounters on the page.")] = 10,
+    by: Annotated[
+        str, Option(metavar="COLUMN", help="Column by which encounters are ordered.")
+    ] = "probability",
     triage: Annotated[
         Path | None, Option(metavar="CSV", help="Verdicts saved on the page of a ranking.")
     ] = None,

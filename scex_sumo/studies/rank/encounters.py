@@ -15,6 +15,7 @@ from scex_sumo.results.tables.columns import schema
 from scex_sumo.studies.moments.encounters import ENCOUNTERS, with_columns
 
 TRIAGE: Final = ("verdict", "note")
+_NEAR: Final = ("gap_m", "time_margin", "time_s", "first_s", "last_s", "conflict_s")
 SAID: Final = "a data error, as the triage says"
 RANKED: Final = pa.schema(
     [
@@ -26,17 +27,23 @@ RANKED: Final = pa.schema(
 """Columns of encounters in their order; of the stress test: the share of a moment's futures."""
 
 
-def ranked(encounters: pa.Table, triage: Sequence[Mapping[str, str]] = ()) -> pa.Table:
-    """Return encounters with ranks, the most probable first; doubtful ones are last, without.
+def ranked(
+    encounters: pa.Table, triage: Sequence[Mapping[str, str]] = (), by: str = "probability"
+) -> pa.Table:
+    """Return encounters with ranks, by a column and then by P; doubtful ones are last, without.
 
     Args:
         triage: verdicts as of `read_triage`; data errors are doubtful.
+        by: column of `RANKED`; large values are first, but small ones of distances and times, and texts.
     """
+    if by not in (known := [name for name in RANKED.names if not name.startswith("stress")]):
+        raise UsageError(f"--by: got {by!r}; known: {', '.join(known)}")
+    up = by in _NEAR or pa.types.is_string(RANKED.field(by).type)
     whole = pa.concat_tables([RANKED.empty_table(), encounters], promote_options="default").combine_chunks()
     table = _judged(whole, triage) if triage else whole
     table = table.append_column("out", pc.is_valid(table["doubt"]))
-    order = [("out", "ascending"), ("probability", "descending"), ("seed", "ascending")]
-    table = table.sort_by([*order, ("track_id", "ascending")])
+    order = [("out", "ascending"), (by, "ascending" if up else "descending"), ("probability", "descending")]
+    table = table.sort_by([*order, ("seed", "ascending"), ("track_id", "ascending")])
     ranks = [None if out else number for number, out in enumerate(table["out"].to_pylist(), 1)]
     return with_columns(table.drop(["out"]), {"rank": ranks})
 

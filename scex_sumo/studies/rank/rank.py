@@ -23,7 +23,7 @@ from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.encounters import encounters_of
 from scex_sumo.studies.moments.run import StudySettings
 from scex_sumo.studies.moments.workers import MomentWorkers
-from scex_sumo.studies.rank.encounters import ranked, read_triage
+from scex_sumo.studies.rank.encounters import RANKED, ranked, read_triage
 from scex_sumo.studies.rank.page import write_ranking_page
 from scex_sumo.studies.rank.ranking_run import RankFolder, RankingRun
 from scex_sumo.studies.rank.table import moments_table, write_table
@@ -60,6 +60,7 @@ def rank(
     window: Window = (None, None),
     futures: int = 96,
     top: int = 10,
+    by: str = "probability",
     triage: str | Path | None = None,
     overwrite: bool = False,
     command: Sequence[str] | None = None,
@@ -75,6 +76,7 @@ def rank(
         every: as of `StudySettings`.
         futures: of each moment on the page.
         top: encounters on the page.
+        by: column by which encounters are ordered.
         triage: file of verdicts that the page of a ranking has saved.
         window: first and last moment, s; None is where a recording begins or ends.
         overwrite: replace another ranking in ``out``.
@@ -96,6 +98,7 @@ def rank(
     settings = StudySettings(run=RunSettings(futures=futures, **run), every=every)
     if top < 1:
         raise UsageError(f"--top: got {top}, needs at least 1")
+    ranked(RANKED.empty_table(), by=by)
     verdicts = () if triage is None else read_triage(Path(triage))
     if window[0] is not None and window[1] is not None and window[0] > window[1]:
         raise UsageError(f"--from {window[0]:g} --to {window[1]:g}: ends before it begins")
@@ -111,7 +114,7 @@ def rank(
         ranking = RankingRun(recordings, settings, folder, pool, tick)
         ranking.run()
         moments = moments_table(ranking)
-        encounters = ranked(encounters_of(ranking.pairs, every), verdicts)
+        encounters = ranked(encounters_of(ranking.pairs, every), verdicts, by)
         table, about, notes = write_ranking_page(ranking, encounters, top)
         for name, content in (("moments", moments), ("ranking", table)):
             write_table(folder.path / name, content)
@@ -126,6 +129,7 @@ def rank(
             "doubtful": len(table) - table["doubt"].null_count,
             "to_test": pc.sum(table.filter(pc.is_valid(table["rank"]))["to_test"]).as_py() or 0,
             "top": top,
+            "by": by,
             **about,
             "notes": [*left_out(places), *pool.deaths, *notes],
             "versions": versions(),

@@ -10,8 +10,8 @@ from xml.etree import ElementTree as ET
 from scex_sumo.page.document import Column, card
 from scex_sumo.page.html import element
 from scex_sumo.reports.under_test import chance_text
-from scex_sumo.results.tables.pairs import once_in
-from scex_sumo.suites.estimate import Rate
+from scex_sumo.results.tables.pairs import once_in, rounded
+from scex_sumo.suites.estimate import NARROW, Rate
 from scex_sumo.suites.page import CaseCard, stands_for, write_case_page
 from scex_sumo.suites.testing.result import CHANGES, FAILED, VERDICTS, WORSE
 
@@ -86,11 +86,14 @@ def number_lines(result: Mapping[str, Any]) -> list[str]:
         return ["every case failed: there is no number"]
     names = ("collisions_per_hour", "people_collisions_per_hour", "difference")
     function, people, difference = (Rate(**number[name]).words() for name in names)
-    return [
+    lines = [
         f"collisions an hour: {function}; people {people}, by the ranking of all encounters "
         f"{number['people_of_all']['collisions_per_hour']:.2g}",
         f"difference to people, collisions an hour: {difference}",
     ]
+    if (needed := Rate(**number["collisions_per_hour"]).cases_needed(number["cases"])) is not None:
+        lines.append(f"an interval of a factor of {NARROW:g} needs about {rounded(needed)} cases")
+    return lines
 
 
 def markdown_text(result: Mapping[str, Any]) -> str:

@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pyarrow as pa
+import pytest
 
+from scex_sumo.base.errors import UsageError
 from scex_sumo.studies.moments.encounters import encounters_of
 from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.rank.encounters import SAID, ranked
@@ -17,14 +19,22 @@ def found(*moments: tuple[MomentRef, pa.Table], triage: Sequence[Mapping[str, st
     return ranked(encounters_of(moments, 1.0), triage).to_pylist()
 
 
-def test_the_order_is_by_probability() -> None:
+def test_the_order_is_by_probability_or_by_any_column() -> None:
     tables = [
-        pairs_table((1, 2), probability=1e-4),
-        pairs_table((3, 1), probability=3e-4),
-        pairs_table((2, 3), probability=2e-4),
+        pairs_table((1, 2), probability=1e-4, time_margin=0.5),
+        pairs_table((3, 1), probability=3e-4, time_margin=None),
+        pairs_table((2, 3), probability=2e-4, time_margin=0.2),
     ]
-    pairs = [(row["track_id"], row["other_id"]) for row in found(moment(1.0, *tables))]
-    assert pairs == [(3, 1), (2, 3), (1, 2)]
+
+    def pairs(**order: str) -> list[tuple[object, object]]:
+        encounters = ranked(encounters_of([moment(1.0, *tables)], 1.0), **order)
+        return [(row["track_id"], row["other_id"]) for row in encounters.to_pylist()]
+
+    assert pairs() == [(3, 1), (2, 3), (1, 2)]
+    assert pairs(by="time_margin") == [(2, 3), (1, 2), (3, 1)]  # small margins first, none last
+    for unknown in ("mixed", "stress_p_collision"):
+        with pytest.raises(UsageError, match=r"^--by: got"):
+            pairs(by=unknown)
 
 
 def test_doubtful_encounters_are_last_and_without_rank() -> None:

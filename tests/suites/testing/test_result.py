@@ -11,7 +11,7 @@ import pytest
 
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.suites.suite import Suite
-from scex_sumo.suites.testing.outputs import junit_text, markdown_text
+from scex_sumo.suites.testing.outputs import junit_text, markdown_text, number_lines
 from scex_sumo.suites.testing.result import (
     VERDICTS,
     compared,
@@ -104,6 +104,13 @@ def test_the_difference_to_people_is_paired() -> None:
     same = number_of(suite(), with_verdicts(alike))
     assert same is not None
     assert (same["difference"]["low"], same["difference"]["high"]) == (0.0, 0.0)
+
+
+def test_a_wide_interval_says_how_many_cases_a_narrow_one_needs() -> None:
+    wide = number_lines(result())[-1]
+    assert wide.startswith("an interval of a factor of 3 needs about ") and wide.endswith(" cases")
+    even = [record(name, 1e-3, 1e-3, None) for name in "abcd"]
+    assert len(number_lines(result(even))) == 2
 
 
 def test_what_is_not_seen_is_said() -> None:
