@@ -40,7 +40,6 @@ class Recording:
         map_path: the map; it need not exist, which `load_recording` then reports.
         track_paths: consecutive files that make one recording, in order of time.
         window: first and last moment, s; None is where the recording begins or ends.
-        times: of the moments that count, s, the most critical one first, as a watch found them; empty: all.
 
     Example:
         >>> (recording,) = scex.find_recordings([scex.example_path("roundabout")])
@@ -54,7 +53,6 @@ class Recording:
     map_path: Path
     track_paths: tuple[Path, ...]
     window: Window = (None, None)
-    times: tuple[float, ...] = ()
 
     @property
     def place(self) -> Path:

@@ -11,7 +11,7 @@ from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.cleaning.off_lanes import MIN_SHARE_ON_LANES, explain_mismatch, on_closed_lanes
 from scex_sumo.converters.cleaning.plausibility import Check, doubts, refuse_implausible
-from scex_sumo.converters.datasets.moment import STAMP_MS, Moment, find_moments
+from scex_sumo.converters.datasets.moment import Moment, find_moments
 from scex_sumo.converters.datasets.recordings import (
     doubts_of_place,
     labels_of,
@@ -27,7 +27,7 @@ from scex_sumo.converters.tracks.evidence import evidence, on_lanes
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
-from scex_sumo.scene import STEP_S, SeedScene
+from scex_sumo.scene import SeedScene
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,23 +140,14 @@ def seed_at(
 def recording_moments(loaded: LoadedRecording, *, every_s: float) -> list[Moment]:
     """List all moments that can be seed scenes, at least ``every_s`` apart; one for each case.
 
-    Only those in the recording's window count, and only its ``times`` if it has some: then the most critical
-    of those that are nearer to one another.
+    Only those in the recording's window count.
 
     Example:
         >>> loaded = scex.load_recording(scex.find_recordings([scex.example_path("roundabout")])[0])
         >>> len(scex.recording_moments(loaded, every_s=1.0))
         19
     """
-    times, window = loaded.recording.times, loaded.recording.window
-    if not times:
-        return find_moments(loaded.table, every_s=every_s, window=window)
-    kept: list[float] = []
-    for time_s in times:
-        if all(abs(time_s - other) > every_s - STAMP_MS / 1000.0 for other in kept):
-            kept.append(time_s)
-    moments = find_moments(loaded.table, every_s=STEP_S, window=window)
-    return [one for one in moments if any(abs(one.time_s - t) < STEP_S / 2 for t in kept)]
+    return find_moments(loaded.table, every_s=every_s, window=loaded.recording.window)
 
 
 def _check(table: TrackTable, road: Road, map_path: Path) -> None:

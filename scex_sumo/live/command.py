@@ -51,9 +51,8 @@ def watch_command(
     out: OutFolder = Path("out") / "watch",
 ) -> Answer:
     """Watch a SUMO simulation: what could happen next, while it runs."""
-    from scex_sumo.formats.sumo.scenario import RISK
     from scex_sumo.live.focus import Focus
-    from scex_sumo.live.folder import PAGE
+    from scex_sumo.live.folder import PAGE, RISK
     from scex_sumo.live.risk import Question
     from scex_sumo.live.session import Session
 
@@ -65,8 +64,6 @@ def watch_command(
     session = Session(config=scenario, out=out, gui=gui, begin_s=first_s, end_s=last_s, follow=follow)
     teller = _Teller(out)
     files = [out / name for name in (RISK, PAGE)]
-    if out.resolve() != scenario.resolve().parent:
-        files.append(out / scenario.name)
     for file in files:
         check_output(file, scenario)
 
@@ -110,10 +107,9 @@ class _Teller:
 
     def write(self, config: Path) -> Path:
         """Write tables and page, and return the page's path."""
-        from scex_sumo.live.folder import write_configuration, write_page, write_risks
+        from scex_sumo.live.folder import write_page, write_risks
 
         write_risks(self._out, self.risks)
-        write_configuration(self._out, config)
         skipped = 0 if self.watch is None else self.watch.skipped
         about = f"{len(self.risks)} moments assessed, {skipped} skipped"
         return write_page(self._out, config, self.risks, about)

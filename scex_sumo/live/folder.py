@@ -7,22 +7,19 @@ import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Final
-from xml.etree import ElementTree
 
-import numpy as np
 import pyarrow as pa
 
-from scex_sumo.base.files import write_output, write_table
-from scex_sumo.formats.sumo.scenario import RISK, options_of
+from scex_sumo.base.files import write_table
 from scex_sumo.live.focus import BUSIEST
 from scex_sumo.live.risk import PairRisk, Risk
 from scex_sumo.page.document import Document, card
-from scex_sumo.page.figures.charts import Plane
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.timeline import SHAPES, Happening, shapes_legend, timeline
 from scex_sumo.results.tables.columns import schema
 from scex_sumo.results.tables.pairs import once_in
 
+RISK: Final = "risk.parquet"
 PAGE: Final = "watch.html"
 MOMENTS: Final = "moments"
 MOST: Final = 10
@@ -33,7 +30,6 @@ APART_S: Final = 3.0
 RISK_SCHEMA: Final = schema("time_s hits other kind human_like stress how needed_braking contact_s x y doubt")
 """One row a moment and pair, the most probable first; moments without a pair have none."""
 _REGION_M = 40.0
-_WIDE_PX = 1000
 
 
 def write_risks(folder: Path, risks: Iterable[Risk]) -> Path:
@@ -63,23 +59,9 @@ def worst_moments(risks: Sequence[Risk]) -> list[tuple[Risk, PairRisk]]:
     return worst
 
 
-def write_configuration(folder: Path, config: Path) -> Path:
-    """Write the configuration with absolute paths, which ``run`` and ``rank`` simulate again; return it."""
-    root = ElementTree.Element("configuration")
-    for name, value in options_of(config).items():
-        files = [config.absolute().parent / part for part in value.split(",")]
-        if all(file.is_file() for file in files):
-            value = ",".join(map(str, files))
-        ElementTree.SubElement(root, name, value=value)
-    path = folder / config.name
-    if path.resolve() != config.resolve():
-        write_output(path, ElementTree.tostring(root, encoding="utf-8"))
-    return path
-
-
 def command_of(config: Path, folder: Path, risk: Risk, pair: PairRisk) -> list[str]:
     """Return the words of the command that makes the report of a moment."""
-    words = ["run", str(folder / config.name), "--time", f"{risk.time_s:g}"]
+    words = ["run", str(config), "--time", f"{risk.time_s:g}"]
     if len(risk.vehicles) >= BUSIEST:
         words.append(f"--region={pair.x:.0f},{pair.y:.0f},{_REGION_M:g}")
     return [*words, "-o", str(folder / MOMENTS / f"{risk.time_s:g}")]
@@ -88,15 +70,12 @@ def command_of(config: Path, folder: Path, risk: Risk, pair: PairRisk) -> list[s
 def write_page(folder: Path, config: Path, risks: Sequence[Risk], about: str) -> Path:
     """Write the page: risk over time, the worst moments; return its path."""
     page = Document(f"{config.stem}: risk while it ran")
-    cards = [
-        card("Risk over time", *_lines(folder, risks)),
-        card("Worst moments", *_worst(folder, config, risks)),
-    ]
-    return page.write(folder / PAGE, about, *cards)
+    worst = card("Worst moments", *_worst(folder, config, risks))
+    return page.write(folder / PAGE, about, card("Risk over time", *_lines(risks)), worst)
 
 
-def _lines(folder: Path, risks: Sequence[Risk]) -> list[Html]:
-    """Return P of the pair that leads over time, and the share of the stress test below."""
+def _lines(risks: Sequence[Risk]) -> list[Html]:
+    """Return P of the pair that leads over time."""
     if not risks:
         return [element("p.soft", "No moment was assessed.")]
     first, last = risks[0].time_s, max(risks[-1].time_s, risks[0].time_s + 1.0)
@@ -107,38 +86,22 @@ def _lines(folder: Path, risks: Sequence[Risk]) -> list[Html]:
             probability=pair.human_like,
             what=pair.kind,
             words=f"{risk.time_s:g} s, {pair.hits} → {pair.other}: {pair.how}; {once_in(pair.human_like)}",
-            link=_report_of(folder, risk),
         )
         for risk, pair in led
     ]
-    stress = np.array([max((p.stress or 0.0 for p in risk.pairs), default=0.0) for risk in risks])
-    share = Plane(x=(first, last), y=(0.0, max(float(stress.max()), 0.01)), width=_WIDE_PX, height=110)
-    most = share.words(first, share.y[1] * 0.88, f"{share.y[1]:.0%}", anchor="start")
-    test = share.figure(
-        "stress test: share of futures in which the worst pair collides",
-        most,
-        share.line(np.array([risk.time_s for risk in risks]), stress, "drawn"),
-    )
     people = timeline("people: P of the pair that leads", marks, (first, last))
     doubtful = sum(risk.pairs[0].doubt is not None for risk in risks if risk.pairs and risk.worst is None)
     dropped = [element("p.soft", f"{doubtful} moments have doubtful pairs alone.")] if doubtful else []
-    return [shapes_legend(one.what for one in marks), people, test, *dropped]
+    return [shapes_legend(one.what for one in marks), people, *dropped]
 
 
 def _worst(folder: Path, config: Path, risks: Sequence[Risk]) -> list[Html]:
     items = []
     for risk, pair in worst_moments(risks):
-        when, report = f"{risk.time_s:g} s", _report_of(folder, risk)
-        link = element("a", when, href=report) if report else element("b", when)
+        when = element("b", f"{risk.time_s:g} s")
         words = shlex.join(["scex-sumo", *command_of(config, Path(os.path.relpath(folder)), risk, pair)])
         says = f": {pair.hits} → {pair.other}, {once_in(pair.human_like)}: {pair.how}"
-        items.append(element("li", link, says, element("br"), element("code", words)))
+        items.append(element("li", when, says, element("br"), element("code", words)))
     if not items:
         return [element("p.soft", "No pair of people collides as often as once in a billion such moments.")]
     return [element("p.soft", "The command makes the report of a moment."), element("ol", *items)]
-
-
-def _report_of(folder: Path, risk: Risk) -> str:
-    """Return the address of the report of a moment; empty where there is none."""
-    address = f"{MOMENTS}/{risk.time_s:g}/report.html"
-    return address if (folder / address).is_file() else ""

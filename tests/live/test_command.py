@@ -9,8 +9,6 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from scex_sumo.converters.datasets.find import find_recordings
-from scex_sumo.formats.sumo.scenario import net_of
 from tests.command import scex
 from tests.formats.sumo.simulations import Simulation, write_grid
 
@@ -30,12 +28,10 @@ def test_a_configuration_is_watched_to_its_end_and_none_of_its_files_is_written(
     answer = json.loads(done.stdout)
     assert answer["moments"] == 4 and answer["skipped"] == 0
     files = {file.name for file in (tmp_path / "w").iterdir()}
-    assert files == {"risk.parquet", "watch.html", "mine.sumocfg"}
+    assert files == {"risk.parquet", "watch.html"}
     times = set(pq.read_table(tmp_path / "w" / "risk.parquet")["time_s"].to_pylist())
     assert times <= {20.0, 21.0, 22.0, 23.0} and {worst["time_s"] for worst in answer["worst"]} <= times
     assert not (grid.config.parent / "trips.xml").exists()
-    (again,) = find_recordings(tmp_path / "w")  # for `rank` and `run`
-    assert net_of(again.map_path).samefile(grid.net)
 
 
 def test_what_cannot_be_watched_is_told_in_one_line(grid: Simulation, tmp_path: Path) -> None:

@@ -34,7 +34,6 @@ from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.own_sumo import user_sumo
 from scex_sumo.formats.sumo.recorder import Recorded, Recorder
 from scex_sumo.formats.sumo.saved import PRECISE
-from scex_sumo.results.tables.reading import read_table
 from scex_sumo.road import Road
 from scex_sumo.world.session import load_sumo, silence
 
@@ -42,7 +41,6 @@ MAX_SCALE = 100.0  # of the traffic; a larger one loads vehicles for minutes bef
 MAX_VEHICLES = 20_000  # driving and waiting to be inserted
 MAX_FLOW_HZ = 1_000.0  # departures of one flow; SUMO makes those of a step at once
 MAX_STEP_S = 60  # processor time of one step
-RISK = "risk.parquet"  # of a watch, beside its configuration
 WITHOUT_END_S = 600.0  # simulated if neither a time is given nor the configuration has an end
 _TOP = 100_000  # bytes of a saved state that hold its options
 _KEPT = ("step-length", "lateral-resolution", "default.carfollowmodel")
@@ -389,25 +387,8 @@ def _read(
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
     for path in files:
         if is_simulation(path):
-            name, times = map_name(path.name.removesuffix(".xml")), watched_times(path.parent)
-            here = Recording(name=name, site=name, dataset="sumo", map_path=path, track_paths=(path,))
-            yield replace(here, times=times, window=(min(times), max(times))) if times else here
-
-
-def watched_times(folder: Path) -> tuple[float, ...]:
-    """Return the times of the moments that a watch has found critical, the most critical one first, s.
-
-    Raises:
-        ResultError: its table is damaged, or none of a watch.
-    """
-    if not (folder / RISK).is_file():
-        return ()
-    worst: dict[float, tuple[float, float]] = {}
-    for row in read_table(folder / RISK, columns=("time_s", "human_like", "stress", "doubt")).to_pylist():
-        if row["doubt"] is None:
-            found = row["human_like"], row["stress"] or 0.0
-            worst[row["time_s"]] = max(worst.get(row["time_s"], found), found)
-    return tuple(sorted(worst, key=lambda time_s: worst[time_s], reverse=True))
+            name = map_name(path.name.removesuffix(".xml"))
+            yield Recording(name=name, site=name, dataset="sumo", map_path=path, track_paths=(path,))
 
 
 def _read_road(path: str | Path, **_: object) -> Road:

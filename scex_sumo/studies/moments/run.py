@@ -99,7 +99,6 @@ def _described(recording: Recording) -> dict[str, Any]:
     files = (recording.map_path, *recording.track_paths)
     sizes = [file.stat().st_size if file.exists() else None for file in files]
     chosen = {"window_s": list(recording.window)} if recording.window != (None, None) else {}
-    chosen |= {"times_s": list(recording.times)} if recording.times else {}
     return {"name": recording.name, "site": recording.site, "bytes": sizes} | chosen
 
 
