@@ -26,7 +26,6 @@ def moment_tasks(
     recordings: Sequence[Recording],
     listings: Mapping[str, Listing],
     settings: StudySettings,
-    futures: range,
     *,
     wanted: Callable[[Listing], Sequence[MomentRef]],
     choose: Callable[[LoadedRecording], Sequence[Moment]] | None = None,
@@ -66,7 +65,7 @@ def moment_tasks(
                 yield Failure.of(ref, reason_of(error))
                 continue
             bare = dataclasses.replace(scene, road=None)
-            yield MomentTask(ref=ref, scene=bare, road=road, futures=futures, settings=settings)
+            yield MomentTask(ref=ref, scene=bare, road=road, settings=settings)
 
 
 def list_moments(recording: Recording, moments: Sequence[Moment]) -> Listing:

@@ -8,7 +8,7 @@ import weakref
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
@@ -70,15 +70,10 @@ class StudySettings:
         assert isinstance(models, tuple)
         return models
 
-    @cached_property
-    def thresholds(self) -> Mapping[str, float]:
-        """Thresholds by metric column, in the order of the columns."""
-        limits = {**thresholds_of(self.run.measured), **self.run.thresholds}
-        return {column: limits[column] for column in self.run.columns if column in limits}
-
     def identity(self, recordings: Sequence[Recording]) -> dict[str, Any]:
         """Return the values that identify a study; name and size stand for a recording."""
         run, described = self.run, describe_metrics(self.run.measured)
+        limits = {**thresholds_of(run.measured), **run.thresholds}
         return {
             "recordings": [_described(recording) for recording in recordings],
             "every_s": self.every,
@@ -90,7 +85,7 @@ class StudySettings:
             "design": run.design,
             **({"metrics": described} if described else {}),
             "seed": run.seed,
-            "thresholds": dict(self.thresholds),
+            "thresholds": {column: limits[column] for column in run.columns if column in limits},
             "version": __version__,
         }
 
@@ -134,7 +129,7 @@ def unpack_road(packed: bytes) -> Road:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MomentTask:
-    """Some futures of one moment, to be run.
+    """One moment, to be run.
 
     Attributes:
         may_be_late: a moment that is out of its time fails alone; else the study ends.
@@ -147,7 +142,6 @@ class MomentTask:
     ref: MomentRef
     scene: SeedScene
     road: bytes
-    futures: range
     settings: StudySettings
 
     @classmethod

@@ -20,7 +20,6 @@ from scex_sumo.studies.moments.run import MomentTask, StudySettings, net_of
 from scex_sumo.studies.moments.workers import MomentWorkers
 
 _AHEAD = 8  # seed scenes built before a worker asks for them
-_NO_FUTURES = range(0)
 
 
 class RankingRun:
@@ -79,7 +78,6 @@ class RankingRun:
             self.recordings,
             dict(self.listings),
             self.settings,
-            _NO_FUTURES,
             wanted=lambda listing: [ref for ref in listing.moments if self._is_open(ref)],
         )
         # Closed wherever the workers stop: that ends the thread.
@@ -99,7 +97,6 @@ class RankingRun:
             [recording for recording in self.recordings if recording.name in self.listings],
             self.listings,
             self.settings,
-            range(self.settings.futures),
             wanted=lambda listing: [ref for ref in listing.moments if ref.moment in names],
         )
         return (item for item in items if isinstance(item, MomentTask))

@@ -127,7 +127,8 @@ def validate_moment(task: ForecastTask, scene: SeedScene) -> Forecast:
     # Vehicles leave the futures at the step at which they leave the recording.
     net = net_of(task.road)
     run = partial(_run, scene, net)
-    futures = run(asked, built(task.settings.models), len(task.futures))
+    count = task.settings.futures
+    futures = run(asked, built(task.settings.models), count)
     straight = run(plain, ModelSet.of(plain), 1)
     recorded = measure_recorded(scene, steps, metrics=asked.measured)
     assert recorded is not None and scene.future is not None
@@ -135,7 +136,7 @@ def validate_moment(task: ForecastTask, scene: SeedScene) -> Forecast:
     values = np.where(recorded.values.defined, recorded.values.values, np.nan)
     rng = np.random.default_rng(zlib.crc32(task.ref.moment.encode()))
     seen = _seen(scene, asked, futures, task.noise, rng)
-    numbers = np.arange(len(task.futures))
+    numbers = np.arange(count)
     rows = [
         (numbers, futures.values, futures.collided),
         (np.array([RECORDED]), values, recorded.overlaps.any_of(1)),

@@ -189,8 +189,7 @@ def _run(
         noise[loaded.recording.name] = box_noise(rows, float(known) / 1000, settings.run.steps)
         return settings.moments(loaded)
 
-    futures = range(settings.futures)
-    cut = moment_tasks(recordings, {}, settings, futures, wanted=left, choose=chosen)
+    cut = moment_tasks(recordings, {}, settings, wanted=left, choose=chosen)
     with closing(read_ahead(cut, _AHEAD)) as items:
         for task, outcome in workers.run(validate_moment, tasks(items)):
             if isinstance(outcome, Failure):

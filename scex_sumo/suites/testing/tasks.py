@@ -36,6 +36,7 @@ class CaseTask(MomentTask):
     track_id: int
     other_id: int
     spec: ModelSpec
+    futures: int
     seed: int
     limit_s: float
 
@@ -54,7 +55,7 @@ def task_of(case: Case, spec: ModelSpec, futures: int, *, limit_s: float) -> Cas
         ),
         scene=dataclasses.replace(scene, road=None),
         road=_packed(scene.road),
-        futures=range(futures),
+        futures=futures,
         settings=StudySettings(),
         track_id=int(content["function"]["track_id"]),
         other_id=int(content["other"]["track_id"]),
@@ -66,7 +67,7 @@ def task_of(case: Case, spec: ModelSpec, futures: int, *, limit_s: float) -> Cas
 
 def run_case(task: CaseTask, scene: SeedScene) -> dict[str, Any]:
     """Return what came of a case."""
-    count = len(task.futures)
+    count = task.futures
     with time_limit(f"a case of {task.spec}", task.limit_s):
         function = drive(scene, task.track_id, task.spec, count, seed=task.seed)
         people = drive(scene, task.track_id, None, count, seed=task.seed)

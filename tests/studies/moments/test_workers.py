@@ -53,7 +53,6 @@ def task(scene: SeedScene, name: str, *, road: Any = None, **changed: Any) -> Mo
         ref=ref,
         scene=dataclasses.replace(scene, road=None),
         road=pack_road(scene.road) if road is None else road,
-        futures=range(0),
         settings=dataclasses.replace(SETTINGS, **changed),
     )
 
