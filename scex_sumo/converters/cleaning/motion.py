@@ -44,8 +44,8 @@ def renew_motion(rows: TrackRows) -> tuple[TrackRows, list[str]]:
             f" ({_how_wrong(factor[wrong])}): recomputed from positions"
         )
     chosen = np.full(len(rows), True) if everything else wrong[rows.track]
-    rows, phrase = _smoothed_motion(rows, noise, chosen)
-    return rows, [*phrases, *([phrase] if jitter else [])]
+    phrases += [f"positions jitter by {noise:.2f} m: smoothed"] if jitter else []
+    return _smoothed_motion(rows, noise, chosen), phrases
 
 
 def _contradictions(
@@ -188,32 +188,14 @@ def _derivative(points: FloatArray, time_s: FloatArray, segment: IntArray) -> Fl
     return velocity
 
 
-def _smoothed_motion(rows: TrackRows, noise_m: float, chosen: BoolArray) -> tuple[TrackRows, str]:
-    """Smooth the ``chosen`` (N,) positions and take their velocities; a phrase about the accelerations."""
+def _smoothed_motion(rows: TrackRows, noise_m: float, chosen: BoolArray) -> TrackRows:
+    """Smooth the ``chosen`` (N,) positions and take their velocities."""
     time_s, points = rows.timestamp_ms / 1000.0, np.stack((rows.x, rows.y), axis=1)
     smoothed = smooth(points, time_s, rows.segment, noise_m)
     velocity = _derivative(smoothed, time_s, rows.segment)
-    before, after = (
-        _accelerations(v, time_s, rows) for v in (_derivative(points, time_s, rows.segment), velocity)
-    )
     points = np.where(chosen[:, None], smoothed, points)
-    renewed = rows.with_columns(
-        x=points[:, 0],
-        y=points[:, 1],
-        vx=np.where(chosen, velocity[:, 0], rows.vx),
-        vy=np.where(chosen, velocity[:, 1], rows.vy),
-    )
-    return renewed, (
-        f"positions jitter by {noise_m:.2f} m: smoothed (1st to 99th percentile of the acceleration "
-        f"{before} -> {after} m/s²)"
-    )
-
-
-def _accelerations(velocity: FloatArray, time_s: FloatArray, rows: TrackRows) -> str:
-    joined = np.diff(rows.segment) == 0
-    change = np.diff(np.hypot(*velocity.T))[joined] / np.diff(time_s)[joined]
-    low, high = np.percentile(change, (1.0, 99.0))
-    return f"{low:.1f}..{high:.1f}"
+    vx, vy = np.where(chosen, velocity.T, (rows.vx, rows.vy))
+    return rows.with_columns(x=points[:, 0], y=points[:, 1], vx=vx, vy=vy)
 
 
 def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[TrackRows, list[str]]:

@@ -104,8 +104,8 @@ class TrackRows:
         begin, end = self.pieces
         return np.repeat(np.arange(len(begin)), end - begin + 1)
 
-    def take(self, keep: BoolArray) -> TrackRows:
-        """Rows where ``keep`` (N,) is True; tracks without rows are left out."""
+    def take(self, keep: BoolArray | slice) -> TrackRows:
+        """Rows where ``keep`` (N,) is True, or of a slice; tracks without rows are left out."""
         used, track = np.unique(self.track[keep], return_inverse=True)
         columns = {name: getattr(self, name)[keep] for name in ROW_COLUMNS}
         return TrackRows(
@@ -117,13 +117,7 @@ class TrackRows:
 
     def of_case(self, index: int) -> TrackRows:
         """Rows and tracks of one case."""
-        begin, end = np.searchsorted(self.case, (index, index + 1))
-        columns = {name: getattr(self, name)[begin:end] for name in ROW_COLUMNS}
-        track = self.track[begin:end]
-        first, last = (int(track[0]), int(track[-1]) + 1) if len(track) else (0, 0)
-        return TrackRows(
-            **columns, track=track - first, labels=self.labels[first:last], types=self.types[first:last]
-        )
+        return self.take(slice(*np.searchsorted(self.case, (index, index + 1))))
 
     def turned(self, angle: float) -> TrackRows:
         """A copy with headings and velocities turned counter-clockwise by an angle, rad; positions stay."""

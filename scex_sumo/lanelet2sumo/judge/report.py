@@ -85,15 +85,9 @@ SHAPES = (
 )
 RIGHTS = (
     Figure("regulated_pairs", lambda r: r.regulated),
-    Figure(
-        "wrong_priority", lambda r: r.wrong, "right of way against the map's rules (should yield, should go)"
-    ),
+    Figure("wrong_priority", lambda r: r.wrong, "against the map's right of way (should yield, should go)"),
     Figure("signalled", lambda r: len(r.signalled)),
-    Figure(
-        "missing_signals",
-        lambda r: r.missing_signals(),
-        "lanelets with a traffic light that nothing controls",
-    ),
+    Figure("missing_signals", lambda r: r.missing_signals(), "lanelets whose traffic light nothing controls"),
 )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import count
 from typing import TypeAlias
 
@@ -35,6 +35,8 @@ from scex_sumo.lanelet2sumo.plan.footways import (
 from scex_sumo.lanelet2sumo.plan.layout import corners, hull
 from scex_sumo.lanelet2sumo.topology.graph import Topology
 
+# Line and width of a crossing, and by how much it is longer than the crosswalk at each end, m.
+_Over: TypeAlias = tuple[FloatArray, float, tuple[float, float]]
 _Across: TypeAlias = tuple[str, tuple[int, ...], tuple[str, ...]]  # junction, its links, edges at them
 
 ASIDE_M = 0.6  # along a slanted crossing, between people at its sides and those in its middle
@@ -65,15 +67,13 @@ def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -
         for way in crosswalks
     }
     beyond = {
-        place: reach
-        for way in crosswalks
-        for place, reach in zip(way.places, over[way.name].beyond, strict=True)
+        place: reach for way in crosswalks for place, reach in zip(way.places, over[way.name][2], strict=True)
     }
     for way in ways:
         start, end = way.places
         areas = (area.get(start, ""), area.get(end, ""))
         if way.name in over:
-            shape, width = over[way.name].shape, over[way.name].width
+            shape, width, _ = over[way.name]
         else:
             size, width = length_of(way.shape), way.width
             first, last = (
@@ -120,15 +120,8 @@ def _across(way: Footway, topology: Topology, layout: NetLayout) -> _Across | No
     return None
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Over:
-    shape: FloatArray
-    width: float
-    beyond: tuple[float, float]  # by how much the crossing is longer than the crosswalk at each end, m
-
-
 def _over_lanes(way: Footway, across: _Across, layout: NetLayout, shared: Sequence[bool]) -> _Over:
-    """Return the line and the width of a crossing.
+    """Return the line and the width of a crossing, and by how much it is longer than the crosswalk, m.
 
     Walking areas take the ends of a crosswalk, but nothing of the lanes, except where it is ``shared`` with
     another crosswalk. SUMO's cars do not see people on a crossing whose line ends before the middle of their
@@ -151,11 +144,8 @@ def _over_lanes(way: Footway, across: _Across, layout: NetLayout, shared: Sequen
             low, high = min(low, s - reach), max(high, s + reach)
             width = min(width, 2 * ASIDE_M * sine / max(cosine, 1e-6))
     low, high = max(low, least), min(high, size - most)
-    return _Over(
-        shape=cut(shapely.get_coordinates(line), low + OVER_M, high + OVER_M),
-        width=min(max(width, TWO_ABREAST_M), way.width),
-        beyond=(max(-low, 0.0), max(high - size, 0.0)),
-    )
+    shape = cut(shapely.get_coordinates(line), low + OVER_M, high + OVER_M)
+    return shape, min(max(width, TWO_ABREAST_M), way.width), (max(-low, 0.0), max(high - size, 0.0))
 
 
 def _nearer_edge(link: Connection, crosswalk: FloatArray) -> str:

@@ -69,13 +69,8 @@ def test_jittering_positions_are_smoothed(tmp_path: Path) -> None:
     rows = moving(_turn, 1, range(200))
     noisy = [row | {"x": row["x"] + 0.15 * a, "y": row["y"] + 0.15 * b} for row, a, b in _noise(rows, rng)]
     table, said = _repaired(tmp_path, noisy)
-    found = re.search(
-        r"positions jitter by 0\.1[2-7] m: smoothed \(.*?([-.\d]+)\.\.([.\d]+) -> (.*?) m/s²", said
-    )
-    assert found
-    # Noise of 0.15 m puts speeds off by sqrt(1/2) 0.15 / 0.1 = 1.06 m/s, their changes by 15 m/s², one sigma.
-    assert float(found[1]) < -15.0 < 15.0 < float(found[2])
-    low, high = map(float, found[3].split(".."))
+    assert re.search(r"positions jitter by 0\.1[2-7] m: smoothed", said)
+    low, high = np.percentile(_accelerations(table), [1, 99])
     assert -4.0 < low < high < 4.0  # the vehicle itself keeps its speed
     vehicles = table.vehicles
     t = vehicles.timestamp_ms / 1000.0
