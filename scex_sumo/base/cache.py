@@ -21,14 +21,14 @@ from scex_sumo.base.files import cache_folder, write_atomic
 Made = TypeVar("Made")
 
 _DIGEST = 32  # bytes of a SHA-256
+MAX_FILES = 64  # of a kind; the least recently used one is removed first
 
 
-def cached_bytes(kind: str, made_of: bytes, make: Callable[[], bytes], *, max_files: int = 64) -> bytes:
+def cached_bytes(kind: str, made_of: bytes, make: Callable[[], bytes]) -> bytes:
     """Return the cached result of ``make``, or call it and cache the result on the disk.
 
     Args:
         made_of: everything that the result depends on, except our own code and NumPy.
-        max_files: of this kind; the least recently used one is removed first.
     """
     file = cache_folder() / kind / hashlib.sha256(code_key() + made_of).hexdigest()
     with contextlib.suppress(OSError):  # not there
@@ -40,7 +40,7 @@ def cached_bytes(kind: str, made_of: bytes, make: Callable[[], bytes], *, max_fi
     with contextlib.suppress(OSError, ResultError):  # a full disk stops no run
         file.parent.mkdir(parents=True, exist_ok=True)
         write_atomic(file, hashlib.sha256(made).digest() + made)
-        for old in sorted(file.parent.iterdir(), key=lambda old: old.stat().st_mtime)[:-max_files]:
+        for old in sorted(file.parent.iterdir(), key=lambda old: old.stat().st_mtime)[:-MAX_FILES]:
             old.unlink(missing_ok=True)
     return made
 

@@ -28,22 +28,20 @@ FUTURES: Final = 16
 
 
 @cache
-def _drivers(futures: int, seed: int, steps: int) -> tuple[RunSettings, ModelSet]:
+def _drivers(futures: int, seed: int) -> tuple[RunSettings, ModelSet]:
     settings = RunSettings(
-        models="likely", futures=futures, seed=seed, steps=steps, metrics="gap", world="plain"
+        models="likely", futures=futures, seed=seed, steps=STEPS, metrics="gap", world="plain"
     )
     return settings, ModelSet.of(settings)
 
 
-def human_part(
-    scene: SeedScene, net: SumoNet, *, futures: int = FUTURES, seed: int = 0, steps: int = STEPS
-) -> Part:
+def human_part(scene: SeedScene, net: SumoNet, *, futures: int = FUTURES, seed: int = 0) -> Part:
     """Run human-like futures of a moment with their conflicts.
 
     Args:
         scene: with its road, ruled.
     """
-    settings, models = _drivers(futures, seed, steps)
+    settings, models = _drivers(futures, seed)
     drawn = models.draw(scene, futures=futures, seed=seed)
     folder = Path(net.path).parent  # plans: kinds of conflicts look beyond the last step
     job = Job(scene, net, settings, models, drawn, folder, on_paths=False, conflicts=True, with_plans=True)
@@ -69,7 +67,7 @@ def moment_pairs(scene: SeedScene, *, futures: int = FUTURES, seed: int = 0) -> 
     assert scene.road is not None
     with TemporaryFolder() as folder:
         net = converted(scene.road, Path(folder) / "road.net.xml")
-        scene, net = ruled(scene, net, _drivers(futures, seed, STEPS)[0])
+        scene, net = ruled(scene, net, _drivers(futures, seed)[0])
         return pairs_of_part(scene, human_part(scene, net, futures=futures, seed=seed))
 
 

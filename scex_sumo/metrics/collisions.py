@@ -84,18 +84,15 @@ class Collisions(Rows):
         return hit
 
 
-def find_collisions(
-    tracks: SceneTracks, *, limit_m2: float = OVERLAP_M2, vehicle: int | None = None
-) -> Collisions:
+def find_collisions(tracks: SceneTracks, *, limit_m2: float = OVERLAP_M2) -> Collisions:
     """Find the first collision of every pair in every future.
 
     Args:
         limit_m2: overlap above which vehicles collide that do not touch at the seed moment; `CONTACT_M2` for
             simulated tracks.
-        vehicle: only collisions of the vehicle with this index.
     """
     start = max(tracks.first - 1, 0)
-    moves = near_moves(tracks, start, vehicle)
+    moves = near_moves(tracks, start)
     moves = moves.take(_touching(moves))
     limit = _limits(moves, start, limit_m2)
     at, which = _first_of_pair(moves, *_exceeding(moves, limit))
@@ -257,11 +254,8 @@ class _Ends:
         )
 
 
-def near_moves(tracks: SceneTracks, start: int, vehicle: int | None = None) -> Moves:
-    """Find all moves from a step on in which the circles around two present vehicles meet.
-
-    ``vehicle``: only pairs with the vehicle with this index.
-    """
+def near_moves(tracks: SceneTracks, start: int) -> Moves:
+    """Find all moves from a step on in which the circles around two present vehicles meet."""
     x, y = tracks.states.x[:, start:], tracks.states.y[:, start:]
     radius = np.hypot(tracks.length, tracks.width) / 2
     radius = np.broadcast_to(radius, (x.shape[0], x.shape[2]))
@@ -272,9 +266,6 @@ def near_moves(tracks: SceneTracks, start: int, vehicle: int | None = None) -> M
         high = values if present is None else np.where(present, values, -np.inf)
         boxes += [low.min(axis=1) - radius, high.max(axis=1) + radius]
     one, two = np.triu_indices(x.shape[2], 1)
-    if vehicle is not None:
-        with_it = (one == vehicle) | (two == vehicle)
-        one, two = one[with_it], two[with_it]
     meet = np.ones((x.shape[0], one.size), dtype=bool)
     for low, high in ((boxes[0], boxes[1]), (boxes[2], boxes[3])):
         meet &= (low[:, one] <= high[:, two]) & (low[:, two] <= high[:, one])

@@ -82,10 +82,9 @@ class Metric:
         """Unit of the columns; empty for none."""
         return f"1/{self.unit}" if self.inverse and self.unit else self.unit
 
-    def titled(self, without: str = "") -> str:
-        """Return name and unit, as ``gap time [s]``; ``without`` replaces a missing unit."""
-        unit = self.column_unit or without
-        return f"{self.words} [{unit}]" if unit else self.words
+    def titled(self) -> str:
+        """Return name and unit, as ``gap time [s]``."""
+        return f"{self.words} [{self.column_unit}]" if self.column_unit else self.words
 
     def description(self) -> dict[str, Any]:
         """Return the attributes as JSON, with the formula's import path and its file's SHA-256."""

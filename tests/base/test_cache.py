@@ -26,8 +26,8 @@ def empty_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
-def made(of: bytes, content: bytes = b"content", max_files: int = 64) -> bytes:
-    return cached_bytes("things", of, lambda: content, max_files=max_files)
+def made(of: bytes, content: bytes = b"content") -> bytes:
+    return cached_bytes("things", of, lambda: content)
 
 
 def test_keys_change_with_the_content_of_our_modules_and_not_with_their_times(

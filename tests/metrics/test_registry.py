@@ -71,7 +71,7 @@ def test_the_paper_has_twelve_columns_four_thresholds_and_two_metrics_that_are_c
     expected = {"distance": 5.0, "wttc": 0.26, "tq": 1.2, "ttc": pytest.approx(0.6667, abs=1e-4)}
     assert dict(THRESHOLDS) == expected == thresholds_of(metrics_named(None))
     assert [name for name in PAPER_METRICS if metric_of(name).side == "right"] == ["tq", "ttc"]
-    assert [METRICS[n].titled("–") for n in ("tq", "ttc")] == ["traffic quality [–]", "1/TTC [1/s]"]
+    assert [METRICS[n].titled() for n in ("tq", "ttc")] == ["traffic quality", "1/TTC [1/s]"]
 
 
 def test_the_example_of_the_docs_is_named_by_its_import_path(example: Path) -> None:
