@@ -35,32 +35,9 @@ _KINDS = {  # OpenSCENARIO's category, height in m, mass in kg
 _WALKER = (1.75, 80.0)  # height in m, mass in kg
 _MAX_MPS, _MAX_MPS2 = 80.0, 12.0
 
-_README = """# {name}: {count} future(s) for OpenSCENARIO players
-
-- `*.xosc`: OpenSCENARIO XML 1.{minor}, one future each. `{road}.xodr`: the road as OpenDRIVE, in the map's
-  own coordinates.
-- Play one: `esmini --osc FILE.xosc --window 60 60 800 400 --fixed_timestep 0.1 {options}`.
-  Without `--traj_filter 0` esmini merges vertices closer than 0.1 m: vehicles slower than 1 m/s then jump.
-  Without `--pline_interpolation segment` vehicles are up to 0.143 m off between vertices.
-- Time 0 is the first logged frame; the seed scene is at {moment:.1f} s; the future ends at {end:.1f} s.
-- A vertex is the middle of the **rear axle**. The centre of the vehicle is its bounding box's centre, that
-  far ahead along the heading. Lengths and widths are as recorded; wheelbases are {axles:.0%} of the length,
-  heights and masses are usual ones.
-- An entity `vehicle17`, `pedestrian17` or `bicycle17` is track 17; its property `model`
-  says which behaviour model drove it, `speeds_mps` its speeds at the vertices.
-- A parameter `vehicle17_delay` (s, 0 or more) lets the trajectory begin later: those of {pair}. Until then
-  the vehicle stands at its start.
-{ego}- Pedestrians and cyclists stand where they appear first until they do, and are deleted after they were
-  last seen.
-"""
-
-_EGO = """- `vehicle{0}` is yours: it has a start and a goal (`AcquirePositionAction`), no trajectory. Time
-  0 is the seed scene.
-"""
-
 
 def write_openscenario(request: Request) -> list[Path]:
-    """Write the road, a scenario of version 1.2 for each future, and a README.
+    """Write the road, and a scenario of version 1.2 for each future.
 
     With an ego time 0 is the seed scene, and the ego has its start and its goal, but no trajectory. The
     trajectories of the pair that leads can be delayed by parameters: their times count from the event's
@@ -85,21 +62,7 @@ def _write(request: Request, *, minor: int) -> list[Path]:
         file = request.folder / f"{request.file_stem(future)}.xosc"
         request.write(file, _scenario_text(xosc, request, future, road.name, drawn.flat, minor).encode())
         files.append(file)
-    readme = request.folder / "README.md"
-    text = _README.format(
-        name=request.name,
-        count=len(request.futures),
-        minor=minor,
-        road=request.road.name,
-        moment=(LOGGED_HISTORY - 1 - _first_frame(request)) * STEP_S,
-        end=(LOGGED_HISTORY - 1 - _first_frame(request) + int(request.run.info["steps"])) * STEP_S,
-        pair=" and ".join(map(str, _leading_pair(request))) or "no vehicle",
-        ego="" if request.ego is None else _EGO.format(request.ego),
-        axles=_WHEELBASE,
-        options="--traj_filter 0 --pline_interpolation segment",
-    )
-    request.write(readme, text.encode())
-    return [*files, readme]
+    return files
 
 
 def axle_offset(kind: str, length: float) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 from scex_sumo.drivers.registry import mixes
@@ -28,34 +27,20 @@ _SWAP = {a: b for pair in _PAIRED for a, b in (pair, pair[::-1])}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Meeting:
+class Meeting(Encounter):
     """Encounter of two vehicles in one set of futures; its shares are of that set.
 
     Attributes:
-        run: of the set.
-        row: of its ``encounters.parquet``.
         stress: of human-like futures, the pair in the stress test; None if it never meets there.
     """
 
     futures: str
-    run: Run
-    row: Mapping[str, Any]
     stress: Encounter | None = None
-
-    @cached_property
-    def encounter(self) -> Encounter:
-        """The encounter, for its probabilities."""
-        return Encounter(row=self.row, run=self.run)
 
     @property
     def named_row(self) -> dict[str, Any]:
         """The row with the name of its set of futures."""
         return {"futures": self.futures, **self.row}
-
-    @property
-    def pair(self) -> tuple[int, int]:
-        """Track ids, ascending."""
-        return self.encounter.pair
 
     @property
     def doubt(self) -> str | None:

@@ -84,27 +84,6 @@ class Run:
             raise UsageError("to_pandas needs pandas: pip install '.[notebook]' in the clone")
         return getattr(self, table).to_pandas()
 
-    def to_xarray(self) -> Any:
-        """Return the tracks as an xarray data set: ``x``, ``y``, ``heading``, ``speed`` and ``model``.
-
-        Dimensions are ``future``, ``vehicle`` (by track id) and ``step``, 0 for the seed scene and negative
-        before it; ``model`` has no steps.
-
-        Raises:
-            UsageError: xarray is not installed.
-        """
-        if importlib.util.find_spec("xarray") is None:
-            raise UsageError("to_xarray needs xarray: pip install xarray")
-        import xarray
-
-        axes, tracks = ("future", "vehicle", "step"), self.info["seed_scene"]["track_ids"]
-        models = np.array(self.assignments["model"].to_pylist()).reshape(self.futures, len(tracks))
-        states = States.concatenate(list(self.state_blocks()), axis=0)
-        arrays: dict[str, Any] = {name: (axes, values) for name, values in vars(states).items()}
-        arrays["model"] = axes[:2], models
-        steps = np.arange(1 - LOGGED_HISTORY, 1 + int(self.info["steps"]))
-        return xarray.Dataset(arrays, {"future": np.arange(len(models)), "vehicle": tracks, "step": steps})
-
     @cached_property
     def metrics(self) -> ArrowTable:
         """One row per future: ``future``, the metric columns, null where undefined, and ``collision``."""

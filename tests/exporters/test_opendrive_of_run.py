@@ -40,7 +40,7 @@ def test_openscenario_keeps_the_map_and_leaves_heights_to_it(
     hill: Path, hill_run: Run, tmp_path: Path
 ) -> None:
     pytest.importorskip("scenariogeneration")
-    road, scenario, _ = EXPORTERS.load("openscenario")(Request(run=hill_run, futures=(0,), out=tmp_path))
+    road, scenario = EXPORTERS.load("openscenario")(Request(run=hill_run, futures=(0,), out=tmp_path))
     assert road.read_bytes() == hill.read_bytes()
     places = list(ET.parse(scenario).getroot().iter("WorldPosition"))
     assert places and not any("z" in place.attrib or "p" in place.attrib for place in places)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 from html import unescape
 
-import numpy as np
 import pytest
 
 from scex_sumo import example_path, read_seed
@@ -42,13 +41,3 @@ def test_without_pandas_the_remedy_is_said(run: Run, monkeypatch: pytest.MonkeyP
         run.to_pandas()
     with pytest.raises(UsageError, match="unknown table 'cars'; known: metrics"):
         run.to_pandas("cars")
-
-
-def test_tracks_as_an_xarray_by_future_vehicle_and_step(run: Run) -> None:
-    pytest.importorskip("xarray")
-    tracks = run.to_xarray()
-    assert dict(tracks.sizes) == {"future": run.futures, "vehicle": run.scene.vehicles, "step": 40}
-    vehicle = int(run.scene.track_ids[3])
-    mine = tracks.sel(future=1, vehicle=vehicle)
-    assert np.array_equal(mine.x, run.states(1).x[3]) and str(mine.model.item()) == run.models_of(1)[3]
-    assert mine.speed.sel(step=0).item() == pytest.approx(float(run.scene.now.speed[3]))

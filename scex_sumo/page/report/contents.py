@@ -26,7 +26,7 @@ from scex_sumo.page.report.tables import (
     pair_events,
     pair_table,
 )
-from scex_sumo.reports.run_table import extra_rows, participants
+from scex_sumo.reports.run_table import extra_rows
 from scex_sumo.results.design import half_widths
 from scex_sumo.results.run import Run
 from scex_sumo.rules.lights import light_bars
@@ -84,7 +84,6 @@ def _words(
     command = run.info.get("command") or []
     return {
         "name": scene_info["name"],
-        "location": scene_info.get("location", ""),
         "time_s": scene_info.get("time_s"),
         "futures": run.futures,
         "human": 0 if run.reference is None else run.reference.futures,
@@ -92,8 +91,6 @@ def _words(
         "folder": str(run.folder),
         "command": shlex.join([str(word) for word in command]),
         "version": run.info.get("scex_sumo", ""),
-        "seed": run.info.get("seed"),
-        "design": run.info.get("design"),
         "under_test": [run.name_of(t) for t in sorted(map(int, run.info.get("under_test") or {}))],
         "notes": [
             *scene_info.get("notes", []),
@@ -101,7 +98,6 @@ def _words(
             *run.info.get("run_notes", []),
         ],
         "track_ids": [run.name_of(track) for track in track_ids],
-        "participants": participants(run.info["seed_scene"]),
         "types": list(scene.types),
         "sizes": np.stack([scene.length, scene.width], axis=1).round(2).tolist(),
         "models": models,

@@ -68,7 +68,7 @@ def print_encounters(run: Run, console: Console, *, region: Region | None = None
 
 def encounter_cells(meeting: Meeting) -> tuple[list[Any], list[str | None]]:
     """Return the cells of an encounter under `HEADS`, and the words of probabilities."""
-    row, (collision, *others) = meeting.row, [meeting.encounter.probability(name) for name in _ASKED]
+    row, (collision, *others) = meeting.row, [meeting.probability(name) for name in _ASKED]
     words = iter(share.share for share in (collision, *others))
     said = [next(words) if form == "percent" else None for _, form, _ in HEADS]
     cells = [
@@ -96,10 +96,10 @@ def print_pair(meeting: Meeting, console: Console) -> None:
     """Print shares, gaps, models and colliding futures of a pair in one set of futures."""
     run, row = meeting.run, meeting.row
     print_line(meeting.words(), console)
-    encounter, rows = meeting.encounter, []
+    rows = []
     for name in QUESTIONS:
         share, words = (
-            encounter.probability(name),
+            meeting.probability(name),
             EVENTS[name].question if name in EVENTS else "any of these",
         )
         rows.append((words, share.share, f"{share.range} %"))
@@ -121,7 +121,7 @@ def print_pair(meeting: Meeting, console: Console) -> None:
         names_of = dict(zip((row["track_id"], row["other_id"]), ends(row), strict=True))
         lifts = [[names_of[track], *values] for track, *values in map(dict.values, row["lifts"])]
         print_table(console_table(title, heads, lifts, caption=caption), console)
-    hits = np.flatnonzero(encounter.happens("collision")).tolist()
+    hits = np.flatnonzero(meeting.happens("collision")).tolist()
     if hits:
         shown = ", ".join(map(str, hits[:12])) + (", ..." if len(hits) > 12 else "")
         print_line(f"collides in futures {shown}", console)

@@ -43,8 +43,8 @@ MASSES_KG: Final = {
 }
 """Mass by type: pairs of length in m and mass in kg, linear between them, constant beyond."""
 
-CURVES: Final = {"mais2": (-5.1331, 0.1479), "mais3": (-6.9540, 0.1637), "fatal": (-8.9819, 0.1603)}
-"""Intercept and slope per mph of the logistic curve of an occupant's injury, by level."""
+MAIS3: Final = (-6.9540, 0.1637)
+"""Intercept and slope per mph of the logistic curve of an occupant's severe injury."""
 
 STRUCK: Final = {"pedestrian": (29.0, 0.078), "bicycle": (44.0, 0.079)}
 """Closing speed at which one of ten is injured severely (MAIS 3+), km/h, and slope of the curve per km/h."""
@@ -105,12 +105,6 @@ def masses(types: Sequence[str], length: FloatArray) -> FloatArray:
     return np.array([np.interp(long, *points) for long, points in zip(length, known, strict=True)])
 
 
-def injury_probability(delta_v: FloatArray, level: str = "mais3") -> FloatArray:
-    """Return the probability of an occupant's injury by the speed change in m/s; ``level`` of `CURVES`."""
-    intercept, slope = CURVES[level]
-    return np.asarray(1.0 / (1.0 + np.exp(-(intercept + slope * np.asarray(delta_v) / MPH))))
-
-
 def struck_injury_probability(speed: FloatArray, kinds: Sequence[str]) -> FloatArray:
     """Return the probability of a severe injury (MAIS 3+) of people that the front of a car hits.
 
@@ -140,7 +134,8 @@ def pair_injuries(
         closing: (N,) speed, m/s.
     """
     people = np.stack([struck_injury_probability(closing, kinds) for kinds in pair])
-    inside = np.where(np.isnan(people[::-1]), injury_probability(share * closing), 0.0)
+    inside = 1.0 / (1.0 + np.exp(-(MAIS3[0] + MAIS3[1] * share * closing / MPH)))
+    inside = np.where(np.isnan(people[::-1]), inside, 0.0)
     return np.where(np.isnan(people), inside, people)
 
 
