@@ -62,14 +62,6 @@ Processes = Annotated[
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace another result.")]
 OutFolder = Annotated[Path, typer.Option("-o", "--out", metavar="OUT", help="Folder of the result.")]
-InRegion = Annotated[
-    str | None,
-    typer.Option(
-        "--region",
-        metavar="X,Y,R|TRACK",
-        help="Only pairs with a vehicle in this circle, or within 30 m of this vehicle, m.",
-    ),
-]
 Result = Annotated[
     Path, typer.Argument(metavar="OUT", help="Result folder.", autocompletion=complete_results)
 ]

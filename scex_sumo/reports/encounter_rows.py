@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from scex_sumo.drivers.registry import mixes
 from scex_sumo.results.run import Run
@@ -15,9 +15,6 @@ from scex_sumo.results.tables.encounters import (
     in_words,
     precedence_words,
 )
-
-if TYPE_CHECKING:
-    from scex_sumo.results.region import Region
 
 STRESS_TEST: Final = "stress test"
 HUMAN_LIKE: Final = "human-like"
@@ -60,8 +57,8 @@ class Meeting(Encounter):
         return f"{text}; human-like, of {self.run.futures} futures; in the stress test {possible}"
 
 
-def meetings(run: Run, region: Region | None = None) -> list[Meeting]:
-    """Return the pairs of both sets in a region, the most critical first; the lines of a pair stand together.
+def meetings(run: Run) -> list[Meeting]:
+    """Return the pairs of both sets, the most critical first; the lines of a pair stand together.
 
     A pair that meets in the stress test has a human-like line only if it is critical there. Both lines name
     the pair alike, as it is critical in the stress test, else as it is in the human-like futures.
@@ -80,10 +77,6 @@ def meetings(run: Run, region: Region | None = None) -> list[Meeting]:
             meets = None if stress is None else Encounter(row=stress, run=run)
             encounters.append(Meeting(futures=HUMAN_LIKE, run=human, row=row, stress=meets))
     encounters = [Meeting(futures=STRESS_TEST, run=run, row=row) for row in possible.values()] + encounters
-    indices = None if region is None else region.vehicles(run.scene)
-    if indices is not None:
-        inside = set(run.scene.track_ids[list(indices)].tolist())
-        encounters = [meeting for meeting in encounters if set(meeting.pair) & inside]
     encounters.sort(key=lambda meeting: criticality(meeting.row))
     first: dict[tuple[int, int], int] = {}
     for number, meeting in enumerate(encounters):

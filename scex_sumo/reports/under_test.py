@@ -94,24 +94,23 @@ def own_encounters(run: Run) -> list[str]:
     assert run.baseline is not None
     ids = {int(track) for track in run.info["under_test"]}
     sides: list[dict[frozenset[int], dict[str, Any]]] = [
-        {frozenset(pair): row for row in one.encounters.to_pylist() if ids & (pair := {*track_ids(row)})}
+        {frozenset(pair): row for row in one.encounters.to_pylist() if ids & (pair := {*_track_ids(row)})}
         for one in (run.baseline, run)
     ]
     worst = [min((side[p] for side in sides if p in side), key=criticality) for p in sides[0] | sides[1]]
     lines = []
     for row in sorted(worst, key=criticality)[:_MOST]:
         event, words = event_of(row)
-        rows = [side.get(frozenset(track_ids(row))) for side in sides]
+        rows = [side.get(frozenset(_track_ids(row))) for side in sides]
         shares = ["0 %" if one is None else share_of(one, event).percent for one in rows if event]
         place = ", ".join(part for part in (row["kind"], row["place"], f"{row['time_s']:.1f} s") if part)
         if shares:
-            one, other = map(run.name_of, track_ids(row))
+            one, other = map(run.name_of, _track_ids(row))
             lines.append(f"{one} → {other} ({place}): {words} in {' → '.join(shares)}")
     return lines
 
 
-def track_ids(row: Mapping[str, Any]) -> tuple[int, int]:
-    """Return the two track ids of an encounter."""
+def _track_ids(row: Mapping[str, Any]) -> tuple[int, int]:
     return row["track_id"], row["other_id"]
 
 

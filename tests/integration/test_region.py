@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.page.report.encounter_table import print_encounters
 from scex_sumo.reports.run_table import summary_table
 from scex_sumo.results.region import AROUND_M, Region, region_of, replaying
 from scex_sumo.results.run import Run
@@ -53,12 +50,6 @@ def test_only_pairs_of_the_region_count_and_nothing_else_changes(tmp_path: Path)
     assert all({row["track_id"], row["other_id"]} & inside for row in part.worst.to_pylist())
     title = str(summary_table(part).title)
     assert f"only pairs with one of {len(inside)} vehicles within 30 m of 16" in title
-    console = Console(file=io.StringIO(), width=120)
-    print_encounters(whole, console, region=Region(around=16))
-    assert isinstance(console.file, io.StringIO)
-    said = console.file.getvalue()
-    assert f"one of them collides in {part.collision.percent} of the futures" in said
-    assert f"{part.encounters.num_rows} pairs of vehicles meet" in said
 
 
 def test_a_region_is_checked() -> None:

@@ -99,15 +99,12 @@ def tick_seconds(first: float, last: float) -> list[tuple[float, str]]:
 
 def line_legend(entries: Sequence[tuple[str, str]]) -> Html:
     """Return a legend from kinds and texts."""
-    spans = []
-    for kind, text in entries:
-        spans.append(element("span", line_sample(kind), f" {text} "))
+    lines = [element(f"path.line.{kind}", d="M0,5 22,5") for kind, _ in entries]
+    spans = [
+        element("span", element("svg", line, width="22", height="10"), f" {text} ")
+        for line, (_, text) in zip(lines, entries, strict=True)
+    ]
     return element("p.soft.legend", joined(*spans))
-
-
-def line_sample(kind: str) -> Html:
-    """Return a short line as legends show it."""
-    return element("svg", element(f"path.line.{kind}", d="M0,5 22,5"), width="22", height="10")
 
 
 def metric_title(column: str, metric: Metric) -> str:

@@ -6,17 +6,14 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-import pyarrow as pa
 from rich.console import Console
 
 from scex_sumo.metrics.events import EVENTS, MEASURED
-from scex_sumo.reports.encounter_rows import Meeting, meetings
+from scex_sumo.reports.encounter_rows import Meeting
 from scex_sumo.reports.run_table import Head, console_table, counted, print_line, print_table
-from scex_sumo.results.region import Region
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.cut_sets import cut_set_words
 from scex_sumo.results.tables.encounters import QUESTIONS, event_of
-from scex_sumo.results.tables.outcomes import collided, first_contacts
 from scex_sumo.results.tables.pairs import arrow, ends
 
 _SHARE = "Share of the futures; a click on a row shows the typical one"
@@ -37,21 +34,12 @@ MOST_LINES = 20
 _ASKED = ("collision", *(event.name for event in MEASURED), "critical")
 
 
-def print_encounters(run: Run, console: Console, *, region: Region | None = None) -> None:
-    """Print at most `MOST_LINES` lines of both sets of futures, the most critical pair first."""
-    scene, encounters = run.info["seed_scene"]["name"], meetings(run, region)
-    indices = None if region is None else region.vehicles(run.scene)
-    if region is not None and indices is not None:
-        inside = run.scene.track_ids[list(indices)].tolist()
-        line = (
-            f"{len(inside)} of {run.scene.vehicles} vehicles are {region.words()}; one of them collides in "
-        )
-        likely = run.reference
-        human = "" if likely is None else f", {_share(likely, inside)} of the human-like ones"
-        print_line(f"{line}{_share(run, inside)} of the futures{human}", console)
+def print_encounters(run: Run, encounters: Sequence[Meeting], console: Console) -> None:
+    """Print at most `MOST_LINES` lines of the meetings of both sets of futures."""
     pairs = counted(len({one.pair for one in encounters}), "pair")
     human = f" and {run.reference.futures} human-like ones" if run.reference is not None else ""
-    title = f"{scene}: {pairs} of vehicles meet in {counted(run.futures, 'future')}{human}"
+    scene, futures = run.info["seed_scene"]["name"], counted(run.futures, "future")
+    title = f"{scene}: {pairs} of vehicles meet in {futures}{human}"
     caption = (
         "→: hits or follows; shares: of the line's futures, a collision counts as TTC, PET and DRAC\n"
         "no human-like line: critical in none\n"
@@ -83,13 +71,6 @@ def encounter_cells(meeting: Meeting) -> tuple[list[Any], list[str | None]]:
         f"{row['model']}, {row['other_model']}",
     ]
     return cells, said
-
-
-def _share(run: Run, vehicles: Sequence[int]) -> str:
-    """Return the share of the futures in which one of these vehicles collides."""
-    hits = first_contacts(run.collisions)
-    own = np.isin([np.asarray(hits["track_id"]), np.asarray(hits["other_id"])], vehicles).any(axis=0)
-    return run.intervals.share(collided(hits.filter(pa.array(own)), np.arange(run.futures))).percent
 
 
 def print_pair(meeting: Meeting, console: Console) -> None:
