@@ -30,7 +30,6 @@ def _read(path: Path) -> str:
 
 
 def _of_run(ctx: Any, path: Path) -> dict[str, Any]:
-    """Return the options of the command line in a ``run.json``."""
     try:
         words = json.loads(_read(path))["command"]
         program, name, *words = present_names(map(str, words))

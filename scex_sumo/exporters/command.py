@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from scex_sumo.base.errors import UsageError
-from scex_sumo.base.files import check_output, remember, writing
+from scex_sumo.base.errors import OwnCodeError, UsageError
+from scex_sumo.base.files import TemporaryFolder, check_output, remember, writing
 from scex_sumo.base.options import last_of_list
 from scex_sumo.commands.options import Result
 
 if TYPE_CHECKING:
-    from scex_sumo.exporters.request import Exporter
+    from scex_sumo.exporters.request import Exporter, Request
     from scex_sumo.results.run import Run
 
 
@@ -91,8 +93,21 @@ def export_command(
         files = write(request)
     if not own:
         remember(*(Path(file) for file in files))
+        if len(request.futures) == 1:
+            _refuse_other_content(to, write, request, files)
     for file in files:
         print(file)
+
+
+def _refuse_other_content(to: str, write: Exporter, request: Request, files: Sequence[str | Path]) -> None:
+    """Call another package's exporter once more, with a temporary folder, and compare its files."""
+    with TemporaryFolder() as folder:
+        again = write(replace(request, out=Path(folder, (request.out or Path("again")).name)))
+        contents = (
+            [path.read_bytes() for path in map(Path, some) if path.is_file()] for some in (files, again)
+        )
+        if next(contents) != next(contents):
+            raise OwnCodeError(f"export format {to}: it wrote something else when called again")
 
 
 def _futures(run: Run, future: int | None, encounter: tuple[int, int] | None) -> tuple[int, ...]:

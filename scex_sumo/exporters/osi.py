@@ -64,7 +64,6 @@ def write_osi(request: Request) -> list[Path]:
 
 
 def _about(request: Request, future: int) -> dict[str, str]:
-    """Return the seed scene, number and drivers of a future, as text."""
     models = zip(request.scene.track_ids.tolist(), request.models_of(future), strict=True)
     numbers = {"future": str(future), "history_frames": str(LOGGED_HISTORY)}
     drivers = {f"model of {track}": model for track, model in models}
@@ -193,7 +192,6 @@ def _lights(request: Request, drawn: OpenDrive, numbers: OsiNumbers) -> list[_Li
 
 
 def _shown(light: _Light, step: int, betterosi: Any) -> Any:
-    """Return a light at a step after the seed scene."""
     kind, (x, y), letter = betterosi.TrafficLight, light.place, light.cycle.at(step)
     about = kind.Classification
     return kind(

@@ -12,7 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
 
 from scex_sumo.base.arguments import checked
-from scex_sumo.base.errors import MissingExtraError, UsageError
+from scex_sumo.base.errors import UsageError
+from scex_sumo.base.importing import extra_for
 from scex_sumo.geometry.rectangles import outlines
 from scex_sumo.graphs.graph import KINDS, RADIUS_M, SceneGraph, scene_graph
 from scex_sumo.page.figures.drawing import draw_road, draw_vehicles, look_at, save, sheet
@@ -50,12 +51,8 @@ def to_networkx(graph: SceneGraph, future: int = 0) -> DiGraph[int]:
         >>> scex.to_networkx(scex.scene_graph(scene)).number_of_nodes()
         14
     """
-    try:
+    with extra_for("this export needs networkx", "learned"):
         import networkx
-    except ImportError as error:
-        raise MissingExtraError(
-            "this export needs networkx; pip install '.[learned]' in the clone, or networkx"
-        ) from error
     rows = np.flatnonzero(graph.future == future)
     if not len(rows):
         count = len(np.unique(graph.future))
@@ -101,13 +98,9 @@ def to_hetero_data(graph: SceneGraph) -> HeteroData:
         >>> scex.to_hetero_data(scex.scene_graph(scene))["vehicle"].x.shape[0]
         14
     """
-    try:
+    with extra_for("this export needs PyTorch Geometric", "learned"):
         import torch
         from torch_geometric.data import HeteroData
-    except ImportError as error:
-        raise MissingExtraError(
-            "this export needs PyTorch Geometric; pip install '.[learned]' in the clone, or torch-geometric"
-        ) from error
     data = HeteroData()
     nodes: Any = data["vehicle"]
     nodes.x = torch.tensor(graph.node, dtype=torch.float32)

@@ -113,7 +113,6 @@ def _interpret_marks(scene: SeedScene, source: Mapping[str, Any]) -> tuple[IntAr
 
 
 def _with_other_cases(path: Path, table: pa.Table, case: float) -> pa.Table:
-    """Append the rows of a case to the other cases of a submission."""
     try:
         rest = csv.read_csv(path)
     except pa.ArrowInvalid as error:

@@ -96,7 +96,6 @@ def _metrics(run: Run) -> str:
 
 
 def _print_probabilities(runs: Sequence[Run], labels: Sequence[str]) -> None:
-    """Print P of a collision and of each threshold, one column for each run."""
     from scex_sumo.commands.console import output_console
     from scex_sumo.reports.run_table import console_table, print_table
 

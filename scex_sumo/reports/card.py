@@ -127,7 +127,6 @@ def _line(row: Mapping[str, Any], *, people: float | None, stress: float | None)
 
 
 def _as_pair(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a row of encounters with the columns of a row of pairs."""
     words = cut_set_words(row)
     how = f"if {words[0].partition(' in which ')[2]}" if words and " in which " in words[0] else ""
     return {**row, "what": row["kind"] or "collision", "how": how, "conflict_s": row["time_s"]}
@@ -224,7 +223,6 @@ def metric_lines(run: Run, wide: int) -> list[Text]:
 
 
 def _own_lines(run: Run, wide: int) -> list[Text]:
-    """Return the rows of extras, and how often a fallback planned."""
     rows = [
         f"{name}: {', human-like '.join(row_cell(value) for value in values)}"
         for name, values in extra_rows(run).items()
@@ -256,7 +254,6 @@ def _decided_row(run: Run) -> dict[str, Any]:
 
 
 def _table(run: Run, lines: Sequence[PairLine], total: Sequence[str], wide: int) -> list[Text]:
-    """Return the lines of the table of pairs, with that of any pair."""
     if not lines:
         return []
     table = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False, show_edge=False)

@@ -159,7 +159,6 @@ def _numbers(names: tuple[str, ...], taken: IntArray) -> IntArray:
 
 
 def _distance(scene: SeedScene, others: Obstacles) -> FloatArray:
-    """Return (O,) distance to the nearest vehicle now, m."""
     now, there = scene.now, others.states[:, HISTORY_STEPS]
     apart = np.hypot(there.x[:, None] - now.x, there.y[:, None] - now.y)
     return np.asarray(apart.min(axis=1, initial=np.inf))

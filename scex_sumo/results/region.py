@@ -165,7 +165,6 @@ def replaying(scene: SeedScene, kept: Sequence[int]) -> SeedScene:
 
 
 def _both(one: Obstacles, other: Obstacles) -> Obstacles:
-    """Return the obstacles of both; as many steps each."""
     return Obstacles(
         ids=one.ids + other.ids,
         types=one.types + other.types,

@@ -179,7 +179,6 @@ def _median(values: FloatArray) -> float:
 
 
 def _with_own_collisions(table: pa.Table, collisions: pa.Table, vehicles: Iterable[str]) -> pa.Table:
-    """Add the column ``collision`` of some vehicles to the metrics of their pairs."""
     own = [int(track) for track in vehicles]
     either = [np.isin(np.asarray(collisions[name]), own) for name in ("track_id", "other_id")]
     struck = np.asarray(collisions["future"])[either[0] | either[1]]

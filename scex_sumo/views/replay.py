@@ -111,7 +111,6 @@ def write_view(
 
 
 def _junctions(net: Path) -> list[FloatArray]:
-    """Return the outlines of the junctions of a net, of three points or more."""
     shapes = [points_of(junction.get("shape", "")) for junction in net_root(net).iter("junction")]
     return [shape for shape in shapes if len(shape) > 2]
 

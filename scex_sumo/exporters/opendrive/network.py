@@ -61,7 +61,6 @@ def lane_groups(lanes: Mapping[int, Lane]) -> list[Group]:
 
 
 def _cuts(lanes: Mapping[int, Lane], groups: Sequence[Group]) -> list[Cut]:
-    """Return the places where groups meet."""
     group_of = {i: group for group in groups for i in group}
     links = [(i, j) for i in group_of for j in lanes[i].successors if j in group_of]
     met = DisjointSet((group, end) for group in groups for end in (True, False))

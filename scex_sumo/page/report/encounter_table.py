@@ -15,6 +15,7 @@ from scex_sumo.results.run import Run
 from scex_sumo.results.tables.cut_sets import cut_set_words
 from scex_sumo.results.tables.encounters import QUESTIONS, event_of
 from scex_sumo.results.tables.pairs import arrow, ends
+from scex_sumo.statistics.density import Interval
 
 _SHARE = "Share of the futures; a click on a row shows the typical one"
 HEADS: Final[tuple[Head, ...]] = (
@@ -47,30 +48,25 @@ def print_encounters(run: Run, encounters: Sequence[Meeting], console: Console) 
         "doubtful: the recording, not the traffic, see --pair"
     )
     heads = [(name, "text" if form == "percent" else form, hint) for name, form, hint in HEADS]
-    rows = [
-        [words or cell for cell, words in zip(*encounter_cells(one), strict=True)]
-        for one in encounters[:MOST_LINES]
-    ]
+    cells = (encounter_cells(one) for one in encounters[:MOST_LINES])
+    rows = [[cell.share if isinstance(cell, Interval) else cell for cell in row] for row in cells]
     print_table(console_table(title, heads, rows, caption=caption), console)
 
 
-def encounter_cells(meeting: Meeting) -> tuple[list[Any], list[str | None]]:
-    """Return the cells of an encounter under `HEADS`, and the words of probabilities."""
+def encounter_cells(meeting: Meeting) -> list[Any]:
+    """Return the cells of an encounter under `HEADS`; probabilities with their intervals."""
     row, (collision, *others) = meeting.row, [meeting.probability(name) for name in _ASKED]
-    words = iter(share.share for share in (collision, *others))
-    said = [next(words) if form == "percent" else None for _, form, _ in HEADS]
-    cells = [
+    return [
         arrow(row),
         ", ".join(filter(None, (row["place"], "doubtful" if meeting.doubt else None))) or None,
         meeting.futures,
-        collision.value,
+        collision,
         f"{collision.range} %",
-        *(share.value for share in others),
+        *others,
         row["gap"],
         round(row["time_s"], 1),
         f"{row['model']}, {row['other_model']}",
     ]
-    return cells, said
 
 
 def print_pair(meeting: Meeting, console: Console) -> None:

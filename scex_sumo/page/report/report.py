@@ -59,7 +59,6 @@ def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> byt
 
 
 def _answer(run: Run) -> Html:
-    """Return the verdict in words, as the terminal prints it."""
     first, *more = (line.plain for line in verdict_lines(run, wide=_WIDE))
     decision = run.decision
     word = VERDICTS[decision.kind].upper() if decision is not None else ""

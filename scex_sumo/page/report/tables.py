@@ -18,6 +18,7 @@ from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import critical_outcomes
 from scex_sumo.results.tables.outcomes import first_contacts
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
+from scex_sumo.statistics.density import Interval
 
 BITS = {name: 1 << number for number, name in enumerate(EVENTS)}
 """Bit of each event in `pair_events`."""
@@ -160,20 +161,19 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     both = any(one.futures == HUMAN_LIKE for one in encounters)
     wanted = {"pair", *_SELECTED} | ({"futures"} if both else set())
     places = [place for place, head in enumerate(HEADS) if head[0] in wanted]
-    both_of = [[[part[place] for place in places] for part in encounter_cells(one)] for one in encounters]
-    cells = [cells for cells, _ in both_of]
+    cells = [[encounter_cells(one)[place] for place in places] for one in encounters]
     columns = table([HEADS[place] for place in places], cells)["columns"]
     for place, column in zip(places, columns, strict=True):
         column |= {"selected": _SELECTED[name]} if (name := HEADS[place][0]) in _SELECTED else {}
     pairs: dict[tuple[int, int], int] = {}
     rows = []
-    for one, (mine, said) in zip(encounters, both_of, strict=True):
+    for one, mine in zip(encounters, cells, strict=True):
         row, is_human = one.row, one.futures == HUMAN_LIKE
         pair = where[row["track_id"]], where[row["other_id"]]
         rows.append(
             {
-                "cells": [_short(cell) if isinstance(cell, float) else cell for cell in mine],
-                "said": said,
+                "cells": [_short(cell) for cell in mine],
+                "said": [cell.share if isinstance(cell, Interval) else None for cell in mine],
                 "words": one.words(),
                 "share": row["collision"],
                 "critical": row["critical"] > 0,
@@ -197,5 +197,9 @@ def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:
     return np.stack([np.asarray(part, dtype=np.float64) for part in parts])
 
 
-def _short(value: float | None) -> float | None:
-    return None if value is None or not np.isfinite(value) else float(f"{value:.5g}")
+def _short(cell: Any) -> Any:
+    """Return a cell of a page: numbers with five digits."""
+    cell = cell.value if isinstance(cell, Interval) else cell
+    if not isinstance(cell, float):
+        return cell
+    return float(f"{cell:.5g}") if np.isfinite(cell) else None

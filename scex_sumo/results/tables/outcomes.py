@@ -134,7 +134,7 @@ def pair_injuries(
         closing: (N,) speed, m/s.
     """
     people = np.stack([struck_injury_probability(closing, kinds) for kinds in pair])
-    inside = 1.0 / (1.0 + np.exp(-(MAIS3[0] + MAIS3[1] * share * closing / MPH)))
+    inside = 1.0 / (1.0 + np.exp(-(MAIS3[0] + MAIS3[1] * (share * closing) / MPH)))
     inside = np.where(np.isnan(people[::-1]), inside, 0.0)
     return np.where(np.isnan(people), inside, people)
 
