@@ -49,7 +49,7 @@ def plot_command(
     path = out if out is not None else folders[0] / f"{curve}.svg"
     if path.suffix not in ENDINGS:
         raise UsageError(f"-o {path}: unknown ending; known: {', '.join(ENDINGS)}")
-    from scex_sumo.page.figures.figure import draw_figure
+    from scex_sumo.page.figures.figure import plot
     from scex_sumo.results.info import as_written
     from scex_sumo.results.run import open_run
 
@@ -57,7 +57,7 @@ def plot_command(
     with as_written(*folders):
         runs = [open_run(folder) for folder in folders]
         check_comparable(runs, labels)
-        draw_figure(runs, curve, path, labels=labels, metric=metric)
+        plot(runs, path, metric=metric, curve=curve, labels=labels)
         if len(runs) > 1:
             _print_probabilities(runs, labels)
     print(path)

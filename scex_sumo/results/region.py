@@ -144,12 +144,7 @@ def replaying(scene: SeedScene, kept: Sequence[int]) -> SeedScene:
     if future is None:
         steps = REPLAYED_STEPS if others is None else others.states.shape[1] - HISTORY_STEPS - 1
         travelled_m = now.speed[:, None] * STEP_S * np.arange(1, steps + 1)
-        future = now[:, None].swapaxes(0, 1).repeat(steps)[:, 0].swapaxes(0, 1)
-        future = replace(
-            future,
-            x=future.x + travelled_m * np.cos(future.heading),
-            y=future.y + travelled_m * np.sin(future.heading),
-        )
+        future = now.ahead(travelled_m, np.repeat(now.speed[:, None], steps, axis=1))
     valid = np.ones(future.shape, dtype=np.bool_) if scene.future_valid is None else scene.future_valid
     known = np.ones((len(rest), HISTORY_STEPS + 1), dtype=np.bool_)
     added = Obstacles(

@@ -53,7 +53,6 @@ def test_the_ego_has_start_and_goal_and_no_trajectory_and_time_begins_at_the_see
     for v, track in enumerate(run.scene.track_ids[1:], 1):
         x, y, _ = boxes[f"vehicle{track}"][0]
         assert np.hypot(x - run.scene.now.x[v], y - run.scene.now.y[v]) < 0.001
-    assert f"`vehicle{ego}` is yours" in files[-1].read_text()
 
 
 def test_a_parameter_delays_a_trajectory_of_the_pair_alike_in_all_players(run: Run, tmp_path: Path) -> None:

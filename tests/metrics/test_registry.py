@@ -33,7 +33,7 @@ from scex_sumo.metrics.registry import (
     metrics_named,
     thresholds_of,
 )
-from scex_sumo.page.figures.figure import draw_figure
+from scex_sumo.page.figures.figure import plot
 from scex_sumo.reports.run_table import summary_table
 from scex_sumo.results.run import open_run
 from scex_sumo.results.tables.encounters import SCHEMA
@@ -145,7 +145,7 @@ def test_a_result_is_judged_and_drawn_where_the_metric_is_not_registered(
     assert run.most_critical("speed_gap") == 2
     shown = [str(cell) for cell in summary_table(run).columns[0].cells]
     assert shown == ["collision", "severe injuries [‰]", "difference of speeds [m/s]"]
-    (panel,) = draw_figure([run], "density", tmp_path / "densities.svg")
+    (panel,) = plot([run], tmp_path / "densities.svg")
     assert (panel.get_title(loc="left"), panel.get_xlabel()) == ("difference of speeds", "[m/s]")
     with pytest.raises(UsageError, match="known from a result only"):
         evaluate(vehicles(1.0, 2.0), None, metrics=[run.metric("speed_gap")])

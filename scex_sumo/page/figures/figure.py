@@ -43,13 +43,19 @@ def plot(
     *,
     metric: str | None = None,
     curve: str = "density",
+    labels: Sequence[str] | None = None,
     ax: Any = None,
 ) -> list[Axes]:
-    """Draw the densities of one metric, or of all that are defined, of one or several runs on common axes.
+    """Draw densities of one or several runs on common axes, in a figure of a paper's column width (85 mm).
+
+    One run is drawn with its human-like futures and its times before the end, several as stress tests alone.
 
     Args:
+        runs: at most as many as there are `COLORS`.
         path: SVG, PNG or PDF file to write.
+        metric: one column; None draws the most critical values of all metrics that some run defines.
         curve: ``density`` or ``cumulative``.
+        labels: of the runs, in the legend; None: the names of their folders.
         ax: matplotlib's axes for one metric; None makes a figure, of pyplot without a ``path``.
 
     Returns:
@@ -63,35 +69,8 @@ def plot(
         >>> axes.get_title(loc="left")
         '1/TTC'
     """
-    some = [runs] if isinstance(runs, Run) else list(runs)
-    labels = ("stress test",) if len(some) == 1 else [run.folder.name for run in some]
-    return draw_figure(some, curve, path, labels=labels, metric=metric, ax=ax)
-
-
-def draw_figure(
-    runs: Sequence[Run],
-    curve: str,
-    path: str | Path | None,
-    *,
-    labels: Sequence[str] = ("stress test",),
-    metric: str | None = None,
-    ax: Axes | None = None,
-) -> list[Axes]:
-    """Draw a figure of a paper's column width (85 mm) and return its panels.
-
-    One run is drawn with its human-like futures and its times before the end, several as stress tests alone.
-
-    Args:
-        runs: at most as many as there are `COLORS`.
-        curve: ``density`` or ``cumulative``.
-        path: SVG, PNG or PDF file; None writes none.
-        labels: of the runs, in the legend.
-        metric: one column; None draws the most critical values of all metrics that some run defines.
-        ax: draw one metric here.
-
-    Raises:
-        UsageError: the metric has no density, or is defined in no future; too many runs.
-    """
+    runs = [runs] if isinstance(runs, Run) else list(runs)
+    labels = labels or (["stress test"] if len(runs) == 1 else [run.folder.name for run in runs])
     if len(runs) > len(COLORS):
         raise UsageError(f"plot: {len(runs)} results, but a figure has {len(COLORS)} colours; give fewer")
     columns = _columns(runs, metric)

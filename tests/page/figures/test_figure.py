@@ -14,7 +14,7 @@ from rich.console import Console
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.metrics.registry import COLUMNS, THRESHOLDS
-from scex_sumo.page.figures.figure import COLORS, draw_figure, plot
+from scex_sumo.page.figures.figure import COLORS, plot
 from scex_sumo.reports.run_table import summary_table
 from scex_sumo.results.folder import ResultFolder, tracks_table, values_table
 from scex_sumo.results.run import Run, open_run
@@ -53,7 +53,7 @@ def test_the_share_of_critical_futures_counts_those_up_to_the_threshold(run: Run
 
 def test_plots_say_what_is_defined_and_mark_the_recorded_value(run: Run, tmp_path: Path) -> None:
     for file in (tmp_path / "densities.svg", tmp_path / "densities.png"):
-        panels = draw_figure([run], "density", file)
+        panels = plot([run], file, curve="density")
     text = (tmp_path / "densities.svg").read_text()
     assert [panel.get_title(loc="left") for panel in panels] == [
         *("distance", "traffic quality", "PTTC", "WTTC", "1/TTC")  # no empty panel: gap time is undefined
@@ -65,8 +65,8 @@ def test_plots_say_what_is_defined_and_mark_the_recorded_value(run: Run, tmp_pat
 
 @pytest.mark.parametrize("curve", ["density", "cumulative"])
 def test_several_runs_share_axes_each_with_the_recorded_line_in_its_colour(run: Run, curve: str) -> None:
-    (panel,) = draw_figure(
-        [run, run], curve, None, labels=["a", "b"], metric="distance", ax=Figure().subplots()
+    (panel,) = plot(
+        [run, run], None, curve=curve, labels=["a", "b"], metric="distance", ax=Figure().subplots()
     )
     curves = [line for line in panel.lines if len(np.asarray(line.get_xdata())) > 2]
     upright = [line for line in panel.lines if len(np.asarray(line.get_xdata())) == 2]
@@ -79,8 +79,8 @@ def test_several_runs_share_axes_each_with_the_recorded_line_in_its_colour(run: 
 
 
 def test_the_density_of_one_of_several_runs_integrates_to_one(run: Run) -> None:
-    panels = draw_figure(
-        [run, run], "density", None, labels=["a", "b"], metric="distance", ax=Figure().subplots()
+    panels = plot(
+        [run, run], None, curve="density", labels=["a", "b"], metric="distance", ax=Figure().subplots()
     )
     x, y = (np.asarray(values) for values in panels[0].lines[0].get_data())
     assert np.sum((y[1:] + y[:-1]) / 2 * np.diff(x)) == pytest.approx(
@@ -90,7 +90,7 @@ def test_the_density_of_one_of_several_runs_integrates_to_one(run: Run) -> None:
 
 def test_a_figure_names_its_runs_also_if_their_names_are_long(run: Run, tmp_path: Path) -> None:
     labels = [f"DR_DEU_Roundabout_OF_000_t{moment}" for moment in (3.1, 104.6, 177.6)]
-    panels = draw_figure([run] * 3, "cumulative", tmp_path / "several.svg", labels=labels)
+    panels = plot([run] * 3, tmp_path / "several.svg", curve="cumulative", labels=labels)
     figure = panels[0].figure
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == [*labels, "threshold", "recorded"]
@@ -100,13 +100,13 @@ def test_a_figure_names_its_runs_also_if_their_names_are_long(run: Run, tmp_path
 
 def test_more_runs_than_colours_are_refused(run: Run) -> None:
     with pytest.raises(UsageError, match="9 results, but a figure has 8 colours"):
-        draw_figure([run] * 9, "density", None)
+        plot([run] * 9, None, curve="density")
 
 
 def test_the_same_run_is_drawn_in_the_same_bytes(run: Run, tmp_path: Path) -> None:
     files = [tmp_path / "first.svg", tmp_path / "second.svg"]
     for file in files:
-        draw_figure([run], "cumulative", file)
+        plot([run], file, curve="cumulative")
     assert files[0].read_bytes() == files[1].read_bytes()
 
 
@@ -138,7 +138,7 @@ def test_pictures_leave_the_users_matplotlib_alone(run: Run, tmp_path: Path) -> 
         "import sys, matplotlib; matplotlib.use('svg'); from pathlib import Path\n"
         "from scex_sumo.page.figures import figure\n"
         "from scex_sumo.results.run import open_run\n"
-        "figure.draw_figure([open_run(Path(sys.argv[1]))], 'density', Path(sys.argv[2]))\n"
+        "figure.plot([open_run(Path(sys.argv[1]))], Path(sys.argv[2]))\n"
         "assert matplotlib.get_backend() == 'svg' and 'matplotlib.pyplot' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", code, str(run.folder), str(tmp_path / "densities.png")], check=True)
