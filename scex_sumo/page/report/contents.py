@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.colors import model_colors
-from scex_sumo.base.errors import ScexError
 from scex_sumo.lanelet2sumo.drawing import road_lines
 from scex_sumo.metrics.events import MEASURED
 from scex_sumo.page.figures.charts import samples_of_both, ticks, value_range
-from scex_sumo.page.packing import UNITS, quantized
-from scex_sumo.page.report.scene import FAR_M, Future, packed_tracks, recorded_tracks, road_paths
+from scex_sumo.page.packing import UNITS, coded_motion, quantized
+from scex_sumo.page.report.scene import FAR_M, Future, packed_tracks, poses_of, road_paths
 from scex_sumo.page.report.tables import (
     BITS,
     collided_futures,
@@ -65,7 +64,7 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
     }
     left, right, low, high = tracks.box
     around = (left - _AROUND_M, right + _AROUND_M, low - _AROUND_M, high + _AROUND_M)
-    place = {"box": tracks.box, "road": road_paths(road_lines(_net(run), around)), "lights": _lights(run)}
+    place = {"box": tracks.box, "road": road_paths(road_lines(run.net.path, around)), "lights": _lights(run)}
     return info | place | {"packed": tracks.futures.tolist()}, arrays
 
 
@@ -129,7 +128,7 @@ def _recorded_arrays(scene: SeedScene, start: IntArray, steps: int) -> dict[str,
         valid = scene.future_valid
         there = np.ones(scene.future.shape, dtype=bool) if valid is None else valid
         future = scene.future.map(lambda v: _steps(v, there, 0, steps))
-        arrays["recorded"] = recorded_tracks(future, start)
+        arrays["recorded"] = coded_motion(start, poses_of(future))
     others = scene.obstacles
     arrays["others"] = np.zeros((0, steps + 1, 2), dtype=np.int64)
     if others is not None:
@@ -147,17 +146,10 @@ def _steps(values: FloatArray, there: BoolArray, first: int, stop: int) -> Float
     return padded
 
 
-def _net(run: Run) -> Any:
-    try:
-        return run.net.path
-    except (ScexError, KeyError):  # no net: a report without a road
-        return run.folder / "none.net.xml"
-
-
 def _lights(run: Run) -> list[tuple[list[list[float]], str]]:
     """Return ends of the bars of lights, m, and the letters of all steps; none where lights are unknown."""
     known = str(run.info["seed_scene"].get("map", "")).endswith(SUMO_FILES)
-    bars = light_bars(_net(run), int(run.info["steps"]), known=known)
+    bars = light_bars(run.net.path, int(run.info["steps"]), known=known)
     return [(bar.ends.round(2).tolist(), bar.letters) for bar in bars]
 
 

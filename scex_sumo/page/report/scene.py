@@ -55,16 +55,18 @@ def packed_tracks(wanted: Sequence[Future], *, budget: int = _BUDGET) -> PackedT
     Futures without a noise of their own share most tracks; of those with noise a page holds a sample.
     """
     wanted = wanted[:_MAX_FUTURES]
-    poses = poses_of(wanted)
+    by_number = sorted(wanted, key=lambda one: one[2])  # row groups of a file in order
+    read = {at: poses_of(run.states(future)[:, LOGGED_HISTORY - 1 :]) for run, future, at in by_number}
+    poses = np.stack([read[at] for _, _, at in wanted])
     start = quantized(poses[0, :, 0], np.array(UNITS))
     which, number, owner = _different(quantized(poses, np.array(UNITS)).astype(np.int32))
     some = slice(None, None, max(1, len(owner) // _SAMPLED))
-    codes = _coded(start, poses, number[some], owner[some])
+    codes = coded_motion(start[owner[some]], poses[number[some], owner[some], 1:])
     packed = len(zlib.compress(smallest(codes).tobytes())) / codes.shape[1]
     kept = np.maximum.accumulate(which.max(axis=1)) < max(budget / packed, which[0].max() + 1)
     futures = np.array([at for _, _, at in wanted])[kept]
-    by_number = np.argsort(futures)
-    used, since = np.unique(which[kept][by_number], return_index=True)
+    order_of = np.argsort(futures)
+    used, since = np.unique(which[kept][order_of], return_index=True)
     order = used[np.lexsort((since, owner[used]))]
     place = np.empty(len(owner), dtype=np.int64)
     place[order] = np.arange(len(order)) - np.searchsorted(owner[order], owner[order])
@@ -72,10 +74,10 @@ def packed_tracks(wanted: Sequence[Future], *, budget: int = _BUDGET) -> PackedT
     seen = seen[seen[..., 0] < FAR_M / 2]
     (left, low), (right, high) = seen.min(axis=0).tolist(), seen.max(axis=0).tolist()
     return PackedTracks(
-        futures=futures[by_number],
-        which=place[which[kept][by_number]],
+        futures=futures[order_of],
+        which=place[which[kept][order_of]],
         start=start,
-        motion=_coded(start, poses, number[order], owner[order]),
+        motion=coded_motion(start[owner[order]], poses[number[order], owner[order], 1:]),
         owner=owner[order],
         box=(left, right, low, high),
     )
@@ -96,26 +98,10 @@ def _different(poses: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     return which, numbers, owner
 
 
-def poses_of(futures: Sequence[Future]) -> FloatArray:
-    """Return (P, V, 1 + T, 4) x, y, heading, speed from the seed moment on."""
-    poses: dict[int, FloatArray] = {}
-    for run, future, number in sorted(futures, key=lambda one: one[2]):
-        poses[number] = _poses(run.states(future)[:, LOGGED_HISTORY - 1 :])
-    return np.stack([poses[number] for _, _, number in futures])
-
-
-def _coded(start: IntArray, poses: FloatArray, future: IntArray, vehicle: IntArray) -> IntArray:
-    return coded_motion(start[vehicle], poses[future, vehicle, 1:])
-
-
-def _poses(states: States) -> FloatArray:
+def poses_of(states: States) -> FloatArray:
+    """Return (V, T, 4) x, y, heading without jumps and speed, far away where they are unknown."""
     poses = np.stack([states.x, states.y, np.unwrap(states.heading), states.speed], axis=-1)
     return np.where(np.isnan(poses), FAR_M, poses)
-
-
-def recorded_tracks(states: States, start: IntArray) -> IntArray:
-    """Return recorded (V, F) states as `coded_motion`."""
-    return coded_motion(start, _poses(states))
 
 
 def road_paths(lines: Iterable[RoadLine]) -> list[dict[str, Any]]:
