@@ -39,15 +39,8 @@ def _of_run(ctx: Any, path: Path) -> dict[str, Any]:
         ) from None
     if name != ctx.info_name:
         raise UsageError(f"--config {path}: is of {program} {name}; give it to that command")
-    return {
-        k: v
-        for k, v in ctx.command.make_parser(ctx).parse_args([str(w) for w in words])[0].items()
-        if _set(v)
-    }
-
-
-def _set(value: Any) -> bool:
-    return value is not None and type(value).__name__ != "Sentinel" and value != () and value != []
+    given = ctx.command.make_parser(ctx).parse_args([str(word) for word in words])[0]
+    return {k: v for k, v in given.items() if v not in (None, (), []) and type(v).__name__ != "Sentinel"}
 
 
 def _of_toml(ctx: Any, path: Path) -> dict[str, Any]:

@@ -66,7 +66,9 @@ class Command(TyperCommand):
         for param in self.get_params(ctx):
             record = param.get_help_record(ctx)
             if record is not None:
-                groups.setdefault(_group_of(param), []).append(record)
+                panel = OF_EVERY_COMMAND if param.name == "help" else param.rich_help_panel or "Options"
+                group = "Arguments" if param.param_type_name == "argument" else panel
+                groups.setdefault(group, []).append(record)
         for name, records in groups.items():
             with formatter.section(name):
                 formatter.write_dl(records)
@@ -106,12 +108,6 @@ def copyable(command: str, width: int) -> list[str]:
         else:
             lines[-1] = joined
     return [*(f"{line} \\" for line in lines[:-1]), lines[-1]]
-
-
-def _group_of(param: Any) -> str:
-    if param.param_type_name == "argument":
-        return "Arguments"
-    return OF_EVERY_COMMAND if param.name == "help" else param.rich_help_panel or "Options"
 
 
 def with_shared(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -47,7 +47,8 @@ def write_omega_prime(request: Request) -> list[Path]:
                 writer.add_metadata("scex-sumo", _about(request, future))
                 writer.add(area, topic="ground_truth_map", log_time=0)
                 for truth in _ground_truths(request, future, drawn, betterosi):
-                    writer.add(truth, log_time=_time_ns(truth))
+                    time = truth.timestamp
+                    writer.add(truth, log_time=int(time.seconds * _NANOS + time.nanos))
             request.write(path, trace.read_bytes())
     return files
 
@@ -68,10 +69,6 @@ def _about(request: Request, future: int) -> dict[str, str]:
     numbers = {"future": str(future), "history_frames": str(LOGGED_HISTORY)}
     drivers = {f"model of {track}": model for track, model in models}
     return {"version": __version__, "seed_scene": request.name, **numbers, **drivers}
-
-
-def _time_ns(truth: Any) -> int:
-    return int(truth.timestamp.seconds * _NANOS + truth.timestamp.nanos)
 
 
 def _ground_truths(request: Request, future: int, drawn: OpenDrive, betterosi: Any) -> Iterator[Any]:

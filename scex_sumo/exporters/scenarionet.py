@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -103,16 +102,11 @@ def _features(road: Road) -> dict[str, Any]:
     for k, (kind, subtype, points) in enumerate((m.kind, m.subtype, m.points) for m in road.markings):
         word = "ROAD_EDGE_BOUNDARY" if kind in _EDGES else _BROKEN if subtype == "dashed" else _SOLID
         features[f"line_{k}"] = {"type": word, "polyline": points}
-    for k, outline in enumerate(_crosswalks(road)):
+    walks = [area.outline for area in road.areas if area.kind == "crosswalk"]
+    walks += [lane.outline for lane in road.lanes.values() if lane.subtype == "crosswalk"]
+    for k, outline in enumerate(walks):
         features[f"crosswalk_{k}"] = {"type": "CROSSWALK", "polygon": outline}
     return features
-
-
-def _crosswalks(road: Road) -> Iterator[Any]:
-    yield from (area.outline for area in road.areas if area.kind == "crosswalk")
-    for lane in road.lanes.values():
-        if lane.subtype == "crosswalk":
-            yield lane.outline
 
 
 def _lane(lane: Lane, road: Road) -> dict[str, Any]:

@@ -148,7 +148,9 @@ def plot_scene_graph(
         axes = figure.subplots()
         scene_graph_panel(axes, road, scene, graph)
         look_at(axes, low, high)
-        axes.set_title(title or _title(scene, graph), loc="left")
+        off = int((~graph.on_road).sum())
+        known = f"{scene.name}: {scene.vehicles} vehicles{f', {off} off the mapped lanes' if off else ''}"
+        axes.set_title(title or known, loc="left")
         save(figure, path, dpi=150, bbox_inches="tight")
     return Path(path)
 
@@ -208,8 +210,3 @@ def _legend(graph: SceneGraph) -> list[Line2D]:
         Line2D([], [], color=color, linestyle=line, linewidth=1.4, label=f"{name} ({counts[kind]})")
         for kind, (name, color, line) in _STYLES.items()
     ]
-
-
-def _title(scene: SeedScene, graph: SceneGraph) -> str:
-    off = int((~graph.on_road).sum())
-    return f"{scene.name}: {scene.vehicles} vehicles{f', {off} off the mapped lanes' if off else ''}"

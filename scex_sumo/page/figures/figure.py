@@ -90,7 +90,9 @@ def plot(
         for axes, column in zip(panels, columns, strict=True):
             _draw_panel(runs, curve, column, axes)
         if len(runs) == 1 and not one:
-            figure.suptitle(_headline(runs[0]), x=0.01, ha="left", fontsize=7)
+            scene, futures = runs[0].info["seed_scene"], counted(runs[0].futures, "future")
+            head = f"{scene['name']}   {counted(scene['vehicles'], 'vehicle')}, {futures}"
+            figure.suptitle(head, x=0.01, ha="left", fontsize=7)
         _add_legend(runs, labels, figure)
         if path is not None:
             # A file without a date: the same run gives the same bytes.
@@ -146,11 +148,6 @@ def _defined(runs: Sequence[Run], column: str) -> str:
         return f", in {counts[0]} of {runs[0].futures}"
     shares = [count / run.futures for count, run in zip(counts, runs, strict=True)]
     return f", in {100 * min(shares):.0f}–{max(shares):.0%}"
-
-
-def _headline(run: Run) -> str:
-    scene = run.info["seed_scene"]
-    return f"{scene['name']}   {counted(scene['vehicles'], 'vehicle')}, {counted(run.futures, 'future')}"
 
 
 def _add_legend(runs: Sequence[Run], labels: Sequence[str], figure: Figure) -> None:

@@ -162,7 +162,7 @@ def metric_words(run: Run, column: str) -> dict[str, Any]:
     has_recorded = run.recorded is not None and column in run.recorded.column_names
     recorded = run.recorded_value(column) if has_recorded else None
     threshold = run.thresholds.get(column)
-    side = metric.side
+    side, tenth = metric.side, _WORST_SHARE if metric.side == "left" else 1 - _WORST_SHARE
     samples = np.sort(run.samples(column))
     view = value_range(samples_of_both(run, column), recorded, threshold)
     share = run.p_critical(column) if threshold is not None and samples.size else None
@@ -175,7 +175,7 @@ def metric_words(run: Run, column: str) -> dict[str, Any]:
         "sign": metric.sign,
         "threshold": threshold,
         "p": None if share is None else {"value": share.value, "low": share.low, "high": share.high},
-        "tenth": _worst_tenth(samples, side),
+        "tenth": float(np.quantile(samples, tenth, method="inverted_cdf")) if samples.size else None,
         "recorded": recorded,
         "defined": int(samples.size),
         "atoms": _atoms(run, column),
@@ -188,10 +188,3 @@ def metric_words(run: Run, column: str) -> dict[str, Any]:
 def _atoms(run: Run, column: str) -> list[float]:
     samples = run.samples(column)
     return [atom.value for atom in split_atoms(samples)[0]] if samples.size else []
-
-
-def _worst_tenth(samples: FloatArray, side: str) -> float | None:
-    if not samples.size:
-        return None
-    level = _WORST_SHARE if side == "left" else 1 - _WORST_SHARE
-    return float(np.quantile(samples, level, method="inverted_cdf"))

@@ -177,13 +177,10 @@ def cut_set_words(row: Mapping[str, Any]) -> list[str]:
 
 
 def _phrase(futures: int, models: Mapping[str, Sequence[str]]) -> str:
-    parts = [f"{track} {_any_of([_does(name) for name in names])}" for track, names in models.items()]
+    parts = [f"{track} {_any_of(names)}" for track, names in models.items()]
     return f"in {futures} of {futures} futures in which {' and '.join(parts)}" if parts else "in all futures"
 
 
-def _any_of(words: Sequence[str]) -> str:
+def _any_of(models: Sequence[str]) -> str:
+    words = [WORDS.get(model, f"drives as {model}") for model in models]
     return " or ".join(part for part in (", ".join(words[:-1]), words[-1]) if part)
-
-
-def _does(model: str) -> str:
-    return WORDS.get(model, f"drives as {model}")
