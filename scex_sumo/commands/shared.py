@@ -66,7 +66,8 @@ class Command(TyperCommand):
         for param in self.get_params(ctx):
             record = param.get_help_record(ctx)
             if record is not None:
-                panel = OF_EVERY_COMMAND if param.name == "help" else param.rich_help_panel or "Options"
+                panel = getattr(param, "rich_help_panel", None) or "Options"
+                panel = OF_EVERY_COMMAND if param.name == "help" else panel
                 group = "Arguments" if param.param_type_name == "argument" else panel
                 groups.setdefault(group, []).append(record)
         for name, records in groups.items():
