@@ -93,14 +93,6 @@ def test_the_road_around_the_vehicles_is_there(run: Run) -> None:
     assert [group["kind"] for group in road] == sorted(group["kind"] for group in road)
 
 
-def test_a_result_without_its_net_is_shown_without_a_road(run: Run, tmp_path: Path) -> None:
-    copy = tmp_path / "out"
-    shutil.copytree(run.folder, copy)
-    shutil.rmtree(copy / "sumo")
-    info, _ = report_contents(open_run(copy))
-    assert info["road"] == []
-
-
 def test_encounters_and_collisions_are_those_of_the_run(run: Run) -> None:
     info, _ = report_contents(run)
     collisions, encounters = run.table("collisions.parquet"), run.table("encounters.parquet").to_pylist()
