@@ -40,11 +40,8 @@ def align_tracks(
     Shift and rotation are the least-squares fit of moving vehicles' centres to the centrelines. A track
     counts by the root of its samples. A common habit of driving left or right of the middle is kept.
 
-    Args:
-        siblings: name and evidence of other recordings of the site; read only if the own evidence is thin.
-
-    Returns:
-        The table, and a phrase about the shift; none if the evidence is too thin or the tracks are right.
+    ``siblings``, name and evidence of other recordings of the site, are read if the own evidence is thin.
+    The phrase is about the shift; none if the evidence is too thin or the tracks are right.
     """
     parts = [(table.path.name, evidence(table.vehicles))]
     if parts[0][1].tracks < OWN_TRACKS:
@@ -130,11 +127,7 @@ def fitted(samples: Evidence, road: Road) -> tuple[Evidence, float, float]:
 def nearest_lanes(
     road: Road, x: FloatArray, y: FloatArray, heading: FloatArray
 ) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Match poses to their best lanes.
-
-    Returns:
-        Of the poses that match a lane: their indices, heading errors in rad and offsets in m.
-    """
+    """Return indices, heading errors, rad, and offsets, m, of the poses that match a lane, the best one."""
     matches = match(road, x, y, heading)
     best = np.append(True, np.diff(matches.vehicle) != 0)[: len(matches.vehicle)]
     return matches.vehicle[best], matches.heading_error[best], matches.offset[best]

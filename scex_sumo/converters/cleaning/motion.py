@@ -91,10 +91,7 @@ def position_noise(points: FloatArray, time_s: FloatArray, segment: IntArray) ->
     """Estimate the standard deviation of white noise in the positions of moving tracks, per axis in m.
 
     The variance of third differences is 20 times that of white noise. The largest 2 % are left out as jumps.
-    0 with too few samples.
-
-    Args:
-        segment: (N,) number of the piece of a track, rows in order of time.
+    0 with too few samples; ``segment`` (N,) numbers the pieces of tracks, rows in order of time.
     """
     if len(points) < 4:
         return 0.0

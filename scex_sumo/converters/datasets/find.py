@@ -57,9 +57,7 @@ def recordings_of_folder(path: Path) -> tuple[Recording, ...]:
 def map_and_tracks(path: Path, tracks: Path | None = None) -> tuple[Path, Path | None]:
     """Return a map and its tracks as they are given, or the only ones in a folder.
 
-    Raises:
-        MapError: the folder holds no map, or several recordings, which the message lists; map and tracks are
-            swapped.
+    `MapError` if it holds no map, or several recordings, which the message lists, or if both are swapped.
     """
     if tracks is not None and is_map(tracks) and not is_map(path):
         raise MapError(f"{path}: not a map, but {tracks} is one: they are swapped; give the map first")

@@ -128,12 +128,9 @@ def read_recorded(
     window: Window = (None, None),
     progress: Progress | None = None,
 ) -> tuple[TrackTable, tuple[str, ...]]:
-    """Read a recording, one file or consecutive chunks; nothing is repaired.
+    """Read a recording, one file or consecutive chunks; nothing is repaired; a phrase for what is left out.
 
     ``progress`` tells how far SUMO has simulated a configuration.
-
-    Returns:
-        The recording, and a phrase for each thing left out.
     """
     for path in paths:
         refuse_unreadable(path)
@@ -155,11 +152,7 @@ def read_clean(
 ) -> CleanRecording:
     """Read a recording, check and repair it, resample it to 10 Hz and align it to its map.
 
-    Args:
-        road: the map; without it nothing is aligned.
-        align: as `align_tracks`, with the other recordings of the folder if the evidence is thin.
-        window: first and last time that is needed, s.
-        progress: as of `read_recorded`.
+    Without a ``road`` nothing is aligned. Of a simulation only the ``window``, s, is needed.
     """
     table, findings = read_recorded(paths, None if road is None else road.net, window, progress)
     dataset = dataset_of(paths[0])

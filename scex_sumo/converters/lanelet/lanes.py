@@ -153,10 +153,8 @@ def _on_one_level(lanelet: _Lanelet, other: _Lanelet) -> bool:
 def join_lanes(lanes: Mapping[int, Lane]) -> tuple[dict[int, Lane], list[int], list[int]]:
     """Link aligned vehicle lanes whose ends nearly meet, and move the loose end.
 
-    At least one end must be loose, and neither may have a choice.
-
-    Returns:
-        All lanes; ids of the linked ones; ids of those that still begin within other traffic.
+    At least one end must be loose, and neither may have a choice. Returns all lanes, ids of the linked ones,
+    and of those that still begin within other traffic.
     """
     result = dict(lanes)
     driven = {i: lane for i, lane in lanes.items() if lane.kind == "vehicle"}

@@ -22,11 +22,7 @@ def to_local(degrees: FloatArray, origin: tuple[float, float]) -> FloatArray:
 def to_degrees(metres: FloatArray, origin: tuple[float, float], *, absolute: bool = False) -> FloatArray:
     """Return (N, 2) latitudes and longitudes of places in metres east and north of an origin.
 
-    Args:
-        absolute: ``metres`` are UTM's easting and northing in the zone of the origin.
-
-    Raises:
-        RuntimeError: they are no place on Earth.
+    With ``absolute`` they are UTM's easting and northing in its zone. `RuntimeError` for no place on Earth.
     """
     from lanelet2.core import BasicPoint3d
 

@@ -101,8 +101,7 @@ def attach(
 ) -> tuple[tuple[Regulation, ...], list[int], list[int]]:
     """Attach stops, yields and lights that no lanelet names to the lanes at their stop lines.
 
-    Returns:
-        All rules, ids of those attached here, and ids of the lights that got no lane.
+    Returns all rules, ids of those attached here, and ids of the lights that got no lane.
     """
     loose, bare = _unnamed(rules, map_file, lines)
     if not loose and not bare:

@@ -32,9 +32,8 @@ def unknown_subtypes(
 
     A road is as wide as a car needs and connected to another road.
 
-    Returns:
-        Lanelet ids of the roads, and of the others, each by the unknown tag in words; and the map ``kept``
-        with the roads tagged as such, in towns if their location is unknown.
+    Returns ids of the roads, and of the others, each by the unknown tag in words; and the map ``kept`` with
+    the roads tagged as such, in towns if their location is unknown.
     """
     driven = {v.lanelet_id for v in vertices if rules.canPass(v.lanelet)}
     unknown = {

@@ -147,9 +147,8 @@ def lane_table(
 ) -> LaneTable:
     """Build the lane table, with rows in driving order along lanelets and along internal lanes.
 
-    Args:
-        places: each SUMO lane, with (lanelet, arc length in m where the lane begins on it), in driving order.
-        known: lanelets of the map; others are left out.
+    ``places`` has each SUMO lane with (lanelet, arc length in m where it begins there), in driving order.
+    Lanelets that are not ``known`` are left out.
     """
     along: dict[int, list[tuple[float, str]]] = {}
     within: dict[_Row, set[_Row]] = {}

@@ -216,10 +216,7 @@ def _fill_shapes(flat: dict[str, FloatArray], track: IntArray, kinds: list[str])
 def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], list[str]]:
     """Read the columns of one file; ``case_id``, ``track_id`` and ``agent_type`` as (codes, names).
 
-    ``shapes``: whether headings and sizes are needed.
-
-    Returns:
-        The columns, and a phrase each about rows left out and converted units.
+    ``shapes``: whether headings and sizes are needed. Also a phrase each about rows left out and units.
     """
     import pyarrow as pa
     import pyarrow.compute as pc

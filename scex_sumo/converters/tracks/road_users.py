@@ -96,10 +96,8 @@ def with_unknown_vehicles(
 
     Args:
         types: the names; ``vehicle`` is added if needed.
-        kind: (K,) index of each track's type.
+        kind: (K,) index of each track's type, also returned; with a phrase for each type that has vehicles.
         length: (N,) m, nan if not known; ``width`` too.
-    Returns:
-        (K,) index of each track's type, and a phrase for each unknown type that has vehicles.
     """
     unknown = np.array([name not in MOTOR_TYPES and name not in OTHER_TYPES for name in types], bool)
     if not unknown[kind].any():

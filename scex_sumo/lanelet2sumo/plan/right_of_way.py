@@ -27,8 +27,7 @@ BESIDE_M = 10.0
 def approach(topology: Topology, path: Path, *, forks: bool = False) -> frozenset[int]:
     """Return lanelets on a path and up to 30 m before it, as far as no other way joins in between.
 
-    Args:
-        forks: go on before forks, where a rule may mean another way.
+    With ``forks`` it goes on before forks, where a rule may mean another way.
     """
     lanelets = {topology.lane(piece).lane_id for piece in (path.start, *path.inside)}
     lane, reach = topology.lane(path.start), 0.0

@@ -19,8 +19,7 @@ def cut_lanes(
 ) -> tuple[Topology, list[tuple[int, int]]]:
     """Cut lanes into roads and junctions, by conflicts, crosswalks (``walked``) and SUMO's needs.
 
-    Returns:
-        The graph, and the permitted lane changes (from, to) that it cannot hold.
+    Returns the graph, and the permitted lane changes (from, to) that it cannot hold.
     """
     rows, lost = build_rows(lanes)
     closed = {i for row in lay_zones(rows, lanes, conflicts) if all(row.inside) for i in row.lanes}

@@ -79,9 +79,7 @@ class Row:
 def build_rows(lanes: Mapping[int, Lane]) -> tuple[list[Row], list[tuple[int, int]]]:
     """Group lanes by permitted lane changes.
 
-    Returns:
-        The rows, by smallest lane id; and the changes (from, to) that no row can hold, because a lane has
-        another neighbour on that side.
+    Returns the rows, by smallest lane id, and the changes (from, to) for which a lane has another neighbour.
     """
     left_of: dict[int, int] = {}
     right_of: dict[int, int] = {}
