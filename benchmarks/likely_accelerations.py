@@ -10,8 +10,15 @@ from scipy.optimize import minimize
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S
 from scex_sumo.behaviors.driving.paths import DS_M
-from scex_sumo.humans.population import DEGREES, node_weights, spread_factor
-from scex_sumo.humans.terms import Drivers, Situation, demanded, relieved
+from scex_sumo.humans.terms import (
+    DEGREES,
+    Drivers,
+    Situation,
+    demanded,
+    node_weights,
+    relieved,
+    spread_factor,
+)
 from scex_sumo.scene import STEP_S
 
 NODES = len(HUMAN.variation_times_s)

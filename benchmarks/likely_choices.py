@@ -21,7 +21,7 @@ from scex_sumo.humans.observed.observations import (
     start_features,
 )
 from scex_sumo.humans.observed.seed_state import estimated_scene
-from scex_sumo.humans.population import DEGREES, lateral_offsets
+from scex_sumo.humans.terms import DEGREES, lateral_offsets
 from scex_sumo.scene import STEP_S, SeedScene
 
 FAR_ASIDE_M = 0.3  # who is this far from where one expects it counts half

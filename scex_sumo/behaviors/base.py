@@ -85,7 +85,7 @@ class Driver:
 
     @property
     def sight(self) -> Sight | None:
-        """States that plans depend on; None: random numbers, too."""
+        """States that plans depend on; None: random numbers, too, or possibly all."""
         return None
 
     def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Any:
@@ -112,16 +112,6 @@ def layers(model: Any) -> Iterator[Driver]:
 def declared(model: Any) -> Driver:
     """Return what a model declares: itself, or nothing for a user's."""
     return next(layers(model), Driver())
-
-
-def is_built_in(model: Any) -> bool:
-    """Return whether a model is a driver of this package, below all adapters, and not one of a user's."""
-    return any(layer.inner is None for layer in layers(model))
-
-
-def sight_of(model: Any) -> Sight | None:
-    """Return which states a model's plans depend on; None for a user's model: possibly all."""
-    return declared(model).sight
 
 
 def clear_of_others(model: Any) -> Any:

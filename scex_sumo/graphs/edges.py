@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,8 +32,7 @@ SECOND_MATCH = 0.2  # from this probability on
 MATCHES = 2  # lanes per vehicle
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Located:
+class Located(NamedTuple):
     """Lanes of N vehicles: the most probable one in row 0, the second in row 1."""
 
     lane: IntArray  # (MATCHES, N) number in the road index; arbitrary at probability 0
@@ -42,17 +41,8 @@ class Located:
     heading_error: FloatArray  # (MATCHES, N) vehicle minus lane, rad
     probability: FloatArray  # (MATCHES, N) 0 without a match
 
-    @classmethod
-    def nowhere(cls, count: int) -> Located:
-        """Return vehicles off the road, to be filled."""
-        tables = {
-            name: np.zeros((MATCHES, count)) for name in ("s", "offset", "heading_error", "probability")
-        }
-        return cls(lane=np.zeros((MATCHES, count), dtype=np.int64), **tables)
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Edges:
+class Edges(NamedTuple):
     """Related pairs: the source influences the target."""
 
     source: IntArray  # (E,) node
@@ -61,8 +51,7 @@ class Edges:
     features: FloatArray  # (E, G) columns as in `EDGE_COLUMNS`
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Relation:
+class _Relation(NamedTuple):
     kind: IntArray
     path_distance: FloatArray
     target_to_crossing: FloatArray
@@ -99,19 +88,8 @@ def scene_edges(
     row = np.flatnonzero(relation.kind >= 0)
     # Of equals the first kind, then the first match.
     row = row[least_of(pair[row], -joint[row], relation.kind[row])]
-    features = _features(relation, row, (on_target[row], t[row]), (on_source[row], s[row]), now, place)
-    return Edges(source=s[row], target=t[row], kind=relation.kind[row], features=features)
-
-
-def _features(
-    relation: _Relation,
-    row: IntArray,
-    at_target: tuple[IntArray, IntArray],
-    at_source: tuple[IntArray, IntArray],
-    now: States,
-    place: Located,
-) -> FloatArray:
-    target, source = at_target[1], at_source[1]
+    kind, target, source = relation.kind[row], t[row], s[row]
+    at_target, at_source = (on_target[row], target), (on_source[row], source)
     columns = (
         relation.path_distance[row],
         place.offset[at_target],
@@ -124,10 +102,10 @@ def _features(
         *_relative(now, target, source),
     )
     features = np.empty((len(row), len(EDGE_COLUMNS)))
-    features[:, : len(KINDS)] = relation.kind[row, None] == np.arange(len(KINDS))
+    features[:, : len(KINDS)] = kind[:, None] == np.arange(len(KINDS))
     for k, column in enumerate(columns, start=len(KINDS)):
         features[:, k] = column
-    return features
+    return Edges(source, target, kind, features)
 
 
 def _combinations(target: IntArray, source: IntArray, place: Located) -> tuple[IntArray, IntArray, IntArray]:
@@ -169,9 +147,7 @@ def _relate(
     first = before[some].argmax(axis=1)
     kind[rest[some]] = INTERSECTING
     crossing[0, rest[some]], crossing[1, rest[some]] = to_t[some, first], to_s[some, first]
-    return _Relation(
-        kind=kind, path_distance=distance, target_to_crossing=crossing[0], source_to_crossing=crossing[1]
-    )
+    return _Relation(kind, distance, *crossing)
 
 
 def _along(

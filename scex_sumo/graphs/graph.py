@@ -12,7 +12,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import SEEN_COLUMNS, seen_from
-from scex_sumo.graphs.edges import EDGE_COLUMNS, KINDS, Edges, Located, scene_edges
+from scex_sumo.graphs.edges import EDGE_COLUMNS, KINDS, MATCHES, Edges, Located, scene_edges
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import Matches, match
 from scex_sumo.roads.relations import RoadIndex, road_index
@@ -96,7 +96,7 @@ def scene_graph(
 def _build(given: SceneHistory | SeedScene, road: Road, radius: float) -> SceneGraph:
     history = SceneHistory.of_scene(given) if isinstance(given, SeedScene) else given
     futures, vehicles = history.now.shape
-    now = history.now.map(np.ravel)
+    now, seen = history.now.map(np.ravel), seen_from(history.now, history.states)
     index = road_index(road)
     place = _locate(index, match(road, now.x, now.y, now.heading), len(now.x))
     edges = _edges(history, now, place, index, radius)
@@ -105,7 +105,7 @@ def _build(given: SceneHistory | SeedScene, road: Road, radius: float) -> SceneG
         vehicle=np.tile(np.arange(vehicles), futures),
         node=node_features(history, place, index),
         node_columns=NODE_COLUMNS,
-        history=node_history(history),
+        history=seen.reshape(-1, *seen.shape[2:]),
         history_columns=HISTORY_COLUMNS,
         edge_index=np.stack([edges.source, edges.target]),
         edge_kind=edges.kind,
@@ -118,19 +118,14 @@ def _build(given: SceneHistory | SeedScene, road: Road, radius: float) -> SceneG
 
 
 def _locate(index: RoadIndex, matches: Matches, count: int) -> Located:
-    place = Located.nowhere(count)
+    place = Located(np.zeros((MATCHES, count), dtype=np.int64), *np.zeros((4, MATCHES, count)))
     rank = np.arange(len(matches.vehicle)) - np.searchsorted(matches.vehicle, matches.vehicle)
-    for k in range(len(place.lane)):
+    for k in range(MATCHES):
         row = rank == k
         vehicle = matches.vehicle[row]
         place.lane[k, vehicle] = np.searchsorted(index.lane_id, matches.lane_id[row])
-        for table, values in (
-            (place.s, matches.s),
-            (place.offset, matches.offset),
-            (place.heading_error, matches.heading_error),
-            (place.probability, matches.probability),
-        ):
-            table[k, vehicle] = values[row]
+        for name in ("s", "offset", "heading_error", "probability"):
+            getattr(place, name)[k, vehicle] = getattr(matches, name)[row]
     return place
 
 
@@ -169,12 +164,6 @@ SLOPE_STEPS = 5  # 0.5 s
 CORRIDOR_M = 30.0  # ahead of the front bumper
 CORRIDOR_HALF_WIDTH_M = 3.0  # to either side
 _WORDS = {"motor": 2, "truck": 1, "bus": 1, "trailer": 1, "car": 0, "van": 0}
-
-
-def node_history(history: SceneHistory) -> FloatArray:
-    """Return (C * V, 11, 5) `HISTORY_COLUMNS` in each vehicle's present frame."""
-    seen = seen_from(history.now, history.states)
-    return seen.reshape(-1, *seen.shape[2:])
 
 
 def node_features(history: SceneHistory, place: Located, index: RoadIndex) -> FloatArray:

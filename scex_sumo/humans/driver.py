@@ -48,8 +48,15 @@ from scex_sumo.humans.parameters import (
     human_parameters,
     simulated,
 )
-from scex_sumo.humans.population import drawn_variation, lateral_offsets, students
-from scex_sumo.humans.terms import Drivers, Situation, acceleration, demanded
+from scex_sumo.humans.terms import (
+    Drivers,
+    Situation,
+    acceleration,
+    demanded,
+    drawn_variation,
+    lateral_offsets,
+    students,
+)
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, VehicleIndex
 

@@ -21,21 +21,14 @@ from scex_sumo.conflicts.driven import HORIZON_S, DrivenPaths
 from scex_sumo.conflicts.shared import shared_stretches
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, VehicleIndex
 
+# Scale of the largest need by the follower's speed: m/s, and m/s² (benchmarks/fit_conflicts.py)
 SCALES: Final = ((1.5, 4.5, 7.5, 11.0), (0.25, 0.33, 0.5, 0.6))
-"""Scale of the largest need by the follower's speed: m/s, and m/s² (benchmarks/fit_conflicts.py)."""
-UNSEEN_MPS2: Final = 3.0
-"""The same among drivers that do not look, about."""
-UNSEEN: Final = 2.7e-4
-"""Share of these among all: contacts are then as frequent as published (docs/decision.md)."""
-BRAKES_MPS2: Final = -1.0
-"""Mean acceleration over half a second below which a driver brakes."""
-MOST_NEED_MPS2: Final = 8.0
-"""Need from which not the driver is taken to be wrong, but the way that it is expected to take."""
-RESPONSE_S: Final = 1.25
-"""Median time until one brakes for what one did not expect (Green 2000)."""
-SPREAD: Final = 0.35
-"""Standard deviation of its logarithm, chosen within the ranges of Green 2000."""
-
+UNSEEN_MPS2: Final = 3.0  # the same among drivers that do not look, about
+UNSEEN: Final = 2.7e-4  # their share: contacts are then as frequent as published (docs/decision.md)
+BRAKES_MPS2: Final = -1.0  # mean acceleration over half a second below which a driver brakes
+MOST_NEED_MPS2: Final = 8.0  # from it not the driver is taken to be wrong, but its expected way
+RESPONSE_S: Final = 1.25  # median time until one brakes for what one did not expect (Green 2000)
+SPREAD: Final = 0.35  # deviation of its logarithm, chosen within the ranges of Green 2000
 _SALT = 80_000  # of the draws
 _POINTS = 32  # of a path ahead
 _BEFORE = 4  # steps for which it has been necessary

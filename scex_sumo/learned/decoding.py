@@ -10,7 +10,7 @@ from scex_sumo.behaviors.driving.paths import SeedPaths, path_positions
 from scex_sumo.humans.guard.side_clearance import offsets_beside, reached
 from scex_sumo.learned.inputs.surface import path_room
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
 EDGE_MARGIN_M = 0.15  # of the box to the edge of the drivable surface
 SMOOTHING_STEPS = 4  # to both sides
@@ -50,13 +50,7 @@ def intent_along(
     # the rear axle follows the path
     behind = (REAR_AXLE_SHARE * history.scene.length[vehicles.vehicle])[:, None]
     wanted = wanted - behind * _slope(wanted, travelled_m)
-    return Intent(
-        vehicles=vehicles,
-        paths=paths,
-        row=row,
-        accelerate=lambda step, *_: acceleration[:, step],
-        aside=wanted,
-    )
+    return Intent(vehicles, paths, row, lambda step, *_: acceleration[:, step], aside=wanted)
 
 
 def _smoothed(offset: FloatArray) -> FloatArray:
@@ -99,4 +93,5 @@ def plan_freely(history: SceneHistory, vehicles: VehicleIndex, free: FloatArray)
     turn = np.concatenate([np.zeros((len(free), 1)), np.arctan2(step[..., 1], step[..., 0])], axis=1)
     last = np.maximum.accumulate(np.where(moved > STANDING_M, np.arange(1, turn.shape[1]), 0), axis=1)
     kept = np.take_along_axis(turn, last, axis=1)
-    return map_plan(history, vehicles, free[..., 0], free[..., 1], kept, moved / STEP_S)
+    own = States(x=free[..., 0], y=free[..., 1], heading=kept, speed=moved / STEP_S)
+    return map_plan(history, vehicles, own)

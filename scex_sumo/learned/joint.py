@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -56,6 +57,7 @@ class JointDriver(LearnedDriver):
     """
 
     clear = leaves_map = True
+    profile: JointPredictorProfile
 
     def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> None:
         """Vehicles move together: there are only plans."""
@@ -80,7 +82,6 @@ class JointDriver(LearnedDriver):
 
     def path_prior(self, scene: SeedScene, paths: SeedPaths) -> FloatArray:
         """Return (P,) log probabilities of `LikelyDriver`, from pose, speed and shape, times `prior`."""
-        assert isinstance(self.profile, JointPredictorProfile)
         weight = path_weights(scene, paths, human_parameters())
         share = weight / np.repeat(np.add.reduceat(weight, paths.first), paths.count)
         return rounded(self.profile.prior * np.log(np.maximum(share, TINY)))
@@ -146,7 +147,6 @@ class JointDriver(LearnedDriver):
         was drawn for it, and before a crossing at which another one comes first.
         """
         logits = rounded(tokens.logits)
-        assert isinstance(self.profile, JointPredictorProfile)
         temperature = self.profile.temperature if self.profile.mode == "draw" else 1.0
         weight = np.exp((logits - logits.max(1, keepdims=True)) / temperature) + TINY
         weight = weight.reshape(len(draw), len(tokens.acceleration), len(tokens.sideways))
@@ -265,15 +265,11 @@ def _yielding(
     future, i, j = pairs
     scene, now = history.scene, history.now
     one, two = future * scene.vehicles + i, future * scene.vehicles + j
+    size, other = (scene.length[i], scene.width[i]), (scene.length[j], scene.width[j])
+    later = ((plan[one, step], plan[two, step]) for step in (TOKEN_STEPS // 2, TOKEN_STEPS - 1))
     before, *after = (
-        rectangle_distance(
-            Rectangles.of(first, scene.length[i], scene.width[i]),
-            Rectangles.of(second, scene.length[j], scene.width[j]),
-        )
-        for first, second in (
-            (now[future, i], now[future, j]),
-            *((plan[one, step], plan[two, step]) for step in (TOKEN_STEPS // 2, TOKEN_STEPS - 1)),
-        )
+        rectangle_distance(Rectangles.of(first, *size), Rectangles.of(second, *other))
+        for first, second in ((now[future, i], now[future, j]), *later)
     )
     k = np.flatnonzero(np.min(after, axis=0) < np.minimum(before, APART_M))
     future, i, j, one, two = (a[k] for a in (future, i, j, one, two))
@@ -281,8 +277,7 @@ def _yielding(
     return np.unique(np.append(one[(ahead >= 0) | both], two[(ahead <= 0) | both]))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Conflicts:
+class _Conflicts(NamedTuple):
     """K pairs of paths of two vehicles that come together ahead of both."""
 
     vehicle: IntArray  # (K, 2)
@@ -310,9 +305,7 @@ def _conflicts(paths: SeedPaths) -> _Conflicts:
             span = np.column_stack([s[begin], np.full(2, np.inf) if end.max() == n else s[end]])
             conflicts += [((a, b), span), ((b, a), span[::-1])]
     rows = np.array([pair for pair, _ in conflicts], dtype=np.int64).reshape(-1, 2)
-    return _Conflicts(
-        vehicle=owner[rows], row=rows, span=np.array([spans for _, spans in conflicts]).reshape(-1, 2, 2)
-    )
+    return _Conflicts(owner[rows], rows, np.array([span for _, span in conflicts]).reshape(-1, 2, 2))
 
 
 def _first_run(near: BoolArray) -> tuple[int, int]:

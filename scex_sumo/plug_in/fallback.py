@@ -21,12 +21,11 @@ from scex_sumo.behaviors.base import (
     BatchBehavior,
     Driver,
     Sight,
+    clear_of_others,
     declared,
-    layers,
-    sight_of,
 )
 from scex_sumo.behaviors.driving.motion import Intent
-from scex_sumo.humans.lines.nearest_path import follow_path
+from scex_sumo.behaviors.models.idm import follow_path
 from scex_sumo.plug_in.time_limit import time_limit
 from scex_sumo.plug_in.user_model import SingleVehicle
 from scex_sumo.road import Road
@@ -55,13 +54,11 @@ class Fallible(Driver):
     @property
     def sight(self) -> Sight | None:
         """What a plan depends on."""
-        return sight_of(self.inner)
+        return declared(self.inner).sight
 
     def clear_of_others(self) -> Fallible:
         """Return a copy whose model steers away from vehicles beside it."""
-        return Fallible(
-            next((layer.clear_of_others() for layer in layers(self.inner)), self.inner), self.name
-        )
+        return Fallible(clear_of_others(self.inner), self.name)
 
     def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Intent | None:
         """Return the drive of a model of this package along paths; None if it may need a fallback."""

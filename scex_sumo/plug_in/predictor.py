@@ -16,7 +16,7 @@ from scex_sumo.behaviors.driving.motion import map_plan
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.plug_in.inputs import ARRAYS, Surroundings, predictor_inputs
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
 if TYPE_CHECKING:
     from scex_sumo.graphs.graph import SceneGraph
@@ -99,7 +99,7 @@ class Predictor:
         if calls:
             whole[np.concatenate(calls)] = completed(np.concatenate(predicted))
         x, y, heading, speed = np.moveaxis(whole, -1, 0)
-        return map_plan(history, vehicles, x, y, heading, speed.copy())
+        return map_plan(history, vehicles, States(x=x, y=y, heading=heading, speed=speed.copy()))
 
     def _calls(self, vehicles: VehicleIndex) -> list[IntArray]:
         if self.batched or len(vehicles) == 0:

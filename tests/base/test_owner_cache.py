@@ -11,8 +11,7 @@ from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.behaviors.models.idm import desired_speeds
 from scex_sumo.graphs.graph import scene_graph
 from scex_sumo.humans.guard.corridors import expected
-from scex_sumo.learned.inputs.raster import raster_of
-from scex_sumo.learned.inputs.surface import path_room
+from scex_sumo.learned.inputs.surface import path_room, raster_of
 from scex_sumo.plug_in.inputs import lane_pieces
 from tests.behaviors import roads
 

@@ -17,9 +17,9 @@ from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.behaviors.models.idm import IdmDriver
 from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.drivers.listing import known_models
-from scex_sumo.drivers.own import behavior
 from scex_sumo.drivers.registry import (
     ModelSpec,
+    behavior,
     build,
     entry_of,
     is_own,

@@ -24,7 +24,7 @@ from scex_sumo.humans.observed.observations import (
     start_features,
 )
 from scex_sumo.humans.parameters import human_parameters
-from scex_sumo.humans.population import (
+from scex_sumo.humans.terms import (
     lateral_offsets,
     node_weights,
     spread_factor,

@@ -11,8 +11,8 @@ import pytest
 
 from scex_sumo.base.errors import InputError
 from scex_sumo.behaviors.base import BatchBehavior
+from scex_sumo.behaviors.models.idm import follow_path
 from scex_sumo.drivers.registry import build, parse_models
-from scex_sumo.humans.lines.nearest_path import follow_path
 from scex_sumo.learned.driver import LearnedDriver, choice_of, loaded
 from scex_sumo.learned.inputs.surface import surface_of
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex

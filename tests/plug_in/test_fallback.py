@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import ScexError
-from scex_sumo.behaviors.models.idm import IdmDriver
+from scex_sumo.behaviors.models.idm import IdmDriver, follow_path
 from scex_sumo.drivers.registry import entry_of
-from scex_sumo.humans.lines.nearest_path import follow_path
 from scex_sumo.plug_in.fallback import Fallible
 from scex_sumo.plug_in.user_model import SingleVehicle
 from scex_sumo.road import Road

@@ -154,18 +154,13 @@ def drive_along(
     road: Road,
     vehicles: VehicleIndex,
     path: PathChoice,
-    accelerate: Accelerate | None = None,
+    accelerate: Accelerate = lambda _, v, *__: np.zeros_like(v),
     *,
     start: States | None = None,
 ) -> Plan:
-    """Drive vehicles along chosen paths for 3 s; see `drive` and `SeedPaths.choose`.
-
-    ``accelerate``: None keeps the speed.
-    """
+    """Drive vehicles along chosen paths for 3 s, by default at their speed; see `drive`."""
     paths, row = chosen_paths(history, road, vehicles, path)
-    return drive(
-        history, vehicles, paths, row, accelerate or (lambda _, v, *__: np.zeros_like(v)), start=start
-    )
+    return drive(history, vehicles, paths, row, accelerate, start=start)
 
 
 def _chord(angle: FloatArray, moved: FloatArray) -> FloatArray:
@@ -258,38 +253,22 @@ def own_motion(history: SceneHistory, vehicles: VehicleIndex) -> FloatArray:
     return np.concatenate([vehicles.vehicle[:, None], past.x, past.y, past.heading, past.speed], axis=1)
 
 
-def map_plan(
-    history: SceneHistory,
-    vehicles: VehicleIndex,
-    x: FloatArray,
-    y: FloatArray,
-    heading: FloatArray,
-    speed: FloatArray,
-) -> Plan:
-    """Transform (n, H) trajectories from the vehicles' present frames to the map."""
-    now = history.now[vehicles.future, vehicles.vehicle].map(lambda values: values[:, None])
+def map_plan(history: SceneHistory, vehicles: VehicleIndex, own: States) -> Plan:
+    """Transform states (n, H) from the vehicles' present frames to the map."""
+    now = history.now[vehicles.future, vehicles.vehicle][:, None]
     cos, sin = np.cos(now.heading), np.sin(now.heading)
-    return Plan(
-        x=now.x + cos * x - sin * y,
-        y=now.y + sin * x + cos * y,
-        heading=wrap(now.heading + heading),
-        speed=speed,
-    )
+    x, y = now.x + cos * own.x - sin * own.y, now.y + sin * own.x + cos * own.y
+    return Plan(x=x, y=y, heading=wrap(now.heading + own.heading), speed=own.speed)
 
 
 def handed_out(plan: Plan, kind: IntArray) -> Plan:
     """Expand k distinct plans to n vehicles; `kind` (n,) is the plan of each."""
-    return Plan(
-        x=plan.x[kind],
-        y=plan.y[kind],
-        heading=plan.heading[kind],
-        speed=plan.speed[kind],
-        fallback=None if plan.fallback is None else plan.fallback[kind],
-        reasons=tuple(plan.reasons[k] for k in kind.tolist()) if plan.reasons else (),
-    )
+    fallback = None if plan.fallback is None else plan.fallback[kind]
+    reasons = tuple(plan.reasons[k] for k in kind.tolist()) if plan.reasons else ()
+    return Plan(**vars(plan[kind]), fallback=fallback, reasons=reasons)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Intent:
     """Arguments of `drive` for n distinct situations; ``aside`` as there."""
 
@@ -343,9 +322,7 @@ class DrivesAlong(Driver, ABC):
         drivers: Sequence[Any], history: SceneHistory, road: Road, groups: Sequence[VehicleIndex]
     ) -> list[Intent]:
         """Return the intents of drivers with one key, each for its vehicles."""
-        return [
-            driver.intend(history, road, vehicles) for driver, vehicles in zip(drivers, groups, strict=True)
-        ]
+        return [driver.intend(history, road, mine) for driver, mine in zip(drivers, groups, strict=True)]
 
 
 def driven(history: SceneHistory, intents: Sequence[Intent], steps: int = PLAN_STEPS) -> list[Plan]:

@@ -36,12 +36,7 @@ class ConstantVelocity(DrivesAlong):
         target = np.maximum(history.scene.now.speed[vehicles.vehicle], 0.0)
         # Zero but for rounding, unless a curve changed the speed before.
         limit = RELEASE_MPS2 if paths.slow_in_curves else np.inf
-        return Intent(
-            vehicles=vehicles,
-            paths=paths,
-            row=row,
-            accelerate=lambda _, v, *__: np.minimum((target - v) / STEP_S, limit),
-        )
+        return Intent(vehicles, paths, row, lambda _, v, *__: np.minimum((target - v) / STEP_S, limit))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +58,7 @@ class EmergencyBrake(DrivesAlong):
         """See `DrivesAlong`."""
         paths, row = chosen_paths(history, road, vehicles, self.profile.path)
         braking = np.full(len(vehicles), -self.profile.deceleration)
-        return Intent(vehicles=vehicles, paths=paths, row=row, accelerate=lambda *_: braking)
+        return Intent(vehicles, paths, row, lambda *_: braking)
 
 
 class Replay(Driver):

@@ -9,7 +9,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import IntArray, distinct
 from scex_sumo.base.owned import owner_cache
-from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior, declared, is_built_in, sight_of
+from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior, declared, layers
 from scex_sumo.behaviors.driving.motion import DrivesAlong, Intent, driven, handed_out, own_motion
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
@@ -50,7 +50,7 @@ def _mirrored_plans(
     from scex_sumo.roads.mirror import mirrored_history, mirrored_road, mirrored_states
 
     nobody = VehicleIndex(future=np.empty(0, dtype=np.int64), vehicle=np.empty(0, dtype=np.int64))
-    own = [is_built_in(model) for model in models]
+    own = [any(layer.inner is None for layer in layers(model)) for model in models]
     ours = [vehicles if mine else nobody for vehicles, mine in zip(groups, own, strict=True)]
     image = mirrored_history(history), mirrored_road(road)
     for index, plan in plans_of(models, ours, *image, rng, steps):
@@ -66,7 +66,7 @@ def _intents(
     """Return the intents of the path-following models, once for equal situations."""
     alike: dict[Hashable, dict[int, DrivesAlong]] = {}
     for index, model in models.items():
-        if isinstance(model, DrivesAlong) and sight_of(model) is not None:
+        if isinstance(model, DrivesAlong) and declared(model).sight is not None:
             alike.setdefault(model.looks, {})[index] = model
     learned = {index: _intent(model, history, road, groups[index]) for index, model in models.items()}
     intents = {index: intent for index, intent in learned.items() if intent is not None}
@@ -83,7 +83,7 @@ def _intents(
 
 def _intent(model: BatchBehavior, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Intent | None:
     """Return the intent of a learned driver along paths, once for equal situations; None for other models."""
-    if isinstance(model, DrivesAlong) or sight_of(model) is None:
+    if isinstance(model, DrivesAlong) or declared(model).sight is None:
         return None
     first, kind = _situations(model, history, vehicles)
     few, asked, futures = _in_few(history, vehicles[first])
@@ -98,7 +98,7 @@ def _situations(
     model: BatchBehavior, history: SceneHistory, vehicles: VehicleIndex
 ) -> tuple[IntArray, IntArray]:
     """Return the first vehicle (k,) in each situation, and the situation (n,) of each."""
-    if sight_of(model) == "itself":
+    if declared(model).sight == "itself":
         return distinct(own_motion(history, vehicles))
     return distinct(
         np.stack([_first_alike(history)[vehicles.future], vehicles.vehicle], axis=1).astype(np.float64)
@@ -116,7 +116,7 @@ def plan_once(
 
     All futures begin in one scene, so that the first plans differ by vehicle only.
     """
-    sight = sight_of(model)
+    sight = declared(model).sight
     if sight is None or len(vehicles) < 2:
         return model.plan(history, road, vehicles, rng)
     first, kind = _situations(model, history, vehicles)

@@ -1,4 +1,1 @@
-"""Guard: it keeps a model's planned way and lowers the speed to a safe one.
-
-May import behaviors.driving and all below.
-"""
+"""Guard: it keeps a model's planned way and lowers the speed to a safe one."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior, Driver, Sight, clear_of_others, sight_of
+from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior, Driver, Sight, clear_of_others, declared
 from scex_sumo.humans.guard.conflicts import StopLines, find_stop_lines
 from scex_sumo.humans.guard.corridors import PlannedWays, planned_paths
 from scex_sumo.humans.parameters import HumanParameters, human_parameters
@@ -33,7 +33,7 @@ class Guarded(Driver):
     @property
     def sight(self) -> Sight | None:
         """What a plan depends on: the guard sees all vehicles."""
-        return None if sight_of(self.inner) is None else "everyone"
+        return None if declared(self.inner).sight is None else "everyone"
 
     def plan(
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]

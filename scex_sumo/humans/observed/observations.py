@@ -108,8 +108,7 @@ def leaders_of(view: View, aside: FloatArray) -> Leaders:
     return ahead.take((ahead.cos >= human.along_cos) | stays).leaders(len(vehicles))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LastSecond:
+class LastSecond(NamedTuple):
     """Motion of each vehicle in the last second, (V,)."""
 
     speed: FloatArray  # now, m/s
@@ -138,17 +137,8 @@ def last_second(scene: SeedScene, human: HumanParameters) -> LastSecond:
     noise2 = (np.diff(single, n=2, axis=1) ** 2).mean(axis=1) / 6
     sudden = (single[:, -1] - lasting) / (1 + noise2 / human.noisy_mps2**2)
     now = np.maximum(speed[:, -1], 0.0)
-    line = speed.mean(axis=1) + slope * time[-1]
-    return LastSecond(
-        speed=now,
-        slope=slope,
-        recent=recent,
-        acceleration=lasting,
-        sudden=np.where(now < human.standing_mps, 0.0, sudden),
-        scatter=scatter,
-        line_error=line - now,
-        trust=trust,
-    )
+    sudden, line = np.where(now < human.standing_mps, 0.0, sudden), speed.mean(axis=1) + slope * time[-1]
+    return LastSecond(now, slope, recent, lasting, sudden, scatter, line - now, trust)
 
 
 def keep_features(
@@ -306,14 +296,10 @@ def path_features(scene: SeedScene, paths: SeedPaths, human: HumanParameters) ->
     shown_braking = np.clip(shown.acceleration[vehicle], *human.missing_range_mps2)
     missing = np.where(needed > 0, needed + shown_braking, 0.0)
     allowed = curve_speeds(paths, human.idm.curve_acceleration, human.idm.curve_deceleration)
-    return np.column_stack(
-        [
-            np.clip(missing, 0.0, human.max_missing_mps2),
-            np.maximum(now.speed - allowed[paths.sample_at(row, s)], 0.0),
-            np.abs(wrap(now.heading - heading)),
-            *_after_turn(scene, paths, human),
-        ]
-    )
+    missing = np.clip(missing, 0.0, human.max_missing_mps2)
+    excessive = np.maximum(now.speed - allowed[paths.sample_at(row, s)], 0.0)
+    errors = np.abs(wrap(now.heading - heading)), *_after_turn(scene, paths, human)
+    return np.column_stack([missing, excessive, *errors])
 
 
 def _after_turn(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> tuple[FloatArray, FloatArray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,8 +16,6 @@ from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, States, Vehicle
 
 FURTHEST_M = 100.0
 AHEAD_M = (5.0, 10.0, 20.0, 40.0, 60.0)
-CLEARANCE_M = 1.5  # of a vehicle's centre on the path
-RADIUS_M = 100.0
 MAX_AHEAD = 10
 RATE_STEPS = 3  # for accelerations and yaw rates
 PAST_S = np.arange(-HISTORY_STEPS, 1) * STEP_S
@@ -77,8 +75,7 @@ LEADER_COLUMNS = (
 PATH_COLUMNS = OWN_COLUMNS + ROAD_COLUMNS + LEADER_COLUMNS  # other vehicles come last
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PathInputs:
+class PathInputs(NamedTuple):
     """Inputs of a network for n pairs of a vehicle and a path."""
 
     node: IntArray  # (n,) future * V + vehicle
@@ -92,8 +89,6 @@ def path_inputs(
     vehicles: VehicleIndex,
     paths: SeedPaths,
     row: IntArray,
-    *,
-    radius: float = RADIUS_M,
 ) -> PathInputs:
     """Return the inputs of n pairs of a vehicle and a path, in the vehicle's frame; SI units.
 
@@ -104,7 +99,6 @@ def path_inputs(
 
     Args:
         row: (n,) path of each; a vehicle may occur with several paths.
-        radius: perception radius for leaders, m.
     """
     now = history.now[vehicles.future, vehicles.vehicle]
     s, offset, path_heading = paths.foot_points(row, now.x, now.y, expected_way(history, vehicles))
@@ -133,20 +127,17 @@ def path_inputs(
             (past.speed < STANDING_MPS).mean(axis=1),
         ]
     )
-    others, leader = _others(history, vehicles, paths, row, s, now.speed, radius)
+    others, leader = _others(history, vehicles, find_ahead(history, vehicles, paths, row, s), now.speed)
     features = np.concatenate([motion, _road_ahead(paths, row, s, now, path_heading + error), others], axis=1)
     first = vehicles.future * history.scene.vehicles  # node of the future's first vehicle
     is_vehicle = (leader >= 0) & (leader < history.scene.vehicles)
-    return PathInputs(
-        node=first + vehicles.vehicle, features=features, leader=np.where(is_vehicle, first + leader, -1)
-    )
+    return PathInputs(first + vehicles.vehicle, features, np.where(is_vehicle, first + leader, -1))
 
 
 def rates(history: SceneHistory, vehicles: VehicleIndex) -> tuple[FloatArray, FloatArray]:
     """Return (n,) accelerations, m/s², and (n,) yaw rates, rad/s, over the last 0.3 s."""
-    now = history.states[vehicles.future, vehicles.vehicle, -1]
-    before = history.states[vehicles.future, vehicles.vehicle, -1 - RATE_STEPS]
-    duration = RATE_STEPS * STEP_S
+    past, duration = history.states[vehicles.future, vehicles.vehicle], RATE_STEPS * STEP_S
+    now, before = past[:, -1], past[:, -1 - RATE_STEPS]
     return (now.speed - before.speed) / duration, wrap(now.heading - before.heading) / duration
 
 
@@ -168,15 +159,8 @@ def _unsteady(speed: FloatArray) -> FloatArray:
 
 
 def _others(
-    history: SceneHistory,
-    vehicles: VehicleIndex,
-    paths: SeedPaths,
-    row: IntArray,
-    s: FloatArray,
-    speed: FloatArray,
-    radius: float,
+    history: SceneHistory, vehicles: VehicleIndex, ahead: Ahead, speed: FloatArray
 ) -> tuple[FloatArray, IntArray]:
-    ahead = find_ahead(history, vehicles, paths, row, s, clearance=CLEARANCE_M, radius=radius)
     nearest = ahead.leaders(len(vehicles))
     there = nearest.index >= 0
     gap = np.clip(np.where(there, nearest.gap, FURTHEST_M), -5.0, FURTHEST_M)
@@ -199,12 +183,6 @@ def _queue(ahead: Ahead, same_way: BoolArray, speed: FloatArray) -> FloatArray:
     first, last = np.full(n, FURTHEST_M), np.zeros(n)
     np.minimum.at(first, queue, gap[stands])
     np.maximum.at(last, queue, gap[stands])
-    return np.column_stack(
-        [
-            np.minimum(count, MAX_AHEAD),
-            np.minimum(np.bincount(queue, minlength=n), MAX_AHEAD),
-            np.where(count > 0, total / np.maximum(count, 1), speed),
-            first,
-            last,
-        ]
-    )
+    standing = np.minimum(np.bincount(queue, minlength=n), MAX_AHEAD)
+    mean = np.where(count > 0, total / np.maximum(count, 1), speed)
+    return np.column_stack([np.minimum(count, MAX_AHEAD), standing, mean, first, last])

@@ -10,7 +10,7 @@ from typing import TypeAlias
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.graphs.graph import EDGE_COLUMNS, HISTORY_COLUMNS, NODE_COLUMNS
 from scex_sumo.learned.inputs.path_inputs import LEADER_COLUMNS, OWN_COLUMNS, PATH_COLUMNS
-from scex_sumo.learned.inputs.raster import CHANNELS
+from scex_sumo.learned.inputs.surface import CHANNELS
 from scex_sumo.scene import HISTORY_STEPS, STEP_S
 
 KNOT_S = 0.5

@@ -22,9 +22,8 @@ from scex_sumo.learned.network.architecture import (
     WIDEST_OFFSET_M,
     Architecture,
 )
-from scex_sumo.learned.network.image_encoder import ImageEncoder, MapImage
+from scex_sumo.learned.network.encoders import ImageEncoder, MapImage, SceneEncoder
 from scex_sumo.learned.network.layers import Linear, Mlp, Scaler, State, relu
-from scex_sumo.learned.network.scene_encoder import SceneEncoder
 from scex_sumo.scene import STEP_S
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from scex_sumo.base.errors import InputError
 from scex_sumo.base.files import sha256_of
@@ -23,8 +23,7 @@ MODELS = {"graph": "graph_predictor", "hybrid": "graph_image_predictor", "joint"
 COLUMNS = {"node": NODE_COLUMNS, "edge": EDGE_COLUMNS, "path": PATH_COLUMNS}
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Weights:
+class Weights(NamedTuple):
     """A network from its file."""
 
     sizes: Architecture
@@ -32,15 +31,11 @@ class Weights:
     meta: dict[str, Any]  # that of `save_weights`, with ``version`` and ``sha256``
 
 
-def save_weights(
-    path: str | Path, kind: str, sizes: Architecture, state: State, meta: Mapping[str, Any]
-) -> None:
+def save_weights(path: Path, kind: str, sizes: Architecture, state: State, meta: Mapping[str, Any]) -> None:
     """Write a network's weights as float32, with its architecture and origin.
 
-    Args:
-        kind: ``graph``, ``hybrid`` or ``joint``.
-        meta: plain values: training command, data, figures. ``best`` is the mode of a driver with mode=best:
-            ``expected`` (the default) or ``likeliest``, that with the largest logit.
+    ``meta``: plain values: training command, data, figures. ``best`` is the mode of a driver with mode=best:
+    ``expected`` (the default) or ``likeliest``, that with the largest logit.
     """
     about = {
         "format": FORMAT,
@@ -50,16 +45,16 @@ def save_weights(
         "columns": COLUMNS,
         "meta": dict(meta),
     }
-    save_tensors(Path(path), state, about)
+    save_tensors(path, state, about)
 
 
-def load_weights(path: str | Path, kind: str) -> Weights:
+def load_weights(file: Path, kind: str) -> Weights:
     """Read a network's weights; ``kind`` is ``graph``, ``hybrid`` or ``joint``.
 
     Raises:
         InputError: the file is missing, no file of weights, of the other network, or for other inputs.
     """
-    file, again = Path(path), f"train again with: scex-sumo train {kind}"
+    again = f"train again with: scex-sumo train {kind}"
     about = read_about(file, _ABOUT, again)
     _check_inputs(file, kind, about, again)
     sizes = Architecture(**about["architecture"])
@@ -69,7 +64,7 @@ def load_weights(path: str | Path, kind: str) -> Weights:
     if not all((values > 0).all() for name, values in state.items() if name.endswith(".spread")):
         raise InputError(f"{file}: has inputs whose spread is not positive; {again}")
     meta = {**about["meta"], "version": about["version"], "sha256": sha256_of(file)}
-    return Weights(sizes=sizes, state=state, meta=meta)
+    return Weights(sizes, state, meta)
 
 
 _NUMBER: Final = {"type": "integer", "minimum": 1, "maximum": MAX_NUMBER}

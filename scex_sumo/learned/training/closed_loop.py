@@ -22,8 +22,7 @@ from scex_sumo.learned.training.data.dataset import (
     moments_apart,
     part_scenes,
 )
-from scex_sumo.learned.training.data.obstacles import add_obstacles
-from scex_sumo.learned.training.data.perturb import Perturbation, perturbed
+from scex_sumo.learned.training.data.perturb import Perturbation, add_obstacles, perturbed
 from scex_sumo.learned.training.data.samples import TrainingSamples, learnable, scene_samples
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States

@@ -201,8 +201,8 @@ def _train(run: Trainer) -> None:
 
 
 def _finish(run: Trainer, out: Path, command: str) -> None:
+    from scex_sumo.learned.training.loss import score_network
     from scex_sumo.learned.training.networks.graph_image import save_net
-    from scex_sumo.learned.training.validate import score_network
 
     run.mean.load_state_dict(run.best)
     score = score_network(run.predict_mean, run.validation, run.options.weights)

@@ -21,15 +21,12 @@ from scex_sumo.base.cache import code_key
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.files import sha256_of, write_atomic
 from scex_sumo.learned.network.architecture import Architecture
-from scex_sumo.learned.training.data.augment import Images, mirrored
-from scex_sumo.learned.training.data.batches import Batch, Batches
+from scex_sumo.learned.training.data.batches import Batch, Batches, Images, mirrored
 from scex_sumo.learned.training.data.dataset import Dataset
 from scex_sumo.learned.training.data.samples import TrainingSamples, load_samples, save_samples
-from scex_sumo.learned.training.loss import LossWeights, loss
-from scex_sumo.learned.training.networks.graph import ModeTensors, ScalerModule
+from scex_sumo.learned.training.loss import LossWeights, Score, loss, score_network
+from scex_sumo.learned.training.networks.graph import JointPredictorNet, ModeTensors, ScalerModule
 from scex_sumo.learned.training.networks.graph_image import NETWORKS, Net, save_net
-from scex_sumo.learned.training.networks.joint import JointPredictorNet
-from scex_sumo.learned.training.validate import Score, score_network
 
 Kind: TypeAlias = Literal["graph", "hybrid", "joint"]
 EPOCHS: Mapping[str, int] = {"graph": 6, "hybrid": 6, "joint": 12}  # of the shipped networks
@@ -37,12 +34,7 @@ EPOCHS: Mapping[str, int] = {"graph": 6, "hybrid": 6, "joint": 12}  # of the shi
 
 @dataclass(frozen=True, kw_only=True)
 class TrainOptions:
-    """Options of a training run.
-
-    Attributes:
-        average: share of the running mean of the weights that stays at each step; the mean is kept.
-        sizes: numbers of `Architecture` that differ from the shipped ones.
-    """
+    """Options of a training run."""
 
     kind: Kind
     seed: int = 0  # of the first weights, the order of batches and all draws
@@ -52,7 +44,7 @@ class TrainOptions:
     nodes: int = 800  # vehicles per batch, about
     rate: float = 2e-3  # highest learning rate; falls to zero like a cosine
     decay: float = 0.1
-    average: float = 0.99
+    average: float = 0.99  # share of the running mean of the weights that stays at each step
     gradient: float = 1.0
     dropout: float = 0.2  # share of hidden values that is dropped
     noise: float = 0.05  # spread of the noise on scaled inputs, in standard deviations
@@ -60,7 +52,7 @@ class TrainOptions:
     mirror: float = 0.5  # share of the batches that are mirrored
     simulated: float = 0.3  # share of an epoch's vehicles that SUMO drove, if there are such
     balance: float = 0.25  # a site counts like the number of its vehicles to the power of 1 minus this
-    sizes: dict[str, Any] = field(default_factory=dict)
+    sizes: dict[str, Any] = field(default_factory=dict)  # of `Architecture`, other than the shipped ones
     weights: LossWeights = field(default_factory=LossWeights)  # of the parts of the loss
 
     def __post_init__(self) -> None:
@@ -124,7 +116,7 @@ class Trainer:
             weight_groups(self.net, options.decay), lr=options.rate, betas=(0.9, 0.98)
         )
         self.site_weight = site_weights(dataset, options.balance)
-        self.images = Images.of_roads(dataset.roads, self.device) if options.kind == "hybrid" else None
+        self.images = Images(dataset.roads, self.device) if options.kind == "hybrid" else None
         self.train = Batches(dataset.train, self.site_weight, self.device)
         self.validation = Batches(dataset.validation, self.site_weight, self.device)
         self.drifted: list[TrainingSamples] = []

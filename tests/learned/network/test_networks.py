@@ -11,7 +11,7 @@ from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.graphs.graph import EDGE_COLUMNS, scene_graph
 from scex_sumo.learned.driver import image_of
 from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS, path_inputs
-from scex_sumo.learned.inputs.raster import CHANNELS, Raster, raster_of
+from scex_sumo.learned.inputs.surface import CHANNELS, Raster, raster_of
 from scex_sumo.learned.network.networks import GraphImageNet, GraphNet, Modes, Net
 from scex_sumo.road import Road
 from scex_sumo.scene import SceneHistory, SeedScene

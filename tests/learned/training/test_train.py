@@ -21,7 +21,7 @@ from scex_sumo.evaluation.split import Split  # noqa: E402
 from scex_sumo.learned.network.weights import load_weights  # noqa: E402
 from scex_sumo.learned.training.command import train_command  # noqa: E402
 from scex_sumo.learned.training.data import dataset as dataset_module  # noqa: E402
-from scex_sumo.learned.training.data.augment import Images, turned  # noqa: E402
+from scex_sumo.learned.training.data.batches import Images, turned  # noqa: E402
 from scex_sumo.learned.training.data.dataset import (  # noqa: E402
     Dataset,
     SampleOptions,
@@ -167,7 +167,7 @@ def test_the_joint_network_learns_motions_of_the_recordings(small: Dataset) -> N
 def test_a_turned_or_mirrored_map_shows_the_vehicle_that_is_turned_with_it_the_same_road(
     small: Dataset,
 ) -> None:
-    maps = Images.of_roads(small.roads, CPU).maps[0]
+    maps = Images(small.roads, CPU).maps[0]
     pose = torch.as_tensor(small.validation.pose[:1])
     in_the_mirror = pose * torch.tensor([1.0, -1.0, -1.0])
     for number, image in enumerate(maps):

@@ -22,8 +22,7 @@ from scex_sumo.evaluation.recordings import LoadedRecording, load_recording, rec
 from scex_sumo.evaluation.split import Part, Split, split_moments
 from scex_sumo.generators.synthetic import simulated_scenes
 from scex_sumo.lanelet2sumo.convert import converted
-from scex_sumo.learned.training.data.obstacles import add_obstacles
-from scex_sumo.learned.training.data.perturb import Perturbation, measured, perturbed
+from scex_sumo.learned.training.data.perturb import Perturbation, add_obstacles, measured, perturbed
 from scex_sumo.learned.training.data.samples import (
     TrainingSamples,
     learnable,
@@ -41,28 +40,19 @@ SIMULATED_S, SIMULATED_EVERY_S = 240.0, 1.0  # of traffic on each map, and betwe
 
 @dataclass(frozen=True, kw_only=True)
 class SampleOptions:
-    """Options of the samples.
+    """Options of the samples."""
 
-    Attributes:
-        moments: of a site, evenly spread over its recordings, but `MIN_APART_S` apart.
-        perturbation: of the vehicles in both.
-    """
-
-    moments: int = 800
+    moments: int = 800  # of a site, evenly spread over its recordings, but `MIN_APART_S` apart
     copies: int = 2  # perturbed copies of each training scene
     stops: int = 3  # further copies with standing vehicles in the way
-    perturbation: Perturbation = field(default_factory=lambda: Perturbation(speed_mps=0.7))
+    perturbation: Perturbation = field(default_factory=lambda: Perturbation(speed_mps=0.7))  # in both
     split: Split = field(default_factory=Split)  # of the recordings' time
     seed: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Dataset:
-    """Samples for training and validation.
-
-    Attributes:
-        recorded: number of graphs in `train` of recordings; those of simulated traffic follow.
-    """
+    """Samples for training and validation."""
 
     sites: tuple[str, ...]  # (S) names; `TrainingSamples.site` counts them
     kinds: tuple[str, ...]  # (S) dataset of each site
@@ -70,7 +60,7 @@ class Dataset:
     train: TrainingSamples
     validation: TrainingSamples  # without copies
     digest: str  # of the recordings, maps and options
-    recorded: int
+    recorded: int  # graphs in `train` of recordings; those of simulated traffic follow
 
 
 def make_dataset(
@@ -146,10 +136,10 @@ def map_shift(road: Road, other: Road) -> FloatArray:
     common = [(road.lanes[k].centreline, other.lanes[k].centreline) for k in road.lanes.keys() & other.lanes]
     shifts = [theirs - mine for mine, theirs in common if mine.shape == theirs.shape]
     every = np.concatenate(shifts) if shifts else np.full((1, 2), np.inf)
-    shift: FloatArray = np.median(every, axis=0)
+    shift = np.median(every, axis=0)
     if not np.isfinite(shift).all() or np.abs(every - shift).max() > SAME_MAP_M:
         raise MapError(f"{other.name}: another map than that of its site, {road.name}; train them separately")
-    return shift
+    return np.asarray(shift)
 
 
 def moments_apart(here: Sequence[LoadedRecording], moments: int) -> float:

@@ -1,18 +1,38 @@
-"""Perturbed copies of a scene: vehicles moved sideways and turned, and tracked with noise."""
+"""Changed copies of a scene: vehicles moved sideways, tracked with noise, and standing ones in their way."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.behaviors.driving.leaders import find_leaders
+from scex_sumo.behaviors.driving.paths import SeedPaths, path_positions, seed_paths
+from scex_sumo.behaviors.models.idm import IdmParameters, idm_acceleration
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.scene import STEP_S, States
+from scex_sumo.learned.inputs.surface import path_room
+from scex_sumo.learned.training.data.targets import right_paths
+from scex_sumo.road import Road
+from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
 
 # Errors of NGSIM's tracks against a smooth motion: speeds of one track have similar errors for so long.
 ALIKE_S = 0.15
 CALM_MPS = 3.0  # below, errors shrink with the speed
+MAX_OBSTACLES = 6  # in one scene
+MIN_SPEED_MPS = 1.0  # slower vehicles are not blocked
+BRAKING_MPS2 = (0.5, 5.0)  # that it takes to stop; its logarithm is drawn evenly
+MAX_GAP_M = 80.0
+ROOM_M = 8.0  # between the centres of a standing vehicle and of any other
+SIZE_M = (4.6, 1.9)
+STOP_GAP_M = 2.0
+STOPPING = IdmParameters(
+    time_headway=1.0,
+    minimum_gap=STOP_GAP_M,
+    max_acceleration=1.5,
+    comfort_deceleration=2.5,
+    max_deceleration=8.0,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,3 +90,88 @@ def moved(history: States, lateral: FloatArray, turn: FloatArray) -> States:
         heading=wrap(history.heading + turn[:, None]),
         speed=history.speed.copy(),
     )
+
+
+def add_obstacles(
+    scene: SeedScene, road: Road, usable: IntArray, rng: np.random.Generator
+) -> tuple[SeedScene, IntArray] | None:
+    """Put standing vehicles on the ways of some of a scene's vehicles.
+
+    Returns:
+        The scene with the standing vehicles at its end, and the vehicles that they block; None without any.
+    """
+    paths = seed_paths(scene, road)
+    usable = usable[paths.on_road[usable] & (scene.now.speed[usable] > MIN_SPEED_MPS)]
+    if not len(usable) or scene.future is None or scene.future_valid is None:
+        return None
+    row, owner, right = right_paths(
+        paths, usable, scene.now[usable], scene.future[usable], scene.future_valid[usable]
+    )
+    _, first = np.unique(owner[right], return_index=True)
+    row = row[right][first]
+    place, free = _places(scene, road, paths, usable, row, rng)
+    chosen: list[int] = []
+    x, y = list(scene.now.x), list(scene.now.y)
+    for k in rng.permutation(np.flatnonzero(free)):
+        if len(chosen) < MAX_OBSTACLES and np.hypot(x - place.x[k], y - place.y[k]).min() > ROOM_M:
+            chosen.append(int(k))
+            x.append(place.x[k])
+            y.append(place.y[k])
+    return (_with_standing(scene, place[chosen]), usable[chosen]) if chosen else None
+
+
+def _places(
+    scene: SeedScene, road: Road, paths: SeedPaths, vehicle: IntArray, row: IntArray, rng: np.random.Generator
+) -> tuple[States, BoolArray]:
+    vehicles = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
+    s, gap_ahead = standing_gap(SceneHistory.of_scene(scene), vehicles, paths, row)
+    least, most = BRAKING_MPS2
+    braking = least * (most / least) ** rng.random(len(vehicle))
+    gap = np.minimum(STOP_GAP_M + scene.now.speed[vehicle] ** 2 / (2 * braking), MAX_GAP_M)
+    at = s + gap + (scene.length[vehicle] + SIZE_M[0]) / 2
+    px, py, _, _, heading, _ = paths.at(row, at)
+    free = (gap_ahead > gap + SIZE_M[0] + STOP_GAP_M) & (at + SIZE_M[0] < path_room(paths, road).end[row])
+    return States(x=px, y=py, heading=heading, speed=np.zeros_like(px)), free
+
+
+def _with_standing(scene: SeedScene, place: States) -> SeedScene:
+    count = len(place.x)
+    assert scene.future is not None and scene.future_valid is not None
+
+    def held(before: States) -> States:
+        still = place.map(lambda values: np.repeat(values[:, None], before.shape[1], axis=1))
+        return States.concatenate([before, still], 0)
+
+    return replace(
+        scene,
+        track_ids=np.append(scene.track_ids, scene.track_ids.max(initial=0) + 1 + np.arange(count)),
+        types=(*scene.types, *("car",) * count),
+        length=np.append(scene.length, np.full(count, SIZE_M[0])),
+        width=np.append(scene.width, np.full(count, SIZE_M[1])),
+        history=held(scene.history),
+        recorded_steps=np.append(scene.recorded_steps, np.full(count, scene.recorded_steps.max())),
+        future=held(scene.future),
+        future_valid=np.concatenate([scene.future_valid, np.ones((count, scene.future.shape[1]), np.bool_)]),
+        intentions=scene.intentions and (*scene.intentions, *(None,) * count),
+        people=None if scene.people is None else np.append(scene.people, np.zeros(count, np.bool_)),
+    )
+
+
+def standing_gap(
+    history: SceneHistory, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return (n,) arc lengths of vehicles on their paths, and m to the next one on them; inf without one."""
+    s, _, _ = path_positions(history, vehicles, paths, row)
+    return s, find_leaders(history, vehicles, paths, row, s, clearance=1.5, radius=150.0).gap
+
+
+def stopping_way(speed: FloatArray, gap: FloatArray, steps: int) -> FloatArray:
+    """Return (n, H) m that vehicles travel until they stand behind one (n,) m ahead."""
+    v, travelled_m, ways = speed, np.zeros_like(speed), []
+    for _ in range(steps):
+        a = idm_acceleration(STOPPING, v, np.maximum(speed, 8.0), gap - travelled_m, np.zeros_like(v))
+        following = np.maximum(v + a * STEP_S, 0.0)
+        travelled_m = travelled_m + (v + following) * (STEP_S / 2)
+        v = following
+        ways.append(travelled_m)
+    return np.stack(ways, axis=1)

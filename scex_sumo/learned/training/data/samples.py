@@ -19,7 +19,7 @@ from scex_sumo.extrapolation.loop.rollout import history_at
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.graphs.graph import scene_graph
 from scex_sumo.learned.inputs.path_inputs import path_inputs
-from scex_sumo.learned.training.data.obstacles import standing_gap, stopping_way
+from scex_sumo.learned.training.data.perturb import standing_gap, stopping_way
 from scex_sumo.learned.training.data.targets import along_paths, fading, right_paths, smooth_return
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, States, VehicleIndex

@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from torch.nn.functional import grid_sample
 
 from scex_sumo.learned.inputs.path_inputs import LEADER_COLUMNS
-from scex_sumo.learned.inputs.raster import CHANNELS, PIXEL_M
+from scex_sumo.learned.inputs.surface import CHANNELS, PIXEL_M
 from scex_sumo.learned.network.architecture import (
     AHEAD_M,
     ASIDE_M,
@@ -26,6 +26,7 @@ from scex_sumo.learned.network.architecture import (
 from scex_sumo.learned.network.weights import save_weights
 from scex_sumo.learned.training.networks.graph import (
     GraphPredictorNet,
+    JointPredictorNet,
     ModeTensors,
     PathBatch,
     PlanHeadModule,
@@ -34,7 +35,6 @@ from scex_sumo.learned.training.networks.graph import (
     SceneModule,
     mlp,
 )
-from scex_sumo.learned.training.networks.joint import JointPredictorNet
 
 
 class MapTensors(NamedTuple):
@@ -45,12 +45,11 @@ class MapTensors(NamedTuple):
 
 
 class ImageBatch(NamedTuple):
-    """K places from which vehicles see the road."""
+    """n places from which vehicles see the road, one for each pair of a vehicle and a path."""
 
     maps: tuple[MapTensors, ...]
-    site: Tensor  # (K,) index into ``maps``
-    pose: Tensor  # (K, 3) x, y, heading on the map; float64, because maps may lie far from the origin
-    place: Tensor  # (n,) row of ``pose`` for each pair of a vehicle and a path
+    site: Tensor  # (n,) index into ``maps``
+    pose: Tensor  # (n, 3) x, y, heading on the map; float64, because maps may lie far from the origin
 
 
 class ImageModule(nn.Module):
@@ -73,7 +72,7 @@ class ImageModule(nn.Module):
         self.register_buffer("aside", grid[:, 1].contiguous(), persistent=False)
 
     def forward(self, image: ImageBatch) -> Tensor:
-        """Return (K, hidden) of the places."""
+        """Return (n, hidden) of the places."""
         dtype = self.ahead.dtype
         x, y, heading = image.pose.unbind(1)
         cos, sin = torch.cos(heading), torch.sin(heading)
@@ -133,7 +132,7 @@ class GraphImagePredictorNet(nn.Module):
         alone = features[:, : -len(LEADER_COLUMNS)]
         way, own = torch.relu(self.path(features)), torch.relu(self.own(alone))
         g = torch.relu(self.graph_branch(torch.cat([self.scene(scene, path.node), way], 1)))
-        m = torch.relu(self.image_branch(torch.cat([self.image(image)[image.place], own], 1)))
+        m = torch.relu(self.image_branch(torch.cat([self.image(image), own], 1)))
         w = attention[:, None]
         modes: ModeTensors = self.head(torch.cat([w * g, (1 - w) * m], 1), path.features)
         return modes
@@ -145,7 +144,7 @@ NETWORKS: Mapping[str, type[GraphPredictorNet] | type[GraphImagePredictorNet] | 
 }
 
 
-def save_net(path: str | Path, net: Net, meta: Mapping[str, Any]) -> None:
+def save_net(path: Path, net: Net, meta: Mapping[str, Any]) -> None:
     """Write the weights that a network's driver needs; see `save_weights`."""
     state = net.state_dict()
     needed = {name: state[name].detach().cpu().numpy() for name in shapes(net.kind, net.sizes)}

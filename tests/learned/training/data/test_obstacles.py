@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from scex_sumo.intention import Intention
-from scex_sumo.learned.training.data.obstacles import STOP_GAP_M, add_obstacles, stopping_way
+from scex_sumo.learned.training.data.perturb import STOP_GAP_M, add_obstacles, stopping_way
 from scex_sumo.learned.training.data.samples import scene_samples
 from scex_sumo.scene import SeedScene, States
 from tests.behaviors import roads

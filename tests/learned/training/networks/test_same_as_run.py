@@ -14,7 +14,7 @@ from scex_sumo.behaviors.driving.paths import chosen_paths  # noqa: E402
 from scex_sumo.graphs.graph import scene_graph  # noqa: E402
 from scex_sumo.learned.driver import OUTPUT_GRID, image_of  # noqa: E402
 from scex_sumo.learned.inputs.path_inputs import path_inputs  # noqa: E402
-from scex_sumo.learned.inputs.raster import raster_of  # noqa: E402
+from scex_sumo.learned.inputs.surface import raster_of  # noqa: E402
 from scex_sumo.learned.network.architecture import Architecture, shapes  # noqa: E402
 from scex_sumo.learned.network.layers import exact, snapped  # noqa: E402
 from scex_sumo.learned.network.networks import KINDS as RUN  # noqa: E402
@@ -62,7 +62,7 @@ def both(
         image = MapTensors(tensor(raster.values), torch.from_numpy(raster.corner))
         places = torch.arange(len(vehicles))
         given += (
-            ImageBatch((image,), torch.zeros_like(places), torch.from_numpy(pose), places),
+            ImageBatch((image,), torch.zeros_like(places), torch.from_numpy(pose)),
             tensor(np.full(len(vehicles), 0.3)),
         )
     with torch.inference_mode():
@@ -155,7 +155,7 @@ def test_several_maps_in_one_batch_give_what_each_gives_alone() -> None:
     pose = torch.tensor([[20.0, 0.0, 0.0], [100.0, 1.0, 0.1]], dtype=torch.float64)
     two, one = torch.arange(2), torch.zeros(1, dtype=torch.int64)
     with torch.inference_mode():
-        together = encoder(ImageBatch(maps, two, pose, two))
+        together = encoder(ImageBatch(maps, two, pose))
         for k in range(2):
-            alone = encoder(ImageBatch((maps[k],), one, pose[k : k + 1], one))
+            alone = encoder(ImageBatch((maps[k],), one, pose[k : k + 1]))
             assert torch.allclose(alone[0], together[k], atol=ROUNDING)
