@@ -31,8 +31,9 @@ from likely_samples import HUMAN, STEPS, Samples, headways, joined, kept, sample
 from recorded_scenes import EVERY_S, recorded_parts, smoothed
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.behaviors.driving.paths import FIRST_HORIZON_S, seed_paths
 from scex_sumo.humans import driver
-from scex_sumo.humans.lines.driven_line import driven_paths
+from scex_sumo.humans.lines.driven_line import redrawn
 from scex_sumo.humans.observed.observations import observations_of
 from scex_sumo.humans.parameters import SHIPPED, HumanParameters
 from scex_sumo.scene import SeedScene
@@ -161,7 +162,7 @@ def ends_of(sets: Sequence[Sequence[SeedScene]]) -> Ends:
 def _ends(scene: SeedScene) -> Iterator[FloatArray]:
     """Yield (n, 12): speed, m/s, half the width of the lane, m, and places beyond quantiles, m."""
     assert scene.future is not None and scene.future_valid is not None and scene.road is not None
-    last, paths = STEPS - 1, driven_paths(scene, scene.road)
+    last, paths = STEPS - 1, seed_paths(scene, scene.road, FIRST_HORIZON_S, redrawn)
     room = observations_of(scene, paths, HUMAN).room[paths.first + paths.straight].mean(axis=2).max(axis=1)
     v = np.flatnonzero(scene.future_valid[:, :STEPS].all(axis=1) & (scene.now.speed > HUMAN.standing_mps))
     states, real = simulated(scene, "likely_driver", range(FUTURES)).states[:, last, v], scene.future[v, last]

@@ -11,7 +11,8 @@ from likely_samples import HUMAN, STEPS, Samples
 from scipy.optimize import minimize
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
-from scex_sumo.humans.lines.driven_line import driven_paths
+from scex_sumo.behaviors.driving.paths import FIRST_HORIZON_S, seed_paths
+from scex_sumo.humans.lines.driven_line import redrawn
 from scex_sumo.humans.lines.lanes import change_features
 from scex_sumo.humans.observed.observations import (
     keep_features,
@@ -145,7 +146,7 @@ def choices_of(recorded: SeedScene) -> Iterator[Choice]:
     if scene.future_valid.shape[1] < STEPS:
         return
     vehicle = np.flatnonzero(scene.future_valid[:, :STEPS].all(axis=1))
-    paths = driven_paths(scene, scene.road)
+    paths = seed_paths(scene, scene.road, FIRST_HORIZON_S, redrawn)
     vehicle = vehicle[paths.count[vehicle] > 1]
     if not len(vehicle):
         return

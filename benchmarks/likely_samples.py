@@ -11,8 +11,8 @@ from calibrate import AHEAD, OFF_PATH_M, path_taken, present
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import rear_axle
-from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, expected_way
-from scex_sumo.humans.lines.driven_line import driven_paths
+from scex_sumo.behaviors.driving.paths import DS_M, FIRST_HORIZON_S, SeedPaths, expected_way, seed_paths
+from scex_sumo.humans.lines.driven_line import redrawn
 from scex_sumo.humans.lines.lanes import lanes_beside, lanes_occupied
 from scex_sumo.humans.observed.observations import (
     View,
@@ -103,7 +103,7 @@ def samples_of(scene: SeedScene) -> Samples | None:
     vehicle = np.flatnonzero(scene.future_valid[:, :STEPS].all(axis=1) & (scene.recorded_steps >= 5))
     if not len(vehicle):
         return None
-    paths = driven_paths(scene, scene.road)
+    paths = seed_paths(scene, scene.road, FIRST_HORIZON_S, redrawn)
     row, off = path_taken(scene, paths, vehicle)
     good = (off <= OFF_ROAD_M) & paths.on_road[vehicle]
     vehicle, row, off = vehicle[good], row[good], off[good]

@@ -89,21 +89,18 @@ class LearnedDriver(Driver):
 
     def __init__(self, kind: str, profile: GraphPredictorProfile) -> None:
         given, shipped = profile.weights, SHIPPED / f"{MODELS[kind]}.safetensors"
-        self.file = Path(given).expanduser().absolute() if given else shipped
+        self.weights = Path(given).expanduser().absolute() if given else shipped
         self.kind, self.profile = kind, profile
         self.free = isinstance(profile, GraphImagePredictorProfile) and profile.head == "free"
-        self.weights_sha256 = sha256_of(self.file) if self.file.is_file() else ""
+        self.weights_sha256 = sha256_of(self.weights) if self.weights.is_file() else ""
         if not self._net.sizes.free and self.free:  # loads the weights, to report them before the run begins
-            raise InputError(f"{self.file}: trained without the head for free trajectories; use head=bounded")
+            raise InputError(
+                f"{self.weights}: trained without the head for free trajectories; use head=bounded"
+            )
 
     @property
     def _net(self) -> Net:
-        return loaded(self.file, self.kind, self.weights_sha256)[0]
-
-    @property
-    def meta(self) -> dict[str, Any]:
-        """Meta data of the weights."""
-        return loaded(self.file, self.kind, self.weights_sha256)[1]
+        return loaded(self.weights, self.kind, self.weights_sha256)[0]
 
     @property
     def sight(self) -> Sight | None:
@@ -209,7 +206,8 @@ class LearnedDriver(Driver):
             upper = choice_of(history.scene, self, road).modes[row]
             draw = history.route_draw[vehicles.future, vehicles.vehicle] * DRAW_DIGITS % 1.0
             return drawn(upper, draw)
-        if self.meta.get("best", "expected") == "likeliest":
+        meta = loaded(self.weights, self.kind, self.weights_sha256)[1]
+        if meta.get("best", "expected") == "likeliest":
             return np.asarray(rounded(modes.logits).argmax(1))
         return np.zeros(len(vehicles), dtype=np.int64)
 

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from scex_sumo.base.errors import ScexError
 from scex_sumo.behaviors.models.idm import IdmDriver, follow_path
-from scex_sumo.drivers.registry import entry_of
-from scex_sumo.plug_in.fallback import Fallible
+from scex_sumo.drivers.registry import build, entry_of, parse_models
+from scex_sumo.plug_in.fallback import Fallible, is_ours, source_file
 from scex_sumo.plug_in.user_model import SingleVehicle
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, States, VehicleIndex
@@ -170,3 +172,10 @@ def test_the_path_following_driver_is_the_calibrated_driver_on_the_straight_path
     expected = roads.plan(IdmDriver(entry_of("calibrated_driver").profile), roads.fork(), history)
     made = follow_path(history, roads.fork(), roads.every(history))
     assert np.array_equal(made.x, expected.x) and np.array_equal(made.y, expected.y)
+
+
+@pytest.mark.parametrize("name", ["graph_predictor", "joint_predictor"])
+def test_a_learned_driver_is_ours_and_no_file_of_a_user(name: str) -> None:
+    model = build(parse_models(name)[0])
+    assert is_ours(model)
+    assert source_file(model) == Path(inspect.getfile(type(model)))

@@ -215,9 +215,8 @@ class IdmDriver(DrivesAlong):
         situation = np.stack([row, leaders.gap, leaders.speed, *holds], axis=1)
         first, kind = distinct(np.concatenate([own_motion(history, vehicles), situation], axis=1))
         some, row = vehicles[first], row[first]
-        accelerate = self._accelerate(history, some, paths, row, leaders.gap[first], leaders.speed[first])
-        if hold is not None:
-            accelerate = stopping(accelerate, self.profile, hold[first])
+        held = None if hold is None else hold[first]
+        accelerate = self._accelerate(history, some, paths, row, leaders.take(first), held)
         return Intent(some, paths, row, accelerate, kind)
 
     def _accelerate(
@@ -226,15 +225,16 @@ class IdmDriver(DrivesAlong):
         vehicles: VehicleIndex,
         paths: SeedPaths,
         row: IntArray,
-        leader_gap: FloatArray,
-        leader_speed: FloatArray,
+        leaders: Leaders,
+        hold: FloatArray | None,
     ) -> Accelerate:
-        """Return accelerations behind leaders of constant speed."""
+        """Return accelerations behind leaders of constant speed, and before places to stop."""
         profile = self.profile
         wished = desired_speeds(paths, profile.speed, profile.speed_factor)
         comfort = profile.curve_acceleration, profile.curve_deceleration
         curves = curve_speeds(paths, *comfort) if profile.curve_acceleration > 0 else None
-        habit = seed_motion(history, vehicles)
+        habit, braking = seed_motion(history, vehicles), LINE_BRAKING * profile.comfort_deceleration
+        to_line = replace(profile, minimum_gap=LINE_GAP_M, time_headway=0.0, comfort_deceleration=braking)
         # speeds are those at the centre, while the rear axle follows the table
         ahead = REAR_AXLE_SHARE * history.scene.length[vehicles.vehicle]
 
@@ -242,29 +242,19 @@ class IdmDriver(DrivesAlong):
             return paths.sample_at(row, s + ahead)
 
         def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
-            gap = leader_gap + leader_speed * (step * STEP_S) - travelled
+            gap = leaders.gap + leaders.speed * (step * STEP_S) - travelled
             time_s = (history.step + step) * STEP_S
             desired = desired_speed(profile, wished[at(s)], v, *habit, time_s)
-            a = idm_acceleration(profile, v, desired, gap, leader_speed)
+            a = idm_acceleration(profile, v, desired, gap, leaders.speed)
             if curves is not None:
                 # A moment ahead, so that the car does not lag behind.
                 slowing = (curves[at(s + v * CURVE_TIME_S)] - v) / CURVE_TIME_S
                 a = np.minimum(a, np.maximum(slowing, -profile.comfort_deceleration))
+            if hold is not None:
+                a = np.minimum(a, holding_acceleration(to_line, v, hold - travelled))
             return a
 
         return accelerate
-
-
-def stopping(accelerate: Accelerate, profile: IdmProfile, distance_m: FloatArray) -> Accelerate:
-    """Return accelerations of drivers that stop after ways (n,), m, as behind a leader that stands there."""
-    braking = LINE_BRAKING * profile.comfort_deceleration
-    to_line = replace(profile, minimum_gap=LINE_GAP_M, time_headway=0.0, comfort_deceleration=braking)
-
-    def accelerate_and_stop(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
-        held = holding_acceleration(to_line, v, distance_m - travelled)
-        return np.minimum(accelerate(step, v, travelled, s), held)
-
-    return accelerate_and_stop
 
 
 def seed_motion(history: SceneHistory, vehicles: VehicleIndex) -> tuple[FloatArray, FloatArray]:

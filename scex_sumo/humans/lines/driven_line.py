@@ -11,23 +11,17 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.behaviors.driving.paths import DS_M, FIRST_HORIZON_S, RouteLines, SeedPaths, seed_paths
+from scex_sumo.behaviors.driving.paths import DS_M, RouteLines
 from scex_sumo.behaviors.driving.smoothing import gaussian
 from scex_sumo.geometry.polylines import arc_lengths
 from scex_sumo.humans.observed.room import CLEAR_M, lane_bounds
 from scex_sumo.road import Road
-from scex_sumo.scene import SeedScene
 
 EVERY = 4  # samples of a path per knot of the band
 STIFF_M = 6.0  # length over which the band rounds a kink
 SPRING = 1.2  # with room, the band moves inwards by (this times half the width)² / radius
 SWEEPS, STEP = 40, 2.0  # of the alternating direction method of multipliers, and its step
 ROUND_M = 1.0  # of a Gaussian filter of the knots' shifts
-
-
-def driven_paths(scene: SeedScene, road: Road) -> SeedPaths:
-    """Tabulate the lines that people drive, as `chosen_paths` does first."""
-    return seed_paths(scene, road, FIRST_HORIZON_S, redrawn)
 
 
 def redrawn(road: Road, lines: RouteLines) -> FloatArray:

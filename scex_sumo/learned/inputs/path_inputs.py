@@ -41,36 +41,15 @@ QUEUEING_MPS = 0.7  # a tracker sees standing vehicles creep
 ALONG_COS = 0.7  # of the heading difference of vehicles in the same direction
 
 OWN_COLUMNS = (
-    "speed",
-    "mean_speed",
-    "acceleration",
-    "trend",
-    "yaw_rate",
-    "offset",
-    "heading_error",
-    "yaw_rate_error",
-    "room_left",
-    "room_right",
-    "end",
-    *STEADIER,
-    "unsteady",
-    "stood",
+    *("speed", "mean_speed", "acceleration", "trend", "yaw_rate", "offset", "heading_error"),
+    *("yaw_rate_error", "room_left", "room_right", "end", *STEADIER, "unsteady", "stood"),
 )
 ROAD_COLUMNS = tuple(
     f"{name}_{ahead:g}" for name in ("x", "y", "heading", "curvature", "limit") for ahead in AHEAD_M
 )
 LEADER_COLUMNS = (
-    "leader",
-    "leader_gap",
-    "leader_speed",
-    "leader_trend",
-    "closing",
-    "needed_deceleration",
-    "ahead",
-    "ahead_standing",
-    "ahead_speed",
-    "first_standing_gap",
-    "last_standing_gap",
+    *("leader", "leader_gap", "leader_speed", "leader_trend", "closing", "needed_deceleration"),
+    *("ahead", "ahead_standing", "ahead_speed", "first_standing_gap", "last_standing_gap"),
 )
 PATH_COLUMNS = OWN_COLUMNS + ROAD_COLUMNS + LEADER_COLUMNS  # other vehicles come last
 
