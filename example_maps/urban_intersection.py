@@ -12,16 +12,7 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from example_maps.curves import Curve, Pose, clothoids, smooth_step
-from example_maps.drawing import (
-    CURB,
-    DASHED,
-    SOLID,
-    VIRTUAL,
-    Lanelet,
-    MapDrawing,
-    Mark,
-    reversed_line,
-)
+from example_maps.drawing import CURB, DASHED, SOLID, VIRTUAL, Lanelet, MapDrawing, Mark, reversed_line
 
 CENTRE = (1000.0, 1000.0)
 LANE_M = 3.25

@@ -14,13 +14,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.evaluation.blocks import Block, blocks
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
-from scex_sumo.metrics.evaluate import (
-    ScenarioValues,
-    dense,
-    evaluate,
-    samples_of,
-    scene_batches,
-)
+from scex_sumo.metrics.evaluate import ScenarioValues, dense, evaluate, samples_of, scene_batches
 from scex_sumo.metrics.extrema import scene_sums
 from scex_sumo.metrics.pairs.scenes import Samples
 from scex_sumo.metrics.registry import Metric, metrics_named
@@ -176,10 +170,7 @@ class PairValues(Rows):
 
 
 def evaluate_pairs(
-    tracks: SceneTracks,
-    planned: PlannedPaths | None,
-    *,
-    metrics: Sequence[str | Metric] | None = None,
+    tracks: SceneTracks, planned: PlannedPaths | None, *, metrics: Sequence[str | Metric] | None = None
 ) -> dict[str, PairValues]:
     """Evaluate all pairs by metric, sorted by future, step, vehicle, other; see `evaluate`."""
     chosen = metrics_named(metrics)

@@ -38,12 +38,7 @@ FILLED_STEPS = 150  # in which the first vehicles reach crossings
 
 
 def sumo_population(
-    road: Road,
-    *,
-    vehicles: int,
-    seed: int = 0,
-    cache: bool = True,
-    progress: Progress | bool | None = None,
+    road: Road, *, vehicles: int, seed: int = 0, cache: bool = True, progress: Progress | bool | None = None
 ) -> SeedScene:
     """Populate a road by SUMO's demand and car-following; ``cache`` keeps net and scene on the disk."""
     name = f"{road.name}_synthetic{vehicles}_s{seed}"

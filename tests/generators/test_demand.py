@@ -9,12 +9,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import SimulationError
-from scex_sumo.generators.demand import (
-    LATERAL_MPS2,
-    Network,
-    random_trips,
-    write_curve_limits,
-)
+from scex_sumo.generators.demand import LATERAL_MPS2, Network, random_trips, write_curve_limits
 
 # in (two lanes, 100 m) forks: its right lane leads to "right", its left one to "left"; "bike" is no road.
 NET = """<net>

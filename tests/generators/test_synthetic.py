@@ -102,10 +102,7 @@ ONE_ROAD = {
         straight(2, 0, 300, y=3.5, left_tags=DASHED, right_tags=DASHED),
         straight(3, 0, 300, y=7.0, right_tags=DASHED),
     ],
-    "both ways": [
-        straight(1, 0, 300),
-        Lanelet(2, left=[(300, 3.5), (0, 3.5)], right=[(300, 7), (0, 7)]),
-    ],
+    "both ways": [straight(1, 0, 300), Lanelet(2, left=[(300, 3.5), (0, 3.5)], right=[(300, 7), (0, 7)])],
 }
 
 

@@ -24,11 +24,7 @@ EXAMPLE = "scex_sumo/scenarios/data/roundabout.osm --time 4.5"
 
 
 def inspect_command(
-    map_path: MapPath,
-    tracks: Tracks = None,
-    case: Case = None,
-    time: Time = None,
-    origin: Origin = None,
+    map_path: MapPath, tracks: Tracks = None, case: Case = None, time: Time = None, origin: Origin = None
 ) -> Answer:
     """List recordings, moments of one, or vehicles of a moment."""
     from scex_sumo.base.blame import calling_twice

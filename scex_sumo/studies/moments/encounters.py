@@ -26,11 +26,7 @@ _CONSECUTIVE = 1.5  # times between two moments of one encounter, over the time 
 
 _FIRST = schema("track_id other_id what", _PLACE, "first_s last_s moments")
 ENCOUNTERS: Final = pa.schema(
-    [
-        *_FIRST,
-        *(field for field in PAIRS if field.name not in [*_FIRST.names, "doubt"]),
-        *schema("doubt"),
-    ]
+    [*_FIRST, *(field for field in PAIRS if field.name not in [*_FIRST.names, "doubt"]), *schema("doubt")]
 )
 
 

@@ -187,13 +187,7 @@ def _seen(
 ) -> _Futures:
     seen = as_recorded(scene, futures.driven, noise, rng)
     counted = recorded_steps_of(scene, settings.steps)
-    outcome = measure_outcome(
-        scene,
-        seen,
-        metrics=settings.measured,
-        counted=counted,
-        limit_m2=OVERLAP_M2,
-    )
+    outcome = measure_outcome(scene, seen, metrics=settings.measured, counted=counted, limit_m2=OVERLAP_M2)
     values = np.where(outcome.values.defined, outcome.values.values, np.nan)
     return _Futures(driven=seen, values=values, collided=outcome.collisions.any_of(len(seen.futures)))
 

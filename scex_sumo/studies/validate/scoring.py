@@ -17,14 +17,7 @@ from scex_sumo.reports.run_table import counted
 from scex_sumo.results.design import is_critical
 from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.validate.moment import CONSTANT_VELOCITY, RECORDED, Forecast
-from scex_sumo.studies.validate.scores import (
-    brier,
-    covered,
-    crps,
-    group_bootstrap,
-    reliability,
-    skill,
-)
+from scex_sumo.studies.validate.scores import brier, covered, crps, group_bootstrap, reliability, skill
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -233,10 +226,7 @@ def value_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
 
 
 def _of_values(
-    score: Sequence[float],
-    plain: Sequence[float],
-    seen: Sequence[bool],
-    group: Sequence[int],
+    score: Sequence[float], plain: Sequence[float], seen: Sequence[bool], group: Sequence[int]
 ) -> dict[str, Any]:
     reference, hit = float(np.mean(plain)), np.array(seen, dtype=np.float64)
     low, high = group_bootstrap(lambda index: float(hit[index].mean()), np.array(group))

@@ -111,9 +111,7 @@ def validate(
     """
     started = time.perf_counter()
     settings = ValidationSettings(
-        run=RunSettings(models=models, futures=futures, steps=steps, seed=seed),
-        every=every,
-        part=part,
+        run=RunSettings(models=models, futures=futures, steps=steps, seed=seed), every=every, part=part
     )
     places = [roots] if isinstance(roots, str | Path) else roots
     recordings = find_recordings(places)

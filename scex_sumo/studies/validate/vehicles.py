@@ -21,11 +21,7 @@ MOVING_MPS = 0.5
 ENCOUNTER_M = 10.0  # a pair that comes this near in some future is an encounter
 
 _NUMBERS = ("error_of_mean_m", "mean_error_m", "least_error_m", "constant_velocity_error_m")
-POSITIONS = schema(
-    "track_id moving second",
-    _NUMBERS,
-    "along_seen across_seen",
-)
+POSITIONS = schema("track_id moving second", _NUMBERS, "along_seen across_seen")
 _OUTCOMES = [f"{event.name}_{what}" for event in MEASURED for what in ("happened", "straight")]
 ENCOUNTERS = schema(
     "first second recorded_m seen crps_m constant_velocity_error_m",
@@ -36,11 +32,7 @@ ENCOUNTERS = schema(
 
 
 def position_forecasts(
-    scene: SeedScene,
-    futures: States,
-    seen: States,
-    straight: States,
-    judged: BoolArray,
+    scene: SeedScene, futures: States, seen: States, straight: States, judged: BoolArray
 ) -> pa.Table:
     """Return one row of `POSITIONS` for each vehicle recorded to the end and each second.
 
@@ -89,12 +81,7 @@ def _in_frame(dx: FloatArray, dy: FloatArray, heading: float) -> tuple[FloatArra
 
 
 def gap_forecasts(
-    scene: SeedScene,
-    futures: States,
-    seen: States,
-    straight: States,
-    recorded: States,
-    judged: BoolArray,
+    scene: SeedScene, futures: States, seen: States, straight: States, recorded: States, judged: BoolArray
 ) -> pa.Table:
     """Return one row of `ENCOUNTERS` for the least body gap of each pair within 10 m in some future.
 

@@ -22,14 +22,7 @@ from scex_sumo.studies.moments.folder import Failure, StudyFolder
 from scex_sumo.studies.moments.workers import MomentWorkers
 from scex_sumo.suites.suite import SUITE, Case, Suite, open_suite
 from scex_sumo.suites.testing.outputs import junit_text, markdown_text, write_test_page
-from scex_sumo.suites.testing.result import (
-    VERDICTS,
-    compared,
-    number_of,
-    read_result,
-    unseen,
-    with_verdicts,
-)
+from scex_sumo.suites.testing.result import VERDICTS, compared, number_of, read_result, unseen, with_verdicts
 from scex_sumo.suites.testing.tasks import CaseTask, run_case, task_of
 
 RESULT: Final = "test.json"

@@ -39,9 +39,7 @@ def test_the_order_is_by_probability_or_by_any_column() -> None:
 
 def test_doubtful_encounters_are_last_and_without_rank() -> None:
     both = moment(
-        1.0,
-        pairs_table((1, 2), probability=1e-1, doubt="boxes touch"),
-        pairs_table((1, 3), probability=1e-4),
+        1.0, pairs_table((1, 2), probability=1e-1, doubt="boxes touch"), pairs_table((1, 3), probability=1e-4)
     )
     assert [(row["rank"], row["doubt"]) for row in found(both)] == [(1, None), (None, "boxes touch")]
 

@@ -3,13 +3,7 @@
 import numpy as np
 import pytest
 
-from scex_sumo.studies.validate.scores import (
-    brier,
-    covered,
-    crps,
-    group_bootstrap,
-    reliability,
-)
+from scex_sumo.studies.validate.scores import brier, covered, crps, group_bootstrap, reliability
 
 RNG = np.random.default_rng(3)
 FORECAST = np.round(RNG.random(200), 1)  # with ties
