@@ -88,13 +88,13 @@ def _prune(element: Element, left_out: Counter[str]) -> None:
     for child in list(element):
         if child.tag not in children:
             left_out[f"<{child.tag}>" if isinstance(child.tag, str) else "processing instructions"] += 1
-        elif child.tag == "param" and element.tag in ("tlLogic", "junction") and not _light_parameter(child):
+        elif (
+            child.tag == "param"
+            and element.tag in ("tlLogic", "junction")
+            and (child.get("key", "").partition(":")[0] not in _LIGHT_PARAMETERS)
+        ):
             left_out[f"parameters {child.get('key', '')[:24]!r} of <{element.tag}>"] += 1
         else:
             _prune(child, left_out)
             continue
         element.remove(child)
-
-
-def _light_parameter(param: Element) -> bool:
-    return param.get("key", "").partition(":")[0] in _LIGHT_PARAMETERS.split()

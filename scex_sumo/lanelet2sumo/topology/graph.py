@@ -130,7 +130,8 @@ class Chains:
                 stack += (*after[piece], *before[piece])
         out, into = _roads_behind(after, before), _roads_behind(before, after)
         knots = [p for p in after if len(out[p]) > 1 and len(into[p]) > 1]
-        return reached(knots, after) | reached(knots, before) | _on_rings(after)
+        rings = {piece for piece in endless(after) if piece in reached(after[piece], after)}
+        return reached(knots, after) | reached(knots, before) | rings
 
 
 _Steps: TypeAlias = Mapping[Piece, Sequence[Piece]]
@@ -170,10 +171,6 @@ def endless(after: Mapping[Node, Collection[Node]]) -> set[Node]:
         ends.update(ready)
         order.done(*ready)
     return {*after} - ends
-
-
-def _on_rings(after: _Steps) -> set[Piece]:
-    return {piece for piece in endless(after) if piece in reached(after[piece], after)}
 
 
 class Topology(Chains):
