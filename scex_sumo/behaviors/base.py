@@ -57,7 +57,7 @@ class SingleVehicleBehavior(Protocol):
         Args:
             history: states of the vehicle's future alone. ``history.states[future, vehicle]`` (11,) are the
                 vehicle's, ``history.states[future]`` (V, 11) those of all.
-            road: the map; if the model has a `radius`, only the part around the vehicle.
+            road: the map.
             future: index into the history, 0; ``history.futures[future]`` is the future's number.
 
         Returns:

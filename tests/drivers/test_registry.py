@@ -193,8 +193,6 @@ def test_names_that_are_taken_or_cannot_be_written_are_refused() -> None:
 class Drift:
     """Moves a metre sideways per step, one vehicle at a time."""
 
-    radius = 25.0
-
     def __init__(self) -> None:
         self.seen: list[tuple[int, int, int]] = []
 
@@ -212,14 +210,14 @@ class Drift:
 
 
 @pytest.mark.usefixtures("registered_models")
-def test_a_model_for_one_vehicle_plans_for_each_in_turn_and_sees_its_own_surroundings() -> None:
+def test_a_model_for_one_vehicle_plans_for_each_in_turn_and_sees_the_whole_road() -> None:
     behavior("drift")(Drift)
     built = build(parse_models("drift")[0])
     assert isinstance(built, SingleVehicle)
     scene = roads.scene_of((10.0, 0.0, 0.0, 5.0), (60.0, 0.0, 0.0, 5.0))
     made = roads.plan(built, roads.fork(), roads.present(scene, 2))
     assert made.y == pytest.approx(np.repeat(np.arange(1.0, 31.0)[None], 4, axis=0))
-    assert built.model.seen == [(0, 0, 1), (0, 1, 4), (0, 0, 1), (0, 1, 4)]  # type: ignore[attr-defined]
+    assert built.model.seen == [(0, 0, 4), (0, 1, 4), (0, 0, 4), (0, 1, 4)]  # type: ignore[attr-defined]
 
 
 class FromFile:
