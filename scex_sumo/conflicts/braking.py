@@ -70,7 +70,8 @@ def _in_reach(ways: DrivenPaths, shared: Shared, acceleration: FloatArray, steps
     first, last = np.argmax(known, axis=1), NODES - 1 - np.argmax(known[:, ::-1], axis=1)
     spacing = ways.spacing[shared.other][:, None]
     after = ways.arc[other] + distance(ways.states.speed[other], acceleration[other], _TIMES_S[-1:])[..., 0]
-    meets = (after > (first[:, None] - 1) * spacing) & (ways.arc[other] < (last[:, None] + 1) * spacing)
+    begin, end = (first[:, None] - 1) * spacing - _SLACK_M, (last[:, None] + 1) * spacing + _SLACK_M
+    meets = (after >= begin) & (ways.arc[other] <= end)
     enter = np.fmin.reduce(shared.enter, axis=1)[:, None] - _SLACK_M
     leave = np.fmax.reduce(shared.leave, axis=1)[:, None] + _SLACK_M
     reached = ways.arc[own] + ways.states.speed[own] * HORIZON_S

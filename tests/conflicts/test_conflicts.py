@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from scex_sumo.conflicts.braking import MOST_MPS2
@@ -74,6 +74,10 @@ _motion = st.tuples(
 )
 
 
+@example(
+    motions=[(0, 0, 0, 0, 0), (-4.9, -3.82, 1.71, 0, 0.02), (-7.6, 0.41, 1.85, 0.47, -0.78), (0, 0, 0, 0, 0)],
+    reverses=[False, False, True, False],  # it ends on a sample of its path
+)
 @given(
     motions=st.lists(_motion, min_size=4, max_size=4),
     reverses=st.lists(st.booleans(), min_size=4, max_size=4),
