@@ -60,6 +60,7 @@ class Storyboard:
         movers = [Mover(one, places) for one in root.iterfind("Entities/ScenarioObject")]
         self.movers = {mover.name: mover for mover in movers}
         self._fired: dict[Element, tuple[bool, float]] = {}
+        self._fixed: dict[Element, Pose] = {}  # places that no road user changes
         self._stop = board.find("StopTrigger")
         for private in board.iterfind("Init/Actions/Private"):
             for action in private:
@@ -97,6 +98,8 @@ class Storyboard:
         if kind == "WorldPosition":
             return Pose(number(position, "x"), number(position, "y"), number(position, "h", "0"))
         if kind in ("LanePosition", "RoadPosition"):
+            if (known := self._fixed.get(position)) is not None:
+                return known
             lane = int(number(position, "laneId")) if kind == "LanePosition" else None
             beside = number(position, "t" if lane is None else "offset", "0")
             there = places.at_station(position.get("roadId", ""), number(position, "s"), beside, lane)
@@ -113,10 +116,12 @@ class Storyboard:
             there = way.at(way.project(goals[0])[0] + number(coordinates, "pathS"))
         else:
             raise UnknownMotion(f"{kind} is not read")
-        if turned is None:
-            return there
-        relative = there.heading if turned.get("type") == "relative" else 0.0
-        return there._replace(heading=relative + number(turned, "h", "0"))
+        if turned is not None:
+            relative = there.heading if turned.get("type") == "relative" else 0.0
+            there = there._replace(heading=relative + number(turned, "h", "0"))
+        if kind in ("LanePosition", "RoadPosition"):
+            self._fixed[position] = there
+        return there
 
     def _beside(self, position: Element, own: Pose) -> Pose:
         lane, ds = self._places.lane_of(own), number(position, "ds", position.get("dsLane", "0"))
