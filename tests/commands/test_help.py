@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 NARROW = {**os.environ, "COLUMNS": "80"}
 SHORTER = {
     "run": ("--futures", "9", "--no-report"),
-    "catalogue": ("--count", "1", "--every", "9"),
+    "catalogue": ("--count", "2", "--every", "5"),
     "rank": ("--futures", "2"),
     "validate": ("--futures", "2", "--every", "9"),
     "test": ("--futures", "4"),
