@@ -307,10 +307,7 @@ def main() -> None:
     parser.add_argument("--scenes", type=Path, default=SHIPPED, help="scene model")
     parser.add_argument("--sites", nargs="*", help="only these, by the beginning of their names")
     parser.add_argument(
-        "--left-out",
-        type=Path,
-        metavar="FOLDER",
-        help="measure all parts with models that miss the site",
+        "--left-out", type=Path, metavar="FOLDER", help="measure all parts with models that miss the site"
     )
     parser.add_argument("--synthetic", type=int, default=20, help="scenes of SUMO at each site; 0: none")
     parser.add_argument("--most", type=int, default=20, help="recorded scenes of each site")

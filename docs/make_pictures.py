@@ -224,12 +224,7 @@ def going_first() -> None:
     scene = scex.read_seed(scex.example_path("roundabout"), time=CROSSING_S)
     with tempfile.TemporaryDirectory() as folder, mpl.rc_context(STYLE):
         run = scex.extrapolate(
-            scene,
-            models="joint_predictor",
-            futures=24,
-            steps=70,
-            reference=None,
-            out=Path(folder, "out"),
+            scene, models="joint_predictor", futures=24, steps=70, reference=None, out=Path(folder, "out")
         )
         pair = [scene.track_ids.tolist().index(track) for track in CROSSING]
         ways = np.array([[(v.x, v.y) for v in (run.states(c)[k] for k in pair)] for c in range(run.futures)])
@@ -291,11 +286,7 @@ def of_package(*patterns: str) -> Callable[[], list[Path]]:
 
 PICTURES: dict[str, Picture] = {
     "fan_out": Picture(draw=fan_out, files=("fan_out.gif",), shows=lambda: [answer()]),
-    "scene_graph": Picture(
-        draw=scene_graph,
-        files=("scene_graph.png",),
-        shows=of_package("graphs/*.py"),
-    ),
+    "scene_graph": Picture(draw=scene_graph, files=("scene_graph.png",), shows=of_package("graphs/*.py")),
     "attention": Picture(
         draw=attention,
         files=("attention.png",),

@@ -58,9 +58,7 @@ _CORE: Final[Mapping[str, ModelEntry]] = {
         place=60,
     ),
     "replay": _rule(
-        make=Replay,
-        summary="repeats the recorded future, then constant velocity along its path",
-        place=100,
+        make=Replay, summary="repeats the recorded future, then constant velocity along its path", place=100
     ),
 }
 EXTENSIONS: Final = Registry(group="scex_sumo.behaviors", kind="behavior")

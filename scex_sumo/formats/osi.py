@@ -235,10 +235,4 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
 OSI_MAP = MapFormat(
     is_mine=is_osi, read=_read_road, tracks=lambda path: path, asks_for="--tracks TRACE", opendrive=map_text
 )
-OSI = Dataset(
-    is_mine=is_osi,
-    read=_read,
-    recordings=_recordings,
-    within=within_map,
-    signals=_read_signals,
-)
+OSI = Dataset(is_mine=is_osi, read=_read, recordings=_recordings, within=within_map, signals=_read_signals)

@@ -42,12 +42,7 @@ from scex_sumo.humans.observed.observations import (
     start_features,
 )
 from scex_sumo.humans.observed.seed_state import estimated_history
-from scex_sumo.humans.parameters import (
-    SUMO_ACCELERATION_MPS2,
-    HumanParameters,
-    human_parameters,
-    simulated,
-)
+from scex_sumo.humans.parameters import SUMO_ACCELERATION_MPS2, HumanParameters, human_parameters, simulated
 from scex_sumo.humans.terms import (
     Drivers,
     Situation,

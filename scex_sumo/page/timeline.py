@@ -68,12 +68,7 @@ class Happening:
         return element("a", shape, href=self.link) if self.link else shape
 
 
-def timeline(
-    title: str,
-    happenings: Sequence[Happening],
-    span: tuple[float, float],
-    name: str = "",
-) -> Html:
+def timeline(title: str, happenings: Sequence[Happening], span: tuple[float, float], name: str = "") -> Html:
     """Return the time line of a recording.
 
     Args:

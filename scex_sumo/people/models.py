@@ -160,7 +160,5 @@ KEEPS_WAY = _person(
 )
 STOPS = _person(make=Stops, summary="a person that stops at once", place=82)
 STEPS_OUT = _person(
-    make=StepsOut,
-    summary="a person that walks across the line of the vehicle that comes next",
-    place=83,
+    make=StepsOut, summary="a person that walks across the line of the vehicle that comes next", place=83
 )

@@ -8,13 +8,7 @@ from typing import Any, Final
 
 from scex_sumo.drivers.registry import mixes
 from scex_sumo.results.run import Run
-from scex_sumo.results.tables.encounters import (
-    Encounter,
-    criticality,
-    event_of,
-    in_words,
-    precedence_words,
-)
+from scex_sumo.results.tables.encounters import Encounter, criticality, event_of, in_words, precedence_words
 
 STRESS_TEST: Final = "stress test"
 HUMAN_LIKE: Final = "human-like"

@@ -121,10 +121,7 @@ def draw_map(
         drawing.way(line.points, line.tags, line.line_id)
     line_ids = {line.line_id for line in lines}
     for lanelet in lanelets:
-        sides = (
-            ("left", lanelet.left, lanelet.left_tags),
-            ("right", lanelet.right, lanelet.right_tags),
-        )
+        sides = (("left", lanelet.left, lanelet.left_tags), ("right", lanelet.right, lanelet.right_tags))
         members = [(side, "way", drawing.way(points, tags)) for side, points, tags in sides]
         members += [("regulatory_element", "relation", i) for i in lanelet.rules]
         drawing.relation(lanelet.lanelet_id, members, {"type": "lanelet", **lanelet.tags})

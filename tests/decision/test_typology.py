@@ -126,21 +126,9 @@ def test_two_that_pass_each_other_after_a_turn_do_not_cross() -> None:
             ((10.0, np.pi / 2), STRAIGHT),
             "turn across path, lateral",
         ),
-        (
-            ((15.0, 3.2, 180.0, 6.0), (-30.0, 0.0, 0.0, 10.0)),
-            (LEFT, STRAIGHT),
-            "turn across path, opposite",
-        ),
-        (
-            ((5.0, -18.0, 90.0, 6.0), (-30.0, 0.0, 0.0, 10.0)),
-            (RIGHT, STRAIGHT),
-            "turn into path",
-        ),
-        (
-            ((5.0, 18.0, -90.0, 6.0), (-30.0, 0.0, 0.0, 10.0)),
-            (LEFT, STRAIGHT),
-            "turn into path",
-        ),
+        (((15.0, 3.2, 180.0, 6.0), (-30.0, 0.0, 0.0, 10.0)), (LEFT, STRAIGHT), "turn across path, opposite"),
+        (((5.0, -18.0, 90.0, 6.0), (-30.0, 0.0, 0.0, 10.0)), (RIGHT, STRAIGHT), "turn into path"),
+        (((5.0, 18.0, -90.0, 6.0), (-30.0, 0.0, 0.0, 10.0)), (LEFT, STRAIGHT), "turn into path"),
     ],
 )
 def test_kinds_of_two_vehicles(

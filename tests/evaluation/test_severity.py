@@ -10,10 +10,7 @@ import pytest
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.collisions import CONTACT_M2, find_collisions
-from scex_sumo.results.tables.outcomes import (
-    Severity,
-    severity_of,
-)
+from scex_sumo.results.tables.outcomes import Severity, severity_of
 from scex_sumo.road import Lane, Regulation, Road
 from tests.metrics.straight import straight
 

@@ -16,11 +16,16 @@ from tests.formats.sumo.simulations import in_sumo, write_grid
 from tests.runs import extrapolate
 
 
+def replay(folder: Path, *words: object) -> list[ET.Element]:
+    """The steps that SUMO writes."""
+    command = [program("sumo"), *map(str, words), "--fcd-output", "seen.xml"]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True, env=environment())
+    return ET.parse(folder / "seen.xml").getroot().findall("timestep")
+
+
 def test_sumo_goes_on_from_the_future_s_last_step(run: Run, tmp_path: Path) -> None:
     (file,) = EXPORTERS.load("sumo")(Request(run=run, futures=(1,), out=tmp_path))
-    command = [program("sumo"), "-c", str(file), "--fcd-output", "fcd.xml", "--end", "3"]
-    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, env=environment())
-    (first, *_, last) = ET.parse(tmp_path / "fcd.xml").getroot().findall("timestep")
+    first, *_, last = replay(tmp_path, "-c", file, "--end", 3)
     states, moved = run.states(1)[:, -1], 0
     vehicles = {element.get("id"): element for element in first}
     assert len(vehicles) >= run.scene.vehicles - 1  # who is off the lanes is left out, and the README says so
@@ -39,9 +44,8 @@ def test_sumo_goes_on_from_the_future_s_last_step(run: Run, tmp_path: Path) -> N
 def test_floating_car_data_are_replayed_by_sumo_with_the_types_beside_them(run: Run, tmp_path: Path) -> None:
     files = EXPORTERS.load("fcd")(Request(run=run, futures=(1,), out=tmp_path / "one.fcd.xml"))
     assert [file.name for file in files] == ["one.fcd.xml", "one.types.add.xml"]
-    command = [program("sumo"), "-n", str(run.net.path), "-a", str(files[1]), "--fcd-output", "seen.xml"]
-    command += ["--device.fcd-replay.files", str(files[0]), "--step-length", "0.1", "--end", "3"]
-    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, env=environment())
+    words = ("--device.fcd-replay.files", files[0], "--step-length", 0.1, "--end", 3)
+    replay(tmp_path, "-n", run.net.path, "-a", files[1], *words)
     given, seen = (
         {
             (one.get("time"), v.get("id")): float(v.get("x", "nan"))
@@ -66,10 +70,7 @@ def staying(run: Run, futures: tuple[int, ...], folder: Path) -> list[dict[str, 
     """Vehicles that SUMO has not brought to the end of their routes after 150 s."""
     vehicles = []
     for file in EXPORTERS.load("sumo")(Request(run=run, futures=futures, out=folder / "sumo")):
-        command = [program("sumo"), "-c", file.name, "--fcd-output", "fcd.xml", "--end", "150"]
-        subprocess.run(command, cwd=file.parent, check=True, capture_output=True, env=environment())
-        last = ET.parse(file.with_name("fcd.xml")).getroot().findall("timestep")[-1]
-        vehicles += [vehicle.attrib for vehicle in last]
+        vehicles += [vehicle.attrib for vehicle in replay(file.parent, "-c", file.name, "--end", 150)[-1]]
     return vehicles
 
 
@@ -81,6 +82,7 @@ ROUTES = """<routes><vType id="car" sigma="0"/>
 </routes>"""
 
 
+STILL = '<pedestrian.striping.dawdling value="0"/>'
 BUSY = """<routes><vType id="car" sigma="0" speedDev="0"/>
  <flow id="e" type="car" begin="0" end="7" period="2" from="A0A1" to="C1C2" departLane="best"/>
  <flow id="w" type="car" begin="0" end="7" period="2" from="C0B0" to="A1A2" departLane="best"/>
@@ -104,9 +106,6 @@ def test_lights_by_traffic_and_persons_go_on_as_in_the_simulation(tmp_path: Path
     assert {light.get("type") for light in shown} == {"actuated"}
 
 
-STILL = '<pedestrian.striping.dawdling value="0"/>'
-
-
 def test_a_simulation_goes_on_as_it_does_in_sumo(tmp_path: Path) -> None:
     simulation = write_grid(tmp_path, routes=ROUTES, end=60)
     run = extrapolate(
@@ -115,10 +114,8 @@ def test_a_simulation_goes_on_as_it_does_in_sumo(tmp_path: Path) -> None:
     (file,) = EXPORTERS.load("sumo")(Request(run=run, futures=(0,), out=tmp_path / "sumo"))
     told = []
     for config in (simulation.config, file):
-        command = [program("sumo"), "-c", config.name, "--end", "38", "--xml-validation", "never"]
-        command += ["--precision", "6", "--fcd-output", "seen.xml", "--step-length", "0.1"]
-        subprocess.run(command, cwd=config.parent, check=True, capture_output=True, env=environment())
-        steps = ET.parse(config.with_name("seen.xml")).getroot().findall("timestep")
+        words = ("-c", config.name, "--end", 38, "--precision", 6, "--step-length", 0.1)
+        steps = replay(config.parent, *words, "--xml-validation", "never")
         steps = [step for step in steps if float(step.get("time", "nan")) > 8.05][:290]
         told.append(
             [{v.get("id"): (v.get("lane"), float(v.get("pos", "nan"))) for v in step} for step in steps]

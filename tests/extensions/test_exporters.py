@@ -50,10 +50,7 @@ def test_an_error_of_an_exporter_is_one_line_with_its_line(result: Path, tmp_pat
             CODE.replace("    end = ", "    end = {}['end']\n    end = "),
             "raised KeyError: 'end' (stranger.py, line 5)",
         ),
-        (
-            CODE.replace("{x:.2f}", "{__import__('time').time_ns()}"),
-            "wrote something else when called again",
-        ),
+        (CODE.replace("{x:.2f}", "{__import__('time').time_ns()}"), "wrote something else when called again"),
         (CODE.replace("return [path]", "return 3"), "raised TypeError: 'int' object is not iterable"),
     ):
         folder = tmp_path / str(len(changed))

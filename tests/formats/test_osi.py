@@ -154,10 +154,7 @@ def test_lanes_of_osi_are_the_map_of_a_trace_without_opendrive(without_map: Path
     ahead = {road.lanes[i].successors[0] for i in into.successors}
     assert ahead == {out.lane_id, back.lane_id}
     assert [(one.kind, one.lanes) for one in road.regulations] == [("traffic_light", (into.lane_id,))]
-    assert {(one.kind, one.subtype) for one in road.markings} == {
-        ("line_thin", "solid"),
-        ("road_border", ""),
-    }
+    assert {(one.kind, one.subtype) for one in road.markings} == {("line_thin", "solid"), ("road_border", "")}
 
 
 def test_lights_of_osi_are_those_that_a_net_shows(without_map: Path, tmp_path: Path) -> None:

@@ -179,10 +179,7 @@ def _columns(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str]]
     return f"{file.relative_to(work / 'out')}: {column_changed(file, rng)}", arguments
 
 
-_READ: Final = {
-    "plot": ("metrics",),
-    "encounters": ("encounters",),
-}
+_READ: Final = {"plot": ("metrics",), "encounters": ("encounters",)}
 """Tables of a result folder that a command reads; others read all tables."""
 
 
@@ -289,10 +286,7 @@ def _detectors(sources: Sources, work: Path, rng: Random) -> tuple[str, list[str
     )
     net.write_text(text.replace("</net>", f"{added}</net>"), encoding="utf-8")
     how = "detectors; " + (_twice(net, rng) if rng.random() < 0.5 else "")
-    commands = (
-        ["run", net.name, "--synthetic", "4", *RUN],
-        ["convert", net.name, "-o", "new.net.xml"],
-    )
+    commands = (["run", net.name, "--synthetic", "4", *RUN], ["convert", net.name, "-o", "new.net.xml"])
     return how, rng.choice(commands)
 
 

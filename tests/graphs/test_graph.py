@@ -9,13 +9,7 @@ import pytest
 
 import scex_sumo as scex
 from scex_sumo.base.errors import UsageError
-from scex_sumo.graphs.graph import (
-    EDGE_COLUMNS,
-    KINDS,
-    NODE_COLUMNS,
-    SceneGraph,
-    scene_graph,
-)
+from scex_sumo.graphs.graph import EDGE_COLUMNS, KINDS, NODE_COLUMNS, SceneGraph, scene_graph
 from scex_sumo.road import Road
 from scex_sumo.scene import Obstacles, SceneHistory, SeedScene, States
 from tests.behaviors.roads import fork, lane, present, road, scene_of, straight

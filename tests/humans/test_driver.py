@@ -24,12 +24,7 @@ from scex_sumo.humans.observed.observations import (
     start_features,
 )
 from scex_sumo.humans.parameters import human_parameters
-from scex_sumo.humans.terms import (
-    lateral_offsets,
-    node_weights,
-    spread_factor,
-    students,
-)
+from scex_sumo.humans.terms import lateral_offsets, node_weights, spread_factor, students
 from scex_sumo.intention import Intention
 from scex_sumo.road import Lane
 from tests.behaviors import roads

@@ -161,16 +161,7 @@ def test_every_combination_is_run_on_request(tmp_path: Path) -> None:
     fixed = [f"--assign={track}=constant_velocity" for track in vehicles[3:]]
     models = "constant_velocity,emergency_brake"
     done = scex(
-        "run",
-        ROUNDABOUT,
-        "--futures",
-        "all",
-        "--models",
-        models,
-        *fixed,
-        *QUICK,
-        "-o",
-        tmp_path / "out",
+        "run", ROUNDABOUT, "--futures", "all", "--models", models, *fixed, *QUICK, "-o", tmp_path / "out"
     )
     assert done.returncode == 0, done.stderr
     assert pq.read_table(tmp_path / "out" / "metrics.parquet").num_rows == 8
@@ -187,12 +178,7 @@ def test_export_writes_an_interaction_case_and_fcd(result: Path, tmp_path: Path)
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [
-        ("not a map at all", "XML"),
-        (MAP_HEAD + "</osm>", "lanelet"),
-        ("<net></net>", "lanelet"),
-        ("", "XML"),
-    ],
+    [("not a map at all", "XML"), (MAP_HEAD + "</osm>", "lanelet"), ("<net></net>", "lanelet"), ("", "XML")],
 )
 def test_what_is_no_map_is_said(tmp_path: Path, content: str, words: str) -> None:
     path = tmp_path / "map.osm"

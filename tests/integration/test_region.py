@@ -32,11 +32,7 @@ def test_only_pairs_of_the_region_count_and_nothing_else_changes(tmp_path: Path)
     centre = ids.tolist().index(16)
     inside = set(ids[np.hypot(now.x - now.x[centre], now.y - now.y[centre]) <= AROUND_M].tolist())
     assert 16 in inside and len(inside) < scene.vehicles
-    asked: dict[str, Any] = {
-        "models": "rules",
-        "futures": 40,
-        "metrics": ["gap", "wttc_path", "ttc_path"],
-    }
+    asked: dict[str, Any] = {"models": "rules", "futures": 40, "metrics": ["gap", "wttc_path", "ttc_path"]}
     whole = extrapolate(scene, out=tmp_path / "whole", **asked)
     part = extrapolate(scene, out=tmp_path / "part", region=Region(around=16), **asked)
     assert part.tracks.equals(whole.tracks)

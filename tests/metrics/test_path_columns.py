@@ -22,9 +22,7 @@ def test_closed_forms() -> None:
     for case in closed_forms():
         tracks = straight(case["a"], case["b"])
         pairs = evaluate_pairs(
-            tracks,
-            PlannedPaths.from_tracks(tracks),
-            metrics=("ttc_path", "drac", "pet", "gap", "wttc_path"),
+            tracks, PlannedPaths.from_tracks(tracks), metrics=("ttc_path", "drac", "pet", "gap", "wttc_path")
         )
         first = {name: rows.value[(rows.step == 0) & (rows.vehicle == 0)] for name, rows in pairs.items()}
         if case.get("ttc_path"):

@@ -184,12 +184,7 @@ def test_what_is_no_metric_is_refused(example: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "column"),
-    [
-        ("TTC", "ttc"),
-        ("gap_time", "gap_time"),
-        ("TTC_MEAN", "ttc_mean"),
-    ],
+    ("text", "column"), [("TTC", "ttc"), ("gap_time", "gap_time"), ("TTC_MEAN", "ttc_mean")]
 )
 def test_a_column_is_known_in_any_case(text: str, column: str) -> None:
     assert column_named(text) == column

@@ -59,17 +59,7 @@ def test_what_cannot_be_drawn_is_said(folder: Path, tmp_path: Path) -> None:
 
 def test_several_results_are_one_figure_and_a_table_of_their_p(folder: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
-    done = scex(
-        "run",
-        example_path("roundabout"),
-        "--futures",
-        6,
-        "--seed",
-        1,
-        "--no-report",
-        "-o",
-        other,
-    )
+    done = scex("run", example_path("roundabout"), "--futures", 6, "--seed", 1, "--no-report", "-o", other)
     assert done.returncode == 0, done.stderr
     done = scex("plot", folder, other, "-o", tmp_path / "both.svg")
     assert done.returncode == 0, done.stderr

@@ -88,8 +88,7 @@ def test_times_to_collision_are_those_of_moved_rectangles() -> None:
     times = np.arange(0, 4, 0.01)
     rows = [[p[0], s[0], p[1], s[1]] for p, s in zip(poses.tolist(), sizes.tolist(), strict=True)]
     found = evaluated(
-        ("data.js", "pairs.js"),
-        f"{json.dumps(rows)}.map((row) => Math.min(timeToCollision(...row), 99))",
+        ("data.js", "pairs.js"), f"{json.dumps(rows)}.map((row) => Math.min(timeToCollision(...row), 99))"
     )
     hits = 0
     for pose, size, time_s in zip(poses, sizes, found, strict=True):

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.page.packing import (
-    UNITS,
-    coded_motion,
-    quantized,
-)
+from scex_sumo.page.packing import UNITS, coded_motion, quantized
 from tests.page.packed import decoded_motion
 
 

@@ -7,13 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.people.models import (
-    WAIT_M,
-    KeepsWay,
-    KeepsWayProfile,
-    StepsOut,
-    Stops,
-)
+from scex_sumo.people.models import WAIT_M, KeepsWay, KeepsWayProfile, StepsOut, Stops
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, Plan, SceneHistory, SeedScene, States, VehicleIndex
 

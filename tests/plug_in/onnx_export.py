@@ -52,12 +52,7 @@ def write_onnx(path: Path, *inputs: tuple[str, tuple[int | str, ...]]) -> Path:
         inputs: name and shape, free dimensions by name.
     """
     ways = np.stack([0.1 * np.arange(1, 31), np.zeros(30)], axis=-1).reshape(1, 60).astype(np.float32)
-    constants = {
-        "last": np.array(10),
-        "speed": np.array([4]),
-        "ways": ways,
-        "shape": np.array([-1, 30, 2]),
-    }
+    constants = {"last": np.array(10), "speed": np.array([4]), "ways": ways, "shape": np.array([-1, 30, 2])}
     nodes = [
         _node("Gather", ["history", "last"], "now", axis=1),
         _node("Gather", ["now", "speed"], "v", axis=1),

@@ -75,14 +75,8 @@ def test_onnx_files_that_cannot_be_used_say_why(tmp_path: Path) -> None:
     foreign.write_text("no model")
     for file, words in (
         (foreign, "text.onnx: not an ONNX file"),
-        (
-            write_onnx(tmp_path / "a.onnx", ("camera", ("n", 3))),
-            "asks for an input 'camera'; there are: ",
-        ),
-        (
-            write_onnx(tmp_path / "b.onnx", ("size", (1, 2))),
-            r"input size has shape \[1, 2\], for 1 vehicles",
-        ),
+        (write_onnx(tmp_path / "a.onnx", ("camera", ("n", 3))), "asks for an input 'camera'; there are: "),
+        (write_onnx(tmp_path / "b.onnx", ("size", (1, 2))), r"input size has shape \[1, 2\], for 1 vehicles"),
     ):
         with pytest.raises(InputError, match=words):
             build(parse_models(f"onnx:file={file}")[0])

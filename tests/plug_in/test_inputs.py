@@ -7,11 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.plug_in.inputs import (
-    ARRAYS,
-    Surroundings,
-    predictor_inputs,
-)
+from scex_sumo.plug_in.inputs import ARRAYS, Surroundings, predictor_inputs
 from scex_sumo.scene import Obstacles, States
 from tests.behaviors import roads
 

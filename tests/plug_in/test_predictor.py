@@ -12,11 +12,7 @@ from scex_sumo.drivers.listing import known_models
 from scex_sumo.drivers.registry import build, parse_models, predictor
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.graphs.graph import SceneGraph, scene_graph
-from scex_sumo.plug_in.predictor import (
-    Predictor,
-    completed,
-    graph_of_future,
-)
+from scex_sumo.plug_in.predictor import Predictor, completed, graph_of_future
 from scex_sumo.plug_in.user_model import is_predictor
 from tests.behaviors import roads
 

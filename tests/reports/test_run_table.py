@@ -71,13 +71,7 @@ def test_the_main_metrics_are_the_table_and_the_papers_are_folded_below_them(tmp
     run = open_run(result(tmp_path, {name: [2.0, 3.0] for name in names}))
     assert shown_columns(run, every=False) == (list(MAIN), [])
     main, folded = shown_columns(run, every=True)
-    assert main == [*MAIN, "pttc_path", "pet"] and folded == [
-        "tq",
-        "gap_time",
-        "pttc",
-        "wttc",
-        "ttc",
-    ]
+    assert main == [*MAIN, "pttc_path", "pet"] and folded == ["tq", "gap_time", "pttc", "wttc", "ttc"]
 
 
 def cells(run: Run, metric: str) -> list[str]:

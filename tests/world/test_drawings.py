@@ -71,12 +71,7 @@ def test_view_settings_are_well_formed_and_say_what_was_asked(tmp_path: Path) ->
     settings = ElementTree.parse(path).getroot()
     found = {e.tag: e.attrib for e in settings}
     assert found["delay"] == {"value": "40"}
-    assert found["viewport"] == {
-        "zoom": f"{zoom:.2f}",
-        "x": f"{x:.2f}",
-        "y": f"{y:.2f}",
-        "angle": "0",
-    }
+    assert found["viewport"] == {"zoom": f"{zoom:.2f}", "x": f"{x:.2f}", "y": f"{y:.2f}", "angle": "0"}
     assert found["snapshot"] == {"file": "a.png", "time": "1.00"}
     assert found["breakpoint"] == {"time": "4.00"}
     vehicles = settings.find("scheme/vehicles")

@@ -110,10 +110,7 @@ def chosen_paths(
 
 @owner_cache
 def seed_paths(
-    scene: SeedScene,
-    road: Road,
-    horizon_s: float = FIRST_HORIZON_S,
-    redraw: Redraw | None = None,
+    scene: SeedScene, road: Road, horizon_s: float = FIRST_HORIZON_S, redraw: Redraw | None = None
 ) -> SeedPaths:
     """Tabulate the candidate paths of a seed scene.
 

@@ -64,11 +64,7 @@ def recorded_scene(
     if not force:
         refuse_implausible(track_path, clean.checks, "read_seed(..., force=True) runs it all the same")
     scene = take_scene(
-        clean,
-        name=recording.name,
-        location=place_name(recording.map_path),
-        case=case,
-        time_s=time_s,
+        clean, name=recording.name, location=place_name(recording.map_path), case=case, time_s=time_s
     )
     implausible = doubts(clean.checks, labels_of(scene))
     if road is None:

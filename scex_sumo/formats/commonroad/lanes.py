@@ -135,11 +135,7 @@ class _Reader:
     """Reader of one lanelet; what the file does not have, or CommonRoad, is left out and noted."""
 
     def __init__(
-        self,
-        file: CommonRoadFile,
-        i: int,
-        known: Mapping[str, Collection[int]],
-        words: Words,
+        self, file: CommonRoadFile, i: int, known: Mapping[str, Collection[int]], words: Words
     ) -> None:
         self._file, self._id, self._known, self._words = file, i, known, words
 

@@ -95,10 +95,7 @@ def with_lights(
 
 
 def _phases_from(
-    changes: Sequence[Light],
-    known: Mapping[str, Programme],
-    time_s: float,
-    end_s: float,
+    changes: Sequence[Light], known: Mapping[str, Programme], time_s: float, end_s: float
 ) -> tuple[list[tuple[str, float]], str]:
     """Return state and duration, s, of the phases of a light from a time on, and the note they need.
 

@@ -63,11 +63,7 @@ class PathInputs(NamedTuple):
 
 
 def path_inputs(
-    history: SceneHistory,
-    road: Road,
-    vehicles: VehicleIndex,
-    paths: SeedPaths,
-    row: IntArray,
+    history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
 ) -> PathInputs:
     """Return the inputs of n pairs of a vehicle and a path, in the vehicle's frame; SI units.
 

@@ -266,12 +266,7 @@ def _losses(nets: nn.ModuleDict, batch: list[Tensor]) -> Tensor:
 
 
 def train_scenes(
-    recordings: Sequence[Recording],
-    *,
-    split: Split,
-    moments: int,
-    seed: int = 0,
-    epochs: int = EPOCHS,
+    recordings: Sequence[Recording], *, split: Split, moments: int, seed: int = 0, epochs: int = EPOCHS
 ) -> tuple[dict[str, FloatArray], dict[str, Any]]:
     """Fit a scene model to the training parts of recordings; return its tensors and meta data.
 

@@ -11,13 +11,7 @@ import pytest
 from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.tracks.reader import read_tracks
 from scex_sumo.converters.tracks.rows import TrackTable
-from tests.converters.track_files import (
-    COLUMNS,
-    Row,
-    moving,
-    straight,
-    write_rows,
-)
+from tests.converters.track_files import COLUMNS, Row, moving, straight, write_rows
 
 
 def _table(tmp_path: Path, rows: list[Row], columns: list[str] = COLUMNS) -> TrackTable:

@@ -10,18 +10,7 @@ import pytest
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.road import Road
-from tests.converters.maps import (
-    CURB,
-    DASHED,
-    ROAD,
-    Lanelet,
-    Line,
-    Relation,
-    area,
-    rule,
-    straight,
-    write_map,
-)
+from tests.converters.maps import CURB, DASHED, ROAD, Lanelet, Line, Relation, area, rule, straight, write_map
 
 # Coordinates pass through latitude and longitude and back: nanometres in double precision.
 CLOSE = {"atol": 1e-6, "rtol": 0.0}

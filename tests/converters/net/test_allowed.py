@@ -124,10 +124,7 @@ def test_other_encodings_and_schemas_are_written_anew(grid: str, tmp_path: Path)
     net = tmp_path / "g.net.xml"
     plain = grid[grid.index("<net version") :]
     evil = plain.replace("http://sumo.dlr.de/xsd/net_file.xsd", "http://somewhere.example/x.xsd")
-    for text, encoding in (
-        (f'<?xml version="1.0" encoding="UTF-16"?>{plain}', "utf-16"),
-        (evil, "utf-8"),
-    ):
+    for text, encoding in ((f'<?xml version="1.0" encoding="UTF-16"?>{plain}', "utf-16"), (evil, "utf-8")):
         net.write_bytes(text.encode(encoding))
         content, left_out = allowed_content(net)
         assert not left_out

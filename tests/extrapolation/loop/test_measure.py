@@ -79,11 +79,7 @@ def test_the_worst_moment_is_named_by_its_frame() -> None:
     states = going_on(scene, 30).swapaxes(0, 1)[None]
     plan = going_on(scene, 50)
     rollout = Rollout(
-        futures=np.array([7]),
-        states=states,
-        plan_x=plan.x[None, None],
-        plan_y=plan.y[None, None],
-        replan=30,
+        futures=np.array([7]), states=states, plan_x=plan.x[None, None], plan_y=plan.y[None, None], replan=30
     )
     values = measure_outcome(scene, rollout).values
     rows = worst_of(scene, values, rollout.futures).to_pylist()

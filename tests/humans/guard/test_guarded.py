@@ -40,10 +40,7 @@ NORTH = np.pi / 2
 def hard_braking(scene: SeedScene) -> tuple[int, int]:
     """Replayed vehicles that a guard brakes harder than 3 m/s² in half a second, and all that do not leap."""
     assert scene.road is not None and scene.future_valid is not None
-    history, vehicle = (
-        SceneHistory.of_scene(scene),
-        np.flatnonzero(scene.future_valid[:, :30].all(axis=1)),
-    )
+    history, vehicle = (SceneHistory.of_scene(scene), np.flatnonzero(scene.future_valid[:, :30].all(axis=1)))
     vehicles = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     model, now = Replay(), scene.now.speed[vehicle]
     raw, made = (one.plan(history, scene.road, vehicles, []) for one in (model, Guarded(model)))

@@ -113,8 +113,7 @@ def test_a_walkway_open_to_cars_is_found(tmp_path: Path) -> None:
 
 def test_a_wrong_speed_limit_is_found(tmp_path: Path) -> None:
     report = judge(
-        tmp_path,
-        ('<lane id="east_0" index="0" speed="13.89"', '<lane id="east_0" index="0" speed="8.33"'),
+        tmp_path, ('<lane id="east_0" index="0" speed="13.89"', '<lane id="east_0" index="0" speed="8.33"')
     )
     assert report["wrong_speeds"] == ((3, 13.89, 8.33),)
     assert report["speeds_right"] == 7
@@ -239,8 +238,7 @@ def test_lights_are_right_when_foes_never_have_green_together(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
-    [(None, "no such file"), ("no xml", "not XML"), ("<osm/>", "root element is <osm>")],
+    ("text", "words"), [(None, "no such file"), ("no xml", "not XML"), ("<osm/>", "root element is <osm>")]
 )
 def test_what_is_no_net_is_refused(tmp_path: Path, text: str | None, words: str) -> None:
     path = tmp_path / "x.net.xml"

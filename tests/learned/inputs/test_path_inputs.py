@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.behaviors.driving.paths import chosen_paths
-from scex_sumo.learned.inputs.path_inputs import (
-    AHEAD_M,
-    PATH_COLUMNS,
-    PathInputs,
-    path_inputs,
-)
+from scex_sumo.learned.inputs.path_inputs import AHEAD_M, PATH_COLUMNS, PathInputs, path_inputs
 from scex_sumo.road import Road
 from scex_sumo.scene import SceneHistory, SeedScene
 from tests.behaviors import roads

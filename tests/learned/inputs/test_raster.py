@@ -7,12 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.learned.inputs.surface import (
-    CHANNELS,
-    LIMIT_SCALE_MPS,
-    PIXEL_M,
-    raster_of,
-)
+from scex_sumo.learned.inputs.surface import CHANNELS, LIMIT_SCALE_MPS, PIXEL_M, raster_of
 from scex_sumo.road import Area, Marking
 from tests.behaviors import roads
 

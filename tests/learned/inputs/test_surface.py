@@ -10,8 +10,7 @@ from scex_sumo.learned.inputs.surface import CELL_M, path_room, surface_of
 from tests.behaviors import roads
 
 TWO = roads.road(
-    roads.lane(1, [(0.0, 0.0), (200.0, 0.0)], left=2),
-    roads.lane(2, [(0.0, 3.5), (200.0, 3.5)], right=1),
+    roads.lane(1, [(0.0, 0.0), (200.0, 0.0)], left=2), roads.lane(2, [(0.0, 3.5), (200.0, 3.5)], right=1)
 )
 OVER = 1.5 * CELL_M  # the edge is known to a cell, bilinear between cells
 

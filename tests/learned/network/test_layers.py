@@ -4,14 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.learned.network.layers import (
-    INPUT_GRID,
-    INPUT_LIMIT,
-    WEIGHT_GRID,
-    Linear,
-    exact,
-    snapped,
-)
+from scex_sumo.learned.network.layers import INPUT_GRID, INPUT_LIMIT, WEIGHT_GRID, Linear, exact, snapped
 
 RNG = np.random.default_rng(0)
 

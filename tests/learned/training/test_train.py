@@ -22,18 +22,9 @@ from scex_sumo.learned.network.weights import load_weights  # noqa: E402
 from scex_sumo.learned.training.command import train_command  # noqa: E402
 from scex_sumo.learned.training.data import dataset as dataset_module  # noqa: E402
 from scex_sumo.learned.training.data.batches import Images, turned  # noqa: E402
-from scex_sumo.learned.training.data.dataset import (  # noqa: E402
-    Dataset,
-    SampleOptions,
-    make_dataset,
-    part_scenes,
-)
+from scex_sumo.learned.training.data.dataset import Dataset, SampleOptions, make_dataset, part_scenes  # noqa: E402
 from scex_sumo.learned.training.data.samples import load_samples  # noqa: E402
-from scex_sumo.learned.training.train import (  # noqa: E402
-    Progress,
-    Trainer,
-    TrainOptions,
-)
+from scex_sumo.learned.training.train import Progress, Trainer, TrainOptions  # noqa: E402
 from scex_sumo.scenarios import example_path  # noqa: E402
 
 SMALL = {"hidden": 16, "heads": 2, "layers": 1}

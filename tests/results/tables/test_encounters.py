@@ -10,12 +10,7 @@ import pytest
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.collisions import find_collisions
-from scex_sumo.results.tables.encounters import (
-    SCHEMA,
-    encounters_table,
-    in_words,
-    precedence_words,
-)
+from scex_sumo.results.tables.encounters import SCHEMA, encounters_table, in_words, precedence_words
 from scex_sumo.scene import States
 from scex_sumo.statistics.density import wilson
 from scex_sumo.statistics.intervals import DesignIntervals

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.metrics.collisions import find_collisions
-from scex_sumo.results.tables.outcomes import (
-    after_collision,
-)
+from scex_sumo.results.tables.outcomes import after_collision
 from tests.results.tables.test_encounters import LEVELS, futures
 
 

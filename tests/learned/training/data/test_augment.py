@@ -9,11 +9,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from scex_sumo.learned.training.data.batches import (  # noqa: E402
-    Batch,
-    Batches,
-    mirrored,
-)
+from scex_sumo.learned.training.data.batches import Batch, Batches, mirrored  # noqa: E402
 from scex_sumo.learned.training.data.samples import scene_samples  # noqa: E402
 from scex_sumo.scene import SeedScene, States  # noqa: E402
 from tests.behaviors import roads  # noqa: E402
