@@ -188,10 +188,14 @@ def groups_of(assignment: IntArray, models: int) -> list[VehicleIndex]:
 def checked_plan(plan: Plan, count: int, steps: int, name: str) -> States:
     """Return the first (n, steps) states of a model's plan; raise a `ScexError` for a bad plan."""
     for key in ("x", "y", "heading", "speed"):
-        values = getattr(plan, key)[:, :steps]
-        if values.shape != (count, steps) or not np.isfinite(values).all():
-            needs = f"finite numbers of shape ({count}, {steps})"
-            raise ScexError(f"behaviour model {name}: plan.{key}: got shape {values.shape}, needs {needs}")
+        values = getattr(plan, key)
+        if values.ndim != 2 or values.shape[0] != count or values.shape[1] < steps:
+            raise ScexError(
+                f"behaviour model {name}: plan.{key} has shape {values.shape}, "
+                f"needs ({count}, {steps}) or more steps"
+            )
+        if bad := int((~np.isfinite(values[:, :steps])).any(axis=1).sum()):
+            raise ScexError(f"behaviour model {name}: plan.{key} is not finite for {bad} of {count} vehicles")
     return plan[:, :steps]
 
 
