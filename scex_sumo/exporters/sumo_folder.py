@@ -82,8 +82,14 @@ def _write_future(request: Request, future: int, folder: Path) -> Path:
         scene = replace(request.scene, obstacles=others, time_s=time_s)
     scene = replace(scene, intentions=intentions, future=None, future_valid=None)
     scene = scene.reordered(kept, name=scene.name)
-    net, driven = net_root(request.run.net.path), [_driven(scene, n, edges[v]) for n, v in enumerate(kept)]
-    lights = _own_lights(net) if simulated else _delayed_lights(net, STEP_S * steps)
+    if not simulated:  # what a simulation did not save of its vehicles belongs to the moment
+        scene = replace(scene, intentions=tuple(map(_without_route, scene.intentions)))
+    driven = [_driven(scene, n, edges[v]) for n, v in enumerate(kept)]
+    net, lights = net_root(request.run.net.path), None
+    if simulated:
+        lights = _own_lights(net)
+    else:
+        _delay_lights(net, STEP_S * steps)
     with TemporaryFolder() as temporary:
         file = Path(temporary) / NET
         file.write_bytes(ElementTree.tostring(net, encoding="utf-8", xml_declaration=True))
@@ -133,6 +139,10 @@ def _route(intention: Intention | None, ahead: tuple[str, ...]) -> tuple[str, ..
     return ahead if first is None else known[first:]
 
 
+def _without_route(intention: Intention | None) -> Intention | None:
+    return intention and replace(intention, edges=(), behind=(), stops=(), change_mps=0.0, saved="")
+
+
 def _with_walks(others: Obstacles | None, walks: tuple[Walk, ...]) -> Obstacles | None:
     """Return those road users that SUMO walks or drives on from what it saved of them."""
     if others is None or len(others.ids) != len(walks):
@@ -144,7 +154,8 @@ def _driven(scene: SeedScene, vehicle: int, edges: tuple[str, ...]) -> SumoDrive
     intention, model, parameters, arrival = scene.intention(vehicle), _MODEL, dict[str, str](), None
     if intention is not None:
         model, parameters = SumoDriver(OWN_MODEL).driving(scene, vehicle)
-        arrival = intention.arrival if intention.edges[-1:] == edges[-1:] else None
+    if intention is not None and intention.saved:
+        edges, arrival = intention.edges, intention.arrival
     return SumoDriven(
         future=0, vehicle=vehicle, model=model, parameters=parameters, edges=edges, arrival=arrival
     )
@@ -163,13 +174,12 @@ def _own_lights(net: Element) -> list[Element]:
     return saved
 
 
-def _delayed_lights(net: Element, time_s: float) -> list[Element]:
+def _delay_lights(net: Element, time_s: float) -> None:
     """Let the lights of a net begin as they are at a time after the moment."""
     for light in net.iter("tlLogic"):
         cycle_s = sum(float(phase.get("duration", "0")) for phase in light.iter("phase"))
         if cycle_s > 0:
             light.set("offset", f"{(float(light.get('offset', '0')) - time_s) % cycle_s:.3f}")
-    return []
 
 
 def _name_types(root: Element, scene: SeedScene) -> None:

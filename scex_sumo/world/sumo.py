@@ -111,7 +111,7 @@ class SumoWorld:
         start: States,
         slots: IntArray,
         driven: Sequence[SumoDriven] = (),
-        lights: Sequence[Element] = (),
+        lights: Sequence[Element] | None = None,
     ) -> None:
         """Set all vehicles to the start of a batch; ``read`` then equals ``start``.
 
@@ -119,7 +119,8 @@ class SumoWorld:
             start: (C, V) states of the seed scene.
             slots: (C,) tile slots; futures without SUMO drivers may share one.
             driven: vehicles that SUMO drives; all others must be moved before each step.
-            lights: as a simulation saved them, in slot 0, if the vehicles of the scene are saved, too.
+            lights: as a simulation saved them, in slot 0; its road users, all saved, then begin where they
+                were, though the scene has them elsewhere, e.g. in a lane change that is drawn.
         """
         wanted, tiles = [int(slot) for slot in slots], self._session.slots
         if missing := sorted(set(wanted) - set(tiles)):
@@ -275,7 +276,7 @@ class SumoWorld:
         batch: RunningBatch,
         driven: Sequence[SumoDriven],
         poses: Sequence[FloatArray],
-        lights: Sequence[Element],
+        lights: Sequence[Element] | None,
     ) -> None:
         """Get SUMO ready: empty, or with the road users of a simulation as that one saved them."""
         module = load_sumo(gui=self._gui)
@@ -283,11 +284,15 @@ class SumoWorld:
             from scex_sumo.world.loaded import state_with, users_of
 
             if users := users_of(self._scene, batch, driven, self._types):
-                filled = partial(state_with, users=users.values(), time_s=self._scene.time_s, lights=lights)
+                filled = partial(
+                    state_with, users=users.values(), time_s=self._scene.time_s, lights=lights or ()
+                )
                 self._sumo = self._session.ready(module, filled)
                 places = zip(batch.ids, *(values.reshape(-1).tolist() for values in poses[:2]), strict=True)
                 ask = self._sumo.vehicle.getPosition
-                if all(math.dist(ask(key), there) < _SAME_M for key, *there in places if key in users):
+                if lights is not None or all(
+                    math.dist(ask(key), there) < _SAME_M for key, *there in places if key in users
+                ):
                     batch.loaded = set(users)
                     batch.obstacles = batch.loaded & set(self._sumo.vehicle.getIDList()) - set(batch.ids)
                     return  # else the scene was changed since

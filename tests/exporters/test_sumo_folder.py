@@ -12,7 +12,7 @@ from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
-from tests.formats.sumo.simulations import in_sumo, write_grid
+from tests.formats.sumo.simulations import OVERTAKES, in_sumo, write_grid
 from tests.runs import extrapolate
 
 
@@ -128,3 +128,17 @@ def test_a_simulation_goes_on_as_it_does_in_sumo(tmp_path: Path) -> None:
         assert now.keys() == then.keys()
         for name, (lane, along_m) in now.items():
             assert lane == then[name][0] and abs(along_m - then[name][1]) < 0.01
+
+
+def test_the_future_of_another_driver_goes_on_from_a_lane_change_of_one_step(tmp_path: Path) -> None:
+    """Its tracks are drawn over 3 s, so that they are not where SUMO has saved the vehicle."""
+    simulation = write_grid(tmp_path, routes=OVERTAKES, step_s=1.0)
+    seed = read_seed(simulation.config, time=10.0)
+    run = extrapolate(seed, models=["standard_driver"], futures=1, steps=30, out=tmp_path / "run")
+    (file,) = EXPORTERS.load("sumo")(Request(run=run, futures=(0,), out=tmp_path / "sumo"))
+    first, last = run.states(0)[:, -1], replay(file.parent, "-c", file.name)[0]
+    assert [v.get("id") for v in last] == ["fast", "slow"] == run.scene.names
+    for v, element in enumerate(last):
+        ahead = run.scene.length[v] / 2 + 0.1 * first.speed[v]
+        x, y = first.x[v] + ahead * np.cos(first.heading[v]), first.y[v] + ahead * np.sin(first.heading[v])
+        assert np.hypot(float(element.get("x", "nan")) - x, float(element.get("y", "nan")) - y) < 0.5

@@ -78,18 +78,8 @@ def with_lights(
     if not lights:
         return road, []
     given = road.net
-    programmes_of = [*net_root(given).iter("tlLogic")]
-    there = {(own.get("id"), own.get("programID")) for own in programmes_of}
-    elsewhere = {s.get("id") for s in saved if (s.get("id"), s.get("programID")) not in there}
-    for own in (*programmes_of, *saved):
-        if own.get("id") not in elsewhere and (kept := lights.get(own.get("id", ""))) is not None:
-            param = kept.find("param")
-            if param is None:
-                param = ElementTree.SubElement(kept, "param", key=SIMULATED, value="")
-            own.tail = None
-            param.attrib["value"] += ElementTree.tostring(own, encoding="unicode")
-    made_of = b"".join(ElementTree.tostring(light) for light in lights.values())
-    net = kept_net(given, given.read_bytes() + made_of, lambda: _relit(given, lights))
+    made_of = b"".join(ElementTree.tostring(light) for light in (*lights.values(), *saved))
+    net = kept_net(given, given.read_bytes() + made_of, lambda: _relit(given, lights, saved))
     notes = [f"{said}: {listed(groups[said])}" for said in (_FOLLOWED, _LONGEST, _STILL) if said in groups]
     return dataclasses.replace(road, net=net), notes
 
@@ -143,8 +133,20 @@ def _going_on(
     return phases
 
 
-def _relit(net: Path, lights: Mapping[str, ElementTree.Element]) -> bytes:
+def _relit(
+    net: Path, lights: Mapping[str, ElementTree.Element], saved: Sequence[ElementTree.Element]
+) -> bytes:
     root = net_root(net)
+    own = [light for light in root.iter("tlLogic") if light.get("id", "") in lights]
+    there = {(light.get("id"), light.get("programID")) for light in own}
+    elsewhere = {s.get("id") for s in saved if (s.get("id"), s.get("programID")) not in there}
+    kept: dict[str, str] = {}
+    for light in (*own, *saved):
+        light.tail, name = None, light.get("id", "")
+        if name in lights and name not in elsewhere:
+            kept[name] = kept.get(name, "") + ElementTree.tostring(light, encoding="unicode")
+    for name, programmes in kept.items():
+        ElementTree.SubElement(lights[name], "param", key=SIMULATED, value=programmes)
     others = [e for e in root if e.tag != "tlLogic" or e.get("id", "") not in lights]
     after = next((k for k, element in enumerate(others) if element.tag == "junction"), len(others))
     root[:] = [*others[:after], *lights.values(), *others[after:]]  # before the junctions, as SUMO has them

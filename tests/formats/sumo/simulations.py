@@ -19,6 +19,11 @@ ROUTES = """<routes>
  <flow id="b" type="bike" begin="0" end="90" period="9" from="B2B1" to="A0B0"/>
  <personFlow id="f" begin="0" end="90" period="10"><walk from="A0A1" to="C1C2"/></personFlow>
 </routes>"""
+OVERTAKES = """<routes>
+ <vType id="slow" sigma="0" maxSpeed="4" speedDev="0"/><vType id="fast" sigma="0" speedDev="0"/>
+ <trip id="slow" type="slow" depart="0" from="A0A1" to="A1A2" departLane="1"/>
+ <trip id="fast" type="fast" depart="6" from="A0A1" to="A1A2" departLane="1" departSpeed="8"/>
+</routes>"""
 CONFIG = """<configuration>
  <input><net-file value="g.net.xml"/><route-files value="r.rou.xml"/>{files}</input>
  <time><end value="{end}"/><step-length value="{step}"/></time>

@@ -14,7 +14,7 @@ from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.results.info import digest
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
-from tests.formats.sumo.simulations import write_grid
+from tests.formats.sumo.simulations import OVERTAKES, write_grid
 from tests.runs import extrapolate
 from tests.seeds import straight_seed
 
@@ -58,13 +58,6 @@ def test_futures_of_its_own_drivers_are_what_sumo_does(scene: SeedScene, tmp_pat
     off = distances(scene, "sumo:own", tmp_path / "own")
     assert np.isfinite(off).sum() > 10
     assert np.nanmedian(off) < 0.1 and np.nanmax(off) < 2.0
-
-
-OVERTAKES = """<routes>
- <vType id="slow" sigma="0" maxSpeed="4" speedDev="0"/><vType id="fast" sigma="0" speedDev="0"/>
- <trip id="slow" type="slow" depart="0" from="A0A1" to="A1A2" departLane="1"/>
- <trip id="fast" type="fast" depart="6" from="A0A1" to="A1A2" departLane="1" departSpeed="8"/>
-</routes>"""
 
 
 @pytest.mark.parametrize(("time_s", "most_m"), [(9.0, 0.5), (11.0, 0.1)])
