@@ -130,15 +130,20 @@ def test_a_simulation_goes_on_as_it_does_in_sumo(tmp_path: Path) -> None:
             assert lane == then[name][0] and abs(along_m - then[name][1]) < 0.01
 
 
-def test_the_future_of_another_driver_goes_on_from_a_lane_change_of_one_step(tmp_path: Path) -> None:
-    """Its tracks are drawn over 3 s, so that they are not where SUMO has saved the vehicle."""
-    simulation = write_grid(tmp_path, routes=OVERTAKES, step_s=1.0)
+def test_the_future_of_another_driver_goes_on_though_a_lane_change_of_one_step_is_drawn(
+    tmp_path: Path,
+) -> None:
+    """Drawn over 3 s, one is not where SUMO has saved it; another one comes to its third edge."""
+    turns = '<vehicle id="turns" type="fast" depart="0" departSpeed="13" departPos="30">'
+    turns += '<route edges="C2C1 C1C0 C0B0"/></vehicle><trip'
+    simulation = write_grid(tmp_path, routes=OVERTAKES.replace("<trip", turns, 1), step_s=1.0)
     seed = read_seed(simulation.config, time=10.0)
     run = extrapolate(seed, models=["standard_driver"], futures=1, steps=30, out=tmp_path / "run")
     (file,) = EXPORTERS.load("sumo")(Request(run=run, futures=(0,), out=tmp_path / "sumo"))
-    first, last = run.states(0)[:, -1], replay(file.parent, "-c", file.name)[0]
-    assert [v.get("id") for v in last] == ["fast", "slow"] == run.scene.names
-    for v, element in enumerate(last):
-        ahead = run.scene.length[v] / 2 + 0.1 * first.speed[v]
-        x, y = first.x[v] + ahead * np.cos(first.heading[v]), first.y[v] + ahead * np.sin(first.heading[v])
-        assert np.hypot(float(element.get("x", "nan")) - x, float(element.get("y", "nan")) - y) < 0.5
+    last, first = run.states(0)[:, -1], replay(file.parent, "-c", file.name)[0]
+    there = {v.get("id"): (float(v.get("x", "nan")), float(v.get("y", "nan"))) for v in first}
+    assert there.keys() == {"fast", "slow", "turns"}
+    for v, name in enumerate(run.scene.names):
+        ahead = run.scene.length[v] / 2 + 0.1 * last.speed[v]
+        front = last.x[v] + ahead * np.cos(last.heading[v]), last.y[v] + ahead * np.sin(last.heading[v])
+        assert np.hypot(*np.subtract(there[name], front)) < 0.5
