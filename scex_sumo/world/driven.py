@@ -76,10 +76,17 @@ class SumoDrivers:
     def _plan_stops(self) -> None:
         for d in self._driven:
             intention = self._scene.intention(d.vehicle)
-            key = self._batch.id_of(d.future, d.vehicle)
+            key, slot = self._batch.id_of(d.future, d.vehicle), self._batch.slots[d.future]
             for stop in () if intention is None else intention.stops:
                 if stop.flags & PARKS:
                     self._parks.add(key)
+                if key in self._batch.loaded:
+                    continue
+                edge, _, lane = stop.lane.rpartition("_")
+                begin_s = STEP_S if stop.until_s >= 0 else 0.0  # a future begins at 0.1 s of its simulation
+                times = stop.duration_s, stop.flags, stop.start_m, stop.until_s + begin_s
+                with suppress(*self._refused):  # too near to brake, or off the route
+                    self._sumo.vehicle.setStop(key, tile_id(slot, edge), stop.end_m, int(lane), *times)
 
     def _go_on_changing(self) -> None:
         """Let vehicles go on that change their lanes."""

@@ -70,6 +70,18 @@ def test_a_lane_change_goes_on_as_it_began(tmp_path: Path, time_s: float, most_m
     assert np.nanmax(distances(scene, "sumo:own", tmp_path / "own")) < most_m
 
 
+def test_a_stop_is_kept_though_a_lane_change_of_one_step_is_drawn(tmp_path: Path) -> None:
+    """One is not where SUMO has saved it, so that no vehicle goes on from that state."""
+    stops = '<trip id="stops" type="slow" depart="0" from="B0B1" to="B2C2">'
+    stops += '<stop lane="B0B1_1" endPos="20" duration="60"/></trip><trip'
+    grid = write_grid(tmp_path, routes=OVERTAKES.replace("<trip", stops, 1), step_s=1.0)
+    scene = read_seed(grid.config, time=10.0)
+    stands = index_of(scene, "stops")
+    assert scene.now.speed[stands] < 0.1
+    row = sorted(scene.track_ids.tolist()).index(scene.track_ids[stands])
+    assert distances(scene, "sumo:own", tmp_path / "own")[row] < 0.1
+
+
 def test_a_scene_knows_types_speeds_routes_and_stops(scene: SeedScene) -> None:
     fast, slow, stops = (scene.intention(index_of(scene, name)) for name in ("f.2", "s.1", "stops"))
     assert fast is not None and slow is not None and stops is not None
