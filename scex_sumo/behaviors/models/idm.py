@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -233,8 +233,14 @@ class IdmDriver(DrivesAlong):
         wished = desired_speeds(paths, profile.speed, profile.speed_factor)
         comfort = profile.curve_acceleration, profile.curve_deceleration
         curves = curve_speeds(paths, *comfort) if profile.curve_acceleration > 0 else None
-        habit, braking = seed_motion(history, vehicles), LINE_BRAKING * profile.comfort_deceleration
-        to_line = replace(profile, minimum_gap=LINE_GAP_M, time_headway=0.0, comfort_deceleration=braking)
+        habit = seed_motion(history, vehicles)
+        to_line = IdmParameters(
+            comfort_deceleration=LINE_BRAKING * profile.comfort_deceleration,
+            time_headway=0.0,
+            minimum_gap=LINE_GAP_M,
+            max_acceleration=profile.max_acceleration,
+            max_deceleration=profile.max_deceleration,
+        )
         # speeds are those at the centre, while the rear axle follows the table
         ahead = REAR_AXLE_SHARE * history.scene.length[vehicles.vehicle]
 

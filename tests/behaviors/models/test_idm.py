@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.behaviors.base import MIN_PARAMETER
 from scex_sumo.behaviors.models.idm import IdmDriver, IdmProfile, idm_acceleration
 from scex_sumo.drivers.registry import entry_of
 from scex_sumo.scene import Obstacles, States
@@ -133,3 +134,9 @@ def test_with_a_curve_limit_a_driver_is_slow_enough_when_it_gets_there_without_o
 def test_parameters_that_make_no_sense_are_refused(parameter: str, value: object) -> None:
     with pytest.raises(UsageError, match=f"{parameter}: got"):
         replace(PROFILE, **{parameter: value})  # type: ignore[arg-type]
+
+
+def test_a_driver_with_the_least_comfortable_braking_that_may_be_given_drives() -> None:
+    driver = IdmDriver(replace(PROFILE, comfort_deceleration=MIN_PARAMETER))
+    made = roads.plan(driver, roads.straight(), roads.present(roads.scene_of((30.0, 0.0, 0.0, 8.0))))
+    assert np.isfinite(made.speed).all()
