@@ -86,7 +86,8 @@ def maker_of(spec: ModelSpec, entry: ModelEntry) -> tuple[Callable[[], Any], boo
     defaults = entry.defaults
     for key in spec.parameters:
         if key not in defaults:
-            raise UsageError(f"{spec.name}: unknown parameter {key!r}; nearest: {nearest(key, defaults)}")
+            known = f"nearest: {nearest(key, defaults)}" if defaults else "it has none"
+            raise UsageError(f"{spec.name}: unknown parameter {key!r}; {known}")
     values = {key: parameter_value(spec, key, entry, value) for key, value in spec.parameters.items()}
     guard = values.pop(GUARD, False)
     if not isinstance(guard, bool):

@@ -67,6 +67,7 @@ def test_a_set_stands_for_its_models() -> None:
             "standard_driver: unknown parameter 'speed_limit'; nearest: speed, ",
         ),
         ("graph_predictor:depth=3", "graph_predictor: unknown parameter 'depth'; nearest: path, "),
+        ("stops:braking=2", "stops: unknown parameter 'braking'; it has none"),
         ("graph_predictor:mode=worst", "graph_predictor: mode: got 'worst'; give best or draw"),
         ("graph_predictor:path=left", "path=left is not an index, straight, random or likeliest"),
         ("standard_driver:path=likeliest", "path=likeliest is not an index, straight or random"),
