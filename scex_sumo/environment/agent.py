@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.errors import UsageError, one_line
+from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.plug_in.predictor import completed
@@ -114,11 +114,14 @@ def finite_numbers(name: str, values: Any, shape: tuple[int, ...]) -> FloatArray
     """Return values as an array; raise a `UsageError` unless they are finite real numbers of a shape."""
     try:
         array = np.asarray(values)
-    except ValueError as error:  # rows of different lengths
-        raise UsageError(f"{name}: got {one_line(error)}, needs shape {shape}") from None
-    if array.shape != shape or array.dtype.kind not in "fiub" or not np.isfinite(array).all():
-        got = f"{array.dtype.name} of shape {array.shape}"
-        raise UsageError(f"{name}: got {got}, needs finite real numbers of shape {shape}")
+    except ValueError:
+        raise UsageError(f"{name}: got rows of different lengths, needs shape {shape}") from None
+    if array.dtype.kind not in "fiub":
+        raise UsageError(f"{name}: got values of type {array.dtype.name}, needs real numbers")
+    if array.shape != shape:
+        raise UsageError(f"{name}: got shape {array.shape}, needs {shape}")
+    if not np.isfinite(array).all():
+        raise UsageError(f"{name}: got {np.count_nonzero(~np.isfinite(array))} values that are not finite")
     return np.asarray(array, dtype=np.float64)
 
 

@@ -84,7 +84,5 @@ def test_a_wrong_policy_is_one_line(scene: scex.SeedScene, tmp_path: Path) -> No
     with pytest.raises(scex.ScexError, match="action: unknown 'brake'; known: control, plan"):
         PolicyDriver(straight, action="brake")  # type: ignore[arg-type]
     wrong = PolicyDriver(lambda seen: np.zeros((len(seen), 3)))
-    with pytest.raises(
-        scex.ScexError, match=r"of the policy: got float64 of shape \(1, 3\), needs .* \(1, 2\)"
-    ):
+    with pytest.raises(scex.ScexError, match=r"actions of the policy: got shape \(1, 3\), needs \(1, 2\)"):
         extrapolate(scene, futures=2, assign={AGENT: wrong}, models="rules", out=tmp_path / "run")
