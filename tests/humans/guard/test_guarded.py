@@ -254,16 +254,16 @@ def test_who_was_slowed_down_regains_its_speed_instead_of_leaping() -> None:
     assert made.x[0, -1] == pytest.approx(30.0 + 2.0 * 3 + 0.5 * 2.0 * 9)
 
 
-@pytest.mark.parametrize("name", ["standard_driver", "constant_velocity", "replay"])
-def test_every_model_that_we_drive_takes_a_guard_and_keeps_it_in_its_name(name: str) -> None:
-    (spec,) = parse_models(f"{name}:guard=true")
-    assert str(spec) == f"{name}:guard=true"
+@pytest.mark.parametrize("model", ["standard_driver:path=0", "constant_velocity:path=0", "replay"])
+def test_every_model_that_we_drive_takes_a_guard_and_keeps_it_in_its_name(model: str) -> None:
+    (spec,) = parse_models(f"{model}:guard=true")
+    assert str(spec) == f"{model}:guard=true"
     built = build(spec)
     assert isinstance(built, Guarded)
-    assert type(built.inner) is type(build(ModelSpec(name=name)))
-    (plain,) = parse_models(f"{name}:guard=false")
+    assert type(built.inner) is type(build(ModelSpec(name=spec.name)))
+    (plain,) = parse_models(f"{spec.name}:guard=false")
     assert not isinstance(build(plain), Guarded)
-    assert isinstance(build(ModelSpec(name=name, parameters={"guard": True})), Guarded)
+    assert isinstance(build(ModelSpec(name=spec.name, parameters={"guard": True})), Guarded)
 
 
 @pytest.mark.parametrize(
