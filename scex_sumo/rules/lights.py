@@ -33,7 +33,6 @@ def light_bars(net: Path, steps: int, *, known: bool) -> list[LightBar]:
         return []
     root = net_root(net)
     lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}
-    shapes = {name: points_of(lane.get("shape", "")) for name, lane in lanes.items()}
     links = [link for link in links_of(root) if link.light is not None]
     signals, _ = signals_of_links(root, links, known=known)
     shown: dict[str, dict[int, str]] = defaultdict(dict)
@@ -45,8 +44,8 @@ def light_bars(net: Path, steps: int, *, known: bool) -> list[LightBar]:
                 shown[link.lanes[0]][link.light[1]] = letters
     bars = []
     for name, of in shown.items():
-        end, width = shapes[name][-1], float(lanes[name].get("width", LANE_M))
-        along = (end - shapes[name][-2]) / np.hypot(*(end - shapes[name][-2]))
+        before, end = points_of(lanes[name].get("shape", ""))[-2:]
+        along, width = (end - before) / np.hypot(*(end - before)), float(lanes[name].get("width", LANE_M))
         # Links of a lane are numbered from the kerb.
         right = np.array([along[1], -along[0]]) * (-1.0 if is_left_hand(root) else 1.0)
         edges = width * (0.5 - np.arange(len(of) + 1) / len(of))
