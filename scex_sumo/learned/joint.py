@@ -1,4 +1,4 @@
-"""Driver of `JointPredictor`: draws the next 0.5 s of all vehicles together, again and again."""
+"""Driver of `joint_predictor`: draws the next 0.5 s of all vehicles together, again and again."""
 
 from __future__ import annotations
 
