@@ -7,8 +7,10 @@ import fcntl
 import hashlib
 import json
 import os
+import re
 import shutil
 import tempfile
+import weakref
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -199,7 +201,7 @@ def lock(folder: Path) -> None:
     unlock(folder)
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        _lock_descriptor(descriptor)
     except BlockingIOError:
         os.close(descriptor)
         raise ResultError(
@@ -217,11 +219,73 @@ def unlock(folder: Path) -> None:
         os.close(descriptor)
 
 
+def _lock_descriptor(descriptor: int) -> None:
+    """Lock an open folder if the file system has locks; raise BlockingIOError if it is locked."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise
+    except OSError:  # a file system without locks
+        pass
+
+
+_PREFIX = "scex-sumo-"
+_MARKER = ".scex-sumo-temporary"
+_OWNER = re.compile(rb"scex-sumo process (\d+)\n")
+
+
 class TemporaryFolder(tempfile.TemporaryDirectory[str]):
-    """Temporary folder; what cannot be removed at its end stays without a word."""
+    """Temporary folder that a later process removes if this process is killed.
+
+    It is locked and has a marker file with the process number. Only folders with such a marker are removed.
+    """
 
     def __init__(self) -> None:
-        super().__init__(prefix="scex-sumo-", ignore_cleanup_errors=True)
+        _remove_abandoned()
+        super().__init__(prefix=_PREFIX, ignore_cleanup_errors=True)
+        descriptor = os.open(self.name, os.O_RDONLY | os.O_DIRECTORY)
+        _lock_descriptor(descriptor)
+        self._release = weakref.finalize(self, os.close, descriptor)
+        Path(self.name, _MARKER).write_bytes(b"scex-sumo process %d\n" % os.getpid())
+
+    def cleanup(self) -> None:
+        """Remove the folder."""
+        super().cleanup()
+        self._release()
+
+
+def _remove_abandoned() -> None:
+    for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
+        with contextlib.suppress(OSError):  # not ours to read, or gone meanwhile
+            if not _is_abandoned(folder):
+                continue
+            descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+            try:
+                # Process numbers of another container differ: only the lock is sure.
+                _lock_descriptor(descriptor)
+                shutil.rmtree(folder, ignore_errors=True)
+            finally:
+                os.close(descriptor)
+
+
+def _is_abandoned(folder: Path) -> bool:
+    marker = folder / _MARKER
+    if folder.is_symlink() or marker.is_symlink() or not marker.is_file():
+        return False
+    if {folder.stat().st_uid, marker.stat().st_uid} != {os.getuid()}:
+        return False
+    owner = _OWNER.fullmatch(marker.read_bytes())
+    return owner is not None and not _is_alive(int(owner[1]))
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 TABLE_SUFFIXES = (".parquet", ".csv")

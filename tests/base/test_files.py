@@ -6,6 +6,7 @@ import errno
 import os
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -60,10 +61,42 @@ def test_what_fails_on_the_way_leaves_the_file_as_it_was(tmp_path: Path) -> None
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_temporary_folder_is_the_users_alone_and_goes_at_its_end() -> None:
+def marked(folder: Path, process: int) -> Path:
+    """A folder as a process of that number leaves it when it is killed."""
+    folder.mkdir()
+    (folder / ".scex-sumo-temporary").write_text(f"scex-sumo process {process}\n")
+    (folder / "file").touch()
+    return folder
+
+
+@pytest.fixture
+def ended() -> int:
+    with subprocess.Popen(["true"]) as process:
+        process.wait()
+    return process.pid
+
+
+def test_temporary_folders_of_ended_processes_are_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ended: int
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    abandoned = marked(tmp_path / "scex-sumo-abc", ended)
+    own = marked(tmp_path / "scex-sumo-own", os.getpid())
     with TemporaryFolder() as name:
         assert Path(name).stat().st_mode & 0o777 == 0o700
+        assert not abandoned.exists()
+        assert (own / "file").exists()
     assert not Path(name).exists()
+
+
+def test_a_folder_of_another_user_survives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ended: int
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    theirs = marked(tmp_path / "scex-sumo-abc", ended)
+    monkeypatch.setattr(os, "getuid", lambda: os.geteuid() + 1)
+    TemporaryFolder().cleanup()
+    assert theirs.is_dir()
 
 
 def test_what_cannot_be_written_is_named_though_the_system_names_nothing(tmp_path: Path) -> None:

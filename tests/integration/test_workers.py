@@ -123,6 +123,17 @@ def test_a_worker_that_dies_twice_over_a_batch_ends_the_run_resumably(tmp_path: 
     assert (tmp_path / "2" / "incomplete.json").exists()
 
 
+@pytest.mark.parametrize("workers", [1, 2])
+def test_too_little_address_space_is_one_line(tmp_path: Path, workers: int) -> None:
+    """Libsumo and Arrow crash while they are loaded, which no exception tells."""
+    command = [sys.executable, "-m", "scex_sumo", "run", str(ROUNDABOUT), "--workers", str(workers)]
+    limited = ["bash", "-c", 'ulimit -v 1400000; exec "$@"', "bash", *command, "-o", str(tmp_path / "out")]
+    done = subprocess.run(limited, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: ulimit -v leaves each process 1.4 GB of address space")
+
+
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="finds processes in /proc")
 def test_ctrl_c_ends_all_processes_and_leaves_what_was_finished(tmp_path: Path) -> None:
     out = tmp_path / "out"

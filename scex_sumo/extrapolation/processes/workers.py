@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import resource
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from scex_sumo.base.errors import UsageError
+from scex_sumo.base.errors import SimulationError, UsageError
 
 if TYPE_CHECKING:
     from scex_sumo.base.arrays import IntArray
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from scex_sumo.extrapolation.processes.pool import Pool
 
 MAX_PROCESSES = 1000
+MIN_ADDRESS_SPACE = 3 * 10**9  # bytes; with less, libsumo or Arrow crash while they are loaded
 
 
 class Workers:
@@ -26,6 +28,12 @@ class Workers:
     def __init__(self, processes: int) -> None:
         if not 1 <= processes <= MAX_PROCESSES:
             raise UsageError(f"--workers: got {processes}, needs 1 to {MAX_PROCESSES}")
+        limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+        if limit != resource.RLIM_INFINITY and limit < MIN_ADDRESS_SPACE:
+            raise SimulationError(
+                f"ulimit -v leaves each process {limit / 1e9:.1f} GB of address space, libsumo with Arrow "
+                f"needs {MIN_ADDRESS_SPACE / 1e9:.1f} GB; raise it, or limit resident memory instead"
+            )
         self.processes = processes
         self.pool: Pool | None = None
         if processes > 1:
