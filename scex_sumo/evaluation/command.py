@@ -39,7 +39,7 @@ def metrics_command(
     """Evaluate criticality metrics of recorded or simulated tracks."""
     from scex_sumo.evaluation.sources import read_source
     from scex_sumo.evaluation.tables import recording_table
-    from scex_sumo.metrics.registry import metrics_asked
+    from scex_sumo.metrics.registry import SETS, metrics_asked
     from scex_sumo.results.info import as_written
 
     if out is not None and out.suffix not in TABLE_SUFFIXES:
@@ -53,13 +53,18 @@ def metrics_command(
     options: dict[str, Any] = {"level": level, "metrics": chosen}
     with as_written(source) if source.is_dir() else nullcontext():
         table = recording_table(tracks, history=history, **options)
-    table = table.replace_schema_metadata({"level": level})
+    about = {"level": level}
+    # Its rule for leaders is a part of what a number means.
+    if presets := [name for name in ("paper", "path") if {*SETS[name]} & {*chosen}]:
+        about["preset"] = ", ".join(presets)
+    table = table.replace_schema_metadata(about)
+    words = ", ".join(f"{name} {value}" for name, value in about.items())
     if out is None:
         write_csv(table, sys.stdout.buffer)
-        warn([f"level {level}"])
+        warn([words])
     else:
         write_table(table, out, source)
-        print(f"{out}: {table.num_rows} rows, level {level}")
+        print(f"{out}: {table.num_rows} rows, {words}")
 
 
 def _of_run(folder: Path) -> tuple[str, ...]:

@@ -147,13 +147,29 @@ def test_files_are_written_by_their_ending(
     read = pq.read_table(tmp_path / "out.parquet")
     assert read.num_rows == recording_table(two_cars, level="pair").num_rows
     assert read.schema.metadata[b"level"] == b"pair"
+    assert read.schema.metadata[b"preset"] == b"paper"
     text = (tmp_path / "out.csv").read_text()
     assert text.count("\n") == read.num_rows + 1
-    assert "level pair" in capsys.readouterr().out
+    assert "level pair, preset paper" in capsys.readouterr().out
     with pytest.raises(UsageError, match=r"known: \.parquet, \.csv"):
         metrics_command(two_cars.path, out=tmp_path / "out.json", **options)
     with pytest.raises(ResultError, match="cannot write"):
         metrics_command(two_cars.path, out=two_cars.path / "x.csv", **options)
+
+
+@pytest.mark.parametrize(
+    ("metrics", "told"),
+    [
+        ("path", "level scenario, preset path\n"),
+        ("thw,ttc", "level scenario, preset paper, path\n"),
+        ("conflicts", "level scenario\n"),
+    ],
+)
+def test_the_rules_for_leaders_are_named(
+    metrics: str, told: str, two_cars: TrackTable, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    metrics_command(two_cars.path, metrics=metrics, out=tmp_path / "out.csv")
+    assert capsys.readouterr().out.endswith(told)
 
 
 def test_real_cases_have_values(data: Path) -> None:
