@@ -30,7 +30,9 @@ def progress_of(wanted: Progress | bool | None, label: str) -> Iterator[Progress
     from rich.progress import Progress as Bars
 
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Bars(*columns, console=Console(file=stream), transient=True) as bars:
+    # Rich's own bar of notebooks needs ipywidgets. What a driver prints stays on standard output.
+    console = Console(file=stream, force_terminal=True, force_jupyter=False)
+    with Bars(*columns, console=console, transient=True, redirect_stdout=False) as bars:
         task = bars.add_task(label, total=None)
 
         def tick(done: int, total: int) -> None:
