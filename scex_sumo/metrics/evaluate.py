@@ -208,13 +208,7 @@ def samples_of(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entr
 
 def dense(samples: Samples | Entries, scenes: Scenes) -> Samples:
     """Return values of all pairs at all steps."""
-    if isinstance(samples, Samples):
-        return samples
-    row, other = scenes.ordered_pairs
-    value, defined = np.zeros((len(row), *scenes.shape)), np.zeros((len(row), *scenes.shape), np.bool_)
-    value.reshape(-1)[samples.where] = samples.value
-    defined.reshape(-1)[samples.where] = True
-    return Samples(value=value, defined=defined, row=row, other=other)
+    return scenes.scattered(samples.where, samples.value) if isinstance(samples, Entries) else samples
 
 
 def _of_vehicles(samples: Samples | Entries, vehicles: Collection[int], scenes: Scenes) -> Samples:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import cloudpickle
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -26,6 +27,7 @@ from scex_sumo.metrics.registry import (
     METRICS,
     PAPER_METRICS,
     THRESHOLDS,
+    Metric,
     column_named,
     columns_of,
     describe_metrics,
@@ -99,6 +101,18 @@ def test_a_metric_by_import_path_goes_through_the_command(example: Path) -> None
     done = command.scex("metrics", tracks, "--metrics", "closeness:speed_gap")
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == ['"case_id","speed_gap","speed_gap_mean"', "1,6,6"]
+
+
+def test_a_metric_of_some_ordered_pairs_says_at_which_place() -> None:
+    """Of two vehicles, 10 and 4 m/s: the second place is the pair of the second and the first."""
+
+    def slower(scenes: scex.Scenes) -> scex.Samples:
+        speed = scenes.speed.reshape(2, -1)[1]
+        return scenes.scattered(np.arange(scenes.count, 2 * scenes.count), speed)
+
+    metric = Metric(name="slower", critical="max", evaluate=slower)
+    rows = evaluate_pairs(vehicles(10.0, 4.0), None, metrics=[metric])["slower"]
+    assert (rows.vehicle[0], rows.other[0]) == (1, 0) and set(rows.value.tolist()) == {4.0}
 
 
 def test_a_metric_of_the_users_script_reaches_another_process(tmp_path: Path) -> None:

@@ -284,6 +284,15 @@ class Scenes:
         first, second = self.pairs
         return Samples(value=value, defined=self.both_present, row=first, other=second, symmetric=True)
 
+    def scattered(self, where: IntArray, value: FloatArray) -> Samples:
+        """Return samples of an ordered metric, from values at flat indices into (2P, C, T)."""
+        row, other = self.ordered_pairs
+        table = np.zeros((len(row), *self.shape))
+        defined = np.zeros(table.shape, dtype=np.bool_)
+        table.reshape(-1)[where] = value
+        defined.reshape(-1)[where] = True
+        return Samples(value=table, defined=defined, row=row, other=other)
+
 
 PairValues: TypeAlias = Callable[[Scenes, IntArray, IntArray], FloatArray]
 
