@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from scex_sumo.metrics.base import SceneTracks
+from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.metrics.pairs import near
 from scex_sumo.metrics.pairs.near import near_pairs
@@ -27,6 +27,13 @@ def test_standing_cars_are_near_where_a_search_for_leaders_looks(monkeypatch: py
     monkeypatch.setattr(near, "MIN_PAIRS", 0)
     found = near_pairs(standing([0, 24.9, 50]), None)
     assert found is not None and found[0].tolist() == [0]
+
+
+def test_without_a_near_pair_nothing_crosses(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(near, "MIN_PAIRS", 0)
+    tracks = standing([0.0, 1000.0, 3000.0])
+    values = evaluate(tracks, PlannedPaths.from_tracks(tracks), metrics=("gap", "gap_time", "pet"))
+    assert values.values[0, 0] == 996 and values.defined[0].tolist() == [True, True, *[False] * 4]
 
 
 @pytest.mark.parametrize("longer", [1, 5])

@@ -102,7 +102,7 @@ class PathsAhead:
         rows_per_pair = max(futures * columns * max(self.scenes.shape[1], replans), 1)
         size = max(BLOCK_ROWS // rows_per_pair, 1)
         parts = []
-        for start in range(0, len(first), size):
+        for start in range(0, max(len(first), 1), size):
             one, two = first[start : start + size], second[start : start + size]
             crossings = self._crossings(one, two)
             if min_sine > 0:
