@@ -55,7 +55,7 @@ _KEYS = (
 
 
 def write_ranking_page(
-    run: RankingRun, ranking: pa.Table, shown: int
+    run: RankingRun, ranking: pa.Table, shown: int, by: str
 ) -> tuple[pa.Table, dict[str, Any], list[str]]:
     """Run the futures of the moments of the top encounters; write their reports and the page.
 
@@ -63,7 +63,7 @@ def write_ranking_page(
     futures, and whose drivers failed.
 
     Args:
-        ranking: the encounters in their order, of which so many are ``shown``.
+        ranking: the encounters in their order, ``by`` a column, of which so many are ``shown``.
     """
     top = ranking.filter(pc.is_valid(ranking["rank"])).slice(0, shown).to_pylist()
     names = list(dict.fromkeys(row["seed"] for row in top))
@@ -108,7 +108,7 @@ def write_ranking_page(
     parts = [
         glance(run.pairs, places, roads, {f"#encounter-{row['rank']}": row for row, _, _ in cards}),
         _bar(),
-        *_lists(ranking, [(row, html) for row, html, _ in cards]),
+        *_lists(ranking, [(row, html) for row, html, _ in cards], by),
         card(
             "All encounters",
             _more(len(ranking)),
@@ -185,7 +185,7 @@ def _summary(run: RankingRun, ranking: pa.Table) -> str:
     )
 
 
-def _lists(ranking: pa.Table, shown: Sequence[tuple[Mapping[str, Any], Html]]) -> list[Html]:
+def _lists(ranking: pa.Table, shown: Sequence[tuple[Mapping[str, Any], Html]], by: str) -> list[Html]:
     """Return the encounters with cards: those to be tested, then the others."""
     is_sure = pc.is_valid(ranking["rank"])
     parts = []
@@ -194,7 +194,8 @@ def _lists(ranking: pa.Table, shown: Sequence[tuple[Mapping[str, Any], Html]]) -
         total = pc.sum(pc.and_(is_sure, pc.equal(ranking["to_test"], is_tested))).as_py() or 0
         if total:
             head = f"{name}: {total}" + (f", {len(own)} of them here" if len(own) < total else "")
-            about = element("p.soft", "Sorted by P of a contact between people.")
+            words = "P of a contact between people" if by == "probability" else by
+            about = element("p.soft", f"Sorted by {words}.")
             parts.append(
                 element(
                     "section", element("h2", head), *([about] if own else []), element("div.moments", *own)

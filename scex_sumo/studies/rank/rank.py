@@ -115,7 +115,7 @@ def rank(
         ranking.run()
         moments = moments_table(ranking)
         encounters = ranked(encounters_of(ranking.pairs, every), verdicts, by)
-        table, about, notes = write_ranking_page(ranking, encounters, top)
+        table, about, notes = write_ranking_page(ranking, encounters, top, by)
         for name, content in (("moments", moments), ("ranking", table)):
             write_table(folder.path / name, content)
         info = {
