@@ -119,7 +119,8 @@ def _run(
 
 def _python_message(message: str) -> str:
     """Return a message with arguments in the place of options of the command line, e.g. ``under_test``."""
-    words = {"-o": "out", "--no-report": "report=False", "--threshold": "thresholds"}
+    words = {"-o": "out", "--overwrite": "overwrite=True", "--no-report": "report=False"}
+    words["--threshold"] = "thresholds"
     return re.sub(
         r"(?<![\w-])--?[a-z][a-z-]*(?![\w-])",
         lambda option: words.get(option[0]) or option[0].removeprefix("--").replace("-", "_"),

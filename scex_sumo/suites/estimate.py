@@ -39,7 +39,7 @@ class Rate:
     freedom: float
 
     def cases_needed(self, cases: int) -> int | None:
-        """Return how many cases an interval of a factor of 3 would need; None if this one is below 30.
+        """Return how many cases an interval of a factor of 3 would need; None if this one's is below 30.
 
         Standard errors fall with the root of the number.
         """

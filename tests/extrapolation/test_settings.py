@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from scex_sumo import extrapolate
-from scex_sumo.base.errors import UsageError
+from scex_sumo import example_path, extrapolate, read_seed
+from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.options import options_of
 from scex_sumo.base.processes import idle_cores
 from scex_sumo.behaviors.spec import ModelSpec
@@ -65,6 +65,13 @@ def test_more_states_than_a_machine_holds_are_refused_with_their_number() -> Non
 def test_errors_name_the_arguments_of_python(options: dict[str, Any], said: str) -> None:
     with pytest.raises(UsageError, match=said):
         extrapolate(straight_seed(), **options)
+
+
+def test_errors_say_how_python_overwrites(tmp_path: Path) -> None:
+    (tmp_path / "run.json").write_text("{")
+    scene = read_seed(example_path("roundabout"))
+    with pytest.raises(ResultError, match="give another folder with out, or overwrite=True to replace it"):
+        extrapolate(scene, futures=1, out=tmp_path)
 
 
 def test_settings_go_to_other_processes_and_into_other_settings() -> None:
