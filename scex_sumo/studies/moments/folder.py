@@ -140,7 +140,7 @@ class StudyFolder(OutputFolder):
         self._files = self._recorded()
         for moment in [moment for moment, files in self._files.items() if not self._is_whole(files)]:
             self._remove(self._files.pop(moment))
-            self._record(_PARTS, moment).unlink()
+            self._record(_PARTS, moment).unlink(missing_ok=True)  # others' files have other names
 
     def _recorded(self) -> dict[str, dict[str, str]]:
         """Return the SHA-256 by moment and file; a damaged record has no file."""

@@ -56,6 +56,13 @@ def test_damaged_pairs_run_again(filled: Path, content: bytes) -> None:
         assert folder.pairs(TWO)["other_id"].to_pylist() == [2, 3]
 
 
+def test_a_stray_copy_of_a_record_changes_nothing(filled: Path) -> None:
+    record = filled / "parts" / "two_t1.0.json"
+    record.with_name("two_t1.0 (1).json").write_bytes(record.read_bytes())
+    with RankFolder(filled, PLAN) as folder:
+        assert folder.has(ONE) and folder.has(TWO)
+
+
 def test_a_listing_of_which_one_letter_was_changed_is_looked_at_again(filled: Path) -> None:
     with RankFolder(filled, PLAN) as folder:
         folder.save_listing(Listing(recording="r", moments=(ONE,)))
