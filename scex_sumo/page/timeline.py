@@ -17,6 +17,8 @@ from scex_sumo.results.tables.pairs import arrow, once_in, one_in
 _FLOOR: Final = 1e-7  # P below which nothing is drawn
 _LINES: Final = (-6, -4, -2)  # powers of ten
 _WIDE_PX, _HIGH_PX = 1000, 96
+_USUAL: Final = (0.1, 0.9)  # quantiles
+_FEWEST: Final = 10  # moments of a site that has a usual level
 _MARKS_M: Final = 420  # width of a map on which a mark is as large in m as it is in px on a time line
 
 SHAPES: Final[Mapping[str, str]] = {
@@ -68,15 +70,33 @@ class Happening:
         return element("a", shape, href=self.link) if self.link else shape
 
 
-def timeline(title: str, happenings: Sequence[Happening], span: tuple[float, float], name: str = "") -> Html:
+def usual_level(probabilities: Sequence[float]) -> tuple[float, float] | None:
+    """Return the P between which the moments of a site mostly are; None of too few."""
+    if len(probabilities) < _FEWEST:
+        return None
+    low, high = np.quantile(probabilities, _USUAL).tolist()
+    return low, high
+
+
+def timeline(
+    title: str,
+    happenings: Sequence[Happening],
+    span: tuple[float, float],
+    name: str = "",
+    usual: tuple[float, float] | None = None,
+) -> Html:
     """Return the time line of a recording.
 
     Args:
         span: first and last moment, s.
         name: of the recording, for the script that selects a span.
+        usual: as of `usual_level`, a band.
     """
     plane = Plane(x=(span[0], max(span[1], span[0] + 1.0)), y=(-7.0, 0.0), width=_WIDE_PX, height=_HIGH_PX)
     parts = list[Html]()
+    if usual is not None:
+        low, high = _level(np.array(usual)).tolist()
+        parts.append(plane.box(plane.x, (low, high), "soft"))
     for power in _LINES:
         parts.append(plane.line(np.array(plane.x), np.full(2, power), "soft", dashed=True))
         parts.append(plane.words(plane.x[0], power + 0.25, f"once in {one_in(10.0**power)}", anchor="start"))
@@ -89,13 +109,14 @@ def timeline(title: str, happenings: Sequence[Happening], span: tuple[float, flo
     return element("div.timeline", figure, data_recording=name, data_first=first, data_last=last)
 
 
-def shapes_legend(kinds: Iterable[str]) -> Html:
+def shapes_legend(kinds: Iterable[str], *, usual: bool = False) -> Html:
     """Return what the marks of kinds of conflicts look like."""
     there, parts = set(kinds), list[str]()
     for kind in (kind for kind in SHAPES if kind in there):
         sample = element("path.dot.likely", d=f"M7,7{SHAPES[kind]}")
         parts += [element("span", element("svg", sample, width="14", height="14"), f" {kind} "), " "]
-    return element("p.soft.legend", joined(*parts))
+    band = [element("span", "band: where most moments of the site are")] if usual else []
+    return element("p.soft.legend", joined(*parts, *band))
 
 
 def place_map(name: str, box: Box, road: Html, happenings: Sequence[Happening]) -> Html:

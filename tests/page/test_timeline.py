@@ -6,7 +6,7 @@ import re
 
 from scex_sumo.decision.words import WHAT
 from scex_sumo.page.html import Html
-from scex_sumo.page.timeline import SHAPES, Happening, place_map, timeline
+from scex_sumo.page.timeline import SHAPES, Happening, place_map, timeline, usual_level
 
 ROW = {
     "track_id": 3,
@@ -29,12 +29,17 @@ def test_each_kind_of_conflict_has_a_shape() -> None:
 
 def test_marks_lie_at_their_time_and_probability_and_name_the_pair() -> None:
     marks = [happening(0.0, 1e-7), happening(5.0, 1e-3, "#encounter-1"), happening(10.0, 1e-9)]
-    picture = timeline("here", marks, (0.0, 10.0), "here")
+    picture = timeline("here", marks, (0.0, 10.0), "here", (1e-6, 1e-4))
     places = [tuple(map(float, found)) for found in re.findall(r'd="M([\d.]+),([\d.]+)m', picture)]
     assert places == [(0.0, 96.0), (500.0, round(96 * 3 / 7, 1))]  # below one in ten million nothing is drawn
     assert "5 s, 3 → 7: 7 brakes; about once in 1\u202f000 such moments" in picture
-    assert picture.count('href="#encounter-1"') == 1
+    assert picture.count('href="#encounter-1"') == 1 and picture.count("area soft") == 1
     assert 'data-first="0" data-last="10"' in picture
+
+
+def test_a_usual_level_needs_ten_moments() -> None:
+    assert usual_level([1e-5] * 9) is None
+    assert usual_level([1e-5] * 10 + [1e-2]) == (1e-5, 1e-5)
 
 
 def test_a_map_has_its_places_in_metres() -> None:

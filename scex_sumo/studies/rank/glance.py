@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 from scex_sumo.page.document import card
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.report.scene import Box
-from scex_sumo.page.timeline import Happening, place_map, shapes_legend, timeline
+from scex_sumo.page.timeline import Happening, place_map, shapes_legend, timeline, usual_level
 from scex_sumo.results.tables.pairs import TOLD
 from scex_sumo.studies.moments.folder import MomentRef
 
@@ -58,24 +58,26 @@ def glance(
         places: as of `places_of`; ``roads`` of the sites that have one.
         cards: of encounters on the page.
     """
-    lines: dict[str, list[Happening]] = {}
+    lines, levels = dict[str, list[Happening]](), dict[str, list[float]]()
     for ref, table in pairs:
         for row in table.filter(pc.is_null(table["doubt"])).slice(0, 1).to_pylist():
             happening = Happening.of(row, ref.time_s, _link(row, ref.recording, ref.time_s, cards))
             lines.setdefault(ref.recording, []).append(happening)
+            levels.setdefault(ref.location, []).append(happening.probability)
+    usual = {ref.recording: usual_level(levels.get(ref.location, ())) for ref, _ in pairs}
     by_peak = sorted(lines, key=lambda name: -max(one.probability for one in lines[name]))
-    figures = [
-        timeline(name, marks, (min(one.time_s for one in marks), max(one.time_s for one in marks)), name)
-        for name, marks in lines.items()
-        if name in by_peak[:_MOST]
-    ]
-    maps = []
+    figures, maps = list[Html](), list[Html]()
+    for name, marks in lines.items():
+        if name in by_peak[:_MOST]:
+            times = [one.time_s for one in marks]
+            figures.append(timeline(name, marks, (min(times), max(times)), name, usual[name]))
     for site, rows in places.items():
         if site in roads:
             links = (_link(row, row["recording"], row["time_s"], cards) for row in rows)
             marks = [Happening.of(row, row["time_s"], link) for row, link in zip(rows, links, strict=True)]
             maps.append(place_map(site, box_of(rows), roads[site], marks))
-    legend = shapes_legend(one.what for marks in lines.values() for one in marks)
+    kinds = {one.what for marks in lines.values() for one in marks}
+    legend = shapes_legend(kinds, usual=any(usual.values()))
     more = f" Shown are the {_MOST} most critical of {len(lines)} recordings." if len(lines) > _MOST else ""
     return card("At a glance", _HOW + more, legend, *figures, element("div.maps", *maps))
 
