@@ -22,7 +22,7 @@ from scex_sumo.converters.net.allowed import prune
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.xml import net_root
 from scex_sumo.exporters.request import Request
-from scex_sumo.intention import SIMULATED, Intention, Walk
+from scex_sumo.intention import MAX_BEHIND, SIMULATED, Intention, Walk
 from scex_sumo.results.participants import some_obstacles
 from scex_sumo.results.road import load_intentions
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene, States
@@ -80,11 +80,12 @@ def _write_future(request: Request, future: int, folder: Path) -> Path:
         time_s = float(request.run.info["seed_scene"]["time_s"])
         others = _with_walks(request.scene.obstacles, walks)
         scene = replace(request.scene, obstacles=others, time_s=time_s)
+    elif intentions:
+        intentions = tuple(_later(one, edges[v], STEP_S * steps) for v, one in enumerate(intentions))
+        edges = [one.edges if one else way for one, way in zip(intentions, edges, strict=True)]
     scene = replace(scene, intentions=intentions, future=None, future_valid=None)
     scene = scene.reordered(kept, name=scene.name)
-    if not simulated:  # what a simulation did not save of its vehicles belongs to the moment
-        scene = replace(scene, intentions=tuple(map(_without_route, scene.intentions)))
-    driven = [_driven(scene, n, edges[v]) for n, v in enumerate(kept)]
+    driven = [_driven(scene, n, edges[v], simulated=simulated) for n, v in enumerate(kept)]
     net, lights = net_root(request.run.net.path), None
     if simulated:
         lights = _own_lights(net)
@@ -139,8 +140,17 @@ def _route(intention: Intention | None, ahead: tuple[str, ...]) -> tuple[str, ..
     return ahead if first is None else known[first:]
 
 
-def _without_route(intention: Intention | None) -> Intention | None:
-    return intention and replace(intention, edges=(), behind=(), stops=(), change_mps=0.0, saved="")
+def _later(intention: Intention | None, ahead: tuple[str, ...], after_s: float) -> Intention | None:
+    """Return what a vehicle is to do after a time, with these edges ahead."""
+    if intention is None:
+        return None
+    stops = tuple(
+        replace(stop, until_s=stop.until_s - after_s if stop.until_s >= 0 else -1.0)
+        for stop in intention.stops
+    )
+    edges, known = _route(intention, ahead), (*intention.behind, *intention.edges)
+    behind = known[: -len(edges)][-MAX_BEHIND:] if known[-len(edges) :] == edges else ()
+    return replace(intention, edges=edges, behind=behind, stops=stops, change_mps=0.0)
 
 
 def _with_walks(others: Obstacles | None, walks: tuple[Walk, ...]) -> Obstacles | None:
@@ -150,12 +160,12 @@ def _with_walks(others: Obstacles | None, walks: tuple[Walk, ...]) -> Obstacles 
     return some_obstacles(replace(others, walks=walks), np.array([bool(walk.saved) for walk in walks]))
 
 
-def _driven(scene: SeedScene, vehicle: int, edges: tuple[str, ...]) -> SumoDriven:
+def _driven(scene: SeedScene, vehicle: int, edges: tuple[str, ...], *, simulated: bool) -> SumoDriven:
     intention, model, parameters, arrival = scene.intention(vehicle), _MODEL, dict[str, str](), None
     if intention is not None:
         model, parameters = SumoDriver(OWN_MODEL).driving(scene, vehicle)
-    if intention is not None and intention.saved:
-        edges, arrival = intention.edges, intention.arrival
+        edges = intention.edges if simulated else edges
+        arrival = intention.arrival if intention.edges[-1:] == edges[-1:] else None
     return SumoDriven(
         future=0, vehicle=vehicle, model=model, parameters=parameters, edges=edges, arrival=arrival
     )
@@ -192,7 +202,7 @@ def _name_types(root: Element, scene: SeedScene) -> None:
         if user.get("id", "") in scene.names:
             intention = scene.intention(scene.names.index(user.get("id", "")))
             saved = ElementTree.fromstring((intention and intention.saved) or "<user/>")
-            name = "".join(own.get("id", "") for own in saved.iter("vType")).partition("@")[0]
+            name = "".join(own.get("id", "") for own in saved.iter("vType"))
         if name and not name.startswith("DEFAULT_"):
             if name not in types:
                 types[name] = Element("vType", {**here.attrib, "id": name})
@@ -205,7 +215,7 @@ def _renamed(state: Path, scene: SeedScene) -> Element:
     root = ElementTree.parse(state).getroot()
     named = dict(zip(vehicle_ids([0], scene.track_ids), scene.names, strict=True))
     if scene.obstacles is not None:
-        named |= {obstacle_id(0, name): name.removesuffix(" (person)") for name in scene.obstacles.ids}
+        named |= {obstacle_id(0, name): name.removesuffix("_person") for name in scene.obstacles.ids}
     for element in root.iter():
         is_list = element.tag in ("vehicle", "vehicles", "person")
         for key, value in element.attrib.items():

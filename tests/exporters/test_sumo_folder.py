@@ -147,3 +147,48 @@ def test_the_future_of_another_driver_goes_on_though_a_lane_change_of_one_step_i
         ahead = run.scene.length[v] / 2 + 0.1 * last.speed[v]
         front = last.x[v] + ahead * np.cos(last.heading[v]), last.y[v] + ahead * np.sin(last.heading[v])
         assert np.hypot(*np.subtract(there[name], front)) < 0.5
+
+
+def test_a_person_with_the_name_of_a_vehicle_walks_on(tmp_path: Path) -> None:
+    walk = '<personFlow id="e" begin="0" end="1" period="3"><walk from="A0A1" to="C1C2"/></personFlow>'
+    routes = BUSY.replace("</routes>", f"{walk}</routes>")
+    simulation = write_grid(tmp_path, routes=routes, processing=STILL)
+    seed = read_seed(simulation.config, time=8.0)
+    run = extrapolate(seed, models=["sumo:own"], futures=1, steps=30, out=tmp_path / "run")
+    (file,) = EXPORTERS.load("sumo")(Request(run=run, futures=(0,), out=tmp_path / "sumo"))
+    exported = in_sumo(file, 11.0)
+    assert sorted(exported.persons) == ["e.0", "p.0", "p.1", "p.2"]
+    assert "e.0" in exported.vehicles
+
+
+def test_the_type_of_a_single_vehicle_stays_its_own(tmp_path: Path) -> None:
+    """SUMO makes ``car@north`` of ``car`` where an attribute of one vehicle is set."""
+    slow = '<vType id="car@north" sigma="0" maxSpeed="3"/>'
+    routes = ROUTES.replace("<vType", f"{slow}<vType", 1).replace(
+        '"north" type="car"', '"north" type="car@north"'
+    )
+    simulation = write_grid(tmp_path, routes=routes.replace('"8"', '"3"'), end=60)
+    run = extrapolate(
+        read_seed(simulation.config, time=5.0), models=["sumo:own"], futures=1, steps=30, out=tmp_path / "run"
+    )
+    (file,) = EXPORTERS.load("sumo")(Request(run=run, futures=(0,), out=tmp_path / "sumo"))
+    state = ET.parse(file.with_name("state.xml")).getroot()
+    limit = {kind.get("id"): kind.get("maxSpeed") for kind in state.iter("vType")}
+    found = {v.get("id"): limit[v.get("type")] for v in state.iter("vehicle")}
+    assert float(found.pop("north") or "nan") == 3
+    assert found == {"west": None, "lorry": None}
+
+
+def test_a_bus_stands_at_its_stop_also_beside_a_bicycle_that_takes_part(tmp_path: Path) -> None:
+    """SUMO has saved nothing of a road user whose model drives it: all are set up anew."""
+    routes = """<routes><vType id="car" sigma="0"/><vType id="bike" vClass="bicycle"/>
+     <vehicle id="bus" type="car" depart="0" departSpeed="8"><route edges="B0B1 B1C1"/>
+      <stop lane="B1C1_1" endPos="40" duration="5" until="20"/></vehicle>
+     <vehicle id="bike" type="bike" depart="0"><route edges="B2B1 B1A1"/></vehicle></routes>"""
+    simulation = write_grid(tmp_path, routes=routes)
+    seed = read_seed(simulation.config, time=7.0)
+    run = extrapolate(seed, models=["sumo:own"], futures=1, steps=50, vru="model", out=tmp_path / "run")
+    (file,) = EXPORTERS.load("sumo")(Request(run=run, futures=(0,), out=tmp_path / "sumo"))
+    steps = replay(file.parent, "-c", file.name, "--end", 12, "--xml-validation", "never")
+    times = [float(step.get("time", "nan")) for step in steps for v in step.iterfind("vehicle[@pos='40.00']")]
+    assert min(times) == pytest.approx(0.1) and max(times) == pytest.approx(8.1, abs=0.2)  # 20 s are 8 s on

@@ -53,6 +53,17 @@ def test_drivers_of_sumo_arrive_and_park_when_they_do_in_the_simulation(
     assert there.sum(axis=1).tolist()[2] == 50 and (there.sum(axis=1)[:2] < 50).all()
 
 
+def test_vehicles_stop_in_a_scene_that_was_changed_since(scene: scex_sumo.SeedScene, tmp_path: Path) -> None:
+    """SUMO's saved state is not of the changed scene: the stops are planned anew."""
+    ahead = scene.history.map(lambda values: values.copy())
+    ahead.x[2] += 3.0
+    changed = dataclasses.replace(scene, history=ahead)
+    run = extrapolate(changed, models=["sumo:own"], futures=1, steps=50, out=tmp_path / "out")
+    assert scene.future_valid is not None
+    there = np.isfinite(run.states(0).x[:, -50:])
+    np.testing.assert_array_equal(there, scene.future_valid[:, :50])
+
+
 @pytest.fixture(scope="module")
 def planned(scene: scex_sumo.SeedScene, tmp_path_factory: pytest.TempPathFactory) -> scex_sumo.Run:
     out = tmp_path_factory.mktemp("planned") / "out"

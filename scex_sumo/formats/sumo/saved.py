@@ -43,7 +43,7 @@ def saved_state(sumo: Any) -> bytes:
 
 def person_label(name: str, *, taken: bool) -> str:
     """Return the name of a person's track; ``taken`` by a vehicle of the same name."""
-    return f"{name} (person)" if taken else name
+    return f"{name}_person" if taken else name
 
 
 def types_and_arrivals(state: bytes) -> tuple[dict[str, dict[str, str]], dict[str, str]]:
