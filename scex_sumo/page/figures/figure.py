@@ -62,7 +62,7 @@ def plot(
         The axes.
 
     Raises:
-        UsageError: the metric has no density, or is defined in no future; too many runs.
+        UsageError: the metric has no density, or is defined in no future; too many runs, or labels of others.
 
     Example:
         >>> (axes,) = scex.plot(run, "ttc.svg", metric="ttc")
@@ -73,6 +73,8 @@ def plot(
     labels = labels or (["stress test"] if len(runs) == 1 else [run.folder.name for run in runs])
     if len(runs) > len(COLORS):
         raise UsageError(f"plot: {len(runs)} results, but a figure has {len(COLORS)} colours; give fewer")
+    if not runs or len(labels) != len(runs):
+        raise UsageError(f"plot: {len(runs)} results and {len(labels)} labels; give one for each result")
     columns = _columns(runs, metric)
     if ax is not None:
         if len(columns) != 1:

@@ -103,6 +103,12 @@ def test_more_runs_than_colours_are_refused(run: Run) -> None:
         plot([run] * 9, None, curve="density")
 
 
+@pytest.mark.parametrize(("runs", "labels"), [(2, ["one"]), (1, ["one", "two"]), (0, None)])
+def test_runs_without_a_label_each_are_refused(run: Run, runs: int, labels: list[str] | None) -> None:
+    with pytest.raises(UsageError, match=rf"{runs} results and {len(labels or [])} labels"):
+        plot([run] * runs, labels=labels)
+
+
 def test_the_same_run_is_drawn_in_the_same_bytes(run: Run, tmp_path: Path) -> None:
     files = [tmp_path / "first.svg", tmp_path / "second.svg"]
     for file in files:
