@@ -65,7 +65,7 @@ _LIGHT_PARAMETERS = (
     " show-detectors build-all-detectors hide-conflicts minTimeLoss detectorRange extendMaxDur ignore-errors"
     " total-cycle-length ring1 ring2 barrierPhases barrier2Phases coordinatePhases offset cabinetType"
     f" linkSignalID {SIMULATED}"
-)
+).split()
 
 
 def prune(root: Element) -> tuple[str, ...]:
@@ -91,7 +91,7 @@ def _prune(element: Element, left_out: Counter[str]) -> None:
         elif (
             child.tag == "param"
             and element.tag in ("tlLogic", "junction")
-            and (child.get("key", "").partition(":")[0] not in _LIGHT_PARAMETERS)
+            and child.get("key", "").partition(":")[0] not in _LIGHT_PARAMETERS
         ):
             left_out[f"parameters {child.get('key', '')[:24]!r} of <{element.tag}>"] += 1
         else:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 import subprocess
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
 from scex_sumo.base.errors import MapError, SimulationError
 from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.converters.maps import read_map
+from scex_sumo.converters.net.allowed import prune
 from scex_sumo.converters.net.reading import allowed_content, open_net, refuse_outputs
 from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.world.tiles import TileTemplate
@@ -142,3 +144,10 @@ def test_a_net_of_ours_that_somebody_changed_is_refused(grid: str, tmp_path: Pat
     drawing.write_text('<additional><include href="/x"/></additional>')
     with pytest.raises(MapError, match=r"copy\.add\.xml: changed since it was written: 1 <include> in it"):
         open_net(copy.path)
+
+
+def test_parameters_of_lights_are_allowed_by_their_whole_names() -> None:
+    params = "".join(f'<param key="{key}" value="x"/>' for key in ("max-gap:A0_1", "gap", "", "file"))
+    root = ElementTree.fromstring(f'<net><tlLogic id="t">{params}</tlLogic></net>')
+    assert len(prune(root)) == 3
+    assert [one.get("key") for one in root.iter("param")] == ["max-gap:A0_1"]
