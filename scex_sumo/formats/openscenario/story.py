@@ -38,14 +38,15 @@ class Event:
     def __init__(self, *within: Element) -> None:
         self.element, self.maneuver, self.group, self.act, self.story = within
         self.began_s = self.ended_s = math.inf
+        self.ending = ""  # ``end`` or ``stop``, once it is over
         self.times_left = number(self.element, "maximumExecutionCount", "1")
         self.running: list[tuple[Mover, Action]] = []
 
-    def end(self, time_s: float) -> None:
+    def end(self, time_s: float, ending: str = "stop") -> None:
         """End it, and those of its actions that go on."""
         for mover, action in self.running:
             mover.end(action)
-        self.ended_s = time_s
+        self.ended_s, self.ending = time_s, ending
 
 
 class Storyboard:
@@ -61,6 +62,7 @@ class Storyboard:
         self.movers = {mover.name: mover for mover in movers}
         self._fired: dict[Element, tuple[bool, float]] = {}
         self._fixed: dict[Element, Pose] = {}  # places that no road user changes
+        self._named: dict[Element, list[list[Event]]] = {}  # events of the parts that a condition names
         self._stop = board.find("StopTrigger")
         for private in board.iterfind("Init/Actions/Private"):
             for action in private:
@@ -160,10 +162,10 @@ class Storyboard:
         for event in (event for event in events if event.ended_s > now):
             goes_on = any(action in mover.actions.values() for mover, action in event.running)
             is_over = event.began_s <= now and not goes_on
-            if is_over and event.times_left >= 1:
+            if is_over and event.times_left >= 1 and not is_stopped:
                 event.began_s = math.inf
             elif is_over or is_stopped:
-                event.end(now)
+                event.end(now, "end" if is_over else "stop")
             if (
                 event.began_s > now
                 and not is_stopped
@@ -186,7 +188,12 @@ class Storyboard:
     def _begin(self, action: Element, movers: Sequence[Mover]) -> list[tuple[Mover, Action]]:
         """Begin an action of some road users, or of the world; return what goes on."""
         body = action[0] if len(action) else action
-        if body.tag in _STILL:
+        if body.tag == "EntityAction":
+            mover, added = self._mover(body), body.find("AddEntityAction")
+            if added is not None:
+                mover.put(self._pose(added))
+            mover.there = added is not None
+        if body.tag in (*_STILL, "EntityAction"):
             return []
         if action.tag != "PrivateAction":
             raise UnknownMotion(f"{body.tag} decides from then on")
@@ -298,7 +305,24 @@ class Storyboard:
     def _by_state(self, one: Element) -> bool:
         kind, wanted = one.get("storyboardElementType", "").lower(), one.get("state", "")
         now = self._time_s
-        name = one.get("storyboardElementRef", "").replace("::", "/").rpartition("/")[2]
+        if one not in self._named:
+            self._named[one] = self._parts(kind, one.get("storyboardElementRef", ""))
+        for events in self._named[one]:
+            acts = [self._begun.get(event.act, math.inf) for event in events]
+            began = min([event.began_s for event in events] if kind in ("event", "action") else acts)
+            last = max(events, key=lambda event: event.ended_s)
+            began, ended = 0.0 if kind == "story" else began, last.ended_s
+            state = "complete" if ended <= now else "running" if began <= now else "standby"
+            changed = {"start": began, last.ending: ended}.get(wanted.removesuffix("Transition"))
+            if wanted == f"{state}State" or (
+                changed is not None and 0 <= now - changed < 1.5 * motion.TICK_S
+            ):
+                return True
+        return False
+
+    def _parts(self, kind: str, ref: str) -> list[list[Event]]:
+        """Return the events of each part of the storyboard of a kind and name."""
+        name = ref.replace("::", "/").rpartition("/")[2]
         parts: dict[Element, list[Event]] = {}
         for event in self._events:
             within = event.story, event.act, event.group, event.maneuver, event.element
@@ -307,17 +331,7 @@ class Storyboard:
                     parts.setdefault(part, []).append(event)
         if not parts:
             raise ValueError(f"{kind[:20]} {name[:40]!r} is not in its storyboard")
-        for events in parts.values():
-            acts = [self._begun.get(event.act, math.inf) for event in events]
-            began = min([event.began_s for event in events] if kind in ("event", "action") else acts)
-            began, ended = 0.0 if kind == "story" else began, max(event.ended_s for event in events)
-            state = "complete" if ended <= now else "running" if began <= now else "standby"
-            changed = {"start": began, "end": ended, "stop": ended}.get(wanted.removesuffix("Transition"))
-            if wanted == f"{state}State" or (
-                changed is not None and 0 <= now - changed < 1.5 * motion.TICK_S
-            ):
-                return True
-        return False
+        return [*parts.values()]
 
     def _by_entity(self, one: Element, entities: Element) -> bool:
         movers = [self._mover(x) for x in entities.findall("EntityRef")]
@@ -357,7 +371,10 @@ class Storyboard:
         if by_road or kind == "longitudinal" or one.tag == "TimeHeadwayCondition":
             apart = abs(mover.ahead(goal) if by_road else dx)
             return max(apart - ((mover.length + free.length) / 2 if free else 0.0), 0.0)
-        return mover.outline.distance(free.outline) if free else math.hypot(dx, dy)
+        if free is None:
+            return math.hypot(dx, dy)
+        is_known = math.isfinite(mover.length + mover.width + free.length + free.width)
+        return mover.outline.distance(free.outline) if is_known else math.nan
 
 
 def _needed(element: Element, name: str) -> Element:

@@ -250,6 +250,55 @@ def test_a_moment_of_a_scenario_is_a_seed_scene_with_its_names(tmp_path: Path) -
     assert scene.recorded_steps.min() == 10
 
 
+def test_road_users_that_are_added_and_deleted_come_and_go(tmp_path: Path) -> None:
+    """As our own exports say that a vehicle leaves."""
+
+    def change(body: str, seconds: float) -> str:
+        action = tag("GlobalAction", tag("EntityAction", body, entityRef="Other"))
+        event = f'<Event name="e{seconds}" priority="parallel"><Action name="a">{action}</Action>'
+        return f"{event}{after(time(seconds))}</Event>"
+
+    changes = change(tag("DeleteEntityAction"), 3), change(tag("AddEntityAction", at(-1, 300)), 5)
+    file = scenario(tmp_path, TWO, story("Ego", *changes), stop_s=9)
+    rows, notes = track(file, "2")
+    assert not notes
+    assert not ((rows.timestamp_ms > 3050) & (rows.timestamp_ms < 4950)).any()
+    assert axle(rows, 8)[:2] == pytest.approx((330, -WIDTH / 2), **NEAR)
+    assert axle(track(file)[0], 8)[0] == pytest.approx(50 + 20 * 8, **NEAR)
+
+
+def test_the_distance_between_boxes_of_unknown_size_is_unknown(tmp_path: Path) -> None:
+    free = {"relativeDistanceType": "euclidianDistance", "freespace": "true", "rule": "lessThan"}
+    brake = event("brake", set_speed(0), after(near("RelativeDistanceCondition", "Other", 500, **free)))
+    entities = dict.fromkeys(("Ego", "Other"), '<Vehicle name="car" vehicleCategory="car"/>')
+    rows, _ = track(scenario(tmp_path, TWO, story("Ego", brake), entities=entities, stop_s=4))
+    assert rows.speed.min() == pytest.approx(20)
+
+
+@pytest.mark.parametrize(("state", "speed"), [("endTransition", 10), ("stopTransition", 5)])
+def test_an_event_that_another_one_overrides_is_stopped_and_has_not_ended(
+    tmp_path: Path, state: str, speed: float
+) -> None:
+    waits = (
+        '<ByValueCondition><StoryboardElementStateCondition storyboardElementType="event" '
+        f'storyboardElementRef="first" state="{state}"/></ByValueCondition>'
+    )
+    first = event("first", set_speed(30, "linear", "time", 5), after(time(1)))
+    second = event("second", change_lane(LEFT, "linear", 2), after(time(2)))
+    others = story("Other", event("brake", set_speed(5), after(waits)))
+    file = scenario(tmp_path, TWO, story("Ego", first, second) + others, stop_s=5)
+    assert axle(track(file, "2")[0], 4)[2] == speed
+
+
+@pytest.mark.parametrize("stop_s", [1.999, 2.0, 2.001, 2.002])
+def test_an_act_that_is_stopped_repeats_no_event(tmp_path: Path, stop_s: float) -> None:
+    faster = set_speed('<RelativeTargetSpeed entityRef="Ego" value="10"/>', "linear", "time", 1)
+    twice = event("twice", faster, after(time(1))).replace("<Event", '<Event maximumExecutionCount="2"')
+    stop = after(time(stop_s), "rising").replace("StartTrigger", "StopTrigger")
+    stories = story("Ego", twice).replace("</Act>", f"{stop}</Act>")
+    assert axle(track(scenario(tmp_path, TWO, stories, stop_s=6))[0], 5)[2] == pytest.approx(30, **NEAR)
+
+
 def test_what_a_controller_decides_is_not_known(tmp_path: Path) -> None:
     controlled = f'{CAR}<ObjectController><Controller name="acc"/></ObjectController>'
     act = (
