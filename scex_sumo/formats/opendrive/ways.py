@@ -18,6 +18,7 @@ Driven: TypeAlias = tuple[str, int, int, int]  # road, piece, lane; 1 along its 
 
 _AHEAD_M = 3000.0  # of a way
 _BESIDE_M = 3.5  # from the middle of a lane: farther, a place is on none
+_NEAR_M = 2 * _BESIDE_M  # around a lane: beyond, its distance is not asked for
 _AGAINST_M = 1.0  # a lane is driven as it leads, unless another is so much farther
 
 
@@ -84,6 +85,9 @@ class Places:
             for sign, near in ((1, lane.successors), (-1, lane.predecessors)) if len(line) > 1 else ():
                 name, *others = (self.driven(one, sign) for one in (lane.name, *(near or ())))
                 self._lines[name], self._beyond[name] = line[::sign], others
+        self._names = [*self._lines]
+        near = [(line.min(axis=0) - _NEAR_M, line.max(axis=0) + _NEAR_M) for line in self._lines.values()]
+        self._low, self._high = np.array(near).reshape(-1, 2, 2).transpose(1, 0, 2)
 
     def driven(self, name: Any, sign: int) -> Driven:
         """Return a lane driven as it leads, or against it (-1)."""
@@ -123,9 +127,14 @@ class Places:
 
     def lane_of(self, pose: Pose) -> Driven | None:
         """Return the lane on which a pose is: the nearest, driven as it leads before against; else None."""
-        names = self._lines if math.isfinite(pose.x + pose.y) else ()
-        costs = [(self._projected(pose, n)[1], n) for n in names if pose.lane in (None, n[:3])]
-        cost, lane = min(costs, default=(math.inf, None))
+        at = np.array(pose[:2])
+        if pose.lane is None:
+            beside = ((self._low <= at) & (at <= self._high)).all(axis=1)
+            names = [self._names[k] for k in np.flatnonzero(beside)]
+        else:
+            both = ((*pose.lane, 1), (*pose.lane, -1)) if np.isfinite(at).all() else ()
+            names = [name for name in both if name in self._lines]
+        cost, lane = min(((self._projected(pose, n)[1], n) for n in names), default=(math.inf, None))
         return lane if cost < math.inf else None
 
     def roads_of(self, goals: Sequence[Pose]) -> list[str]:
