@@ -129,12 +129,12 @@ def explain_parse_error(path: Path, header: Sequence[str], numbers: Sequence[str
 
 def explain_bad_values(path: Path, header: Sequence[str], index: int, motor: Collection[str]) -> TrackError:
     """Error about the missing or impossible value of a data row; index 0 is the first after the header."""
-    line, row = next(islice(_lines(path), index, None), (index + 1, []))
+    line, row = next(islice(_lines(path), index, None), (0, []))
     values = dict(zip(header, (value.strip() for value in row), strict=False))
     kind = values.get("agent_type", "").lower()
     words = [name for name in ("track_id", "agent_type", "case_id") if name in header]
     numbers = (*BASE_COLUMNS, *(SHAPE_COLUMNS if kind in motor else ()))
-    for name in (*words, *(name for name in numbers if name not in words)):
+    for name in (*words, *(name for name in numbers if name not in words)) if row else ():
         if wrong := _wrong(name, values.get(name, ""), is_word=name in words):
             whose = name if name in (*words, "length", "width") else f"{name} of a {kind[:24]}"
             return TrackError(f"{path}: line {line}: {whose} is {wrong}; repair or drop the row")

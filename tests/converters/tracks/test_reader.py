@@ -150,3 +150,9 @@ def test_a_stamp_of_another_clock_is_refused_with_its_track(tmp_path: Path) -> N
     path = write_rows(tmp_path / "t.csv", rows)
     with pytest.raises(TrackError, match="hours from track 1 to 2, at most 24 are read; repair the stamps"):
         read_recorded([path])
+
+
+def test_a_bad_row_behind_one_that_cannot_be_shown_is_named_by_its_number(tmp_path: Path) -> None:
+    rows = [{**row, "agent_type": "x" * 200_000} for row in straight(1)[:1]] + straight("", x=9.0)
+    with pytest.raises(TrackError, match=r"t\.csv: data row 2 has a missing value; repair or drop the row$"):
+        read_tracks(write_rows(tmp_path / "t.csv", rows))
