@@ -21,7 +21,7 @@ from scex_sumo.formats.lane_maps.lane_map import DrawnMap
 from scex_sumo.geometry.polylines import arc_lengths
 
 VERSIONS = ("2018b", "2020a")
-MAX_ID = 2**53  # other tools keep ids as floats
+MAX_ID = 2**52  # other tools keep ids as floats; those of opposite lanes are greater
 _ROOTS = {
     "osm": "it is an OSM file, rename it to .osm for Lanelet2",
     "net": "it is a SUMO net already",

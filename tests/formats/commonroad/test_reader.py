@@ -138,6 +138,14 @@ def test_a_lanelet_that_cars_use_both_ways_is_two_lanes(tmp_path: Path) -> None:
     assert check_net(net.path, road, net.lanes).problems() == []
 
 
+def test_the_largest_id_has_an_opposite_lane_and_greater_ones_are_left_out(tmp_path: Path) -> None:
+    both = {"one_way": [], "both_ways": ["vehicle"]}
+    greater = [straight(2**53 - 1, 0, 30, 50, **both)]
+    road = read(tmp_path, [straight(2**52 - 1, 0, 0, 50, **both), *greater])
+    assert {i: lane.reverse_of for i, lane in road.lanes.items()} == {2**52 - 1: None, 2**52: 2**52 - 1}
+    assert "lanelets left out, their id is no positive number: 9007199254740991" in road.notes
+
+
 @pytest.mark.parametrize("value", ["fast", "-3", "0", "nan", "120"])
 def test_a_limit_that_is_none_in_metres_per_second_is_left_out_and_noted(value: str, tmp_path: Path) -> None:
     road = read(tmp_path, [straight(1, 0, 0, 50, signs=[90])], signs=[Sign(90, "274", [value])])
