@@ -54,6 +54,7 @@ class SuiteFolder(OutputFolder):
 
     info, what = SUITE, "suite"
     another = "another suite, of other encounters or with other options"
+    evidence = (CASES, MAPS)
 
     def _clear(self) -> None:
         for name in (CASES, MAPS):

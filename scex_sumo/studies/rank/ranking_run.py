@@ -151,6 +151,7 @@ class RankFolder(StudyFolder):
 
     info, what = "rank.json", "ranking"
     another = "another ranking, of other recordings or with other options"
+    evidence = ("ranking.parquet", "ranking.csv", _SEEDS)
     trees, records = (_PAIRS,), (_SEEDS,)
     kept = ("ranking.parquet", "ranking.csv", "moments.parquet", "moments.csv", "ranking.html", REPORTS)
 

@@ -215,6 +215,7 @@ class ForecastFolder(StudyFolder):
     """Folder of the forecasts of moments: ``moments/NAME/futures.parquet`` and five more tables."""
 
     info, what, another, trees = "validate.json", "validation", "another validation", (_MOMENTS,)
+    evidence = ("events.parquet", "pairs.parquet", "values.parquet", "positions.parquet", _MOMENTS)
     kept = ("encounters.parquet",)
 
     def restart(self) -> None:

@@ -41,6 +41,7 @@ class TestFolder(StudyFolder):
     __test__ = False  # pytest
     info, what = RESULT, "test"
     another = "another test, of another suite or function"
+    evidence = (_RECORDS, PAGE)
     trees, records = (), (_RECORDS,)
     kept = (PAGE, SUMMARY)
 
