@@ -30,7 +30,6 @@ import os
 import pickle
 import tempfile
 import time
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,14 +52,12 @@ from scex_sumo.humans.guard.side_clearance import box_distances
 from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.scene import STEP_S, SeedScene, States
-from scex_sumo.studies.validate.noise import BoxNoise, as_recorded, box_noise
 from scex_sumo.studies.validate.scores import brier, covered
 from scex_sumo.studies.validate.scoring import COLLISION, EVENTS, MIN_DEFINED
 from scex_sumo.studies.validate.vehicles import least_gap, near_pairs, pair_events
 from scex_sumo.world.plain import PlainWorld
 
 STEPS, REPLAN = 30, 5
-NOISY_STEPS = 30  # no longer noise of boxes is known
 HARD_MPS2, OVER_STEPS = 3.0, 5
 STANDING_MPS, STARTED_M, NEAR_M = 0.5, 1.0, 0.5
 SETTINGS = RunSettings(futures=1)
@@ -87,7 +84,6 @@ class Case:
 
     site: str
     scene: SeedScene
-    noise: BoxNoise
     recorded: FloatArray  # (K,) metric values and collision
     straight: FloatArray  # (K,)
     straight_states: States  # (1, T, V)
@@ -99,9 +95,7 @@ class Figures:
 
     case: Case
     driven: FloatArray  # (C, K)
-    seen: FloatArray  # (C, K) as they would have been recorded
     states: States  # (C, T, V)
-    seen_states: States  # (C, T, V)
 
 
 def site_of(name: str) -> str:
@@ -129,14 +123,11 @@ def cases(data: Path, part: Part, most: int, rules: bool) -> Iterator[Case]:
     for site in SITES:
         found = chosen.get(site, [])
         step = max(1.0, len(found) / most)
-        noises: dict[int, BoxNoise] = {}
         for k in range(min(most, len(found))):
             loaded, time_s = found[int(k * step + step / 2)]
             scene = seed_at(loaded, time_s)
             scene = with_rules(scene) if rules else scene
-            if id(loaded) not in noises:
-                noises[id(loaded)] = box_noise(loaded.table.vehicles, np.inf)
-            yield case_of(site, scene, noises[id(loaded)])
+            yield case_of(site, scene)
 
 
 def with_rules(scene: SeedScene) -> SeedScene:
@@ -146,7 +137,7 @@ def with_rules(scene: SeedScene) -> SeedScene:
         return ruled(scene, converted(scene.road, Path(folder) / "road.net.xml"), SETTINGS)[0]
 
 
-def case_of(site: str, scene: SeedScene, noise: BoxNoise) -> Case:
+def case_of(site: str, scene: SeedScene) -> Case:
     recorded = measure_recorded(scene, STEPS, metrics=SETTINGS.measured)
     assert recorded is not None
     values = np.where(recorded.values.defined, recorded.values.values, np.nan)
@@ -157,7 +148,6 @@ def case_of(site: str, scene: SeedScene, noise: BoxNoise) -> Case:
     return Case(
         site=site,
         scene=scene,
-        noise=noise,
         recorded=real,
         straight=measured(scene, straight)[0],
         straight_states=straight.states,
@@ -193,15 +183,7 @@ def measured(scene: SeedScene, rollout: Rollout) -> FloatArray:
 
 def figures(case: Case, model: str, futures: int) -> Figures:
     rollout = simulated(case.scene, model, range(futures))
-    rng = np.random.default_rng(zlib.crc32(case.scene.name.encode()))
-    seen = as_recorded(case.scene, rollout, case.noise, rng) if STEPS <= NOISY_STEPS else rollout
-    return Figures(
-        case=case,
-        driven=measured(case.scene, rollout),
-        seen=measured(case.scene, seen),
-        states=rollout.states,
-        seen_states=seen.states,
-    )
+    return Figures(case=case, driven=measured(case.scene, rollout), states=rollout.states)
 
 
 def row_of(found: list[Figures]) -> dict[str, float]:
@@ -221,9 +203,9 @@ def row_of(found: list[Figures]) -> dict[str, float]:
     for column, name in enumerate(names[:-1]):
         hits = []
         for f in found:
-            y, sample = f.case.recorded[column], f.seen[:, column]
+            y, sample = f.case.recorded[column], f.driven[:, column]
             sample = sample[np.isfinite(sample)]
-            if np.isfinite(y) and len(sample) >= MIN_DEFINED * len(f.seen):
+            if np.isfinite(y) and len(sample) >= MIN_DEFINED * len(f.driven):
                 hits.append(covered(sample, float(y)))
         if hits:
             cover[name] = float(np.mean(hits))
@@ -274,10 +256,9 @@ def positions(
     for v in np.flatnonzero(whole).tolist():
         x, y, heading = (float(a[v, last]) for a in (scene.future.x, scene.future.y, scene.future.heading))
         dx, dy = f.states.x[:, last, v] - x, f.states.y[:, last, v] - y
-        sx, sy = f.seen_states.x[:, last, v] - x, f.seen_states.y[:, last, v] - y
         along, across = (
-            np.cos(heading) * sx + np.sin(heading) * sy,
-            np.cos(heading) * sy - np.sin(heading) * sx,
+            np.cos(heading) * dx + np.sin(heading) * dy,
+            np.cos(heading) * dy - np.sin(heading) * dx,
         )
         plain = np.hypot(f.case.straight_states.x[0, last, v] - x, f.case.straight_states.y[0, last, v] - y)
         error = float(np.hypot(dx.mean(), dy.mean()))

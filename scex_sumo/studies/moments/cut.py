@@ -17,6 +17,7 @@ from scex_sumo.studies.moments.run import MomentTask, StudySettings, pack_road
 
 T = TypeVar("T")
 Item: TypeAlias = Listing | Failure | MomentTask
+Choose: TypeAlias = Callable[[LoadedRecording], Sequence[Moment]]
 
 MIN_VEHICLES = 2
 _POLL_S = 0.1  # how often a waiting thread checks whether it is still needed
@@ -28,7 +29,7 @@ def moment_tasks(
     settings: StudySettings,
     *,
     wanted: Callable[[Listing], Sequence[MomentRef]],
-    choose: Callable[[LoadedRecording], Sequence[Moment]] | None = None,
+    choose: Choose | None = None,
 ) -> Iterator[Item]:
     """Yield the listing of each recording that had none, then its tasks; failures in their place.
 

@@ -31,6 +31,8 @@ from scex_sumo.base.files import (
 from scex_sumo.results.folder import OutputFolder, as_json
 
 _FAILED, _PARTS = "failed", "parts"
+SEEDS = "seeds"
+"""Folder of the moments by recording."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +114,7 @@ class StudyFolder(OutputFolder):
 
     trees: ClassVar[tuple[str, ...]]
     """Folders of tables, one folder for each moment."""
-    records: ClassVar[tuple[str, ...]] = ()
+    records: ClassVar[tuple[str, ...]] = (SEEDS,)
     """Folders of small JSON files, besides those of moments and failures."""
     kept: ClassVar[tuple[str, ...]] = ()
     """What else another study in the same folder removes."""
@@ -151,6 +153,20 @@ class StudyFolder(OutputFolder):
         there = {name: self.path / name for name in files}
         whole = (file.is_file() and sha256_of(file) == files[name] for name, file in there.items())
         return bool(files) and all(whole)
+
+    def listing(self, recording: str) -> Listing | None:
+        """Return the moments of a recording; None if it is not listed, or the file is damaged."""
+        rows = self._load(SEEDS, recording)
+        refs = None if rows is None else tuple(MomentRef(**from_row(row)) for row in rows)
+        return None if refs is None else Listing(recording=recording, moments=refs)
+
+    def save_listing(self, listing: Listing) -> None:
+        """Keep the moments of a recording."""
+        self._save(SEEDS, listing.recording, [as_row(ref) for ref in listing.moments])
+
+    def save(self, ref: MomentRef, result: Any) -> None:
+        """Keep the result of a moment, unless it is there."""
+        raise NotImplementedError
 
     def has(self, ref: MomentRef) -> bool:
         """Whether a moment has run."""

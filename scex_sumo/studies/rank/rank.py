@@ -25,7 +25,7 @@ from scex_sumo.studies.moments.run import StudySettings
 from scex_sumo.studies.moments.workers import MomentWorkers
 from scex_sumo.studies.rank.encounters import RANKED, ranked, read_triage
 from scex_sumo.studies.rank.page import write_ranking_page
-from scex_sumo.studies.rank.ranking_run import RankFolder, RankingRun
+from scex_sumo.studies.rank.ranking_run import RankFolder, RankingRun, run_moment
 from scex_sumo.studies.rank.table import moments_table, write_table
 
 
@@ -112,7 +112,7 @@ def rank(
         progress_of(progress, "rank") as tick,
     ):
         ranking = RankingRun(recordings, settings, folder, pool, tick)
-        ranking.run()
+        ranking.run(run_moment)
         moments = moments_table(ranking)
         encounters = ranked(encounters_of(ranking.pairs, every), verdicts, by)
         table, about, notes = write_ranking_page(ranking, encounters, top, by)

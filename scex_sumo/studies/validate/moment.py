@@ -6,7 +6,6 @@ In the folder of a validation moments are added whole, never changed, and found 
 from __future__ import annotations
 
 import dataclasses
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -23,17 +22,15 @@ from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import LoadedRecording, recording_moments
 from scex_sumo.evaluation.split import PARTS, Split, split_moments
 from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
-from scex_sumo.extrapolation.loop.measure import measure_outcome, measure_recorded, recorded_steps_of
-from scex_sumo.extrapolation.loop.rollout import Rollout
+from scex_sumo.extrapolation.loop.measure import measure_recorded, recorded_steps_of
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.humans.parameters import parameters_digest
-from scex_sumo.metrics.collisions import OVERLAP_M2
+from scex_sumo.results.parts import Part
 from scex_sumo.results.tables.outcomes import collided
-from scex_sumo.scene import STEP_S, SeedScene, States
+from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.studies.moments.folder import MomentRef, StudyFolder
 from scex_sumo.studies.moments.run import MomentTask, StudySettings, built, net_of
-from scex_sumo.studies.validate.noise import BoxNoise, as_recorded
 from scex_sumo.studies.validate.vehicles import gap_forecasts, position_forecasts
 
 ALL = "all"
@@ -88,13 +85,11 @@ class Forecast:
     Attributes:
         vehicles: see `position_forecasts`.
         encounters: see `gap_forecasts`.
-        seen: metric columns and ``collision`` of each future with errors of boxes, see `as_recorded`.
-        futures: the same of each future as driven, and of the two rows beside them.
+        futures: metric columns and ``collision`` of each future, and of the two rows beside them.
     """
 
     vehicles: pa.Table
     encounters: pa.Table
-    seen: pa.Table
     futures: pa.Table
 
 
@@ -103,19 +98,7 @@ def asked_of(settings: StudySettings) -> RunSettings:
     return dataclasses.replace(settings.run, metrics="both")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ForecastTask(MomentTask):
-    """A moment to be forecast.
-
-    Attributes:
-        noise: errors of the boxes of its recording.
-    """
-
-    settings: ValidationSettings
-    noise: BoxNoise
-
-
-def validate_moment(task: ForecastTask, scene: SeedScene) -> Forecast:
+def validate_moment(task: MomentTask, scene: SeedScene) -> Forecast:
     """Run the futures of a task."""
     asked = asked_of(task.settings)
     steps, road = asked.steps, scene.road
@@ -125,71 +108,38 @@ def validate_moment(task: ForecastTask, scene: SeedScene) -> Forecast:
         raise TrackError(f"no vehicle is recorded for {steps} steps after the moment; choose another moment")
     plain = RunSettings(models="constant_velocity", futures=1, steps=steps, world=asked.world)
     # Vehicles leave the futures at the step at which they leave the recording.
-    net = net_of(task.road)
-    run = partial(_run, scene, net)
+    run = partial(_run, scene, net_of(task.road))
     count = task.settings.futures
     futures = run(asked, built(task.settings.models), count)
     straight = run(plain, ModelSet.of(plain), 1)
     recorded = measure_recorded(scene, steps, metrics=asked.measured)
     assert recorded is not None and scene.future is not None
     after = scene.future[:, :steps].repeat(1).swapaxes(1, 2)
-    values = np.where(recorded.values.defined, recorded.values.values, np.nan)
-    rng = np.random.default_rng(zlib.crc32(task.ref.moment.encode()))
-    seen = _seen(scene, asked, futures, task.noise, rng)
-    numbers = np.arange(count)
+    happened = np.where(recorded.values.defined, recorded.values.values, np.nan)
     rows = [
-        (numbers, futures.values, futures.collided),
-        (np.array([RECORDED]), values, recorded.overlaps.any_of(1)),
-        (np.array([CONSTANT_VELOCITY]), straight.values, straight.collided),
+        (np.arange(count), _values(futures), collided(futures.collisions, futures.futures)),
+        (np.array([RECORDED]), happened, recorded.overlaps.any_of(1)),
+        (np.array([CONSTANT_VELOCITY]), _values(straight), collided(straight.collisions, straight.futures)),
     ]
     return Forecast(
         futures=_futures_table(asked.columns, rows),
-        seen=_futures_table(asked.columns, [(numbers, seen.values, seen.collided)]),
-        vehicles=position_forecasts(scene, futures.states, seen.states, straight.states, judged),
-        encounters=gap_forecasts(scene, futures.states, seen.states, straight.states, after, judged),
+        vehicles=position_forecasts(scene, futures.states, straight.states, judged),
+        encounters=gap_forecasts(scene, futures.states, straight.states, after, judged),
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Futures:
-    driven: Rollout
-    values: FloatArray
-    collided: BoolArray
-
-    @property
-    def states(self) -> States:
-        return self.driven.states
-
-
-def _run(scene: SeedScene, net: SumoNet, settings: RunSettings, models: ModelSet, count: int) -> _Futures:
+def _run(scene: SeedScene, net: SumoNet, settings: RunSettings, models: ModelSet, count: int) -> Part:
     models.try_on(scene, seed=settings.seed)
     scene, net = ruled(scene, net, settings)
     drawn = models.draw(scene, futures=count, seed=settings.seed)
-    folder, counted = net.path.parent, recorded_steps_of(scene, settings.steps)
-    job = Job(scene, net, settings, models, drawn, folder, counted=counted, with_plans=True)
-    part = run_in_memory(job, range(count))
-    assert part.collisions is not None and part.plan_x is not None and part.plan_y is not None
-    return _Futures(
-        collided=collided(part.collisions, part.futures),
-        driven=Rollout(
-            futures=part.futures,
-            states=part.states,
-            plan_x=part.plan_x,
-            plan_y=part.plan_y,
-            replan=settings.replan,
-        ),
-        values=np.where(part.defined, part.values, np.nan),
+    counted = recorded_steps_of(scene, settings.steps)
+    return run_in_memory(
+        Job(scene, net, settings, models, drawn, net.path.parent, counted=counted), range(count)
     )
 
 
-def _seen(
-    scene: SeedScene, settings: RunSettings, futures: _Futures, noise: BoxNoise, rng: np.random.Generator
-) -> _Futures:
-    seen = as_recorded(scene, futures.driven, noise, rng)
-    counted = recorded_steps_of(scene, settings.steps)
-    outcome = measure_outcome(scene, seen, metrics=settings.measured, counted=counted, limit_m2=OVERLAP_M2)
-    values = np.where(outcome.values.defined, outcome.values.values, np.nan)
-    return _Futures(driven=seen, values=values, collided=outcome.collisions.any_of(len(seen.futures)))
+def _values(part: Part) -> FloatArray:
+    return np.where(part.defined, part.values, np.nan)
 
 
 def _recorded_to_end(scene: SeedScene, steps: int) -> BoolArray:
@@ -218,14 +168,10 @@ class ForecastFolder(StudyFolder):
     evidence = ("events.parquet", "pairs.parquet", "values.parquet", "positions.parquet", _MOMENTS)
     kept = ("encounters.parquet",)
 
-    def restart(self) -> None:
-        """Remove the moments that have run."""
-        self._clear()
-        self._prepare()
-
-    def append(self, ref: MomentRef, forecast: Forecast) -> None:
-        """Add the forecast of a moment."""
-        self._add(ref.moment, {_file(ref, name): table for name, table in vars(forecast).items()})
+    def save(self, ref: MomentRef, result: Forecast) -> None:
+        """Keep the forecast of a moment, unless it is there."""
+        if not self.has(ref):
+            self._add(ref.moment, {_file(ref, name): table for name, table in vars(result).items()})
 
     def read(self, ref: MomentRef) -> Forecast:
         """Read the forecast of a moment."""

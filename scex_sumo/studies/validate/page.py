@@ -21,7 +21,7 @@ _BASE_RATE = "Brier score of the share that happened; no forecast changes it"
 _CRPS = "Distance of the futures' distribution from the recorded value, in its unit"
 _MOVING = "Whether only vehicles that move count"
 _OF_MEAN = "Distance of the futures' mean from the recorded place"
-_WITHIN = "Of the recorded ones within the futures', with errors of the boxes"
+_WITHIN = "Share of the recorded ones within those of the futures"
 _EVENT_COLUMNS = (
     Column("event", "event"),
     Column("happened", "happened", "percent", "Share of the moments with the event"),

@@ -74,7 +74,6 @@ class Forecasts:
     Attributes:
         columns: K metric columns, then ``collision``.
         futures: (M) values (C, K) of the futures; NaN if undefined.
-        seen: (M) the same with errors of boxes.
         recorded: (M, K) what happened.
         straight: (M, K) constant velocity.
         group: (M,) recording.
@@ -83,7 +82,6 @@ class Forecasts:
     refs: Sequence[MomentRef]
     columns: tuple[str, ...]
     futures: Sequence[FloatArray]
-    seen: Sequence[FloatArray]
     recorded: FloatArray
     straight: FloatArray
     group: IntArray
@@ -117,7 +115,6 @@ def gathered(scored: Sequence[tuple[MomentRef, Forecast]]) -> Forecasts:
         refs=[ref for ref, _ in scored],
         columns=columns,
         futures=[values[future >= 0] for future, values in parts],
-        seen=[_matrix(forecast.seen, columns)[1] for _, forecast in scored],
         recorded=row(RECORDED),
         straight=row(CONSTANT_VELOCITY),
         group=group,
@@ -211,24 +208,22 @@ def value_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
         limit = SCORED_UP_TO.get(metric_of(name).column_unit, np.inf)
         cases: list[tuple[Any, ...]] = []
         for m, values in enumerate(forecasts.futures):
-            sample, noisy = (np.minimum(part[:, column], limit) for part in (values, forecasts.seen[m]))
+            sample = np.minimum(values[:, column], limit)
+            sample = sample[np.isfinite(sample)]
             y, straight = (
                 float(min(part[m, column], limit)) for part in (forecasts.recorded, forecasts.straight)
             )
-            sample, noisy = sample[np.isfinite(sample)], noisy[np.isfinite(noisy)]
-            least = MIN_DEFINED * len(values)
-            if not (np.isfinite(y) and np.isfinite(straight)) or min(len(sample), len(noisy)) < least:
-                continue
-            cases.append((crps(sample, y), abs(straight - y), covered(noisy, y), forecasts.group[m]))
+            if np.isfinite(y) and np.isfinite(straight) and len(sample) >= MIN_DEFINED * len(values):
+                cases.append((crps(sample, y), abs(straight - y), covered(sample, y), forecasts.group[m]))
         if cases:
             rows.append({"column": name, **_of_values(*zip(*cases, strict=True))})
     return rows
 
 
 def _of_values(
-    score: Sequence[float], plain: Sequence[float], seen: Sequence[bool], group: Sequence[int]
+    score: Sequence[float], plain: Sequence[float], within: Sequence[bool], group: Sequence[int]
 ) -> dict[str, Any]:
-    reference, hit = float(np.mean(plain)), np.array(seen, dtype=np.float64)
+    reference, hit = float(np.mean(plain)), np.array(within, dtype=np.float64)
     low, high = group_bootstrap(lambda index: float(hit[index].mean()), np.array(group))
     return {
         "count": len(score),
@@ -245,7 +240,7 @@ def encounter_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
     table = forecasts.encounters
     if not len(table):
         return []
-    names = ("crps_m", "constant_velocity_error_m", "seen", "group")
+    names = ("crps_m", "constant_velocity_error_m", "within", "group")
     return [
         {"column": "least gap of an encounter", **_of_values(*(table[name].to_pylist() for name in names))}
     ]
@@ -267,7 +262,7 @@ def position_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
                     "vehicles": len(part),
                     **{name: float(np.mean(part[name].to_numpy())) for name in means},
                     **{
-                        f"{way}_coverage": float(np.mean(part[f"{way}_seen"].to_pylist()))
+                        f"{way}_coverage": float(np.mean(part[f"{way}_within"].to_pylist()))
                         for way in ("along", "across")
                     },
                 }

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -19,24 +18,11 @@ from scex_sumo.base.files import replacing
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.datasets.find import find_recordings, left_out
-from scex_sumo.converters.datasets.moment import Moment
-from scex_sumo.converters.registries import Recording
-from scex_sumo.evaluation.recordings import LoadedRecording
-from scex_sumo.evaluation.split import Split
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
-from scex_sumo.studies.moments.cut import Item, moment_tasks, read_ahead
-from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef
-from scex_sumo.studies.moments.run import MomentTask
+from scex_sumo.studies.moments.study import MomentRun
 from scex_sumo.studies.moments.workers import MomentWorkers
-from scex_sumo.studies.validate.moment import (
-    ALL,
-    ForecastFolder,
-    ForecastTask,
-    ValidationSettings,
-    validate_moment,
-)
-from scex_sumo.studies.validate.noise import BoxNoise, box_noise
+from scex_sumo.studies.validate.moment import ALL, ForecastFolder, ValidationSettings, validate_moment
 from scex_sumo.studies.validate.page import write_validation_page
 from scex_sumo.studies.validate.scoring import (
     encounter_scores,
@@ -95,7 +81,7 @@ def validate(
         every: as of `scex_sumo.studies.validate.moment.ValidationSettings`, like ``part``.
         steps: of 0.1 s of each future.
         workers: processes.
-        overwrite: replace another validation in ``out``, or a finished one.
+        overwrite: replace another validation in ``out``.
         command: the command line, for ``validate.json``.
         progress: True for a bar; or called with (moments done, moments known).
 
@@ -116,17 +102,15 @@ def validate(
     places = [roots] if isinstance(roots, str | Path) else roots
     recordings = find_recordings(places)
     identity = settings.to_json(recordings)
-    again = overwrite and (Path(out) / ForecastFolder.info).is_file()  # an interrupted one goes on
     with (
         closing(MomentWorkers(workers)) as pool,
         ForecastFolder(Path(out), identity, overwrite=overwrite) as folder,
+        progress_of(progress, "validate") as tick,
     ):
-        if again:
-            folder.restart()
-        with progress_of(progress, "validate") as tick:
-            refs = _run(recordings, settings, folder, pool, tick)
-        failures = folder.failures()
-        scored = [(ref, folder.read(ref)) for ref in refs if folder.has(ref)]
+        study = MomentRun(recordings, settings, folder, pool, tick)
+        study.run(validate_moment, settings.moments)
+        failures = study.unreadable | study.failures
+        scored = [(ref, folder.read(ref)) for ref in study.refs]
         if not scored:
             reason = next((failure.reason for failure in failures.values()), f"part {part} has no moments")
             raise TrackError(f"no moment of {len(recordings)} recordings can be judged: {reason}")
@@ -155,46 +139,3 @@ def validate(
         write_validation_page(folder.path, info, rows)
         folder.finish(info)
     return Validation(folder=Path(out), info=info, tables=tables)
-
-
-def _run(
-    recordings: Sequence[Recording],
-    settings: ValidationSettings,
-    folder: ForecastFolder,
-    workers: MomentWorkers,
-    progress: Progress | None,
-) -> list[MomentRef]:
-    refs: list[MomentRef] = []
-    noise: dict[str, BoxNoise] = {}
-    done = 0
-
-    def tasks(items: Iterator[Item]) -> Iterator[ForecastTask]:
-        for item in items:
-            if isinstance(item, MomentTask):
-                yield ForecastTask.of(item, noise=noise[item.ref.recording])
-            elif isinstance(item, Failure):
-                folder.fail(item)
-            else:
-                refs.extend(item.moments)
-
-    def left(listing: Listing) -> list[MomentRef]:
-        failed = folder.failures()
-        return [ref for ref in listing.moments if not folder.has(ref) and ref.moment not in failed]
-
-    def chosen(loaded: LoadedRecording) -> Sequence[Moment]:
-        rows, split = loaded.table.vehicles, Split()
-        known = len(rows) and rows.stamps_ms[0] + (1 - split.validation - split.test) * np.ptp(rows.stamps_ms)
-        noise[loaded.recording.name] = box_noise(rows, float(known) / 1000, settings.run.steps)
-        return settings.moments(loaded)
-
-    cut = moment_tasks(recordings, {}, settings, wanted=left, choose=chosen)
-    with closing(read_ahead(cut, _AHEAD)) as items:
-        for task, outcome in workers.run(validate_moment, tasks(items)):
-            if isinstance(outcome, Failure):
-                folder.fail(outcome)
-            else:
-                folder.append(task.ref, outcome)
-            done += 1
-            if progress is not None:
-                progress(done, max(len(refs), done))
-    return refs

@@ -8,39 +8,37 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.extrapolation.loop.measure import measure_outcome, recorded_steps_of
+from scex_sumo.extrapolation.loop.rollout import Rollout
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.metrics.events import MEASURED
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.results.tables.columns import schema
 from scex_sumo.scene import STEP_S, SeedScene, States
-from scex_sumo.studies.validate.noise import along_tracks
 from scex_sumo.studies.validate.scores import covered, crps
 
 SECONDS = (1, 2, 3, 5, 8)
 MOVING_MPS = 0.5
+_REPLAN = 5  # steps
 ENCOUNTER_M = 10.0  # a pair that comes this near in some future is an encounter
 
 _NUMBERS = ("error_of_mean_m", "mean_error_m", "least_error_m", "constant_velocity_error_m")
-POSITIONS = schema("track_id moving second", _NUMBERS, "along_seen across_seen")
+POSITIONS = schema("track_id moving second", _NUMBERS, "along_within across_within")
 _OUTCOMES = [f"{event.name}_{what}" for event in MEASURED for what in ("happened", "straight")]
 ENCOUNTERS = schema(
-    "first second recorded_m seen crps_m constant_velocity_error_m",
+    "first second recorded_m within crps_m constant_velocity_error_m",
     (f"{event.name}_forecast" for event in MEASURED),
     _OUTCOMES,
     **dict.fromkeys(_OUTCOMES, pa.bool_()),
 )
 
 
-def position_forecasts(
-    scene: SeedScene, futures: States, seen: States, straight: States, judged: BoolArray
-) -> pa.Table:
+def position_forecasts(scene: SeedScene, futures: States, straight: States, judged: BoolArray) -> pa.Table:
     """Return one row of `POSITIONS` for each vehicle recorded to the end and each second.
 
-    Along and across the heading: coverage by the 5-95 % of ``seen``.
+    Along and across the heading: whether the recorded place is within 5-95 % of the futures.
 
     Args:
         futures: (C, T, V).
-        seen: (C, T, V) futures with errors of boxes.
         straight: (1, T, V) constant velocity.
         judged: (V,) vehicles recorded to the end.
     """
@@ -56,7 +54,7 @@ def position_forecasts(
             )
             dx, dy = futures.x[:, step, v] - x, futures.y[:, step, v] - y
             off = np.hypot(dx, dy)
-            along, across = _in_frame(seen.x[:, step, v] - x, seen.y[:, step, v] - y, heading)
+            along, across = _in_frame(dx, dy, heading)
             rows.append(
                 {
                     "track_id": int(scene.track_ids[v]),
@@ -68,8 +66,8 @@ def position_forecasts(
                     "constant_velocity_error_m": float(
                         np.hypot(straight.x[0, step, v] - x, straight.y[0, step, v] - y)
                     ),
-                    "along_seen": covered(along, 0.0),
-                    "across_seen": covered(across, 0.0),
+                    "along_within": covered(along, 0.0),
+                    "across_within": covered(across, 0.0),
                 }
             )
     return pa.Table.from_pylist(rows, schema=POSITIONS)
@@ -81,27 +79,24 @@ def _in_frame(dx: FloatArray, dy: FloatArray, heading: float) -> tuple[FloatArra
 
 
 def gap_forecasts(
-    scene: SeedScene, futures: States, seen: States, straight: States, recorded: States, judged: BoolArray
+    scene: SeedScene, futures: States, straight: States, recorded: States, judged: BoolArray
 ) -> pa.Table:
     """Return one row of `ENCOUNTERS` for the least body gap of each pair within 10 m in some future.
 
-    ``crps_m`` is of the futures as driven, coverage is of ``seen``. `MEASURED` events of the
-    futures (share), the recording and constant velocity count along the driven tracks. Arguments as of
-    `position_forecasts`; ``recorded`` (1, T, V).
+    `MEASURED` events of the futures (share), the recording and constant velocity count along the driven
+    tracks. Arguments as of `position_forecasts`; ``recorded`` (1, T, V).
     """
     first, second = near_pairs(futures, judged)
     forecast, happened, plain_events = (
         pair_events(scene, states, first, second) for states in (futures, recorded, straight)
     )
-    gaps, noisy, plain, real = (
-        least_gap(scene, states, first, second) for states in (futures, seen, straight, recorded)
-    )
+    gaps, plain, real = (least_gap(scene, states, first, second) for states in (futures, straight, recorded))
     rows = [
         {
             "first": int(scene.track_ids[first[k]]),
             "second": int(scene.track_ids[second[k]]),
             "recorded_m": float(real[0, k]),
-            "seen": covered(noisy[:, k], float(real[0, k])),
+            "within": covered(gaps[:, k], float(real[0, k])),
             "crps_m": crps(gaps[:, k], float(real[0, k])),
             "constant_velocity_error_m": float(abs(plain[0, k] - real[0, k])),
             **{f"{name}_forecast": float(flags[:, k].mean()) for name, flags in forecast.items()},
@@ -118,9 +113,13 @@ def pair_events(scene: SeedScene, states: States, first: IntArray, second: IntAr
     count, steps, _ = states.shape
     last = states[:, -1:]
     travelled_m = last.speed * STEP_S * np.arange(1, PLAN_STEPS + 1)[:, None]
-    along = along_tracks(
-        states, last.x + travelled_m * np.cos(last.heading), last.y + travelled_m * np.sin(last.heading)
+    further = (last.x + travelled_m * np.cos(last.heading), last.y + travelled_m * np.sin(last.heading))
+    at = np.arange(0, steps, _REPLAN)[:, None] + np.arange(PLAN_STEPS)  # (R, H)
+    plan_x, plan_y = (
+        np.concatenate(parts, axis=1)[:, at].swapaxes(2, 3)
+        for parts in zip((states.x, states.y), further, strict=True)
     )
+    along = Rollout(futures=np.arange(count), states=states, plan_x=plan_x, plan_y=plan_y, replan=_REPLAN)
     counted = recorded_steps_of(scene, steps)
     met = measure_outcome(scene, along, metrics=(metric_of("distance"),), counted=counted).encounters
     number = np.full((scene.vehicles, scene.vehicles), -1)

@@ -20,7 +20,7 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.moments.run import MomentTask, StudySettings
 from scex_sumo.studies.moments.workers import Done, Work
-from scex_sumo.studies.rank.ranking_run import RankFolder, RankingRun
+from scex_sumo.studies.rank.ranking_run import RankFolder, RankingRun, run_moment
 from scex_sumo.studies.rank.table import MOMENTS, moments_table
 from tests.studies.moments.pairs import pairs_table
 
@@ -62,7 +62,7 @@ def recordings() -> tuple[Recording, ...]:
 def ranked(recordings: tuple[Recording, ...], path: Path, workers: Instant) -> RankingRun:
     with RankFolder(path, {"plan": 1}) as folder:
         result = RankingRun(recordings, SETTINGS, folder, workers)
-        result.run()
+        result.run(run_moment)
     return result
 
 

@@ -50,29 +50,23 @@ def ref(number: int) -> MomentRef:
     )
 
 
-def forecast(distance: list[float], recorded: float, error: float = 0.0, name: str = "distance") -> Forecast:
+def forecast(distance: list[float], recorded: float, name: str = "distance") -> Forecast:
     future = [*range(len(distance)), RECORDED, CONSTANT_VELOCITY]
     values = [*distance, recorded, 20.0]
     table = {"future": pa.array(future, pa.int32())}
     for column in COLUMNS:
         table[column] = pa.array(values if column == name else [None] * len(future), pa.float64())
     table["collision"] = pa.array([False] * len(future))
-    seen = {name: values[: len(distance)] for name, values in table.items()}
     vehicles = pa.Table.from_pylist(
         [
             {
                 "track_id": 1, "moving": True, "second": 3, "error_of_mean_m": 1.0, "mean_error_m": 2.0,
-                "least_error_m": 0.5, "constant_velocity_error_m": 3.0, "along_seen": True,
-                "across_seen": True,
+                "least_error_m": 0.5, "constant_velocity_error_m": 3.0, "along_within": True,
+                "across_within": True,
             }
         ]
     )  # fmt: skip
-    return Forecast(
-        futures=pa.table(table),
-        seen=pa.table({**seen, name: pa.array([d + error for d in distance])}),
-        vehicles=vehicles,
-        encounters=ENCOUNTERS.empty_table(),
-    )
+    return Forecast(futures=pa.table(table), vehicles=vehicles, encounters=ENCOUNTERS.empty_table())
 
 
 FOUND = [(ref(0), forecast([4.0, 4.0, 6.0, 8.0], 4.5)), (ref(1), forecast([9.0, 9.5, 10.0, 12.0], 9.8))]
@@ -98,10 +92,10 @@ def test_a_value_is_scored_by_crps_against_constant_velocity() -> None:
     assert 0.8 < row["crps_skill"] < 1.0
 
 
-def test_coverage_is_that_of_futures_as_they_would_have_been_recorded() -> None:
-    found = gathered([(ref(0), forecast([4.0, 4.0, 4.1, 4.2], 3.0, error=-1.0))])
+def test_a_recorded_value_outside_of_all_futures_is_not_covered() -> None:
+    found = gathered([(ref(0), forecast([4.0, 4.0, 4.1, 4.2], 3.0))])
     row = next(row for row in value_scores(found) if row["column"] == "distance")
-    assert row["coverage"] == 1.0  # as driven it would be 0
+    assert row["coverage"] == 0.0
 
 
 def test_events_of_pairs_are_scored_unless_recorded_boxes_touch() -> None:
@@ -164,13 +158,10 @@ def test_few_seed_scenes_and_forecasts_worse_than_constant_velocity_are_told() -
 def test_a_folder_gives_back_what_was_added_and_takes_no_other_validation(tmp_path) -> None:  # type: ignore[no-untyped-def]
     path = tmp_path / "v"
     with ForecastFolder(path, {"a": 1}) as folder:
-        folder.append(*FOUND[0])
+        folder.save(*FOUND[0])
         assert folder.has(ref(0)) and not folder.has(ref(1))
     with ForecastFolder(path, {"a": 1}) as folder:
         assert folder.read(ref(0)).futures.equals(FOUND[0][1].futures)
-    with ForecastFolder(path, {"a": 1}) as folder:
-        folder.restart()
-        assert not folder.has(ref(0))
     with pytest.raises(ResultError, match="another validation"):
         ForecastFolder(path, {"a": 2})
 
@@ -179,7 +170,7 @@ def test_a_folder_gives_back_what_was_added_and_takes_no_other_validation(tmp_pa
 def test_a_moment_of_which_a_table_is_broken_runs_again(tmp_path: Path, name: str) -> None:
     with ForecastFolder(tmp_path / "out", {"seed": 1}) as folder:
         for number in (0, 1):
-            folder.append(ref(number), forecast([1.0, 2.0], 3.0))
+            folder.save(ref(number), forecast([1.0, 2.0], 3.0))
         folder.fail(Failure.of(ref(2), "broken"))
     table = tmp_path / "out/moments/m1" / f"{name}.parquet"
     content = bytearray(table.read_bytes())
@@ -189,22 +180,22 @@ def test_a_moment_of_which_a_table_is_broken_runs_again(tmp_path: Path, name: st
     with ForecastFolder(tmp_path / "out", {"seed": 1}) as folder:
         assert folder.has(ref(0)) and not folder.has(ref(1))
         assert folder.failures() == {}
-        folder.append(ref(1), forecast([1.0, 2.0], 3.0))
+        folder.save(ref(1), forecast([1.0, 2.0], 3.0))
         assert folder.read(ref(1)).futures.num_rows == 4
 
 
-@pytest.mark.parametrize("name", ["vehicles", "encounters", "seen", "futures"])
+@pytest.mark.parametrize("name", ["vehicles", "encounters", "futures"])
 @pytest.mark.parametrize("how", ["no column", "text", "rows", "gone"])
 def test_a_moment_of_which_a_table_was_edited_runs_again(tmp_path: Path, name: str, how: str) -> None:
     with ForecastFolder(tmp_path / "out", {"seed": 1}) as folder:
-        folder.append(ref(0), forecast([1.0, 2.0], 3.0))
+        folder.save(ref(0), forecast([1.0, 2.0], 3.0))
     file = tmp_path / "out/moments/m0" / f"{name}.parquet"
     table = pq.read_table(file)
     if how == "no column":
         pq.write_table(table.drop_columns(table.column_names[-1:]), file)
     elif how == "text":
         pq.write_table(table.set_column(0, table.column_names[0], pa.array(["x"] * len(table))), file)
-    elif how == "rows" and name in ("seen", "futures"):
+    elif how == "rows" and name == "futures":
         pq.write_table(table.slice(1), file)
     else:
         file.unlink()

@@ -37,7 +37,7 @@ def test_pair_events_are_shares_of_futures_beside_what_happened(recorded: float,
     )
     futures = driven(scene, 10.0, 10.0, 10.0, 4.0)
     (row,) = gap_forecasts(
-        scene, futures, futures, driven(scene, 10.0), driven(scene, recorded),
+        scene, futures, driven(scene, 10.0), driven(scene, recorded),
         np.ones(2, dtype=bool),
     ).to_pylist()  # fmt: skip
     assert row["ttc_forecast"] == row["drac_forecast"] == 0.75
