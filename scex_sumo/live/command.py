@@ -60,7 +60,7 @@ def watch_command(
         raise UsageError("--follow: needs --gui")
     Focus(region=region)
     question: dict[str, Any] = {"futures": futures, **({"models": models} if models else {})}
-    Question(**question).check()
+    Question(**question)
     session = Session(config=scenario, out=out, gui=gui, begin_s=first_s, end_s=last_s, follow=follow)
     teller = _Teller(out)
     files = [out / name for name in (RISK, PAGE)]

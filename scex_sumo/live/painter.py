@@ -126,7 +126,11 @@ class Painter:
         row, x = 1.5 * TEXT_PX * px, left + 12 * px
         y = top - row
         pair = self._worst
-        head = "no pair leads" if pair is None else f"{pair.hits} and {pair.other}: {_often(pair)}"
+        head = "no pair leads"
+        if pair is not None:
+            stress = f"in {pair.stress or 0.0:.0%} of the stress test"
+            often = once_in(pair.human_like) if pair.human_like else stress
+            head = f"{pair.hits} and {pair.other}: {often}"
         self._write("head", head, x, y, px)
         for number, (rgb, words) in enumerate([*(row[1:] for row in SCALE), _OUTSIDE]):
             y -= row
@@ -158,7 +162,3 @@ class Painter:
             self._sumo.poi.add(name, middle, y, (*_INK, 0), "", _LAYER, width=0.01, height=0.01)
             self._texts[key] = name
         self._sumo.poi.setPosition(name, middle, y)
-
-
-def _often(pair: PairRisk) -> str:
-    return once_in(pair.human_like) if pair.human_like else f"in {pair.stress or 0.0:.0%} of the stress test"

@@ -40,14 +40,16 @@ class Question:
     Attributes:
         futures: of the stress test; 0 leaves it out.
         models: of the stress test.
+
+    Raises:
+        UsageError: models are unknown, or futures below 0.
     """
 
     futures: int = FUTURES
     models: str = DEFAULT_MODELS
     seed: int = 0
 
-    def check(self) -> None:
-        """Raise a `UsageError` for models that are unknown."""
+    def __post_init__(self) -> None:
         if self.futures < 0:
             raise UsageError(f"--futures: got {self.futures}, needs 0 or more")
         _models(self)

@@ -152,7 +152,6 @@ class Watch:
         """
         focus = Focus(region=region, busiest=busiest)
         asked = Question(**question)
-        asked.check()
         self._end_ticker()
         self._ticker = Ticker(
             seconds, callback, question=asked, focus=focus, net=self._net, wait=wait, workers=workers

@@ -62,7 +62,9 @@ class Document:
 
     def html(self, body: str) -> bytes:
         """Return the page."""
-        style, scripts = asset("page.css"), "\n".join(map(_script, (*_SCRIPTS, *self.scripts)))
+        style, names = asset("page.css"), (*_SCRIPTS, *self.scripts)
+        # Indentation and lines of comment are an eighth.
+        scripts = "\n".join(re.sub(r"(?m)^(\s+|//.*\n)+", "", asset(name)) for name in names)
         script = f'"use strict";\n(() => {{\n{scripts}\n}})();'
         policy = (
             "default-src 'none'; base-uri 'none'; form-action 'none'; img-src blob: data:; media-src blob:; "
@@ -70,11 +72,6 @@ class Document:
         )
         page = {"policy": policy, "style": style, "script": script, "data": pack(self.info, self.arrays)}
         return Template(asset("page.html")).substitute(page, title=escape(self.title), body=body).encode()
-
-
-def _script(name: str) -> str:
-    """Return a script without indentation and lines of comment, which are an eighth of it."""
-    return re.sub(r"(?m)^(\s+|//.*\n)+", "", asset(name))
 
 
 def _hash(text: str) -> str:

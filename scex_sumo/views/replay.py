@@ -197,13 +197,15 @@ def _groups(scene: SeedScene, tiled: TiledFuture) -> list[FcdTracks]:
         return [vehicles]
     # Frame 1 of a future is the second of the eleven past states of a seed scene.
     columns = np.minimum(np.arange(1, steps + 1), others.states.shape[1] - 1)
+    there = others.present[:, columns]
     obstacles = FcdTracks(
         ids=[tiled.id(f"P{name}") for name in others.ids],
         types=[_type_id("other", kind, o) for o, kind in enumerate(obstacle_kinds(others))],
         walks=_walks(obstacle_kinds(others)),
         length=others.length,
         states=others.states[:, columns],
-        present=_without_gaps(others.present[:, columns]),
+        present=np.logical_or.accumulate(there, axis=1)  # without gaps
+        & np.logical_or.accumulate(there[:, ::-1], axis=1)[:, ::-1],
         tile=tiled.slot,
         offset=tiled.offset,
     )
@@ -212,13 +214,6 @@ def _groups(scene: SeedScene, tiled: TiledFuture) -> list[FcdTracks]:
 
 def _walks(kinds: Sequence[str]) -> BoolArray:
     return np.array([road_user(kind) == "pedestrian" for kind in kinds], dtype=np.bool_)
-
-
-def _without_gaps(present: BoolArray) -> BoolArray:
-    return (
-        np.logical_or.accumulate(present, axis=1)
-        & np.logical_or.accumulate(present[:, ::-1], axis=1)[:, ::-1]
-    )
 
 
 def _type_id(model: str, kind: str, number: int) -> str:

@@ -84,7 +84,12 @@ def plot(
     one, rows = len(columns) == 1, -(-len(columns) // _ACROSS)
     with mpl.rc_context(STYLE | _SMALL):
         size = _COLUMN_IN, _ONE_IN if one else _HEAD_IN + _PANEL_IN * rows
-        figure = _figure(size, on_screen=path is None)
+        if path is None:
+            from matplotlib import pyplot
+
+            figure = pyplot.figure(figsize=size, layout="constrained", dpi=200)
+        else:
+            figure = Figure(figsize=size, layout="constrained")
         grid = figure.subplots(rows, 1 if one else _ACROSS, squeeze=False)
         for axes in grid.flat[len(columns) :]:
             axes.remove()
@@ -115,14 +120,6 @@ def _columns(runs: Sequence[Run], metric: str | None) -> list[str]:
     if not columns:
         raise UsageError(f"{metric or 'metrics'}: defined in no future, so nothing can be drawn")
     return columns
-
-
-def _figure(size: tuple[float, float], *, on_screen: bool) -> Figure:
-    if not on_screen:
-        return Figure(figsize=size, layout="constrained")
-    from matplotlib import pyplot
-
-    return pyplot.figure(figsize=size, layout="constrained", dpi=200)
 
 
 def _draw_panel(runs: Sequence[Run], curve: str, column: str, axes: Axes) -> None:

@@ -45,7 +45,10 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
     scene = scene or run.scene
     track_ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
     both = [run] if run.reference is None else [run, run.reference]
-    levels, models = _assignments(both, len(track_ids))
+    coded = pa.concat_tables([one.assignments.select(["model"]) for one in both])["model"]
+    coded = coded.combine_chunks().dictionary_encode()
+    levels = np.asarray(coded.indices, dtype=np.int64).reshape(-1, len(track_ids))
+    models = coded.dictionary.to_pylist()
     metrics = [metric_words(run, column) for column in run.columns]
     bands = half_widths(run.metrics, run.columns, run.intervals)
     for metric in metrics:
@@ -113,13 +116,6 @@ def _words(
         "has_recorded": scene.future is not None and scene.future.shape[1] > 0,
         "rows": extra_rows(run),
     }
-
-
-def _assignments(both: list[Run], vehicles: int) -> tuple[IntArray, list[str]]:
-    """Return the index of each vehicle's model (C, V) in the futures of both sets, and the models."""
-    coded = pa.concat_tables([run.assignments.select(["model"]) for run in both])["model"]
-    coded = coded.combine_chunks().dictionary_encode()
-    return np.asarray(coded.indices, dtype=np.int64).reshape(-1, vehicles), coded.dictionary.to_pylist()
 
 
 def _recorded_arrays(scene: SeedScene, start: IntArray, steps: int) -> dict[str, NDArray[Any]]:

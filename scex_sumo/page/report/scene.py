@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -140,7 +140,13 @@ def lane_lines(road: Road, box: Box = (-np.inf, np.inf, -np.inf, np.inf)) -> lis
 
 def road_svg(road: Iterable[RoadLine]) -> Html:
     """Return the lines of a road for `scene_svg`."""
-    return joined(*map(_group_svg, road_paths(road)))
+    parts = []
+    for group in road_paths(road):
+        kind = {SURFACE: "lane", AREA: "junction"}.get(group["kind"], "marking")
+        width = f"{(group['width'] or 0.15) / _ROAD_UNIT_M:g}"
+        scale = f"scale({_ROAD_UNIT_M})"
+        parts.append(element(f"path.{kind}", d=group["path"], stroke_width=width, transform=scale))
+    return joined(*parts)
 
 
 def scene_svg(name: str, box: Box, road: Html, shapes: Sequence[Html]) -> Html:
@@ -155,9 +161,3 @@ def outline_svg(kind: str, length: float, width: float) -> Html:
     """Return the outline of a vehicle at the origin, which a script moves."""
     box = {"x": f"{-length / 2:.2f}", "y": f"{-width / 2:.2f}", "width": f"{length:.2f}"}
     return element(f"rect.{kind}", height=f"{width:.2f}", **box)
-
-
-def _group_svg(group: Mapping[str, Any]) -> Html:
-    kind = {SURFACE: "lane", AREA: "junction"}.get(group["kind"], "marking")
-    width = f"{(group['width'] or 0.15) / _ROAD_UNIT_M:g}"
-    return element(f"path.{kind}", d=group["path"], stroke_width=width, transform=f"scale({_ROAD_UNIT_M})")

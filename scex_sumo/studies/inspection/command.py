@@ -34,7 +34,7 @@ def inspect_command(
     from scex_sumo.converters.datasets.recordings import recording_of
     from scex_sumo.converters.lanelet.origin import parse_origin
     from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
-    from scex_sumo.reports.run_table import print_line
+    from scex_sumo.reports.run_table import console_table, print_line
     from scex_sumo.scene import STEP_S
     from scex_sumo.studies.inspection.answer import inspect_answer
 
@@ -55,7 +55,9 @@ def inspect_command(
     for finding in loaded.findings:
         print_line(f"repaired: {finding}", console)
     if loaded.checks:
-        console.print(_checks_table(loaded))
+        heads = [(head, "text", "") for head in ("before repairs", "measured", "plausible", "")]
+        rows = [[check.name, check.value, check.usual, check.verdict] for check in loaded.checks]
+        console.print(console_table("plausibility of the recording", heads, rows))
     words = ["scex-sumo", "run", str(map_path), *(["--tracks", str(tracks)] if tracks else [])]
     words += ["--origin", origin] if origin is not None else []
     moments, each = (recording_moments(loaded, every_s=step) for step in (EVERY_S, STEP_S))
@@ -77,14 +79,6 @@ def inspect_command(
     chosen = ["--case", case] if case else ["--time", f"{scene.time_s:g}"]
     print(f"run it: {shlex.join([*words, *chosen])}")
     return partial(inspect_answer, loaded, moments, scene)
-
-
-def _checks_table(loaded: LoadedRecording) -> Table:
-    from scex_sumo.reports.run_table import console_table
-
-    heads = [(head, "text", "") for head in ("before repairs", "measured", "plausible", "")]
-    rows = [[check.name, check.value, check.usual, check.verdict] for check in loaded.checks]
-    return console_table("plausibility of the recording", heads, rows)
 
 
 def _time_of(loaded: LoadedRecording, case: str | None) -> float:

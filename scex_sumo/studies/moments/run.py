@@ -1,4 +1,7 @@
-"""Settings of a study, and its moments run in a worker without files; roads are converted once each."""
+"""Settings of a study, and workers that run its moments without files; roads are converted once each.
+
+Workers that die are replaced.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,12 @@ import dataclasses
 import pickle
 import weakref
 import zlib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from functools import lru_cache
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeAlias, TypeVar
 
 from scex_sumo.base.errors import OutOfTimeError, TrackError, UsageError, reason_of
 from scex_sumo.base.files import TemporaryFolder, writing
@@ -19,6 +23,8 @@ from scex_sumo.behaviors.spec import ModelSpec
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.converters.registries import Recording
 from scex_sumo.extrapolation.models import ModelSet
+from scex_sumo.extrapolation.processes.pool import WorkersDied
+from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import Models, RunSettings
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.metrics.registry import describe_metrics, thresholds_of
@@ -144,11 +150,6 @@ class MomentTask:
     road: bytes
     settings: StudySettings
 
-    @classmethod
-    def of(cls: type[Task], task: MomentTask, **more: Any) -> Task:
-        """Return a task of a subclass with ``more`` fields."""
-        return cls(**{field.name: getattr(task, field.name) for field in fields(MomentTask)}, **more)
-
 
 def attempt(work: Callable[[Task, SeedScene], Result], task: Task) -> Result | Failure:
     """Return the result of ``work`` on a task and its seed scene with the road, or the moment's failure."""
@@ -174,3 +175,47 @@ def net_of(packed: bytes) -> SumoNet:
         net = converted(road, Path(folder.name) / "map.net.xml")
     weakref.finalize(net, folder.cleanup)
     return net
+
+
+Done: TypeAlias = tuple[MomentTask, Any]
+Work: TypeAlias = Callable[[Any, SeedScene], Any]
+"""A function of a module: returns the result of a `MomentTask` and its seed scene with the road."""
+
+
+class MomentWorkers:
+    """Worker processes, one moment at a time each."""
+
+    def __init__(self, count: int) -> None:
+        if count < 1:
+            raise UsageError(f"--workers: got {count}, needs at least 1")
+        self._workers = Workers(count + 1)  # this process loads recordings and writes
+
+    @property
+    def deaths(self) -> list[str]:
+        """One phrase for each worker that died and was replaced."""
+        return self._workers.deaths
+
+    def run(self, work: Work, tasks: Iterable[MomentTask]) -> Iterator[Done]:
+        """Run tasks, a few at a time; yield them with their results, or `Failure`s, as they finish."""
+        assert self._workers.pool is not None
+        pool, opened = self._workers.pool, partial(_opened, work)
+        for task, future in pool.run_each(opened, tasks, where=lambda t: f"at {t.ref.moment}"):
+            try:
+                yield task, future.result()
+            except OutOfTimeError as error:
+                if not task.may_be_late:
+                    raise
+                yield task, Failure.of(task.ref, reason_of(error))
+            except WorkersDied as error:
+                _, ends = error.args
+                died = f"its worker died {len(ends)} times ({', '.join(ends)})"
+                reason = f"{died}: out of memory, killed, or a crash"
+                yield task, Failure.of(task.ref, reason, died=True)
+
+    def close(self) -> None:
+        """End the workers."""
+        self._workers.__exit__()
+
+
+def _opened(work: Work) -> AbstractContextManager[Callable[[MomentTask, object], Any]]:
+    return nullcontext(lambda task, _: attempt(work, task))

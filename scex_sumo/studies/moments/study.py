@@ -1,18 +1,111 @@
-"""Run of a study in its folder: all moments of its recordings, or what is missing of them."""
+"""Run of a study: its recordings cut into moments, ahead of the workers; these run, or what is missing."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import dataclasses
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
+from typing import TypeAlias, TypeVar, cast
 
+from scex_sumo.base.errors import one_line, reason_of
 from scex_sumo.base.progress import Progress
+from scex_sumo.converters.datasets.moment import Moment
 from scex_sumo.converters.registries import Recording
-from scex_sumo.studies.moments.cut import Choose, Item, moment_tasks, read_ahead
-from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef, StudyFolder
-from scex_sumo.studies.moments.run import MomentTask, StudySettings
-from scex_sumo.studies.moments.workers import MomentWorkers, Work
+from scex_sumo.evaluation.recordings import LoadedRecording, load_recording, recording_moments, seed_at
+from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef, StudyFolder, moment_name, plain
+from scex_sumo.studies.moments.run import MomentTask, MomentWorkers, StudySettings, Work, pack_road
 
+T = TypeVar("T")
+Item: TypeAlias = Listing | Failure | MomentTask
+Choose: TypeAlias = Callable[[LoadedRecording], Sequence[Moment]]
+
+MIN_VEHICLES = 2
 _AHEAD = 8  # seed scenes built before a worker asks for them
+
+
+def moment_tasks(
+    recordings: Sequence[Recording],
+    listings: Mapping[str, Listing],
+    settings: StudySettings,
+    *,
+    wanted: Callable[[Listing], Sequence[MomentRef]],
+    choose: Choose | None = None,
+) -> Iterator[Item]:
+    """Yield the listing of each recording that had none, then its tasks; failures in their place.
+
+    Args:
+        listings: by recording; a recording without wanted moments is not loaded.
+        wanted: the moments of a recording that shall run.
+        choose: the moments of a recording without a listing.
+    """
+    for recording in recordings:
+        listing = listings.get(recording.name)
+        todo = () if listing is None else wanted(listing)
+        if listing is not None and not todo:
+            continue
+        try:
+            loaded = load_recording(recording)
+            road = pack_road(loaded.road)
+            if loaded.road.net is not None:  # studies have no drivers that see the phases of its lights
+                netless = dataclasses.replace(loaded.road, net=None)
+                loaded = dataclasses.replace(loaded, road=netless)
+            if listing is None:
+                moments = choose(loaded) if choose else recording_moments(loaded, every_s=settings.every)
+                listing = list_moments(recording, moments)
+                yield listing
+                todo = wanted(listing)
+        except Exception as error:
+            if listing is None:
+                name, location = plain(recording.name), plain(recording.site)
+                why = one_line(reason_of(error))
+                yield Failure(moment=name, location=location, recording=recording.name, reason=why)
+            yield from (Failure.of(ref, reason_of(error)) for ref in todo)
+            continue
+        for ref in todo:
+            try:
+                scene = seed_at(loaded, ref.time_s, case=ref.case or None)
+            except Exception as error:
+                yield Failure.of(ref, reason_of(error))
+                continue
+            bare = dataclasses.replace(scene, road=None)
+            yield MomentTask(ref=ref, scene=bare, road=road, settings=settings)
+
+
+def list_moments(recording: Recording, moments: Sequence[Moment]) -> Listing:
+    """List the moments of a recording that have two vehicles.
+
+    In cases all vehicles count, else those that move and are recorded from 1 s before to 3 s after.
+    """
+    refs = [
+        MomentRef(
+            moment=moment_name(recording.name, m.case, m.time_s),
+            location=plain(recording.site),
+            recording=recording.name,
+            case=m.case,
+            time_s=m.time_s,
+            vehicles=m.vehicles,
+        )
+        for m in moments
+        if (m.vehicles if m.case else m.complete) >= MIN_VEHICLES
+    ]
+    return Listing(recording=recording.name, moments=tuple(refs))
+
+
+def read_ahead(items: Iterator[T], size: int) -> Generator[T, None, None]:
+    """Yield the same items; a thread makes up to ``size`` of them ahead.
+
+    Closing the generator ends the thread after its present item.
+    """
+    thread, end = ThreadPoolExecutor(1, thread_name_prefix="read ahead"), object()
+    try:
+        ahead = deque(thread.submit(next, items, end) for _ in range(size + 1))
+        while (item := ahead.popleft().result()) is not end:
+            ahead.append(thread.submit(next, items, end))
+            yield cast(T, item)
+    finally:
+        thread.shutdown(wait=False, cancel_futures=True)
 
 
 class MomentRun:
@@ -34,18 +127,13 @@ class MomentRun:
         """Load what an earlier, interrupted run of the same study found."""
         self.recordings, self.settings = recordings, settings
         self.workers, self.folder, self._progress = workers, folder, progress
-        self.listings: dict[str, Listing] = {}
         self.unreadable: dict[str, Failure] = {}
-        self.failures: dict[str, Failure] = {}
-        self._done = 0
-        for name, failure in folder.failures().items():
-            if failure.died:  # of the machine, maybe, and not of the moment
-                folder.clear_failure(name)
-            else:
-                self.failures[name] = failure
-        for recording in recordings:
-            if (listing := folder.listing(recording.name)) is not None:
-                self.listings[recording.name] = listing
+        self._done, self.failures = 0, folder.failures()
+        for name in [name for name, failure in self.failures.items() if failure.died]:
+            del self.failures[name]  # of the machine, maybe, and not of the moment
+            folder.clear_failure(name)
+        known = {recording.name: folder.listing(recording.name) for recording in recordings}
+        self.listings = {name: listing for name, listing in known.items() if listing is not None}
 
     @property
     def listed(self) -> list[MomentRef]:
@@ -92,10 +180,6 @@ class MomentRun:
             wanted=lambda listing: [ref for ref in listing.moments if ref.moment in names],
         )
         return (item for item in items if isinstance(item, MomentTask))
-
-    def recording(self, ref: MomentRef) -> Recording:
-        """Return the recording of a moment."""
-        return next(one for one in self.recordings if one.name == ref.recording)
 
     def _tasks(self, items: Iterator[Item]) -> Iterator[MomentTask]:
         for item in items:

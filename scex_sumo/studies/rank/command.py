@@ -77,11 +77,11 @@ def _print_top(ranking: Ranking, top: int) -> None:
     from scex_sumo.commands.console import output_console
     from scex_sumo.page.document import print_columns
     from scex_sumo.reports.run_table import print_line
-    from scex_sumo.studies.rank.table import printed_columns
+    from scex_sumo.studies.rank.ranking_run import PRINTED_COLUMNS
 
     console, rows = output_console(width=160), ranking.table.slice(0, top).to_pylist()
     rows = [row for row in rows if row["rank"] is not None]
-    print_columns(printed_columns(), rows, console, "encounters worth testing")
+    print_columns(PRINTED_COLUMNS, rows, console, "encounters worth testing")
     about = "people: one of so many such moments ends in a contact within 3 s, and the range of that number"
     stress = "stress: share of the futures of the stress test in which they collide"
     print_line(f"{about}; {stress}", console)

@@ -48,17 +48,6 @@ def ranked(
     return with_columns(table.drop(["out"]), {"rank": ranks})
 
 
-def _judged(encounters: pa.Table, triage: Sequence[Mapping[str, str]]) -> pa.Table:
-    rows = encounters.select(["doubt", "first_s", "last_s", *BOTH]).to_pylist()
-    verdicts = judged(rows, triage)
-    doubts = [
-        SAID if verdict and verdict["verdict"] == DATA_ERROR else row["doubt"]
-        for row, verdict in zip(rows, verdicts, strict=True)
-    ]
-    columns = {name: [one[name] or None if one else None for one in verdicts] for name in TRIAGE}
-    return with_columns(encounters, {"doubt": doubts, **columns})
-
-
 def with_stress(encounters: pa.Table, shares: Mapping[str, Mapping[tuple[int, int], float]]) -> pa.Table:
     """Return encounters with ``stress_p_collision``; null where the futures of a moment were not run.
 
@@ -105,24 +94,20 @@ def read_triage(path: Path) -> Sequence[Mapping[str, str]]:
     return rows
 
 
-def judged(
-    rows: Sequence[Mapping[str, Any]], triage: Sequence[Mapping[str, str]]
-) -> list[Mapping[str, str] | None]:
-    """Return the verdict of each encounter: the last one of its pair that was given for a time within it."""
+def _judged(encounters: pa.Table, triage: Sequence[Mapping[str, str]]) -> pa.Table:
+    """Return encounters with the last verdict on their pair that was given for a time within each."""
     given: dict[tuple[str, ...], list[Mapping[str, str]]] = {}
     for row in triage:
-        given.setdefault(_key(row), []).append(row)
-    return [
-        next(
-            (
-                one
-                for one in reversed(given.get(_key(row), []))
-                if row["first_s"] <= float(one["time_s"]) <= row["last_s"]
-            ),
-            None,
+        given.setdefault(_key(row), []).insert(0, row)
+    doubts, verdicts = [], list[Mapping[str, str]]()
+    for row in encounters.select(["doubt", "first_s", "last_s", *BOTH]).to_pylist():
+        times = (
+            one for one in given.get(_key(row), ()) if row["first_s"] <= float(one["time_s"]) <= row["last_s"]
         )
-        for row in rows
-    ]
+        verdicts.append(next(times, {}))
+        doubts.append(SAID if verdicts[-1].get("verdict") == DATA_ERROR else row["doubt"])
+    columns = {name: [one.get(name) or None for one in verdicts] for name in TRIAGE}
+    return with_columns(encounters, {"doubt": doubts, **columns})
 
 
 def _key(row: Mapping[str, Any]) -> tuple[str, ...]:

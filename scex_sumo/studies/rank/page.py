@@ -35,9 +35,8 @@ from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.moments.run import MomentTask, net_of, written
 from scex_sumo.studies.rank.encounters import KEY, TRIAGE, VERDICTS, with_stress
 from scex_sumo.studies.rank.glance import box_of, glance, places_of
-from scex_sumo.studies.rank.ranking_run import REPORTS, RankingRun
+from scex_sumo.studies.rank.ranking_run import PAGE_COLUMNS, REPORTS, RankingRun, stress_words
 from scex_sumo.studies.rank.stage import Stage, stage_of_future
-from scex_sumo.studies.rank.table import page_columns, stress_words
 
 HTML = "ranking.html"
 SCRIPTS = ("loop.js", "stage.js", "timeline.js", "triage.js")
@@ -81,7 +80,7 @@ def write_ranking_page(
             own = [row for row in top if row["seed"] == name]
             site = open_sites.pop(task.ref.location, None)
             command = _command(run, task.ref)
-            yield _ReportTask.of(task, command=command, pairs=pairs[name], rows=own, site=site)
+            yield _ReportTask(**vars(task), command=command, pairs=pairs[name], rows=own, site=site)
 
     for task, made in run.workers.run(_reported, asked()):
         assert isinstance(task, _ReportTask)
@@ -105,14 +104,16 @@ def write_ranking_page(
     ]
     rows = ranking.slice(0, max(_ROWS, len(top))).to_pylist()
     page = Document("Encounters worth testing", *SCRIPTS)
+    rest = f"The first {_ROWS} of {len(ranking)}; all" if len(ranking) > _ROWS else "All"
     parts = [
         glance(run.pairs, places, roads, {f"#encounter-{row['rank']}": row for row, _, _ in cards}),
         _bar(),
         *_lists(ranking, [(row, html) for row, html, _ in cards], by),
         card(
             "All encounters",
-            _more(len(ranking)),
-            page.table("all-encounters", page_table(page_columns(), rows)),
+            f"{rest} with more columns are in ranking.csv and ranking.parquet, moments in moments.csv. "
+            "A click on a head sorts.",
+            page.table("all-encounters", page_table(PAGE_COLUMNS, rows)),
         ),
         *failure_card("Failed", {name: one.reason for name, one in failures.items()}),
     ]
@@ -164,7 +165,7 @@ def _reported(task: _ReportTask, scene: SeedScene) -> _Made:
 
 
 def _command(run: RankingRun, ref: MomentRef) -> list[str]:
-    recording = run.recording(ref)
+    recording = next(one for one in run.recordings if one.name == ref.recording)
     paths, models = recording.track_paths, run.settings.models
     words = ["scex-sumo", "run", str(recording.map_path)]
     words += ["--tracks", str(paths[0] if len(paths) == 1 else paths[0].parent)]
@@ -252,9 +253,3 @@ def _facts(row: Mapping[str, Any]) -> list[str]:
     if row["stress_p_collision"] is not None:
         facts.append(f"stress test: collide in {stress_words(row)} of the futures")
     return facts
-
-
-def _more(count: int) -> str:
-    rest = f"The first {_ROWS} of {count}; all" if count > _ROWS else "All"
-    where = "with more columns are in ranking.csv and ranking.parquet, moments in moments.csv"
-    return f"{rest} {where}. A click on a head sorts."

@@ -21,12 +21,10 @@ from scex_sumo.converters.registries import Window
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.encounters import encounters_of
-from scex_sumo.studies.moments.run import StudySettings
-from scex_sumo.studies.moments.workers import MomentWorkers
+from scex_sumo.studies.moments.run import MomentWorkers, StudySettings
 from scex_sumo.studies.rank.encounters import RANKED, ranked, read_triage
 from scex_sumo.studies.rank.page import write_ranking_page
-from scex_sumo.studies.rank.ranking_run import RankFolder, RankingRun, run_moment
-from scex_sumo.studies.rank.table import moments_table, write_table
+from scex_sumo.studies.rank.ranking_run import RankFolder, RankingRun, moments_table, run_moment, write_table
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,7 +33,7 @@ class Ranking:
 
     Attributes:
         table: one row for each encounter, see `scex_sumo.studies.rank.encounters`; doubtful ones last.
-        moments: one row for each moment, see `scex_sumo.studies.rank.table.MOMENTS`; failures last.
+        moments: one row for each moment, see `scex_sumo.studies.rank.ranking_run.MOMENTS`; failures last.
         info: content of ``rank.json``.
 
     Example:

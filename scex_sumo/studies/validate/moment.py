@@ -103,8 +103,9 @@ def validate_moment(task: MomentTask, scene: SeedScene) -> Forecast:
     asked = asked_of(task.settings)
     steps, road = asked.steps, scene.road
     assert road is not None
-    judged = _recorded_to_end(scene, steps)
-    if not judged.any():
+    known = scene.future_valid
+    judged = np.zeros(0, dtype=bool) if known is None else np.all(known[:, :steps], axis=1)
+    if known is None or known.shape[1] < steps or not judged.any():
         raise TrackError(f"no vehicle is recorded for {steps} steps after the moment; choose another moment")
     plain = RunSettings(models="constant_velocity", futures=1, steps=steps, world=asked.world)
     # Vehicles leave the futures at the step at which they leave the recording.
@@ -140,13 +141,6 @@ def _run(scene: SeedScene, net: SumoNet, settings: RunSettings, models: ModelSet
 
 def _values(part: Part) -> FloatArray:
     return np.where(part.defined, part.values, np.nan)
-
-
-def _recorded_to_end(scene: SeedScene, steps: int) -> BoolArray:
-    if scene.future_valid is None or scene.future_valid.shape[1] < steps:
-        return np.zeros(scene.vehicles, dtype=bool)
-    whole: BoolArray = np.all(scene.future_valid[:, :steps], axis=1)
-    return whole
 
 
 def _futures_table(columns: tuple[str, ...], rows: list[tuple[IntArray, FloatArray, BoolArray]]) -> pa.Table:

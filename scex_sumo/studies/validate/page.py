@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.metrics.registry import known_metrics, metric_of
-from scex_sumo.page.document import Column, Document, card, page_table, plots
+from scex_sumo.page.document import Column, Document, card, failure_card, page_table, plots
 from scex_sumo.page.figures.charts import Plane, metric_title
 from scex_sumo.page.html import Html, element
 from scex_sumo.reports.run_table import counted
@@ -99,7 +99,7 @@ def write_validation_page(
             "Distance of the futures from the recorded places.",
             page.table("positions", page_table(_POSITION_COLUMNS, rows["positions"])),
         ),
-        *_failures(info["failed"]),
+        *failure_card(f"{len(info['failed'])} moments that could not be judged", info["failed"]),
     ]
     about = (
         f"{counted(info['seeds'], 'seed scene')} of {counted(info['recordings'], 'recording')}, "
@@ -149,10 +149,3 @@ def _diagram(row: Mapping[str, Any]) -> Html:
     parts = [plane.line(whole, whole, "soft", dashed=True), *dots]
     marks = [(share, f"{share:.0%}") for share in (0.0, 0.5, 1.0)]
     return plane.figure(row["event"], *parts, marks=marks)
-
-
-def _failures(failed: Mapping[str, str]) -> list[Html]:
-    if not failed:
-        return []
-    items = [element("li", f"{name}: {reason}") for name, reason in list(failed.items())[:50]]
-    return [card(f"{len(failed)} moments that could not be judged", element("ul", *items))]

@@ -20,8 +20,8 @@ from scex_sumo.base.version import __version__
 from scex_sumo.converters.datasets.find import find_recordings, left_out
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
+from scex_sumo.studies.moments.run import MomentWorkers
 from scex_sumo.studies.moments.study import MomentRun
-from scex_sumo.studies.moments.workers import MomentWorkers
 from scex_sumo.studies.validate.moment import ALL, ForecastFolder, ValidationSettings, validate_moment
 from scex_sumo.studies.validate.page import write_validation_page
 from scex_sumo.studies.validate.scoring import (

@@ -54,7 +54,7 @@ def position_forecasts(scene: SeedScene, futures: States, straight: States, judg
             )
             dx, dy = futures.x[:, step, v] - x, futures.y[:, step, v] - y
             off = np.hypot(dx, dy)
-            along, across = _in_frame(dx, dy, heading)
+            cos, sin = np.cos(heading), np.sin(heading)
             rows.append(
                 {
                     "track_id": int(scene.track_ids[v]),
@@ -66,16 +66,11 @@ def position_forecasts(scene: SeedScene, futures: States, straight: States, judg
                     "constant_velocity_error_m": float(
                         np.hypot(straight.x[0, step, v] - x, straight.y[0, step, v] - y)
                     ),
-                    "along_within": covered(along, 0.0),
-                    "across_within": covered(across, 0.0),
+                    "along_within": covered(cos * dx + sin * dy, 0.0),
+                    "across_within": covered(cos * dy - sin * dx, 0.0),
                 }
             )
     return pa.Table.from_pylist(rows, schema=POSITIONS)
-
-
-def _in_frame(dx: FloatArray, dy: FloatArray, heading: float) -> tuple[FloatArray, FloatArray]:
-    cos, sin = np.cos(heading), np.sin(heading)
-    return cos * dx + sin * dy, cos * dy - sin * dx
 
 
 def gap_forecasts(

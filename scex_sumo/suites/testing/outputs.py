@@ -35,18 +35,14 @@ def junit_text(result: Mapping[str, Any]) -> str:
             suite, "testcase", classname=kind, name=one["name"], time=f"{one.get('seconds', 0.0):.2f}"
         )
         if one["verdict"] == FAILED:
-            ET.SubElement(case, "error", message=_legal(one["reason"]))
+            legal = "".join(c if c.isprintable() else " " for c in one["reason"])  # in XML
+            ET.SubElement(case, "error", message=legal)
         elif one["verdict"] == WORSE:
             ET.SubElement(case, "failure", message=case_words(one))
         else:
             ET.SubElement(case, "system-out").text = case_words(one)
     ET.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
-
-
-def _legal(text: str) -> str:
-    """Return a text without characters that XML does not allow."""
-    return "".join(c if c.isprintable() else " " for c in text)
 
 
 def case_words(case: Mapping[str, Any]) -> str:

@@ -19,7 +19,7 @@ from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.drivers.registry import ModelSpec, build, model_specs
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.folder import Failure, StudyFolder
-from scex_sumo.studies.moments.workers import MomentWorkers
+from scex_sumo.studies.moments.run import MomentWorkers
 from scex_sumo.suites.suite import SUITE, Case, Suite, open_suite
 from scex_sumo.suites.testing.outputs import junit_text, markdown_text, write_test_page
 from scex_sumo.suites.testing.result import VERDICTS, compared, number_of, read_result, unseen, with_verdicts

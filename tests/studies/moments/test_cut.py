@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from scex_sumo.studies.moments.cut import read_ahead
+from scex_sumo.studies.moments.study import read_ahead
 
 
 def test_an_error_comes_where_it_would_have_come() -> None:

@@ -8,8 +8,8 @@ import pytest
 
 from scex_sumo.converters.datasets.moment import Moment
 from scex_sumo.converters.registries import Recording
-from scex_sumo.studies.moments.cut import list_moments
 from scex_sumo.studies.moments.folder import moment_name
+from scex_sumo.studies.moments.study import list_moments
 
 RECORDING = Recording(
     name="k733_000", site="k733", dataset="taf_bw", map_path=Path("k733.osm"), track_paths=(Path("t.csv"),)

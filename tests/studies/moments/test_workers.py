@@ -18,8 +18,7 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.road import Road
 from scex_sumo.scene import SceneHistory, SeedScene, States
 from scex_sumo.studies.moments.folder import Failure, MomentRef
-from scex_sumo.studies.moments.run import MomentTask, StudySettings, built, pack_road
-from scex_sumo.studies.moments.workers import MomentWorkers
+from scex_sumo.studies.moments.run import MomentTask, MomentWorkers, StudySettings, built, pack_road
 from scex_sumo.studies.rank.ranking_run import run_moment
 
 SETTINGS = StudySettings(run=RunSettings(models="standard_driver,risky_driver", futures=96))

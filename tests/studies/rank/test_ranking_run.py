@@ -18,10 +18,8 @@ from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.registries import Recording
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.studies.moments.folder import Failure
-from scex_sumo.studies.moments.run import MomentTask, StudySettings
-from scex_sumo.studies.moments.workers import Done, Work
-from scex_sumo.studies.rank.ranking_run import RankFolder, RankingRun, run_moment
-from scex_sumo.studies.rank.table import MOMENTS, moments_table
+from scex_sumo.studies.moments.run import Done, MomentTask, StudySettings, Work
+from scex_sumo.studies.rank.ranking_run import MOMENTS, RankFolder, RankingRun, moments_table, run_moment
 from tests.studies.moments.pairs import pairs_table
 
 SETTINGS = StudySettings(run=RunSettings(models="standard_driver", futures=96), every=2.0)
