@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from rich.console import Console
+from rich.table import Table
 
 from scex_sumo.metrics.registry import COLLISION, critical_columns
 from scex_sumo.reports.run_table import (
@@ -52,9 +53,7 @@ def print_under_test(run: Run, console: Console, *, every: bool = False) -> None
     for line in own:
         print_line(f"  {line}", console)
     main, folded = shown_columns(run, every=every)
-    title = f"under test, {tested.label}: {counted(tested.metrics.num_rows, 'future')}"
-    rows = under_test_rows(tested, [*main, *folded])
-    print_table(console_table(title, HEADS, rows), console, breaks=(" better",))
+    print_table(under_test_table(tested, [*main, *folded]), console, breaks=(" better",))
     for line in (
         "only pairs that involve a vehicle under test; before: the same futures, as drawn; P: critical",
         "worse : better: futures that are more and less critical than before",
@@ -121,6 +120,12 @@ def differences(tested: UnderTest) -> list[tuple[Difference, float, float]]:
     values = holm([one.p_value for one in by_metric])
     shares = holm([one.critical_p_value for one in by_metric])
     return list(zip(by_metric, values, shares, strict=True))
+
+
+def under_test_table(tested: UnderTest, columns: Sequence[str] | None = None) -> Table:
+    """Return medians, worse and better futures, critical shares and p-values by metric."""
+    futures = counted(tested.metrics.num_rows, "future")
+    return console_table(f"under test, {tested.label}: {futures}", HEADS, under_test_rows(tested, columns))
 
 
 def under_test_rows(tested: UnderTest, columns: Sequence[str] | None = None) -> list[list[Any]]:
