@@ -1,7 +1,7 @@
 """Version of this package, and of installed ones."""
 
-from importlib.metadata import version as version_of
-
-__all__ = ["__version__", "version_of"]
+from functools import cache
+from importlib.metadata import version
 
 __version__ = "0.1.0"
+version_of = cache(version)

@@ -232,7 +232,7 @@ def test_tracks_far_from_the_map_name_the_origin_as_likely_cause(tmp_path: Path)
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_interrupted_while_it_reads_says_so_and_fails(tmp_path: Path, number: int) -> None:
     code = (
-        "import atexit, os, sys, time, scex_sumo.scenarios.seeds, scex_sumo.cli\n"
+        "import atexit, os, sys, time, scex_sumo.scenarios.seeds, scex_sumo.__main__\n"
         "class Library:  # as Arrow, interrupted while it imports pandas\n"
         "    __del__ = lambda self: os.abort()\n"
         "library = Library()\n"
@@ -242,7 +242,7 @@ def test_a_run_interrupted_while_it_reads_says_so_and_fails(tmp_path: Path, numb
         "    time.sleep(30)  # the signal may take a moment\n"
         "scex_sumo.scenarios.seeds.read_seed = reading\n"
         f"sys.argv = ['scex-sumo', 'run', {str(ROUNDABOUT)!r}]\n"
-        "scex_sumo.cli.main()\n"
+        "scex_sumo.__main__.start()\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=False
