@@ -3,30 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Mapping
-from typing import TypeAlias
-from xml.etree.ElementTree import Element
+from collections.abc import Callable, Mapping
+from typing import TypeAlias, TypeVar
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
-import shapely
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.formats.opendrive.reference import number
-from scex_sumo.formats.opendrive.roads import Name
+from scex_sumo.formats.opendrive.reference import ReferenceLine, number
 from scex_sumo.formats.opendrive.ways import Places, Pose, Way
+from scex_sumo.geometry.polylines import distances
+from scex_sumo.geometry.rectangles import Rectangles
 
-Action: TypeAlias = Generator[None]  # goes on for a tick each time; it ends when it is over
+Action: TypeAlias = Callable[[float], bool]  # acts for a step, s, at its end; returns whether it goes on
+_T = TypeVar("_T")
 
-TICKS_PER_S = 1000  # at 50 m/s, what begins a tick late is 5 cm off
-TICK_S = 1 / TICKS_PER_S
 BODIES = {"Vehicle": "car", "Pedestrian": "pedestrian", "MiscObject": "object"}
 _KINDS = {"motorbike": "motorcycle", "van": "car", "semitrailer": "truck"}
 _PEAKS = {"cubic": 1.5, "sinusoidal": math.pi / 2}  # of the rate, over its mean
 _SHARES: Mapping[str, Callable[[float], float]] = {
+    "step": float,
+    "linear": float,
     "cubic": lambda progress: progress**2 * (3 - 2 * progress),
     "sinusoidal": lambda progress: (1 - math.cos(math.pi * progress)) / 2,
 }
-_CLOTHOID_M = 0.5  # between points
 _TO_GAP_S, _MOST_MPS2 = 1.0, 5.0  # time in which a follower takes a wrong distance back, and how hard
 
 
@@ -42,6 +42,7 @@ class Mover:
         logged: speeds at the vertices of its trajectory, m/s, where our own export wrote the file.
         roads: roads of its route that are ahead.
         actions: what changes its motion ``along`` and ``across`` its way.
+        pose: of its reference point, and ``before`` its last step.
     """
 
     def __init__(self, element: Element, places: Places) -> None:
@@ -58,23 +59,17 @@ class Mover:
         self.logged = [] if speeds is None else [float(x) for x in speeds.get("value", "").split()]
         self.is_controlled = element.find("ObjectController") is not None
         self.there, self.roads = False, list[str]()
-        self.time_s = self.speed = self.travelled = self.arc = self.left = self._slip = 0.0
-        self.actions: dict[str, Action] = {}
-        self._pose: Pose | None = Pose(math.nan, math.nan, 0.0)
+        self.time_s = self.speed = self.travelled = self.arc = self.left = 0.0
+        self.actions: Mapping[str, Action] = {}
+        self.pose = self.before = Pose(math.nan, math.nan, 0.0)
         self._places, self.way = places, places.way(self.pose)
+        self._past = self.way, self.arc, self.left, self.speed
 
     def put(self, pose: Pose) -> None:
         """Put it at a pose, and on the way ahead of it."""
         self.there, self.way = True, self._places.way(pose, self.roads)
         self.arc, self.left = self.way.project(pose)
-        self._pose = pose
-
-    @property
-    def pose(self) -> Pose:
-        """Pose of its reference point."""
-        if self._pose is None:
-            self._pose = self.way.at(self.arc, self.left).turned(self._slip)
-        return self._pose
+        self.pose = self.before = pose
 
     def sample(self) -> tuple[float, ...]:
         """Return x, y, vx, vy, heading, length and width of its box, m, m/s and rad."""
@@ -83,43 +78,67 @@ class Mover:
         return x, y, *velocity, heading, self.length, self.width
 
     @property
-    def outline(self) -> shapely.Polygon:
-        """Outline of its box."""
-        centre, shares = self.pose.moved(*self.box_at), ((0.5, 0.5), (0.5, -0.5), (-0.5, -0.5), (-0.5, 0.5))
-        return shapely.Polygon([centre.moved(a * self.length, b * self.width)[:2] for a, b in shares])
+    def box(self) -> Rectangles:
+        """Its box."""
+        x, y, _, _, heading, length, width = np.array(self.sample())
+        return Rectangles(x=x, y=y, heading=heading, half_length=length / 2, half_width=width / 2)
+
+    def passed(self, goal: Pose) -> float:
+        """Return how near it came to a place in its last step, m."""
+        return float(distances(np.array([goal[:2]]), np.array([self.before[:2], self.pose[:2]]))[0])
 
     def ahead(self, goal: Pose) -> float:
         """Return how far a place is ahead along its way, m."""
         return self.way.project(goal)[0] - self.arc
 
-    def begin(self, kind: str, action: Action) -> Action:
-        """Begin an action in the place of another one of its kind."""
+    def begin(self, kind: str, law: Callable[..., Action], *given: object) -> Action:
+        """Begin an action by its law, in the place of another one of its kind."""
         self.end(self.actions.get(kind))
-        self.actions[kind] = action
+        action = law(self, *given)
+        self.actions = {**self.actions, kind: action}
         return action
 
     def end(self, action: Action | None) -> None:
-        """End an action if it goes on."""
-        for kind in [kind for kind, one in self.actions.items() if one is action]:
-            self.actions.pop(kind).close()
+        """End an action if it goes on; from the end of a trajectory it drives on."""
+        kinds = [kind for kind, one in self.actions.items() if one is action]
+        self.actions = {kind: one for kind, one in self.actions.items() if kind not in kinds}
+        if "across" in kinds and self.way.headings is not None:
+            self.put(self.way.at(self.arc, self.left))
 
-    def step(self, time_s: float) -> None:
-        """Move by `TICK_S`, to a time; one that comes to the end of the road is gone."""
-        way, arc, speed, left, self.time_s = self.way, self.arc, self.speed, self.left, time_s
-        for action in [*self.actions.values()]:
-            if next(action, "over") == "over":
+    def act(self, time_s: float, step_s: float) -> None:
+        """Let its actions change its speed and its place across, as they are after a step, at a time."""
+        self.time_s, self._past = time_s, (self.way, self.arc, self.left, self.speed)
+        for action in self.actions.values() if self.there else ():
+            if not action(step_s):
                 self.end(action)
+
+    def move(self, step_s: float) -> None:
+        """Move by a step; one that comes to the end of the road is gone."""
+        if not self.there:
+            return
+        way, arc, left, speed = self._past
+        length = (speed + self.speed) / 2 * step_s
+        self.travelled += length
         if way.times_s is None:
-            self.arc += (speed + self.speed) / 2 * TICK_S
-        self.travelled += self.speed * TICK_S
+            self.arc += length
+        self.before = self.pose
         if self.way is way:
-            gone, self._pose = self.arc - arc, None
-            self._slip = math.atan2(self.left - left, gone) if gone > 1e-9 else 0.0
+            gone = self.arc - arc
+            slip = math.atan2(self.left - left, gone) if gone > 1e-9 else 0.0
+            self.pose = way.at(self.arc, self.left).turned(slip)
             self.there = way.headings is not None or self.arc < way.arcs[-1]
 
 
+def chosen(element: Element, name: str, default: str, choices: Mapping[str, _T]) -> _T:
+    """Return what the word of an attribute stands for; `ValueError` if it is none of the choices."""
+    word = element.get(name, default)
+    if word not in choices:
+        raise ValueError(f"{name} of its {element.tag} is {word[:24]!r}")
+    return choices[word]
+
+
 def changing(
-    mover: Mover, name: str, dynamics: Element, target: Callable[[], float], *, stays: bool = False
+    mover: Mover, name: str, dynamics: Element, target: Callable[[], float], stays: bool = False
 ) -> Action:
     """Change the speed, or the place across, by a shape over a time, at a rate or over a distance.
 
@@ -128,69 +147,74 @@ def changing(
         stays: it goes on, to a target that changes.
     """
     shape, by = dynamics.get("dynamicsShape", "step"), dynamics.get("dynamicsDimension", "time")
-    first, value, is_speed = getattr(mover, name), number(dynamics, "value", "0"), name == "speed"
-    whole, done = 0.0 if shape == "step" else value, 0.0
+    share, value = chosen(dynamics, "dynamicsShape", "step", _SHARES), number(dynamics, "value", "0")
+    first, last, begun_s, begun_m = getattr(mover, name), target(), mover.time_s, mover.travelled
+    whole = 0.0 if shape == "step" else value
     if whole and by == "rate":
-        whole = abs(target() - first) * _PEAKS.get(shape, 1.0) / max(abs(value), 1e-9)
-    elif whole and by == "distance" and is_speed:
-        whole = value / max((first + target()) / 2, 1e-9)
-    while done < whole - 1e-9 or stays or not done:
-        done += mover.speed * TICK_S if by == "distance" and not is_speed else TICK_S
+        whole = abs(last - first) * _PEAKS.get(shape, 1.0) / max(abs(value), 1e-9)
+    elif whole and by == "distance" and name == "speed":
+        whole = value / max((first + last) / 2, 1e-9)
+
+    def change(step_s: float) -> bool:
+        done = mover.time_s - begun_s
+        if by == "distance" and name == "left":
+            done = mover.travelled - begun_m + mover.speed * step_s
         progress = min(done / whole, 1.0) if whole > 0 else 1.0
-        setattr(mover, name, first + (target() - first) * _SHARES.get(shape, float)(progress))
-        if progress >= 1 - 1e-9 and not stays:
-            return
-        yield
+        setattr(mover, name, first + ((target() if stays else last) - first) * share(progress))
+        return stays or progress < 1 - 1e-9
 
-
-def changing_lane(mover: Mover, lane: Name, dynamics: Element, left: float) -> Action:
-    """Go over to a place across another lane, m to the left of its middle."""
-    mover.put(mover.pose._replace(lane=lane))
-    yield from changing(mover, "left", dynamics, lambda: left)
+    change(0.0)  # what needs no time is done at once
+    return change
 
 
 def synchronising(mover: Mover, goal: Pose, master: Mover, masters: Pose, final_mps: float | None) -> Action:
     """Change the speed to be at a place when another one is at its own."""
-    while True:
-        left, theirs = mover.ahead(goal), master.ahead(masters)
+
+    def approach(step_s: float) -> bool:
+        left, theirs, speed = mover.ahead(goal), master.ahead(masters), mover.speed
         time_s = theirs / max(master.speed, 1e-3)
-        if min(left, theirs) <= 0 or time_s <= TICK_S:
-            mover.speed = mover.speed if final_mps is None else final_mps
-            return
-        if final_mps is None:
-            change = 2 * (left - mover.speed * time_s) / time_s**2
-        else:
-            change = (6 * left - (4 * mover.speed + 2 * final_mps) * time_s) / time_s**2
-        mover.speed = max(mover.speed + change * TICK_S, 0.0)
-        yield
+        if min(left, theirs) <= 0 or time_s <= step_s:
+            mover.speed = speed if final_mps is None else final_mps
+            return False
+        change, jerk = 2 * (left - speed * time_s) / time_s**2, 0.0
+        if final_mps is not None:
+            change = (6 * left - (4 * speed + 2 * final_mps) * time_s) / time_s**2
+            jerk = (6 * (speed + final_mps) * time_s - 12 * left) / time_s**3
+        mover.speed = max(speed + (change + jerk / 2 * step_s) * step_s, 0.0)
+        return True
+
+    return approach
 
 
 def following(mover: Mover, action: Element, other: Mover) -> Action:
     """Change the speed to keep a distance or a time gap to another one."""
     gap, gap_s = number(action, "distance", "0"), number(action, "timeGap", "0")
     gap += (mover.length + other.length) / 2 if action.get("freespace") == "true" else 0.0
-    wrong = math.inf
-    while action.get("continuous") == "true" or abs(wrong) >= 0.1:
-        wrong = mover.ahead(other.pose) - gap - gap_s * mover.speed
-        change = (other.speed + wrong / _TO_GAP_S - mover.speed) / _TO_GAP_S
-        mover.speed = max(mover.speed + min(max(change, -_MOST_MPS2), _MOST_MPS2) * TICK_S, 0.0)
-        yield
+
+    def follow(step_s: float) -> bool:
+        wrong, closing = mover.ahead(other.pose) - gap - gap_s * mover.speed, other.speed - mover.speed
+        # As they are in the middle of the step.
+        change = (closing + (wrong + closing * step_s / 2) / _TO_GAP_S) / (_TO_GAP_S + step_s / 2)
+        mover.speed = max(mover.speed + min(max(change, -_MOST_MPS2), _MOST_MPS2) * step_s, 0.0)
+        return action.get("continuous") == "true" or abs(wrong) >= 0.1
+
+    return follow
 
 
 def driving(mover: Mover, way: Way) -> Action:
     """Follow a trajectory, by its times or at the own speed."""
     mover.way, mover.arc, mover.left = way, 0.0, 0.0
-    times, is_over = way.times_s, False
-    try:
-        while mover.way is way and not is_over:
-            if times is not None:
-                mover.arc = float(np.interp(mover.time_s, times, way.arcs))
-                mover.speed = float(np.interp(mover.time_s, times, way.speeds))
-            is_over = mover.arc >= way.arcs[-1] if times is None else mover.time_s >= times[-1] - 1e-9
-            yield
-    finally:
-        if mover.way is way:
-            mover.put(way.at(mover.arc, mover.left))
+    mover.pose = mover.before = way.at(0.0)
+    times = way.times_s
+
+    def drive(_: float) -> bool:
+        if times is None:
+            return bool(mover.arc < way.arcs[-1])
+        mover.arc = float(np.interp(mover.time_s, times, way.arcs))
+        mover.speed = float(np.interp(mover.time_s, times, way.speeds))
+        return bool(mover.time_s < times[-1] - 1e-9)
+
+    return drive
 
 
 def trajectory(action: Element, mover: Mover, now_s: float, pose_at: Callable[[Element], Pose]) -> Way:
@@ -225,12 +249,13 @@ def trajectory(action: Element, mover: Mover, now_s: float, pose_at: Callable[[E
 
 def _clothoid(line: Element, start: Pose) -> tuple[FloatArray, FloatArray]:
     length, first = number(line, "length"), number(line, "curvature")
-    rate = number(line, "curvaturePrime", line.get("curvatureDot", "0"))
-    s = np.linspace(0.0, length, int(np.clip(length / _CLOTHOID_M, 1, 10**6)) + 1)
-    middle = (s[1:] + s[:-1]) / 2
-    turned = start.heading + middle * (first + rate / 2 * middle)
-    steps = np.diff(s)[:, None] * np.column_stack([np.cos(turned), np.sin(turned)])
-    places = start[:2] + np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
+    last = first + length * number(line, "curvaturePrime", line.get("curvatureDot", "0"))
+    road, place = (
+        Element("road"),
+        {"x": start.x, "y": start.y, "hdg": start.heading, "s": 0.0, "length": length},
+    )
+    stretch = SubElement(SubElement(road, "planView"), "geometry", {k: str(v) for k, v in place.items()})
+    SubElement(stretch, "spiral", curvStart=str(first), curvEnd=str(last))
+    drawn = ReferenceLine(road, ())
     ends = [number(line, k) if line.get(k) else math.nan for k in ("startTime", "stopTime")]
-    times = np.interp(s, [0.0, length], ends)
-    return np.column_stack([places, start.heading + s * (first + rate / 2 * s)]), times
+    return np.column_stack([drawn.places, drawn.headings]), np.interp(drawn.s, [0.0, length], ends)

@@ -26,7 +26,7 @@ from scex_sumo.converters.xml import unpacked, xml_root
 from scex_sumo.formats.opendrive.lanes import opendrive_map
 from scex_sumo.formats.opendrive.reader import read_opendrive
 from scex_sumo.formats.opendrive.ways import Places
-from scex_sumo.formats.openscenario.motion import BODIES, TICKS_PER_S, Mover, UnknownMotion
+from scex_sumo.formats.openscenario.motion import BODIES, Mover, UnknownMotion
 from scex_sumo.formats.openscenario.story import Storyboard
 from scex_sumo.formats.recognition import is_openscenario
 from scex_sumo.formats.samples.boxes import MAX_ITEMS, box_table, one_line
@@ -34,7 +34,6 @@ from scex_sumo.formats.samples.from_car import within_map
 from scex_sumo.scene import SeedScene
 
 MAX_S, AFTER_S = 600.0, 10.0  # of a scenario without an end, and after the last story
-_EVERY = TICKS_PER_S // 10  # ticks between two samples
 _WHAT = "scenario of OpenSCENARIO"
 _DEFAULTS = (*BODIES, "Maneuver", "Trajectory", "Route")  # their values are overruled by a reference
 _NAME = re.compile(r"\$(\w+)")
@@ -71,19 +70,20 @@ def _read(
         drawn = opendrive_map(map_path, xml_root(map_path, remedy="export the map again"))
         story = Storyboard(_document(path), Places(drawn))
         numbers = _numbers(story.movers.values())
-        for tick in itertools.count():
-            time_s = tick / TICKS_PER_S
-            if tick % _EVERY == 0:
-                there = [mover for mover in story.movers.values() if mover.there]
-                if not there or time_s > min(end_s, story.over_s + AFTER_S) or len(values) > MAX_ITEMS // 8:
-                    break
-                labels += [numbers[mover.name] for mover in there]
-                values += [(1000.0 * time_s, *mover.sample()) for mover in there]
+        for k in itertools.count():
+            there = [mover for mover in story.movers.values() if mover.there]
+            over_s = max((event.ended_s for event in story.events), default=0.0)
+            is_over = k / 10 > min(end_s, over_s + AFTER_S)
+            if not there or is_over or len(values) > MAX_ITEMS // 8:
+                break
+            labels += [numbers[mover.name] for mover in there]
+            values += [(100.0 * k, *mover.sample()) for mover in there]
             try:
-                if not story.step(time_s):
-                    break
+                story.go_on()
+                story.go_on()
             except UnknownMotion as why:
-                notes.append(f"the scenario is known until {math.floor(10 * time_s) / 10:g} s: {why}")
+                known_s = math.floor(10 * story.time_s + 1e-6) / 10
+                notes += [f"the scenario is known until {known_s:g} s: {why}"] if str(why) else []
                 break
         kinds = {numbers[mover.name]: mover.kind for mover in story.movers.values()}
         table, more = box_table(path, labels, kinds, np.array(values).reshape(-1, 8))

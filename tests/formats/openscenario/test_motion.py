@@ -120,6 +120,16 @@ def test_triggers_fire_when_the_motion_says_so(tmp_path: Path, condition: str, s
     assert axle(rows, 8.9)[2] == 0
 
 
+def test_a_place_between_two_steps_is_reached(tmp_path: Path) -> None:
+    """At 50 m/s Ego is within .2 m of it for 8 ms, from 3.996 s on."""
+    narrow = of("Ego", tag("ReachPositionCondition", at(-1, 250), tolerance=0.2))
+    init = begins("Ego", at(-1, 50), 50) + begins("Other", at(-2, 200), 10)
+    rows, _ = track(
+        scenario(tmp_path, init, story("Other", event("brake", set_speed(0), after(narrow)))), "2"
+    )
+    assert axle(rows, 8.9)[::2] == pytest.approx((239.96, 0), **NEAR)
+
+
 def test_a_headway_is_that_to_one_ahead_and_names_may_look_like_expressions(tmp_path: Path) -> None:
     """Other overtakes Ego: 25 m behind at first, 12 m ahead after 37 / 10 s."""
     headway = near("TimeHeadwayCondition", "Other", 0.6, rule="greaterThan", coordinateSystem="road")

@@ -123,6 +123,21 @@ WRONG = {
     "no catalog": (CAR, '<CatalogReference catalogName="C" entryName="e"/>', "entry e of catalog C"),
     "nobody": (TWO, "", "no box in it"),
     "unknown event": ('Ref="go"', 'Ref="went"', "'went' is not in its storyboard"),
+    "unknown edge": (
+        'conditionEdge="none"',
+        'conditionEdge="sideways"',
+        "conditionEdge of its Condition is 'sid",
+    ),
+    "unknown rule": (
+        'rule="greaterOrEqual"',
+        'rule="about"',
+        "rule of its SimulationTimeCondition is 'about'",
+    ),
+    "unknown shape": (
+        'dynamicsShape="step"',
+        'dynamicsShape="bent"',
+        "dynamicsShape of its SpeedActionDynam",
+    ),
     "infinite speed": ('value="20"', 'value="1e300"', "1e+300"),
 }
 
