@@ -5,6 +5,7 @@ Tests of the start itself, of signals and of limits start Python anew.
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import subprocess
@@ -121,6 +122,7 @@ def _run(
     environment: dict[str, str],
     vehicles: int | None,
 ) -> None:
+    gc.freeze()  # what was imported before stays
     for number, file in enumerate(files, start=1):
         os.dup2(os.open(file, os.O_WRONLY | os.O_CREAT), number)
     sys.stdout, sys.stderr = (open(number, "w", encoding="utf-8", closefd=False) for number in (1, 2))  # noqa: SIM115

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from collections import Counter
@@ -29,6 +30,15 @@ def shared_data() -> Path | None:
     """Folder of the real maps and recordings, or None where it is absent."""
     folder = Path(os.environ.get("SCEX_DATA", REPOSITORY.parent / "shared" / "data"))
     return folder if folder.is_dir() else None
+
+
+gc.disable()  # while tests are collected: half a million objects that stay
+
+
+def pytest_collection_finish() -> None:
+    """Garbage is looked for among what tests make, not each time among all that was imported."""
+    gc.freeze()
+    gc.enable()
 
 
 def pytest_xdist_auto_num_workers() -> int:

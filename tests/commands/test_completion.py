@@ -10,20 +10,15 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.commands.options import complete_results
-
-CODE = "import sys; sys.argv = ['scex-sumo']; from scex_sumo.cli import main; main()"
+from tests.command import scex
 
 
 def completed(*words: str) -> list[str]:
     """What bash offers for the last of some words."""
-    environment = {
-        **os.environ,
-        "COMP_WORDS": " ".join(("scex-sumo", *words)),
-        "COMP_CWORD": str(len(words)),
-        "_SCEX_SUMO_COMPLETE": "complete_bash",
-    }
-    command = [sys.executable, "-c", CODE]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.split()
+    asked = {"COMP_WORDS": " ".join(("scex-sumo", *words)), "COMP_CWORD": str(len(words))}
+    done = scex(env={**os.environ, **asked, "_SCEX_SUMO_COMPLETE": "complete_bash"})
+    assert done.returncode == 0, done.stderr
+    return done.stdout.split()
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import scex_sumo as scex
 from scex_sumo.base.errors import MissingExtraError
 from scex_sumo.graphs.graph import KINDS
 from tests.behaviors.roads import lane, present, road, scene_of
+from tests.test_examples import run_example
 
 PARALLEL = road(lane(1, [(0.0, 0.0), (200.0, 0.0)], left=2), lane(2, [(0.0, 3.5), (200.0, 3.5)], right=1))
 SCENE = scene_of((50.0, 0.0, 0.0, 9.0), (70.0, 0.0, 0.0, 7.0), (55.0, 3.5, 0.0, 9.0), (90.0, 30.0, 0.0, 9.0))
@@ -53,6 +54,7 @@ def test_pyg_gets_all_futures_with_an_edge_type_per_kind() -> None:
         assert np.array_equal(data["vehicle", kind, "vehicle"].edge_index, graph.edge_index[:, mine])
         assert np.allclose(data["vehicle", kind, "vehicle"].edge_attr, graph.edge[mine], rtol=1e-6)
     assert data["vehicle", "intersecting", "vehicle"].edge_index.shape == (2, 0)
+    run_example("to_hetero_data", {"scex": scex})
 
 
 def test_without_networkx_the_export_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
