@@ -207,8 +207,6 @@ def lock(folder: Path) -> None:
         raise ResultError(
             f"{folder}: another process is writing there; wait for it, or give another folder with -o"
         ) from None
-    except OSError:  # a file system without locks
-        pass
     _locked[folder.resolve()] = descriptor
 
 

@@ -112,13 +112,12 @@ def import_arrow() -> None:
             sys.meta_path.remove(finder)
 
 
-def import_object(path: str, *, hint: str = "", own: bool = False) -> Any:
+def import_object(path: str, *, hint: str = "") -> Any:
     """Import an object by its path; modules in the current folder come after installed ones.
 
     Args:
         path: ``package.module:name``, or ``package.module`` for the module itself.
         hint: added to the message if there is no such module.
-        own: it is a model or metric of the user's, whose errors name the line in their code.
 
     Raises:
         UsageError: the import fails, or the name is missing.
@@ -137,10 +136,7 @@ def import_object(path: str, *, hint: str = "", own: bool = False) -> Any:
             f"{path}: no module {error.name} in {here} or among the installed packages{hint}"
         ) from None
     except (Exception, SystemExit) as error:
-        reason = f"raised {type(error).__name__}: {error}"
-        if own:
-            reason = own_error_reason(error)
-        raise UsageError(f"{path}: importing {name} {reason}") from error
+        raise UsageError(f"{path}: importing {name} {own_error_reason(error)}") from error
     if not attribute:
         return module
     if not hasattr(module, attribute):

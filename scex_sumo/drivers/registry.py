@@ -113,7 +113,7 @@ def entry_of(name: str) -> ModelEntry:
         return _registered[name]
     if ":" in name:
         hint = "; a model is name[:parameter=value]... or package.module:Class"
-        return _entry(import_object(name, hint=hint, own=True), name)
+        return _entry(import_object(name, hint=hint), name)
     if mix := _MIXES.get(name):
         raise UsageError(
             f"{name} stands for several models and takes neither parameters nor a weight; "

@@ -20,7 +20,7 @@ from scex_sumo.converters.registries import signals_of
 from scex_sumo.drivers.registry import parse_models
 from scex_sumo.extrapolation.extras import Extra, Row, Work, rows_of
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, ruled
-from scex_sumo.extrapolation.loop.measure import Recorded, measure_recorded
+from scex_sumo.extrapolation.loop.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.options import RunOptions
 from scex_sumo.extrapolation.processes.workers import Workers
@@ -35,42 +35,25 @@ from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from scex_sumo.world.base import WORLDS
 
-DEFAULT_OPTIONS = RunOptions()
-
 
 def run_scene(
     scene: SeedScene,
     settings: RunSettings,
     *,
     workers: Workers,
-    options: RunOptions = DEFAULT_OPTIONS,
-    extras: Sequence[Extra] = (),
-    models: ModelSet | None = None,
-) -> Run:
-    """Simulate and measure the futures of a seed scene that has a road, then let the extras work.
-
-    Args:
-        models: what `checked_models` returned for these settings; None builds them.
-
-    Raises:
-        ScexError: as of `extrapolate`.
-    """
-    return run_job(scene, settings, workers, options, extras, models)[0]
-
-
-def run_job(
-    scene: SeedScene,
-    settings: RunSettings,
-    workers: Workers,
     options: RunOptions,
     extras: Sequence[Extra] = (),
     models: ModelSet | None = None,
     stale: Sequence[str] = (),
 ) -> tuple[Run, Job]:
-    """Return the run of `run_scene`, and its job.
+    """Simulate and measure the futures of a seed scene that has a road, then let the extras work.
 
     Args:
+        models: what `checked_models` returned for these settings; None builds them.
         stale: results of a former run in its folder, which are removed.
+
+    Raises:
+        ScexError: as of `extrapolate`.
     """
     marks = [time.perf_counter()]
     temporary = TemporaryFolder() if options.out is None else None
@@ -82,7 +65,13 @@ def run_job(
     with threadpool_limits(1, user_api="blas"), options.bar("stress-test futures") as tick:
         _run_all(job, workers, tick)
         marks.append(time.perf_counter())
-        recorded = _recorded(job)
+        recorded = measure_recorded(
+            job.scene,
+            settings.steps,
+            replan=settings.replan,
+            metrics=settings.measured,
+            vehicles=settings.vehicles_that_count(job.scene),
+        )
         part = write_tables(folder, job, recorded)
         marks.append(time.perf_counter())
         work = Work(job=job, part=part, workers=workers, options=options)
@@ -137,8 +126,8 @@ def _folder_and_job(
     if added:
         net = dataclasses.replace(net, notes=(*net.notes, *added))
     scene, net = ruled(scene, net, settings)
-    job = Job(scene, net, settings, models, assignment, folder.path, options.gui)
-    return folder, dataclasses.replace(job, conflicts=options.is_reference)
+    gui, conflicts = options.gui, options.is_reference
+    return folder, Job(scene, net, settings, models, assignment, folder.path, gui, conflicts=conflicts)
 
 
 def checked_models(settings: RunSettings, options: RunOptions) -> ModelSet:
@@ -151,17 +140,6 @@ def checked_models(settings: RunSettings, options: RunOptions) -> ModelSet:
     if options.human is not None:
         parse_models(options.human)
     return models
-
-
-def _recorded(job: Job) -> Recorded | None:
-    settings = job.settings
-    return measure_recorded(
-        job.scene,
-        settings.steps,
-        replan=settings.replan,
-        metrics=settings.measured,
-        vehicles=settings.vehicles_that_count(job.scene),
-    )
 
 
 def _info(job: Job, command: Sequence[str] | None, part: Part, notes: list[str]) -> dict[str, Any]:

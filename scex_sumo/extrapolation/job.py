@@ -20,12 +20,7 @@ from scex_sumo.behaviors.models.sumo_driver import SumoDriver
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.converters.registries import signals_of
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
-from scex_sumo.extrapolation.loop.measure import (
-    evaluated_tracks,
-    measure_conflicts,
-    measure_outcome,
-    worst_of,
-)
+from scex_sumo.extrapolation.loop.measure import evaluated_tracks, measure_conflicts, measure_outcome
 from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
@@ -34,7 +29,7 @@ from scex_sumo.results.design import design_intervals
 from scex_sumo.results.folder import horizons_table
 from scex_sumo.results.parts import Part, joined_parts, save_part
 from scex_sumo.results.tables.conflicts import conflicts_table
-from scex_sumo.results.tables.outcomes import collisions_table, encounter_rows
+from scex_sumo.results.tables.outcomes import collisions_table, encounter_rows, worst_table
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene
 from scex_sumo.statistics.intervals import DesignIntervals
@@ -217,7 +212,7 @@ def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: On
         states=rollout.seen,
         values=values.values,
         defined=values.defined,
-        worst=worst_of(job.scene, values, futures, hits),
+        worst=worst_table(values, futures=futures, track_ids=ids),
         plan_x=rollout.plan_x if job.with_plans else None,
         plan_y=rollout.plan_y if job.with_plans else None,
         fallbacks=_fallbacks(rollout, batch, ids),

@@ -58,8 +58,7 @@ def evaluate(
     """
     chosen = metrics_named(metrics)
     parts: dict[str, list[tuple[SceneValues, Worst]]] = {metric.name: [] for metric in chosen}
-    all_pairs = any(m.quick is None or (vehicles is not None and not m.pairwise) for m in chosen)
-    for start, scenes in scene_batches(tracks, planned, all_pairs=all_pairs):
+    for start, scenes in scene_batches(tracks, planned):
         own = scenes if vehicles is None else scenes.of_vehicles(vehicles)
         for metric in chosen:
             if vehicles is None or metric.pairwise:
@@ -82,14 +81,8 @@ def evaluate(
     )
 
 
-def scene_batches(
-    tracks: SceneTracks, planned: PlannedPaths | None, *, all_pairs: bool = True
-) -> Iterator[tuple[int, Scenes]]:
-    """Yield scenes of a few futures with the number of the first; the next batch drops derived values.
-
-    Args:
-        all_pairs: values of all pairs are needed: fewer futures at once.
-    """
+def scene_batches(tracks: SceneTracks, planned: PlannedPaths | None) -> Iterator[tuple[int, Scenes]]:
+    """Yield scenes of a few futures with the number of the first; the next batch drops derived values."""
     futures, _, vehicles = tracks.states.shape
     near = near_pairs(tracks, planned)
     every = vehicles * (vehicles - 1) // 2
@@ -102,7 +95,7 @@ def scene_batches(
             (ALL_PAIR_STEPS, every),
         )
     )
-    size = min(size, size_of_all) if all_pairs else size
+    size = min(size, size_of_all)
     for begin in range(0, max(futures, 1), group_size):
         group = slice(begin, begin + group_size)
         some, plans = tracks.futures(group), None if planned is None else planned.futures(group)

@@ -21,17 +21,8 @@ from scex_sumo.base.importing import Registry, import_object
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.metrics.formulas.conflicts import needed_braking, time_margin
 from scex_sumo.metrics.formulas.crossing import gap_time, pet
-from scex_sumo.metrics.formulas.distance import distance, gap, least_distance, least_gap
-from scex_sumo.metrics.formulas.following import (
-    drac,
-    least_pttc,
-    least_ttc,
-    pttc,
-    pttc_path,
-    thw,
-    ttc,
-    ttc_path,
-)
+from scex_sumo.metrics.formulas.distance import distance, gap, least_gap
+from scex_sumo.metrics.formulas.following import drac, pttc, pttc_path, thw, ttc, ttc_path
 from scex_sumo.metrics.formulas.tq import tq
 from scex_sumo.metrics.formulas.wttc import least_wttc, least_wttc_path, wttc, wttc_path
 from scex_sumo.metrics.pairs.scenes import Entries, Samples, Scenes
@@ -111,33 +102,32 @@ def _no_formula(scenes: Scenes) -> Samples | Entries:
     raise UsageError("metrics: this metric is known from a result only; register its function to evaluate it")
 
 
-def _of(name: str, unit: str, side: Any, formula: Any, quick: Any, label: str = "", **more: Any) -> Metric:
-    return Metric(name=name, unit=unit, critical=side, evaluate=formula, quick=quick, label=label, **more)
+def _of(name: str, unit: str, side: Any, formula: Any, label: str = "", **more: Any) -> Metric:
+    return Metric(name=name, unit=unit, critical=side, evaluate=formula, label=label, **more)
 
 
 _TTC, _PET, _DRAC = (EVENTS[name].threshold for name in ("ttc", "pet", "drac"))
 _INVERSE_TTC: Final[dict[str, Any]] = {"inverse": True, "threshold": 1 / _TTC}
-_BRAKING, _MARGIN = "needed braking", "time margin"
 _BY_HEADING = (
-    _of("distance", "m", "min", distance, least_distance, pairwise=True, threshold=5.0),
-    _of("tq", "", "max", tq, tq, "traffic quality", threshold=1.2),
-    _of("gap_time", "s", "min", gap_time, gap_time, "gap time"),
-    _of("pttc", "s", "min", pttc, least_pttc, "PTTC", finite=True, harmonic=True),
-    _of("wttc", "s", "min", wttc, least_wttc, "WTTC", pairwise=True, threshold=0.26),
-    _of("ttc", "s", "max", ttc, least_ttc, "1/TTC", **_INVERSE_TTC),
+    _of("distance", "m", "min", distance, pairwise=True, threshold=5.0),
+    _of("tq", "", "max", tq, "traffic quality", threshold=1.2),
+    _of("gap_time", "s", "min", gap_time, "gap time"),
+    _of("pttc", "s", "min", pttc, "PTTC", finite=True, harmonic=True),
+    _of("wttc", "s", "min", wttc, "WTTC", quick=least_wttc, pairwise=True, threshold=0.26),
+    _of("ttc", "s", "max", ttc, "1/TTC", **_INVERSE_TTC),
 )
 _ON_PATHS = (
-    _of("gap", "m", "min", gap, least_gap, "body gap", pairwise=True),
-    _of("ttc_path", "s", "max", ttc_path, ttc_path, "1/TTC on path", **_INVERSE_TTC),
-    _of("pttc_path", "s", "min", pttc_path, pttc_path, "PTTC on path", finite=True, harmonic=True),
-    _of("wttc_path", "s", "min", wttc_path, least_wttc_path, "WTTC of outlines", pairwise=True),
-    _of("thw", "s", "min", thw, thw, "THW"),
-    _of("drac", "m/s²", "max", drac, drac, "DRAC", threshold=_DRAC),
-    _of("pet", "s", "min", pet, pet, "PET", threshold=_PET),
+    _of("gap", "m", "min", gap, "body gap", quick=least_gap, pairwise=True),
+    _of("ttc_path", "s", "max", ttc_path, "1/TTC on path", **_INVERSE_TTC),
+    _of("pttc_path", "s", "min", pttc_path, "PTTC on path", finite=True, harmonic=True),
+    _of("wttc_path", "s", "min", wttc_path, "WTTC of outlines", quick=least_wttc_path, pairwise=True),
+    _of("thw", "s", "min", thw, "THW"),
+    _of("drac", "m/s²", "max", drac, "DRAC", threshold=_DRAC),
+    _of("pet", "s", "min", pet, "PET", threshold=_PET),
 )
 _OF_CONFLICTS = (
-    _of("needed_braking", "m/s²", "max", needed_braking, None, _BRAKING, pairwise=True, threshold=_DRAC),
-    _of("time_margin", "s", "min", time_margin, None, _MARGIN, pairwise=True, threshold=_PET),
+    _of("needed_braking", "m/s²", "max", needed_braking, "needed braking", pairwise=True, threshold=_DRAC),
+    _of("time_margin", "s", "min", time_margin, "time margin", pairwise=True, threshold=_PET),
 )
 METRICS: Final[Mapping[str, Metric]] = {
     each.name: each for each in (*_BY_HEADING, *_ON_PATHS, *_OF_CONFLICTS)
@@ -203,7 +193,7 @@ def _metric(name: str) -> Metric:
     paths = PACKAGES.paths
     if ":" not in name and name not in paths:
         raise UsageError(f"{_unknown(name)}; a metric of your own is MODULE:FUNCTION")
-    made = getattr(import_object(paths.get(name, name), own=True), "__scex_metric__", None)
+    made = getattr(import_object(paths.get(name, name)), "__scex_metric__", None)
     if not isinstance(made, Metric):
         raise UsageError(f"metrics: {name} is no metric; decorate it with @scex_sumo.metric(...)")
     return made
@@ -304,7 +294,7 @@ def metric(
 
     def register(function: F) -> F:
         more: dict[str, Any] = {"inverse": inverse, "finite": finite, "threshold": threshold}
-        registered = _of(name, unit, critical, function, None, label or "", **more)
+        registered = _of(name, unit, critical, function, label or "", **more)
         _registered[name] = registered
         function.__scex_metric__ = registered  # type: ignore[attr-defined]
         return function

@@ -113,7 +113,7 @@ class Run:
 
     @cached_property
     def worst(self) -> ArrowTable:
-        """Origin of each extremum: future, metric, time, the two tracks, value, ``after_collision``."""
+        """Origin of each extremum: future, metric, time, the two tracks, value."""
         return self.table("worst.parquet", columns=("future", "metric", "timestamp_ms", "track_id", "value"))
 
     @cached_property

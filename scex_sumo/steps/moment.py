@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from typing import Final
 
-from scex_sumo.extrapolation.engine import checked_models, run_job, run_scene
+from scex_sumo.extrapolation.engine import checked_models, run_scene
 from scex_sumo.extrapolation.extras import Extra
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.models import ModelSet
@@ -50,13 +50,15 @@ def run_moment(
     off = [] if is_tested else [BASELINE]
     off += [] if human is not None else [REFERENCE, PAIRS_FILE, DECISION]
     off += [] if options.report else [PAGE]
-    run, job = run_job(scene, settings, workers, options, extras, models, off)
+    run, job = run_scene(
+        scene, settings, workers=workers, options=options, extras=extras, models=models, stale=off
+    )
     if is_tested:
         _run_baseline(job, workers, options)
     if human is not None:
         from scex_sumo.decision.of_run import decide_run
 
-        run_reference(job, human, workers, options, extras)
+        _run_reference(job, human, workers, options, extras)
         decide_run(run, job.scene)
     if options.report:
         from scex_sumo.page.report.report import write_report
@@ -78,7 +80,7 @@ def _run_baseline(job: Job, workers: Workers, options: RunOptions) -> None:
     run_scene(job.scene, settings, workers=workers, options=own)
 
 
-def run_reference(
+def _run_reference(
     job: Job, models: str, workers: Workers, options: RunOptions, extras: Sequence[Extra]
 ) -> None:
     """Run the reference with all workers; a finished one is kept."""
@@ -91,20 +93,11 @@ def run_reference(
         overwrite=True,
         is_reference=True,
     )
-    wanted = reference_settings(job.settings, models, len(job.assignment))
-    run_scene(job.scene, wanted, workers=workers, options=own, extras=extras)
-
-
-def reference_settings(settings: RunSettings, models: str, futures: int) -> RunSettings:
-    """Return the settings of the reference of a run with this number of futures."""
-    return dataclasses.replace(
-        settings,
-        models=models,
-        assign={},
-        under_test={},
-        futures=reference_futures(futures, settings.steps),
-        world="sumo" if "sumo:" in models else "plain",
-    )
+    futures = reference_futures(len(job.assignment), job.settings.steps)
+    settings = dataclasses.replace(job.settings, models=models, assign={}, under_test={}, futures=futures)
+    drivers = ModelSet.of(settings)
+    wanted = dataclasses.replace(settings, world=drivers.world)
+    run_scene(job.scene, wanted, workers=workers, options=own, extras=extras, models=drivers)
 
 
 def reference_futures(futures: int, steps: int) -> int:

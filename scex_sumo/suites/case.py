@@ -153,7 +153,7 @@ def write_exports(folder: Path, driven: Driven, pair: Mapping[str, Any], formats
     )
     with TemporaryFolder() as temporary, Workers(1) as workers:
         options = RunOptions(out=Path(temporary) / "run")
-        run = run_scene(scene, settings, workers=workers, options=options)
+        run, _ = run_scene(scene, settings, workers=workers, options=options)
         for name in formats:
             ego = int(scene.track_ids[driven.vehicle])
             try:

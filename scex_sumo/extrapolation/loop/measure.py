@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache
@@ -22,7 +21,7 @@ from scex_sumo.metrics.evaluate import ScenarioValues, evaluate
 from scex_sumo.metrics.pairs.scenes import Scenes
 from scex_sumo.metrics.registry import Metric
 from scex_sumo.results.participants import everybody, with_everybody
-from scex_sumo.results.tables.outcomes import Severity, severity_of, worst_table
+from scex_sumo.results.tables.outcomes import Severity, severity_of
 from scex_sumo.scene import HISTORY_STEPS, LOGGED_HISTORY, STEP_S, SeedScene, States
 from scex_sumo.world.plain import PlainWorld
 
@@ -138,21 +137,6 @@ def _of_pairs(rows: P, vehicles: Collection[int] | None) -> P:
     if vehicles is None:
         return rows
     return rows.take(np.flatnonzero(np.isin([rows.first, rows.second], list(vehicles)).any(axis=0)))
-
-
-def worst_of(
-    scene: SeedScene, values: ScenarioValues, futures: IntArray, hits: Collisions | None = None
-) -> pa.Table:
-    """Return the step and the vehicles of each future's extremum; times as in ``tracks.parquet``.
-
-    Args:
-        hits: the futures's collisions; values after one are flagged.
-    """
-    steps = next(iter(values.scene.values())).value.shape[1]
-    frames = np.arange(1, LOGGED_HISTORY + steps + 1, dtype=np.int64)
-    return worst_table(
-        values, future=futures, track_ids=scene.track_ids, timestamp_ms=frames * 100, hits=hits
-    )
 
 
 @owner_cache

@@ -26,11 +26,6 @@ def gap(scenes: Scenes) -> Samples:
     return scenes.of_some_pairs(gaps_of)
 
 
-def least_distance(scenes: Scenes) -> Samples:
-    """Compute the distance of the pairs that can be the nearest of their scene, m."""
-    return least_of_near(scenes, distance, float)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OutlinePairs(Rows):
     """N pairs of rectangles in motion; metres, seconds, second vehicle minus first."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.base import STANDING_MPS
-from scex_sumo.metrics.pairs.leaders import leaders_by_heading, leaders_on_path, soonest_following
+from scex_sumo.metrics.pairs.leaders import leaders_by_heading, leaders_on_path
 from scex_sumo.metrics.pairs.scenes import Entries, Following, Scenes
 
 MIN_CLOSING_MPS = 1e-9
@@ -27,11 +27,6 @@ def time_to_collision(*, gap: FloatArray, closing_speed: FloatArray) -> FloatArr
 def ttc(scenes: Scenes) -> Entries:
     """Compute the TTC of all pairs that follow by heading, s."""
     return _ttc_of(scenes.once(leaders_by_heading))
-
-
-def least_ttc(scenes: Scenes) -> Entries:
-    """Compute the TTC of those of them that can have the least one of their scene, s."""
-    return _ttc_of(scenes.once(soonest_following))
 
 
 def ttc_path(scenes: Scenes) -> Entries:
@@ -83,11 +78,6 @@ def potential_time_to_collision(
 def pttc(scenes: Scenes) -> Entries:
     """Compute the PTTC of all pairs that follow by heading, s."""
     return _pttc_of(scenes.once(leaders_by_heading))
-
-
-def least_pttc(scenes: Scenes) -> Entries:
-    """Compute the PTTC of those of them that can have the least one of their scene, s."""
-    return _pttc_of(scenes.once(soonest_following))
 
 
 def pttc_path(scenes: Scenes) -> Entries:

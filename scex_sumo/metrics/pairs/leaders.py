@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray, least_of
 from scex_sumo.geometry.crossings import meeting_segments, octagon
 from scex_sumo.metrics.base import EXTENSION_M, EXTENSION_S, FOLLOWING_RAD
-from scex_sumo.metrics.pairs.near import ROUNDING
 from scex_sumo.metrics.pairs.paths_ahead import PathsAhead, meeting_pairs, paths_ahead
 from scex_sumo.metrics.pairs.scenes import Following, PairRows, Scenes
 
 COSINE_ROUNDING = 1e-12  # a heading difference equal to the limit must not depend on the scene's rotation
 MIN_PATH_M = 0.1  # a shorter path has no direction of its own; the heading counts
-MIN_CLOSING_MPS = 1e-6
-PAIR_STEPS = 1 << 21  # of far pairs at a time
 
 
 def leaders_by_heading(scenes: Scenes) -> Following:
@@ -56,49 +53,6 @@ def _following(scenes: Scenes, where: IntArray, gap: FloatArray) -> Following:
         leader_speed=speed[leader],
         leader_acceleration=scenes.acceleration.reshape(-1)[leader],
     )
-
-
-def soonest_following(scenes: Scenes) -> Following:
-    """Find those pairs of `leaders_by_heading` that can have the least TTC or PTTC of their scene.
-
-    These are the near pairs, and others in scenes in which they may be as soon as the soonest near pair.
-    """
-    if scenes.near is None:
-        return scenes.once(leaders_by_heading)
-    pairs, count, apart = len(scenes.pairs[0]), scenes.count, scenes.near.apart
-    near = scenes.near.scenes.once(leaders_by_heading)
-    closing = near.follower_speed - near.leader_speed
-    closes = closing > MIN_CLOSING_MPS
-    soonest = np.full(count, np.inf)
-    np.minimum.at(soonest, near.where[closes] % count, near.gap[closes] / closing[closes])
-    fastest = (scenes.speed.max(initial=0.0) - scenes.speed.min(initial=0.0)) * (1 + ROUNDING)
-    found = [(near, scenes.near.pair, np.arange(count))]
-    far = np.ones(pairs, dtype=bool)
-    far[scenes.near.pair] = False
-    least = apart[far].min(initial=np.inf)
-    for late in (np.isfinite(soonest) & (soonest * fastest >= least), np.isinf(soonest)):
-        reach = soonest[late].max(initial=0.0)
-        some = np.flatnonzero(far & ((apart <= reach * fastest) | np.isinf(reach)))
-        scene, size = np.flatnonzero(late), max(PAIR_STEPS // max(len(some), 1), 1)
-        for part in (scene[start : start + size] for start in range(0, len(scene), size)):
-            found.append((leaders_by_heading(_of_scenes(scenes, part, some)), some, part))
-    return Following.join([scenes.numbered(*each) for each in found])
-
-
-def _of_scenes(scenes: Scenes, scene: IntArray, pairs: IntArray) -> Scenes:
-    """Return scenes, by flat index into (C, T), as steps of one future, with pairs by number."""
-    at, tracks = np.divmod(scene, max(scenes.shape[1], 1)), scenes.tracks
-    at = at[0], at[1] + tracks.first
-    tracks = replace(
-        tracks,
-        states=tracks.states.map(lambda values: values[at][None]),
-        present=None if tracks.present is None else tracks.present[at][None],
-        acceleration=scenes.all_acceleration[at][None],
-        length=np.atleast_2d(tracks.length)[0],  # sizes of one future: unused by leaders
-        width=np.atleast_2d(tracks.width)[0],
-        first=0,
-    )
-    return replace(scenes.of_pair_numbers(pairs), tracks=tracks, planned=None)
 
 
 def leaders_on_path(scenes: Scenes) -> Following:

@@ -245,13 +245,9 @@ class Scenes:
         if self.near is None:
             return self.of_ordered_pairs(make)
         rows = self.near.scenes.of_ordered_pairs(make)
-        return self.numbered(rows, self.near.pair, np.arange(self.count))
-
-    def numbered(self, rows: E, pair: IntArray, scene: IntArray) -> E:
-        """Return rows of some pairs in some scenes, both by number, as rows of all."""
-        number, at = np.divmod(rows.where, max(len(scene), 1))
-        ordered = np.concatenate([pair, pair + len(self.pairs[0])])
-        return replace(rows, where=ordered[number] * self.count + scene[at])
+        number, scene = np.divmod(rows.where, self.count)
+        ordered = np.concatenate([self.near.pair, self.near.pair + len(self.pairs[0])])
+        return replace(rows, where=ordered[number] * self.count + scene)
 
     def at_pairs(self, values: PairValues, pair: IntArray, scene: IntArray) -> FloatArray:
         """Return (N,) values of pairs in scenes given by flat index into (C, T)."""

@@ -298,65 +298,30 @@ def encounters_of_rows(table: pa.Table) -> Encounters:
     return Encounters(**columns | {name: columns[name].astype(np.int64) for name in _SMALL})
 
 
-def after_collision(
-    hits: Collisions, future: IntArray, step: IntArray, vehicle: IntArray, other: IntArray | None
-) -> BoolArray:
-    """Return (N,) whether two vehicles had collided by a step; False for single vehicles.
-
-    ``step`` (N,) is on the step axis of the tracks.
-    """
-    if other is None or len(hits) == 0:
-        return np.zeros(len(future), dtype=np.bool_)
-    count = int(max(vehicle.max(initial=0), other.max(initial=0), hits.first.max(), hits.second.max())) + 1
-
-    def key(future: IntArray, one: IntArray, two: IntArray) -> IntArray:
-        return (future * count + np.minimum(one, two)) * count + np.maximum(one, two)
-
-    struck, at = np.unique(key(hits.future, hits.first, hits.second), return_index=True)
-    wanted = key(future, vehicle, other)
-    place = np.minimum(np.searchsorted(struck, wanted), len(struck) - 1)
-    after: BoolArray = (struck[place] == wanted) & (step >= hits.step[at[place]])
-    return after
-
-
-def worst_table(
-    values: ScenarioValues,
-    *,
-    future: Sequence[int] | IntArray,
-    track_ids: IntArray,
-    timestamp_ms: IntArray,
-    hits: Collisions | None = None,
-) -> pa.Table:
-    """Tabulate the origin of each future's extrema: ``worst.parquet``.
+def worst_table(values: ScenarioValues, *, futures: IntArray, track_ids: IntArray) -> pa.Table:
+    """Tabulate the origin of each future's extrema: ``worst.parquet``; times are those of ``tracks.parquet``.
 
     Args:
-        future: (C,) numbers.
+        futures: (C,) numbers.
         track_ids: (V,).
-        timestamp_ms: (T,) history included.
 
     Returns:
-        future, metric, timestamp_ms, track_id, other_id (null for single vehicles), value, after_collision
-        (whether the two had collided by then); no row where undefined.
+        future, metric, timestamp_ms, track_id, other_id (null for single vehicles), value; no row where
+        undefined.
     """
     parts = []
-    numbers = np.asarray(future, dtype=np.int64)
     for name, worst in values.worst.items():
-        at = np.flatnonzero(worst.defined)
-        rows = worst.take(at)
-        after = np.zeros(len(at), dtype=np.bool_)
-        if hits is not None:
-            after = after_collision(hits, at, rows.step, rows.vehicle, rows.other)
+        rows = worst.take(at := np.flatnonzero(worst.defined))
         columns = {
-            "future": numbers[at],
+            "future": futures[at],
             "metric": pa.repeat(pa.scalar(name), len(at)),
-            "timestamp_ms": timestamp_ms[rows.step],
+            "timestamp_ms": 100 * (rows.step + 1),
             "track_id": track_ids[rows.vehicle],
             "other_id": other_ids(None if rows.other is None else track_ids[rows.other], len(at)),
             "value": rows.value,
-            "after_collision": pa.array(after),
         }
         parts.append(pa.table(columns))
-    return pa.concat_tables(parts).sort_by([("future", "ascending")]) if parts else pa.table({})
+    return pa.concat_tables(parts).sort_by([("future", "ascending")])
 
 
 def other_ids(ids: IntArray | None, count: int) -> pa.Array:

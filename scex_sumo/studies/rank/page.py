@@ -149,7 +149,7 @@ def _reported(task: _ReportTask, scene: SeedScene) -> _Made:
     with TemporaryFolder() as folder:
         options = RunOptions(out=Path(folder) / "run")
         with Workers(1) as alone:
-            run = run_scene(scene, task.settings.run, workers=alone, options=options)
+            run, _ = run_scene(scene, task.settings.run, workers=alone, options=options)
         write_decision(run.folder, task.pairs, futures=HUMAN_FUTURES)
         info, arrays = report_contents(run, scene)
         info |= {"folder": task.command[-1], "command": shlex.join(task.command)}

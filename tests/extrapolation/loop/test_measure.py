@@ -12,10 +12,10 @@ from scex_sumo.extrapolation.loop.measure import (
     measure_recorded,
     overlapping_at_first,
     recorded_steps_of,
-    worst_of,
 )
 from scex_sumo.extrapolation.loop.rollout import Rollout
 from scex_sumo.extrapolation.writing import outcome_notes
+from scex_sumo.results.tables.outcomes import worst_table
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene, States
 from tests.seeds import straight_seed
@@ -82,14 +82,13 @@ def test_the_worst_moment_is_named_by_its_frame() -> None:
         futures=np.array([7]), states=states, plan_x=plan.x[None, None], plan_y=plan.y[None, None], replan=30
     )
     values = measure_outcome(scene, rollout).values
-    rows = worst_of(scene, values, rollout.futures).to_pylist()
+    rows = worst_table(values, futures=rollout.futures, track_ids=scene.track_ids).to_pylist()
     closest = next(row for row in rows if row["metric"] == "distance")
     # They come nearer all the time: the worst step is the last, frame 40 of the case.
     assert closest["future"] == 7
     assert closest["timestamp_ms"] == 4000
     assert {closest["track_id"], closest["other_id"]} == {0, 1}
     assert closest["value"] == pytest.approx(np.hypot(12, 15))
-    assert not closest["after_collision"]
 
 
 def test_boxes_that_overlap_at_first_and_vehicles_that_leave_are_said() -> None:

@@ -13,8 +13,8 @@ def test_worst_rows_of_futures() -> None:
     tracks, planned = random_run(np.random.default_rng(1), futures=3)
     values = evaluate(tracks, planned)
     ids, stamps = np.array([11, 12, 13, 14, 15]), np.arange(1, 11) * 100
-    table = worst_table(values, future=[4, 5, 6], track_ids=ids, timestamp_ms=stamps)
-    names = ["future", "metric", "timestamp_ms", "track_id", "other_id", "value", "after_collision"]
+    table = worst_table(values, futures=np.array([4, 5, 6]), track_ids=ids)
+    names = ["future", "metric", "timestamp_ms", "track_id", "other_id", "value"]
     assert table.column_names == names
     rows = table.to_pylist()
     assert len(rows) == sum(int(w.defined.sum()) for w in values.worst.values())
