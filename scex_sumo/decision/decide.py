@@ -49,7 +49,15 @@ def decide(rows: Iterable[Mapping[str, Any]], *, futures: int) -> Decision:
         (DOUBTFUL, every),
     ):
         if some:
-            return _decision(kind, some[0], futures)
+            row = some[0]
+            same = ("what", "how", "place", "future", "probability", "least", "most", "doubt")
+            return Decision(
+                kind=kind,
+                sentence=_sentence(kind, row, futures),
+                pair=(row["track_id"], row["other_id"]),
+                time_s=row["conflict_s"],
+                **{name: row[name] for name in same},
+            )
     return Decision(kind=NOTHING, sentence="Nothing to test: no two vehicles are near each other.")
 
 
@@ -60,23 +68,6 @@ def span(row: Mapping[str, Any]) -> str:
     if row["probability"] >= 0.5:
         return f"{100 * row['least']:.0f} to {100 * row['most']:.0f}{NARROW}%"
     return f"{one_in(row['most'])} to {one_in(row['least'])}"
-
-
-def _decision(kind: str, row: Mapping[str, Any], futures: int) -> Decision:
-    return Decision(
-        kind=kind,
-        sentence=_sentence(kind, row, futures),
-        pair=(row["track_id"], row["other_id"]),
-        what=row["what"],
-        how=row["how"],
-        place=row["place"],
-        time_s=row["conflict_s"],
-        future=row["future"],
-        probability=row["probability"],
-        least=row["least"],
-        most=row["most"],
-        doubt=row["doubt"],
-    )
 
 
 def _sentence(kind: str, row: Mapping[str, Any], futures: int) -> str:

@@ -42,10 +42,9 @@ def decide_run(run: Run, scene: SeedScene) -> None:
 
 def human_like_answer(run: Run) -> dict[str, Any] | None:
     """Return the pairs for JSON, and P of a contact of any two without doubt; None without a reference."""
-    table = pairs_of_run(run)
-    if table is None:
+    if not (run.folder / PAIRS_FILE).is_file():
         return None
-    rows = table.to_pylist()
+    rows = run.table(PAIRS_FILE).to_pylist()
     return {
         "futures": run.reference.futures if run.reference is not None else None,
         "any": any_of(row["probability"] for row in rows if not row["doubt"]),
@@ -68,8 +67,3 @@ def write_decision(folder: Path, table: pa.Table, *, futures: int) -> None:
     with replacing(folder / PAIRS_FILE) as temporary:
         pq.write_table(table, temporary)
     write_atomic(folder / DECISION, json.dumps(dataclasses.asdict(verdict)).encode())
-
-
-def pairs_of_run(run: Run) -> pa.Table | None:
-    """Return the pairs of a finished run, see `tables.pairs.PAIRS`; None without a reference."""
-    return run.table(PAIRS_FILE) if (run.folder / PAIRS_FILE).is_file() else None

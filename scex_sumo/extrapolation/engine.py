@@ -162,8 +162,8 @@ def _info(job: Job, command: Sequence[str] | None, part: Part, notes: list[str])
         from scex_sumo.rules.holds import precedence
 
         info["precedence"] = precedence(scene, job.road)
-    vehicles = settings.vehicles_that_count(scene)
-    if settings.within is not None and vehicles is not None:
+    if settings.within is not None:
+        vehicles = settings.vehicles_that_count(scene) or ()
         words, inside = settings.within.words(), [int(scene.track_ids[v]) for v in vehicles]
         counted = f"only pairs with one of {len(inside)} of {scene.vehicles} vehicles count"
         notes.append(f"{counted}: those {words} at the seed moment")

@@ -162,18 +162,16 @@ class ModelSet(SentOnce):
 
     def to_json(self) -> dict[str, Any]:
         """Return the models' entries of ``run.json``."""
+        people = {kind: {self.names[k]: w for k, w in of.items()} for kind, of in self.people.items()}
         return {
             "models": [{"model": str(s), "weight": s.weight} for s in self.drawn],
-            **({"people": self._people_to_json()} if self.people else {}),
+            **({"people": people} if people else {}),
             "weights": self.weights,
             "sources": self.sources,
             **({"objects": objects} if (objects := {str(s): s.state for s in self.specs if s.state}) else {}),
             "assign": {str(t): self.names[m] for t, m in sorted(self.fixed.items())},
             "under_test": {str(t): model for t, model in sorted(self.tested.items())},
         }
-
-    def _people_to_json(self) -> dict[str, dict[str, float]]:
-        return {kind: {self.names[k]: w for k, w in models.items()} for kind, models in self.people.items()}
 
 
 def _of_people(settings: RunSettings, given: Sequence[ModelSpec]) -> list[ModelSpec]:

@@ -97,7 +97,9 @@ class RunOptions:
             return 1
         if self.workers != AUTO:
             return min(1 if self.workers is None else int(self.workers), settings.count or MAX_FUTURES)
-        if has_own_drivers(settings):
+        tested = [one for one in settings.under_test.values() if one is not None]
+        given = chain.from_iterable(map(model_specs, [*settings.assign.values(), *tested]))
+        if any(map(is_own, chain(settings.drawn, given))):
             return 1
         help_by = (settings.count or MAX_FUTURES) * settings.steps // (FUTURES_EACH * RunSettings.steps)
         return max(1, min(idle_cores(), help_by))
@@ -105,9 +107,3 @@ class RunOptions:
 
 RUN_OPTIONS: Final = (RunSettings, RunOptions)
 """The dataclasses whose fields are the options of a run."""
-
-
-def has_own_drivers(settings: RunSettings) -> bool:
-    """Return whether a run has drivers of the user's."""
-    given = [*settings.assign.values(), *(one for one in settings.under_test.values() if one is not None)]
-    return any(map(is_own, chain(settings.drawn, *map(model_specs, given))))

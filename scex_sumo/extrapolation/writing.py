@@ -38,7 +38,8 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None) -> P
     Returns:
         All futures, with their first step only.
     """
-    part = joined_parts([_first_step(part) for part in _written_tracks(folder, job)])
+    parts = _written_tracks(folder, job)
+    part = joined_parts([dataclasses.replace(p, states=p.states[:, :1].map(np.copy)) for p in parts])
     intervals = job.intervals
     columns = job.settings.columns
     metrics = values_table(columns, part.values, part.defined, part.futures)
@@ -56,7 +57,6 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None) -> P
             models=np.array(job.models.names)[job.assignment],
             intervals=intervals,
             collisions=part.collisions,
-            road=job.road,
             scene=job.scene,
         ),
     )
@@ -73,10 +73,8 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None) -> P
     folder.write_table("assignments.parquet", assignments_table(job.scene, job.assignment, job.models.names))
     folder.write_table(DENSITIES, densities_table(metrics, columns, intervals))
     if recorded is not None:
-        recorded_values = recorded.values
-        folder.write_table(
-            "recorded.parquet", values_table(columns, recorded_values.values, recorded_values.defined)
-        )
+        row = values_table(columns, recorded.values.values, recorded.values.defined)
+        folder.write_table("recorded.parquet", row)
     write_tracks(folder.path / "seed.csv", job.scene)
     save_road(folder.path, job.road)
     save_intentions(folder.path, job.scene)
@@ -89,10 +87,6 @@ def _written_tracks(folder: ResultFolder, job: Job) -> Iterator[Part]:
         for part in folder.in_order(len(job.assignment), size=max(ROWS_AT_ONCE // rows, 1)):
             add_tracks(tracks_table(job.scene, part))
             yield part
-
-
-def _first_step(part: Part) -> Part:
-    return dataclasses.replace(part, states=part.states[:, :1].map(np.copy))
 
 
 def outcome_notes(scene: SeedScene, recorded: Recorded | None) -> list[str]:

@@ -94,7 +94,8 @@ def find_collisions(tracks: SceneTracks, *, limit_m2: float = OVERLAP_M2) -> Col
     start = max(tracks.first - 1, 0)
     moves = near_moves(tracks, start)
     moves = moves.take(_touching(moves))
-    limit = _limits(moves, start, limit_m2)
+    at_seed = moves.at_step(np.full(moves.step.size, start)).overlap(np.zeros(moves.step.size))
+    limit = np.where(at_seed > limit_m2, max(limit_m2, OVERLAP_M2), limit_m2)
     at, which = _first_of_pair(moves, *_exceeding(moves, limit))
     if not len(which):
         kinds: dict[str, Any] = {"IntArray": np.int64, "BoolArray": np.bool_, "FloatArray": np.float64}
@@ -154,12 +155,6 @@ class Contacts:
 def _way(before: States, after: States) -> float:
     dx, dy = after.x - before.x, after.y - before.y
     return float(np.sqrt((dx * dx + dy * dy).max(initial=0.0)))
-
-
-def _limits(moves: Moves, start: int, limit_m2: float) -> FloatArray:
-    """Return the (N,) overlap above which each pair has collided, m²."""
-    at_seed = moves.at_step(np.full(moves.step.size, start)).overlap(np.zeros(moves.step.size))
-    return np.where(at_seed > limit_m2, max(limit_m2, OVERLAP_M2), limit_m2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -135,9 +135,11 @@ METRICS: Final[Mapping[str, Metric]] = {
 """Built-in metrics: the paper's six, those along paths, those of any two that meet."""
 
 PAPER_METRICS: Final[tuple[str, ...]] = tuple(each.name for each in _BY_HEADING)
+BOTH: Final = "both"
 SETS: Final[Mapping[str, tuple[Metric, ...]]] = {
     "paper": _BY_HEADING,
     "path": _ON_PATHS,
+    BOTH: (*_BY_HEADING, *_ON_PATHS),
     "conflicts": _OF_CONFLICTS,
 }
 """Metrics that a word stands for."""
@@ -154,11 +156,8 @@ PACKAGES: Final = Registry(group="scex_sumo.metrics", kind="metric")
 COLLISION: Final = "collision"
 """Column that is no metric: 1 if two vehicles of a future collide, else 0."""
 
-BOTH: Final = "both"
-"""Word for the paper's metrics and those along paths."""
-
 # sets, and other columns of tables
-_TAKEN: Final = (*SETS, BOTH, "future", "case_id", COLLISION, "all")
+_TAKEN: Final = (*SETS, "future", "case_id", COLLISION, "all")
 
 _registered: dict[str, Metric] = {}
 _COLLISIONS = {COLLISION: Metric.described({"name": COLLISION, "critical": "max", "threshold": 1.0})}
@@ -182,8 +181,7 @@ def metrics_named(names: Iterable[str | Metric] | None) -> tuple[Metric, ...]:
 
 def metrics_asked(given: str | Iterable[str | Metric]) -> tuple[Metric, ...]:
     """Return the metrics of a list of names and sets, also as the text of an option."""
-    names = [name.strip() for name in given.split(",")] if isinstance(given, str) else given
-    return metrics_named(one for name in names for one in (("paper", "path") if name == BOTH else (name,)))
+    return metrics_named([name.strip() for name in given.split(",")] if isinstance(given, str) else given)
 
 
 def _metric(name: str) -> Metric:
@@ -238,7 +236,7 @@ def critical_columns(columns: Iterable[str]) -> list[str]:
 
 def describe_metrics(metrics: Sequence[Metric]) -> list[dict[str, Any]]:
     """Describe metrics for ``run.json``; nothing for the usual sets."""
-    if tuple(metrics) in (SETS["paper"], SETS["path"], (*SETS["paper"], *SETS["path"])):
+    if tuple(metrics) in (SETS["paper"], SETS["path"], SETS[BOTH]):
         return []
     return [each.description() for each in metrics]
 

@@ -48,24 +48,24 @@ class Region:
     around: int | str | None = None
 
     def __post_init__(self) -> None:
-        if self.circle is not None and self.around is not None:
+        if (self.circle is None) == (self.around is None):
             raise UsageError("region: give a circle or a vehicle")
         if self.circle is not None and not (all(map(math.isfinite, self.circle)) and self.circle[2] > 0):
             raise UsageError(f"--region {self.circle}: needs finite numbers and a radius above 0 m")
 
-    def vehicles(self, scene: SeedScene) -> tuple[int, ...] | None:
-        """Return the indices of the vehicles inside; None without a limit.
+    def vehicles(self, scene: SeedScene) -> tuple[int, ...]:
+        """Return the indices of the vehicles inside.
 
         Raises:
             UsageError: there is none, or no vehicle of this id.
         """
-        now, circle = scene.now, self.circle
-        if self.around is not None:
+        now = scene.now
+        if self.circle is not None:
+            x, y, radius = self.circle
+        else:
+            assert self.around is not None
             centre = scene.track_ids.tolist().index(scene.track_of(self.around, "--region"))
-            circle = float(now.x[centre]), float(now.y[centre]), AROUND_M
-        if circle is None:
-            return None
-        x, y, radius = circle
+            x, y, radius = float(now.x[centre]), float(now.y[centre]), AROUND_M
         inside = np.flatnonzero(np.hypot(now.x - x, now.y - y) <= radius)
         if not inside.size:
             raise UsageError(
@@ -83,11 +83,10 @@ class Region:
             steps: of 0.1 s.
             always: track ids of vehicles that are simulated wherever they are.
         """
-        inside = self.vehicles(scene)
-        if inside is None or scene.vehicles <= ALL_SIMULATED:
+        there = [*self.vehicles(scene)]
+        if scene.vehicles <= ALL_SIMULATED:
             return scene
         now, ways = scene.now, np.abs(scene.now.speed) * STEP_S * steps
-        there = [*inside]
         apart = np.hypot(now.x[:, None] - now.x[there], now.y[:, None] - now.y[there])
         near = (apart - ways[:, None] - ways[there] <= NEAR_M).any(axis=1)
         near |= np.isin(scene.track_ids, list(always))
@@ -105,26 +104,20 @@ class Region:
         return "within {2:g} m of {0:g}, {1:g}".format(*self.circle)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the entry ``region`` of ``run.json``; nothing without a limit."""
-        if self.around is not None:
+        """Return the entry ``region`` of ``run.json``."""
+        if self.circle is None:
             return {"region": {"around": self.around, "radius": AROUND_M}}
-        return (
-            {}
-            if self.circle is None
-            else {"region": dict(zip(("x", "y", "radius"), self.circle, strict=True))}
-        )
+        return {"region": dict(zip(("x", "y", "radius"), self.circle, strict=True))}
 
 
-def region_of(given: str | int | None) -> Region:
-    """Return the region of a text ``X,Y,R``, or around a vehicle of this id or name; of None: everywhere.
+def region_of(given: str | int) -> Region:
+    """Return the region of a text ``X,Y,R``, or around a vehicle of this id or name.
 
     Raises:
         UsageError: it is another text.
     """
-    if given is None or isinstance(given, int):
-        return Region(around=given)
-    if "," not in given:
-        return Region(around=number_or_name(given))
+    if isinstance(given, int) or "," not in given:
+        return Region(around=number_or_name(str(given)))
     try:
         x, y, radius = (float(part) for part in given.split(","))
     except ValueError:

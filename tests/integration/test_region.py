@@ -52,7 +52,6 @@ def test_a_region_is_checked() -> None:
     scene = read_seed(example_path("roundabout"))
     assert region_of("1010,985,40") == Region(circle=(1010.0, 985.0, 40.0))
     assert region_of("16") == region_of(16) == Region(around=16)
-    assert region_of(None).vehicles(scene) is None
     for text, words in (
         ("1,2", "--region 1,2: needs X,Y,R in m, or a vehicle"),
         ("1,2,-3", "a radius above 0 m"),
@@ -81,7 +80,6 @@ def test_vehicles_that_cannot_come_near_the_region_are_replayed(monkeypatch: pyt
     assert others.states.x[0, 10 + 30] == pytest.approx(170.0)  # nothing is recorded: straight on
     assert Region(circle=(0.0, 0.0, 10.0)).simulated(part, 30) is part
     assert Region(circle=(0.0, 0.0, 10.0)).simulated(scene, 30, [10]).track_ids.tolist() == [7, 8, 10]
-    assert Region().simulated(scene, 30) is scene
 
 
 def test_sumo_drivers_meet_replayed_vehicles_within_reach_only() -> None:

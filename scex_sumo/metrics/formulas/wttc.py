@@ -49,12 +49,7 @@ def worst_time_to_collision(*, acceleration: FloatArray, **discs: FloatArray) ->
         acceleration: sum of both vehicles, m/s².
         discs: (N,) ``dx``, ``dy`` (m), ``dvx``, ``dvy`` (m/s), and ``radius``, the sum of both (m).
     """
-    time = np.empty(acceleration.shape)
-    for start in range(0, len(time), CHUNK):
-        part = slice(start, start + CHUNK)
-        pairs = _Discs(**{name: values[part] for name, values in discs.items()})
-        time[part] = _first_touch(pairs, _distance_of_discs, acceleration[part])
-    return time
+    return _first_touch(_Discs(**discs), _distance_of_discs, acceleration)
 
 
 def _distance_of_discs(pairs: _Discs, time: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -156,14 +151,6 @@ def _some_at_once(scenes: Scenes, of_part: Callable[[slice], FloatArray]) -> Flo
     return table
 
 
-def worst_time_of_outlines(pairs: OutlinePairs, acceleration: FloatArray) -> FloatArray:
-    """Compute WTTC of outlines, (N,) s; 0 on overlap, inf if they never touch.
-
-    ``acceleration`` is the sum of both, m/s². Source: Wachenfeld et al. 2016, with outlines for circles.
-    """
-    return _first_touch(pairs, _distance_of_outlines, acceleration)
-
-
 def _distance_of_outlines(pairs: OutlinePairs, time: FloatArray) -> tuple[FloatArray, FloatArray]:
     cos_1, sin_1, cos_2, sin_2 = pairs.cos_1, pairs.sin_1, pairs.cos_2, pairs.sin_2
     dx, dy = pairs.dx + pairs.dvx * time, pairs.dy + pairs.dvy * time
@@ -219,14 +206,14 @@ def _tangent_meets_parabola(spare: FloatArray, slope: FloatArray, limit: FloatAr
 
 
 def wttc_path(scenes: Scenes) -> Samples:
-    """Compute the WTTC of the outlines of all pairs, s."""
+    """Compute the WTTC of the outlines of all pairs, s. Source: Wachenfeld et al. 2016, not with circles."""
     return scenes.of_some_pairs(_worst_times)
 
 
 def _worst_times(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
     def of_chunk(pair: IntArray, scene: IntArray) -> FloatArray:
         both = np.full(pair.shape, 2 * MAX_ACCELERATION)
-        return worst_time_of_outlines(outline_pairs(scenes, pair, scene), both)
+        return _first_touch(outline_pairs(scenes, pair, scene), _distance_of_outlines, both)
 
     return in_chunks(pair, scene, of_chunk)
 

@@ -19,7 +19,6 @@ from scex_sumo.results.tables.columns import schema
 from scex_sumo.results.tables.cut_sets import CUT_SETS, LIFTS, DrawnModels, cut_set_words
 from scex_sumo.results.tables.outcomes import first_contacts
 from scex_sumo.results.tables.pairs import arrow, ends
-from scex_sumo.road import Road
 from scex_sumo.roads.doubts import doubts_of
 from scex_sumo.roads.places import places_of
 from scex_sumo.scene import SeedScene, named
@@ -64,7 +63,6 @@ def encounters_table(
     models: NDArray[np.str_],
     intervals: DesignIntervals,
     collisions: pa.Table | None = None,
-    road: Road | None = None,
     scene: SeedScene | None = None,
 ) -> pa.Table:
     """Tabulate the pairs of vehicles with an encounter, the most critical first.
@@ -73,8 +71,7 @@ def encounters_table(
         track_ids: (V,).
         models: (C, V).
         collisions: of the futures, for their severity.
-        road: names the places; None leaves them null.
-        scene: says which pairs are doubtful; None leaves that null.
+        scene: with its road: names, places, and which pairs are doubtful; None leaves them null.
 
     Returns:
         Columns of ``SCHEMA``, sorted by P(collision), P(critical), 5th percentile of the least gap.
@@ -104,23 +101,16 @@ def encounters_table(
             share = shares[name][index]
             row |= {name: share.value, f"{name}_low": share.low, f"{name}_high": share.high}
         rows.append(row)
-    points = np.array([(row["x"], row["y"]) for row in rows]).reshape(-1, 2)
-    places = places_of(road, points) if road is not None else [None] * len(rows)
-    doubts = _doubts(rows, scene) if scene is not None else [None] * len(rows)
-    label = {} if scene is None else dict(zip(scene.track_ids.tolist(), scene.names, strict=True))
-    rows = [
-        {**row, "place": place, "doubt": doubt}
-        | {"name": label.get(row["track_id"]), "other_name": label.get(row["other_id"])}
-        for row, place, doubt in zip(rows, places, doubts, strict=True)
-    ]
+    if scene is not None and scene.road is not None:
+        number = {track: v for v, track in enumerate(scene.track_ids.tolist())}
+        columns = ([number[row[name]] for row in rows] for name in ("track_id", "other_id"))
+        one, other = (np.array(column, np.int64) for column in columns)
+        places = places_of(scene.road, np.array([(row["x"], row["y"]) for row in rows]).reshape(-1, 2))
+        doubts = doubts_of(scene, one, other, names=scene.names)
+        for row, a, b, place, doubt in zip(rows, one, other, places, doubts, strict=True):
+            row |= {"place": place, "doubt": doubt, "name": scene.names[a], "other_name": scene.names[b]}
     rows.sort(key=criticality)
     return pa.Table.from_pylist(rows, schema=SCHEMA)
-
-
-def _doubts(rows: list[dict[str, Any]], scene: SeedScene) -> list[str | None]:
-    index = {track: v for v, track in enumerate(scene.track_ids.tolist())}
-    one, other = (np.array([index[row[name]] for row in rows], int) for name in ("track_id", "other_id"))
-    return doubts_of(scene, one, other, names=scene.names)
 
 
 def outcomes_table(encounters: Encounters, track_ids: IntArray) -> pa.Table:

@@ -47,7 +47,10 @@ MAIS3: Final = (-6.9540, 0.1637)
 """Intercept and slope per mph of the logistic curve of an occupant's severe injury."""
 
 STRUCK: Final = {"pedestrian": (29.0, 0.078), "bicycle": (44.0, 0.079)}
-"""Closing speed at which one of ten is injured severely (MAIS 3+), km/h, and slope of the curve per km/h."""
+"""Closing speed at which one of ten is injured severely (MAIS 3+), km/h, and slope of the curve per km/h.
+
+Logistic curves of crashes of GIDAS with the front of a car, at mean age (Lubbe, Wu, Jeppsson 2022).
+"""
 
 COVERED: Final = frozenset(("car", "van"))
 """Types whose occupants the curves were fitted to; for others P(MAIS 3+) is undefined."""
@@ -105,35 +108,20 @@ def masses(types: Sequence[str], length: FloatArray) -> FloatArray:
     return np.array([np.interp(long, *points) for long, points in zip(length, known, strict=True)])
 
 
-def struck_injury_probability(speed: FloatArray, kinds: Sequence[str]) -> FloatArray:
-    """Return the probability of a severe injury (MAIS 3+) of people that the front of a car hits.
-
-    Logistic curves of the closing speed in crashes of GIDAS, at mean age (Lubbe, Wu, Jeppsson 2022): 10 % at
-    29 km/h on foot, and at 44 km/h on a bicycle.
-
-    Args:
-        speed: (N,) m/s.
-        kinds: (N,) types; NaN for others than in `STRUCK`.
-    """
-    curves = [STRUCK.get(road_user(kind), (np.nan, np.nan)) for kind in kinds]
-    tenth, slope = np.array(curves).reshape(-1, 2).T
-    odds = np.exp(slope * (3.6 * np.asarray(speed) - tenth)) / 9
-    return np.asarray(odds / (1 + odds))
-
-
-def pair_injuries(
-    pair: tuple[Sequence[str], Sequence[str]], share: FloatArray, closing: FloatArray
-) -> FloatArray:
+def _injuries(kinds: Sequence[Sequence[str]], share: FloatArray, closing: FloatArray) -> FloatArray:
     """Return (2, N) probabilities of a severe injury (MAIS 3+) of one person of each of two road users.
 
     People on foot or bicycle are injured by the closing speed; in a vehicle that hits them nobody is: 0.
 
     Args:
-        pair: types (N,) of the first and of the second one.
+        kinds: types (N,) of the first and of the second one.
         share: (2, N) of the other's mass in both masses.
         closing: (N,) speed, m/s.
     """
-    people = np.stack([struck_injury_probability(closing, kinds) for kinds in pair])
+    curves = [[STRUCK.get(kind, (np.nan, np.nan)) for kind in side] for side in kinds]
+    tenth, slope = np.moveaxis(np.array(curves).reshape(2, -1, 2), 2, 0)
+    odds = np.exp(slope * (3.6 * closing - tenth)) / 9
+    people = odds / (1 + odds)
     inside = 1.0 / (1.0 + np.exp(-(MAIS3[0] + MAIS3[1] * (share * closing) / MPH)))
     inside = np.where(np.isnan(people[::-1]), inside, 0.0)
     return np.where(np.isnan(people), inside, people)
@@ -157,7 +145,7 @@ def severity_of(
     shares = mass[::-1] / mass.sum(axis=0)
     kinds = [[road_user(types[v]) for v in side.tolist()] for side in pair]
     walks, covered = (_flags([[k in of for k in side] for side in kinds]) for of in (STRUCK, COVERED))
-    risks = pair_injuries((kinds[0], kinds[1]), shares, hits.relative_speed)
+    risks = _injuries(kinds, shares, hits.relative_speed)
     risks = np.where(walks & ~np.stack(stands)[::-1] | covered, risks, np.nan)
     changes = shares * hits.relative_speed
     return Severity(
