@@ -126,16 +126,8 @@ def samples_of(scene: SeedScene, profile: IdmProfile) -> Samples | None:
     history, vehicles = present(scene), VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     now = scene.now[vehicle]
     s, _, _ = paths.foot_points(row, now.x, now.y, expected_way(history, vehicles))
-    leaders = find_leaders(
-        history,
-        vehicles,
-        paths,
-        row,
-        s,
-        clearance=profile.clearance,
-        radius=profile.radius,
-        obstacle_clearance=profile.obstacle_clearance,
-    )
+    near = {"clearance": profile.clearance, "radius": profile.radius}
+    leaders = find_leaders(history, vehicles, paths, row, s, **near)
     future = scene.future[vehicle]
     ways = [
         paths.foot_points(row, future.x[:, k], future.y[:, k], s + now.speed * (k + 1) * STEP_S)[0] - s

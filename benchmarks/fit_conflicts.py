@@ -3,7 +3,7 @@
     python benchmarks/fit_conflicts.py DATA [--every 6] [--futures 16] [--most N] [--write]
 
 Prints how often people let the needed braking and the time margin come to what, and by speed the mean excess
-over limits: the scales of `scex_sumo.humans.late`. Then it sets the levels of the law, so that the contacts
+over limits: the scales of `scex_sumo.humans.attention`. Then it sets the levels of the law, so that contacts
 that human-like futures of the same moments give are as frequent as published: 4.0e-5 a vehicle-kilometre
 (Flannagan et al. 2023), five times that at junctions; rear-end .3, angle .25, sideswipe .15, head-on .03 of
 them (NHTSA 2014).

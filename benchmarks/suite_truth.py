@@ -41,8 +41,7 @@ class Acc:
         paths, row = chosen_paths(history, road, vehicles, "straight")
         own = history.now[vehicles.future, vehicles.vehicle]
         s, _, _ = paths.foot_points(row, own.x, own.y, expected_way(history, vehicles))
-        far = {"clearance": 1.5, "radius": 100.0, "obstacle_clearance": 1.5}
-        leader = find_leaders(history, vehicles, paths, row, s, **far)
+        leader = find_leaders(history, vehicles, paths, row, s, clearance=1.5, radius=100.0)
         pace = history.scene.now.speed[vehicles.vehicle]
 
         def accelerate(step: int, v: Any, travelled: Any, s: Any) -> Any:

@@ -55,9 +55,7 @@ class SingleVehicleBehavior(Protocol):
         """Plan at least 30 steps for one vehicle.
 
         Args:
-            history: states of the vehicle's future alone. ``history.states[future, vehicle]`` (11,) are the
-                vehicle's, ``history.states[future]`` (V, 11) those of all.
-            road: the map.
+            history: states of its future alone; ``history.states[future, vehicle]`` (11,) are its own.
             future: index into the history, 0; ``history.futures[future]`` is the future's number.
 
         Returns:

@@ -80,8 +80,7 @@ class ModelSpec:
 def maker_of(spec: ModelSpec, entry: ModelEntry) -> tuple[Callable[[], Any], bool]:
     """Return the function that makes the model of a spec, and whether the model is guarded.
 
-    Raises:
-        UsageError: a parameter is unknown, missing, or has a wrong value.
+    `UsageError`: a parameter is unknown, missing, or has a wrong value.
     """
     defaults = entry.defaults
     for key in spec.parameters:

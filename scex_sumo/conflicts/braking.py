@@ -11,8 +11,7 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.conflicts.driven import HORIZON_S, NODES, DrivenPaths
-from scex_sumo.conflicts.shared import Shared
+from scex_sumo.conflicts.driven import HORIZON_S, NODES, DrivenPaths, Shared
 from scex_sumo.scene import STEP_S
 
 MOST_MPS2: Final = 20.0

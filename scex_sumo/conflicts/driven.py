@@ -1,4 +1,4 @@
-"""Driven paths of vehicles in futures: driven, then as planned, then straight on."""
+"""Driven paths of vehicles in futures (driven, then as planned, then straight on), and what two share."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.geometry.paths import Paths
-from scex_sumo.geometry.rectangles import Rectangles
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
+from scex_sumo.geometry.polylines import Paths, wrap
+from scex_sumo.geometry.rectangles import Rectangles, axis_separations, separation
 from scex_sumo.scene import States
 
 HORIZON_S: Final = 8.0
@@ -19,6 +19,8 @@ NODES: Final = 64
 """Samples of a path, equally far from each other."""
 
 _MOVED_M = 0.01  # a shorter step has no direction
+_AT_ONCE = 1 << 12  # pairs of ways
+_BLOCK = 8  # nodes that are looked at together first
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,3 +100,109 @@ def _lines(states: States, planned: FloatArray | None) -> tuple[FloatArray, Floa
     x = np.concatenate([x, (x[:, -1] + far * np.cos(heading[:, -1]))[:, None]], axis=1)
     y = np.concatenate([y, (y[:, -1] + far * np.sin(heading[:, -1]))[:, None]], axis=1)
     return x, y, np.concatenate([heading, heading[:, -1:]], axis=1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shared(Rows):
+    """Stretches (n, N) of n vehicles' ways that others block, by the node at which the other one is.
+
+    Attributes:
+        own: (n,) row of the way; ``other`` (n,) of the other vehicle's.
+        enter: arc length of the first contact on the own way, m; NaN where the other one blocks nothing.
+        leave: that of the last contact, m.
+    """
+
+    own: IntArray
+    other: IntArray
+    enter: FloatArray
+    leave: FloatArray
+
+    def least_angle(self, ways: DrivenPaths) -> FloatArray:
+        """Return the least angle (n,) of both headings where the ways touch, rad."""
+        node = np.nan_to_num(np.rint(self.enter / ways.spacing[self.own][:, None])).astype(np.int64)
+        own = ways.heading[self.own[:, None], np.clip(node, 0, NODES - 1)]
+        angle = np.abs(wrap(own - ways.heading[self.other]))
+        return np.asarray(np.where(np.isnan(self.enter), np.inf, angle).min(axis=1, initial=np.inf))
+
+
+def shared_stretches(ways: DrivenPaths, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
+    """Return the shared stretches of pairs of ways: of the first ones, and of the second ones.
+
+    Pairs that share nothing are left out.
+
+    Args:
+        one: (P,) row of the first way; ``two`` (P,) of the second.
+    """
+    low, high = ways.box[:2], ways.box[2:]
+    meet = ((low[:, one] <= high[:, two]) & (low[:, two] <= high[:, one])).all(axis=0)
+    one, two = one[meet], two[meet]
+    parts: tuple[list[Shared], list[Shared]] = ([], [])
+    for start in range(0, max(len(one), 1), _AT_ONCE):
+        part = slice(start, start + _AT_ONCE)
+        for found, some in zip(_of_some(ways, one[part], two[part]), parts, strict=True):
+            some.append(found)
+    return Shared.join(parts[0]), Shared.join(parts[1])
+
+
+def _of_some(ways: DrivenPaths, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
+    pair, at, other = _near_nodes(ways, one, two)
+    gaps = separation(ways.outlines(one[pair], at), ways.outlines(two[pair], other))
+    touch = np.unique(pair[gaps <= 0])
+    kept = np.isin(pair, touch)
+    hit = np.zeros((len(touch), NODES, NODES), dtype=np.bool_)
+    hit[np.searchsorted(touch, pair[kept]), at[kept], other[kept]] = gaps[kept] <= 0
+    one, two = one[touch], two[touch]
+    return _stretches(ways, one, two, hit.swapaxes(1, 2)), _stretches(ways, two, one, hit)
+
+
+def _near_nodes(ways: DrivenPaths, one: IntArray, two: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Return pair and both nodes where outlines may touch, and the nodes next to these."""
+    half = np.hypot(ways.length, ways.width) / 2
+    reach = half[one] + half[two] + np.maximum(ways.spacing[one], ways.spacing[two])
+    coarse = _BLOCK // 2 + _BLOCK * np.arange(NODES // _BLOCK)
+    wide = reach + (ways.spacing[one] + ways.spacing[two]) * _BLOCK / 2
+    x, y = ways.x, ways.y
+    dx = x[one][:, coarse, None] - x[two][:, None, coarse]
+    dy = y[one][:, coarse, None] - y[two][:, None, coarse]
+    pair, i, j = np.nonzero(dx * dx + dy * dy < (wide * wide)[:, None, None])
+    inner = np.arange(_BLOCK)
+    first, second = (_BLOCK * i)[:, None] + inner, (_BLOCK * j)[:, None] + inner
+    dx = x[one[pair][:, None], first][:, :, None] - x[two[pair][:, None], second][:, None]
+    dy = y[one[pair][:, None], first][:, :, None] - y[two[pair][:, None], second][:, None]
+    row, a, b = np.nonzero(dx * dx + dy * dy < (reach * reach)[pair][:, None, None])
+    return pair[row], first[row, a], second[row, b]
+
+
+def _stretches(ways: DrivenPaths, own: IntArray, other: IntArray, hit: BoolArray) -> Shared:
+    """Return where ways are blocked, by whether outlines touch (n, other's node, own node)."""
+    pair, node = np.nonzero(hit.any(axis=2))
+    inside = hit[pair, node]
+    first, last = np.argmax(inside, axis=1), NODES - 1 - np.argmax(inside[:, ::-1], axis=1)
+
+    def edge(touching: IntArray, step: int) -> FloatArray:
+        """Return arc lengths (n, N) between a node with contact and the next one, where contact ends."""
+        beyond = np.clip(touching + step, 0, NODES - 1)
+        share = shares_of_contact(
+            ways.outlines(own[pair], touching),
+            ways.outlines(own[pair], beyond),
+            ways.outlines(other[pair], node),
+        )
+        arc = np.full((len(own), NODES), np.nan)
+        arc[pair, node] = ways.spacing[own[pair]] * (
+            touching + step * np.where(beyond == touching, 0.0, share)
+        )
+        return arc
+
+    return Shared(own=own, other=other, enter=edge(first, -1), leave=edge(last, 1))
+
+
+def shares_of_contact(one: Rectangles, then: Rectangles, two: Rectangles) -> FloatArray:
+    """Return the share (n,) of a move at which contact ends; 0 if it does not.
+
+    Args:
+        one: outlines (n,) that touch the second ones ``two``; ``then``: the same ones moved.
+    """
+    touching, apart = axis_separations(one, two), axis_separations(then, two)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(apart > 0, touching / (touching - apart), np.inf).min(axis=0)
+    return np.where(np.isfinite(share), share, 0.0)

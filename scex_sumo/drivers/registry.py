@@ -99,7 +99,7 @@ def entry_of(name: str) -> ModelEntry:
     if name in _CORE:
         return _CORE[name]
     if name.startswith(f"{SUMO}:"):
-        from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+        from scex_sumo.behaviors.models.simple import SumoDriver
 
         return _rule(
             make=SumoDriver,

@@ -16,7 +16,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import BEHIND_M, seed_paths
-from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.behaviors.models.simple import SumoDriver
 from scex_sumo.drivers.registry import DEFAULT_MODELS
 from scex_sumo.environment.agent import (
     MAX_OBSERVED,

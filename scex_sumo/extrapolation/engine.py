@@ -15,7 +15,7 @@ from scex_sumo.base.errors import OwnCodeError, UsageError
 from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
-from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.behaviors.models.simple import SumoDriver
 from scex_sumo.converters.registries import signals_of
 from scex_sumo.drivers.registry import parse_models
 from scex_sumo.extrapolation.extras import Extra, Row, Work, rows_of

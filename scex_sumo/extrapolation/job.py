@@ -16,7 +16,7 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.base.owned import owner_cache
-from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.behaviors.models.simple import SumoDriver
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.converters.registries import signals_of
 from scex_sumo.extrapolation.assignments import future_generator, route_draws

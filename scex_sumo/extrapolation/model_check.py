@@ -10,7 +10,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.blame import own_error_reason
 from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.behaviors.base import BatchBehavior
-from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.behaviors.models.simple import SumoDriver
 from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
 from scex_sumo.extrapolation.loop.rollout import history_at

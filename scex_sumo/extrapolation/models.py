@@ -14,7 +14,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.base.sending import SentOnce
 from scex_sumo.behaviors.base import BatchBehavior, Driver, layers
-from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.behaviors.models.simple import SumoDriver
 from scex_sumo.converters.tracks.road_users import PEOPLE
 from scex_sumo.drivers.registry import ModelSpec, build, is_own, model_specs, moved_by, refuse_namesake
 from scex_sumo.extrapolation.assignments import (

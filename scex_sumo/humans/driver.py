@@ -23,9 +23,8 @@ from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, REAR_AXLE_SHARE, Ac
 from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths, path_positions
 from scex_sumo.behaviors.models.idm import desired_speeds
 from scex_sumo.behaviors.spec import ModelEntry
-from scex_sumo.humans.attention import awareness, kept_clear
+from scex_sumo.humans.attention import awareness, kept_clear, still_unaware, unchanged
 from scex_sumo.humans.guard.guarded import yielding
-from scex_sumo.humans.late import still_unaware, unchanged
 from scex_sumo.humans.lines.driven_line import redrawn
 from scex_sumo.humans.lines.lanes import change_offsets, change_shares, lanes_beside
 from scex_sumo.humans.observed.observations import (
@@ -69,8 +68,7 @@ class LikelyProfile:
     Attributes:
         spread: factor on the variation between drivers; 1 as recorded, 0 the expected driver.
         inattention: factor on the time that drivers look away; 1 as observed, 0 never.
-        path: index, ``straight`` or ``random``; or ``fitted``: drawn per future and vehicle, by how well each
-            path fits the vehicle's motion.
+        path: index, ``straight`` or ``random``; or ``fitted``: drawn by how well paths fit the motion.
     """
 
     spread: float = 1.0
@@ -235,10 +233,7 @@ def vehicle_types(scene: SeedScene) -> FloatArray:
 
 
 def lane_offsets(view: View, deviation: FloatArray) -> FloatArray:
-    """Return (n,) offsets from the path after 3 s without a lane change, m.
-
-    ``deviation``: (n,) Student's draws.
-    """
+    """Return (n,) offsets from the path after 3 s without a lane change, m, by Student's draws (n,)."""
     human, vehicle, observed = view.human, view.vehicles.vehicle, view.observed
     lateral, bends, room = (values[view.row] for values in (observed.lateral, observed.bends, observed.room))
     spread = np.exp(keep_features(view.shown.speed[vehicle], bends, room, human) @ human.keep_growth)
@@ -279,10 +274,8 @@ def accelerations(
 ) -> Accelerate:
     """Return the acceleration of drawn drivers for `drive`; leaders are expected to keep their speed.
 
-    Args:
-        aware: (n, H) whether they act on their leaders.
-        waits_s: (n,) for which standing vehicles wait, s.
-        hold: (n,) ways to places where rules make them stop, m.
+    ``aware``: (n, H) whether they act on their leaders; ``waits_s``: time for which they stand; ``hold``:
+    ways to places where rules make them stop, m.
     """
     human, paths, begin_s = view.human, view.paths, view.history.step * STEP_S
     limits = desired_speeds(paths, human.idm.speed, human.idm.speed_factor)

@@ -11,7 +11,7 @@ from scex_sumo.base.draws import normal_quantiles, uniforms
 from scex_sumo.humans.observed.observations import View
 from scex_sumo.road import Rules
 from scex_sumo.rules.holds import Manner, Obeyed, lights, obeyed
-from scex_sumo.rules.states import Lit, traffic_on
+from scex_sumo.rules.passages import Lit, traffic_on
 
 OBEYS, LIGHTS, CHANGES, RELEASE = 80_000, 80_001, 80_002, 81_000  # salts; each plan has its own release
 
@@ -45,12 +45,7 @@ def _logit(share: FloatArray) -> FloatArray:
 
 
 def manner_of(draw: FloatArray, spread: float, given: RuleParameters = RULE_PARAMETERS) -> Manner:
-    """Draw how drivers obey; all plans of a future have the same.
-
-    Args:
-        draw: (n,) in [0, 1), one per driver.
-        spread: 1 as people differ; 0 the median driver, which violates nothing.
-    """
+    """Draw how drivers obey, by (n,) draws; with ``spread`` 0 the median driver, which violates nothing."""
     yellow, red, priority, gap = uniforms(draw, 4, OBEYS).T
     runs = (red < given.runs_red) & (spread > 0)
     waits_s = given.yellow_s + min(spread, 1.0) * given.yellow_scale_s * _logit(yellow)
@@ -68,10 +63,7 @@ def manner_of(draw: FloatArray, spread: float, given: RuleParameters = RULE_PARA
 
 
 def obedience(view: View, rows: IntArray, spread: float) -> Obeyed:
-    """Return where drivers have to stop, and where lights are green, in a scene with rules.
-
-    ``rows``: (C, V) paths of all vehicles: turn indicators show them.
-    """
+    """Return where drivers have to stop, and where lights are green; ``rows`` (C, V): paths of all."""
     history, vehicles, paths, row, _, human = view
     rules = history.scene.rules
     assert rules is not None
@@ -99,9 +91,7 @@ def _lights(view: View, rules: Rules, spread: float) -> Lit:
 def waits_for(rules: Obeyed, view: View, waits_s: FloatArray, free: BoolArray) -> FloatArray:
     """Return (n,) times for which vehicles stand, s: at a place to stop until it is free, then not for long.
 
-    Args:
-        waits_s: (n,) without rules.
-        free: (n,) whether the passage of the first in a queue, or the way of the others, is free.
+    ``waits_s``: without rules; ``free``: (n,) whether the passage of the first in a queue is free.
     """
     draw = view.history.route_draw[view.vehicles.future, view.vehicles.vehicle]
     soon = -RULE_PARAMETERS.start_s * np.log(uniforms(draw, 1, RELEASE + view.history.step)[:, 0])

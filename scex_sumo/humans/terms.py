@@ -73,9 +73,8 @@ def acceleration(now: Situation, human: HumanParameters) -> FloatArray:
 def demanded(now: Situation, human: HumanParameters) -> FloatArray:
     """Return (n,) accelerations that road and leader ask for, m/s².
 
-    The sum, as in the Intelligent Driver Model, makes drivers at their desired speed fall back.
-
-    Source: Treiber and Kesting 2013, section 11.3.
+    The sum, as in the Intelligent Driver Model, makes drivers at their desired speed fall back (Treiber and
+    Kesting 2013, section 11.3).
     """
     asked = lowest(free(now, human), following(now, human), curve(now, human))
     return np.where(asked > 0, asked * now.driver.pull, asked)
@@ -186,11 +185,7 @@ def drawn_variation(
 ) -> FloatArray:
     """Return (n, 2) accelerations beyond the demanded ones at ``variation_times_s``, m/s².
 
-    Args:
-        speed: (n,) in the seed scene, m/s.
-        mean_features: (n, F).
-        spread_features: (n, 3).
-        draw: (n, 2) Student's numbers; 0 is the expected driver.
+    ``speed``: in the seed scene, m/s; ``draw``: (n, 2) Student's numbers; 0 is the expected driver.
     """
     k = (speed >= human.fast_mps).astype(np.int64)
     drawn = np.einsum("nij,nj->ni", human.variation_root[k], draw)
@@ -203,10 +198,8 @@ def drawn_variation(
 def spread_factor(features: FloatArray, noise: FloatArray, growth: FloatArray) -> FloatArray:
     """Return (n, N) factors on the deviation of drivers, from their variation and the noise of their boxes.
 
-    Args:
-        features: (n, 3) scatter of the accelerations, m/s², and two features of the variation.
-        noise: (N,) 1/(m/s²): at a scatter of 1 / noise half of the variance is noise.
-        growth: (2,) weights of the features in an exponential.
+    ``features``: (n, 3) scatter, m/s², of which at 1 / ``noise`` half of the variance is noise, and two
+    features of the variation, with weights ``growth``.
     """
     return np.asarray(np.hypot(1.0, features[:, :1] * noise) * np.exp(features[:, 1:] @ growth)[:, None])
 
@@ -222,12 +215,8 @@ def lateral_offsets(
 ) -> FloatArray:
     """Return (n, T) offsets from the path with the least jerk, from the shown motion to the target.
 
-    Args:
-        lateral: (n, 3) offset, m, speed, m/s, and acceleration, m/s², at time 0.
-        target: (n,) offset after ``lateral_s``, kept from then on, m.
-        time_s: (T,).
-
-    Source: Takahashi et al. 1989, the quintic polynomial.
+    ``lateral``: (n, 3) offset, m, speed, m/s, and acceleration, m/s², at time 0; ``target``: (n,) offset
+    after ``lateral_s``, kept from then on. Source: Takahashi et al. 1989, the quintic polynomial.
     """
     end = human.lateral_s
     u = np.minimum(time_s / end, 1.0)
@@ -241,9 +230,6 @@ def lateral_offsets(
 
 
 def students(uniform: FloatArray) -> FloatArray:
-    """Return (n, K) numbers of Student's multivariate distribution with four degrees of freedom.
-
-    ``uniform``: (n, K + 2) K for a normal vector and two for the common χ² with four degrees, -2·ln(u·u').
-    """
+    """Return (n, K) numbers of Student's multivariate distribution, by uniform ones (n, K + 2)."""
     chi2 = -2.0 * np.log(uniform[:, -2] * uniform[:, -1])
     return np.asarray(normal_quantiles(uniform[:, :-2]) * np.sqrt(DEGREES / chi2)[:, None])

@@ -12,7 +12,7 @@ import numpy as np
 
 from scex_sumo.base.errors import ScexError, UsageError
 from scex_sumo.behaviors.base import PLAN_STEPS, SingleVehicleBehavior
-from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.behaviors.models.simple import SumoDriver
 from scex_sumo.behaviors.spec import EMPTY, ModelEntry, signature_of
 from scex_sumo.plug_in.inputs import Surroundings
 from scex_sumo.plug_in.predictor import INPUTS, Predictor, name_of, wanted_inputs

@@ -15,9 +15,16 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.driving.leaders import everyone
 from scex_sumo.behaviors.driving.paths import SeedPaths, seed_paths
 from scex_sumo.road import Road
-from scex_sumo.rules.apparent import NO_SIGN
-from scex_sumo.rules.passages import RuledWays, crosswalk_areas, ruled_ways
-from scex_sumo.rules.states import STANDS_MPS, Lit, Traffic, straight_traffic
+from scex_sumo.rules.passages import (
+    NO_SIGN,
+    STANDS_MPS,
+    Lit,
+    RuledWays,
+    Traffic,
+    crosswalk_areas,
+    ruled_ways,
+    straight_traffic,
+)
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 
 REACH_M = 100.0  # holds further ahead count later

@@ -15,8 +15,7 @@ from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.geometry.polylines import heading, turn
 from scex_sumo.road import Rules
-from scex_sumo.rules.passages import ruled_ways
-from scex_sumo.rules.states import STANDS_MPS, Lit, straight_traffic
+from scex_sumo.rules.passages import STANDS_MPS, Lit, ruled_ways, straight_traffic
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene
 
 SURE = 4.0  # log odds of green for a vehicle that drives in, of red for one that stands first at the line

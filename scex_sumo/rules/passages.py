@@ -1,26 +1,31 @@
-"""Passages of junctions along the paths of a seed scene: stops, conflicts with passages of other paths."""
+"""Passages of junctions along the paths of a seed scene, where they conflict; lights, places of vehicles."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache
-from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
+from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, path_positions
 from scex_sumo.geometry.polylines import along, length_of, samples
 from scex_sumo.road import Rules
-from scex_sumo.rules.apparent import NO_SIGN
+from scex_sumo.scene import SceneHistory, VehicleIndex
 
+NO_SIGN = ""  # state of links of which a map says nothing
 NEAR_M = 1.5  # between a path and the passage that it takes; the next lane is 3 m away
 LONGER = 1.3, 4.0  # a path may be so many times longer than a passage, and m
 LINE_M = 15.0  # before a passage, for its drawn stop line
 CLEARANCE_M = 2.6  # of centrelines on which two cars touch
 STEP_M = 0.5
+STANDS_MPS = 0.5
+GAIN_STEPS = 3
+GREEN, YELLOW, RED = "Gg", "yY", "rRu"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -169,3 +174,66 @@ def _walks(points: FloatArray, rules: Rules) -> Iterator[tuple[float, float, flo
             inside = np.flatnonzero(shapely.contains_xy(areas[k], line))
             if len(inside):
                 yield row, DS_M * float(inside[0]), DS_M * float(inside[-1]), k
+
+
+@dataclass(frozen=True, eq=False)
+class Lit:
+    """Lights now: (1 or C, G + 1), of all futures or of each; the last one is that of passages without."""
+
+    red: BoolArray
+    yellow: BoolArray
+    green: BoolArray
+    free: BoolArray  # green with priority
+    stop: BoolArray
+    ready: BoolArray  # red and yellow: green follows
+    since_s: FloatArray  # how long it has been shown, s
+
+    @classmethod
+    def at(cls, rules: Rules, time_s: float) -> Lit:
+        """Return the lights at a time since the seed moment."""
+        shown = [*(signal.at(time_s) for signal in rules.signals), ("", 0.0)]
+        letters = np.array([[letter for letter, _ in shown]])
+        kinds = RED, YELLOW, GREEN, "G", "s", "u"
+        red, yellow, green, free, stop, ready = (np.isin(letters, [*kind]) for kind in kinds)
+        return cls(red, yellow, green, free, stop, ready, np.array([[since for _, since in shown]]))
+
+    def of(self, name: str, future: IntArray, signal: IntArray) -> Any:
+        """Return what signals (m,) show in futures (m,)."""
+        values = getattr(self, name)
+        return values[future % len(values), signal]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Traffic:
+    """Places of all vehicles on their paths: (C, V) path, centre, front and rear, m, and speed, m/s."""
+
+    row: IntArray
+    arc_length: FloatArray
+    front: FloatArray
+    rear: FloatArray
+    speed: FloatArray
+    slowest: FloatArray  # (C, V) speed in the last second, m/s
+    gained: FloatArray  # (C, V) speed in the last three steps, m/s
+
+
+def traffic_on(history: SceneHistory, paths: SeedPaths, row: IntArray) -> Traffic:
+    """Return the places of all vehicles on paths (C, V)."""
+    now = history.now
+    s, _, _ = path_positions(history, VehicleIndex.everyone(history), paths, row.ravel())
+    s, half = s.reshape(row.shape), history.scene.length / 2
+    return Traffic(
+        row=row,
+        arc_length=s,
+        front=s + half,
+        rear=s - half,
+        speed=np.maximum(now.speed, 0.0),
+        slowest=history.states.speed.min(axis=2),
+        gained=now.speed - history.states.speed[:, :, -1 - GAIN_STEPS],
+    )
+
+
+@owner_cache
+def straight_traffic(history: SceneHistory, paths: SeedPaths) -> Traffic:
+    """Return the places of all vehicles on their straightest paths."""
+    row = np.broadcast_to(paths.first + paths.straight, history.now.shape)
+    return traffic_on(history, paths, row)

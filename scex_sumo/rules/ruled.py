@@ -14,7 +14,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS, check_positive
 from scex_sumo.behaviors.driving.motion import Intent
-from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths
+from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths, path_positions
 from scex_sumo.behaviors.models.idm import IdmDriver, IdmProfile
 from scex_sumo.behaviors.spec import ModelEntry
 from scex_sumo.geometry.rectangles import seen_from
@@ -69,8 +69,7 @@ class RuledDriver(IdmDriver):
     @property
     def looks(self) -> Hashable:
         """See `DrivesAlong`."""
-        profile = self.profile
-        return RuledDriver, profile.path, profile.clearance, profile.obstacle_clearance, profile.radius
+        return RuledDriver, self.profile.path, self.profile.clearance, self.profile.radius
 
     def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Intent:
         """See `DrivesAlong`."""
@@ -85,15 +84,17 @@ class RuledDriver(IdmDriver):
         path = drivers[0].profile.path
         paths, row = chosen_paths(history, road, vehicles, path)
         hold: FloatArray | None = None
-        arc_length: FloatArray | None = None
         if history.scene.rules is not None:
             from scex_sumo.rules.holds import lights, obeyed
-            from scex_sumo.rules.states import straight_traffic
+            from scex_sumo.rules.passages import straight_traffic
 
             manner, traffic = _manner(drivers, groups), straight_traffic(history, paths)
             hold = obeyed(history, vehicles, paths, row, traffic, manner, lights(history, paths)).hold
-            arc_length = traffic.arc_length[vehicles.future, vehicles.vehicle] if path == "straight" else None
-        leaders = drivers[0].look(history, vehicles, paths, row, arc_length)
+        if hold is not None and path == "straight":
+            s = traffic.arc_length[vehicles.future, vehicles.vehicle]
+        else:
+            s, _, _ = path_positions(history, vehicles, paths, row)
+        leaders = drivers[0].look(history, vehicles, paths, row, s)
         intents, end = [], 0
         for driver, group in zip(drivers, groups, strict=True):
             k = slice(end, end := end + len(group))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from scex_sumo.converters.maps import read_map
-from scex_sumo.roads.dead_ends import dead_ends
+from scex_sumo.roads.side import dead_ends
 from scex_sumo.scenarios import example_path
 from tests.converters.sumo_roads import arc, lane, road
 

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows, least_of
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
-from scex_sumo.geometry.paths import COARSE
+from scex_sumo.geometry.polylines import COARSE
 from scex_sumo.scene import SceneHistory, States, VehicleIndex
 
 LATER_WEIGHT = 0.1  # m² per m along the path; the nearest coarse sample is up to 4 m² off
 MAX_PAIRS = 60_000  # at a time: bounds the memory, fits the processor's cache
 MIN_ACROSS_MPS = 1e-3
 CORRIDOR_MARGIN_M = 0.3  # of the driver's corridor, beyond its width on each side
+OBSTACLE_CLEARANCE_M = 1.5  # of an obstacle's centre from the path
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,7 +59,6 @@ def find_leaders(
     *,
     clearance: float = 1.5,
     radius: float = 100.0,
-    obstacle_clearance: float = 1.5,
 ) -> Leaders:
     """Find the nearest vehicle or obstacle ahead of each of n drivers on its path.
 
@@ -66,11 +67,6 @@ def find_leaders(
         s_centre: (n,) where it is on it, m, see `path_positions`.
         clearance: of a vehicle's centre from the path, m; bodies in the driver's corridor count, too.
         radius: that drivers see, m.
-        obstacle_clearance: of an obstacle's centre from the path, m.
-
-    Returns:
-        ``gap`` (n,) bumper to bumper, m, inf without a leader; ``speed`` (n,) along the path, m/s; ``index``
-        (n,), -1 without.
 
     Example:
         >>> history = scex.SceneHistory.of_scene(scex.read_seed(scex.example_path("roundabout")))
@@ -81,8 +77,7 @@ def find_leaders(
         >>> bool(leader.gap[0] > 0)
         True
     """
-    at = history, vehicles, paths, row, s_centre
-    near = find_ahead(*at, clearance=clearance, radius=radius, obstacle_clearance=obstacle_clearance)
+    near = find_ahead(history, vehicles, paths, row, s_centre, clearance=clearance, radius=radius)
     return near.leaders(len(vehicles))
 
 
@@ -95,7 +90,6 @@ def find_ahead(
     *,
     clearance: float = 1.5,
     radius: float = 100.0,
-    obstacle_clearance: float = 1.5,
     aside: FloatArray | float = 0.0,
     margin: float = CORRIDOR_MARGIN_M,
 ) -> Ahead:
@@ -107,12 +101,11 @@ def find_ahead(
 
     Args:
         clearance: of a vehicle's centre from the path, m.
-        obstacle_clearance: of an obstacle's centre from the path, m.
         aside: (n,) offset of each driver's line, m, left positive.
         margin: of the corridor beyond the driver's width, on each side, m.
     """
     others, aside = everyone(history), np.broadcast_to(aside, row.shape)
-    clear = np.where(others.obstacle, obstacle_clearance, clearance)
+    clear = np.where(others.obstacle, OBSTACLE_CLEARANCE_M, clearance)
     size, parts = max(1, MAX_PAIRS // max(1, others.length.size)), []
     for begin in range(0, max(1, len(vehicles)), size):
         k = slice(begin, begin + size)
@@ -199,8 +192,7 @@ def _first_guess(
     return i[close], j[close], (start[i] + best)[close] * spacing
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Everyone:
+class Everyone(NamedTuple):
     """Vehicles and obstacles of all futures; M = V + O columns."""
 
     states: States  # (C, M) now
@@ -227,11 +219,5 @@ def everyone(history: SceneHistory) -> Everyone:
     obstacle = np.arange(len(length)) >= scene.vehicles
     if scene.people is not None:
         obstacle[: scene.vehicles] = scene.people
-    return Everyone(
-        states=now,
-        present=present,
-        length=length,
-        width=width,
-        obstacle=obstacle,
-        longest=float(np.sqrt(length**2 + width**2).max(initial=0.0)),
-    )
+    longest = float(np.sqrt(length**2 + width**2).max(initial=0.0))
+    return Everyone(now, present, length, width, obstacle, longest)

@@ -171,8 +171,7 @@ def _chord(angle: FloatArray, moved: FloatArray) -> FloatArray:
 def _bend_beside(bend: FloatArray, aside: FloatArray | None, v: FloatArray) -> FloatArray:
     """Return (n,) curvatures of lines at constant offsets from paths with curvatures (n,), 1/m.
 
-    They are at most those that vehicles can drive: what a line bends more is no steering to take back later.
-    Slow vehicles turn as sharply as the lane does, else they would leave it.
+    At most those that vehicles can drive; slow vehicles turn as sharply as the lane does, else they leave it.
     """
     line = bend if aside is None else bend / np.maximum(1 - bend * aside, 0.5)
     most = np.minimum(CURVE_ACCELERATION / np.maximum(v * v, 1.0), SHARPEST)
@@ -198,9 +197,7 @@ def _steer(
 ) -> FloatArray:
     """Return the curvature error after one step.
 
-    Args:
-        offset: (n,) present minus wanted offset, m.
-        lead: derivatives of the wanted offset, at which heading and curvature error aim, to remove the lag.
+    ``offset``: (n,) present minus wanted offset, m; ``lead``: derivatives of the latter, to remove the lag.
     """
     omega = 1 / np.maximum(JOIN_LENGTH_M, JOIN_TIME_S * v)
     urgency = _urgency(error)
@@ -286,11 +283,7 @@ class Intent:
 
 
 class DrivesAlong(Driver, ABC):
-    """Base of models whose plan is a drive along a path.
-
-    Attributes:
-        profile: parameters with a ``path``.
-    """
+    """Base of models whose plan is a drive along a path; ``profile`` has a ``path``."""
 
     sees: ClassVar[Sight] = "itself"  # what a plan depends on if the path is not drawn
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import chain
 from math import ceil
 from typing import Any, Literal, TypeAlias
@@ -16,9 +16,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, least_of
 from scex_sumo.base.owned import owner_cache, recent
-from scex_sumo.behaviors.driving.smoothing import drivable, resample
-from scex_sumo.geometry.paths import Paths
-from scex_sumo.geometry.polylines import arc_lengths, wrap
+from scex_sumo.geometry.polylines import Paths, along, arc_lengths, length_of, wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import CandidatePath, candidate_paths, centreline, extended
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
@@ -34,6 +32,12 @@ _RECENT = 4  # sets of lines of a road: with recorded and with estimated heading
 OFF_ROAD = CandidatePath(lanes=(), s=0.0, probability=1.0, angle=0.0)
 PathChoice: TypeAlias = int | Literal["straight", "random"]
 Redraw: TypeAlias = Callable[[Road, "RouteLines"], FloatArray]
+BASE_SIGMA_M = 1.5  # a turn of 8 m radius moves inwards by 0.14 m
+CURVATURES = (0.33, 0.25, 0.195, 0.165)  # 1/m, tried in this order; the last leaves room to correct
+SWEEPS = 400  # a right angle needs about 375 at 0.2 1/m
+SWEEPS_AT_ONCE = 10
+ENOUGH = 0.02  # part of a bend above the limit
+FREEZE_M = 15.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,14 +54,7 @@ class SeedPaths(Paths):
     slow_in_curves: bool  # every model slows down for curves; False on the maps that the models come with
 
     def choose(self, path: PathChoice, vehicle: IntArray, draw: FloatArray) -> IntArray:
-        """Return (n,) path rows.
-
-        Args:
-            path: index from left to right, clamped to the vehicle's last path (-1 is the rightmost);
-                ``straight``; ``random``, by `draw`.
-            vehicle: (n,) index into the seed scene.
-            draw: (n,) in [0, 1).
-        """
+        """Return (n,) path rows of vehicles (n,), by draws (n,) in [0, 1) if random; see `chosen_paths`."""
         first, count = self.first[vehicle], self.count[vehicle]
         if path == "random":
             passed = np.zeros(len(vehicle), dtype=np.int64)
@@ -112,11 +109,9 @@ def chosen_paths(
 def seed_paths(
     scene: SeedScene, road: Road, horizon_s: float = FIRST_HORIZON_S, redraw: Redraw | None = None
 ) -> SeedPaths:
-    """Tabulate the candidate paths of a seed scene.
+    """Tabulate the candidate paths of a seed scene, on which the fastest vehicle stays for the horizon.
 
-    Args:
-        horizon_s: time for which the fastest vehicle stays on its table, s.
-        redraw: makes other lines (P, N, 2) of candidate lines, e.g. those that people drive.
+    ``redraw`` makes other lines (P, N, 2) of candidate lines, e.g. those that people drive.
     """
     lines = _route_lines(scene, road, horizon_s)
     paths = _sampled(road, lines, redraw)
@@ -299,3 +294,111 @@ def _misfit(feet: tuple[FloatArray, FloatArray, FloatArray], heading: FloatArray
     _, offset, path_heading = feet
     error = wrap(heading - path_heading)
     return np.asarray((offset / OFFSET_SIGMA_M) ** 2 + (error / HEADING_SIGMA_RAD) ** 2)
+
+
+def drivable(points: FloatArray, half_width: FloatArray, ds: float) -> FloatArray:
+    """Smooth paths (K, N, 2) of points every ``ds`` m; none moves over 0.95 of ``half_width`` (K, N), m.
+
+    Return them with the smallest limit of `CURVATURES` that keeps the path in the lane; read-only.
+    """
+    return _drivable(points.tobytes(), half_width.tobytes(), points.shape, ds)
+
+
+@lru_cache(maxsize=1)  # a scene and the same scene with estimated headings have the same paths
+def _drivable(raw: bytes, widths: bytes, shape: tuple[int, ...], ds: float) -> FloatArray:
+    points = np.frombuffer(raw).reshape(shape)
+    bound = 0.95 * np.frombuffer(widths).reshape(shape[:2])
+    smooth = _within(gaussian(points, BASE_SIGMA_M / ds), points, bound)
+    for limit in CURVATURES:
+        rows = np.flatnonzero((np.abs(curvature(smooth)) > 1.02 * limit).any(axis=1))
+        if not len(rows):
+            continue
+        wider = _relaxed(smooth[rows], limit)
+        shift = wider - points[rows]
+        too_far = np.hypot(shift[..., 0], shift[..., 1]) > bound[rows]
+        # Where the curve would leave its lane, keep the previous one; only tight places have changed.
+        stays = _dilate(too_far, int(FREEZE_M / ds))
+        smooth[rows] = np.where(stays[..., None], smooth[rows], wider)
+    smooth.flags.writeable = False
+    return smooth
+
+
+def _relaxed(points: FloatArray, limit: float) -> FloatArray:
+    """Move points with too tight a bend towards the middle of both neighbours, until few are left."""
+    tight = np.flatnonzero((np.abs(curvature(points)) > limit).any(axis=0))
+    window = slice(max(0, tight[0] - 80), tight[-1] + 81)
+    moved = points.copy()
+    inner = np.ones(moved[:, window].shape[:2], dtype=np.bool_)
+    inner[:, [0, -1]] = False
+    xy, moving = moved[:, window].reshape(-1, 2).T.copy(), inner.copy()
+    for _ in range(SWEEPS // SWEEPS_AT_ONCE):
+        # One sweep spreads the motion by one point.
+        at = np.flatnonzero(_dilate(moving, SWEEPS_AT_ONCE + 1))
+        beside = np.diff(at) == 1
+        xy[:, at], excess = _swept(xy[:, at], limit, inner.ravel()[at[1:-1]] & beside[1:] & beside[:-1])
+        if excess.max() < ENOUGH:
+            break
+        moving = np.zeros_like(inner)
+        moving.ravel()[at[1:-1]] = excess > 0
+    moved[:, window] = xy.T.reshape(*inner.shape, 2)
+    return moved
+
+
+def _swept(xy: FloatArray, limit: float, free: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return points (2, n) moved by `SWEEPS_AT_ONCE` sweeps, and the last excess (n - 2,) of their bends."""
+    eight, excess = 8.0 * free, np.zeros(free.size)
+    for _ in range(SWEEPS_AT_ONCE):
+        away = 0.5 * (xy[:, :-2] + xy[:, 2:]) - xy[:, 1:-1]
+        distance, chord = away**2, (xy[:, 2:] - xy[:, :-2]) ** 2
+        bend = eight * np.sqrt(distance[0] + distance[1]) / np.maximum(chord[0] + chord[1], 4e-6)
+        excess = 1 - limit / np.maximum(bend, limit)
+        if np.maximum.reduce(excess) < ENOUGH:
+            break
+        xy[:, 1:-1] += 0.9 * excess * away
+    return xy, excess
+
+
+def gaussian(values: FloatArray, sigma: float) -> FloatArray:
+    """Filter axis 1 of (K, N, F), `sigma` in samples; the ends go on straight."""
+    reach = max(1, int(np.ceil(3 * sigma)))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
+    kernel /= kernel.sum()
+    before = 2 * values[:, :1] - values[:, reach:0:-1]
+    after = 2 * values[:, -1:] - values[:, -2 : -reach - 2 : -1]
+    wide = np.concatenate([before, values, after], axis=1)
+    n = values.shape[1]
+    result: FloatArray = kernel[reach] * values
+    for i in range(reach):  # symmetric taps together
+        result += kernel[i] * (wide[:, i : i + n] + wide[:, 2 * reach - i : 2 * reach - i + n])
+    return result
+
+
+def curvature(points: FloatArray) -> FloatArray:
+    """Return (K, N) curvatures of paths (K, N, 2), 1/m, left positive."""
+    first = np.gradient(points, axis=1)
+    second = np.gradient(first, axis=1)
+    cross = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
+    speed = np.hypot(first[..., 0], first[..., 1])
+    return np.asarray(cross / np.maximum(speed, 1e-6) ** 3)
+
+
+def _within(moved: FloatArray, points: FloatArray, bound: FloatArray) -> FloatArray:
+    shift = moved - points
+    size = np.hypot(shift[..., 0], shift[..., 1]) / bound
+    # x / (1 + x^8)^(1/8) is x for small x and 1 for large x.
+    return np.asarray(points + shift / (1 + np.minimum(size, 1e6)[..., None] ** 8) ** 0.125)
+
+
+def _dilate(mask: BoolArray, reach: int) -> BoolArray:
+    n = mask.shape[1]
+    total = np.cumsum(np.pad(mask, ((0, 0), (reach + 1, reach))), axis=1)
+    return np.asarray(total[:, 2 * reach + 1 :] > total[:, :n])
+
+
+def resample(points: FloatArray, count: int, ds: float, first_s: float = 0.0) -> FloatArray:
+    """Return (count, 2) points of a polyline every `ds` from `first_s` on, straight on past its end."""
+    s: FloatArray = first_s + ds * np.arange(count, dtype=np.float64)
+    past = np.maximum(s - length_of(points), 0.0)
+    tail = points[-1] - points[-2]
+    tail = tail / max(float(np.hypot(*tail)), 1e-9)
+    return np.asarray(along(points, s) + past[:, None] * tail)

@@ -75,7 +75,6 @@ class IdmProfile(IdmParameters):
         habit_lead: time in s over which the last half second's acceleration changes the shown speed.
         habit_margin: addition to the shown speed in m/s.
         clearance: a vehicle is a leader if its centre is this near to the path, m.
-        obstacle_clearance: the same for a pedestrian or cyclist, m.
         radius: perception radius, m.
         curve_acceleration: comfortable lateral acceleration in m/s²; 0 does not slow down for curves.
         curve_deceleration: braking before a curve in m/s².
@@ -89,7 +88,6 @@ class IdmProfile(IdmParameters):
     habit_lead: float = 0.0
     habit_margin: float = 0.0
     clearance: float = 5.0
-    obstacle_clearance: float = 1.5
     radius: float = 100.0
     curve_acceleration: float = 0.0
     curve_deceleration: float = 1.0
@@ -167,10 +165,7 @@ def holding_acceleration(profile: IdmParameters, speed: FloatArray, gap: FloatAr
 
 
 class IdmDriver(DrivesAlong):
-    """Follows its path at the desired speed and keeps its distance to the leader.
-
-    The leader is found once per plan and assumed to keep its speed.
-    """
+    """Follows its path at the desired speed, and keeps its distance to the leader, which keeps its speed."""
 
     sees: ClassVar[Sight] = "everyone"
     profile: IdmProfile
@@ -183,22 +178,15 @@ class IdmDriver(DrivesAlong):
         self, history: SceneHistory, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
     ) -> Intent:
         """Return the drive along (n,) rows of `paths`."""
-        return self.behind(self.look(history, vehicles, paths, row), history, vehicles, paths, row)
+        s, _, _ = path_positions(history, vehicles, paths, row)
+        return self.behind(self.look(history, vehicles, paths, row, s), history, vehicles, paths, row)
 
     def look(
-        self,
-        history: SceneHistory,
-        vehicles: VehicleIndex,
-        paths: SeedPaths,
-        row: IntArray,
-        arc_length: FloatArray | None = None,
+        self, history: SceneHistory, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray, s: FloatArray
     ) -> Leaders:
-        """Return the leaders of vehicles on rows of paths; ``arc_length`` (n,): where they are on them, m."""
-        profile, at = self.profile, (history, vehicles, paths, row)
-        if arc_length is None:
-            arc_length, _, _ = path_positions(*at)
-        near, people = profile.clearance, profile.obstacle_clearance
-        return find_leaders(*at, arc_length, clearance=near, radius=profile.radius, obstacle_clearance=people)
+        """Return the leaders of vehicles (n,) on rows of paths, at arc lengths ``s``, m."""
+        near = {"clearance": self.profile.clearance, "radius": self.profile.radius}
+        return find_leaders(history, vehicles, paths, row, s, **near)
 
     def behind(
         self,

@@ -40,8 +40,7 @@ from scex_sumo.converters.lanelet.unknown import missing_lanelets, unknown_subty
 from scex_sumo.converters.naming import map_name
 from scex_sumo.geometry.polylines import bounds_cross
 from scex_sumo.road import Georeference, Lane, MapLoss, Road
-from scex_sumo.roads.dead_ends import DEAD_ENDS, dead_ends
-from scex_sumo.roads.side import side_of
+from scex_sumo.roads.side import DEAD_ENDS, dead_ends, side_of
 
 MAX_FROM_ORIGIN_M = 100_000.0
 _LOAD_ERROR = re.compile(

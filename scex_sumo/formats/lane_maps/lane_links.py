@@ -9,7 +9,7 @@ import numpy as np
 
 from scex_sumo.converters.lanelet.file import Findings
 from scex_sumo.road import Lane
-from scex_sumo.roads.dead_ends import DEAD_ENDS, dead_ends
+from scex_sumo.roads.side import DEAD_ENDS, dead_ends
 
 GAP_M = 1.0  # a successor that begins farther away than this gets a note
 

@@ -32,10 +32,7 @@ CROSSING_M = 0.5  # the crossing is where the offset is this near to the smalles
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StopLines(Rows):
-    """P moving stop lines of n vehicles, sorted by row.
-
-    The vehicle's centre stays behind position + speed·t - deceleration·t²/2.
-    """
+    """P moving stop lines of centres, sorted by row: position + speed·t - deceleration·t²/2."""
 
     row: IntArray  # (P,) the vehicle
     position: FloatArray  # (P,) m along its plan
@@ -75,10 +72,7 @@ class _View(NamedTuple):
 def find_stop_lines(
     paths: PlannedWays, history: SceneHistory, road: Road, vehicles: VehicleIndex, human: HumanParameters
 ) -> StopLines:
-    """Find all stop lines of n vehicles with planned ways.
-
-    They include the places where planned and expected boxes first touch.
-    """
+    """Find all stop lines of vehicles with planned ways, also where planned and expected boxes touch."""
     view = _View(paths, *expected(history, road), history, vehicles, human)
     i, j = _near_pairs(view)
     begins = range(0, max(1, len(i)), MAX_PAIRS)
@@ -189,10 +183,7 @@ def _stop_lines_of(view: _View, i: IntArray, j: IntArray) -> StopLines:
 
 
 def _stay_apart(view: _View, i: IntArray, j: IntArray, time_s: FloatArray) -> BoolArray:
-    """Return (P,) whether pairs stay apart for (P,) s with constant headings, own speed and other's braking.
-
-    A small present margin may shrink a little.
-    """
+    """Return (P,) whether pairs stay apart for (P,) s with constant headings and own speed."""
     others, vehicles, scene = view.others, view.vehicles, view.history.scene
     future, vehicle = vehicles.future[i], vehicles.vehicle[i]
     one, two = view.history.now[future, vehicle], others.states[future, j]
@@ -262,15 +253,11 @@ def _yields(
     other_first: BoolArray,
     human: HumanParameters,
 ) -> BoolArray:
-    """Return (P,) whether the vehicle gives way.
+    """Return (P,) whether the vehicle gives way; ``gives_way``: whether the other one ever does.
 
     It does to one inside the corridor and not behind. Else the only one that can stop gives way; if both or
     neither can, the one that needs less braking, behind one that goes the same way the later one; close cases
     go by number.
-
-    Args:
-        gives_way: (P,) whether the other ever gives way.
-        other_first: (P,) whether the other's number is smaller.
     """
     faster = np.where(meeting.speed > 0, np.maximum(v_other - v, 0.0), v_other)
     other_stops = gives_way & (meeting.enter >= faster / (2 * human.yielding_mps2))

@@ -82,8 +82,7 @@ def onto_ways(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Project places (K, P) onto the middle lines of corridors i (P,).
 
-    Returns:
-        (K, P) arc length, offset (left positive), cosine and sine of the direction.
+    Return (K, P) arc length, offset (left positive), cosine and sine of the direction.
     """
     begin_x, begin_y, begin = (a[i].T.copy() for a in (paths.corner_x, paths.corner_y, paths.corner_arc))
     cos, sin = paths.corner_cos[i].T.copy(), paths.corner_sin[i].T.copy()  # (G - 1, P)
@@ -113,9 +112,8 @@ def onto_ways(
 def expected(history: SceneHistory, road: Road) -> tuple[Everyone, States, FloatArray]:
     """Predict vehicles along their paths, and pedestrians and cyclists straight on, at present speeds.
 
-    Returns:
-        All of M = V + O, vehicles first; (C, M, K) poses at the K = `SAMPLES` moments; (C, M) present
-        deceleration, m/s², at least 0.
+    Return all of M = V + O, vehicles first; (C, M, K) poses at the K = `SAMPLES` moments; (C, M) present
+    deceleration, m/s², at least 0.
     """
     others = everyone(history)
     t: FloatArray = SAMPLE_S * np.arange(SAMPLES, dtype=np.float64)

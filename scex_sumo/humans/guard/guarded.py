@@ -22,10 +22,7 @@ MIN_CHANGE_MPS = 1e-6  # a bound that lowers a speed by less does not count
 
 
 class Guarded(Driver):
-    """A model whose vehicles brake for others as human-like drivers do that never look away.
-
-    The way of the plan stays. A model with ``clear_of_others`` also steers away from vehicles beside it.
-    """
+    """A model whose vehicles brake for others, as human-like drivers do that never look away."""
 
     def __init__(self, model: BatchBehavior) -> None:
         self.inner = clear_of_others(model)
@@ -111,7 +108,7 @@ def responses(
     """Return the highest speed after a step of each vehicle with a stop line, m/s.
 
     A driver brakes as hard as needed once that is noticeable: from ``onset_mps2`` on, later if both miss each
-    other with constant velocity, or if it looks away. When and how hard drivers respond is decided here.
+    other with constant velocity, or if it looks away.
     """
     t = step * STEP_S
     needed = needed_braking(lines, t, s + human.stop_gap_m, v, human.entry_gap_m)
@@ -143,11 +140,8 @@ def needed_braking(
 ) -> FloatArray:
     """Return (P,) constant decelerations with which vehicles just stay behind their stop lines, m/s².
 
-    Args:
-        t: s since the plan began.
-        s: (P,) places of vehicles, m along their plans.
-        v: (P,) m/s.
-        entry_gap_m: to a vehicle that enters later.
+    ``t``: s since the plan began; ``s``: places of vehicles along their plans, m; ``entry_gap_m``: to a
+    vehicle that enters later.
     """
     position, leader = line_motion(lines, t)
     room = 2 * np.maximum(position - s - LAST_GAP_M, LAST_GAP_M)
@@ -165,10 +159,7 @@ def needed_braking(
 
 
 def arriving_later(distance_m: FloatArray, time_s: FloatArray, v: FloatArray) -> FloatArray:
-    """Return (P,) constant decelerations with which vehicles come a way, m, in no less than a time, m/s².
-
-    On a short way they stop at its end before; beyond the place it no longer matters.
-    """
+    """Return (P,) decelerations with which vehicles come a way in no less than a time, or stop, m/s²."""
     late = 2 * np.maximum(v - np.maximum(distance_m, 0.0) / time_s, 0.0) / time_s
     stops = (distance_m > 0) & (2 * distance_m < v * time_s)
     return np.where(stops, v**2 / (2 * np.maximum(distance_m, LAST_GAP_M)), late)

@@ -67,11 +67,8 @@ def offsets_beside(
     Two boxes share the space between them; others keep their speed and straighten up.
 
     Args:
-        row: (n,) path of each vehicle.
-        s: (n,) arc length of its centre now, m.
-        travelled_m: (n, H + 1) further way now and after each step, m.
-        margin: between two boxes, m.
-        passing: margin to people, who share nothing, m; None: as to vehicles.
+        s: (n,) arc length of the centre now on paths ``row``, m; ``travelled_m``: (n, H + 1) further way.
+        margin: between two boxes, m; ``passing``: to people, who share nothing; None: as to vehicles.
     """
     everybody = everyone(history)
     now, others = history.now[vehicles.future, vehicles.vehicle], everybody.states[vehicles.future]

@@ -11,10 +11,9 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.behaviors.driving.paths import DS_M, RouteLines
-from scex_sumo.behaviors.driving.smoothing import gaussian
+from scex_sumo.behaviors.driving.paths import DS_M, RouteLines, gaussian
 from scex_sumo.geometry.polylines import arc_lengths
-from scex_sumo.humans.observed.room import CLEAR_M, lane_bounds
+from scex_sumo.humans.observed.observations import CLEAR_M, lane_bounds
 from scex_sumo.road import Road
 
 EVERY = 4  # samples of a path per knot of the band
@@ -38,10 +37,7 @@ def redrawn(road: Road, lines: RouteLines) -> FloatArray:
 def room_of(road: Road, points: FloatArray, owner: IntArray, at: FloatArray) -> FloatArray:
     """Return (N, 2) distances to the left and right bound of the lanes along a centreline, m.
 
-    Args:
-        points: (M, 2) of the centreline.
-        owner: (M,) lane under each.
-        at: (N,) arc lengths of the samples, m.
+    ``points`` (M, 2), ``owner`` (M,) the lane under each, ``at`` (N,) arc lengths of the samples, m.
     """
     room = np.empty((len(points), 2))
     lanes = lane_bounds(road)
@@ -54,12 +50,9 @@ def room_of(road: Road, points: FloatArray, owner: IntArray, at: FloatArray) -> 
 
 
 def driven_lines(points: FloatArray, centre: FloatArray, room: FloatArray, ds: float) -> FloatArray:
-    """Return (K, N, 2) lines within the room beside centrelines.
+    """Return (K, N, 2) lines within the room (K, N, 2) to the left and right of centrelines, m.
 
-    Args:
-        points: (K, N, 2) smoothed paths, on which the band begins, m.
-        centre: (K, N, 2) centrelines, m.
-        room: (K, N, 2) distances to the left and right bound, m.
+    ``points``: (K, N, 2) smoothed paths, on which the band begins.
     """
     step = np.gradient(points, axis=1)
     normal = np.stack([-step[..., 1], step[..., 0]], axis=2) / np.hypot(step[..., 0], step[..., 1])[..., None]

@@ -64,10 +64,7 @@ def lanes_beside(scene: SeedScene, road: Road, paths: SeedPaths, human: HumanPar
 
 @owner_cache
 def lanes_occupied(scene: SeedScene, human: HumanParameters, headway_s: float = 0.0) -> BoolArray:
-    """Return (V, 2) whether a vehicle is, or soon will be, on the left, and on the right.
-
-    ``headway_s``: of a vehicle behind that counts, too.
-    """
+    """Return (V, 2) whether a vehicle is, or soon will be, on the left and right, or a headway behind."""
     others = scene.now
     now, length, width = others[:, None], scene.length[:, None], scene.width[:, None]
     ahead, left = now.ahead_and_left(others.x, others.y)
@@ -86,12 +83,10 @@ def lanes_occupied(scene: SeedScene, human: HumanParameters, headway_s: float = 
 def change_features(
     lateral: FloatArray, beside: FloatArray, occupied: BoolArray, scatter: FloatArray, human: HumanParameters
 ) -> FloatArray:
-    """Return (n, 2, 7) features of a change to the left, and to the right.
+    """Return (n, 2, 7) features of a change to the left, and to the right, by scatter (n,) of accelerations.
 
     1; trust in lateral motion; no lane mapped; lane occupied; offset, m, speed, m/s, and acceleration, m/s²,
     towards that side, times the trust.
-
-    ``scatter``: (n,) of accelerations, m/s².
     """
     trust = 1 / np.hypot(1.0, scatter * human.lateral_doubt)
     towards = trust[:, None, None] * lateral[:, None] * np.array([1.0, -1.0])[:, None]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache
@@ -14,10 +15,11 @@ from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, curve_speeds, rear_
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
 from scex_sumo.behaviors.models.idm import HABIT_STEPS, desired_speeds, idm_acceleration
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.humans.observed.room import CLEAR_M, room_at
 from scex_sumo.humans.parameters import HumanParameters
+from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 
+CLEAR_M = 1.4  # of the line from the bounds of its lanes
 LEADER_MOVES = 2  # column of `start_features`
 
 
@@ -52,10 +54,7 @@ def queue_leaders(scene: SeedScene, paths: SeedPaths, human: HumanParameters) ->
 def behind_a_wave(
     speed_mps: FloatArray, leaders: Leaders, future: IntArray, queue: IntArray, human: HumanParameters
 ) -> BoolArray:
-    """Return (n,) whether the leader's leader moves off.
-
-    ``speed_mps``: (C, V) present speeds; ``queue``: (V,) as `queue_leaders`.
-    """
+    """Return (n,) whether the leader's leader, of `queue_leaders` (V,), moves off; speeds (C, V)."""
     first = np.where((leaders.index >= 0) & (leaders.index < len(queue)), leaders.index, 0)
     second = np.where(leaders.index == first, queue[first], -1)
     speed = speed_mps[future, np.maximum(second, 0)]
@@ -89,16 +88,12 @@ class View(NamedTuple):
 
 
 def leaders_of(view: View, aside: FloatArray) -> Leaders:
-    """Find leaders of vehicles at offsets from their paths (n,), m; see `find_ahead`.
-
-    One that crosses and has left before the driver arrives is no leader.
-    """
+    """Find leaders at offsets from paths (n,), m; one that crosses and has left in time is none."""
     history, vehicles, paths, row, s, human = view
     ahead = find_ahead(
         *(history, vehicles, paths, row, s),
         clearance=human.clearance_m,
         radius=human.idm.radius,
-        obstacle_clearance=human.idm.obstacle_clearance,
         aside=aside,
         margin=human.corridor_margin_m,
     )
@@ -147,8 +142,6 @@ def keep_features(
     """Return (n, 3): speed, the sharper of bends (n, 2), and spare room, each over its largest value.
 
     Spare room is what half the width of the wider lane exceeds the largest offset by.
-
-    ``room``: (n, 2, 2), see `PathObservations`.
     """
     spare = np.clip(room.mean(axis=2).max(axis=1) - human.max_offset_m, 0.0, human.max_spare_m)
     bend = np.abs(bends).max(axis=1) / human.max_bend
@@ -157,20 +150,14 @@ def keep_features(
 
 
 def place_features(lateral: FloatArray, bends: FloatArray, room: FloatArray) -> FloatArray:
-    """Return (n, 5) ``lateral`` (n, 3), ``bends`` (n, 2); the offset shrinks with a lane that narrows.
-
-    ``room``: (n, 2, 2), see `PathObservations`.
-    """
+    """Return (n, 5) ``lateral`` (n, 3), ``bends`` (n, 2); the offset shrinks with a lane that narrows."""
     here, ahead = room.mean(axis=2).T
     shrinks = np.where(ahead > 0, np.minimum(ahead / np.maximum(here, ahead + 1e-9), 1.0), 1.0)
     return np.column_stack([lateral[:, 0] * shrinks, lateral[:, 1:], bends])
 
 
 def offset_limits(room: FloatArray, human: HumanParameters) -> FloatArray:
-    """Return (n, 2) largest offsets to the left and right without a lane change, m.
-
-    ``room``: (n, 2) to the bounds of the lane, m.
-    """
+    """Return (n, 2) largest offsets to the left and right without a lane change, m, by room (n, 2), m."""
     return np.maximum(room - CLEAR_M, human.max_offset_m)
 
 
@@ -334,3 +321,37 @@ def path_edges(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> Fl
         part = slice(first, first + count)
         edges[part] = np.cumsum(weight[part]) / weight[part].sum()
     return edges
+
+
+@owner_cache
+def lane_bounds(road: Road) -> dict[int, tuple[shapely.LineString, shapely.LineString]]:
+    """Return the left and right bound of each lane."""
+    return {
+        number: (shapely.LineString(lane.left_bound), shapely.LineString(lane.right_bound))
+        for number, lane in road.vehicle_lanes.items()
+    }
+
+
+@owner_cache
+def lane_areas(road: Road) -> dict[int, shapely.Polygon]:
+    """Return the area of each lane."""
+    return {number: shapely.Polygon(lane.outline) for number, lane in road.vehicle_lanes.items()}
+
+
+def room_at(road: Road, paths: SeedPaths, s: FloatArray) -> FloatArray:
+    """Return (P, 2) distances from places (P,) on paths to the left and right bound of their lane, m.
+
+    Of the lanes of a path that contain the place the narrowest counts; off the lanes the room is 0.
+    """
+    x, y = paths.at(np.arange(len(s)), s)[:2]
+    row = np.repeat(np.arange(len(s)), [len(lanes) for lanes in paths.lanes])
+    lanes = [lane for some in paths.lanes for lane in some]
+    bounds, areas = lane_bounds(road), lane_areas(road)
+    inside = shapely.contains_xy(np.array([areas[lane] for lane in lanes], dtype=object), x[row], y[row])
+    row, sides = row[inside], [bounds[lane] for lane, there in zip(lanes, inside, strict=True) if there]
+    far = shapely.distance(shapely.points(x, y)[row, None], np.array(sides, dtype=object).reshape(-1, 2))
+    order = np.lexsort((far.sum(axis=1), row))
+    path, narrowest = np.unique(row[order], return_index=True)
+    room = np.zeros((len(s), 2))
+    room[path] = far[order[narrowest]]
+    return room

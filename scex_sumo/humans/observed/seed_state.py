@@ -35,10 +35,7 @@ _BASIS = np.linalg.qr(_POWERS)[0]  # the same, orthonormal over the last second
 
 @owner_cache
 def estimated_scene(scene: SeedScene, road: Road) -> SeedScene:
-    """Return a seed scene with the estimated headings of the last second and the estimated present speed.
-
-    Headings are smoothed relative to the vehicle's path, so that they do not lag in a curve.
-    """
+    """Return a scene with estimated headings of the last second, relative to the paths, and present speed."""
     past = scene.history
     stands = (past.speed.max(axis=1) < STANDING_MPS)[:, None]
     path, raw = _path_headings(scene, road), np.unwrap(past.heading, axis=1, period=np.pi)
@@ -97,10 +94,8 @@ def _path_headings(scene: SeedScene, road: Road) -> FloatArray:
 def _smoothed(values: FloatArray, steady: FloatArray, usual: float, outlier: float) -> FloatArray:
     """(V, 11) values drawn towards a straight line by their white noise.
 
-    Args:
-        steady: (V,) trust in the slope of the line.
-        usual: deviation from the line without noise.
-        outlier: larger deviations are errors.
+    ``steady``: (V,) trust in its slope; ``usual``: deviation without noise; ``outlier``: larger ones are
+    errors.
     """
     time = _TIME - _TIME.mean()
     line = values.mean(axis=1, keepdims=True) + (steady * (values @ time) / (time @ time))[:, None] * time

@@ -13,8 +13,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 if TYPE_CHECKING:
-    from scex_sumo.conflicts.driven import DrivenPaths
-    from scex_sumo.conflicts.shared import Shared
+    from scex_sumo.conflicts.driven import DrivenPaths, Shared
 
 
 def needed_braking(scenes: Scenes) -> Samples:
@@ -37,7 +36,7 @@ def time_margin(scenes: Scenes) -> Samples:
 
     Headings there are 30° or more apart. It stands at the step in which the later one enters.
     """
-    from scex_sumo.conflicts.margin import time_margins
+    from scex_sumo.conflicts.pairs import time_margins
 
     ways, own, _ = scenes.once(_touching)
     margins = time_margins(ways, own.own, own.other, now=scenes.tracks.first)
@@ -49,8 +48,8 @@ def time_margin(scenes: Scenes) -> Samples:
 
 def _touching(scenes: Scenes) -> tuple[DrivenPaths, Shared, Shared]:
     """Return the ways of all vehicles in all futures, and the stretches that two of a future share."""
+    from scex_sumo.conflicts.driven import shared_stretches
     from scex_sumo.conflicts.pairs import ways_of
-    from scex_sumo.conflicts.shared import shared_stretches
 
     tracks, plan = scenes.tracks, scenes.planned
     futures, _, vehicles = tracks.states.shape

@@ -15,7 +15,7 @@ from scex_sumo.base.files import check_output, sha256_of, write_atomic, write_ou
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.base import layers
-from scex_sumo.behaviors.models.sumo_driver import SumoDriver
+from scex_sumo.behaviors.models.simple import SumoDriver
 from scex_sumo.drivers.registry import ModelSpec, build, model_specs
 from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.folder import Failure, StudyFolder

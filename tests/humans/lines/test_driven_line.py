@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.behaviors.driving.smoothing import resample
+from scex_sumo.behaviors.driving.paths import resample
 from scex_sumo.geometry.polylines import length_of
 from scex_sumo.humans.lines.driven_line import driven_lines, room_of
-from scex_sumo.humans.observed.room import CLEAR_M
+from scex_sumo.humans.observed.observations import CLEAR_M
 from tests.behaviors import roads
 
 RADIUS = 15.0

@@ -9,7 +9,7 @@ import pytest
 
 from scex_sumo.behaviors.driving.paths import BEHIND_M, FIRST_HORIZON_S, seed_paths
 from scex_sumo.humans.lines.driven_line import redrawn
-from scex_sumo.humans.observed.room import room_at
+from scex_sumo.humans.observed.observations import room_at
 from tests.behaviors import roads
 
 
