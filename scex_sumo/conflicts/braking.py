@@ -27,11 +27,9 @@ _SLACK_M = 1e-6  # of rounding, where what is out of reach is left out
 def needed_braking(
     ways: DrivenPaths, shared: Shared, acceleration: FloatArray, steps: IntArray
 ) -> FloatArray:
-    """Return (n, S) needed braking of the own vehicles at some steps, m/s²; 0 where none is needed.
+    """Return (n, S) needed braking of the own vehicles at steps (S,) of T, m/s²; 0 where none is needed.
 
-    Args:
-        acceleration: (R, T) of all vehicles, m/s².
-        steps: (S,) of the T.
+    ``acceleration``: (R, T) of all vehicles, m/s².
     """
     needed = np.zeros((len(shared.own), len(steps)))
     row, at = np.nonzero(_in_reach(ways, shared, acceleration, steps))

@@ -25,12 +25,9 @@ _BLOCK = 8  # nodes that are looked at together first
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DrivenPaths(Paths):
-    """Paths of R vehicles of futures, driven in T steps, with `NODES` samples.
+    """Paths of R vehicles of futures, with `NODES` samples.
 
-    Attributes:
-        states: (R, T) as driven.
-        length: (R,) m; so ``width``.
-        arc: (R, T) arc length at each step, m.
+    ``states``: (R, T) as driven; ``length``, ``width``: (R,) m; ``arc``: (R, T) arc length at each step, m.
     """
 
     states: States
@@ -42,11 +39,9 @@ class DrivenPaths(Paths):
     def of(
         cls, states: States, length: FloatArray, width: FloatArray, planned: FloatArray | None
     ) -> DrivenPaths:
-        """Build the paths of vehicles.
+        """Build the paths of vehicles, by states (R, T) as driven.
 
-        Args:
-            states: (R, T) as driven.
-            planned: (2, R, H) x and y of the centres after the last step, m; None: straight on.
+        ``planned``: (2, R, H) x and y of the centres after the last step, m; None: straight on.
         """
         x, y, heading = _lines(states, planned)
         step = np.hypot(np.diff(x), np.diff(y))
@@ -126,12 +121,9 @@ class Shared(Rows):
 
 
 def shared_stretches(ways: DrivenPaths, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
-    """Return the shared stretches of pairs of ways: of the first ones, and of the second ones.
+    """Return the shared stretches of pairs of ways (rows, (P,) each): of the first and the second ones.
 
     Pairs that share nothing are left out.
-
-    Args:
-        one: (P,) row of the first way; ``two`` (P,) of the second.
     """
     low, high = ways.box[:2], ways.box[2:]
     meet = ((low[:, one] <= high[:, two]) & (low[:, two] <= high[:, one])).all(axis=0)
@@ -197,11 +189,7 @@ def _stretches(ways: DrivenPaths, own: IntArray, other: IntArray, hit: BoolArray
 
 
 def shares_of_contact(one: Rectangles, then: Rectangles, two: Rectangles) -> FloatArray:
-    """Return the share (n,) of a move at which contact ends; 0 if it does not.
-
-    Args:
-        one: outlines (n,) that touch the second ones ``two``; ``then``: the same ones moved.
-    """
+    """Return the share (n,) of a move, of the first outlines to ``then``, at which contact ends; 0: never."""
     touching, apart = axis_separations(one, two), axis_separations(then, two)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(apart > 0, touching / (touching - apart), np.inf).min(axis=0)

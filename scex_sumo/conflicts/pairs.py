@@ -167,10 +167,7 @@ def _filled(
 def needed_by_pairs(
     ways: DrivenPaths, own: Shared, other: Shared, *, now: int
 ) -> tuple[FloatArray, IntArray, BoolArray]:
-    """Return (n,) needed braking that lasts, the steps until then, and whether it is the first one's.
-
-    That of the moment itself counts if it has been needed for `BEFORE`.
-    """
+    """Return (n,) needed braking that lasts, the steps until then, and whether it is the first one's."""
     steps = np.arange(now - BEFORE * EVERY, ways.states.shape[1], EVERY)
     least, of_first = braking_at(ways, own, other, steps)
     since = least[:, : BEFORE + 1].min(axis=1)
@@ -232,11 +229,9 @@ class Margins(Rows):
 
 
 def time_margins(ways: DrivenPaths, own: IntArray, other: IntArray, *, now: int) -> Margins:
-    """Return the least time margins of pairs of vehicles on driven ways.
+    """Return the least time margins of pairs of vehicles, by their rows (n,) of driven ways.
 
-    Args:
-        own: (n,) row of the first vehicle; ``other`` (n,) of the second.
-        now: step from which on the later vehicle has to enter; the earlier one may have left before.
+    The later vehicle has to enter from step ``now`` on; the earlier one may have left before.
     """
     parts = [
         _of_some(ways, own[start : start + _AT_ONCE], other[start : start + _AT_ONCE], now)

@@ -26,7 +26,7 @@ from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
 
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
 SUMO: Final = "sumo"
-_MIXES: Final[Mapping[str, str]] = {
+MIXES: Final[Mapping[str, str]] = {
     "rules": DEFAULT_MODELS,
     # Without learned models, so that new weights do not change default results.
     "paper": f"{DEFAULT_MODELS},graph_predictor,graph_image_predictor",
@@ -81,17 +81,12 @@ def moved_by(spec: ModelSpec) -> tuple[str, ...]:
     return _entry_for(spec).moves
 
 
-def mixes() -> dict[str, str]:
-    """Return the models that each mix stands for."""
-    return dict(_MIXES)
-
-
 def known_names() -> list[str]:
     """Return the names that `build` accepts, ``sumo:<model>`` among them."""
     from scex_sumo.base.sumo.car_following import OWN_MODEL, SUMO_MODELS
 
     sumo = [f"{SUMO}:{model}" for model in (*SUMO_MODELS, OWN_MODEL)]
-    return [*_CORE, *sumo, *sorted({*_registered, *EXTENSIONS.paths} - {*_CORE, SUMO, *_MIXES})]
+    return [*_CORE, *sumo, *sorted({*_registered, *EXTENSIONS.paths} - {*_CORE, SUMO, *MIXES})]
 
 
 def entry_of(name: str) -> ModelEntry:
@@ -114,13 +109,13 @@ def entry_of(name: str) -> ModelEntry:
     if ":" in name:
         hint = "; a model is name[:parameter=value]... or package.module:Class"
         return _entry(import_object(name, hint=hint), name)
-    if mix := _MIXES.get(name):
+    if mix := MIXES.get(name):
         raise UsageError(
             f"{name} stands for several models and takes neither parameters nor a weight; "
             f"give them to the models: {mix}"
         )
     if name not in EXTENSIONS.paths:
-        names = nearest(name, [*known_names(), *mixes()])
+        names = nearest(name, [*known_names(), *MIXES])
         raise UsageError(f"unknown behavior {name!r}; nearest: {names}; 'scex-sumo models' lists all")
     try:
         return _entry(EXTENSIONS.load(name), name)
@@ -154,7 +149,7 @@ def parse_models(text: str) -> list[ModelSpec]:
         >>> [str(spec) for spec in scex.parse_models("standard_driver@2,risky_driver:minimum_gap=3")]
         ['standard_driver', 'risky_driver:minimum_gap=3']
     """
-    mixed = (_MIXES[part].split(",") if part in _MIXES else [part] for part in _parts(text))
+    mixed = (MIXES[part].split(",") if part in MIXES else [part] for part in _parts(text))
     specs = [_parse_one(part) for parts in mixed for part in parts if part]
     if not specs:
         raise UsageError(f"no model in {text!r}; give e.g. standard_driver; 'scex-sumo models' lists all")
@@ -332,7 +327,7 @@ def behavior(name: str) -> Callable[[T], T]:
     """
 
     def register(constructor: T) -> T:
-        if name in {*_CORE, SUMO, *_MIXES} or EXTENSIONS.is_ours(name):
+        if name in {*_CORE, SUMO, *MIXES} or EXTENSIONS.is_ours(name):
             raise UsageError(f"behavior {name!r}: the name belongs to a built-in model; choose another one")
         if not name or any(c in name for c in ",:@= \t\n"):
             raise UsageError(f"behavior {name!r}: a name must not contain , : @ = or spaces")

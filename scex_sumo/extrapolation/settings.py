@@ -13,7 +13,7 @@ import numpy as np
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import last_of_list, number_or_name, option
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.drivers.registry import DEFAULT_MODELS, ModelSpec, is_own, known_names, mixes, model_specs
+from scex_sumo.drivers.registry import DEFAULT_MODELS, MIXES, ModelSpec, is_own, known_names, model_specs
 from scex_sumo.metrics.registry import (
     BOTH,
     COLUMNS,
@@ -52,7 +52,7 @@ MEASURES: Final = "Metrics"
 
 def complete_models(incomplete: str) -> list[str]:
     """Complete the last of a list of models and mixes."""
-    return last_of_list(incomplete, [*mixes(), *known_names()])
+    return last_of_list(incomplete, [*MIXES, *known_names()])
 
 
 def read_assign(entries: Sequence[str], option: str = "--assign") -> dict[int | str, str]:

@@ -141,7 +141,7 @@ class LaneCells:
 def lane_cells(road: Road) -> LaneCells:
     """Return the lane cells of a road."""
     index = road_index(road)
-    length = index.relations.length
+    length = index.length
     lines = [
         centreline(road, (lane_id,), 0.0, BEHIND_M, total + AHEAD_M)[0]
         for lane_id, total in zip(index.lane_id.tolist(), length, strict=True)
@@ -153,7 +153,7 @@ def lane_cells(road: Road) -> LaneCells:
     cell_m = (length / count)[cell_lane]
     cell_s = (np.arange(first[-1]) - first[cell_lane] + 0.5) * cell_m
     return LaneCells(
-        relations=index.relations,
+        relations=index,
         limit=index.speed_limit,
         paths=paths,
         cell_lane=cell_lane,
@@ -181,9 +181,8 @@ def _poses(paths: Paths, lane: IntArray, s: FloatArray) -> tuple[FloatArray, Flo
 
 def _road_features(road: Road, paths: Paths, lane: IntArray, s: FloatArray) -> FloatArray:
     """Return (n, ...) `ROAD_COLUMNS` of places on lanes."""
-    index = road_index(road)
-    relations, length = index.relations, index.relations.length
-    lanes = [road.lanes[i] for i in index.lane_id.tolist()]
+    relations = road_index(road)
+    length, lanes = relations.length, [road.lanes[i] for i in relations.lane_id.tolist()]
     number: dict[int | None, int] = {other.lane_id: k for k, other in enumerate(lanes)}
     after = [[number[i] for i in other.successors if i in number] for other in lanes]
     before = [[number[i] for i in other.predecessors if i in number] for other in lanes]
@@ -207,7 +206,7 @@ def _road_features(road: Road, paths: Paths, lane: IntArray, s: FloatArray) -> F
         return _log_least(_ways(relations, to, at, lane, s).T)
 
     columns = {
-        "free": _free_speed(paths, lane, s, index.speed_limit[lane]) / 10.0,
+        "free": _free_speed(paths, lane, s, relations.speed_limit[lane]) / 10.0,
         "width": np.array([other.width_m for other in lanes])[lane],
         "bend": 10.0 * np.abs(wrap(turned[4] - turned[3])),
         "turn_20": wrap(turned[0] - heading),

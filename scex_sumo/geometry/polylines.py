@@ -131,13 +131,7 @@ def bend(shape: FloatArray) -> float:
 
 def nearest(points: FloatArray, x: float, y: float) -> float:
     """Return the arc length of the point of a polyline nearest to (x, y), m."""
-    step = np.diff(points, axis=0)
-    length = np.hypot(step[:, 0], step[:, 1])
-    safe = np.where(length > 0, length, 1.0)
-    t = np.clip(((x - points[:-1, 0]) * step[:, 0] + (y - points[:-1, 1]) * step[:, 1]) / safe**2, 0.0, 1.0)
-    distance = np.hypot(points[:-1, 0] + t * step[:, 0] - x, points[:-1, 1] + t * step[:, 1] - y)
-    best = int(np.argmin(distance))
-    return float(arc_lengths(points)[best] + t[best] * length[best])
+    return float(project(np.array([[x, y]]), points)[0][0])
 
 
 def project(points: FloatArray, line: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -297,8 +291,7 @@ class Paths:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Move first guesses of arc lengths to the foot points.
 
-        Returns:
-            (n,) arc length, m; (n,) distance, m, left positive; (n,) heading of the path, unwrapped.
+        Return (n,) arc length, m; distance, m, left positive; heading of the path, unwrapped.
         """
         for _ in range(steps):
             px, py, cos, sin, heading, curvature = self.at(row, s)
@@ -317,8 +310,7 @@ class Paths:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Project points onto their paths; see `refine` for the result.
 
-        Args:
-            expected: (n,) rough arc length, m, which decides where a path passes a place twice.
+        ``expected``: (n,) rough arc length, m, which decides where a path passes a place twice.
         """
         first = np.empty(len(row))
         for start in range(0, len(row), POINTS_AT_ONCE):

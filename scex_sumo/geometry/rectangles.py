@@ -37,10 +37,7 @@ class Rectangles(Rows):
 
 
 def outlines(states: States, length: FloatArray, width: FloatArray, shape: FloatArray = BOX) -> FloatArray:
-    """Return (..., P, 2) outlines in m of vehicles; lengths and widths broadcast to the states.
-
-    ``shape`` holds (P, 2) shares of length and width.
-    """
+    """Return (..., P, 2) outlines in m, ``shape`` (P, 2) in shares of length and width, of vehicles."""
     ahead = np.stack([np.cos(states.heading), np.sin(states.heading)], axis=-1)
     along = ahead * np.asarray(length)[..., None]
     across = np.stack([-ahead[..., 1], ahead[..., 0]], axis=-1) * np.asarray(width)[..., None]
@@ -177,11 +174,7 @@ def separated(
 
 
 def seen_from(now: States, states: States) -> FloatArray:
-    """Return states (n..., k...) in the frames of vehicles (n...,): x ahead, y to the left.
-
-    Returns:
-        (n..., k..., 5): x and y in m, cosine and sine of the relative heading, speed in m/s.
-    """
+    """Return `SEEN_COLUMNS` (n..., k..., 5) of states (n..., k...), in the frames of vehicles (n...,)."""
     frame = (..., *(None,) * (len(states.shape) - len(now.shape)))
     turn = states.heading - now.heading[frame]
     seen = np.empty((*turn.shape, len(SEEN_COLUMNS)))

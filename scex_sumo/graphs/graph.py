@@ -15,7 +15,7 @@ from scex_sumo.geometry.rectangles import SEEN_COLUMNS, seen_from
 from scex_sumo.graphs.edges import EDGE_COLUMNS, KINDS, MATCHES, Edges, Located, scene_edges
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import Matches, match
-from scex_sumo.roads.relations import RoadIndex, road_index
+from scex_sumo.roads.relations import LaneRelations, road_index
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States
 
 __all__ = ["EDGE_COLUMNS", "HISTORY_COLUMNS", "KINDS", "NODE_COLUMNS", "SceneGraph", "scene_graph"]
@@ -117,7 +117,7 @@ def _build(given: SceneHistory | SeedScene, road: Road, radius: float) -> SceneG
     )
 
 
-def _locate(index: RoadIndex, matches: Matches, count: int) -> Located:
+def _locate(index: LaneRelations, matches: Matches, count: int) -> Located:
     place = Located(np.zeros((MATCHES, count), dtype=np.int64), *np.zeros((4, MATCHES, count)))
     rank = np.arange(len(matches.vehicle)) - np.searchsorted(matches.vehicle, matches.vehicle)
     for k in range(MATCHES):
@@ -129,7 +129,7 @@ def _locate(index: RoadIndex, matches: Matches, count: int) -> Located:
     return place
 
 
-def _edges(history: SceneHistory, now: States, place: Located, index: RoadIndex, radius: float) -> Edges:
+def _edges(history: SceneHistory, now: States, place: Located, index: LaneRelations, radius: float) -> Edges:
     futures, vehicles = history.now.shape
     x, y = history.now.x, history.now.y
     near = (x[:, :, None] - x[:, None, :]) ** 2 + (y[:, :, None] - y[:, None, :]) ** 2 <= radius**2
@@ -140,7 +140,7 @@ def _edges(history: SceneHistory, now: States, place: Located, index: RoadIndex,
     target = flat // vehicles
     source = target // vehicles * vehicles + flat % vehicles
     length = np.tile(history.scene.length, futures)
-    return scene_edges(target, source, now, length, place, index.relations)
+    return scene_edges(target, source, now, length, place, index)
 
 
 TYPES = ("car", "truck", "motorcycle", "other")
@@ -166,7 +166,7 @@ CORRIDOR_HALF_WIDTH_M = 3.0  # to either side
 _WORDS = {"motor": 2, "truck": 1, "bus": 1, "trailer": 1, "car": 0, "van": 0}
 
 
-def node_features(history: SceneHistory, place: Located, index: RoadIndex) -> FloatArray:
+def node_features(history: SceneHistory, place: Located, index: LaneRelations) -> FloatArray:
     """Return (C * V, F) `NODE_COLUMNS`."""
     futures, vehicles = history.now.shape
     features = np.zeros((futures, vehicles, len(NODE_COLUMNS)))

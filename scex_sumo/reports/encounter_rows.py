@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from scex_sumo.drivers.registry import mixes
+from scex_sumo.drivers.registry import MIXES
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import Encounter, criticality, event_of, in_words, precedence_words
 
@@ -90,7 +90,7 @@ def driven_as(run: Run) -> str:
     drawn = [entry["model"] for entry in run.info.get("models", ()) if entry["weight"] > 0]
     if len(drawn) != 1:
         return "any of the models"
-    return "people were recorded" if drawn[0] == mixes().get("likely") else drawn[0]
+    return "people were recorded" if drawn[0] == MIXES.get("likely") else drawn[0]
 
 
 def worst_stress(run: Run) -> list[Meeting]:

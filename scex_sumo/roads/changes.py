@@ -16,14 +16,9 @@ CHANGE_LENGTH_M = 40.0  # at the end of a lane
 def change_lanes(
     known: Mapping[int, Lane], lanes: tuple[int, ...], line: FloatArray, from_m: float
 ) -> tuple[FloatArray, FloatArray, int]:
-    """Bend the end of a line over into the lanes beside it.
+    """Bend the end of a line over into the lanes beside it, after arc length ``from_m``.
 
-    Args:
-        lanes: the lanes after the change, in driving order.
-        from_m: arc length of the line before which no change begins.
-
-    Returns:
-        The bent line, the rest of the line of the lanes, and how many lanes that line has.
+    Return the bent line, the rest of the line of the lanes ahead, and how many lanes that line has.
     """
     ends = length_of(line)
     begin = min(max(ends - CHANGE_LENGTH_M, from_m, 0.0), ends)
@@ -33,10 +28,7 @@ def change_lanes(
 
 
 def blend_over(line: FloatArray, other: FloatArray, length_m: float) -> tuple[FloatArray, FloatArray]:
-    """Blend smoothly from the end of one line into another line beside it, over at most ``length_m``.
-
-    Return the first line with its end bent over, and the rest of the other line.
-    """
+    """Return a line blended into another one over its last ``length_m``, and the rest of that one."""
     arc = arc_lengths(line)
     start = max(0.0, arc[-1] - length_m)
     s = np.linspace(start, arc[-1], max(2, int((arc[-1] - start) / 1.0) + 1))
@@ -53,10 +45,7 @@ def blend_over(line: FloatArray, other: FloatArray, length_m: float) -> tuple[Fl
 def _neighbour(
     known: Mapping[int, Lane], lanes: tuple[int, ...], end: FloatArray, more_m: float
 ) -> tuple[FloatArray, int]:
-    """Return the line of lanes beside a lane, to a length past that lane's end, and how many they are.
-
-    At the end of the road it goes straight on.
-    """
+    """Return the line of lanes beside a lane to a length past its end, straight on if short; how many."""
     line, count = known[lanes[0]].centreline, 1
     while length_of(line) - nearest(line, *end) <= more_m:
         if count == len(lanes):

@@ -9,13 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.geometry.crossings import Hits, intersect
 from scex_sumo.geometry.polylines import along, length_of, project_near, samples
 from scex_sumo.road import Lane
 
 CLEARANCE_M = 2.4  # of centrelines; a wide car and a car do not pass each other on less
 STEP_M = 0.25
 SLACK_M = 1e-3  # of boxes, against rounding
+END_M = 0.1  # nearer to an end point lines do not cross
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,9 +59,7 @@ class SampledLine:
 def conflicts(lanes: Mapping[int, Lane], *, border_forks: bool = False) -> list[Conflict]:
     """Return all conflicts between lanes, ordered by lane ids.
 
-    Args:
-        border_forks: include lanes that diverge at the map's border; to insert a vehicle one must check both
-            lanes.
+    ``border_forks``: include lanes that diverge at the map's border; who inserts a vehicle must check both.
     """
     pairs = {(min(i, j), max(i, j)) for i, lane in lanes.items() for j in lane.conflicts if j in lanes}
     pairs -= {(i, j) for i, j in pairs if i == j}
@@ -107,28 +107,24 @@ def _related(a: tuple[int, ...], b: tuple[int, ...], pairs: set[tuple[int, int]]
 
 def lines_cross(a: FloatArray, b: FloatArray) -> bool:
     """Return whether two polylines cross, except at their end points."""
+    hits, i, _ = crossings_of(a, b)
+    points = a[i] + hits.first[:, None] * (a[i + 1] - a[i])
     ends = np.array([a[0], a[-1], b[0], b[-1]])
+    return bool((np.hypot(*(points[:, None] - ends).transpose(2, 0, 1)) > END_M).all(axis=1).any())
+
+
+def crossings_of(a: FloatArray, b: FloatArray) -> tuple[Hits, IntArray, IntArray]:
+    """Return the crossing points of two polylines, and the segments of both on which they are."""
     low, high = np.maximum(a.min(axis=0), b.min(axis=0)), np.minimum(a.max(axis=0), b.max(axis=0))
-    (p, u), (q, v) = (_segments_in(line, low - SLACK_M, high + SLACK_M) for line in (a, b))
-    if not (len(p) and len(q)):
-        return False
-    p, q, u, v = p[:, None], q[None], u[:, None], v[None]
-    cross = u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        w = q - p
-        t = (w[..., 0] * v[..., 1] - w[..., 1] * v[..., 0]) / cross
-        s = (w[..., 0] * u[..., 1] - w[..., 1] * u[..., 0]) / cross
-    hit = (cross != 0) & (t >= 0) & (t <= 1) & (s >= 0) & (s <= 1)
-    points = (p + np.where(hit, t, 0.0)[..., None] * u)[hit]
-    return bool(
-        np.any(np.hypot(*np.moveaxis(points[:, None] - ends[None], 2, 0)).min(axis=1, initial=np.inf) > 0.1)
-    )
+    i, j = (_segments_in(line, low - SLACK_M, high + SLACK_M) for line in (a, b))
+    i, j = np.repeat(i, len(j)), np.tile(j, len(i))
+    hits = intersect(*a[i].T, *(a[i + 1] - a[i]).T, *b[j].T, *(b[j + 1] - b[j]).T)
+    return hits, i[hits.which], j[hits.which]
 
 
-def _segments_in(line: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _segments_in(line: FloatArray, low: FloatArray, high: FloatArray) -> IntArray:
     start, end = line[:-1], line[1:]
-    meets = ((np.maximum(start, end) >= low) & (np.minimum(start, end) <= high)).all(axis=1)
-    return start[meets], (end - start)[meets]
+    return np.flatnonzero(((np.maximum(start, end) >= low) & (np.minimum(start, end) <= high)).all(axis=1))
 
 
 def _neighbours(a: Lane, b: Lane) -> bool:

@@ -25,8 +25,7 @@ PLACES = ("ring", "crossing", "merge", "lane")
 def places_of(road: Road, points: FloatArray) -> list[str | None]:
     """Return the kind of place of each point (N, 2), one of ``PLACES``; None off the lanes.
 
-    A crossing or merge reaches 5 m beyond the lanes' conflict. An acceleration lane and the next lane are a
-    merge.
+    A crossing or merge reaches 5 m beyond the conflict. An acceleration lane and the next lane are a merge.
     """
     rank = np.full(len(points), len(PLACES))
     road = _part(road, points)
@@ -46,10 +45,7 @@ def places_of(road: Road, points: FloatArray) -> list[str | None]:
 
 
 def _part(road: Road, points: FloatArray) -> Road:
-    """Return the part of a road that decides on the places of points, if the road is far larger.
-
-    Its borders are multiples of 500 m, so that points beside each other share it.
-    """
+    """Return the part of a road that decides on points, by multiples of 500 m, if the road is far larger."""
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
         return road

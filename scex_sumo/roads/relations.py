@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache
-from scex_sumo.geometry.crossings import intersect
 from scex_sumo.geometry.polylines import along, arc_lengths, length_of
 from scex_sumo.road import Lane, Road
-from scex_sumo.roads.conflicts import Conflict, conflicts, lines_cross, opposed
+from scex_sumo.roads.conflicts import Conflict, conflicts, crossings_of, lines_cross, opposed
 
 CONFLICT_M = 80.0  # sight of drivers
 CONFLICTS = 4  # meeting places per pair of lanes
@@ -26,6 +27,8 @@ class LaneRelations:
     """Tables over ordered pairs (a, b) of the L vehicle lanes; arc lengths count from a lane's start.
 
     Attributes:
+        lane_id: (L,) in the order of the tables; of `road_index` ascending.
+        speed_limit: (L,) m/s.
         length: (L,) m.
         ahead: (L, L) way from the start of a to the start of b along successors, m; else inf; 0 on the
             diagonal.
@@ -38,6 +41,8 @@ class LaneRelations:
             begin to merge, m; the nearest first, by the sum of both; else inf.
     """
 
+    lane_id: IntArray
+    speed_limit: FloatArray
     length: FloatArray
     ahead: FloatArray
     loop: FloatArray
@@ -52,12 +57,14 @@ def lane_relations(lanes: Sequence[Lane]) -> LaneRelations:
     """Relate the L vehicle lanes of a road to each other; other lanes that they name are ignored."""
     number = {lane.lane_id: k for k, lane in enumerate(lanes)}
     length = np.array([length_of(lane.centreline) for lane in lanes], dtype=np.float64)
-    ahead = _ways(lanes, number, length)
+    ahead, loop = _ways(lanes, number, length)
     side, lead, stretch_a, stretch_b = _beside(lanes, number, length, ahead)
     return LaneRelations(
+        lane_id=np.array([lane.lane_id for lane in lanes], dtype=np.int64),
+        speed_limit=np.array([lane.speed_limit_mps for lane in lanes], dtype=np.float64),
         length=length,
         ahead=ahead,
-        loop=_loops(lanes, number, length, ahead),
+        loop=loop,
         side=side,
         lead=lead,
         stretch_a=stretch_a,
@@ -66,51 +73,21 @@ def lane_relations(lanes: Sequence[Lane]) -> LaneRelations:
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RoadIndex:
-    """Vehicle lanes of a road as tables; make it with `road_index`.
-
-    Attributes:
-        lane_id: (L,) ascending; the other tables count lanes in this order.
-        speed_limit: (L,) m/s.
-    """
-
-    lane_id: IntArray
-    speed_limit: FloatArray
-    relations: LaneRelations
-
-
 @owner_cache
-def road_index(road: Road) -> RoadIndex:
-    """Return the index of a road, cached with it."""
-    lanes = sorted(road.vehicle_lanes.values(), key=lambda lane: lane.lane_id)
-    return RoadIndex(
-        lane_id=np.array([lane.lane_id for lane in lanes], dtype=np.int64),
-        speed_limit=np.array([lane.speed_limit_mps for lane in lanes], dtype=np.float64),
-        relations=lane_relations(lanes),
-    )
+def road_index(road: Road) -> LaneRelations:
+    """Return the relations of a road's vehicle lanes, cached with it."""
+    return lane_relations(sorted(road.vehicle_lanes.values(), key=lambda lane: lane.lane_id))
 
 
-def _loops(
-    lanes: Sequence[Lane], number: dict[int, int], length: FloatArray, ahead: FloatArray
-) -> FloatArray:
+def _ways(lanes: Sequence[Lane], number: dict[int, int], length: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return ``ahead`` and ``loop``."""
     following = [[number[i] for i in lane.successors if i in number] for lane in lanes]
+    tails = np.repeat(np.arange(len(lanes)), [len(heads) for heads in following])
+    heads = np.array([head for heads in following for head in heads], dtype=np.int64)
+    graph = coo_array((length[tails], (tails, heads)), shape=(len(lanes), len(lanes)))
+    ahead = dijkstra(graph.tocsr())
     again = [ahead[after, k].min(initial=np.inf) for k, after in enumerate(following)]
-    return length + np.array(again, dtype=np.float64)
-
-
-def _ways(lanes: Sequence[Lane], number: dict[int, int], length: FloatArray) -> FloatArray:
-    ways = np.full((len(lanes), len(lanes)), np.inf)
-    np.fill_diagonal(ways, 0.0)
-    links = {(k, number[i]) for k, lane in enumerate(lanes) for i in lane.successors if i in number}
-    shorter = bool(links)
-    while shorter:
-        shorter = False
-        for tail, head in sorted(links):
-            way = np.minimum(ways[:, head], ways[:, tail] + length[tail])
-            shorter |= bool((way < ways[:, head]).any())
-            ways[:, head] = way
-    return ways
+    return ahead, length + np.array(again, dtype=np.float64)
 
 
 def _neighbours(lanes: Sequence[Lane], number: dict[int, int]) -> list[tuple[int, int, int]]:
@@ -225,11 +202,11 @@ def _meeting_place(conflict: Conflict, lanes: dict[int, Lane]) -> tuple[float, f
         return first_a, first_b
     a, b = (lanes[i].centreline for i in conflict.lanes)
     arc_a, arc_b = arc_lengths(a), arc_lengths(b)
-    i, j = (g.ravel() for g in np.meshgrid(np.arange(len(a) - 1), np.arange(len(b) - 1), indexing="ij"))
-    step_a, step_b = np.diff(a, axis=0), np.diff(b, axis=0)
-    hits = intersect(*a[i].T, *step_a[i].T, *b[j].T, *step_b[j].T)
-    s = arc_a[i[hits.which]] + hits.first * np.hypot(*step_a[i[hits.which]].T)
-    t = arc_b[j[hits.which]] + hits.second * np.hypot(*step_b[j[hits.which]].T)
+    hits, i, j = crossings_of(a, b)
+    s, t = (
+        arc[k] + share * np.hypot(*(line[k + 1] - line[k]).T)
+        for arc, line, k, share in ((arc_a, a, i, hits.first), (arc_b, b, j, hits.second))
+    )
     shared = (s >= first_a - SAMPLE_M) & (s <= last_a + SAMPLE_M)
     shared &= (t >= first_b - SAMPLE_M) & (t <= last_b + SAMPLE_M)
     if shared.any():

@@ -53,8 +53,8 @@ class CandidatePath:
 def routes(road: Road, lane_id: int, s: float, horizon_m: float) -> tuple[tuple[int, ...], ...]:
     """Return all lane sequences from arc length ``s`` on a lane over a distance, at most `MAX_ROUTES`.
 
-    A route follows successors, else changes to a neighbour if allowed, left first. It ends at the horizon or
-    at the end of the road. The order is that of a depth-first search over ascending lane ids.
+    A route follows successors, else changes to a neighbour if allowed, left first; in the order of a
+    depth-first search over ascending lane ids.
     """
     lanes, length = _known(road), _lengths(road)
     complete: list[tuple[int, ...]] = []
@@ -302,12 +302,9 @@ def extended(road: Road, lanes: tuple[int, ...], length_m: float) -> tuple[int, 
 def centreline(
     road: Road, lanes: tuple[int, ...], s: float, behind_m: float, ahead_m: float
 ) -> tuple[FloatArray, IntArray]:
-    """Return the centreline of a route from `behind_m` before to `ahead_m` after arc length `s`.
+    """Return the centreline (P, 2) of a route around arc length ``s``, and (P,) the lane id under each point.
 
-    It follows the smallest turns, and goes straight on at the ends of the road.
-
-    Returns:
-        (P, 2) points and (P,) the lane id under each; nobody may change them.
+    It follows the smallest turns, and goes straight on at the ends of the road; nobody may change it.
     """
     make = partial(_traced, road, lanes, s, behind_m, ahead_m)
     return recent(_recent_lines(road), (lanes, s, behind_m, ahead_m), _RECENT, make)

@@ -52,20 +52,14 @@ def _poses(lane: Lane) -> FloatArray:
 
 
 def side_of(lanes: Mapping[int, Lane], *told: bool | None) -> tuple[bool, tuple[str, ...]]:
-    """Return whether traffic drives on the left: by the lanes, else by what is told first, else not.
-
-    The notes are about a side that is not known but matters.
-    """
+    """Return whether traffic drives on the left, by the lanes, else as told, else not; notes if unknown."""
     known = [side for side in (drives_on_left(lanes), *told) if side is not None]
     matters = any(lane.conflicts or lane.left or lane.right for lane in lanes.values())
     return (known or [False])[0], (UNKNOWN,) if matters and not known else ()
 
 
 def dead_ends(lanes: Mapping[int, Lane]) -> list[int]:
-    """Return the vehicle lanes without successor (predecessor) that have another lane ahead (behind).
-
-    Lanes beside others may end there.
-    """
+    """Return the vehicle lanes, none beside them, that end (begin) before (behind) another lane."""
     cars = {i: lane for i, lane in lanes.items() if lane.kind == "vehicle"}
     ends = [
         (lane, at_end)

@@ -8,6 +8,7 @@ Critical headways: Highway Capacity Manual, 7th edition (TRB 2022): 4.5 s for a 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -72,8 +73,7 @@ def lights(history: SceneHistory, paths: SeedPaths) -> Lit:
     return expected_lights(history, paths, rules)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Obeyed:
+class Obeyed(NamedTuple):
     """What rules ask of n drivers."""
 
     hold: FloatArray  # way of the front to the next place where a driver has to stop, m; inf without
@@ -186,7 +186,11 @@ def _giving_way(me: _Drivers, ways: RuledWays, traffic: Traffic, lit: Lit) -> Fl
     gone = ways.other_span[pair, 1] < rear
     gives = ~(held | gone | left_before) & (arrives - at_line < critical)
     stood = (traffic.slowest[future, vehicle] < STANDS_MPS) & (line < AT_LINE_M)
-    gives &= ~(ways.mutual[pair] & _goes_first(me, driver, gap, line, stood, vehicle))
+    # Of two that must both give way, the one that stopped first goes first; of two that stand, by number.
+    mine = me.stood[driver] & (gap < AT_LINE_M)
+    first = np.where(mine == stood, me.vehicles.vehicle[driver] < vehicle, mine)
+    first = np.where(~mine & ~stood, gap < line, first) & (line >= -PASSED_M)
+    gives &= ~(ways.mutual[pair] & first)
     gives &= me.needed(driver, gap) <= me.of("priority_mps2", driver)
     gives &= ~me.goes_on(driver, gap)
     return me.least(driver, gap, gives)
@@ -217,24 +221,6 @@ def _time(distance_m: FloatArray, v: FloatArray, most: FloatArray) -> FloatArray
     distance_m = np.maximum(distance_m, 0.0)
     starting = (np.sqrt(v**2 + 2 * START_MPS2 * distance_m) - v) / START_MPS2
     return np.where(v > 1.0, distance_m / np.maximum(most, 0.1), starting)
-
-
-def _goes_first(
-    me: _Drivers,
-    driver: IntArray,
-    gap: FloatArray,
-    line: FloatArray,
-    other_stood: BoolArray,
-    vehicle: IntArray,
-) -> BoolArray:
-    """Return (m,) whether drivers go before others that must give way, too: who stopped first goes first.
-
-    Of two that both stand, the one with the lower number came first.
-    """
-    stood = me.stood[driver] & (gap < AT_LINE_M)
-    first = np.where(stood == other_stood, me.vehicles.vehicle[driver] < vehicle, stood)
-    first = np.where(~stood & ~other_stood, gap < line, first)
-    return np.asarray(first & (line >= -PASSED_M))
 
 
 def _used_crosswalks(history: SceneHistory, asked: IntArray) -> BoolArray:

@@ -33,7 +33,7 @@ LINE_M = 0.5, 3.0  # of a stop line: before the first one, and its length
 
 
 def with_rules(scene: SeedScene, net: SumoNet, *, keep: bool = True) -> tuple[SeedScene, tuple[str, ...]]:
-    """Return a scene with the rules of its road, and notes; without rules if the road has none.
+    """Return a scene with the rules of its road (None if it has none), and notes.
 
     ``net``: of the road, with or without the recorded lights of the scene; ``keep``: use the cache of nets.
     """
@@ -132,8 +132,7 @@ def _is_recorded(root: Element) -> bool:
 def read_rules(root: Element, lanes: LaneTable, road: Road) -> Rules:
     """Return the rules of a net, with notes on what contradicts itself, where nothing is obeyed.
 
-    Lights whose phases are invented, as the net of a map without phases needs them, are unknown; so those
-    that netconvert gives to OpenStreetMap maps.
+    Lights whose phases are invented, also by netconvert for OpenStreetMap, are unknown.
     """
     links = links_of(root)
     signals, notes = signals_of_links(root, links, known=road.net is not None and road.phases)
@@ -285,8 +284,7 @@ def apparent_lights(
 ) -> tuple[list[Link], dict[tuple[str, int], Signal], list[FloatArray]]:
     """Return the links of a junction from lanes with queues, lights of unknown state, and stop lines.
 
-    Lanes of one edge share a light. Without queues on several lanes there are none. Nothing is known of the
-    lights of other lanes.
+    Lanes of one edge share a light. Without queues on several lanes there are none.
     """
     lanes = sorted({link.lanes[0] for link in links})
     if len({lane.rpartition("_")[0] for lane in lanes}) < MIN_APPROACHES:
@@ -302,10 +300,7 @@ def apparent_lights(
 
 
 def _stop_line(scene: SeedScene, begin: FloatArray) -> FloatArray | None:
-    """Return the stop line (2, 2) before which a queue stands, m; None without a queue.
-
-    ``begin``: (2, 2) first points of the way through the junction.
-    """
+    """Return the stop line (2, 2) of a queue before a way (2, 2), m; None without one."""
     now, along = scene.now, (begin[1] - begin[0]) / np.hypot(*(begin[1] - begin[0]))
     half, across = scene.length / 2, np.array([-along[1], along[0]])
     x, y = now.x + half * np.cos(now.heading) - begin[0, 0], now.y + half * np.sin(now.heading) - begin[0, 1]

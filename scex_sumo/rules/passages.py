@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -46,11 +45,7 @@ class RuledWays:
     merges: BoolArray  # (K,) whether they lead to one lane
     vehicle: IntArray  # (P,) vehicle of each path
     walks: FloatArray  # (W, 4) path, begin and end of each crosswalk on it, m, and index of the crosswalk
-
-    @cached_property
-    def unsigned(self) -> BoolArray:
-        """(E,) whether the map says nothing of the passages."""
-        return np.array([state == NO_SIGN for state in self.state], dtype=np.bool_)
+    unsigned: BoolArray  # (E,) whether the map says nothing of the passages
 
 
 @owner_cache
@@ -71,10 +66,12 @@ def ruled_ways(paths: SeedPaths, rules: Rules) -> RuledWays:
     own, other, spans = _pairs(rules, passage, begin, rows)
     yields = [set(p.yields_to) for p in rules.passages]
     mutual = [passage[a] in yields[passage[b]] for a, b in zip(own, other, strict=True)]
+    state = tuple(rules.passages[k].state for k in passage.tolist())
     return RuledWays(
         row=rows,
         signal=np.array([rules.passages[k].signal for k in passage.tolist()], dtype=np.int64),
-        state=tuple(rules.passages[k].state for k in passage.tolist()),
+        state=state,
+        unsigned=np.array([word == NO_SIGN for word in state], dtype=np.bool_),
         stop=stop,
         end=end,
         first=np.searchsorted(rows, np.arange(len(table) + 1)),
@@ -99,10 +96,7 @@ def _marks(rules: Rules) -> list[tuple[float, FloatArray]]:
 def _place(
     points: FloatArray, ways: FloatArray, length: float, marks: FloatArray
 ) -> tuple[float, float] | None:
-    """Return the arc lengths where a passage begins and ends on a path (N, 2); None if it is not taken.
-
-    ``length``: of the passage, m; ``marks`` as of `_marks`.
-    """
+    """Return the arc lengths where a passage (`_marks`) begins and ends on a path; None if not taken."""
     distance = np.hypot(*(points[:, None] - marks).transpose(2, 0, 1))
     at = distance.argmin(axis=0)
     if (distance[at, range(3)] > NEAR_M).any() or not at[0] <= at[1] <= at[2]:

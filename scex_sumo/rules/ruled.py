@@ -171,9 +171,9 @@ DRIFTS = _violation("leaves its lane sideways", 74, sideways="drifts")
 def offsets(
     history: SceneHistory, road: Road, paths: SeedPaths, row: IntArray, vehicles: VehicleIndex, kind: str
 ) -> FloatArray:
-    """Return (n, 31) wanted offsets from the path, m, left positive: ``cuts_in`` or ``drifts``.
+    """Return (n, 31) wanted offsets from the path, m, left positive, from the seed moment on.
 
-    The motion begins at the seed moment, towards the side on which another vehicle is nearest, else left.
+    Towards the side on which another vehicle is nearest, else left.
     """
     nearest = _nearest(history.scene)[vehicles.vehicle]
     time_s = STEP_S * (history.step + np.arange(PLAN_STEPS + 1.0))

@@ -54,7 +54,7 @@ def _check(name: str | None) -> None:
 
 def _print_all() -> None:
     from scex_sumo.drivers.listing import known_models
-    from scex_sumo.drivers.registry import mixes
+    from scex_sumo.drivers.registry import MIXES
 
     rows: list[tuple[str, str]] = []
     sumo = []
@@ -70,7 +70,7 @@ def _print_all() -> None:
     rows.append(("", "parameters: attributes of SUMO's vehicle types, e.g. tau=1.2"))
     _print(rows)
     print("\nMixes")
-    _print([(f"  {name}", models.replace(",", ", ")) for name, models in mixes().items()])
+    _print([(f"  {name}", models.replace(",", ", ")) for name, models in MIXES.items()])
     print("\nAll parameters of a model: scex-sumo models NAME")
 
 
