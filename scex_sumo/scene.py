@@ -292,16 +292,6 @@ class SceneHistory:
         )
 
     @property
-    def obstacle_states(self) -> States | None:
-        """(O,) now; None without obstacles."""
-        return None if self.scene.obstacles is None else self.scene.obstacles.at(self.step)[0]
-
-    @property
-    def obstacle_present(self) -> BoolArray | None:
-        """(O,) now; None without obstacles."""
-        return None if self.scene.obstacles is None else self.scene.obstacles.at(self.step)[1]
-
-    @property
     def now(self) -> States:
         """(C, V) present states."""
         return self.states[:, :, -1]

@@ -134,12 +134,11 @@ def nearest(points: FloatArray, x: float, y: float) -> float:
     return float(project(np.array([[x, y]]), points)[0][0])
 
 
-def project(points: FloatArray, line: FloatArray) -> tuple[FloatArray, FloatArray]:
+def project(
+    points: FloatArray, line: FloatArray, arc: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Return (N,) arc lengths of the nearest points of a polyline to points (N, 2), and distances, m."""
-    return _project(points, line, arc_lengths(line))
-
-
-def _project(points: FloatArray, line: FloatArray, arc: FloatArray) -> tuple[FloatArray, FloatArray]:
+    arc = arc_lengths(line) if arc is None else arc
     step = np.diff(line, axis=0)
     dx, dy = step[:, 0], step[:, 1]
     square = np.maximum(dx * dx + dy * dy, 1e-18)
@@ -162,19 +161,13 @@ def project_near(points: FloatArray, line: FloatArray, reach_m: float) -> tuple[
         segments = np.flatnonzero(beside.all(axis=1))
         if len(segments):
             part = slice(int(segments[0]), int(segments[-1]) + 2)
-            arc[near], gap[near] = _project(points[near], line[part], arc_lengths(line)[part])
+            arc[near], gap[near] = project(points[near], line[part], arc_lengths(line)[part])
     return arc, gap
 
 
 def distances(points: FloatArray, line: FloatArray) -> FloatArray:
     """Return the (N,) distance of points (N, 2) to a polyline, m."""
     return project(points, line)[1]
-
-
-def width_along(left: FloatArray, right: FloatArray, centreline: FloatArray) -> float:
-    """Return the mean over a centreline of the distance to the left plus the right bound, m."""
-    _, points = samples(centreline, 1.0)
-    return float(np.mean(distances(points, left) + distances(points, right)))
 
 
 def mean_width_m(left: FloatArray, right: FloatArray) -> float:

@@ -198,9 +198,11 @@ def slope(values: FloatArray) -> FloatArray:
 
 
 def _obstacle_ahead(history: SceneHistory) -> FloatArray:
-    now, obstacles, present = history.now, history.obstacle_states, history.obstacle_present
-    nearest = np.zeros((*now.shape, 3))
-    if obstacles is None or present is None or not present.any():
+    now, nearest = history.now, np.zeros((*history.now.shape, 3))
+    if history.scene.obstacles is None:
+        return nearest
+    obstacles, present = history.scene.obstacles.at(history.step)
+    if not present.any():
         return nearest
     ahead, offset = now[..., None].ahead_and_left(obstacles.x[present], obstacles.y[present])
     distance = ahead - history.scene.length[:, None] / 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -38,7 +39,21 @@ class KeepsWayProfile:
         check_positive(self, "gap", zero=True)
 
 
-class KeepsWay(Driver):
+class _Person(Driver):
+    sight: Sight = "itself"
+
+    def plan(
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
+    ) -> Plan:
+        """Plan 3 s; see `BatchBehavior.plan`."""
+        return walked(history.now[vehicles.future, vehicles.vehicle], *self._goes(history, vehicles))
+
+    @abstractmethod
+    def _goes(self, history: SceneHistory, vehicles: VehicleIndex) -> tuple[FloatArray, ...]:
+        """Return speeds, headings and ways to wait, as of `walked`."""
+
+
+class KeepsWay(_Person):
     """Keeps the velocity of the seed scene, and waits for vehicles: see `way_to_wait`."""
 
     sight: Sight = "everyone"
@@ -46,39 +61,25 @@ class KeepsWay(Driver):
     def __init__(self, profile: KeepsWayProfile) -> None:
         self.profile = profile
 
-    def plan(
-        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
-    ) -> Plan:
-        """Plan 3 s; see `BatchBehavior.plan`."""
-        now, shown = history.now[vehicles.future, vehicles.vehicle], history.scene.now[vehicles.vehicle]
-        return walked(now, shown.speed, shown.heading, way_to_wait(history, vehicles, self.profile.gap))
+    def _goes(self, history: SceneHistory, vehicles: VehicleIndex) -> tuple[FloatArray, ...]:
+        shown = history.scene.now[vehicles.vehicle]
+        return shown.speed, shown.heading, way_to_wait(history, vehicles, self.profile.gap)
 
 
-class Stops(Driver):
+class Stops(_Person):
     """Stops at once."""
 
-    sight: Sight = "itself"
-
-    def plan(
-        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
-    ) -> Plan:
-        """Plan 3 s; see `BatchBehavior.plan`."""
-        now, nothing = history.now[vehicles.future, vehicles.vehicle], np.zeros(len(vehicles))
-        return walked(now, nothing, now.heading, nothing)
+    def _goes(self, history: SceneHistory, vehicles: VehicleIndex) -> tuple[FloatArray, ...]:
+        nothing = np.zeros(len(vehicles))
+        return nothing, history.now.heading[vehicles.future, vehicles.vehicle], nothing
 
 
-class StepsOut(Driver):
+class StepsOut(_Person):
     """Walks straight across the line of the vehicle that comes next in the seed scene, and on."""
 
-    sight: Sight = "itself"
-
-    def plan(
-        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
-    ) -> Plan:
-        """Plan 3 s; see `BatchBehavior.plan`."""
+    def _goes(self, history: SceneHistory, vehicles: VehicleIndex) -> tuple[FloatArray, ...]:
         speed = np.maximum(history.scene.now.speed[vehicles.vehicle], STEPS_OUT_MPS)
-        free, now = np.full(len(vehicles), np.inf), history.now[vehicles.future, vehicles.vehicle]
-        return walked(now, speed, _across(history, vehicles), free)
+        return speed, _across(history, vehicles), np.full(len(vehicles), np.inf)
 
 
 def way_to_wait(history: SceneHistory, vehicles: VehicleIndex, gap_s: float) -> FloatArray:

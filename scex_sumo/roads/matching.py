@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray, least_of
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
@@ -117,9 +117,8 @@ def match(
     pose, segment, error, t = pose[near], segment[near], error[near], t[near]
     cost = (distance[near] / OFFSET_SIGMA_M) ** 2 + (error / HEADING_SIGMA_RAD) ** 2
     lane = segments.owner[segment]
-    changes = np.flatnonzero((np.diff(pose) != 0) | (np.diff(lane) != 0)) + 1
-    starts = np.concatenate([np.zeros(min(1, len(pose)), dtype=np.int64), changes])
-    best = _first_of_the_cheapest(cost, starts)
+    changes = (np.diff(pose, prepend=-1) != 0) | (np.diff(lane, prepend=-1) != 0)
+    best = least_of(np.cumsum(changes) - 1, cost)
     pose, lane, segment = pose[best], lane[best], segment[best]
     # A likelihood of zero could not be normalised.
     score = np.exp(-0.5 * np.minimum(cost[best], 600.0))
@@ -134,14 +133,6 @@ def match(
         heading_error=error[best],
         probability=score / total[pose],
     )
-
-
-def _first_of_the_cheapest(cost: FloatArray, starts: IntArray) -> IntArray:
-    if not len(starts):
-        return starts
-    count = np.diff(np.append(starts, len(cost)))
-    smallest = np.flatnonzero(cost == np.repeat(np.minimum.reduceat(cost, starts), count))
-    return smallest[np.searchsorted(smallest, starts)]
 
 
 def off_road(road: Road, scene: SeedScene, *, any_direction: bool = False) -> list[int]:

@@ -127,12 +127,9 @@ def candidate_paths(road: Road, scene: SeedScene) -> tuple[tuple[CandidatePath, 
         ]
         if (intention := scene.intention(v)) is not None:
             paths = _with_intended(road, paths, starts, intention.lanes, horizon, pose)
-        result.append(tuple(sorted(paths, key=_from_left_to_right)))
+        paths.sort(key=lambda path: (-round(path.angle, 9), -round(path.end_angle, 9), path.lanes))
+        result.append(tuple(paths))
     return tuple(result)
-
-
-def _from_left_to_right(path: CandidatePath) -> tuple[float, float, tuple[int, ...]]:
-    return -round(path.angle, 9), -round(path.end_angle, 9), path.lanes
 
 
 def _with_intended(

@@ -13,6 +13,7 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS, check_positive
+from scex_sumo.behaviors.driving.leaders import find_leaders
 from scex_sumo.behaviors.driving.motion import Intent
 from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths, path_positions
 from scex_sumo.behaviors.models.idm import IdmDriver, IdmProfile
@@ -94,7 +95,8 @@ class RuledDriver(IdmDriver):
             s = traffic.arc_length[vehicles.future, vehicles.vehicle]
         else:
             s, _, _ = path_positions(history, vehicles, paths, row)
-        leaders = drivers[0].look(history, vehicles, paths, row, s)
+        near = {"clearance": drivers[0].profile.clearance, "radius": drivers[0].profile.radius}
+        leaders = find_leaders(history, vehicles, paths, row, s, **near)
         intents, end = [], 0
         for driver, group in zip(drivers, groups, strict=True):
             k = slice(end, end := end + len(group))

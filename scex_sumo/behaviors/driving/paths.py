@@ -18,14 +18,13 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, least_of
 from scex_sumo.base.owned import owner_cache, recent
 from scex_sumo.geometry.polylines import Paths, along, arc_lengths, length_of, wrap
 from scex_sumo.road import Road
-from scex_sumo.roads.routes import CandidatePath, candidate_paths, centreline, extended
+from scex_sumo.roads.routes import CandidatePath, candidate_paths, centreline
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 
 DS_M = 0.5
 BEHIND_M = 20.0  # behind the centre, for the rear axle and vehicles behind
 FIRST_HORIZON_S = 8.0  # 3 s of a future, 3 s of a plan, and some acceleration
 LONGER_S = 5.0  # longer futures get tables that are longer by 1, 3, 7, ... times this
-ROUTE_M = 500.0  # of the routes for SUMO
 OTHER_PATH = 1.0  # a vehicle is on another path if that fits better than the straightest by this
 OFFSET_SIGMA_M, HEADING_SIGMA_RAD = 0.8, 0.15
 _RECENT = 4  # sets of lines of a road: with recorded and with estimated headings, smoothed and driven
@@ -221,16 +220,6 @@ def _of_lanes(road: Road, points: FloatArray, owner: IntArray, samples: int) -> 
     lanes = [road.lanes[int(i)] for i in ids]
     width = np.array([lane.width_m for lane in lanes])
     return width[at], np.array([lane.speed_limit_mps for lane in lanes])[at]
-
-
-def planned_lanes(
-    scene: SeedScene, road: Road, path: PathChoice, vehicle: IntArray, draw: FloatArray
-) -> list[tuple[int, ...]]:
-    """Return (n) lane ids of paths, extended by 500 m; empty off the mapped lanes."""
-    paths = seed_paths(scene, road)
-    rows = paths.choose(path, vehicle, draw).tolist()
-    whole = {row: extended(road, paths.lanes[row], ROUTE_M) if paths.lanes[row] else () for row in {*rows}}
-    return [whole[row] for row in rows]
 
 
 def expected_way(history: SceneHistory, vehicles: VehicleIndex) -> FloatArray:

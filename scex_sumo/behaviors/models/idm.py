@@ -179,14 +179,9 @@ class IdmDriver(DrivesAlong):
     ) -> Intent:
         """Return the drive along (n,) rows of `paths`."""
         s, _, _ = path_positions(history, vehicles, paths, row)
-        return self.behind(self.look(history, vehicles, paths, row, s), history, vehicles, paths, row)
-
-    def look(
-        self, history: SceneHistory, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray, s: FloatArray
-    ) -> Leaders:
-        """Return the leaders of vehicles (n,) on rows of paths, at arc lengths ``s``, m."""
         near = {"clearance": self.profile.clearance, "radius": self.profile.radius}
-        return find_leaders(history, vehicles, paths, row, s, **near)
+        leaders = find_leaders(history, vehicles, paths, row, s, **near)
+        return self.behind(leaders, history, vehicles, paths, row)
 
     def behind(
         self,

@@ -12,11 +12,13 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.sumo.car_following import OWN_MODEL, SUMO_MODELS, check_driver
 from scex_sumo.behaviors.base import PLAN_STEPS, Driver, Sight, check_path, check_positive
 from scex_sumo.behaviors.driving.motion import DrivesAlong, Intent, drive_along
-from scex_sumo.behaviors.driving.paths import PathChoice, chosen_paths, planned_lanes
+from scex_sumo.behaviors.driving.paths import PathChoice, chosen_paths, seed_paths
 from scex_sumo.road import Road
+from scex_sumo.roads.routes import extended
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, States, VehicleIndex
 
 RELEASE_MPS2 = 2.0  # acceleration after a curve, back to the constant speed
+ROUTE_M = 500.0  # of the routes for SUMO
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +115,11 @@ class SumoDriver(Driver):
         self, scene: SeedScene, road: Road, vehicle: IntArray, draw: FloatArray
     ) -> list[tuple[int, ...]]:
         """Return the lane ids of routes, empty off the lanes; ``draw``: (n,) `SceneHistory.route_draw`."""
-        return planned_lanes(scene, road, self.path, vehicle, draw)
+        paths = seed_paths(scene, road)
+        rows = paths.choose(self.path, vehicle, draw).tolist()
+        lanes = {row: paths.lanes[row] for row in {*rows}}
+        whole = {row: extended(road, known, ROUTE_M) if known else () for row, known in lanes.items()}
+        return [whole[row] for row in rows]
 
     def driving(self, scene: SeedScene, vehicle: int) -> tuple[str, dict[str, str]]:
         """Return SUMO's model and its parameters for a vehicle: those of its own type, then the given ones.

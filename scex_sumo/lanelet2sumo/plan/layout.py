@@ -12,7 +12,7 @@ from shapely import MultiPoint, Polygon, unary_union
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.text import BEYOND, CHANGED_M, JOINT_M, LaneletPart
-from scex_sumo.geometry.polylines import along, bend, cut, heading, join, length_of, project, width_along
+from scex_sumo.geometry.polylines import along, bend, cut, heading, join, length_of, project, samples
 from scex_sumo.lanelet2sumo.plan.elements import Connection, Edge, NetLane, NetLayout, Node
 from scex_sumo.lanelet2sumo.plan.right_of_way import (
     approach,
@@ -190,7 +190,9 @@ class _Plan:
         if piece not in self._widths:
             lane = self._topology.lane(piece)
             line = cut(lane.centreline, *self._topology.span(piece))
-            self._widths[piece] = width_along(lane.left_bound, lane.right_bound, line)
+            points = samples(line, 1.0)[1]
+            sides = [project(points, bound)[1] for bound in (lane.left_bound, lane.right_bound)]
+            self._widths[piece] = float(np.mean(sides[0] + sides[1]))
         return self._widths[piece]
 
     def _connection(self, node: str, index: int, path: Path, shape: FloatArray) -> Connection:

@@ -8,14 +8,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.behaviors.driving.paths import (
-    BEHIND_M,
-    DS_M,
-    SeedPaths,
-    chosen_paths,
-    planned_lanes,
-    seed_paths,
-)
+from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths, chosen_paths, seed_paths
+from scex_sumo.behaviors.models.simple import SumoDriver
 from scex_sumo.geometry.polylines import arc_lengths, nearest
 from tests.behaviors import roads
 
@@ -72,7 +66,8 @@ def test_a_projection_gives_arc_length_offset_and_heading() -> None:
 
 def chosen(path: object, draw: float) -> tuple[int, ...]:
     scene = roads.scene_of((20.0, 0.0, 0.0, 10.0))
-    (lanes,) = planned_lanes(scene, roads.fork(), path, np.array([0]), np.array([draw]))  # type: ignore[arg-type]
+    driver = SumoDriver("IDM", path=path)  # type: ignore[arg-type]
+    (lanes,) = driver.routes(scene, roads.fork(), np.array([0]), np.array([draw]))
     return lanes[:2]
 
 
