@@ -74,41 +74,26 @@ class Lane:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Regulation:
-    """One regulatory element.
-
-    Attributes:
-        kind: ``right_of_way``, ``all_way_stop``, ``traffic_light``, ``stop`` or ``yield``.
-        lanes: lanes that refer to it.
-        yielding: lanes that must give way; all lanes for ``all_way_stop``.
-        stop_lines: (S, 2) polylines, m.
-        lights: ids of the traffic light linestrings.
-        signs: types, e.g. ``de205``, ``usR1-1``.
-    """
+    """One regulatory element."""
 
     element_id: int
-    kind: str
-    lanes: tuple[int, ...] = ()
-    yielding: tuple[int, ...] = ()
+    kind: str  # ``right_of_way``, ``all_way_stop``, ``traffic_light``, ``stop`` or ``yield``
+    lanes: tuple[int, ...] = ()  # that refer to it
+    yielding: tuple[int, ...] = ()  # that must give way; all lanes for ``all_way_stop``
     priority: tuple[int, ...] = ()
-    stop_lines: tuple[FloatArray, ...] = ()
-    lights: tuple[int, ...] = ()
-    signs: tuple[str, ...] = ()
+    stop_lines: tuple[FloatArray, ...] = ()  # (S, 2) polylines, m
+    lights: tuple[int, ...] = ()  # ids of the linestrings
+    signs: tuple[str, ...] = ()  # types, e.g. ``de205``, ``usR1-1``
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Marking:
-    """A line on or beside the road, for drawing.
-
-    Attributes:
-        kind: Lanelet2 type, e.g. ``line_thin``, ``curbstone``, ``stop_line``.
-        subtype: e.g. ``dashed``, ``solid``, or empty.
-        points: (P, 2) m.
-    """
+    """A line on or beside the road, for drawing."""
 
     line_id: int
-    kind: str
-    subtype: str
-    points: FloatArray
+    kind: str  # Lanelet2 type, e.g. ``line_thin``, ``curbstone``, ``stop_line``
+    subtype: str  # e.g. ``dashed``, ``solid``, or empty
+    points: FloatArray  # (P, 2) m
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -122,19 +107,12 @@ class Area:
 
 @dataclass(frozen=True, kw_only=True)
 class MapLoss:
-    """Elements of the map that the road leaves out.
+    """Elements of the map that the road leaves out."""
 
-    Attributes:
-        kind: ``lanelets``, ``lights`` or ``lane changes``.
-        why: e.g. ``not driven, subtype main_road``.
-        elements: ids; a lane change is two lanelets with a word between.
-        of: number of such elements in the map; 0 if unknown.
-    """
-
-    kind: str
-    why: str
-    elements: tuple[int | str, ...]
-    of: int = 0
+    kind: str  # ``lanelets``, ``lights`` or ``lane changes``
+    why: str  # e.g. ``not driven, subtype main_road``
+    elements: tuple[int | str, ...]  # ids; a lane change is two lanelets with a word between
+    of: int = 0  # number of such elements in the map; 0 if unknown
 
     @property
     def large(self) -> bool:
@@ -154,17 +132,11 @@ class MapLoss:
 
 @dataclass(frozen=True, kw_only=True)
 class Georeference:
-    """Position of a road on Earth.
+    """Position of a road on Earth."""
 
-    Attributes:
-        projection: PROJ string, e.g. ``+proj=utm +zone=32 ...``.
-        east_m: easting of x = 0.
-        north_m: northing of y = 0.
-    """
-
-    projection: str
-    east_m: float
-    north_m: float
+    projection: str  # PROJ string, e.g. ``+proj=utm +zone=32 ...``
+    east_m: float  # of x = 0
+    north_m: float  # of y = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -212,17 +184,11 @@ class Road(SentOnce):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Signal:
-    """States of a signal group over time, which repeat.
+    """States of a signal group over time, which repeat."""
 
-    Attributes:
-        letters: SUMO's, one for each phase, e.g. ``G``, ``y``, ``r``; empty if unknown.
-        ends_s: (K,) end of each phase within the cycle.
-        start_s: place of the seed moment in the cycle.
-    """
-
-    letters: str = ""
-    ends_s: FloatArray = field(default_factory=lambda: np.empty(0))
-    start_s: float = 0.0
+    letters: str = ""  # SUMO's, one for each phase, e.g. ``G``, ``y``, ``r``; empty if unknown
+    ends_s: FloatArray = field(default_factory=lambda: np.empty(0))  # (K,) of each phase within the cycle
+    start_s: float = 0.0  # place of the seed moment in the cycle
 
     def at(self, time_s: float) -> tuple[str, float]:
         """Return the state at a time since the seed moment, and for how many seconds it has been shown."""
@@ -239,36 +205,22 @@ class Signal:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Passage:
-    """Way through a junction from a lane to a lane, with its rules.
+    """Way through a junction from a lane to a lane, with its rules."""
 
-    Attributes:
-        line: (P, 2) centreline, m; without a drawn stop line vehicles stop at its beginning.
-        lanes: lanes under it, from the one before the junction to the one after.
-        state: SUMO's of the link, e.g. ``M`` (priority), ``m`` (yield), ``s`` (stop), ``w`` (all-way stop).
-        signal: index of its signal group; -1 without a light.
-        yields_to: indices of the passages to which it gives way.
-    """
-
-    line: FloatArray
-    lanes: tuple[int, ...]
-    state: str
-    signal: int
-    yields_to: tuple[int, ...]
+    line: FloatArray  # (P, 2) centreline, m; without a drawn stop line vehicles stop at its beginning
+    lanes: tuple[int, ...]  # under it, from the one before the junction to the one after
+    state: str  # SUMO's of the link: ``M`` (priority), ``m`` (yield), ``s`` (stop), ``w`` (all-way stop), ...
+    signal: int  # index of its signal group; -1 without a light
+    yields_to: tuple[int, ...]  # indices of the passages to which it gives way
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rules:
-    """Rules of a road at one moment, as its SUMO net has them.
-
-    Attributes:
-        stop_lines: (S, 2) polylines, m; so the outlines of the crosswalks.
-        notes: what the net lacks.
-        net: SHA-256 of its file.
-    """
+    """Rules of a road at one moment, as its SUMO net has them."""
 
     passages: tuple[Passage, ...]
     signals: tuple[Signal, ...] = ()
-    stop_lines: tuple[FloatArray, ...] = ()
+    stop_lines: tuple[FloatArray, ...] = ()  # (S, 2) polylines, m; so the outlines of the crosswalks
     crosswalks: tuple[FloatArray, ...] = ()
-    notes: tuple[str, ...] = ()
-    net: str = ""
+    notes: tuple[str, ...] = ()  # what the net lacks
+    net: str = ""  # SHA-256 of its file

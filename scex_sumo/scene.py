@@ -116,22 +116,15 @@ class States:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Obstacles:
-    """Pedestrians and cyclists of the seed scene: replayed, visible to models, not part of the metrics.
+    """Pedestrians and cyclists of the seed scene: replayed, visible to models, not part of the metrics."""
 
-    Attributes:
-        ids: (O,) names.
-        types: (O,) lower case, e.g. ``pedestrian/bicycle``.
-        states: (O, 11 + F); index 10 is the seed scene. Constant velocity continues the recording.
-        present: (O, 11 + F).
-        walks: (O,) of pedestrians of a simulation, from the edge on which they are, or were last; () else.
-    """
-
-    ids: tuple[str, ...]
-    types: tuple[str, ...]
+    ids: tuple[str, ...]  # (O,) names
+    types: tuple[str, ...]  # (O,) lower case, e.g. ``pedestrian/bicycle``
     length: FloatArray
     width: FloatArray
-    states: States
-    present: BoolArray
+    states: States  # (O, 11 + F); index 10 is the seed scene; constant velocity continues the recording
+    present: BoolArray  # (O, 11 + F)
+    # (O,) of pedestrians of a simulation, from the edge where they are, or were last; () else
     walks: tuple[Walk, ...] = ()
 
     def at(self, step: int) -> tuple[States, BoolArray]:

@@ -69,17 +69,11 @@ Behavior: TypeAlias = BatchBehavior | SingleVehicleBehavior
 
 
 class Driver:
-    """What a model of this package declares beyond `plan`; a user's model declares nothing.
+    """What a model of this package declares beyond `plan`; a user's model declares nothing."""
 
-    Attributes:
-        inner: the model that an adapter, such as the guard, wraps.
-        source_file: of a user's model.
-        weights_sha256: of learned weights.
-    """
-
-    inner: Any = None
-    source_file: Path | None = None
-    weights_sha256: str | None = None
+    inner: Any = None  # the model that an adapter, such as the guard, wraps
+    source_file: Path | None = None  # of a user's model
+    weights_sha256: str | None = None  # of learned weights
 
     @property
     def sight(self) -> Sight | None:

@@ -25,15 +25,12 @@ _BLOCK = 8  # nodes that are looked at together first
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DrivenPaths(Paths):
-    """Paths of R vehicles of futures, with `NODES` samples.
+    """Paths of R vehicles of futures, driven in T steps, with `NODES` samples."""
 
-    ``states``: (R, T) as driven; ``length``, ``width``: (R,) m; ``arc``: (R, T) arc length at each step, m.
-    """
-
-    states: States
-    length: FloatArray
+    states: States  # (R, T) as driven
+    length: FloatArray  # (R,) m; so ``width``
     width: FloatArray
-    arc: FloatArray
+    arc: FloatArray  # (R, T) arc length at each step, m
 
     @classmethod
     def of(
@@ -99,18 +96,13 @@ def _lines(states: States, planned: FloatArray | None) -> tuple[FloatArray, Floa
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shared(Rows):
-    """Stretches (n, N) of n vehicles' ways that others block, by the node at which the other one is.
+    """Stretches (n, N) of n vehicles' ways that others block, by the node at which the other one is."""
 
-    Attributes:
-        own: (n,) row of the way; ``other`` (n,) of the other vehicle's.
-        enter: arc length of the first contact on the own way, m; NaN where the other one blocks nothing.
-        leave: that of the last contact, m.
-    """
-
-    own: IntArray
-    other: IntArray
+    own: IntArray  # (n,) row of the way
+    other: IntArray  # (n,) of the other vehicle's
+    # arc length of the first contact on the own way, m; NaN where the other one blocks nothing
     enter: FloatArray
-    leave: FloatArray
+    leave: FloatArray  # that of the last contact, m
 
     def least_angle(self, ways: DrivenPaths) -> FloatArray:
         """Return the least angle (n,) of both headings where the ways touch, rad."""

@@ -32,34 +32,22 @@ _AT_ONCE = 1 << 9  # pairs
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Conflicts(Rows):
-    """Rows of pairs in futures, (N,) each; vehicles by index, ``one`` below ``two``.
+    """Rows of pairs in futures, (N,) each; vehicles by index, ``one`` below ``two``."""
 
-    Attributes:
-        future: index into the futures.
-        braking: least constant deceleration of either vehicle that avoids contact, lasting for 0.8 s, m/s²;
-            of both where they face each other; 0 where none is needed, `MOST_MPS2` where none helps.
-        braking_step: steps from the moment until it is needed.
-        brakes_one: whether it is the first vehicle's.
-        margin: time margin of vehicles that cross, s; inf without a common place.
-        margin_step: steps from the moment until the later one enters.
-        later_one: whether that is the first vehicle.
-        gap: least distance of the outlines, m, at the steps when the centres are nearest; 0: contact.
-        gap_step: steps from the moment until then.
-        meets_rad: least angle of both headings where the ways touch, rad; inf where they do not.
-    """
-
-    future: IntArray
+    future: IntArray  # index into the futures
     one: IntArray
     two: IntArray
+    # least one of either (facing: both) that avoids contact for 0.8 s, m/s²; 0: none; `MOST_MPS2`: vain
     braking: FloatArray
-    braking_step: IntArray
-    brakes_one: BoolArray
-    margin: FloatArray
-    margin_step: IntArray
-    later_one: BoolArray
+    braking_step: IntArray  # steps from the moment until it is needed
+    brakes_one: BoolArray  # whether it is the first vehicle's
+    margin: FloatArray  # time margin of vehicles that cross, s; inf without a common place
+    margin_step: IntArray  # steps from the moment until the later one enters
+    later_one: BoolArray  # whether that is the first vehicle
+    # least distance of the outlines, m, at the steps when the centres are nearest; 0: contact
     gap: FloatArray
-    gap_step: IntArray
-    meets_rad: FloatArray
+    gap_step: IntArray  # steps from the moment until then
+    meets_rad: FloatArray  # least angle of both headings where the ways touch, rad; inf where they do not
 
     def __len__(self) -> int:
         return len(self.future)
@@ -215,17 +203,11 @@ def _gaps(ways: DrivenPaths, one: IntArray, two: IntArray, now: int) -> tuple[Fl
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Margins(Rows):
-    """Least time margins of n pairs of vehicles that cross.
+    """Least time margins of n pairs of vehicles that cross."""
 
-    Attributes:
-        margin: (n,) s; inf where not both reach a common place, or where they do not cross there.
-        step: (n,) at which the later one enters; 0 where there is no margin.
-        own_is_later: (n,) whether that is the first vehicle.
-    """
-
-    margin: FloatArray
-    step: IntArray
-    own_is_later: BoolArray
+    margin: FloatArray  # (n,) s; inf where not both reach a common place, or where they do not cross there
+    step: IntArray  # (n,) at which the later one enters; 0 where there is no margin
+    own_is_later: BoolArray  # (n,) whether that is the first vehicle
 
 
 def time_margins(ways: DrivenPaths, own: IntArray, other: IntArray, *, now: int) -> Margins:

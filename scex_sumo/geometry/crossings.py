@@ -19,18 +19,12 @@ TOUCH = 1e-9  # share of a segment's length within which end points touch
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Hits:
-    """Crossing points of segments.
+    """Crossing points of segments."""
 
-    Attributes:
-        which: (X,) index into the tested pairs.
-        first: (X,) share of the first segment before the crossing point; so ``second``.
-        sine: (X,) of the angle between them, without sign.
-    """
-
-    which: IntArray
-    first: FloatArray
+    which: IntArray  # (X,) index into the tested pairs
+    first: FloatArray  # (X,) share of the first segment before the crossing point; so ``second``
     second: FloatArray
-    sine: FloatArray
+    sine: FloatArray  # (X,) of the angle between them, without sign
 
 
 def intersect(
@@ -100,22 +94,15 @@ def _around(start: FloatArray, end: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Polylines:
-    """N polylines of H nodes with their box pyramids.
-
-    Attributes:
-        octagons: (4, N, H) coordinates of the nodes.
-        arc: (N, H) length from the first node, m.
-        start: (2, N, M) of each segment; ``delta`` its extent, m; 0 for padding.
-        boxes: by level, segments first: (4, 2, N, M / block^level) octagons.
-    """
+    """N polylines of H nodes with their box pyramids."""
 
     x: FloatArray
     y: FloatArray
-    octagons: FloatArray
-    arc: FloatArray
-    start: FloatArray
-    delta: FloatArray
-    boxes: tuple[FloatArray, ...]
+    octagons: FloatArray  # (4, N, H) coordinates of the nodes
+    arc: FloatArray  # (N, H) length from the first node, m
+    start: FloatArray  # (2, N, M) of each segment
+    delta: FloatArray  # its extent, m; 0 for padding
+    boxes: tuple[FloatArray, ...]  # by level, segments first: (4, 2, N, M / block^level) octagons
 
     @classmethod
     def build(cls, x: FloatArray, y: FloatArray) -> Polylines:

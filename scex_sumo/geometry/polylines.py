@@ -214,18 +214,12 @@ def is_on(line: FloatArray, point: FloatArray, *, loose_ends: bool) -> bool:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Paths:
-    """P paths of N samples each; they go on straight past both ends.
+    """P paths of N samples each; they go on straight past both ends."""
 
-    Attributes:
-        spacing: (P,) arc length between two samples, m.
-        x: (P, N) m; so ``y``.
-        heading: (P, N) rad, without jumps of 2 pi.
-    """
-
-    spacing: FloatArray
-    x: FloatArray
+    spacing: FloatArray  # (P,) arc length between two samples, m
+    x: FloatArray  # (P, N) m; so ``y``
     y: FloatArray
-    heading: FloatArray
+    heading: FloatArray  # (P, N) rad, without jumps of 2 pi
 
     @property
     def samples(self) -> int:

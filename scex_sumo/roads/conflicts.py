@@ -22,16 +22,11 @@ END_M = 0.1  # nearer to an end point lines do not cross
 
 @dataclass(frozen=True, kw_only=True)
 class Conflict:
-    """One stretch on which two lanes are in each other's way.
+    """One stretch on which two lanes are in each other's way."""
 
-    Attributes:
-        kind: ``cross``, ``merge`` or ``diverge``.
-        spans: arc length (start, end) on each of the two, m.
-    """
-
-    kind: str
+    kind: str  # ``cross``, ``merge`` or ``diverge``
     lanes: tuple[int, int]
-    spans: tuple[tuple[float, float], tuple[float, float]]
+    spans: tuple[tuple[float, float], tuple[float, float]]  # arc length (start, end) on each, m
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

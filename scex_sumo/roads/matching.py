@@ -22,22 +22,14 @@ SLACK_M = 1e-6  # of boxes, against rounding
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Matches:
-    """Candidate lanes of several vehicles, flat (m,), sorted by vehicle, most probable first.
+    """Candidate lanes of several vehicles, flat (m,), sorted by vehicle, most probable first."""
 
-    Attributes:
-        vehicle: index into the arguments of `match`.
-        s: arc length of the foot point on the centreline, m.
-        offset: signed distance to the centreline, m, left positive.
-        heading_error: vehicle minus lane, rad.
-        probability: sums to 1 over the candidates of a vehicle.
-    """
-
-    vehicle: IntArray
+    vehicle: IntArray  # index into the arguments of `match`
     lane_id: IntArray
-    s: FloatArray
-    offset: FloatArray
-    heading_error: FloatArray
-    probability: FloatArray
+    s: FloatArray  # arc length of the foot point on the centreline, m
+    offset: FloatArray  # from the centreline, m, left positive
+    heading_error: FloatArray  # vehicle minus lane, rad
+    probability: FloatArray  # sums to 1 over the candidates of a vehicle
 
     @property
     def best(self) -> IntArray:

@@ -24,32 +24,21 @@ SAMPLE_M = 0.5  # of the search for closest places
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaneRelations:
-    """Tables over ordered pairs (a, b) of the L vehicle lanes; arc lengths count from a lane's start.
+    """Tables over ordered pairs (a, b) of the L vehicle lanes; arc lengths from a lane's start."""
 
-    Attributes:
-        lane_id: (L,) in the order of the tables; of `road_index` ascending.
-        speed_limit: (L,) m/s.
-        length: (L,) m.
-        ahead: (L, L) way from the start of a to the start of b along successors, m; else inf; 0 on the
-            diagonal.
-        loop: (L,) shortest way from the start of a lane back to its start, m; else inf.
-        side: (L, L) number of lanes that b lies left (positive) or right of a, at most `BESIDE_M` before or
-            after it; 0 if they are not neighbours.
-        lead: (L, L) if `side` is not 0: a vehicle at ``s_b`` on b leads one at ``s_a`` on a by ``lead +
-            stretch_b * s_b - stretch_a * s_a``, m.
-        meeting: (L, L, CONFLICTS, 2) ways from the start of a, and of b, to the places where they cross or
-            begin to merge, m; the nearest first, by the sum of both; else inf.
-    """
-
-    lane_id: IntArray
-    speed_limit: FloatArray
-    length: FloatArray
+    lane_id: IntArray  # (L,) in the order of the tables; of `road_index` ascending
+    speed_limit: FloatArray  # (L,) m/s
+    length: FloatArray  # (L,) m
+    # (L, L) way from the start of a to that of b along successors, m; else inf; 0 on the diagonal
     ahead: FloatArray
-    loop: FloatArray
+    loop: FloatArray  # (L,) shortest way from the start of a lane back to its start, m; else inf
+    # (L, L) how many lanes b lies left (positive) of a, at most `BESIDE_M` before or after it; else 0
     side: IntArray
+    # (L, L) where `side`: s_b on b leads s_a on a by lead + stretch_b·s_b - stretch_a·s_a, m
     lead: FloatArray
     stretch_a: FloatArray
     stretch_b: FloatArray
+    # (L, L, CONFLICTS, 2) ways from the start of a, and of b, to where they meet, nearest first, m; else inf
     meeting: FloatArray
 
 

@@ -27,27 +27,17 @@ MAX_LONGER = 12  # paths of a vehicle from one lane, with the forks that only lo
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CandidatePath:
-    """One way a vehicle can go.
+    """One way a vehicle can go."""
 
-    Attributes:
-        lanes: lane ids, from the vehicle's on; a next lane is a successor, or a neighbour if it is the only
-            way on.
-        s: arc length of the vehicle's foot point on the first lane, m.
-        probability: match probability, shared equally at every fork.
-        angle: from the vehicle to the end of the path in the vehicle's frame, rad, left positive; forks that
-            only longer futures reach do not count.
-        end_angle: with these forks.
-        straight_on: whether it takes the smallest turn at each of them.
-        intended: whether it is the route that SUMO's simulation has for the vehicle.
-    """
-
+    # ids from the vehicle's on; a next one is a successor, or a neighbour if that is the only way on
     lanes: tuple[int, ...]
-    s: float
-    probability: float
+    s: float  # arc length of the vehicle's foot point on the first lane, m
+    probability: float  # of the match, shared equally at every fork
+    # from the vehicle to the end, rad, left positive; without forks that only longer futures reach
     angle: float
-    end_angle: float = 0.0
-    straight_on: bool = True
-    intended: bool = False
+    end_angle: float = 0.0  # with these forks
+    straight_on: bool = True  # whether it takes the smallest turn at each of them
+    intended: bool = False  # whether it is the route that SUMO's simulation has for the vehicle
 
 
 def routes(road: Road, lane_id: int, s: float, horizon_m: float) -> tuple[tuple[int, ...], ...]:
