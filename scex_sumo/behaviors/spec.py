@@ -175,5 +175,4 @@ def parameter_texts(parameters: Mapping[str, Any]) -> tuple[str, ...]:
     """Format parameters as ``name=default``; without a default, the name alone."""
     words = {True: "true", False: "false"}  # as on the command line
     written = {k: words[v] if isinstance(v, bool) else v for k, v in parameters.items()}
-    empty = inspect.Parameter.empty
-    return tuple(key if value is empty else f"{key}={value}" for key, value in written.items())
+    return tuple(key if value is EMPTY else f"{key}={value}" for key, value in written.items())

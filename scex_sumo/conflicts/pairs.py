@@ -77,7 +77,6 @@ def find_conflicts(
 
     Args:
         states: (C, T, V) as driven, with the last second before the moment.
-        length: (V,) m; so ``width``.
         planned: (2, C, V, H) x and y of the centres after the last step, m; None: straight on.
         now: index of the moment in T.
         people: (V,) whether it is a pedestrian or cyclist: two of them have no conflict.

@@ -111,11 +111,7 @@ def share_unseen(need: FloatArray, speed: FloatArray) -> FloatArray:
 
 def unchanged(accelerate: Accelerate, rows: BoolArray) -> Accelerate:
     """Return the same acceleration, but none of some vehicles (n,)."""
-
-    def held(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
-        return np.where(rows, 0.0, accelerate(step, v, travelled, s))
-
-    return held if rows.any() else accelerate
+    return lambda *now: np.where(rows, 0.0, accelerate(*now))
 
 
 @owner_cache
@@ -145,8 +141,9 @@ def kept_clear(aside: FloatArray, view: View) -> FloatArray:
     time = STEP_S * np.arange(aside.shape[1])
     travelled_m = np.maximum(history.now[vehicles.future, vehicles.vehicle].speed, 0.0)[:, None] * time
     margin, passing, steepest = view.human.beside_gap_m, view.human.passing_gap_m, view.human.max_slope
-    beside = history, vehicles, paths, row, s, travelled_m
-    least, most = offsets_beside(*beside, margin=margin, passing=passing)
+    least, most = offsets_beside(
+        history, vehicles, paths, row, s, travelled_m, margin=margin, passing=passing
+    )
     narrow = least > most
     middle = np.where(narrow, least, 0.0) / 2 + np.where(narrow, most, 0.0) / 2
     least, most = np.where(narrow, middle, least), np.where(narrow, middle, most)

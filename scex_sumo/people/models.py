@@ -85,9 +85,9 @@ class StepsOut(_Person):
 def way_to_wait(history: SceneHistory, vehicles: VehicleIndex, gap_s: float) -> FloatArray:
     """Return the way (n,) to where people wait for a vehicle, m; inf for those that go on.
 
-    A person and a vehicle are expected to keep their velocities for 4 s. The person waits if it would then
-    be in the vehicle's way, as wide as both, where the vehicle is or arrives within the gap: before that way,
-    or behind a vehicle ahead. Who cannot stop before it, or is in the way of a vehicle that comes, goes on.
+    Both are expected to keep their velocities for 4 s. A person waits if it would then be in the vehicle's
+    way, as wide as both, where the vehicle is or arrives within the gap: before that way, or behind a vehicle
+    ahead. One that cannot stop before it, or is in the way of a vehicle that comes, goes on.
     """
     scene = history.scene
     drivers = np.arange(scene.vehicles) if scene.people is None else np.flatnonzero(~scene.people)

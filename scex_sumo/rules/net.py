@@ -227,9 +227,6 @@ def signals_of_links(
                 signals[name, index] = Signal(ends_s=ends, letters=letters, start_s=STEP_S - offset)
             elif fits:
                 signals[name, index] = Signal()
-    unlinked = sorted(set(programmes) - set(used))
-    if unlinked and known:
-        notes.append(f"traffic light {unlinked[0]}: controls no lane; not obeyed")
     return signals, notes
 
 

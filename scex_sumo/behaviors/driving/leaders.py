@@ -97,12 +97,8 @@ def find_ahead(
 
     One counts if its body is in the driver's corridor and its centre ahead of the driver's; or if its nearest
     end is ahead of the driver's front, it does not face the driver (within 60 degrees), and its centre is
-    near the path.
-
-    Args:
-        clearance: of a vehicle's centre from the path, m.
-        aside: (n,) offset of each driver's line, m, left positive.
-        margin: of the corridor beyond the driver's width, on each side, m.
+    near the path. ``aside``: (n,) offset of each driver's line, m, left positive; ``margin``: of the corridor
+    beyond the driver's width, on each side, m; else as `find_leaders`.
     """
     others, aside = everyone(history), np.broadcast_to(aside, row.shape)
     clear = np.where(others.obstacle, OBSTACLE_CLEARANCE_M, clearance)

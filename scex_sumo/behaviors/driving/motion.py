@@ -233,12 +233,10 @@ def _slowing_for_curves(
 ) -> Accelerate:
     speeds = curve_speeds(paths, CURVE_ACCELERATION, CURVE_DECELERATION)
 
-    def allowed(s: FloatArray) -> FloatArray:
-        return np.asarray(speeds[paths.sample_at(row, s + ahead)])
-
     def limited(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
         # A moment ahead too, so that the car does not lag behind.
-        slowing = (np.minimum(allowed(s), allowed(s + v * CURVE_TIME_S)) - v) / CURVE_TIME_S
+        here, soon = (speeds[paths.sample_at(row, at + ahead)] for at in (s, s + v * CURVE_TIME_S))
+        slowing = (np.minimum(here, soon) - v) / CURVE_TIME_S
         return np.minimum(accelerate(step, v, travelled, s), np.maximum(slowing, -CURVE_BRAKING))
 
     return limited

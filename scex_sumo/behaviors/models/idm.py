@@ -128,13 +128,9 @@ def idm_acceleration(
     """Return (n,) accelerations of the Intelligent Driver Model, m/s².
 
     a = a_max·(1 - (v/v0)⁴ - (s*/s)²), s* = s0 + max(0, v·T + v·Δv / (2·√(a_max·b))), not below
-    -max_deceleration. A gap below 0.1 m counts as 0.1 m. Below v0 = 0.1 m/s the driver does not accelerate.
-
-    Args:
-        speed: (n,) v, m/s.
-        desired_speed: (n,) v0, m/s.
-        gap: (n,) s, bumper to bumper, m; inf without a leader.
-        leader_speed: (n,) m/s along the path; Δv is own minus leader's.
+    -max_deceleration, with speed v, desired speed v0, gap s (inf without a leader) and Δv the own speed minus
+    the leader's along the path, (n,) in m and m/s. A gap below 0.1 m counts as 0.1 m. Below v0 = 0.1 m/s the
+    driver does not accelerate.
 
     Source: Treiber, Hennecke, Helbing 2000; lower bound on s*: Treiber and Kesting 2013.
     """
@@ -263,15 +259,9 @@ def desired_speed(
 ) -> FloatArray:
     """Return (n,) desired speeds of drivers that keep their behaviour of the seed scene for a while, m/s.
 
-    v0(t) = w + (h - w)·exp(-t/τ), h = v + k·a + m, with lead k, margin m and memory τ; h is at least 0 and at
-    most the larger of w and v. v0 asks for no braking harder than b.
-
-    Args:
-        wished: (n,) w, m/s.
-        present: (n,) speed at that time, m/s.
-        speed: (n,) v in the seed scene, m/s.
-        acceleration: (n,) a in the seed scene, m/s².
-        time_s: t, since the seed scene.
+    v0(t) = w + (h - w)·exp(-t/τ), h = v + k·a + m, with the wished speed w (n,), the speed v (n,) and the
+    acceleration a (n,) of the seed scene, lead k, margin m and memory τ; h is at least 0 and at most the
+    larger of w and v. v0 asks for no braking harder than b at the present speed.
     """
     if profile.habit_memory == 0:
         return wished

@@ -270,10 +270,9 @@ def _lateral(view: View) -> FloatArray:
 def path_features(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> FloatArray:
     """Return (P, 5) features of each path.
 
-    Missing braking, m/s²; excessive speed, m/s; heading error, rad; offset, m, and heading error, rad, after
-    the shown turn has gone on for a moment. A vehicle that is about to turn slows down: braking is missing as
-    far as the curves ahead need more than it shows. A speed is excessive if even hard braking and sharp
-    curves do not bring it down.
+    Missing braking, m/s²: what the curves ahead need more than it shows; excessive speed, m/s: what even hard
+    braking and sharp curves do not bring down; heading error, rad; offset, m, and heading error, rad, after
+    the shown turn has gone on for a moment.
     """
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     row, shown = np.arange(len(vehicle)), last_second(scene, human)
