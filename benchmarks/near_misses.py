@@ -21,8 +21,7 @@ from sklearn.metrics import average_precision_score, roc_auc_score
 from scex_sumo import find_recordings, load_recording, recording_moments, seed_at
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
-from scex_sumo.conflicts.braking import needed_braking
-from scex_sumo.conflicts.driven import DrivenPaths, shared_stretches
+from scex_sumo.conflicts.braking import DrivenPaths, needed_braking, shared_stretches
 from scex_sumo.conflicts.pairs import NEAR_M, Conflicts, find_conflicts, least_braking, time_margins
 from scex_sumo.decision.law import law, over_futures
 from scex_sumo.decision.moment import human_part

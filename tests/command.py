@@ -35,7 +35,7 @@ PRELOADED = (
     "scex_sumo.lanelet2sumo.net",
     "scex_sumo.page.report.report",
     "scex_sumo.reports.run_table",
-    "scex_sumo.scenarios.options",
+    "scex_sumo.scenarios.seeds",
     "scex_sumo.studies.rank.rank",
     "scex_sumo.world.plain",
     "scex_sumo.world.sumo",

@@ -1,27 +1,36 @@
 """Needed braking: the least constant deceleration from now on with which a vehicle avoids another one.
 
 The other one goes on as it does: a braking one brakes to rest, an accelerating one accelerates for a second,
-then keeps its speed. Both keep their ways.
+then keeps its speed. Both keep their ways: driven, then as planned, then straight on.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.conflicts.driven import HORIZON_S, NODES, DrivenPaths, Shared
-from scex_sumo.scene import STEP_S
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
+from scex_sumo.geometry.polylines import Paths, wrap
+from scex_sumo.geometry.rectangles import Rectangles, axis_separations, separation
+from scex_sumo.scene import STEP_S, States
 
 MOST_MPS2: Final = 20.0
 """Needed braking that stands for all beyond it, and for a contact that no braking avoids."""
-
+HORIZON_S: Final = 8.0
+"""Time for which a vehicle goes on from each step."""
+NODES: Final = 64
+"""Samples of a path, equally far from each other."""
 _MEAN_STEPS = 5
 _STEP_S = 0.2
 _TIMES_S = np.arange(0.0, HORIZON_S + 1e-9, _STEP_S)[1:]
 _ACCELERATES_S = 1.0
 _SLACK_M = 1e-6  # of rounding, where what is out of reach is left out
+_MOVED_M = 0.01  # a shorter step has no direction
+_AT_ONCE = 1 << 12  # pairs of ways
+_BLOCK = 8  # nodes that are looked at together first
 
 
 def needed_braking(
@@ -122,3 +131,168 @@ def _blocked(
         between = (1 - share) * a + share * b
         ends.append(np.where(np.isnan(between), widest(a, b), between))
     return ends[0], ends[1]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DrivenPaths(Paths):
+    """Paths of R vehicles of futures, driven in T steps, with `NODES` samples."""
+
+    states: States  # (R, T) as driven
+    length: FloatArray  # (R,) m; so ``width``
+    width: FloatArray
+    arc: FloatArray  # (R, T) arc length at each step, m
+
+    @classmethod
+    def of(
+        cls, states: States, length: FloatArray, width: FloatArray, planned: FloatArray | None
+    ) -> DrivenPaths:
+        """Build the paths of vehicles, by states (R, T) as driven.
+
+        ``planned``: (2, R, H) x and y of the centres after the last step, m; None: straight on.
+        """
+        x, y, heading = _lines(states, planned)
+        step = np.hypot(np.diff(x), np.diff(y))
+        line = np.concatenate([np.zeros((len(x), 1)), step.cumsum(axis=1)], axis=1)
+        arc = line[:, : states.shape[1]]
+        reach = np.maximum((arc + HORIZON_S * states.speed).max(axis=1), 1.0)
+        line[:, -1] = np.maximum(line[:, -1], line[:, -2] + 1e-3)  # the straight end
+        spacing = reach / (NODES - 1)
+        at = spacing[:, None] * np.arange(NODES)
+        # A row at a time: its values are the same in any batch. Standing vehicles have equal arc lengths, of
+        # which np.interp takes the last one.
+        x, y, heading = (
+            np.array([np.interp(*row) for row in zip(at, line, v, strict=True)]).reshape(at.shape)
+            for v in (x, y, heading)
+        )
+        size = {"length": length, "width": width}
+        return cls(states=states, arc=arc, spacing=spacing, x=x, y=y, heading=heading, **size)
+
+    @cached_property
+    def box(self) -> FloatArray:
+        """(4, R) least x, least y, largest x, largest y of the outlines along the path, m."""
+        reach = np.hypot(self.length, self.width) / 2
+        low = [self.x.min(axis=1) - reach, self.y.min(axis=1) - reach]
+        return np.stack([*low, self.x.max(axis=1) + reach, self.y.max(axis=1) + reach])
+
+    def outlines(self, row: IntArray, node: IntArray) -> Rectangles:
+        """Return outlines of vehicles at samples of their paths."""
+        return Rectangles(
+            x=self.x[row, node],
+            y=self.y[row, node],
+            heading=self.heading[row, node],
+            half_length=self.length[row] / 2,
+            half_width=self.width[row] / 2,
+        )
+
+
+def _lines(states: States, planned: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return x, y and heading (R, T + H + 1) of the points of each way; the last point is far ahead."""
+    x, y = states.x, states.y
+    if planned is not None:
+        x, y = np.concatenate([x, planned[0]], axis=1), np.concatenate([y, planned[1]], axis=1)
+    dx, dy = np.diff(x[:, states.shape[1] - 1 :]), np.diff(y[:, states.shape[1] - 1 :])
+    turn = np.where(np.hypot(dx, dy) > _MOVED_M, np.arctan2(dy, dx), np.nan)
+    heading = np.concatenate([states.heading, turn], axis=1)
+    for column in range(1, heading.shape[1]):  # a short step keeps the heading
+        heading[:, column] = np.where(
+            np.isnan(heading[:, column]), heading[:, column - 1], heading[:, column]
+        )
+    heading = np.unwrap(heading, axis=1)
+    far = HORIZON_S * np.maximum(states.speed.max(axis=1), 1.0)
+    x = np.concatenate([x, (x[:, -1] + far * np.cos(heading[:, -1]))[:, None]], axis=1)
+    y = np.concatenate([y, (y[:, -1] + far * np.sin(heading[:, -1]))[:, None]], axis=1)
+    return x, y, np.concatenate([heading, heading[:, -1:]], axis=1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shared(Rows):
+    """Stretches (n, N) of n vehicles' ways that others block, by the node at which the other one is."""
+
+    own: IntArray  # (n,) row of the way
+    other: IntArray  # (n,) of the other vehicle's
+    # arc length of the first contact on the own way, m; NaN where the other one blocks nothing
+    enter: FloatArray
+    leave: FloatArray  # that of the last contact, m
+
+    def least_angle(self, ways: DrivenPaths) -> FloatArray:
+        """Return the least angle (n,) of both headings where the ways touch, rad."""
+        node = np.nan_to_num(np.rint(self.enter / ways.spacing[self.own][:, None])).astype(np.int64)
+        own = ways.heading[self.own[:, None], np.clip(node, 0, NODES - 1)]
+        angle = np.abs(wrap(own - ways.heading[self.other]))
+        return np.asarray(np.where(np.isnan(self.enter), np.inf, angle).min(axis=1, initial=np.inf))
+
+
+def shared_stretches(ways: DrivenPaths, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
+    """Return the shared stretches of pairs of ways (rows, (P,) each): of the first and the second ones.
+
+    Pairs that share nothing are left out.
+    """
+    low, high = ways.box[:2], ways.box[2:]
+    meet = ((low[:, one] <= high[:, two]) & (low[:, two] <= high[:, one])).all(axis=0)
+    one, two = one[meet], two[meet]
+    parts: tuple[list[Shared], list[Shared]] = ([], [])
+    for start in range(0, max(len(one), 1), _AT_ONCE):
+        part = slice(start, start + _AT_ONCE)
+        for found, some in zip(_of_some(ways, one[part], two[part]), parts, strict=True):
+            some.append(found)
+    return Shared.join(parts[0]), Shared.join(parts[1])
+
+
+def _of_some(ways: DrivenPaths, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
+    pair, at, other = _near_nodes(ways, one, two)
+    gaps = separation(ways.outlines(one[pair], at), ways.outlines(two[pair], other))
+    touch = np.unique(pair[gaps <= 0])
+    kept = np.isin(pair, touch)
+    hit = np.zeros((len(touch), NODES, NODES), dtype=np.bool_)
+    hit[np.searchsorted(touch, pair[kept]), at[kept], other[kept]] = gaps[kept] <= 0
+    one, two = one[touch], two[touch]
+    return _stretches(ways, one, two, hit.swapaxes(1, 2)), _stretches(ways, two, one, hit)
+
+
+def _near_nodes(ways: DrivenPaths, one: IntArray, two: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Return pair and both nodes where outlines may touch, and the nodes next to these."""
+    half = np.hypot(ways.length, ways.width) / 2
+    reach = half[one] + half[two] + np.maximum(ways.spacing[one], ways.spacing[two])
+    coarse = _BLOCK // 2 + _BLOCK * np.arange(NODES // _BLOCK)
+    wide = reach + (ways.spacing[one] + ways.spacing[two]) * _BLOCK / 2
+    x, y = ways.x, ways.y
+    dx = x[one][:, coarse, None] - x[two][:, None, coarse]
+    dy = y[one][:, coarse, None] - y[two][:, None, coarse]
+    pair, i, j = np.nonzero(dx * dx + dy * dy < (wide * wide)[:, None, None])
+    inner = np.arange(_BLOCK)
+    first, second = (_BLOCK * i)[:, None] + inner, (_BLOCK * j)[:, None] + inner
+    dx = x[one[pair][:, None], first][:, :, None] - x[two[pair][:, None], second][:, None]
+    dy = y[one[pair][:, None], first][:, :, None] - y[two[pair][:, None], second][:, None]
+    row, a, b = np.nonzero(dx * dx + dy * dy < (reach * reach)[pair][:, None, None])
+    return pair[row], first[row, a], second[row, b]
+
+
+def _stretches(ways: DrivenPaths, own: IntArray, other: IntArray, hit: BoolArray) -> Shared:
+    """Return where ways are blocked, by whether outlines touch (n, other's node, own node)."""
+    pair, node = np.nonzero(hit.any(axis=2))
+    inside = hit[pair, node]
+    first, last = np.argmax(inside, axis=1), NODES - 1 - np.argmax(inside[:, ::-1], axis=1)
+
+    def edge(touching: IntArray, step: int) -> FloatArray:
+        """Return arc lengths (n, N) between a node with contact and the next one, where contact ends."""
+        beyond = np.clip(touching + step, 0, NODES - 1)
+        share = shares_of_contact(
+            ways.outlines(own[pair], touching),
+            ways.outlines(own[pair], beyond),
+            ways.outlines(other[pair], node),
+        )
+        arc = np.full((len(own), NODES), np.nan)
+        arc[pair, node] = ways.spacing[own[pair]] * (
+            touching + step * np.where(beyond == touching, 0.0, share)
+        )
+        return arc
+
+    return Shared(own=own, other=other, enter=edge(first, -1), leave=edge(last, 1))
+
+
+def shares_of_contact(one: Rectangles, then: Rectangles, two: Rectangles) -> FloatArray:
+    """Return the share (n,) of a move, of the first outlines to ``then``, at which contact ends; 0: never."""
+    touching, apart = axis_separations(one, two), axis_separations(then, two)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(apart > 0, touching / (touching - apart), np.inf).min(axis=0)
+    return np.where(np.isfinite(share), share, 0.0)

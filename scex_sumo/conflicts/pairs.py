@@ -9,8 +9,16 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
-from scex_sumo.conflicts.braking import MOST_MPS2, both_braking, needed_braking, recent_acceleration
-from scex_sumo.conflicts.driven import DrivenPaths, Shared, shared_stretches, shares_of_contact
+from scex_sumo.conflicts.braking import (
+    MOST_MPS2,
+    DrivenPaths,
+    Shared,
+    both_braking,
+    needed_braking,
+    recent_acceleration,
+    shared_stretches,
+    shares_of_contact,
+)
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance, separation
 from scex_sumo.scene import STEP_S, States
 

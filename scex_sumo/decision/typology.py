@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.conflicts.driven import DrivenPaths
+from scex_sumo.conflicts.braking import DrivenPaths
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.results.participants import everybody, with_everybody

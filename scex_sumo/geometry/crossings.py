@@ -185,7 +185,7 @@ def _merge(boxes: FloatArray) -> FloatArray:
     return merged
 
 
-def _futures(block: IntArray, count: int) -> tuple[IntArray, BoolArray]:
+def _members(block: IntArray, count: int) -> tuple[IntArray, BoolArray]:
     member = block[:, None] * BLOCK + np.arange(BLOCK)
     return np.minimum(member, count - 1), member < count
 
@@ -194,20 +194,15 @@ def polyline_crossings(
     lines: Polylines, first: IntArray, second: IntArray
 ) -> tuple[Hits, IntArray, IntArray]:
     """Find all crossing points of (N,) pairs of polylines, and the number of the segment on both lines."""
-    which = np.arange(len(first))
-    block_1 = block_2 = np.zeros(len(first), dtype=np.int64)
-    for boxes in reversed(lines.boxes):
-        if boxes is not lines.boxes[-1]:
-            (block_1, real_1), (block_2, real_2) = (_futures(b, boxes.shape[3]) for b in (block_1, block_2))
-            one = boxes[:, :, first[which][:, None], block_1][..., :, None]
-            two = boxes[:, :, second[which][:, None], block_2][..., None, :]
-            meet = boxes_meet(one, two) & real_1[:, :, None] & real_2[:, None, :]
-            pair, own, other = np.nonzero(meet)
-            which, block_1, block_2 = which[pair], block_1[pair, own], block_2[pair, other]
-        else:
-            meet = boxes_meet(boxes[:, :, first, 0], boxes[:, :, second, 0])
-            keep = np.flatnonzero(meet)
-            which, block_1, block_2 = which[keep], block_1[keep], block_2[keep]
+    which = np.flatnonzero(boxes_meet(*(lines.boxes[-1][:, :, line, 0] for line in (first, second))))
+    block_1 = block_2 = np.zeros(len(which), dtype=np.int64)
+    for boxes in reversed(lines.boxes[:-1]):
+        (block_1, real_1), (block_2, real_2) = (_members(b, boxes.shape[3]) for b in (block_1, block_2))
+        one = boxes[:, :, first[which][:, None], block_1][..., :, None]
+        two = boxes[:, :, second[which][:, None], block_2][..., None, :]
+        meet = boxes_meet(one, two) & real_1[:, :, None] & real_2[:, None, :]
+        pair, own, other = np.nonzero(meet)
+        which, block_1, block_2 = which[pair], block_1[pair, own], block_2[pair, other]
     at_1, at_2 = (first[which], block_1), (second[which], block_2)
     hits = intersect(*lines.segments(at_1), *lines.segments(at_2))
     hit = hits.which
@@ -229,7 +224,7 @@ def meeting_segments(own: FloatArray, lines: Polylines, line: IntArray) -> tuple
     which = np.flatnonzero(boxes_meet(own, lines.boxes[-1][:, :, line, 0]))
     block = np.zeros(which.size, dtype=np.int64)
     for boxes in reversed(lines.boxes[:-1]):
-        members, real = _futures(block, boxes.shape[3])
+        members, real = _members(block, boxes.shape[3])
         meet = boxes_meet(own[:, :, which, None], boxes[:, :, line[which][:, None], members]) & real
         row, member = np.nonzero(meet)
         which, block = which[row], members[row, member]

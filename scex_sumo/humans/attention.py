@@ -22,8 +22,13 @@ from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, SLOPE_SPEED, Accelerate, rear_axle
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
-from scex_sumo.conflicts.braking import needed_braking, recent_acceleration
-from scex_sumo.conflicts.driven import HORIZON_S, DrivenPaths, shared_stretches
+from scex_sumo.conflicts.braking import (
+    HORIZON_S,
+    DrivenPaths,
+    needed_braking,
+    recent_acceleration,
+    shared_stretches,
+)
 from scex_sumo.humans.guard.side_clearance import offsets_beside
 from scex_sumo.humans.observed.observations import View
 from scex_sumo.humans.parameters import HumanParameters

@@ -22,7 +22,7 @@ from scex_sumo.extrapolation.extras import extra_named
 from scex_sumo.extrapolation.options import OUTPUT, RUN_OPTIONS, RunOptions
 from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.scenarios.options import SeedOptions
+from scex_sumo.scenarios.seeds import SeedOptions
 from scex_sumo.steps.seed import seed_scene
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from scex_sumo.commands import console
 from scex_sumo.commands.console import progress_bar, warn
 
 if TYPE_CHECKING:
-    from scex_sumo.scenarios.options import SeedOptions
+    from scex_sumo.scenarios.seeds import SeedOptions
     from scex_sumo.scene import SeedScene
 
 _LONG = 200

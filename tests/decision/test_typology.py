@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.conflicts.driven import DrivenPaths
+from scex_sumo.conflicts.braking import DrivenPaths
 from scex_sumo.decision.moment import human_part, pairs_of_part
 from scex_sumo.decision.typology import conflict_of, kinds_of
 from scex_sumo.extrapolation.job import ruled

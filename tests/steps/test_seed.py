@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.base.errors import TrackError
-from scex_sumo.scenarios.options import SeedOptions
+from scex_sumo.scenarios.seeds import SeedOptions
 from scex_sumo.steps.seed import seed_scene
 from tests.converters import track_files
 from tests.converters.maps import straight, write_map

@@ -13,7 +13,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
 
 if TYPE_CHECKING:
-    from scex_sumo.conflicts.driven import DrivenPaths, Shared
+    from scex_sumo.conflicts.braking import DrivenPaths, Shared
 
 
 def needed_braking(scenes: Scenes) -> Samples:
@@ -48,7 +48,7 @@ def time_margin(scenes: Scenes) -> Samples:
 
 def _touching(scenes: Scenes) -> tuple[DrivenPaths, Shared, Shared]:
     """Return the ways of all vehicles in all futures, and the stretches that two of a future share."""
-    from scex_sumo.conflicts.driven import shared_stretches
+    from scex_sumo.conflicts.braking import shared_stretches
     from scex_sumo.conflicts.pairs import ways_of
 
     tracks, plan = scenes.tracks, scenes.planned
