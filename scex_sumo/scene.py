@@ -50,9 +50,7 @@ class States:
 
     def map(self, function: Callable[[FloatArray], FloatArray]) -> States:
         """Apply a function to each of the four arrays."""
-        return States(
-            x=function(self.x), y=function(self.y), heading=function(self.heading), speed=function(self.speed)
-        )
+        return States.joined([self], lambda arrays: function(arrays[0]))
 
     def __getitem__(self, key: Any) -> States:
         return States(x=self.x[key], y=self.y[key], heading=self.heading[key], speed=self.speed[key])
@@ -81,37 +79,31 @@ class States:
         dx, dy = x - self.x[frame], y - self.y[frame]
         return cos * dx + sin * dy, cos * dy - sin * dx
 
-    @classmethod
-    def empty(cls, shape: tuple[int, ...]) -> States:
+    @staticmethod
+    def empty(shape: tuple[int, ...]) -> States:
         """Allocate states without values."""
-        return cls(x=np.empty(shape), y=np.empty(shape), heading=np.empty(shape), speed=np.empty(shape))
+        return States(x=np.empty(shape), y=np.empty(shape), heading=np.empty(shape), speed=np.empty(shape))
 
-    @classmethod
-    def concatenate(cls, parts: Sequence[States], axis: int) -> States:
+    @staticmethod
+    def concatenate(parts: Sequence[States], axis: int) -> States:
         """Join states along an existing axis."""
-        return cls.joined(parts, lambda arrays: np.concatenate(arrays, axis))
+        return States.joined(parts, lambda arrays: np.concatenate(arrays, axis))
 
-    @classmethod
-    def stack(cls, parts: Sequence[States], axis: int) -> States:
+    @staticmethod
+    def stack(parts: Sequence[States], axis: int) -> States:
         """Join states along a new axis."""
-        return cls.joined(parts, lambda arrays: np.stack(arrays, axis))
+        return States.joined(parts, lambda arrays: np.stack(arrays, axis))
 
     @staticmethod
     def joined(parts: Sequence[States], join: Callable[[list[FloatArray]], FloatArray]) -> States:
         """Make each of the four arrays from those of all parts."""
-        return States(
-            x=join([p.x for p in parts]),
-            y=join([p.y for p in parts]),
-            heading=join([p.heading for p in parts]),
-            speed=join([p.speed for p in parts]),
-        )
+        names = "x", "y", "heading", "speed"
+        return States(**{name: join([getattr(part, name) for part in parts]) for name in names})
 
     def assign(self, key: Any, other: States) -> None:
         """Write ``other`` into the arrays at ``key``, in place."""
-        self.x[key] = other.x
-        self.y[key] = other.y
-        self.heading[key] = other.heading
-        self.speed[key] = other.speed
+        self.x[key], self.y[key] = other.x, other.y
+        self.heading[key], self.speed[key] = other.heading, other.speed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

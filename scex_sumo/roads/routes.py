@@ -25,7 +25,7 @@ PLAN_S = 3.0
 MAX_LONGER = 12  # paths of a vehicle from one lane, with the forks that only longer futures reach
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class CandidatePath:
     """One way a vehicle can go."""
 
@@ -108,7 +108,9 @@ def candidate_paths(road: Road, scene: SeedScene) -> tuple[tuple[CandidatePath, 
         pose = (float(now.x[v]), float(now.y[v]), float(now.heading[v]))
         first = max(HORIZON_M, HORIZON_S * float(now.speed[v]))
         horizon = longer * first
-        starts = _starts(road, matches, mine, _past(scene, v))
+        back = [-1 - steps for steps in (5, 10) if scene.recorded_steps[v] >= steps]
+        past = np.column_stack([scene.history.x[v, back], scene.history.y[v, back]])
+        starts = _starts(road, matches, mine, past)
         total = sum(p for _, _, p in starts)
         paths = [
             path
@@ -139,8 +141,7 @@ def _with_intended(
         if path.lanes == route:
             paths[k] = replace(path, intended=True)
             return paths
-    angle = _angle(road, route, s, horizon, pose)
-    return [*paths, CandidatePath(lanes=route, s=s, probability=0.0, angle=angle, intended=True)]
+    return [*paths, CandidatePath(route, s, 0.0, _angle(road, route, s, horizon, pose), intended=True)]
 
 
 def _along(road: Road, lane: int, s: float, allowed: frozenset[int], horizon: float) -> tuple[int, ...]:
@@ -168,12 +169,6 @@ def _along(road: Road, lane: int, s: float, allowed: frozenset[int], horizon: fl
         best = max(options, key=lambda i: (reach(i), -i))
         route, covered = (*route, best), covered + (length[best] if gain else 0.0)
     return route
-
-
-def _past(scene: SeedScene, vehicle: int) -> FloatArray:
-    back = [steps for steps in (5, 10) if scene.recorded_steps[vehicle] >= steps]
-    track = scene.history[vehicle]
-    return np.array([[track.x[-1 - steps], track.y[-1 - steps]] for steps in back]).reshape(-1, 2)
 
 
 def _starts(road: Road, matches: Matches, mine: IntArray, past: FloatArray) -> list[tuple[int, float, float]]:
@@ -225,16 +220,9 @@ def _paths_from(
         for i in range(1, len(route)):  # alternatives at each fork
             share /= len({other[i] for other in options if other[:i] == route[:i] and len(other) > i})
         angle = _angle(road, route, s, first, pose)
-        paths.append(
-            CandidatePath(
-                lanes=route,
-                s=s,
-                probability=share,
-                angle=angle,
-                end_angle=_angle(road, route, s, horizon, pose) if horizon > first else angle,
-                straight_on=any(ahead[: len(route)] == route for ahead in straight),
-            )
-        )
+        end_angle = _angle(road, route, s, horizon, pose) if horizon > first else angle
+        straight_on = any(ahead[: len(route)] == route for ahead in straight)
+        paths.append(CandidatePath(route, s, share, angle, end_angle, straight_on))
     return paths
 
 

@@ -139,7 +139,8 @@ def drive(
         turn = clipped(curvature + bend, -most, most)
         bend = turn - curvature
         angle = turn * moved
-        chord, middle = _chord(angle, moved), heading + angle / 2
+        z2, middle = (angle / 2) ** 2, heading + angle / 2
+        chord = moved * (1 - z2 / 6 * (1 - z2 / 20))  # sin(z)/z of the half angle, below 0.5
         x, y, heading = x + chord * np.cos(middle), y + chord * np.sin(middle), heading + angle
         s, v = s + moved, np.maximum(following, 0.0)
         out[0, step], out[1, step], out[2, step], out[3, step] = x, y, heading, v
@@ -161,11 +162,6 @@ def drive_along(
     """Drive vehicles along chosen paths for 3 s, by default at their speed; see `drive`."""
     paths, row = chosen_paths(history, road, vehicles, path)
     return drive(history, vehicles, paths, row, accelerate, start=start)
-
-
-def _chord(angle: FloatArray, moved: FloatArray) -> FloatArray:
-    z2 = (angle / 2) ** 2  # sin(z)/z of the half angle, below 0.5
-    return np.asarray(moved * (1 - z2 / 6 * (1 - z2 / 20)))
 
 
 def _bend_beside(bend: FloatArray, aside: FloatArray | None, v: FloatArray) -> FloatArray:
