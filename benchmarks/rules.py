@@ -381,9 +381,8 @@ def main() -> None:
     if arguments.what == "grids":
         return write_simulations(Path(arguments.files[0]), arguments.first)
     given = dict(pair.split("=") for pair in arguments.given.split(",") if pair)
-    changed = dataclasses.replace(obedience.RULE_PARAMETERS, **{k: float(v) for k, v in given.items()})
-    obedience.RULE_PARAMETERS = changed
-    obedience.manner_of.__defaults__ = (changed,)
+    changed = {k: float(v) for k, v in given.items()}
+    obedience.RULE_PARAMETERS = dataclasses.replace(obedience.RULE_PARAMETERS, **changed)
     if arguments.what == "rest":
         of: dict[str, list[float]] = defaultdict(list)
         for site, scene in recorded(arguments):

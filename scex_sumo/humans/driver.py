@@ -103,9 +103,8 @@ class Draws(NamedTuple):
 class LikelyDriver(Driver):
     """A random driver for every vehicle of every future."""
 
-    def __init__(self, profile: LikelyProfile, human: HumanParameters | None = None) -> None:
+    def __init__(self, profile: LikelyProfile) -> None:
         self.profile = profile
-        self.human = human or human_parameters()
 
     def plan(
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
@@ -114,8 +113,7 @@ class LikelyDriver(Driver):
         history = estimated_history(history, road)
         paths, row = self._paths(history, road, vehicles)
         s, _, _ = path_positions(history, vehicles, paths, row)
-        human = human_of(history.scene, self.human)
-        view = View(history, vehicles, paths, row, s, human)
+        view = View(history, vehicles, paths, row, s, human_of(history.scene))
         draws = Draws.of(history.route_draw[vehicles.future, vehicles.vehicle])
         drivers, offsets = self._drivers(view, draws), self._offsets(view, road, draws)
         leaders, obeyed = leaders_of(view, offsets[:, 0]), self._obeyed(view, road)
@@ -126,7 +124,7 @@ class LikelyDriver(Driver):
         accelerate = accelerations(view, drivers, leaders, aware=aware, waits_s=waits_s, hold=hold)
         accelerate, aside = unchanged(accelerate, unaware), kept_clear(offsets, view)
         plan = drive(history, vehicles, paths, row, accelerate, aside=aside, parallel=True)
-        yielded = yielding(plan, history, road, vehicles, human, aware)
+        yielded = yielding(plan, history, road, vehicles, view.human, aware)
         yielded.assign(unaware, plan[unaware])
         return yielded
 
@@ -134,7 +132,7 @@ class LikelyDriver(Driver):
         if self.profile.path != "fitted":
             return chosen_paths(history, road, vehicles, self.profile.path, redraw=redrawn)  # type: ignore[arg-type]
         paths, _ = chosen_paths(history, road, vehicles, 0, redraw=redrawn)
-        edges = path_edges(history.scene, paths, human_of(history.scene, self.human))
+        edges = path_edges(history.scene, paths, human_of(history.scene))
         draw = uniforms(history.route_draw[vehicles.future, vehicles.vehicle], 1, PATH)[:, 0]
         row = paths.first[vehicles.vehicle]
         last = row + paths.count[vehicles.vehicle] - 1
@@ -218,9 +216,9 @@ class LikelyDriver(Driver):
         return waits_for(obeyed, view, waits_s, np.where(near, moves, obeyed.released))
 
 
-def human_of(scene: SeedScene, human: HumanParameters) -> HumanParameters:
+def human_of(scene: SeedScene) -> HumanParameters:
     """Return the parameters of the drivers of a scene."""
-    return simulated(human) if scene.intentions else human
+    return simulated(human_parameters()) if scene.intentions else human_parameters()
 
 
 @owner_cache

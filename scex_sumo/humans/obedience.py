@@ -44,9 +44,9 @@ def _logit(share: FloatArray) -> FloatArray:
     return np.asarray(np.log(share / (1 - share)))
 
 
-def manner_of(draw: FloatArray, spread: float, given: RuleParameters = RULE_PARAMETERS) -> Manner:
+def manner_of(draw: FloatArray, spread: float) -> Manner:
     """Draw how drivers obey, by (n,) draws; with ``spread`` 0 the median driver, which violates nothing."""
-    yellow, red, priority, gap = uniforms(draw, 4, OBEYS).T
+    given, (yellow, red, priority, gap) = RULE_PARAMETERS, uniforms(draw, 4, OBEYS).T
     runs = (red < given.runs_red) & (spread > 0)
     waits_s = given.yellow_s + min(spread, 1.0) * given.yellow_scale_s * _logit(yellow)
     return Manner(

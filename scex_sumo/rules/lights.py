@@ -37,9 +37,8 @@ def light_bars(net: Path, steps: int, *, known: bool) -> list[LightBar]:
     signals, _ = signals_of_links(root, links, known=known)
     shown: dict[str, dict[int, str]] = defaultdict(dict)
     for link in links:
-        signal = signals.get(link.light) if link.light is not None else None
-        if signal is not None and signal.letters and link.light is not None:
-            letters = "".join(signal.at(STEP_S * step)[0] for step in range(steps + 1))
+        if link.light is not None and link.light in signals and signals[link.light].letters:
+            letters = "".join(signals[link.light].at(STEP_S * step)[0] for step in range(steps + 1))
             if letters not in shown[link.lanes[0]].values():
                 shown[link.lanes[0]][link.light[1]] = letters
     bars = []

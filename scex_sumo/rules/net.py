@@ -32,15 +32,12 @@ ACROSS_M, ALONG_COS = 1.6, 0.9  # of a vehicle from the middle of its lane, of i
 LINE_M = 0.5, 3.0  # of a stop line: before the first one, and its length
 
 
-def with_rules(scene: SeedScene, net: SumoNet, *, keep: bool = True) -> tuple[SeedScene, tuple[str, ...]]:
-    """Return a scene with the rules of its road (None if it has none), and notes.
-
-    ``net``: of the road, with or without the recorded lights of the scene; ``keep``: use the cache of nets.
-    """
+def with_rules(scene: SeedScene, net: SumoNet) -> tuple[SeedScene, tuple[str, ...]]:
+    """Return a scene with the rules of its road (None if it has none), and notes, by the road's net."""
     file = _NetFile(path=net.path, digest=hashlib.sha256(unpacked(net.path)).hexdigest())
     if scene.rules is not None and scene.rules.net == file.digest:
         return scene, scene.rules.notes
-    found = _rules_of(scene, net.lanes, file, keep)
+    found = _rules_of(scene, net.lanes, file)
     rules = found if found.passages or found.crosswalks else None
     return scene if scene.rules is rules else _ruled(scene, rules), found.notes
 
@@ -59,8 +56,8 @@ def _ruled(scene: SeedScene, rules: Rules | None) -> SeedScene:
 
 
 @owner_cache
-def _rules_of(scene: SeedScene, lanes: LaneTable, net: _NetFile, keep: bool) -> Rules:
-    """Return the rules of a scene's road, with recorded lights; arguments as of `with_rules`."""
+def _rules_of(scene: SeedScene, lanes: LaneTable, net: _NetFile) -> Rules:
+    """Return the rules of a scene's road, with recorded lights."""
     road = scene.road
     assert road is not None
     signals = signals_of(scene)
@@ -72,7 +69,7 @@ def _rules_of(scene: SeedScene, lanes: LaneTable, net: _NetFile, keep: bool) -> 
     if not _is_recorded(root):
         with TemporaryFolder() as folder:
             path = Path(folder) / "lit.net.xml"
-            lanes = converted(road, path, keep=keep, signals=signals, time_s=scene.time_s).lanes
+            lanes = converted(road, path, signals=signals, time_s=scene.time_s).lanes
             root = net_root(path)
     rules = read_rules(root, lanes, road)
     recorded = (f"lights as recorded in {signals.name}",) if _is_recorded(root) else ()

@@ -71,7 +71,7 @@ def test_a_heading_across_the_lane_is_motion_across_it_but_for_vehicles_of_sumo(
     where, scene = roads.straight(), roads.scene_of((100.0, 0.0, 0.3, 5.0))
     sumos = replace(scene, intentions=(Intention(edges=("a",)),))
     for of, swerve in ((scene, 5 * np.sin(0.3)), (sumos, 0.0)):
-        human = human_of(of, HUMAN)
+        human = human_of(of)
         lateral = observations_of(of, seed_paths(of, where), human).lateral[0]
         assert lateral[1] == pytest.approx(swerve, abs=0.05)
 

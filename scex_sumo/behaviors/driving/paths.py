@@ -384,9 +384,9 @@ def _dilate(mask: BoolArray, reach: int) -> BoolArray:
     return np.asarray(total[:, 2 * reach + 1 :] > total[:, :n])
 
 
-def resample(points: FloatArray, count: int, ds: float, first_s: float = 0.0) -> FloatArray:
-    """Return (count, 2) points of a polyline every `ds` from `first_s` on, straight on past its end."""
-    s: FloatArray = first_s + ds * np.arange(count, dtype=np.float64)
+def resample(points: FloatArray, count: int, ds: float) -> FloatArray:
+    """Return (count, 2) points of a polyline every `ds` m, straight on past its end."""
+    s: FloatArray = ds * np.arange(count, dtype=np.float64)
     past = np.maximum(s - length_of(points), 0.0)
     tail = points[-1] - points[-2]
     tail = tail / max(float(np.hypot(*tail)), 1e-9)
