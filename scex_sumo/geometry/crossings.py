@@ -6,6 +6,7 @@ Each polyline has a pyramid of bounding boxes: of segments, blocks of segments, 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -15,6 +16,8 @@ BLOCK = 6
 PARALLEL = 1e-9  # sine of the smallest angle of a crossing
 ARC_ROUNDING_M = 1e-9
 TOUCH = 1e-9  # share of a segment's length within which end points touch
+Segments: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+"""Start x and y, and step x and y, (N,) m."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,17 +30,9 @@ class Hits:
     sine: FloatArray  # (X,) of the angle between them, without sign
 
 
-def intersect(
-    px: FloatArray,
-    py: FloatArray,
-    rx: FloatArray,
-    ry: FloatArray,
-    qx: FloatArray,
-    qy: FloatArray,
-    sx: FloatArray,
-    sy: FloatArray,
-) -> Hits:
+def intersect(one: Segments, two: Segments) -> Hits:
     """Find crossing points of (N,) segments p + u r and q + w s; touching ones cross, parallel ones never."""
+    (px, py, rx, ry), (qx, qy, sx, sy) = one, two
     area = rx * sy - ry * sx
     gx, gy = qx - px, qy - py
     sign = np.sign(area)
@@ -125,10 +120,8 @@ class Polylines:
         octagons = nodes[:, :, : count + 1]
         return cls(x=x, y=y, octagons=octagons, arc=arc, start=start, delta=delta, boxes=tuple(boxes))
 
-    def segments(
-        self, at: tuple[IntArray, IntArray]
-    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return (N,) start x and y and step x and y of segments."""
+    def segments(self, at: tuple[IntArray, IntArray]) -> Segments:
+        """Return segments by line and number."""
         return self.start[0][at], self.start[1][at], self.delta[0][at], self.delta[1][at]
 
     def arc_at(self, line: IntArray, segment: IntArray, share: FloatArray) -> FloatArray:
@@ -204,7 +197,7 @@ def polyline_crossings(
         pair, own, other = np.nonzero(meet)
         which, block_1, block_2 = which[pair], block_1[pair, own], block_2[pair, other]
     at_1, at_2 = (first[which], block_1), (second[which], block_2)
-    hits = intersect(*lines.segments(at_1), *lines.segments(at_2))
+    hits = intersect(lines.segments(at_1), lines.segments(at_2))
     hit = hits.which
     return replace(hits, which=which[hit]), block_1[hit], block_2[hit]
 
@@ -215,7 +208,7 @@ def segment_crossings(
     """Find all crossing points of (N,) segments with one polyline each, and its segments' numbers."""
     which, block = meeting_segments(segment_boxes(x, y, x + dx, y + dy), lines, line)
     at = (line[which], block)
-    hits = intersect(x[which], y[which], dx[which], dy[which], *lines.segments(at))
+    hits = intersect((x[which], y[which], dx[which], dy[which]), lines.segments(at))
     return replace(hits, which=which[hits.which]), block[hits.which]
 
 

@@ -135,17 +135,9 @@ def distance_apart(
     return np.where(separated(*in_first) | separated(*in_second), np.sqrt(squared), 0.0)
 
 
-def _corners_to_box(
-    x: FloatArray,
-    y: FloatArray,
-    cos: FloatArray,
-    sin: FloatArray,
-    half_length: FloatArray,
-    half_width: FloatArray,
-    box_length: FloatArray,
-    box_width: FloatArray,
-) -> FloatArray:
+def _corners_to_box(*pose: FloatArray) -> FloatArray:
     """Return the (N,) smallest squared distance of a rectangle's corners to a box at the origin, m²."""
+    x, y, cos, sin, half_length, half_width, box_length, box_width = pose
     along = (half_length * cos, half_length * sin)
     across = (-half_width * sin, half_width * cos)
     nearest = np.full(np.shape(x), np.inf)
@@ -156,17 +148,12 @@ def _corners_to_box(
     return nearest
 
 
-def separated(
-    x: FloatArray,
-    y: FloatArray,
-    cos: FloatArray,
-    sin: FloatArray,
-    half_length: FloatArray,
-    half_width: FloatArray,
-    box_length: FloatArray,
-    box_width: FloatArray,
-) -> BoolArray:
-    """Return (N,) whether an axis of the box separates it from the rectangle (separating axis theorem)."""
+def separated(*pose: FloatArray) -> BoolArray:
+    """Return (N,) whether an axis of a box at the origin separates it from a rectangle.
+
+    ``pose``: of the rectangle: x, y, cosine, sine, half length and width; then those of the box.
+    """
+    x, y, cos, sin, half_length, half_width, box_length, box_width = pose
     cos, sin = np.abs(cos), np.abs(sin)
     apart: BoolArray = np.abs(x) > box_length + half_length * cos + half_width * sin
     apart |= np.abs(y) > box_width + half_length * sin + half_width * cos

@@ -113,7 +113,7 @@ def crossings_of(a: FloatArray, b: FloatArray) -> tuple[Hits, IntArray, IntArray
     low, high = np.maximum(a.min(axis=0), b.min(axis=0)), np.minimum(a.max(axis=0), b.max(axis=0))
     i, j = (_segments_in(line, low - SLACK_M, high + SLACK_M) for line in (a, b))
     i, j = np.repeat(i, len(j)), np.tile(j, len(i))
-    hits = intersect(*a[i].T, *(a[i + 1] - a[i]).T, *b[j].T, *(b[j + 1] - b[j]).T)
+    hits = intersect((*a[i].T, *(a[i + 1] - a[i]).T), (*b[j].T, *(b[j + 1] - b[j]).T))
     return hits, i[hits.which], j[hits.which]
 
 

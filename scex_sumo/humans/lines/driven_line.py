@@ -59,18 +59,9 @@ def driven_lines(points: FloatArray, centre: FloatArray, room: FloatArray, ds: f
     moved = ((points - centre) * normal).sum(axis=2)
     most = np.maximum(room[..., 0] - CLEAR_M, 0.0) - moved
     least = -np.maximum(room[..., 1] - CLEAR_M, 0.0) - moved
-    knots = slice(None, None, EVERY)
-    half = np.maximum(room.sum(axis=2) / 2, 1.0)
-    reach = SPRING * half
-    shift = _band(
-        points[:, knots],
-        normal[:, knots],
-        least[:, knots],
-        most[:, knots],
-        moved[:, knots],
-        reach[:, knots],
-        EVERY * ds,
-    )
+    reach = SPRING * np.maximum(room.sum(axis=2) / 2, 1.0)
+    knots = (values[:, ::EVERY] for values in (points, normal, least, most, moved, reach))
+    shift = _band(EVERY * ds, *knots)
     place = np.arange(points.shape[1]) / EVERY
     low = np.minimum(place.astype(np.int64), shift.shape[1] - 2)
     part = np.minimum(place - low, 1.0)
@@ -80,13 +71,13 @@ def driven_lines(points: FloatArray, centre: FloatArray, room: FloatArray, ds: f
 
 
 def _band(
+    h: float,
     points: FloatArray,
     normal: FloatArray,
     least: FloatArray,
     most: FloatArray,
     moved: FloatArray,
     reach: FloatArray,
-    h: float,
 ) -> FloatArray:
     """Return (K, M) shifts of knots along their normals with the least energy, m."""
     count = points.shape[1]

@@ -162,7 +162,7 @@ class PathsAhead:
         x, y, dx, dy = (a.reshape(-1) for a in (scenes.x, scenes.y, self.dx, self.dy))
         mine = x[row], y[row], dx[row], dy[row]
         first_length, offset = self.first_length.reshape(-1), self.offset.reshape(-1)
-        hits = intersect(*mine, x[theirs], y[theirs], dx[theirs], dy[theirs])
+        hits = intersect(mine, (x[theirs], y[theirs], dx[theirs], dy[theirs]))
         at = hits.which
         between_firsts = Crossings(
             where=where[at],
