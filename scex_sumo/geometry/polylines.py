@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -20,6 +20,8 @@ COARSE = 8  # samples between two of the first step of a projection
 COLUMNS = ("x", "y", "cos", "sin", "heading", "curvature")
 POINTS_AT_ONCE = 1 << 10  # their distances to all samples fit the processor's cache
 LAP_WEIGHT = 0.01  # (m off the path)² per (m off the expected arc length)²
+Feet: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+"""(n,) arc lengths, m; distances from the paths, m, left positive; headings of the paths there, unwrapped."""
 
 
 def wrap(angle: Any) -> Any:
@@ -273,13 +275,8 @@ class Paths:
         bend: FloatArray = self.bend[0].take(at) + self.bend[1].take(at) * (position - index)
         return bend
 
-    def refine(
-        self, row: IntArray, s: FloatArray, x: FloatArray, y: FloatArray, steps: int
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Move first guesses of arc lengths to the foot points.
-
-        Return (n,) arc length, m; distance, m, left positive; heading of the path, unwrapped.
-        """
+    def refine(self, row: IntArray, s: FloatArray, x: FloatArray, y: FloatArray, steps: int) -> Feet:
+        """Move first guesses of arc lengths to the foot points."""
         for _ in range(steps):
             px, py, cos, sin, heading, curvature = self.at(row, s)
             dx, dy = x - px, y - py
@@ -292,9 +289,7 @@ class Paths:
         px, py, cos, sin, heading, _ = self.at(row, s)
         return s, cos * (y - py) - sin * (x - px), heading
 
-    def foot_points(
-        self, row: IntArray, x: FloatArray, y: FloatArray, expected: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def foot_points(self, row: IntArray, x: FloatArray, y: FloatArray, expected: FloatArray) -> Feet:
         """Project points onto their paths; see `refine` for the result.
 
         ``expected``: (n,) rough arc length, m, which decides where a path passes a place twice.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,6 +15,7 @@ SEEN_COLUMNS = ("x", "y", "cos", "sin", "speed")
 BOX = np.array([(0.5, 0.5), (0.5, -0.5), (-0.5, -0.5), (-0.5, 0.5)])
 """Outline of a vehicle as shares of its length (forwards) and width (to the left)."""
 
+Two: TypeAlias = tuple[FloatArray, FloatArray]
 _FLAT_M = 1e-6  # an edge that rises by less is level
 _CORNERS = (1.0, -1.0, -1.0, 1.0), (1.0, 1.0, -1.0, -1.0)  # sides of length and width, around the rectangle
 _NEXT = [1, 2, 3, 0]
@@ -111,23 +113,17 @@ def rectangle_distance(one: Rectangles, two: Rectangles) -> FloatArray:
     """Return the (N,) smallest distance between two rectangles, m; 0 if they touch or overlap."""
     directions = np.cos(one.heading), np.sin(one.heading), np.cos(two.heading), np.sin(two.heading)
     own, other = (one.half_length, one.half_width), (two.half_length, two.half_width)
-    return distance_apart(two.x - one.x, two.y - one.y, *directions, own, other)
+    return distance_apart(two.x - one.x, two.y - one.y, directions, own, other)
 
 
 def distance_apart(
-    dx: FloatArray,
-    dy: FloatArray,
-    cos_1: FloatArray,
-    sin_1: FloatArray,
-    cos_2: FloatArray,
-    sin_2: FloatArray,
-    own: tuple[FloatArray, FloatArray],
-    other: tuple[FloatArray, FloatArray],
+    dx: FloatArray, dy: FloatArray, directions: tuple[FloatArray, ...], own: Two, other: Two
 ) -> FloatArray:
-    """Return the distance of rectangles from offset of centres, directions, half lengths and widths.
+    """Return the distance of rectangles from offset of centres, cosines and sines, half lengths and widths.
 
     Exact: disjoint convex polygons are nearest at a corner.
     """
+    cos_1, sin_1, cos_2, sin_2 = directions
     cos, sin = cos_1 * cos_2 + sin_1 * sin_2, cos_1 * sin_2 - sin_1 * cos_2
     in_first = (dx * cos_1 + dy * sin_1, dy * cos_1 - dx * sin_1, cos, sin, *other, *own)
     in_second = (-(dx * cos_2 + dy * sin_2), -(dy * cos_2 - dx * sin_2), cos, -sin, *own, *other)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cache, partial
 from heapq import heapify, heappop, heappush
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -22,6 +22,7 @@ MAX_LOOK_AHEAD = 12  # lanes of a route whose changes are avoided
 _RECENT = 1024  # centrelines of a road: more than those of a scene
 HORIZON_M, HORIZON_S = 80.0, 6.0  # of a candidate path for futures of 3 s: they, and a plan of 3 s
 PLAN_S = 3.0
+Pose: TypeAlias = tuple[float, float, float]
 MAX_LONGER = 12  # paths of a vehicle from one lane, with the forks that only longer futures reach
 
 
@@ -130,7 +131,7 @@ def _with_intended(
     starts: list[tuple[int, float, float]],
     allowed: frozenset[int],
     horizon: float,
-    pose: tuple[float, float, float],
+    pose: Pose,
 ) -> list[CandidatePath]:
     start = next(((lane, s) for lane, s, _ in starts if lane in allowed), None)
     if start is None:
@@ -202,12 +203,7 @@ def _came_along(road: Road, lane: int, s: float, past: FloatArray) -> float:
 
 
 def _paths_from(
-    road: Road,
-    lane: int,
-    s: float,
-    probability: float,
-    horizons: tuple[float, float],
-    pose: tuple[float, float, float],
+    road: Road, lane: int, s: float, probability: float, horizons: tuple[float, float], pose: Pose
 ) -> list[CandidatePath]:
     first, horizon = horizons
     options = straight = routes(road, lane, s, first)
@@ -250,9 +246,7 @@ def _covered(road: Road, lanes: tuple[int, ...]) -> float:
     return length[lanes[0]] + sum(length[b] for a, b in pairwise(lanes) if b in known[a].successors)
 
 
-def _angle(
-    road: Road, route: tuple[int, ...], s: float, horizon: float, pose: tuple[float, float, float]
-) -> float:
+def _angle(road: Road, route: tuple[int, ...], s: float, horizon: float, pose: Pose) -> float:
     x, y, heading = pose
     points, _ = centreline(road, route, s, 0.0, horizon)
     dx, dy = points[-1] - (x, y)

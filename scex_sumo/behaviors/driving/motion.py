@@ -40,6 +40,7 @@ CURVE_DECELERATION = 2.18  # m/s² before a curve, as ``calibrated_driver``
 CURVE_BRAKING = 6.0  # m/s² at most, for a vehicle that is too fast already
 STEERING_RATE = 0.3  # 1/(m·s): 45 degrees/s at the wheels of a 2.7 m wheelbase
 
+Lead: TypeAlias = tuple[FloatArray | float, FloatArray | float]
 # (step, speed, arc length from the start of the plan, arc length on the table) -> m/s²
 Accelerate: TypeAlias = Callable[[int, FloatArray, FloatArray, FloatArray], FloatArray]
 
@@ -129,7 +130,7 @@ def drive(
         dx, dy = x - px, y - py
         s = s + (cos * dx + sin * dy)
         offset = cos * dy - sin * dx
-        lead: tuple[FloatArray | float, FloatArray | float] = (0.0, 0.0)
+        lead: Lead = (0.0, 0.0)
         if wanted is not None:
             offset, lead = offset - wanted[step], _lead(wanted, step, moved)
             beside = wanted[step] if parallel else None
@@ -184,12 +185,7 @@ def _lead(wanted: FloatArray, step: int, moved: FloatArray) -> tuple[FloatArray,
 
 
 def _steer(
-    bend: FloatArray,
-    offset: FloatArray,
-    error: FloatArray,
-    v: FloatArray,
-    moved: FloatArray,
-    lead: tuple[FloatArray | float, FloatArray | float],
+    bend: FloatArray, offset: FloatArray, error: FloatArray, v: FloatArray, moved: FloatArray, lead: Lead
 ) -> FloatArray:
     """Return the curvature error after one step.
 

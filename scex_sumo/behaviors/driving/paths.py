@@ -16,7 +16,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, least_of
 from scex_sumo.base.owned import owner_cache, recent
-from scex_sumo.geometry.polylines import Paths, along, arc_lengths, length_of, wrap
+from scex_sumo.geometry.polylines import Feet, Paths, along, arc_lengths, length_of, wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import CandidatePath, candidate_paths, centreline
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
@@ -258,7 +258,7 @@ def nearest_paths(
     x: FloatArray,
     y: FloatArray,
     heading: FloatArray,
-) -> tuple[IntArray, tuple[FloatArray, FloatArray, FloatArray]]:
+) -> tuple[IntArray, Feet]:
     """Return paths (n,) that vehicles are on, the straightest in doubt, and their `Paths.foot_points`."""
     row = straight.copy()
     feet = paths.foot_points(row, x, y, expected)
@@ -279,7 +279,7 @@ def nearest_paths(
     return row, feet
 
 
-def _misfit(feet: tuple[FloatArray, FloatArray, FloatArray], heading: FloatArray) -> FloatArray:
+def _misfit(feet: Feet, heading: FloatArray) -> FloatArray:
     _, offset, path_heading = feet
     error = wrap(heading - path_heading)
     return np.asarray((offset / OFFSET_SIGMA_M) ** 2 + (error / HEADING_SIGMA_RAD) ** 2)

@@ -91,7 +91,7 @@ def gaps_of(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
     def of_chunk(pair: IntArray, scene: IntArray) -> FloatArray:
         pairs = outline_pairs(scenes, pair, scene)
         directions = pairs.cos_1, pairs.sin_1, pairs.cos_2, pairs.sin_2
-        return distance_apart(pairs.dx, pairs.dy, *directions, pairs.own, pairs.other)
+        return distance_apart(pairs.dx, pairs.dy, directions, pairs.own, pairs.other)
 
     return in_chunks(pair, scene, of_chunk)
 
