@@ -70,7 +70,7 @@ def road_index(road: Road) -> LaneRelations:
 
 def _ways(lanes: Sequence[Lane], number: dict[int, int], length: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return ``ahead`` and ``loop``."""
-    following = [[number[i] for i in lane.successors if i in number] for lane in lanes]
+    following = [[number[i] for i in dict.fromkeys(lane.successors) if i in number] for lane in lanes]
     tails = np.repeat(np.arange(len(lanes)), [len(heads) for heads in following])
     heads = np.array([head for heads in following for head in heads], dtype=np.int64)
     graph = coo_array((length[tails], (tails, heads)), shape=(len(lanes), len(lanes)))
