@@ -176,13 +176,9 @@ class DrivenPaths(Paths):
 
     def outlines(self, row: IntArray, node: IntArray) -> Rectangles:
         """Return outlines of vehicles at samples of their paths."""
-        return Rectangles(
-            x=self.x[row, node],
-            y=self.y[row, node],
-            heading=self.heading[row, node],
-            half_length=self.length[row] / 2,
-            half_width=self.width[row] / 2,
-        )
+        x, y, heading = (values[row, node] for values in (self.x, self.y, self.heading))
+        size = {"half_length": self.length[row] / 2, "half_width": self.width[row] / 2}
+        return Rectangles(x=x, y=y, heading=heading, **size)
 
 
 def _lines(states: States, planned: FloatArray | None) -> tuple[FloatArray, FloatArray, FloatArray]:

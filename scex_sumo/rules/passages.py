@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -197,8 +197,7 @@ class Lit:
         return values[future % len(values), signal]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Traffic:
+class Traffic(NamedTuple):
     """Places of all vehicles on their paths: (C, V) path, centre, front and rear, m, and speed, m/s."""
 
     row: IntArray
@@ -215,15 +214,9 @@ def traffic_on(history: SceneHistory, paths: SeedPaths, row: IntArray) -> Traffi
     now = history.now
     s, _, _ = path_positions(history, VehicleIndex.everyone(history), paths, row.ravel())
     s, half = s.reshape(row.shape), history.scene.length / 2
-    return Traffic(
-        row=row,
-        arc_length=s,
-        front=s + half,
-        rear=s - half,
-        speed=np.maximum(now.speed, 0.0),
-        slowest=history.states.speed.min(axis=2),
-        gained=now.speed - history.states.speed[:, :, -1 - GAIN_STEPS],
-    )
+    speed = history.states.speed
+    slowest, gained = speed.min(axis=2), now.speed - speed[:, :, -1 - GAIN_STEPS]
+    return Traffic(row, s, s + half, s - half, np.maximum(now.speed, 0.0), slowest, gained)
 
 
 @owner_cache
