@@ -6,7 +6,7 @@ Names and times are those of the futures's floating car data; vehicles have thei
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 from xml.sax.saxutils import quoteattr
@@ -18,7 +18,7 @@ from scex_sumo.evaluation.sources import read_source
 from scex_sumo.evaluation.tables import recording_table
 from scex_sumo.exporters.request import Request
 from scex_sumo.metrics.events import EVENTS
-from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 from scex_sumo.views.fcd import LaneFinder
 
 # The device's codes of encounters: ego follows, ego leads, both have left the conflict area, collision.
@@ -33,12 +33,15 @@ _TYPES = {"rear-end": "collision", "head-on": "frontal"}
 Row = Mapping[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class _Future:
-    states: States  # (V, T)
-    index: Mapping[int, int]  # of the vehicles, by track id
-    length: Any  # (V,) m
-    names: Mapping[int, str]  # by track id
+    def __init__(self, request: Request, future: int) -> None:
+        scene, seed_s = request.scene, LOGGED_HISTORY * STEP_S
+        self.states, self.length = request.run.states(future), scene.length
+        self.index = {int(track): v for v, track in enumerate(scene.track_ids)}
+        self.names, self.types = (dict(zip(self.index, x, strict=True)) for x in (scene.names, scene.types))
+        rows: Sequence[Row] = request.run.collisions.to_pylist()
+        mine = (row for row in rows if row["future"] == future)
+        self.collisions = [{**row, "time_s": row["time_s"] + seed_s} for row in mine]
 
     def at(self, track: int, time_s: float) -> tuple[float, float, float, float]:
         """Return x, y, heading and speed of a vehicle at a time of the floating car data, s."""
@@ -67,7 +70,7 @@ def write_ssm(request: Request) -> list[Path]:
         rows = recording_table(case, **measures).to_pylist()  # type: ignore[arg-type]
         limits = ", ".join(event.words.replace("<", "<=").replace(">", ">=") for event in CONFLICTS)
         yield f"<!-- {limits} -->\n<SSMLog>\n"
-        yield from _conflicts(_future(request, future), rows, _collisions(request, future))
+        yield from _conflicts(_Future(request, future), rows)
         yield "</SSMLog>\n"
 
     return request.write_each(".ssm.xml", lambda future: _xml(lines(future)))
@@ -81,10 +84,9 @@ def write_collisions(request: Request) -> list[Path]:
         schema = "http://sumo.dlr.de/xsd/collision_file.xsd"
         yield '<collisions xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" '
         yield f'xsi:noNamespaceSchemaLocation="{schema}">\n'
-        here = _future(request, future)
-        types = dict(zip(here.index, request.scene.types, strict=True))
-        for row in _collisions(request, future):
-            yield _element("    ", "collision", _collision(here, row, types, lanes))
+        here = _Future(request, future)
+        for row in here.collisions:
+            yield _element("    ", "collision", _collision(here, row, lanes))
         yield "</collisions>\n"
 
     return request.write_each(".collisions.xml", lambda future: _xml(lines(future)))
@@ -94,20 +96,8 @@ def _xml(lines: Iterable[str]) -> bytes:
     return "".join(('<?xml version="1.0" encoding="UTF-8"?>\n', *lines)).encode()
 
 
-def _future(request: Request, future: int) -> _Future:
-    index = {int(track): v for v, track in enumerate(request.scene.track_ids)}
-    names = dict(zip(index, request.scene.names, strict=True))
-    return _Future(states=request.run.states(future), index=index, length=request.scene.length, names=names)
-
-
-def _collisions(request: Request, future: int) -> list[Row]:
-    rows: Sequence[Row] = request.run.collisions.to_pylist()
-    seed_s = LOGGED_HISTORY * STEP_S
-    return [{**row, "time_s": row["time_s"] + seed_s} for row in rows if row["future"] == future]
-
-
-def _conflicts(future: _Future, rows: Sequence[Row], collisions: Sequence[Row]) -> Iterator[str]:
-    hits = {frozenset((row["track_id"], row["other_id"])): row for row in collisions}
+def _conflicts(future: _Future, rows: Sequence[Row]) -> Iterator[str]:
+    hits = {frozenset((row["track_id"], row["other_id"])): row for row in future.collisions}
     pairs: dict[frozenset[int], list[Row]] = {pair: [] for pair in hits}
     for row in rows:
         if np.isfinite(row["value"]) and not (row["metric"] == "drac" and row["value"] <= 0):
@@ -117,22 +107,15 @@ def _conflicts(future: _Future, rows: Sequence[Row], collisions: Sequence[Row]) 
         hit = hits.get(pair)
         until_ms = np.inf if hit is None else 1000 * hit["time_s"]
         own = [row for row in rows_of_pair if row["timestamp_ms"] < until_ms]
-        worst = [
-            max(
-                (row for row in own if row["metric"].removesuffix("_path") == event.name),
-                key=lambda row: event.side * row["value"],
-                default=None,
-            )
-            for event in CONFLICTS
-        ]
-        beyond = (
-            row is not None and event.side * row["value"] >= event.side * event.threshold
-            for event, row in zip(CONFLICTS, worst, strict=True)
-        )
-        if hit is not None or any(beyond):
+        worst: list[Row | None] = []
+        beyond = hit is not None
+        for event in CONFLICTS:
+            values = [row for row in own if row["metric"].removesuffix("_path") == event.name]
+            worst.append(max(values, key=lambda row: event.side * row["value"], default=None))
+            beyond |= any(event.side * row["value"] >= event.side * event.threshold for row in values)
+        if beyond:
             texts.append(_conflict(future, own, worst, hit))
-    for _, text in sorted(texts):
-        yield text
+    yield from (text for _, text in sorted(texts))
 
 
 def _conflict(
@@ -144,17 +127,17 @@ def _conflict(
     leads = next(row for row in (ttc, drac, pet, hit) if row is not None)
     ego, foe = leads["track_id"], leads["other_id"]
     if leads is pet and passing is not None:
-        ego, foe = passing.second, passing.first
+        ego, foe, _, _ = passing
     times = [row["timestamp_ms"] / 1000 for row in rows] + ([] if hit is None else [hit["time_s"]])
-    begin, end = min(times), max([*times, *([] if passing is None else [passing.time_s])])
+    begin, end = min(times), max([*times, *([] if passing is None else passing[2:3])])
     lines = [_following(future, "minTTC", ego, ttc), _following(future, "maxDRAC", ego, drac)]
     if hit is not None:
         place, speed = f"{hit['x']:.2f},{hit['y']:.2f}", future.at(ego, hit["time_s"])[3]
         lines[0] = "minTTC", _measure(hit["time_s"], place, COLLISION, 0.0, speed)
     crossed = _NOTHING
     if pet is not None and passing is not None:
-        speed = future.at(ego, passing.time_s)[3]
-        crossed = _measure(passing.time_s, passing.place, LEFT, pet["value"], speed)
+        _, _, time_s, place = passing
+        crossed = _measure(time_s, place, LEFT, pet["value"], future.at(ego, time_s)[3])
     head = {"begin": f"{begin:.2f}", "end": f"{end:.2f}", "ego": future.names[ego], "foe": future.names[foe]}
     inside = "".join(_element("        ", tag, values) for tag, values in (*lines, ("PET", crossed)))
     return begin, _element("    ", "conflict", head, inside)
@@ -173,17 +156,8 @@ def _measure(time_s: float, place: str, kind: int, value: float, speed: float) -
     return dict(zip(_NOTHING, texts, strict=True))
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Passing:
-    """Crossing of two tracks: which vehicle comes first, and when the front of the second one is there."""
-
-    first: int
-    second: int
-    time_s: float
-    place: str
-
-
-def _passing(future: _Future, one: int, other: int) -> _Passing | None:
+def _passing(future: _Future, one: int, other: int) -> tuple[int, int, float, str] | None:
+    """Return the vehicle that crosses second, the first one, when the second one is there, and where."""
     states, begin = future.states, LOGGED_HISTORY - 1
     tracks = [
         np.stack([states.x[v, begin:], states.y[v, begin:]], -1) for v in map(future.index.get, (one, other))
@@ -199,11 +173,10 @@ def _passing(future: _Future, one: int, other: int) -> _Passing | None:
         front = max(shapely.line_locate_point(line, point) - future.length[future.index[name]] / 2, 0.0)
         reached[name] = (LOGGED_HISTORY + float(np.searchsorted(arcs, front))) * STEP_S
     first, second = sorted(reached, key=lambda name: reached[name])
-    place = f"{points[0][0]:.2f},{points[0][1]:.2f}"
-    return _Passing(first=first, second=second, time_s=reached[second], place=place)
+    return second, first, reached[second], f"{points[0][0]:.2f},{points[0][1]:.2f}"
 
 
-def _collision(future: _Future, row: Row, types: Mapping[int, str], lanes: LaneFinder) -> dict[str, str]:
+def _collision(future: _Future, row: Row, lanes: LaneFinder) -> dict[str, str]:
     collider, victim, time_s = row["track_id"], row["other_id"], row["time_s"]
     if row["side"] != "front" and row["other_side"] == "front":
         collider, victim = victim, collider
@@ -213,7 +186,7 @@ def _collision(future: _Future, row: Row, types: Mapping[int, str], lanes: LaneF
     values = {"time": f"{time_s:.2f}", "type": kind, "lane": lane, "pos": f"{along:.2f}"}
     both = {"collider": collider, "victim": victim}
     values |= {role: future.names[track] for role, track in both.items()}
-    values |= {f"{role}Type": types[track] for role, track in both.items()}
+    values |= {f"{role}Type": future.types[track] for role, track in both.items()}
     values |= {f"{role}Speed": f"{future.at(track, time_s)[3]:.2f}" for role, track in both.items()}
     for name, side in (("Front", 1), ("Back", -1)):
         values |= {f"{role}{name}": future.end(track, time_s, side) for role, track in both.items()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import TypeAlias
@@ -65,8 +65,7 @@ def with_lights(road: Road, net: SumoNet) -> Road:
     unnamed = sorted({i for last in lanes for i in last if i in road.lanes} - named)
     first = max((rule.element_id for rule in road.regulations), default=0) + 1
     lights = [
-        Regulation(element_id=number, kind="traffic_light", lanes=(i,))
-        for number, i in enumerate(unnamed, first)
+        Regulation(element_id=n, kind="traffic_light", lanes=(i,)) for n, i in enumerate(unnamed, first)
     ]
     return replace(road, regulations=(*road.regulations, *lights)) if lights else road
 
@@ -78,10 +77,7 @@ def _cycle(logic: Element | None, link: int) -> LightCycle | None:
     ends = np.cumsum([float(phase.get("duration", "0")) for phase in phases]) / STEP_S
     steps = np.diff(ends.round().astype(int), prepend=0).tolist()
     letters = [phase.get("state", "")[link] for phase in phases]
-    runs = _runs([(n, letter) for n, letter in zip(steps, letters, strict=True) if n > 0])
+    shown = [(n, letter) for n, letter in zip(steps, letters, strict=True) if n > 0]
+    together = ((letter, list(same)) for letter, same in groupby(shown, key=lambda phase: phase[1]))
+    runs = tuple((sum(n for n, _ in same), letter) for letter, same in together)
     return LightCycle(phases=runs, offset=round(float(logic.get("offset", "0")) / STEP_S)) if runs else None
-
-
-def _runs(phases: Sequence[tuple[int, str]]) -> tuple[tuple[int, str], ...]:
-    together = ((letter, list(same)) for letter, same in groupby(phases, key=lambda phase: phase[1]))
-    return tuple((sum(n for n, _ in same), letter) for letter, same in together)

@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -185,27 +185,19 @@ class Request:
     def participants(self, future: int) -> Iterator[Participant]:
         """Yield the vehicles of a future, then the pedestrians and cyclists that are there at some time."""
         scene, states = self.scene, self.states(future)
+
+        def participant(users: SeedScene | Obstacles, k: int, at: States, present: BoolArray) -> Participant:
+            own: dict[str, Any] = {"index": k, "states": at, "present": present, "kind": users.types[k]}
+            if isinstance(users, SeedScene):
+                own |= {"label": int(users.track_ids[k]), "name": users.names[k], "vehicle": k}
+            else:
+                own |= {"label": users.ids[k], "name": str(users.ids[k]), "vehicle": None}
+            return Participant(length=float(users.length[k]), width=float(users.width[k]), **own)
+
         there = self._recorded[1] if future == RECORDED else np.isfinite(states.x)
-        for v, track in enumerate(scene.track_ids.tolist()):
-            yield _participant(track, scene, v, states[v], there[v])
+        for v in range(scene.vehicles):
+            yield participant(scene, v, states[v], there[v])
         if (others := scene.obstacles) is not None:
             frames = slice(1, 1 + states.shape[1])  # their second frame is the first one of a future
             for o in np.flatnonzero(others.present[:, frames].any(axis=1)).tolist():
-                present = others.present[o, frames]
-                yield _participant(others.ids[o], others, o, others.states[o, frames], present)
-
-
-def _participant(
-    label: int | str, users: SeedScene | Obstacles, k: int, states: States, present: BoolArray
-) -> Participant:
-    return Participant(
-        label=label,
-        name=users.names[k] if isinstance(users, SeedScene) else str(label),
-        vehicle=k if isinstance(users, SeedScene) else None,
-        index=k,
-        kind=users.types[k],
-        length=float(users.length[k]),
-        width=float(users.width[k]),
-        states=states,
-        present=present,
-    )
+                yield participant(others, o, others.states[o, frames], others.present[o, frames])

@@ -49,51 +49,26 @@ def _scenario(request: Request, future: int, name: str) -> dict[str, Any]:
             key = track["metadata"]["object_id"] = f"obstacle_{key}"
         tracks[key] = track
     steps, ego = request.states(future).shape[1], request.ego_index() or 0
-    metadata = {
-        "ts": STEP_S * np.arange(steps),
-        "sample_rate": STEP_S,
-        "metadrive_processed": False,
-        "coordinate": "right-handed",
-        "dataset": "scex-sumo",
-        "id": name,
-        "scenario_id": name,
-        "map": request.road.name,
-        "sdc_id": str(request.scene.track_ids[ego]),
-        "current_time_index": LOGGED_HISTORY - 1,
-    }
-    return {
-        "id": name,
-        "version": f"scex-sumo {__version__}",
-        "length": steps,
-        "metadata": metadata,
-        "tracks": tracks,
-        "dynamic_map_states": {},
-    }
+    metadata = {"ts": STEP_S * np.arange(steps), "sample_rate": STEP_S, "metadrive_processed": False}
+    metadata |= {"coordinate": "right-handed", "dataset": "scex-sumo", "id": name, "scenario_id": name}
+    metadata |= {"map": request.road.name, "sdc_id": str(request.scene.track_ids[ego])}
+    metadata["current_time_index"] = LOGGED_HISTORY - 1
+    scenario = {"id": name, "version": f"scex-sumo {__version__}", "length": steps, "metadata": metadata}
+    return {**scenario, "tracks": tracks, "dynamic_map_states": {}}
 
 
 def _track(participant: Participant) -> dict[str, Any]:
-    user, states, valid = road_user(participant.kind), participant.states, participant.present
+    s, valid = participant.states, participant.present
     columns = {
-        "position": np.stack([states.x, states.y, np.zeros(len(valid))], axis=1),
-        "heading": states.heading,
-        "velocity": np.stack(
-            [states.speed * np.cos(states.heading), states.speed * np.sin(states.heading)], axis=1
-        ),
-        "length": np.full(len(valid), participant.length),
-        "width": np.full(len(valid), participant.width),
-        "height": np.full(len(valid), participant.height),
+        "position": np.stack([s.x, s.y, np.zeros(len(valid))], axis=1),
+        "heading": s.heading,
+        "velocity": np.stack([s.speed * np.cos(s.heading), s.speed * np.sin(s.heading)], axis=1),
     }
-    state = {
-        key: np.where(valid.reshape(-1, *[1] * (column.ndim - 1)), column, 0.0)
-        for key, column in columns.items()
-    }
-    word = _USERS.get(user, "VEHICLE")
-    metadata = {
-        "type": participant.kind,
-        "object_id": str(participant.label),
-        "track_length": len(valid),
-        "dataset": "scex-sumo",
-    }
+    columns |= {key: np.full(len(valid), getattr(participant, key)) for key in ("length", "width", "height")}
+    state = {key: np.where(valid[(..., *[None] * (x.ndim - 1))], x, 0.0) for key, x in columns.items()}
+    metadata: dict[str, Any] = {"type": participant.kind, "object_id": str(participant.label)}
+    metadata |= {"track_length": len(valid), "dataset": "scex-sumo"}
+    word = _USERS.get(road_user(participant.kind), "VEHICLE")
     return {"type": word, "state": {**state, "valid": valid.copy()}, "metadata": metadata}
 
 
@@ -126,8 +101,7 @@ def _lane(lane: Lane, road: Road) -> dict[str, Any]:
             whole = {"self_start_index": 0, "self_end_index": last, "neighbor_start_index": 0}
             end = len(road.lanes[beside].centreline) - 1
             feature[f"{side}_neighbor"] = [{"feature_id": str(beside), **whole, "neighbor_end_index": end}]
-            marking = _SOLID if allowed is None else _BROKEN
-            feature[f"{side}_boundaries"] = [
-                {"lane_start_index": 0, "lane_end_index": last, "boundary_type": marking}
-            ]
+            kind = _SOLID if allowed is None else _BROKEN
+            border = {"lane_start_index": 0, "lane_end_index": last, "boundary_type": kind}
+            feature[f"{side}_boundaries"] = [border]
     return feature

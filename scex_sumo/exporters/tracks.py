@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,10 @@ from pyarrow import csv
 from scex_sumo.base.arrays import BoolArray, IntArray
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.exporters.request import Request
-from scex_sumo.results.run import Run
 from scex_sumo.scene import LOGGED_HISTORY, SeedScene
 from scex_sumo.views.futures import write_future
 
-_FUTURES_AT_ONCE = 100
+_AT_ONCE = 100  # futures
 _PREDICTED_STEPS, _MODALITIES = 30, 6  # of INTERPRET
 
 
@@ -29,22 +28,16 @@ def write_interaction(request: Request) -> list[Path]:
     stem = request.file_stem(futures[0]) if len(futures) == 1 else f"{request.name}_futures"
     path = request.file(stem, ".csv")
     options = csv.WriteOptions(quoting_style="none", quoting_header="none")
-    schema = pq.read_schema(run.folder / "tracks.parquet")
+    tracks = run.folder / "tracks.parquet"
+    schema = pq.read_schema(tracks)
     with request.output(path) as file, csv.CSVWriter(file, schema, write_options=options) as writer:
-        for first in range(0, len(futures), _FUTURES_AT_ONCE):
-            for case in _cases(run, futures[first : first + _FUTURES_AT_ONCE]):
-                writer.write_table(case.filter(case["x"].is_valid()))
+        rows = run.states(futures[0]).x.size
+        for some in (sorted(futures[k : k + _AT_ONCE]) for k in range(0, len(futures), _AT_ONCE)):
+            table = pq.read_table(tracks, filters=[("case_id", "in", some)])
+            if table.num_rows != rows * len(some):
+                raise ResultError(f"{tracks}: does not have {rows} rows of each future; run again")
+            writer.write_table(table.filter(table["x"].is_valid()))
     return [path]
-
-
-def _cases(run: Run, futures: Sequence[int]) -> Iterator[pa.Table]:
-    file, ordered = run.folder / "tracks.parquet", sorted(futures)
-    table = pq.read_table(file, filters=[("case_id", "in", ordered)])
-    rows = run.states(futures[0]).x.size
-    if table.num_rows != rows * len(ordered):
-        raise ResultError(f"{file}: does not have {rows} rows of each future; run again")
-    for future in futures:
-        yield table.slice(ordered.index(future) * rows, rows)
 
 
 def write_interpret(request: Request) -> list[Path]:
@@ -63,9 +56,8 @@ def write_interpret(request: Request) -> list[Path]:
     """
     scene, info = request.scene, request.run.info
     if info["steps"] < _PREDICTED_STEPS:
-        raise UsageError(
-            f"{request.run.folder}: has {info['steps']} steps; a submission needs 30, so run with 3 s"
-        )
+        has = f"{request.run.folder}: has {info['steps']} steps"
+        raise UsageError(f"{has}; a submission needs 30, so run with 3 s")
     seed = info["seed_scene"]
     case = _case_number(seed["source"].get("case") or "1")
     path = request.file(f"{seed['location']}_sub", ".csv")
@@ -118,9 +110,8 @@ def _with_other_cases(path: Path, table: pa.Table, case: float) -> pa.Table:
     except pa.ArrowInvalid as error:
         raise UsageError(f"{path}: not a submission to INTERPRET ({error}); give another file") from None
     if rest.column_names != table.column_names:
-        raise UsageError(
-            f"{path}: has other columns than {table.num_columns} of this case; give another file"
-        )
+        has = f"{path}: has other columns than {table.num_columns} of this case"
+        raise UsageError(f"{has}; give another file")
     rest = rest.cast(table.schema)
     return pa.concat_tables([rest.filter(pc.not_equal(rest["case_id"], case)), table])
 

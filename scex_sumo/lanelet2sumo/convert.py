@@ -93,10 +93,7 @@ def _cached(road: Road, signals: Path | None, *digest: str) -> WrittenNet:
 
 
 def _written(road: Road, signals: Path | None = None) -> WrittenNet:
-    from scex_sumo.lanelet2sumo.net import (  # in milliseconds, most nets come from the cache
-        copy_net,
-        write_net,
-    )
+    from scex_sumo.lanelet2sumo.net import copy_net, write_net  # most nets come from the cache
 
     if road.net is not None:
         return copy_net(road)

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr as quoted
 
 from scex_sumo.base.arrays import FloatArray
+from scex_sumo.base.errors import MapError
 from scex_sumo.converters.net.sumo_net import net_file
-from scex_sumo.converters.net.text import points_of, shape_text
+from scex_sumo.converters.net.text import LANE_WIDTH_M, points_of, shape_text
+from scex_sumo.converters.xml import net_root
 from scex_sumo.geometry.polylines import cut, length_of
-from scex_sumo.lanelet2sumo.reader import read_net
 from scex_sumo.road import Marking, Road
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Style:
+class _Style(NamedTuple):
     color: str
     layer: int
     width: float = 0.12
@@ -27,65 +26,50 @@ class _Style:
 
 WHITE, GREY = "240,240,240", "130,130,130"
 LINES = {
-    "line_thin": _Style(color=WHITE, layer=5),
-    "line_thick": _Style(color=WHITE, layer=5, width=0.25),
-    "stop_line": _Style(color=WHITE, layer=6, width=0.40),
-    "pedestrian_marking": _Style(color=WHITE, layer=6, width=0.30, dash=0.5),
-    "zebra_marking": _Style(color=WHITE, layer=6, width=0.30, dash=0.5),
-    "bike_marking": _Style(color="200,80,60", layer=6, dash=0.5),
-    "curbstone": _Style(color=GREY, layer=4, width=0.20),
-    "road_border": _Style(color=GREY, layer=4, width=0.20),
-    "guard_rail": _Style(color="90,90,110", layer=4, width=0.20),
-    "fence": _Style(color="110,90,70", layer=4),
-    "wall": _Style(color="90,80,70", layer=4, width=0.30),
+    "line_thin": _Style(WHITE, 5),
+    "line_thick": _Style(WHITE, 5, 0.25),
+    "stop_line": _Style(WHITE, 6, width=0.40),
+    "pedestrian_marking": _Style(WHITE, 6, width=0.30, dash=0.5),
+    "zebra_marking": _Style(WHITE, 6, width=0.30, dash=0.5),
+    "bike_marking": _Style("200,80,60", 6, dash=0.5),
+    "curbstone": _Style(GREY, 4, width=0.20),
+    "road_border": _Style(GREY, 4, width=0.20),
+    "guard_rail": _Style("90,90,110", 4, width=0.20),
+    "fence": _Style("110,90,70", 4),
+    "wall": _Style("90,80,70", 4, width=0.30),
 }
-OTHER_LINE = _Style(color="180,180,180", layer=4, width=0.10)
+OTHER_LINE = _Style("180,180,180", 4, width=0.10)
 AREAS = {
-    "crosswalk": _Style(color="235,235,200,140", layer=2),
-    "walkway": _Style(color="170,165,155,200", layer=-2),
-    "shared_walkway": _Style(color="170,165,155,200", layer=-2),
-    "stairs": _Style(color="150,145,140,200", layer=-2),
-    "bikelane": _Style(color="190,110,90,180", layer=-1),
-    "bicycle_lane": _Style(color="190,110,90,180", layer=-1),
-    "keepout": _Style(color="210,120,100,120", layer=1),
-    "parking": _Style(color="120,140,180,160", layer=-1),
-    "traffic_island": _Style(color="120,150,110,220", layer=3),
-    "vegetation": _Style(color="110,150,100,220", layer=-3),
-    "building": _Style(color="140,120,110,220", layer=-3),
+    "crosswalk": _Style("235,235,200,140", 2),
+    "walkway": _Style("170,165,155,200", -2),
+    "shared_walkway": _Style("170,165,155,200", -2),
+    "stairs": _Style("150,145,140,200", -2),
+    "bikelane": _Style("190,110,90,180", -1),
+    "bicycle_lane": _Style("190,110,90,180", -1),
+    "keepout": _Style("210,120,100,120", 1),
+    "parking": _Style("120,140,180,160", -1),
+    "traffic_island": _Style("120,150,110,220", 3),
+    "vegetation": _Style("110,150,100,220", -3),
+    "building": _Style("140,120,110,220", -3),
 }
-OTHER_AREA = _Style(color="150,160,140,150", layer=-3)
+OTHER_AREA = _Style("150,160,140,150", -3)
 DASH_M = 3.0
 
 
 def extras_text(road: Road) -> str:
     """Return the text of the additional file; ids are ``area.N``, ``marking.N``, ``stop_line.N``."""
-    head = ['<?xml version="1.0" encoding="UTF-8"?>', "", "<additional>"]
-    return "\n".join([*head, *_areas(road), *_markings(road), *_stop_lines(road), "</additional>", ""])
-
-
-def _areas(road: Road) -> Iterator[str]:
-    for number, area in enumerate(road.areas):
-        yield _poly(f"area.{number}", area.kind, AREAS.get(area.kind, OTHER_AREA), area.outline, fill=True)
-
-
-def _markings(road: Road) -> Iterator[str]:
+    lines = ['<?xml version="1.0" encoding="UTF-8"?>', "", "<additional>"]
+    for n, area in enumerate(road.areas):
+        lines.append(_poly(f"area.{n}", area.kind, AREAS.get(area.kind, OTHER_AREA), area.outline, fill=True))
     styled = ((marking, LINES.get(marking.kind, OTHER_LINE)) for marking in road.markings)
-    strokes = ((marking, style, line) for marking, style in styled for line in _strokes(marking, style))
-    for number, (marking, style, line) in enumerate(strokes):
-        yield _poly(f"marking.{number}", marking.kind, style, line)
-
-
-def _stop_lines(road: Road) -> Iterator[str]:
-    drawn = {_content(marking.points) for marking in road.markings if marking.kind == "stop_line"}
-    marked = len(drawn)
-    for line in (line for rule in road.regulations for line in rule.stop_lines):
-        if _content(line) not in drawn:
-            yield _poly(f"stop_line.{len(drawn) - marked}", "stop_line", LINES["stop_line"], line)
-            drawn.add(_content(line))
-
-
-def _content(line: FloatArray) -> bytes:
-    return (line + 0.0).tobytes()  # 0.0 for -0.0
+    strokes = ((marking.kind, style, line) for marking, style in styled for line in _strokes(marking, style))
+    lines += [_poly(f"marking.{n}", *stroke) for n, stroke in enumerate(strokes)]
+    # 0.0 for -0.0
+    drawn = {(marking.points + 0.0).tobytes() for marking in road.markings if marking.kind == "stop_line"}
+    stops = {(line + 0.0).tobytes(): line for rule in road.regulations for line in rule.stop_lines}
+    unmarked = (line for content, line in stops.items() if content not in drawn)
+    lines += [_poly(f"stop_line.{n}", "stop_line", LINES["stop_line"], x) for n, x in enumerate(unmarked)]
+    return "\n".join([*lines, "</additional>", ""])
 
 
 def _strokes(marking: Marking, style: _Style) -> Iterator[FloatArray]:
@@ -129,9 +113,14 @@ def road_lines(net: Path, box: tuple[float, float, float, float]) -> list[RoadLi
     """
     lines = []
     if net.is_file():
-        content = read_net(net)
-        lines += [RoadLine(SURFACE, lane.width_m, lane.shape) for lane in content.lanes.values()]
-        lines += [RoadLine(AREA, 0.0, junction.shape) for junction in content.junctions.values()]
+        try:
+            for lane in net_root(net).iter("lane"):
+                width = float(lane.get("width", LANE_WIDTH_M))
+                lines.append(RoadLine(SURFACE, width, points_of(lane.get("shape", ""))))
+            for junction in net_root(net).iter("junction"):
+                lines.append(RoadLine(AREA, 0.0, points_of(junction.get("shape", ""))))
+        except ValueError as error:
+            raise MapError(f"{net}: cannot be read ({error}); build the net again with netconvert") from None
     extras = net_file(net, ".add.xml")
     if extras.is_file():
         for poly in ElementTree.parse(extras).getroot().iter("poly"):
@@ -139,9 +128,6 @@ def road_lines(net: Path, box: tuple[float, float, float, float]) -> list[RoadLi
             if poly.get("fill") == "0":
                 style = BORDER if kind in _BORDERS else STOP if kind == "stop_line" else MARKING
                 lines.append(RoadLine(style, 0.0, points_of(poly.get("shape", ""))))
-    return [line for line in lines if len(line.points) > 1 and _touches(line.points, box)]
-
-
-def _touches(points: FloatArray, box: tuple[float, float, float, float]) -> bool:
-    low, high = points.min(axis=0), points.max(axis=0)
-    return bool(low[0] <= box[1] and high[0] >= box[0] and low[1] <= box[3] and high[1] >= box[2])
+    low, high = box[::2], box[1::2]
+    points = ((line, line.points) for line in lines if len(line.points) > 1)
+    return [line for line, p in points if (p.min(0) <= high).all() and (p.max(0) >= low).all()]

@@ -54,7 +54,8 @@ def write_net(road: Road, signals: Path | None = None) -> WrittenNet:
         from scex_sumo.lanelet2sumo.plan.lights import plan_lights
 
         lights, notes = plan_lights(road, lanes, clashes, layout, walks, signals)
-    layout = layout.beside(_side_lanes(road))
+    beside = _side_lanes(road)
+    layout = NetLayout(edges=layout.edges + beside.edges, nodes=layout.nodes + beside.nodes)
     table = lane_table([*layout.places(), *walks.places()], layout.ends(), road.lanes)
     why = "not possible in SUMO, because the lanes lie in different edges"
     loss = MapLoss(kind="lane changes", why=why, elements=tuple(f"{a} to {b}" for a, b in lost))
@@ -86,24 +87,16 @@ def _plan(
 
 def _side_lanes(road: Road) -> NetLayout:
     own = {i: lane for i, lane in road.lanes.items() if lane.kind in ("bus", "bicycle")}
-    ends = {i: (lane.centreline[0], lane.centreline[-1]) for i, lane in own.items()}
-    joined = [
-        (i, j)
-        for i in own
-        for j in own
-        if j != i and own[i].kind == own[j].kind and math.dist(ends[i][1], ends[j][0]) < JOINED_M
-    ]
-    lanes = {
-        k: replace(
-            lane,
-            successors=tuple(j for i, j in joined if i == k),
-            predecessors=tuple(i for i, j in joined if j == k),
-            left=None,
-            right=None,
-            conflicts=(),
-        )
-        for k, lane in own.items()
-    }
+
+    def joined(i: int, j: int) -> bool:
+        near = math.dist(own[i].centreline[-1], own[j].centreline[0]) < JOINED_M
+        return j != i and own[i].kind == own[j].kind and near
+
+    lanes = {}
+    for k, lane in own.items():
+        after, before = (tuple(j for j in own if joined(k, j)), tuple(i for i in own if joined(i, k)))
+        alone = replace(lane, left=None, right=None, conflicts=())
+        lanes[k] = replace(alone, successors=after, predecessors=before)
     return plan_net(Topology(build_rows(lanes)[0], lanes, []), road.regulations, [])
 
 

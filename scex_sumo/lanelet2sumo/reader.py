@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -18,11 +18,10 @@ import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import MapError
-from scex_sumo.converters.net.text import points_of
+from scex_sumo.converters.net.text import LANE_WIDTH_M, points_of
 from scex_sumo.converters.xml import change_words, net_root
 from scex_sumo.road import Road
 
-DEFAULT_WIDTH_M = 3.2  # SUMO's own for lanes without a width
 MAX_M = 1e8  # of coordinates
 CAR = "passenger"
 
@@ -86,10 +85,8 @@ class SumoLink:
     signal_index: int
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Junction:
+class _Junction(NamedTuple):
     kind: str
-    shape: FloatArray
     response: BoolArray
     foes: BoolArray
 
@@ -119,11 +116,6 @@ class NetContent:
     def car_lanes(self) -> dict[str, SumoLane]:
         """Lanes for passenger cars."""
         return {i: lane for i, lane in self.lanes.items() if lane.cars}
-
-    @cached_property
-    def car_links(self) -> list[SumoLink]:
-        """Links between lanes for passenger cars."""
-        return [k for k in self.links if k.from_lane in self.car_lanes and k.to_lane in self.car_lanes]
 
     def in_map(self, road: Road) -> NetContent:
         """Shift lane shapes to the coordinates of a road; ``offset`` is what they were ahead of these."""
@@ -202,7 +194,7 @@ def _lane(lane: Element, edge: Element, words: tuple[str, str]) -> SumoLane:
         shape=shape,
         length_m=float(lane.attrib["length"]),
         speed_mps=float(lane.attrib["speed"]),
-        width_m=float(lane.get("width", DEFAULT_WIDTH_M)),
+        width_m=float(lane.get("width", LANE_WIDTH_M)),
         cars=_permits_cars(lane),
         change_left=_permits_cars(lane, words[0], ""),
         change_right=_permits_cars(lane, words[1], ""),
@@ -272,5 +264,4 @@ def _junction(junction: Element) -> _Junction:
         for matrix, name in zip(bits, ("response", "foes"), strict=True):
             text = request.get(name, "")[::-1][:size]  # SUMO writes link 0 last
             matrix[row, : len(text)] = [bit == "1" for bit in text]
-    kind, shape = junction.get("type", ""), points_of(junction.get("shape", ""))
-    return _Junction(kind=kind, shape=shape, response=bits[0], foes=bits[1])
+    return _Junction(junction.get("type", ""), *bits)

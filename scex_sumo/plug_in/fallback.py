@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -38,7 +38,10 @@ SHARE = 0.5  # of its way by which speed and heading of a plan may contradict it
 RANGES = {"speed": (-20.0, 120.0), "heading": (-1e4, 1e4)}  # m/s, below 0 in reverse; rad
 STATES = ("x", "y", "heading", "speed")
 
-Answer = tuple[Plan, list[str], BoolArray]  # plans, why each fell back, whether it must be replaced
+Rngs: TypeAlias = Sequence[np.random.Generator]  # by future
+Answer: TypeAlias = tuple[
+    Plan, list[str], BoolArray
+]  # plans, why each fell back, whether it must be replaced
 
 
 class Fallible(Driver):
@@ -67,18 +70,14 @@ class Fallible(Driver):
             intent = declared(self.inner).intend(history, road, vehicles)
         return intent
 
-    def plan(
-        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
-    ) -> Plan:
+    def plan(self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Rngs) -> Plan:
         """Return the plan with `Plan.fallback` and `Plan.reasons`; see `BatchBehavior.plan`."""
         plan, reasons, bad = self._ask(history, road, vehicles, rng)
         if bad.any():
             plan.assign(bad, follow_path(history, road, vehicles[bad]))
         return replace(plan, fallback=np.array([r != "" for r in reasons], bool), reasons=tuple(reasons))
 
-    def try_on(
-        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
-    ) -> None:
+    def try_on(self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Rngs) -> None:
         """Raise a `ScexError` if the model has no usable plan for any of these vehicles."""
         plan = self.plan(history, road, vehicles, rng)
         if len(vehicles) == 0 or plan.fallback is None or not plan.fallback.all():
@@ -86,10 +85,8 @@ class Fallible(Driver):
         none = f"no usable plan for any of {len(vehicles)} vehicles of the seed scene"
         why = f"{self._short_name()}: {none}: {plan.reasons[0]}"
         if not is_ours(self.inner):
-            why += (
-                f"; it is {describe_source(self.inner)}; a Plan has x, y, heading, speed, each "
-                f"(n, {PLAN_STEPS}) or more steps, finite, in m and rad of the map, starting at the vehicle"
-            )
+            why += f"; it is {describe_source(self.inner)}; a Plan has x, y, heading, speed, each (n, "
+            why += f"{PLAN_STEPS}) or more steps, finite, in m and rad of the map, starting at the vehicle"
         raise ScexError(why)
 
     def _short_name(self) -> str:
@@ -100,12 +97,8 @@ class Fallible(Driver):
             return nullcontext()
         return time_limit(f"the driver {self._short_name()}", MAX_CALL_S + MAX_VEHICLE_S * vehicles)
 
-    def _ask(
-        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
-    ) -> Answer:
-        if (
-            isinstance(self.inner, SingleVehicle) and len(vehicles) > 1
-        ):  # plans for one vehicle at a time anyway
+    def _ask(self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Rngs) -> Answer:
+        if isinstance(self.inner, SingleVehicle) and len(vehicles) > 1:  # one vehicle at a time anyway
             return self._ask_each(history, road, vehicles, np.arange(len(vehicles)), rng)
         futures = np.unique(vehicles.future).tolist() if len(vehicles) > 1 else []
         before = [rng[future].bit_generator.state for future in futures]
@@ -121,8 +114,8 @@ class Fallible(Driver):
                 return _blank(1), [own_error_reason(error)], np.ones(1, dtype=np.bool_)
             for future, state in zip(futures, before, strict=True):
                 rng[future].bit_generator.state = state
-            single = np.arange(len(vehicles))
-            parts = np.unique(vehicles.future, return_inverse=True)[1] if len(futures) > 1 else single
+            of_future = np.searchsorted(futures, vehicles.future)
+            parts = of_future if len(futures) > 1 else np.arange(len(vehicles))
             return self._ask_each(history, road, vehicles, parts, rng)
         said = plan.reasons or (BY_ITSELF,) * len(vehicles)
         fell = np.zeros(len(vehicles), bool) if plan.fallback is None else plan.fallback
@@ -130,23 +123,15 @@ class Fallible(Driver):
         return plan, reasons, np.array([d != "" for d in defects], bool)
 
     def _ask_each(
-        self,
-        history: SceneHistory,
-        road: Road,
-        vehicles: VehicleIndex,
-        part: IntArray,
-        rng: Sequence[np.random.Generator],
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, part: IntArray, rng: Rngs
     ) -> Answer:
         count = len(vehicles)
-        whole = _blank(count)
-        reasons, bad = [""] * count, np.zeros(count, dtype=np.bool_)
+        whole, reasons, bad = _blank(count), np.full(count, "", dtype=object), np.zeros(count, dtype=np.bool_)
         for number in range(int(part.max()) + 1):
             at = np.flatnonzero(part == number)
-            plan, why, bad[at] = self._ask(history, road, vehicles[at], rng)
+            plan, reasons[at], bad[at] = self._ask(history, road, vehicles[at], rng)
             whole.assign(at, plan)
-            for index, reason in zip(at.tolist(), why, strict=True):
-                reasons[index] = reason
-        return whole, reasons, bad
+        return whole, reasons.tolist(), bad
 
 
 def _blank(count: int) -> Plan:

@@ -15,8 +15,6 @@ import subprocess
 import sys
 import threading
 import time
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import asdict
 from functools import cached_property, partial
 from pathlib import Path
@@ -93,7 +91,7 @@ class ProcessDriver:
             self._starts += 1
             try:
                 self._program = _Program(self.command, _setup(road))
-            except _NeverReadyError as error:
+            except _NoAnswerError as error:
                 self._given_up = str(error)
                 raise
         try:
@@ -109,20 +107,12 @@ class _NoAnswerError(ScexError):
     """No answer in time."""
 
 
-class _NeverReadyError(ScexError):
-    """No answer to the road."""
-
-
 class _Program:
     def __init__(self, command: str, setup: str) -> None:
-        self._command = command
+        pipe = subprocess.PIPE
         try:
             self._process = subprocess.Popen(
-                shlex.split(command),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                bufsize=0,
-                start_new_session=True,
+                shlex.split(command), stdin=pipe, stdout=pipe, bufsize=0, start_new_session=True
             )
         except OSError as error:
             raise ScexError(f"the program cannot be started: {error.strerror or error}") from None
@@ -133,21 +123,19 @@ class _Program:
         self._ready, self._selector = selectors.DefaultSelector(), selectors.DefaultSelector()
         self._ready.register(self._in, selectors.EVENT_WRITE)
         self._selector.register(self._out, selectors.EVENT_READ)
-        waits = threading.Timer(QUIET_S, self._say_that_it_waits)
+        brief = command if len(command) <= MAX_COMMAND else f"{command[:MAX_COMMAND]}..."
+        words = f"waiting up to {START_S:g} s for the program {brief}"
+        waits = threading.Timer(QUIET_S, partial(print, words, file=sys.stderr))
         waits.start()
         try:
             self.ask(setup, START_S)
-        except _NoAnswerError as error:
+        except ScexError as error:
             self.end()
-            raise _NeverReadyError(f"{error}; it must answer the first line with {{}} to be ready") from None
-        except ScexError:
-            self.end()
+            if isinstance(error, _NoAnswerError):
+                error.args = (f"{error}; it must answer the first line with {{}} to be ready",)
             raise
         finally:
             waits.cancel()
-
-    def _say_that_it_waits(self) -> None:
-        print(f"waiting up to {START_S:g} s for the program {_brief(self._command)}", file=sys.stderr)
 
     def ask(self, line: str, deadline_s: float) -> Any:
         """Send a line and read one."""
@@ -203,10 +191,6 @@ def _end_with_us(group: int) -> subprocess.Popen[bytes]:
     null, command = subprocess.DEVNULL, f"read x; kill -s KILL -- -{group}"
     words = ["sh", "-c", command]
     return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=null, stderr=null, start_new_session=True)
-
-
-def _brief(command: str) -> str:
-    return command if len(command) <= MAX_COMMAND else f"{command[:MAX_COMMAND]}..."
 
 
 def _wait(selector: selectors.BaseSelector, until: float) -> bool:
@@ -278,7 +262,7 @@ PROCESS = ModelEntry(
 )
 
 
-class FileFunction(ABC):
+class _FileFunction:
     """A function in a file: arrays by name in, trajectories out; each process loads it.
 
     Attributes:
@@ -291,20 +275,11 @@ class FileFunction(ABC):
         self.file = str(Path(file).resolve())
         self.sizes: dict[str, int] = {}
 
-    @cached_property
-    @abstractmethod
-    def loaded(self) -> Any:
-        """Content of the file."""
-
-    @abstractmethod
-    def __call__(self, **arrays: NDArray[Any]) -> NDArray[Any]:
-        """Return trajectories; see `Predictor`."""
-
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name != "loaded"}
 
 
-class OnnxFunction(FileFunction):
+class _OnnxFunction(_FileFunction):
     """An ONNX file, run on one thread; its first output holds the trajectories."""
 
     def __init__(self, file: str) -> None:
@@ -327,12 +302,10 @@ class OnnxFunction(FileFunction):
 
     @cached_property
     def loaded(self) -> Any:
-        """The inference session."""
         import onnxruntime
 
         options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = 1
-        options.inter_op_num_threads = 1
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 3
         try:
             return onnxruntime.InferenceSession(self.file, options, providers=["CPUExecutionProvider"])
@@ -340,14 +313,13 @@ class OnnxFunction(FileFunction):
             raise InputError(f"{self.file}: not an ONNX file: {' '.join(str(error).split())}") from None
 
     def __call__(self, **arrays: NDArray[Any]) -> NDArray[Any]:
-        """Return trajectories."""
         given: dict[str, NDArray[Any]] = {
             key: np.ascontiguousarray(values, self._dtypes[key]) for key, values in arrays.items()
         }
         return np.asarray(self.loaded.run(None, given)[0])
 
 
-class ScriptedFunction(FileFunction):
+class _ScriptedFunction(_FileFunction):
     """A TorchScript file, run on one thread with float32 numbers."""
 
     def __init__(self, file: str) -> None:
@@ -357,7 +329,6 @@ class ScriptedFunction(FileFunction):
 
     @cached_property
     def loaded(self) -> Any:
-        """The module."""
         import torch
 
         torch.set_num_threads(1)  # the last digits of a sum depend on the number of threads
@@ -369,15 +340,10 @@ class ScriptedFunction(FileFunction):
             raise InputError(f"{self.file}: not a TorchScript file: {first[0]}") from None
 
     def __call__(self, **arrays: NDArray[Any]) -> NDArray[Any]:
-        """Return trajectories."""
         import torch
 
-        tensors = {
-            name: torch.from_numpy(
-                np.ascontiguousarray(values, dtype=np.float32 if values.dtype.kind == "f" else values.dtype)
-            )
-            for name, values in arrays.items()
-        }
+        kinds = {name: np.float32 if x.dtype.kind == "f" else x.dtype for name, x in arrays.items()}
+        tensors = {n: torch.from_numpy(np.ascontiguousarray(x, kinds[n])) for n, x in arrays.items()}
         try:
             with torch.inference_mode():
                 trajectories = self.loaded(**tensors)
@@ -389,22 +355,13 @@ class ScriptedFunction(FileFunction):
         return np.asarray(trajectories.numpy())
 
 
-# Class, required package and its extra.
-_KINDS: Mapping[str, tuple[type[FileFunction], str, str]] = {
-    "torchscript": (ScriptedFunction, "torch", "learned"),
-    "onnx": (OnnxFunction, "onnxruntime", "onnx"),
-}
-
-
-def _predictor(kind: str, file: str, **surroundings: Any) -> Predictor:
-    make, package, extra = _KINDS[kind]
+def _predictor(kind: str, package: str, extra: str, file: str, **surroundings: Any) -> Predictor:
     if importlib.util.find_spec(package) is None:
-        raise MissingExtraError(
-            f"{kind}: needs {package}; install it with pip install '.[{extra}]' in the clone"
-        )
+        how = f"install it with pip install '.[{extra}]' in the clone"
+        raise MissingExtraError(f"{kind}: needs {package}; {how}")
     if not Path(file).is_file():
         raise InputError(f"{kind}: file={file}: no such file")
-    function = make(file)
+    function = _ScriptedFunction(file) if kind == "torchscript" else _OnnxFunction(file)
     unknown = [name for name in function.inputs if name not in ARRAYS]
     if unknown or not function.inputs:
         asks = f"asks for an input {unknown[0]!r}" if unknown else "has no inputs"
@@ -414,13 +371,13 @@ def _predictor(kind: str, file: str, **surroundings: Any) -> Predictor:
 
 
 TORCHSCRIPT = ModelEntry(
-    make=partial(_predictor, "torchscript"),
+    make=partial(_predictor, "torchscript", "torch", "learned"),
     parameters={"file": EMPTY, **asdict(Surroundings())},
     summary="A TorchScript file that predicts trajectories; its forward names its inputs.",
     place=300,
 )
 ONNX = ModelEntry(
-    make=partial(_predictor, "onnx"),
+    make=partial(_predictor, "onnx", "onnxruntime", "onnx"),
     parameters=TORCHSCRIPT.parameters,
     summary="An ONNX file that predicts trajectories; the names of its inputs say what it is given.",
     place=310,

@@ -51,7 +51,7 @@ Box = tuple[float, float, float, float]
 _SHORTEST_M = 0.5
 _DOT_M = 0.1
 _GRID_MARGIN_M, _GRID_AROUND_M = 12.0, 15.0
-_GRID_ASPECT = 1.6  # width by height of all tiles, beside their legend
+_GRID_ASPECT = 1.6  # width by height of all tiles, above their legend
 
 
 def write_view(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Container, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -115,7 +115,6 @@ class Selection:
     watched: list[int]
 
 
-@dataclass(kw_only=True, eq=False)
 class RunningBatch:
     """Running batch of C futures.
 
@@ -132,20 +131,35 @@ class RunningBatch:
         loaded: ids of road users that are in SUMO as their simulation saved them.
     """
 
-    slots: list[int]
-    ids: list[str]
-    offset: FloatArray
-    overridden: BoolArray
-    mixed: BoolArray
-    walking: BoolArray
-    lanes: IntArray
-    speed: FloatArray
-    held: FloatArray
-    shared: SharedVehicles
-    gone: BoolArray
-    obstacles: set[str] = field(default_factory=set)
-    loaded: set[str] = field(default_factory=set)
-    _selected: dict[str, Selection] = field(default_factory=dict)
+    def __init__(
+        self,
+        start: States,
+        driven: Sequence[SumoDriven],
+        ids: list[str],
+        slots: list[int],
+        offsets: Sequence[tuple[float, float]],
+        *,
+        watched: bool,
+        pedestrians: BoolArray,
+    ) -> None:
+        """Make a batch before its start; ``watched``: sumo-gui shows it; ``pedestrians`` (V,) take part."""
+        self.slots, self.ids = slots, ids
+        self.offset = np.array(offsets, dtype=np.float64).T[..., None]
+        self.overridden = np.ones(start.shape, dtype=bool)
+        for d in driven:
+            self.overridden[d.future, d.vehicle] = False
+        # Looking for lanes takes three quarters of the time, and only SUMO's drivers need it.
+        self.mixed = np.full(len(slots), watched) | ~self.overridden.all(axis=1)
+        mixed, vehicles = self.mixed[:, None], start.shape[1]
+        self.walking = mixed & self.overridden & pedestrians
+        self.lanes = np.where(mixed & self.overridden, OWN_LANE, _OWN_ROUTE)
+        self.speed, self.held = start.speed.copy(), np.empty(start.shape)
+        self.gone = np.zeros(start.shape, dtype=bool)
+        own = np.arange(self.gone.size).reshape(start.shape)
+        group = np.where(mixed, vehicles + own, np.arange(vehicles))
+        self.shared = SharedVehicles(group.reshape(-1))
+        self.obstacles, self.loaded = set[str](), set[str]()
+        self._selected: dict[str, Selection] = {}
 
     def id_of(self, future: int, vehicle: int) -> str:
         """Return SUMO's id of a vehicle."""
@@ -213,37 +227,3 @@ class RunningBatch:
             f"SUMO lost {len(lost)} of {len(all_of_us)} vehicles ({', '.join(lost[:3])}, ...); "
             "please report this with the seed scene"
         )
-
-
-def new_batch(
-    start: States,
-    driven: Sequence[SumoDriven],
-    *,
-    ids: list[str],
-    slots: list[int],
-    offsets: Sequence[tuple[float, float]],
-    watched: bool,
-    pedestrians: BoolArray,
-) -> RunningBatch:
-    """Return a batch before its start; ``watched``: sumo-gui shows it; ``pedestrians`` (V,) take part."""
-    overridden = np.ones(start.shape, dtype=bool)
-    for d in driven:
-        overridden[d.future, d.vehicle] = False
-    # Looking for lanes takes three quarters of the time, and only SUMO's drivers need it.
-    mixed = np.full(len(slots), watched) | ~overridden.all(axis=1)
-    futures, vehicles = start.shape
-    own = np.arange(futures * vehicles).reshape(start.shape)
-    group = np.where(mixed[:, None], vehicles + own, np.arange(vehicles))
-    return RunningBatch(
-        slots=slots,
-        ids=ids,
-        offset=np.array(offsets, dtype=np.float64).T[..., None],
-        overridden=overridden,
-        mixed=mixed,
-        walking=mixed[:, None] & overridden & pedestrians,
-        lanes=np.where(mixed[:, None] & overridden, OWN_LANE, _OWN_ROUTE),
-        speed=start.speed.copy(),
-        held=np.empty(start.shape),
-        gone=np.zeros(start.shape, dtype=bool),
-        shared=SharedVehicles(group.reshape(-1)),
-    )

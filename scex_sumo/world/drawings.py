@@ -11,17 +11,16 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.colors import OTHER_RGB, Rgb
+from scex_sumo.base.colors import OTHER_RGB, Rgb, model_colors
 from scex_sumo.converters.net.text import shape_text
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
-from scex_sumo.world.tiles import WINDOW_ASPECT, tile_id
+from scex_sumo.world.tiles import WINDOW_ASPECT, TileLayout, TileTemplate, tile_id
 
 Bounds = tuple[float, float, float, float]
 _LINE = 1.4  # line height, in letters
 _LETTER = 0.4  # width of a letter, in heights
 _LEGEND_COLUMNS = 3
 _WINDOW_ASPECTS = (1.85, 2.1)  # usual widths by heights
-_OPENED = 1.9  # of the window when it opens
 _LETTER_SHARE = 0.03  # of the window's height
 _AROUND_M = 25.0  # vehicles
 _RING_M, _RING_WIDTH_M, _RING_POINTS, _RING_RGB = 4.0, 0.3, 48, (214, 64, 58)
@@ -135,7 +134,7 @@ class TiledFuture:
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """Visible frame: tiles, titles above them, legend below or, where that shows more, beside.
+    """Visible frame: tiles, titles above them, legend below.
 
     Attributes:
         net: smallest x, y and largest x, y of all tiles, m; ``view`` of the visible part.
@@ -151,30 +150,18 @@ class Frame:
     @property
     def viewport(self) -> tuple[float, float, float]:
         """Zoom of sumo-gui in percent, and centre."""
-        left, bottom, right, top = view = self._with_legend(beside=self.beside)
+        left, bottom, right, top = self.view
+        top += 2.0 * self.line_m
+        if self.entries:
+            bottom -= (math.ceil(len(self.entries) / _LEGEND_COLUMNS) * _LINE + 1.0) * self.line_m
+        view = left, bottom, right, top
         zoom = min(100.0 * _window_height(self.net, a) / _window_height(view, a) for a in _WINDOW_ASPECTS)
         return zoom, (left + right) / 2, (top + bottom) / 2
-
-    @property
-    def beside(self) -> bool:
-        """Whether the legend is beside the tiles."""
-        below, beside = (_window_height(self._with_legend(beside=side), _OPENED) for side in (False, True))
-        return beside < below
 
     @property
     def entry_m(self) -> float:
         """Width of a legend entry, m."""
         return (3.0 + max((len(name) for name, _ in self.entries), default=0) * _LETTER) * self.line_m
-
-    def _with_legend(self, *, beside: bool) -> Bounds:
-        left, bottom, right, top = self.view
-        top += 2.0 * self.line_m
-        if not self.entries:
-            return left, bottom, right, top
-        if beside:
-            return left, bottom, right + self.line_m + self.entry_m, top
-        rows = math.ceil(len(self.entries) / _LEGEND_COLUMNS)
-        return left, bottom - (rows * _LINE + 1.0) * self.line_m, right, top
 
     @property
     def exaggeration(self) -> float:
@@ -281,12 +268,11 @@ def draw_ids(names: Sequence[str], x: FloatArray, y: FloatArray, line_m: float) 
 
 
 def draw_legend(frame: Frame) -> str:
-    """Draw the legend below the tiles or beside them."""
-    lines, line_m, (left, bottom, right, top) = [], frame.line_m, frame.view
+    """Draw the legend below the tiles."""
+    lines, line_m, (left, bottom, _, _) = [], frame.line_m, frame.view
     for n, (name, rgb) in enumerate(frame.entries):
-        row, column = (n, 0) if frame.beside else divmod(n, _LEGEND_COLUMNS)
-        x = right + line_m if frame.beside else left + column * frame.entry_m
-        y = (top if frame.beside else bottom) - (row + 1) * _LINE * line_m
+        row, column = divmod(n, _LEGEND_COLUMNS)
+        x, y = left + column * frame.entry_m, bottom - (row + 1) * _LINE * line_m
         corners = ((0.0, 0.0), (1.5, 0.0), (1.5, 0.8), (0.0, 0.8))
         square = " ".join(f"{x + cx * line_m:.2f},{y + (cy - 0.4) * line_m:.2f}" for cx, cy in corners)
         lines.append(_poly(f"legend.{n}", square, rgb))
@@ -372,3 +358,29 @@ def write_view_settings(
         snapshots=pictures,
     )
     path.write_text(text, encoding="utf-8")
+
+
+def write_window(
+    extras: Path | None,
+    folder: Path,
+    template: TileTemplate,
+    layout: TileLayout,
+    slots: Sequence[int],
+    models: Sequence[str],
+) -> tuple[list[Path], list[str]]:
+    """Write markings, legend and view settings of a live window; return additional files and SUMO's options.
+
+    ``extras``: drawing of the net; ``models``: those that the legend names.
+    """
+    additional = []
+    if extras is not None:
+        additional.append(folder / "tiles.add.xml")
+        TileTemplate(extras).write(additional[-1], slots, layout)
+    bounds, offsets = template.bounds, [layout.offset(slot) for slot in slots]
+    entries = list(zip(models, model_colors(models), strict=True))
+    frame = frame_of(bounds, offsets, entries).on(bounds)
+    additional.append(folder / "legend.add.xml")
+    additional[-1].write_text(f"<additional>\n{draw_legend(frame)}</additional>\n", encoding="utf-8")
+    letter_m = LETTER_M * frame.exaggeration if len(slots) == 1 else 0.0
+    write_view_settings(folder / "view.xml", frame, letter_m=letter_m)
+    return additional, ["--gui-settings-file", str(folder / "view.xml"), "--window-size", WINDOW_SIZE]

@@ -9,13 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray
-from scex_sumo.intention import PARKS
+from scex_sumo.intention import PARKS, Stop
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.world.base import SumoDriven
 from scex_sumo.world.batch import MATCH_M, NO_LANE, OWN_LANE, RunningBatch
@@ -26,8 +25,7 @@ _MAX_GAIN_MPS = 1.0  # in one step
 _ARRIVAL_M = 0.2  # SUMO removes vehicles 0.1 m before the end
 
 
-@dataclass(frozen=True, kw_only=True)
-class Pose:
+class _Pose(NamedTuple):
     """Pose of a vehicle in SUMO's frame: front bumper in m, degrees clockwise from north, m/s."""
 
     key: str
@@ -36,10 +34,10 @@ class Pose:
     angle: float
     speed: float
 
-    def ahead(self) -> Pose:
+    def ahead(self) -> _Pose:
         """Return the pose after one step, straight on at constant speed."""
         heading, way = math.radians(90.0 - self.angle), self.speed * STEP_S
-        return replace(self, x=self.x + way * math.cos(heading), y=self.y + way * math.sin(heading))
+        return self._replace(x=self.x + way * math.cos(heading), y=self.y + way * math.sin(heading))
 
 
 class SumoDrivers:
@@ -51,15 +49,14 @@ class SumoDrivers:
         self._driven, self._batch, self._scene, self._sumo = driven, batch, scene, sumo
         self._route_ends: dict[str, str | None] = {}  # last edge, by id; None: it arrives there
         self._parks: set[str] = set()  # vehicles with a stop beside their lane
-        self._straight_on: list[Pose] = []  # vehicles beyond the end of their route
+        self._straight_on: list[_Pose] = []  # vehicles beyond the end of their route
         self._changing: dict[str, LaneChange] = {}
         self._refused: tuple[type[Exception], ...] = ()
 
     def hand_over(self, refused: tuple[type[Exception], ...]) -> None:
         """Let SUMO drive from now on; a vehicle on no lane goes straight on.
 
-        Args:
-            refused: SUMO's errors.
+        ``refused``: SUMO's errors.
         """
         for d in self._driven:
             key = self._batch.id_of(d.future, d.vehicle)
@@ -69,32 +66,26 @@ class SumoDrivers:
             else:
                 self._take_back(key)
         self._refused = refused
-        self._plan_stops()
-        self._go_on_changing()
+        for d in self._driven:
+            if (intention := self._scene.intention(d.vehicle)) is not None:
+                key = self._batch.id_of(d.future, d.vehicle)
+                self._plan_stops(key, self._batch.slots[d.future], intention.stops)
+                if intention.change_mps and key in self._route_ends:
+                    with suppress(*refused):  # no lane there
+                        self._changing[key] = LaneChange.of(self._sumo, key, intention.change_mps)
         self._watch_route_ends()
 
-    def _plan_stops(self) -> None:
-        for d in self._driven:
-            intention = self._scene.intention(d.vehicle)
-            key, slot = self._batch.id_of(d.future, d.vehicle), self._batch.slots[d.future]
-            for stop in () if intention is None else intention.stops:
-                if stop.flags & PARKS:
-                    self._parks.add(key)
-                if key in self._batch.loaded:
-                    continue
-                edge, _, lane = stop.lane.rpartition("_")
-                begin_s = STEP_S if stop.until_s >= 0 else 0.0  # a future begins at 0.1 s of its simulation
-                times = stop.duration_s, stop.flags, stop.start_m, stop.until_s + begin_s
-                with suppress(*self._refused):  # too near to brake, or off the route
-                    self._sumo.vehicle.setStop(key, tile_id(slot, edge), stop.end_m, int(lane), *times)
-
-    def _go_on_changing(self) -> None:
-        """Let vehicles go on that change their lanes."""
-        for d in self._driven:
-            intention, key = self._scene.intention(d.vehicle), self._batch.id_of(d.future, d.vehicle)
-            if intention is not None and intention.change_mps and key in self._route_ends:
-                with suppress(*self._refused):  # no lane there
-                    self._changing[key] = LaneChange.of(self._sumo, key, intention.change_mps)
+    def _plan_stops(self, key: str, slot: int, stops: Sequence[Stop]) -> None:
+        for stop in stops:
+            if stop.flags & PARKS:
+                self._parks.add(key)
+            if key in self._batch.loaded:
+                continue
+            edge, _, lane = stop.lane.rpartition("_")
+            begin_s = STEP_S if stop.until_s >= 0 else 0.0  # a future begins at 0.1 s of its simulation
+            times = stop.duration_s, stop.flags, stop.start_m, stop.until_s + begin_s
+            with suppress(*self._refused):  # too near to brake, or off the route
+                self._sumo.vehicle.setStop(key, tile_id(slot, edge), stop.end_m, int(lane), *times)
 
     def arrived(self) -> set[str]:
         """Return the vehicles that have arrived or parked in this step; those that parked are taken out."""
@@ -148,4 +139,4 @@ class SumoDrivers:
     def _take_back(self, key: str) -> None:
         x, y = self._sumo.vehicle.getPosition(key)
         angle, speed = self._sumo.vehicle.getAngle(key), self._sumo.vehicle.getSpeed(key)
-        self._straight_on.append(Pose(key=key, x=x, y=y, angle=angle, speed=speed))
+        self._straight_on.append(_Pose(key, x, y, angle, speed))

@@ -43,29 +43,24 @@ class LaneChange:
         ask.setLaneChangeMode(key, _NO_CHANGES)
         return cls(key=key, speed_mps=speed_mps, offset_m=offset, limit_m=limit, mode=mode)
 
-    @property
-    def _side(self) -> int:
-        return 1 if self.speed_mps > 0 else -1
-
     def switch(self, sumo: Any) -> None:
         """Before a step: put the vehicle on its new lane once its body has left the old one.
 
         Until then it follows its old leader, as in SUMO. Raises SUMO's error if no lane is there.
         """
         ask, lane = sumo.vehicle, sumo.vehicle.getLaneID(self.key)
-        half = sumo.lane.getWidth(lane) / 2
-        if self._side * self.offset_m > half + ask.getWidth(self.key) / 2:
-            beside = _beside(ask, self.key, lane, self._side)
-            apart = half + sumo.lane.getWidth(beside) / 2
+        half, side = sumo.lane.getWidth(lane) / 2, 1 if self.speed_mps > 0 else -1
+        if side * self.offset_m > half + ask.getWidth(self.key) / 2:
+            beside = _beside(ask, self.key, lane, side)
             ask.moveTo(self.key, beside, ask.getLanePosition(self.key))
-            self.offset_m -= self._side * apart
+            self.offset_m -= side * (half + sumo.lane.getWidth(beside) / 2)
 
     def go_on(self, sumo: Any) -> bool:
         """Set the offset after a step; return whether the change goes on."""
-        returning = self._side * self.offset_m < 0
-        offset = self._side * (self.offset_m + self.speed_mps * STEP_S)
-        done = returning and offset >= 0
-        self.offset_m = 0.0 if done else self._side * min(offset, self.limit_m)
+        side = 1 if self.speed_mps > 0 else -1
+        offset = side * (self.offset_m + self.speed_mps * STEP_S)
+        done = side * self.offset_m < 0 <= offset
+        self.offset_m = 0.0 if done else side * min(offset, self.limit_m)
         if done:
             sumo.vehicle.setLaneChangeMode(self.key, self.mode)
         sumo.vehicle.setLateralLanePosition(self.key, self.offset_m)

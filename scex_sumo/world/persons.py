@@ -1,4 +1,4 @@
-"""Pedestrians of SUMO's world: persons on the net's crossings and lanes, elsewhere beside the net.
+"""Pedestrians, cyclists and replayed vehicles in SUMO's world: persons on crossings and lanes, or beside.
 
 ``person.moveToXY`` of libsumo 1.28 takes a lane for the wanted edge. On walking areas it shifts persons by
 up to 12 m, and crashes if one comes to them from a lane in a junction. So moved persons are never on them:
@@ -19,13 +19,16 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.text import points_of
-from scex_sumo.converters.tracks.road_users import road_user
+from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.owned import owner_cache
+from scex_sumo.converters.net.text import LANE_WIDTH_M, points_of
+from scex_sumo.converters.tracks.road_users import obstacle_kinds, road_user
 from scex_sumo.intention import Walk
-from scex_sumo.world.batch import MATCH_M, OWN_LANE
+from scex_sumo.scene import HISTORY_STEPS, REPLAYED, Obstacles, SeedScene, States
+from scex_sumo.world.batch import MATCH_M, NO_LANE, OWN_LANE, RunningBatch, obstacle_id, to_sumo
+from scex_sumo.world.session import ANY_ROUTE
 from scex_sumo.world.tiles import tile_id
-from scex_sumo.world.vehicle_types import road_class
+from scex_sumo.world.vehicle_types import PERSON, WALKER, TypeBook, road_class
 
 LANE: Final = "lane"
 NOWHERE: Final = ""
@@ -34,7 +37,8 @@ _ANY_CLASS = 4  # of moveToXY's keepRoute
 _NO_MATCH_M = 1e-6
 _STAGE_S = 1e6
 _BEGIN_M = 0.1
-_WIDTH_M = 3.2  # SUMO's lanes without one
+_STANDS_MPS, _WALKS_MPS = 0.3, 1.39
+REACH_M = 250.0  # between vehicles that can meet within some seconds
 
 
 class Person(NamedTuple):
@@ -130,7 +134,6 @@ class Persons:
     def __init__(self, sumo: Any, places: WalkingPlaces) -> None:
         self._sumo, self.places = sumo, places
         self._place: dict[str, str] = {}
-        self._colors: dict[str, tuple[int, int, int, int]] = {}
 
     def put(self, person: Person, x: float, y: float, angle: float) -> None:
         """Set the pose after the next step, in SUMO's frame."""
@@ -139,8 +142,6 @@ class Persons:
             self.remove(key)
             calls.add(key, tile_id(slot, self.places.edge), 0.0, typeID=kind)
             calls.appendWaitingStage(key, _STAGE_S)
-            if key in self._colors:
-                calls.setColor(key, self._colors[key])
             self._place[key] = place
         wanted, route, reach = "", OWN_LANE, MATCH_M
         if place == NOWHERE:
@@ -169,10 +170,82 @@ class Persons:
         for key in [key for key, place in self._place.items() if place != WALKS]:
             self.remove(key)
 
-    def color(self, key: str, rgba: tuple[int, int, int, int]) -> None:
-        """Colour a person in sumo-gui."""
-        self._colors[key] = rgba
-        self._sumo.person.setColor(key, rgba)
+
+class People(Persons):
+    """Pedestrians, cyclists and replayed vehicles of a batch, for SUMO's drivers and for sumo-gui."""
+
+    def __init__(
+        self, sumo: Any, places: WalkingPlaces, scene: SeedScene, batch: RunningBatch, types: TypeBook
+    ) -> None:
+        super().__init__(sumo, places)
+        self._scene, self._batch, self._types = scene, batch, types
+
+    def put_obstacles(self, others: Obstacles, states: States, present: BoolArray) -> None:
+        """Set the states (O,) after the next step, in futures with SUMO drivers or a watcher."""
+        batch, types = self._batch, self._types
+        front_x, front_y, angle = to_sumo(states, others.length)
+        kinds, (places, front_x, front_y) = obstacle_kinds(others), self.places.find(front_x, front_y, angle)
+        starts = self._starts(others)
+        for future in np.flatnonzero(batch.mixed):
+            slot, (dx, dy) = batch.slots[future], batch.offset[:, future, 0]
+            for o in obstacles_in_reach(self._scene):
+                key = obstacle_id(slot, others.ids[o])
+                if key in batch.loaded:
+                    continue
+                pose = float(front_x[o] + dx), float(front_y[o] + dy), float(angle[o])
+                if road_user(kinds[o]) != "pedestrian":
+                    self._put_vehicle(key, o, kinds[o], slot, pose if present[o] else None)
+                elif not present[o]:
+                    self.remove(key)
+                elif (at_m := starts[o]) is not None:
+                    speed = float(others.states.speed[o, : HISTORY_STEPS + 1].max())  # in the last second
+                    speed = speed if speed > _STANDS_MPS else _WALKS_MPS
+                    self.walk(key, types.obstacle(o) + WALKER, slot, others.walks[o], at_m, speed)
+                else:
+                    self.put(Person(key, types.obstacle(o) + PERSON, slot, places[o]), *pose)
+
+    def _put_vehicle(
+        self, key: str, o: int, kind: str, slot: int, pose: tuple[float, float, float] | None
+    ) -> None:
+        calls, there = self._sumo.vehicle, self._batch.obstacles
+        if pose is None:
+            if key in there:
+                calls.remove(key)
+                there.remove(key)
+            return
+        if key not in there:
+            calls.add(key, tile_id(slot, ANY_ROUTE), self._types.obstacle(o))
+            calls.setVehicleClass(key, self.places.road_class(kind))
+            there.add(key)
+        calls.moveToXY(key, "", NO_LANE, *pose, OWN_LANE, MATCH_M)
+
+    def _starts(self, others: Obstacles) -> list[float | None]:
+        """Return where persons (O,) of a simulation begin on their walks, m; None of others."""
+        x, y, _ = to_sumo(others.states[:, HISTORY_STEPS], others.length)
+        rows = zip(others.walks, x.tolist(), y.tolist(), strict=True) if others.walks else ()
+        return [self.places.along(*row) for row in rows] or [None] * len(others.ids)
+
+    def put_pedestrians(self, poses: tuple[FloatArray, FloatArray, FloatArray]) -> None:
+        """Set the poses (C, V) of pedestrians that take part after the next step."""
+        batch = self._batch
+        at = np.nonzero(batch.walking)
+        x, y, angle = (values[at] for values in poses)
+        dx, dy = batch.offset[:, at[0], 0]
+        places, at_x, at_y = self.places.find(x - dx, y - dy, angle)
+        rows = zip(*(values.tolist() for values in (*at, places, at_x + dx, at_y + dy, angle)), strict=True)
+        for future, v, place, *pose in rows:
+            key, slot = batch.id_of(future, v), batch.slots[future]
+            self.put(Person(key, self._types.overridden(v) + PERSON, slot, place), *pose)
+
+
+@owner_cache
+def obstacles_in_reach(scene: SeedScene) -> list[int]:
+    """Return the obstacles of SUMO's world: replayed vehicles far from all simulated ones are left out."""
+    if (others := scene.obstacles) is None:
+        return []
+    now, there = scene.now, others.states[:, HISTORY_STEPS]
+    apart = np.hypot(there.x[:, None] - now.x, there.y[:, None] - now.y).min(axis=1)
+    return [o for o, kind in enumerate(others.types) if kind != REPLAYED or apart[o] <= REACH_M]
 
 
 def _allows(lane: ElementTree.Element, kind: str) -> bool:
@@ -182,5 +255,5 @@ def _allows(lane: ElementTree.Element, kind: str) -> bool:
 
 def _area(lane: ElementTree.Element) -> Any:
     return shapely.LineString(points_of(lane.get("shape", ""))).buffer(
-        float(lane.get("width", _WIDTH_M)) / 2, cap_style="flat"
+        float(lane.get("width", LANE_WIDTH_M)) / 2, cap_style="flat"
     )

@@ -6,22 +6,20 @@ import os
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass, fields
 from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import writing
 from scex_sumo.base.sumo.programs import checked_path, program
 from scex_sumo.scene import STEP_S
+from scex_sumo.world.base import WorldRequest
 from scex_sumo.world.tiles import TILE_SLOTS, template_of, tile_id
 from scex_sumo.world.vehicle_types import TypeBook
-
-if TYPE_CHECKING:
-    from scex_sumo.converters.net.sumo_net import SumoNet
 
 ANY_ROUTE = "anywhere"  # moved vehicles never follow it
 
@@ -92,37 +90,17 @@ def silence() -> Iterator[Callable[[], list[str]]]:
 class SumoSession:
     """SUMO with the tiles of a net, started when needed and reset to time 0 between batches."""
 
-    def __init__(
-        self,
-        net: SumoNet,
-        slots: Sequence[int],
-        types: TypeBook,
-        folder: Path,
-        *,
-        gui: bool,
-        delay_ms: int,
-        models: Sequence[str],
-        lateral_m: float = 0.0,
-    ) -> None:
-        """Read the net; ``folder`` is for SUMO's files, drivers may be entered into ``types`` later.
-
-        ``lateral_m``: resolution of the sublane model; 0: SUMO's drivers change lanes within 3 s.
-        """
-        self.slots = sorted({int(slot) for slot in slots})
-        self._types = types
-        self._folder = folder
-        self._gui = gui
-        self._delay_ms = delay_ms
-        self._models = models
-        # Without either, they jump sideways.
+    def __init__(self, request: WorldRequest, types: TypeBook, folder: Path) -> None:
+        """Read the net; ``folder`` is for SUMO's files, drivers may be entered into ``types`` later."""
+        self.slots = sorted({int(slot) for slot in request.slots})
+        self._request, self._types, self._folder, self._gui = request, types, folder, request.gui
+        # Resolution of the sublane model. Without either, SUMO's drivers jump sideways.
+        lateral_m = float(request.scene.source.get("lateral_m", 0.0))
         sideways = ("lateral-resolution", lateral_m) if lateral_m else ("lanechange.duration", 3)
         self._sideways = f"--{sideways[0]}", str(sideways[1])
-        self._template = template_of(net.path)
-        self._extras = net.extras
+        self._template = tiles = template_of(request.net.path)
         count = max(self.slots, default=0) + 1
-        self.layout = (
-            self._template.window_layout(count, margin_m=_GUI_MARGIN_M) if gui else self._template.layout()
-        )
+        self.layout = tiles.window_layout(count, margin_m=_GUI_MARGIN_M) if self._gui else tiles.layout()
         self._sumo: Any = None
         self._stepped = b""  # the empty state after 0.1 s
         self.errors: tuple[type[Exception], ...] = ()
@@ -187,10 +165,12 @@ class SumoSession:
         self._types.write(types)
         additional, options = [types], ["-n", checked_path(net)]
         if self._gui:
-            from scex_sumo.world.window import Tiles, write_window
+            from scex_sumo.world.drawings import write_window
 
-            tiles = Tiles(self._template, self.layout, self.slots, self._extras, self._models)
-            drawn, settings = write_window(self._folder, tiles, delay_ms=self._delay_ms)
+            files = self._request.net.extras, self._folder
+            drawn, settings = write_window(
+                *files, self._template, self.layout, self.slots, self._request.models
+            )
             additional += drawn
             options += [*settings, "--start", "true", "--quit-on-end", "true"]
         return [*options, "-a", ",".join(str(path) for path in additional)]

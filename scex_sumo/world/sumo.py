@@ -26,7 +26,6 @@ from scex_sumo.world.batch import (
     Selection,
     angle_read_back,
     from_sumo,
-    new_batch,
     to_sumo,
     vehicle_ids,
 )
@@ -38,7 +37,7 @@ if TYPE_CHECKING:
     from scex_sumo.base.colors import Rgb
     from scex_sumo.converters.net.sumo_net import SumoNet
     from scex_sumo.world.driven import SumoDrivers
-    from scex_sumo.world.persons import Persons
+    from scex_sumo.world.persons import People
 
 _SAME_M = 0.5  # between a vehicle's start and where its simulation saved it
 __all__ = ["TILE_SLOTS", "SumoDriven", "SumoSimulator", "SumoWorld"]
@@ -58,7 +57,6 @@ class SumoWorld:
         *,
         slots: Sequence[int],
         gui: bool = False,
-        delay_ms: int = 100,
         models: Sequence[str] = (),
     ) -> None:
         """Build the tiles; SUMO starts with the first batch.
@@ -68,20 +66,11 @@ class SumoWorld:
             gui: show sumo-gui; the last bits of positions may differ.
             models: names in its legend.
         """
-        self._scene = scene
+        self._scene, self._gui = scene, gui
         self._temporary = TemporaryFolder()
         self._types = TypeBook(scene)
-        self._session = SumoSession(
-            net,
-            slots,
-            self._types,
-            Path(self._temporary.name),
-            gui=gui,
-            delay_ms=delay_ms,
-            models=models,
-            lateral_m=float(scene.source.get("lateral_m", 0.0)),
-        )
-        self._gui = gui
+        request = WorldRequest(scene=scene, net=net, models=models, slots=slots, gui=gui)
+        self._session = SumoSession(request, self._types, Path(self._temporary.name))
         self._length = np.asarray(scene.length, dtype=np.float64)
         self._sumo: Any = None
         self._running: RunningBatch | None = None
@@ -89,7 +78,7 @@ class SumoWorld:
         self._routes = 0
         self._drivers: SumoDrivers | None = None
         self._net = net.path
-        self._persons: Persons | None = None
+        self._persons: People | None = None
         self._walked: tuple[FloatArray, FloatArray, FloatArray] | None = None
         kinds = np.array([road_user(kind) == "pedestrian" for kind in scene.types], dtype=np.bool_)
         self._pedestrians = np.zeros_like(kinds) if scene.people is None else kinds & scene.people
@@ -130,17 +119,9 @@ class SumoWorld:
         self._running = None
         self._speeds.clear()
         self._drivers = None
-        ids = vehicle_ids(wanted, self._scene.track_ids)
-        offsets = [self._session.layout.offset(slot) for slot in wanted]
-        batch = new_batch(
-            start,
-            driven,
-            ids=ids,
-            slots=wanted,
-            offsets=offsets,
-            watched=self._gui,
-            pedestrians=self._pedestrians,
-        )
+        ids, offsets = vehicle_ids(wanted, self._scene.track_ids), map(self._session.layout.offset, wanted)
+        watched, people = self._gui, self._pedestrians
+        batch = RunningBatch(start, driven, ids, wanted, list(offsets), watched=watched, pedestrians=people)
         batch.refuse_shared_slots()
         self._running = batch
         poses = self._poses(start)
@@ -182,13 +163,9 @@ class SumoWorld:
 
     def move_obstacles(self, states: States, present: BoolArray) -> None:
         """Set the states (O,) of pedestrians and cyclists after the next step, for SUMO's drivers."""
-        if self._persons is not None and self._scene.obstacles is not None:
-            from scex_sumo.world.obstacles import put_obstacles
-
+        if self._persons is not None and (others := self._scene.obstacles) is not None:
             with self._session.refusals("move pedestrians and cyclists"):
-                put_obstacles(
-                    self._scene, self._batch, self._persons, self._sumo, self._types, states, present
-                )
+                self._persons.put_obstacles(others, states, present)
 
     def step(self) -> None:
         """Advance by 0.1 s."""
@@ -240,14 +217,10 @@ class SumoWorld:
             self._sumo.simulation.saveState(str(folder / "state.xml"))
 
     def color(self, future: int, vehicle: int, rgb: Rgb) -> None:
-        """Colour a vehicle in sumo-gui; does nothing without it."""
-        if self._gui:
+        """Colour a vehicle in sumo-gui; does nothing without it, nor to a person."""
+        if self._gui and not self._batch.walking[future, vehicle]:
             with self._session.refusals("colour a vehicle"):
-                key = self._batch.id_of(future, vehicle)
-                if self._batch.walking[future, vehicle] and self._persons is not None:
-                    self._persons.color(key, (*rgb, 255))
-                else:
-                    self._sumo.vehicle.setColor(key, (*rgb, 255))
+                self._sumo.vehicle.setColor(self._batch.id_of(future, vehicle), (*rgb, 255))
 
     @property
     def _batch(self) -> RunningBatch:
@@ -298,22 +271,20 @@ class SumoWorld:
                     return  # else the scene was changed since
         self._sumo = self._session.ready(module)
 
-    def _new_persons(self, batch: RunningBatch) -> Persons | None:
+    def _new_persons(self, batch: RunningBatch) -> People | None:
         """Return the persons of a batch; None if SUMO sees nobody on foot or bicycle in it."""
         self._walked = None
         if not batch.mixed.any() or (self._scene.obstacles is None and self._scene.people is None):
             return None
-        from scex_sumo.world.persons import Persons, walking_places
+        from scex_sumo.world.persons import People, walking_places
 
-        return Persons(self._sumo, walking_places(self._net))
+        return People(self._sumo, walking_places(self._net), self._scene, batch, self._types)
 
     def _walk(self, poses: tuple[FloatArray, FloatArray, FloatArray]) -> None:
         """Set the poses (C, V) of SUMO's persons after the next step."""
         batch = self._batch
         if self._persons is not None and batch.walking.any():
-            from scex_sumo.world.obstacles import put_pedestrians
-
-            put_pedestrians(batch, self._persons, self._types, poses)
+            self._persons.put_pedestrians(poses)
             self._walked = *poses[:2], angle_read_back(poses[2])
 
     def _advance(self, batch: RunningBatch) -> None:

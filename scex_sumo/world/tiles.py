@@ -95,7 +95,11 @@ class TileTemplate:
         self._path = path
         self._root = root.tag
         self._head = "".join(f" {k}={quoted(v)}" for k, v in root.attrib.items())
-        self._edges = {e.get("id", ""): _points(e) for e in root.iter("edge") if "function" not in e.attrib}
+        self._edges = {
+            edge.get("id", ""): sum(len(lane.get("shape", "").split()) for lane in edge.iter("lane"))
+            for edge in root.iter("edge")
+            if "function" not in edge.attrib
+        }
         self.lanes = sum(1 for _ in root.iter("lane"))  # internal ones included
         for element in list(root.iter()):
             element.tail, element.text = "\n", None
@@ -166,10 +170,6 @@ def template_of(path: Path) -> TileTemplate:
 _last: list[tuple[bytes, TileTemplate]] = []
 
 
-def _points(edge: ElementTree.Element) -> int:
-    return sum(len(lane.get("shape", "").split()) for lane in edge.iter("lane"))
-
-
 def _mark(element: ElementTree.Element) -> None:
     attributes = element.attrib
     for key in _LOGIC:
@@ -179,16 +179,15 @@ def _mark(element: ElementTree.Element) -> None:
             attributes[key] = " ".join(prefixed(_PREFIX, name) for name in attributes[key].split())
     for key in ("shape", "outlineShape"):
         if key in attributes:
-            attributes[key] = " ".join(_marked_point(point) for point in attributes[key].split())
+            points = (point.split(",") for point in attributes[key].split())
+            attributes[key] = " ".join(",".join([*map(_marked, xyz[:2]), *xyz[2:]]) for xyz in points)
     if "x" in attributes and "y" in attributes:
         x, y = attributes.pop("x"), attributes.pop("y")  # x before y, as in shapes
-        attributes |= {key: f"{_COORDINATE}{value}{_COORDINATE}" for key, value in (("x", x), ("y", y))}
+        attributes |= {"x": _marked(x), "y": _marked(y)}
 
 
-def _marked_point(point: str) -> str:
-    x, y, *height = point.split(",")
-    marked = (f"{_COORDINATE}{value}{_COORDINATE}" for value in (x, y))
-    return ",".join([*marked, *height])
+def _marked(value: str) -> str:
+    return f"{_COORDINATE}{value}{_COORDINATE}"
 
 
 def _moved(number: str, metres: int) -> str:

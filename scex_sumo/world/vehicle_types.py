@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 from xml.sax.saxutils import quoteattr as quoted
 
-from scex_sumo.base.colors import OTHER_RGB, Rgb
+from scex_sumo.base.colors import OTHER_RGB
 from scex_sumo.converters.tracks.road_users import obstacle_kinds, road_user
 from scex_sumo.scene import SeedScene
 
@@ -50,19 +50,13 @@ def given_type(
     return _element(name, length, width, attributes)
 
 
-def _person_type(name: str, kind: str, length: float, width: float, rgb: Rgb | None) -> str:
-    return given_type(name, kind, length, width, rgb, own_class="passenger", speed_mps=_TOWARDS_MPS)
-
-
 def _driven_type(
     name: str, kind: str, length: float, width: float, model: str, parameters: Mapping[str, str], own: str
 ) -> str:
     from scex_sumo.base.sumo.car_following import RANDOM_PARAMETERS
 
-    attributes = {"vClass": own or road_class(kind), "guiShape": gui_shape(kind)}
-    attributes["carFollowModel"] = model
-    attributes |= dict.fromkeys(RANDOM_PARAMETERS, "0")
-    return _element(name, length, width, {**attributes, **parameters})
+    attributes = {"vClass": own or road_class(kind), "guiShape": gui_shape(kind), "carFollowModel": model}
+    return _element(name, length, width, attributes | dict.fromkeys(RANDOM_PARAMETERS, "0") | {**parameters})
 
 
 def _element(name: str, length: float, width: float, attributes: Mapping[str, str]) -> str:
@@ -80,14 +74,12 @@ class TypeBook:
 
     def __init__(self, scene: SeedScene) -> None:
         """Collect types and sizes of all road users."""
+        self._scene, self.random = scene, False
         self._vehicles = list(zip(scene.types, scene.length.tolist(), scene.width.tolist(), strict=True))
         self._obstacles = []
         if (others := scene.obstacles) is not None:
-            self._obstacles = list(
-                zip(obstacle_kinds(others), others.length.tolist(), others.width.tolist(), strict=True)
-            )
-        self._intentions = scene.intentions
-        self.random = False
+            columns = obstacle_kinds(others), others.length.tolist(), others.width.tolist()
+            self._obstacles = list(zip(*columns, strict=True))
         self._drivers: dict[_Driver, int] = {}
         self._written: set[int] = set()
 
@@ -107,7 +99,7 @@ class TypeBook:
             self._drivers[key] = len(self._drivers)
 
     def _driver(self, vehicle: int, model: str, parameters: Mapping[str, str]) -> _Driver:
-        intention = self._intentions[vehicle] if self._intentions else None
+        intention = self._scene.intention(vehicle)
         own = "" if intention is None else intention.vehicle_class
         return model, tuple(sorted(parameters.items())), own
 
@@ -132,7 +124,8 @@ class TypeBook:
                 name = _type_name(*size)
                 lines[name] = given_type(name, *size, rgb)
                 if road_user(size[0]) == "pedestrian":
-                    lines[name + PERSON] = _person_type(name + PERSON, *size, rgb)
+                    towards: dict[str, Any] = {"own_class": "passenger", "speed_mps": _TOWARDS_MPS}
+                    lines[name + PERSON] = given_type(name + PERSON, *size, rgb, **towards)
                     lines[name + WALKER] = given_type(name + WALKER, *size, rgb, own_class="pedestrian")
         for (model, parameters, own), index in self._drivers.items():
             for size in self._vehicles:

@@ -33,7 +33,7 @@ sys.path.insert(0, sys.argv[1])
 from test_gui import scene, states
 
 net = SimpleNamespace(path=Path(sys.argv[2]), extras=None)
-with SumoWorld(net, scene(), slots=[0, 1], gui=True, delay_ms=0,
+with SumoWorld(net, scene(), slots=[0, 1], gui=True,
            models=["standard_driver"]) as world:
     drivers = [SumoDriven(future=1, vehicle=0, model="IDM", parameters={}, edges=("w_in", "e_out"))]
     for driven in ([], drivers):

@@ -15,7 +15,7 @@ from scex_sumo.results.region import AROUND_M, Region, region_of, replaying
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
-from scex_sumo.world.obstacles import obstacles_in_reach
+from scex_sumo.world.persons import obstacles_in_reach
 from tests.behaviors import roads
 from tests.runs import extrapolate
 

@@ -16,6 +16,7 @@ DECIMALS = 3  # millimetres: what SUMO's tools expect
 KEY = "lanelets"
 JOINT_M = 0.05  # where road follows road, the lane between takes this much of both
 BEYOND = 0  # road before or behind the map's border, and between lanelets that do not meet
+LANE_WIDTH_M = 3.2  # SUMO's own for lanes without a width
 CHANGED_M = 1e-3  # difference of lengths from which a lane was changed
 
 

@@ -18,14 +18,14 @@ from scex_sumo.base.sumo.programs import run_program
 from scex_sumo.converters.naming import map_name, unpacked_name
 from scex_sumo.converters.net.allowed import prune
 from scex_sumo.converters.net.reading import allowed_copy, lane_names, lanelet_places, named_parts
-from scex_sumo.converters.net.text import BEYOND, LaneletPart
+from scex_sumo.converters.net.text import BEYOND, LANE_WIDTH_M, LaneletPart
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.converters.xml import change_words, is_left_hand, net_root
 from scex_sumo.formats.lane_maps.lane_map import beside
 from scex_sumo.formats.lane_maps.overlaps import overlapping
 from scex_sumo.formats.recognition import FCD_ENDINGS, is_sumo_net
 from scex_sumo.geometry.polylines import arc_lengths, cut, length_of
-from scex_sumo.lanelet2sumo.reader import DEFAULT_WIDTH_M, MAX_M
+from scex_sumo.lanelet2sumo.reader import MAX_M
 from scex_sumo.road import Area, Lane, Marking, Regulation, Road
 
 STRAIGHT_M = 5e-9  # a point this near to the line between its neighbours is none of the map's
@@ -224,7 +224,7 @@ def _following(lane: Any, numbers: Mapping[str, int]) -> tuple[int, ...]:
 
 def _lane(number: int, lane: Any, following: tuple[int, ...]) -> Lane:
     centre = _line(lane)
-    width = float(lane.getWidth()) if lane.getWidth() > 0 else DEFAULT_WIDTH_M
+    width = float(lane.getWidth()) if lane.getWidth() > 0 else LANE_WIDTH_M
     return Lane(
         lane_id=number,
         centreline=centre,

@@ -40,12 +40,12 @@ class Figure:
 
     def complaint(self, figures: Figures) -> str:
         """Return the problem in words, or nothing."""
-        value = figures[self.name]
-        if not self.problem or (self.bound(figures) if self.bound else not value):
+        value, say = figures[self.name], self.problem
+        if not say or (self.bound(figures) if self.bound else not value):
             return ""
-        if callable(self.problem):
-            return self.problem(figures)
-        return f"{value} {self.problem}" if isinstance(value, int) else _list(self.problem, value)
+        if callable(say):
+            return say(figures)
+        return f"{value} {say}" if isinstance(value, int) else _list(say, value)
 
 
 def _list(what: str, entries: tuple[Any, ...]) -> str:

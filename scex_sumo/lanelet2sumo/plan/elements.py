@@ -113,10 +113,6 @@ class NetLayout:
     edges: tuple[Edge, ...]
     nodes: tuple[Node, ...]
 
-    def beside(self, other: NetLayout) -> NetLayout:
-        """Return both nets as one."""
-        return NetLayout(edges=self.edges + other.edges, nodes=self.nodes + other.nodes)
-
     @property
     def connections(self) -> tuple[Connection, ...]:
         """Connections of all junctions."""

@@ -13,7 +13,7 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.geometry.polylines import cut, heading, length_of, nearest
 from scex_sumo.lanelet2sumo.topology.graph import Groups
-from scex_sumo.lanelet2sumo.topology.rows import Zone
+from scex_sumo.lanelet2sumo.topology.rows import Zone, merged
 from scex_sumo.road import Lane
 
 MEET_M = 0.5  # between footways that meet
@@ -78,16 +78,17 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
         for k, (start, end) in enumerate(pairwise(stations)):
             ends = (places[meetings.name((i, start))], places[meetings.name((i, end))])
             under = [c for c in crossed[i] if start <= sum(c.walked) / 2 <= end]
-            way = Footway(
-                name=f"w{i}" if len(stations) == 2 else f"w{i}#{k}",
-                lanelets=(i,),
-                shape=cut(lane.centreline, start, end),
-                width=lane.width_m,
-                places=ends,
-                marked=_marked(lane),
-                crossed=tuple((c.lane, c.span) for c in under),
-            )
-            ways += [way] if ends[0] != ends[1] else []
+            if ends[0] != ends[1]:
+                way = Footway(
+                    name=f"w{i}" if len(stations) == 2 else f"w{i}#{k}",
+                    lanelets=(i,),
+                    shape=cut(lane.centreline, start, end),
+                    width=lane.width_m,
+                    places=ends,
+                    marked=_marked(lane),
+                    crossed=tuple((c.lane, c.span) for c in under),
+                )
+                ways.append(way)
     return ways
 
 
@@ -100,7 +101,7 @@ def crossed_zones(ways: list[Footway]) -> list[Zone]:
     crossed: dict[int, list[tuple[int, tuple[float, float]]]] = {}
     for way in crosswalks:
         crossed.setdefault(groups.name(way.places[0]), []).extend(way.crossed)
-    return [Zone(lanes=tuple(i for i, _ in on), spans=tuple(s for _, s in on)) for on in crossed.values()]
+    return [Zone(*zip(*on, strict=True)) for on in crossed.values()]
 
 
 def _ground(lane: Lane) -> shapely.Geometry:
@@ -172,14 +173,8 @@ def _reach(footway: Lane, lines: shapely.STRtree) -> shapely.Geometry:
 
 def _kerbs(footway: Lane, crossed: Sequence[_Crossed]) -> Iterator[float]:
     length = length_of(footway.centreline)
-    spans = sorted(c.walked for c in crossed) if not _marked(footway) else []
-    merged: list[tuple[float, float]] = []
-    for low, high in spans:
-        if merged and low < merged[-1][1] + ISLAND_M:
-            merged[-1] = (merged[-1][0], max(high, merged[-1][1]))
-        else:
-            merged.append((low, high))
-    for low, high in merged:
+    spans = [c.walked for c in crossed] if not _marked(footway) else []
+    for low, high in merged(spans, ISLAND_M):
         yield from (s for s in (low - KERB_M, high + KERB_M) if END_M < s < length - END_M)
 
 

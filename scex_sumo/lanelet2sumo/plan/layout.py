@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 import shapely
@@ -32,24 +33,19 @@ def plan_net(topology: Topology, rules: Sequence[Regulation], conflicts: Sequenc
     plan = _Plan(topology)
     edges = tuple(plan.edges())
     incoming: dict[str, list[str]] = {}
+    at_node: dict[str, list[Edge]] = {}
     for edge in edges:
         incoming.setdefault(edge.start, [])
         incoming.setdefault(edge.end, []).extend(lane.name for lane in edge.lanes)
-    connections = plan.connections(incoming, rules, conflicts)
-    at_node: dict[str, list[Edge]] = {}
-    for edge in edges:
         for name in dict.fromkeys((edge.start, edge.end)):
             at_node.setdefault(name, []).append(edge)
-    nodes = tuple(
-        Node(
-            name=name,
-            incoming=tuple(lanes),
-            connections=connections.get(name, ()),
-            shape=plan.outline(name, connections.get(name, ()), at_node[name]),
-        )
-        for name, lanes in incoming.items()
-    )
-    return NetLayout(edges=edges, nodes=nodes)
+    connections = plan.connections(incoming, rules, conflicts)
+    nodes = []
+    for name, lanes in incoming.items():
+        links = connections.get(name, ())
+        shape = plan.outline(name, links, at_node[name])
+        nodes.append(Node(name=name, incoming=tuple(lanes), connections=links, shape=shape))
+    return NetLayout(edges=edges, nodes=tuple(nodes))
 
 
 class _Plan:
@@ -96,8 +92,12 @@ class _Plan:
     def outline(self, node: str, connections: Sequence[Connection], edges: Sequence[Edge]) -> FloatArray:
         inside = {piece for c in connections for piece in c.path.inside}
         areas = [_lane_area(self._topology.lane(p), self._topology.span(p)) for p in sorted(inside)]
-        union = _union_outline(areas)
-        return union if len(union) else _border(node, edges)
+        union = unary_union(shapely.buffer(areas, 0.01, quad_segs=16))
+        area = union if union.geom_type == "Polygon" else union.convex_hull
+        if area.geom_type == "Polygon" and not area.is_empty:
+            return np.asarray(area.simplify(0.05).exterior.coords)[:-1]
+        ends = [(e, end) for e in edges for end in (False, True) if node == (e.end if end else e.start)]
+        return hull([corners(lane.shape, lane.width, end=end) for e, end in ends for lane in e.lanes])
 
     def _node_name(self, node: Cut) -> str:
         row, k = node
@@ -132,31 +132,24 @@ class _Plan:
         )
 
     def _trims(self, piece: Piece) -> tuple[float, float]:
-        row, lane = self._topology.rows[piece[0]], self._topology.lane(piece)
+        row, lane, k = self._topology.rows[piece[0]], self._topology.lane(piece), piece[1]
         start, end = self._topology.span(piece)
-        joint = min(JOINT_M, (end - start) / 4)
-        known = self._topology.where
-        first = not row.inside[piece[1] - 1] if piece[1] else any(i in known for i in lane.predecessors)
-        if piece[1] + 1 < row.pieces:
-            last = not row.inside[piece[1] + 1]
-        else:
-            last = any(i in known for i in lane.successors)
+        joint, known = min(JOINT_M, (end - start) / 4), self._topology.where
+        first = not row.inside[k - 1] if k else any(i in known for i in lane.predecessors)
+        more = k + 1 < row.pieces
+        last = not row.inside[k + 1] if more else any(i in known for i in lane.successors)
         return start + joint * first, end - joint * last
 
     def _road_shape(self, piece: Piece) -> FloatArray:
         if piece not in self._shapes:
-            line = self._topology.lane(piece).centreline
-            self._shapes[piece] = cut(line, *self._trims(piece))
+            self._shapes[piece] = cut(self._topology.lane(piece).centreline, *self._trims(piece))
         return self._shapes[piece]
 
     def _inner_parts(self, path: Path) -> Iterator[tuple[Piece, float, float]]:
-        last = len(path.pieces) - 1
-        for k, piece in enumerate(path.pieces):
+        for piece in path.pieces:
             start, end = self._topology.span(piece)
-            if k == 0:
-                start = self._trims(piece)[1]
-            if k == last:
-                end = self._trims(piece)[0]
+            start = self._trims(piece)[1] if piece == path.start else start
+            end = self._trims(piece)[0] if piece == path.end else end
             if end - start > 1e-9:
                 yield piece, start, end
 
@@ -210,6 +203,7 @@ class _Plan:
             parts=tuple(self._joined_parts(path)),
         )
         driven = [self._topology.lane(piece).lane_id for piece in path.pieces]
+        pieces = self._topology.rows[path.start[0]].pieces
         return Connection(
             path=path,
             entry=heading(self._road_shape(path.start), end=True),
@@ -219,10 +213,8 @@ class _Plan:
             across=frozenset(self._topology.lane(piece).lane_id for piece in path.inside),
             on_ring=first.lane_id in self._ring,
             internal=internal,
-            lanelets=tuple(i for k, i in enumerate(driven) if k == 0 or driven[k - 1] != i),
-            enters=path.start[1] == 0
-            and self._topology.rows[path.start[0]].pieces > 1
-            and not first.predecessors,
+            lanelets=tuple(i for i, _ in groupby(driven)),
+            enters=path.start[1] == 0 and pieces > 1 and not first.predecessors,
             from_edge=self._edge_name(*path.start[:2]),
             from_lane=path.start[2],
             to_edge=self._edge_name(*path.end[:2]),
@@ -243,21 +235,6 @@ def _lane_area(lane: Lane, span: tuple[float, float]) -> Polygon:
     ends = along(lane.centreline, np.array(span))
     sides = [_between(bound, ends) for bound in (lane.left_bound, lane.right_bound)]
     return Polygon(np.vstack([sides[0], sides[1][::-1]])).buffer(0)
-
-
-def _union_outline(areas: Sequence[Polygon]) -> FloatArray:
-    union = unary_union(shapely.buffer(areas, 0.01, quad_segs=16))
-    area = union if union.geom_type == "Polygon" else union.convex_hull
-    if area.geom_type != "Polygon":
-        return np.empty((0, 2))
-    return np.asarray(area.simplify(0.05).exterior.coords)[:-1]
-
-
-def _border(node: str, edges: Iterable[Edge]) -> FloatArray:
-    ends = [
-        (edge, end) for edge in edges for end in (False, True) if node == (edge.end if end else edge.start)
-    ]
-    return hull([corners(lane.shape, lane.width, end=end) for edge, end in ends for lane in edge.lanes])
 
 
 def corners(shape: FloatArray, width: float, *, end: bool, reach: float = 2.0) -> FloatArray:

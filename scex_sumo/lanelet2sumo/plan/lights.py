@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
 
-from scex_sumo.base.errors import listed
 from scex_sumo.converters.registries import signal_reader
 from scex_sumo.geometry.polylines import length_of, project, turn
 from scex_sumo.lanelet2sumo.plan.elements import Connection, Crossing, NetLayout, Programme, Walks
@@ -40,12 +39,7 @@ def plan_lights(
     fixed = fixed_programmes(layout, lanes, road.regulations, conflicts)
     free = (p for p in fixed if taken.isdisjoint(c.internal.name for c in p.connections))
     programmes = [*([] if recorded is None else [recorded]), *free]
-    lights, unlit = with_crossings(programmes, recorded, walks, layout)
-    if unlit:
-        notes.append(
-            f"crosswalks without green for people, because the lights never stop the cars: {listed(unlit)}"
-        )
-    return lights, notes
+    return with_crossings(programmes, recorded, walks, layout), notes
 
 
 def fixed_programmes(
@@ -55,10 +49,9 @@ def fixed_programmes(
 
     Oncoming elements share a phase, in which left turns give way.
     """
-    elements = [rule for rule in rules if rule.kind == "traffic_light"]
     clashing = {pair for c in conflicts if c.kind != "diverge" for pair in (c.lanes, c.lanes[::-1])}
-    groups = [(rule, controlled(layout, rule, clashing, lanes)) for rule in elements]
-    groups = [(rule, links) for rule, links in groups if links]
+    lit = ((x, controlled(layout, x, clashing, lanes)) for x in rules if x.kind == "traffic_light")
+    groups = [(rule, links) for rule, links in lit if links]
     ahead = [set(lanes_ahead(lanes, rule.lanes, AHEAD_M)) for rule, _ in groups]
     against = [
         {j for j, b in enumerate(ahead) if j != i and any((p, q) in clashing for p in a for q in b)}
@@ -69,8 +62,10 @@ def fixed_programmes(
     for i, others in enumerate(against):
         for j in others:
             joined.join(i, j)
-    names = [joined.name(i) for i in range(len(against))]
-    for cluster in ([i for i, name in enumerate(names) if name == first] for first in dict.fromkeys(names)):
+    clusters: dict[int, list[int]] = {}
+    for i in range(len(against)):
+        clusters.setdefault(joined.name(i), []).append(i)
+    for cluster in clusters.values():
         stages = _stages(cluster, against, [links for _, links in groups])
         name = f"tl{min(groups[i][0].element_id for i in cluster)}"
         links = list({id(c): c for i in cluster for c in groups[i][1]}.values())
@@ -151,14 +146,14 @@ TURNING_RAD = 0.35  # 20 degrees: who turns lets people cross
 
 def with_crossings(
     programmes: Sequence[Programme], recorded: Programme | None, walks: Walks, layout: NetLayout
-) -> tuple[list[Programme], list[int]]:
-    """Add the crossings of its links to each program; also return those that the recorded one never frees.
+) -> list[Programme]:
+    """Add the crossings of its links to each program.
 
     People walk while links that they cross are red or turn; else a fixed program gets a phase for people.
     """
     nodes = {node.name: node for node in layout.nodes}
     taken: set[str] = set()
-    result, never = [], []
+    result = []
     for programme in programmes:
         index = {c.internal.name: k for k, c in enumerate(programme.connections)}
         lit: list[tuple[Crossing, _Crossed]] = []
@@ -174,13 +169,11 @@ def with_crossings(
         for _, crossed in lit:
             phases = _with_crossing(phases, crossed)
         closed = [k for k in range(len(lit)) if not any(state[-len(lit) + k] == "G" for _, state in phases)]
-        if closed and programme is recorded:
-            never += [i for k in closed for i, _ in lit[k][0].lane.starts]
-        elif closed:
+        if closed and programme is not recorded:
             phases = _with_phase_of_their_own(phases, len(lit), closed)
         names = tuple(crossing.lane.edge for crossing, _ in lit)
         result.append(replace(programme, phases=tuple(phases), crossings=names))
-    return result, never
+    return result
 
 
 def _with_crossing(phases: _Phases, crossed: _Crossed) -> tuple[tuple[float, str], ...]:

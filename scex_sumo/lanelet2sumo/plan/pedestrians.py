@@ -61,34 +61,26 @@ def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -
     crossings: list[Crossing] = []
     sidewalks: list[Sidewalk] = []
     corner: dict[int, list[FloatArray]] = {}
-    met_twice = [place for way in crosswalks for place in way.places]
-    over = {
-        way.name: _over_lanes(way, across[way.name], layout, [met_twice.count(p) > 1 for p in way.places])
-        for way in crosswalks
-    }
-    beyond = {
-        place: reach for way in crosswalks for place, reach in zip(way.places, over[way.name][2], strict=True)
-    }
+    over, met_twice = dict[str, _Over](), [place for way in crosswalks for place in way.places]
+    for way in crosswalks:
+        shared = [met_twice.count(place) > 1 for place in way.places]
+        over[way.name] = _over_lanes(way, across[way.name], layout, shared)
+    beyond = {p: reach for way in crosswalks for p, reach in zip(way.places, over[way.name][2], strict=True)}
     for way in ways:
         start, end = way.places
-        areas = (area.get(start, ""), area.get(end, ""))
+        areas, name = (area.get(start, ""), area.get(end, "")), way.name
         if way.name in over:
             shape, width, _ = over[way.name]
+            junction = across[way.name][0]
+            name = f":{junction}_c{next(crossed[junction])}"
         else:
-            size, width = length_of(way.shape), way.width
-            first, last = (
-                min(TRIM_M + beyond.get(place, 0.0), size / 2 - TRIM_M / 2 if beyond.get(place) else size / 4)
-                * bool(name)
-                for place, name in zip(way.places, areas, strict=True)
-            )
-            shape = cut(way.shape, first, size - last)
+            size, width, trims = length_of(way.shape), way.width, list[float]()
+            for place, there in zip(way.places, areas, strict=True):
+                most = size / 2 - TRIM_M / 2 if beyond.get(place) else size / 4
+                trims.append(min(TRIM_M + beyond.get(place, 0.0), most) * bool(there))
+            shape = cut(way.shape, trims[0], size - trims[1])
         for place, last in ((start, False), (end, True)):
             corner.setdefault(place, []).append(corners(shape, width, end=last, reach=TIP_M))
-        name = (
-            f":{across[way.name][0]}_c{next(crossed[across[way.name][0]])}"
-            if way.name in across
-            else way.name
-        )
         lane = NetLane(
             name=f"{name}_0",
             shape=shape,
@@ -173,10 +165,5 @@ def _stubs(crosswalks: Sequence[Footway], ways: Sequence[Footway], fresh: Iterat
             if places.count(place) == 1:
                 angle, tip = heading(way.shape, end=k == 1) + (math.pi if k == 0 else 0.0), way.shape[-k]
                 outer = tip + STUB_M * np.array([math.cos(angle), math.sin(angle)])
-                yield Footway(
-                    name=f"{way.name}#{k}",
-                    lanelets=(),
-                    shape=np.array([outer, tip]),
-                    width=way.width,
-                    places=(next(fresh), place),
-                )
+                name, line, ends = f"{way.name}#{k}", np.array([outer, tip]), (next(fresh), place)
+                yield Footway(name=name, lanelets=(), shape=line, width=way.width, places=ends)

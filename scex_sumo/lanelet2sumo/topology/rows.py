@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,13 +18,8 @@ SHORTEST_M = 0.1  # edge that SUMO takes
 SNAP_M = 0.3  # road pieces shorter than this are left to the junction piece beside them
 
 
-@dataclass(frozen=True, kw_only=True)
-class Zone:
-    """Stretches of lanes that must lie in one junction.
-
-    Attributes:
-        spans: (start, end) arc length on each of the lanes, m.
-    """
+class Zone(NamedTuple):
+    """Stretches of lanes that must lie in one junction; ``spans``: arc lengths on each of them, m."""
 
     lanes: tuple[int, ...]
     spans: tuple[tuple[float, float], ...]
@@ -69,11 +65,8 @@ class Row:
 
     def with_road(self, piece: int, cut: float) -> Row:
         """Cut a piece in two: the first half becomes road, the second stays as it was."""
-        return replace(
-            self,
-            cuts=(*self.cuts[: piece + 1], cut, *self.cuts[piece + 1 :]),
-            inside=(*self.inside[:piece], False, *self.inside[piece:]),
-        )
+        cuts = (*self.cuts[: piece + 1], cut, *self.cuts[piece + 1 :])
+        return replace(self, cuts=cuts, inside=(*self.inside[:piece], False, *self.inside[piece:]))
 
 
 def build_rows(lanes: Mapping[int, Lane]) -> tuple[list[Row], list[tuple[int, int]]]:
@@ -116,11 +109,8 @@ def lay_zones(
             spans.setdefault(lane, []).append(span)
     result = []
     for row in rows:
-        zones = [
-            (start / size, end / size)
-            for lane, size in zip(row.lanes, row.lengths, strict=True)
-            for start, end in spans.get(lane, ())
-        ]
+        sizes = zip(row.lanes, row.lengths, strict=True)
+        zones = [(start / size, end / size) for lane, size in sizes for start, end in spans.get(lane, ())]
         begins = any(not lanes[i].predecessors for i in row.lanes)
         ends = any(not lanes[i].successors for i in row.lanes)
         zones = _tidy(zones, float(np.mean(row.lengths)), begins=begins, ends=ends)
@@ -134,13 +124,16 @@ def _tidy(
     stub, least, gap = (min(length, size / 3) / size for length in (STUB_M, SHORTEST_M, SNAP_M))
     low = (stub if all(end > stub + gap for _, end in zones) else least) if begins else 0.0
     high = 1.0 - (stub if all(start < 1.0 - stub - gap for start, _ in zones) else least) if ends else 1.0
-    merged: list[tuple[float, float]] = []
-    for start, end in sorted(zones):
-        start, end = (low if start < low + gap else start), (high if end > high - gap else end)
-        if end - start < 1e-9:
-            continue
-        if merged and start <= merged[-1][1] + gap:
-            merged[-1] = (merged[-1][0], max(end, merged[-1][1]))
+    snapped = ((low if a < low + gap else a, high if b > high - gap else b) for a, b in zones)
+    return merged([(start, end) for start, end in snapped if end - start >= 1e-9], gap)
+
+
+def merged(spans: Iterable[tuple[float, float]], gap: float) -> list[tuple[float, float]]:
+    """Return disjoint spans, ascending; those that are at most a gap apart become one."""
+    result: list[tuple[float, float]] = []
+    for start, end in sorted(spans):
+        if result and start <= result[-1][1] + gap:
+            result[-1] = (result[-1][0], max(end, result[-1][1]))
         else:
-            merged.append((start, end))
-    return merged
+            result.append((start, end))
+    return result

@@ -22,6 +22,7 @@ from scex_sumo.lanelet2sumo.judge.report import FidelityReport, Figure, Figures,
 from scex_sumo.lanelet2sumo.reader import NetContent, SumoLane, read_net
 from scex_sumo.road import Road
 from tests.lanelet2sumo.judge.report import check_net
+from tests.lanelet2sumo.judge.topology import car_links
 
 RUN_UP_M = 20.0  # braking distance at 50 km/h
 STEP_S = 0.1
@@ -82,7 +83,7 @@ def _demand(net: NetContent, routes: list[tuple[str, ...]], headway_s: float) ->
     size = f'length="{LENGTH_M}" width="{WIDTH_M}"'
     lines = [f'<routes><vType id="car" vClass="passenger" {size} sigma="0.5"/>']
     contested = {
-        k.from_lane for k in net.car_links if k.row >= 0 and net.junctions[k.junction].foes[k.row].any()
+        k.from_lane for k in car_links(net) if k.row >= 0 and net.junctions[k.junction].foes[k.row].any()
     }
     waiting = {net.lanes[name].edge_id for name in contested if net.lanes[name].length_m < RUN_UP_M}
     for number, edges in enumerate(routes):
@@ -147,8 +148,8 @@ def border_routes(net: NetContent) -> list[tuple[str, ...]]:
     begins where a car would block others.
     """
     edges = {lane.edge_id for lane in net.car_lanes.values() if not lane.internal}
-    entered = {net.lanes[link.to_lane].edge_id for link in net.car_links}
-    left = {net.lanes[link.from_lane].edge_id for link in net.car_links}
+    entered = {net.lanes[link.to_lane].edge_id for link in car_links(net)}
+    left = {net.lanes[link.from_lane].edge_id for link in car_links(net)}
     first, ends = edges - entered, edges - left
     starts = first - _in_the_way(net, first) or first or edges
     for room_m in (CHANGE_M, 0.0):
@@ -168,7 +169,7 @@ def _in_the_way(net: NetContent, starts: set[str]) -> set[str]:
     cars = {name: lane for name, lane in net.car_lanes.items() if length_of(lane.shape) > 0.0}
     apart = {name: {*net.edges[lane.edge_id]} for name, lane in cars.items() if lane.edge_id in starts}
     source: dict[str, str] = {}
-    for link in net.car_links:
+    for link in car_links(net):
         if link.from_lane in apart:
             apart[link.from_lane] |= {*link.via, link.to_lane}
             source |= dict.fromkeys(link.via, link.from_lane)
@@ -214,7 +215,7 @@ def _head_on(standing: FloatArray, line: FloatArray) -> bool:
 
 def _lane_moves(net: NetContent, room_m: float) -> dict[str, list[str]]:
     moves: dict[str, list[str]] = defaultdict(list)
-    for link in net.car_links:
+    for link in car_links(net):
         moves[link.from_lane].append(link.to_lane)
     for names in net.edges.values():
         for right, left in pairwise(net.lanes[name] for name in names):

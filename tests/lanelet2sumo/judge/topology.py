@@ -18,6 +18,7 @@ from scex_sumo.base.arrays import BoolArray
 from scex_sumo.geometry.polylines import length_of
 from scex_sumo.lanelet2sumo.judge.matching import Matching, Stretch
 from scex_sumo.lanelet2sumo.judge.priority import NEAR_M, Pair
+from scex_sumo.lanelet2sumo.reader import NetContent, SumoLink
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import runs
 
@@ -150,13 +151,18 @@ def _reach(own: Mapping[Node, int], ahead: Mapping[Node, Iterable[Node]]) -> dic
     return {node: reach[k] for node, k in zip(own, ring, strict=True)}
 
 
+def car_links(net: NetContent) -> list[SumoLink]:
+    """Links between lanes for passenger cars."""
+    return [k for k in net.links if k.from_lane in net.car_lanes and k.to_lane in net.car_lanes]
+
+
 def _by_edges(
     matching: Matching, on_lanes: Mapping[str, Sequence[Stretch]], bit: Mapping[int, int]
 ) -> tuple[Rows, Rows]:
     """Return the lanelets that edges lead to from a lanelet, and those on its own edges."""
     lanes = matching.net.lanes
     on = [(lanes[n].edge_id, s.lane_id) for n, own in on_lanes.items() if not lanes[n].internal for s in own]
-    links = [(lanes[link.from_lane].edge_id, lanes[link.to_lane].edge_id) for link in matching.net.car_links]
+    links = [(lanes[link.from_lane].edge_id, lanes[link.to_lane].edge_id) for link in car_links(matching.net)]
     own = dict.fromkeys((lane.edge_id for lane in lanes.values()), 0)
     for name, i in on:
         own[name] |= bit[i]
