@@ -78,13 +78,8 @@ def export_command(
     with as_written(folder):
         run = open_run(folder)
         pair = None if encounter is None else run.two_tracks(encounter)
-        request = Request(
-            run=run,
-            futures=(RECORDED,) if recorded else _futures(run, future, pair),
-            out=out,
-            ego=ego,
-            encounter=pair,
-        )
+        futures = (RECORDED,) if recorded else _futures(run, future, pair)
+        request = Request(run=run, futures=futures, out=out, ego=ego, encounter=pair)
         request.ego_index()
     if out is not None and out.is_file() and not own:
         check_output(out, *request.inputs)
@@ -103,10 +98,8 @@ def _refuse_other_content(to: str, write: Exporter, request: Request, files: Seq
     """Call another package's exporter once more, with a temporary folder, and compare its files."""
     with TemporaryFolder() as folder:
         again = write(replace(request, out=Path(folder, (request.out or Path("again")).name)))
-        contents = (
-            [path.read_bytes() for path in map(Path, some) if path.is_file()] for some in (files, again)
-        )
-        if next(contents) != next(contents):
+        first, second = (list(map(Path, some)) for some in (files, again))
+        if [x.read_bytes() for x in first if x.is_file()] != [x.read_bytes() for x in second if x.is_file()]:
             raise OwnCodeError(f"export format {to}: it wrote something else when called again")
 
 

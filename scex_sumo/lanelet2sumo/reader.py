@@ -138,11 +138,9 @@ class NetContent:
 def read_net(path: Path) -> NetContent:
     """Read a SUMO net, in its own coordinates."""
     root = net_root(path)
-    lanes, words = {}, change_words(root)
-    for edge in root.iter("edge"):
-        for element in edge.iter("lane"):
-            lane = _checked(path, element, _lane, edge, words)
-            lanes[lane.lane_id] = lane
+    words, both = change_words(root), ((edge, x) for edge in root.iter("edge") for x in edge.iter("lane"))
+    read = (_checked(path, element, _lane, edge, words) for edge, element in both)
+    lanes = {lane.lane_id: lane for lane in read}
     edges: dict[str, list[str]] = defaultdict(list)
     for lane in sorted(lanes.values(), key=lambda lane: (lane.edge_id, lane.index)):
         edges[lane.edge_id].append(lane.lane_id)
@@ -150,8 +148,7 @@ def read_net(path: Path) -> NetContent:
     for programme in root.iter("tlLogic"):
         phases[programme.get("id", "")] += [phase.get("state", "") for phase in programme.iter("phase")]
     following = _following(root, lanes)
-    location = root.find("location")
-    projection = "!" if location is None else location.get("projParameter", "!")
+    projection = next((x.get("projParameter", "!") for x in root.iter("location")), "!")
     return NetContent(
         path=path,
         lanes=lanes,
@@ -236,10 +233,10 @@ def _links(root: Element, following: Mapping[str, tuple[str, ...]]) -> tuple[Sum
             continue
         source, target = _ends(connection)
         chain: list[str] = []  # SUMO splits some ways through a junction at an internal one
-        lane = connection.get("via")
-        while lane is not None and lane.startswith(":") and lane not in chain:
+        lane = connection.get("via", "")
+        while lane.startswith(":") and lane not in chain:
             chain.append(lane)
-            lane = next(iter(following.get(lane, ())), None)
+            lane = next(iter(following.get(lane, ())), "")
         junction, row = next((rows[lane] for lane in chain if lane in rows), ("", -1))
         links.append(
             SumoLink(

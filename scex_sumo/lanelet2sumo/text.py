@@ -41,16 +41,16 @@ def net_text(
     """Return the whole file; with ``place`` SUMO's tools can show the net on a map of the world."""
     lights = {c.internal.name: (p.name, k) for p in programmes for k, c in enumerate(p.connections)}
     lights |= {n: (p.name, len(p.connections) + k) for p in programmes for k, n in enumerate(p.crossings)}
-    lanes = [
-        *(lane for edge in layout.edges for lane in edge.lanes),
-        *(walk.lane for walk in walks.sidewalks),
-    ]
+    lanes = [lane for edge in layout.edges for lane in edge.lanes] + [walk.lane for walk in walks.sidewalks]
     points = np.vstack([lane.shape for lane in lanes])
     nodes = sorted(layout.nodes, key=lambda node: node.name)
-    lines = [
+    head = (
         '<?xml version="1.0" encoding="UTF-8"?>',
         "",
-        ROOT.format(' walkingareas="true"' if walks.areas else ""),
+        ROOT.format(' walkingareas="true"' * bool(walks.areas)),
+    )
+    lines = [
+        *head,
         _location(np.concatenate([points.min(axis=0), points.max(axis=0)]), place),
         *_edges(layout, nodes, walks),
         *_programmes(programmes),
@@ -104,26 +104,26 @@ def _walking_lane(name: str, speed: float, length: str, width: float, shape: Flo
     )
 
 
-def _edge(name: str, attributes: str, lanes: Iterable[str]) -> list[str]:
+def _edge(name: str, attributes: str, *lanes: str) -> list[str]:
     return [f'    <edge id="{name}" {attributes}>', *lanes, "    </edge>"]
 
 
 def _edges(layout: NetLayout, nodes: Iterable[Node], walks: Walks) -> Iterator[str]:
     between = 'from="{}" to="{}" priority="-1" spreadType="center"'
     for internal in (c.internal for node in nodes for c in node.connections):
-        yield from _edge(internal.edge, 'function="internal"', [_lane(internal)])
+        yield from _edge(internal.edge, 'function="internal"', _lane(internal))
     for crossing in walks.crossings:
         about = f'function="crossing" crossingEdges="{" ".join(crossing.edges)}"'
-        yield from _edge(crossing.lane.edge, about, [_footway(crossing.lane)])
+        yield from _edge(crossing.lane.edge, about, _footway(crossing.lane))
     for name, outline in walks.areas.items():
         area = _walking_lane(f"{name}_0", WALKING_SPEED_MPS, "1.00", 2.0, outline)
-        yield from _edge(name, 'function="walkingarea"', [area])
+        yield from _edge(name, 'function="walkingarea"', area)
     for edge in layout.edges:
         lanes = [_lane(lane, k, bans=len(edge.lanes) > 1) for k, lane in enumerate(edge.lanes)]
         about = f'{between.format(edge.start, edge.end)} shape="{shape_text(edge.shape)}"'
-        yield from _edge(edge.name, about, lanes)
+        yield from _edge(edge.name, about, *lanes)
     for walk in walks.sidewalks:
-        yield from _edge(walk.lane.edge, between.format(*walk.nodes), [_footway(walk.lane)])
+        yield from _edge(walk.lane.edge, between.format(*walk.nodes), _footway(walk.lane))
 
 
 def _footway(lane: NetLane) -> str:
@@ -143,7 +143,7 @@ def _junctions(nodes: Iterable[Node], lights: Lights, walks: Walks) -> Iterator[
     for node in nodes:
         links, crossings = node.connections, walks.at(node.name)
         incoming = [*node.incoming, *walks.incoming(node.name)]
-        inner = [c.internal.name for c in node.connections] + [crossing.lane.name for crossing in crossings]
+        inner = [c.internal.name for c in links] + [crossing.lane.name for crossing in crossings]
         head = _junction(node.name, _type(node, lights), node.shape, incoming, inner)
         yield f'{head} customShape="1">' if links else f"{head}/>"
         for index, link in enumerate(links):
@@ -185,9 +185,8 @@ def _type(node: Node, lights: Lights) -> str:
     if any(connection.internal.name in lights for connection in node.connections):
         return "traffic_light"
     states = {connection.state for connection in node.connections}
-    return next(
-        (kind for state, kind in KINDS.items() if state in states), "priority" if states else "dead_end"
-    )
+    other = "priority" if states else "dead_end"
+    return next((kind for state, kind in KINDS.items() if state in states), other)
 
 
 def _connections(nodes: Iterable[Node], lights: Lights, walks: Walks) -> Iterator[str]:

@@ -51,8 +51,7 @@ class Fallible(Driver):
     """
 
     def __init__(self, model: BatchBehavior, name: str) -> None:
-        self.inner = model
-        self.name, self.source_file = name, source_file(model)
+        self.inner, self.name, self.source_file = model, name, source_file(model)
 
     @property
     def sight(self) -> Sight | None:
@@ -146,9 +145,8 @@ def plan_arrays(plan: Any, count: int) -> Plan:
             raise ScexError(f"returned {type(plan).__name__}, which has no {key}; needs a scex_sumo.Plan")
         values = np.asarray(getattr(plan, key), dtype=np.float64)
         if values.ndim != 2 or values.shape[0] != count or values.shape[1] < PLAN_STEPS:
-            raise ScexError(
-                f"plan.{key} has shape {values.shape}, needs ({count}, {PLAN_STEPS}) or more steps"
-            )
+            needs = f"needs ({count}, {PLAN_STEPS}) or more steps"
+            raise ScexError(f"plan.{key} has shape {values.shape}, {needs}")
         parts[key] = values[:, :PLAN_STEPS].copy()
     return Plan(**parts, fallback=getattr(plan, "fallback", None), reasons=getattr(plan, "reasons", ()))
 
@@ -215,12 +213,9 @@ def is_ours(model: Any) -> bool:
 def source_file(model: Any) -> Path | None:
     """Return the file of a model, its class or its function; None if there is none."""
     source = _unwrapped(model)
-    if hasattr(source, "file"):
-        return Path(source.file)
-    try:
-        return Path(inspect.getfile(source))
-    except (OSError, TypeError):
-        return None
+    with suppress(OSError, TypeError):
+        return Path(source.file if hasattr(source, "file") else inspect.getfile(source))
+    return None
 
 
 def _unwrapped(model: Any) -> Any:

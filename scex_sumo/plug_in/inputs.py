@@ -29,17 +29,9 @@ ARRAYS: Final = (
 """Inputs with one row per vehicle; see `predictor_inputs`."""
 
 KINDS: Final = ("car", "truck", "motorcycle", "bicycle", "pedestrian", "other")
-_WORDS = (
-    ("pedestrian", 4),  # a recorded "pedestrian/bicycle" counts as the slower one
-    ("motorcycle", 2),
-    ("bicycle", 3),
-    ("cyclist", 3),
-    ("truck", 1),
-    ("bus", 1),
-    ("trailer", 1),
-    ("car", 0),
-    ("van", 0),
-)
+# In this order: a recorded "pedestrian/bicycle" counts as the slower one.
+_WORDS = {"pedestrian": 4, "motorcycle": 2, "bicycle": 3, "cyclist": 3, "truck": 1, "bus": 1, "trailer": 1}
+_WORDS |= {"car": 0, "van": 0}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,11 +88,8 @@ def predictor_inputs(
     past = history.states[vehicles.future, vehicles.vehicle]
     now = past[:, -1]
     kinds = np.array([vehicle_kind(word) for word in scene.types], dtype=np.int64)
-    inputs: dict[str, NDArray[Any]] = {
-        "history": seen_from(now, past),
-        "size": np.stack([scene.length, scene.width], axis=-1)[vehicles.vehicle],
-        "kind": kinds[vehicles.vehicle],
-    }
+    inputs: dict[str, NDArray[Any]] = {"history": seen_from(now, past), "kind": kinds[vehicles.vehicle]}
+    inputs["size"] = np.stack([scene.length, scene.width], axis=-1)[vehicles.vehicle]
     if any(name.startswith("neighbour") for name in names):
         steps = np.full(len(vehicles), history.step) if step is None else step
         inputs |= _others(history, vehicles, now, surroundings, kinds, steps)
@@ -112,7 +101,7 @@ def predictor_inputs(
 @cache
 def vehicle_kind(word: str) -> int:
     """Return the index into `KINDS` of a recorded type, e.g. ``truck_bus``."""
-    return next((kind for part, kind in _WORDS if part in word.lower()), KINDS.index("other"))
+    return next((kind for part, kind in _WORDS.items() if part in word.lower()), KINDS.index("other"))
 
 
 def _others(

@@ -74,17 +74,14 @@ class Predictor:
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Predict for all vehicles; see `BatchBehavior.plan`."""
-        arrays = predictor_inputs(
-            history, road, vehicles, self.surroundings, [name for name in self.inputs if name in ARRAYS]
-        )
+        names = [name for name in self.inputs if name in ARRAYS]
+        arrays = predictor_inputs(history, road, vehicles, self.surroundings, names)
         graph: SceneGraph | None = None
         if "graph" in self.inputs:
             from scex_sumo.graphs.graph import scene_graph  # few runs need it
 
             graph = scene_graph(history, road)
-        count = history.now.shape[1]
-        calls = self._calls(vehicles)
-        predicted = []
+        count, calls, predicted = history.now.shape[1], self._calls(vehicles), list[FloatArray]()
         for at in calls:
             future = 0 if self.batched else int(vehicles.future[at[0]])
             given: dict[str, Any] = {name: values[at] for name, values in arrays.items()}
@@ -155,19 +152,11 @@ def graph_of_future(graph: SceneGraph, future: int, vehicles: int) -> SceneGraph
     """Return the scene graph of one future of a batch."""
     nodes = slice(future * vehicles, (future + 1) * vehicles)
     edges = graph.edge_index[1] // vehicles == future
-    return replace(
-        graph,
-        future=np.zeros(vehicles, dtype=np.int64),
-        vehicle=graph.vehicle[nodes],
-        node=graph.node[nodes],
-        history=graph.history[nodes],
-        edge_index=graph.edge_index[:, edges] - future * vehicles,
-        edge_kind=graph.edge_kind[edges],
-        edge=graph.edge[edges],
-        on_road=graph.on_road[nodes],
-        lane_id=graph.lane_id[nodes],
-        arc=graph.arc[nodes],
-    )
+    own: dict[str, Any] = {name: getattr(graph, name)[edges] for name in ("edge_kind", "edge")}
+    of_nodes = ("vehicle", "node", "history", "on_road", "lane_id", "arc")
+    own |= {name: getattr(graph, name)[nodes] for name in of_nodes}
+    own["edge_index"] = graph.edge_index[:, edges] - future * vehicles
+    return replace(graph, future=np.zeros(vehicles, dtype=np.int64), **own)
 
 
 def name_of(function: Callable[..., Any]) -> str:

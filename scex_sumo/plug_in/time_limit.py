@@ -12,7 +12,6 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 from scex_sumo.base.errors import OutOfTimeError, last_words
 
@@ -25,14 +24,11 @@ class _Interrupt(BaseException):
     """Raised in code that is out of its time; `BaseException`, as that code may catch its own errors."""
 
 
-@dataclass(kw_only=True, eq=False)
 class _Call:
-    what: str
-    limit_s: float
-    ticks: int = 0  # not a clock: a process that was stopped has not used its time
-
-    def words(self) -> str:
-        return f"{self.what} did not return within {self.limit_s:g} s; look for an endless loop in it"
+    def __init__(self, what: str, limit_s: float) -> None:
+        self.what, self.limit_s = what, limit_s
+        self.ticks = 0  # not a clock: a process that was stopped has not used its time
+        self.words = f"{what} did not return within {limit_s:g} s; look for an endless loop in it"
 
 
 _calls: dict[int, _Call] = {}  # by thread
@@ -48,7 +44,7 @@ def time_limit(what: str, limit_s: float) -> Iterator[None]:
     Args:
         what: names the code in messages.
     """
-    call, thread = _Call(what=what, limit_s=limit_s), threading.get_ident()
+    call, thread = _Call(what, limit_s), threading.get_ident()
     if thread in _calls:  # of code within such code
         yield
         return
@@ -64,7 +60,7 @@ def time_limit(what: str, limit_s: float) -> Iterator[None]:
             with _lock:
                 del _calls[thread]
     except _Interrupt:
-        raise OutOfTimeError(call.words()) from None
+        raise OutOfTimeError(call.words) from None
 
 
 def _watch() -> None:
@@ -72,11 +68,11 @@ def _watch() -> None:
         time.sleep(_TICK_S)
         with _lock:
             for thread, call in _calls.items():
-                call.ticks += 1
                 _look(thread, call)
 
 
 def _look(thread: int, call: _Call) -> None:
+    call.ticks += 1
     if call.ticks * _TICK_S == QUIET_S and call.what not in _told:
         _told.add(call.what)
         print(f"waiting up to {call.limit_s:g} s for {call.what}", file=sys.stderr, flush=True)
@@ -84,7 +80,7 @@ def _look(thread: int, call: _Call) -> None:
     if over == 0:
         ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(_Interrupt))
     elif over == round(RETURN_S / _TICK_S):
-        _give_up(call.words())
+        _give_up(call.words)
 
 
 def _give_up(words: str) -> None:

@@ -30,17 +30,13 @@ def user_model(given: Any, name: str) -> ModelEntry:
         if hasattr(given, "__scex_predictor__"):
             return given.__scex_predictor__  # type: ignore[no-any-return]
         if hasattr(given, "plan") or hasattr(given, "plan_one"):
-            own = not isinstance(given, SumoDriver)  # SUMO's plans never fail
-            return ModelEntry(
-                make=lambda: given, summary=_summary(given), takes_guard=own, may_fail=own, is_own=own
-            )
+            own, words = not isinstance(given, SumoDriver), _summary(given)  # SUMO's plans never fail
+            return ModelEntry(make=lambda: given, summary=words, takes_guard=own, may_fail=own, is_own=own)
         if is_predictor(given):
             return predictor_model(given)
     if not callable(given):
-        kind = type(given).__name__
-        raise UsageError(
-            f"{name}: has type {kind}; needs a class with plan or plan_one, or a function of history"
-        )
+        needs = "needs a class with plan or plan_one, or a function of history"
+        raise UsageError(f"{name}: has type {type(given).__name__}; {needs}")
     by_name = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     parameters = {key: p.default for key, p in signature_of(given).items() if p.kind in by_name}
     return ModelEntry(make=given, parameters=parameters, summary=_summary(given))
@@ -57,11 +53,8 @@ def predictor_model(
         surroundings: fields of `Surroundings` with another default.
     """
     around = asdict(Surroundings(**surroundings))
-    defaults = {
-        p.name: p.default
-        for p in signature_of(function).values()
-        if p.name not in INPUTS and p.default is not EMPTY
-    }
+    others = (p for p in signature_of(function).values() if p.name not in INPUTS)
+    defaults = {p.name: p.default for p in others if p.default is not EMPTY}
 
     def make(**given: Any) -> Predictor:
         options = {name: given.pop(name) for name in defaults if name in given}
@@ -100,17 +93,12 @@ class SingleVehicle:
         plans = []
         alone = {c: history.part(slice(c, c + 1)) for c in np.unique(vehicles.future).tolist()}
         for c, v in zip(vehicles.future.tolist(), vehicles.vehicle.tolist(), strict=True):
-            plans.append(self._checked(self.model.plan_one(alone[c], road, 0, v, rng[c])))
+            plans.append(self.model.plan_one(alone[c], road, 0, v, rng[c]))
+            shapes = [np.shape(part) for part in vars(plans[-1]).values()]
+            if any(len(shape) != 1 or shape[0] < PLAN_STEPS for shape in shapes):
+                what = f"behaviour model {type(self.model).__name__}: plan_one returned shapes {shapes}"
+                raise ScexError(f"{what}, needs four of at least ({PLAN_STEPS},)")
         if not plans:
             return Plan(**vars(States.empty((0, PLAN_STEPS))))
         steps = min(len(plan.x) for plan in plans)
         return Plan(**vars(States.stack([plan[:steps] for plan in plans], axis=0)))
-
-    def _checked(self, plan: States) -> States:
-        shapes = [np.shape(part) for part in vars(plan).values()]
-        if any(len(shape) != 1 or shape[0] < PLAN_STEPS for shape in shapes):
-            raise ScexError(
-                f"behaviour model {type(self.model).__name__}: plan_one returned shapes {shapes}, "
-                f"needs four of at least ({PLAN_STEPS},)"
-            )
-        return plan

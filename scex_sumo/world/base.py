@@ -60,12 +60,7 @@ class SumoDriven:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WorldRequest:
-    """Request for a simulator.
-
-    Attributes:
-        models: names of behaviour models.
-        slots: tile slots of all futures.
-    """
+    """Request for a simulator; ``models`` are names, ``slots`` the tile slots of all futures."""
 
     scene: SeedScene
     net: SumoNet

@@ -209,16 +209,6 @@ class RunningBatch:
         self.gone.flat[[k for k in there if self.ids[k] in keys]] = True
         self._selected.clear()
 
-    def refuse_shared_slots(self) -> None:
-        """Raise a `SimulationError` if a future with SUMO drivers shares its slot."""
-        count = Counter(self.slots)
-        mixed = {slot for slot, m in zip(self.slots, self.mixed, strict=True) if m}
-        if shared := sorted(slot for slot in mixed if count[slot] > 1):
-            raise SimulationError(
-                f"slots {shared} hold several futures, one with SUMO drivers or shown in sumo-gui; "
-                "give each its own slot"
-            )
-
     def refuse_losses(self, held: Sequence[str]) -> None:
         """Raise a `SimulationError` with the vehicles that SUMO lost."""
         all_of_us = {*self.everybody.ids, *self.obstacles}

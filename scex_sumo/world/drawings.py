@@ -159,33 +159,17 @@ class Frame:
         return zoom, (left + right) / 2, (top + bottom) / 2
 
     @property
-    def entry_m(self) -> float:
-        """Width of a legend entry, m."""
-        return (3.0 + max((len(name) for name, _ in self.entries), default=0) * _LETTER) * self.line_m
-
-    @property
     def exaggeration(self) -> float:
         """Factor of vehicle sizes, 1 to 3, for visibility."""
         return min(max(_window_height(self.view) / 200.0, 1.0), 3.0)
 
-    @property
-    def way_m(self) -> float:
-        """Width of visible lines, m."""
-        return max(0.25, 0.003 * _window_height(self.view))
-
     def closer(self, states: States) -> Frame:
         """Return the frame around these states."""
-        around = (
-            float(states.x.min()) - _AROUND_M,
-            float(states.y.min()) - _AROUND_M,
-            float(states.x.max()) + _AROUND_M,
-            float(states.y.max()) + _AROUND_M,
-        )
+        low = float(states.x.min()) - _AROUND_M, float(states.y.min()) - _AROUND_M
+        high = float(states.x.max()) + _AROUND_M, float(states.y.max()) + _AROUND_M
         left, bottom, right, top = self.net
-        view = max(left, around[0]), max(bottom, around[1]), min(right, around[2]), min(top, around[3])
-        if view[0] >= view[2] or view[1] >= view[3]:
-            view = around
-        return self.on(view)
+        view = max(left, low[0]), max(bottom, low[1]), min(right, high[0]), min(top, high[1])
+        return self.on(view if view[0] < view[2] and view[1] < view[3] else (*low, *high))
 
     def on(self, view: Bounds) -> Frame:
         """Return the frame with these bounds in view, e.g. those of one of many tiles."""
@@ -199,13 +183,8 @@ def _window_height(bounds: Bounds, aspect: float = WINDOW_ASPECT) -> float:
 
 def frame_of(bounds: Bounds, offsets: Sequence[tuple[int, int]], entries: Sequence[tuple[str, Rgb]]) -> Frame:
     """Return the frame of a map with bounds in m, at tile offsets in m."""
-    left, bottom, right, top = bounds
-    net = (
-        left + min(dx for dx, _ in offsets),
-        bottom + min(dy for _, dy in offsets),
-        right + max(dx for dx, _ in offsets),
-        top + max(dy for _, dy in offsets),
-    )
+    (left, bottom, right, top), (xs, ys) = bounds, zip(*offsets, strict=True)
+    net = left + min(xs), bottom + min(ys), right + max(xs), top + max(ys)
     return Frame(net=net, view=net, line_m=_LETTER_SHARE * _window_height(net), entries=tuple(entries))
 
 
@@ -221,14 +200,14 @@ def legend_entries(
 
 def draw_futures(shown: Sequence[TiledFuture], colors: Mapping[str, Rgb], frame: Frame) -> str:
     """Draw tracks, rings, and titles above the tiles."""
-    lines = []
+    lines, way_m = [], max(0.25, 0.003 * _window_height(frame.view))
     for s in shown:
         dx, dy = s.offset
         for v, model in enumerate(s.future.models):
             track = s.future.states[v, max(s.future.past - 1, 0) :]
             way = zip((track.x + dx).tolist(), (track.y + dy).tolist(), strict=True)
             shape = " ".join(f"{x:.2f},{y:.2f}" for x, y in way)
-            lines.append(_poly(s.id(f"way.{v}"), shape, colors[model], line_m=frame.way_m))
+            lines.append(_poly(s.id(f"way.{v}"), shape, colors[model], line_m=way_m))
         title = f"future {s.future.number}" + (f" · {s.future.title}" if s.future.title else "")
         x, y = frame.view[0] + dx, frame.view[3] + dy + 0.5 * frame.line_m
         lines.append(_text(title, x, y, frame.line_m))
@@ -248,10 +227,8 @@ def draw_seams(junctions: Sequence[FloatArray], shown: Sequence[TiledFuture]) ->
 
 
 def _ring(shown: TiledFuture, vehicle: int) -> str:
-    x, y = (
-        float(v[vehicle, shown.future.stop_state]) + d
-        for v, d in zip((shown.future.states.x, shown.future.states.y), shown.offset, strict=True)
-    )
+    at = shown.future.states[vehicle, shown.future.stop_state]
+    x, y = float(at.x) + shown.offset[0], float(at.y) + shown.offset[1]
     angles = [2 * math.pi * k / _RING_POINTS for k in range(_RING_POINTS + 1)]
     shape = " ".join(f"{x + _RING_M * math.cos(a):.2f},{y + _RING_M * math.sin(a):.2f}" for a in angles)
     return _poly(shown.id(f"ring.{vehicle}"), shape, _RING_RGB, line_m=_RING_WIDTH_M)
@@ -260,19 +237,19 @@ def _ring(shown: TiledFuture, vehicle: int) -> str:
 def draw_ids(names: Sequence[str], x: FloatArray, y: FloatArray, line_m: float) -> str:
     """Draw overlapping ids of ringed vehicles at x, y (N,), m, each beside its ring."""
     order = np.argsort(x, kind="stable").tolist()
-    away = np.linspace(-1.0, 1.0, len(order)) * (_RING_M + line_m)
-    return "".join(
-        _text(names[n], x[n] + dx - 0.5 * _LETTER * len(names[n]) * line_m, y[n], line_m)
-        for n, dx in zip(order, away, strict=True)
-    )
+    left = np.array(x)
+    left[order] += np.linspace(-1.0, 1.0, len(order)) * (_RING_M + line_m)
+    left -= 0.5 * _LETTER * np.array([len(name) for name in names]) * line_m
+    return "".join(_text(names[n], left[n], y[n], line_m) for n in order)
 
 
 def draw_legend(frame: Frame) -> str:
     """Draw the legend below the tiles."""
     lines, line_m, (left, bottom, _, _) = [], frame.line_m, frame.view
+    entry_m = (3.0 + max((len(name) for name, _ in frame.entries), default=0) * _LETTER) * line_m
     for n, (name, rgb) in enumerate(frame.entries):
         row, column = divmod(n, _LEGEND_COLUMNS)
-        x, y = left + column * frame.entry_m, bottom - (row + 1) * _LINE * line_m
+        x, y = left + column * entry_m, bottom - (row + 1) * _LINE * line_m
         corners = ((0.0, 0.0), (1.5, 0.0), (1.5, 0.8), (0.0, 0.8))
         square = " ".join(f"{x + cx * line_m:.2f},{y + (cy - 0.4) * line_m:.2f}" for cx, cy in corners)
         lines.append(_poly(f"legend.{n}", square, rgb))
@@ -308,10 +285,8 @@ def readable(names: Sequence[str], x: FloatArray, y: FloatArray, letter_m: float
     half = np.array([_ID_WIDTH * len(name) for name in names]) * letter_m / 2
     kept: list[int] = []
     for n in range(len(names)):
-        over = (np.abs(x[kept] - x[n]) < half[kept] + half[n]) & (
-            np.abs(y[kept] - y[n]) < _ID_HEIGHT * letter_m
-        )
-        if not over.any():
+        over = np.abs(x[kept] - x[n]) < half[kept] + half[n]
+        if not (over & (np.abs(y[kept] - y[n]) < _ID_HEIGHT * letter_m)).any():
             kept.append(n)
     return kept
 

@@ -94,9 +94,8 @@ def state_with(
         states = f"{count} {count} 0 0 0 0 0 0 0"
         text += f'<transportables type="person" state="{states}">{"".join(persons)}</transportables>'
     for lane, there in lanes.items():
-        text += (
-            f'<lane id={quoted(lane)}><vehicles value="{" ".join(key for _, key in sorted(there))}"/></lane>'
-        )
+        keys = " ".join(key for _, key in sorted(there))
+        text += f'<lane id={quoted(lane)}><vehicles value="{keys}"/></lane>'
     return ElementTree.tostring(root).replace(b"</snapshot>", f"{text}</snapshot>".encode())
 
 
@@ -113,10 +112,8 @@ def _marked(saved: str) -> tuple[str, str, str, str, int]:
         own_type = ElementTree.tostring(own, encoding="unicode")
     one.attrib |= {"id": _KEY, "type": _KIND}
     for part in one.iter():
-        if "lane" in part.attrib:
-            part.set("lane", prefixed(_TILE, part.attrib["lane"]))
-        if "edges" in part.attrib:
-            part.set("edges", _edges(part.attrib["edges"]))
+        for name in {"lane", "edges"} & part.attrib.keys():
+            part.set(name, _edges(part.attrib[name]))
     lane, route, words = user.get("lane", ""), "", one.get("state", "").split()
     words[0] = str(int(words[0]) | _TYPE_SET)
     if lane:

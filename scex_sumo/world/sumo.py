@@ -111,18 +111,14 @@ class SumoWorld:
             lights: as a simulation saved them, in slot 0; its road users, all saved, then begin where they
                 were, though the scene has them elsewhere, e.g. in a lane change that is drawn.
         """
-        wanted, tiles = [int(slot) for slot in slots], self._session.slots
-        if missing := sorted(set(wanted) - set(tiles)):
-            raise SimulationError(f"no tile for slots {missing}; this world has tiles for {tiles}")
+        wanted = [int(slot) for slot in slots]
         for d in driven:
             self._types.enter(d.vehicle, d.model, d.parameters)
-        self._running = None
+        self._running = self._drivers = None
         self._speeds.clear()
-        self._drivers = None
         ids, offsets = vehicle_ids(wanted, self._scene.track_ids), map(self._session.layout.offset, wanted)
         watched, people = self._gui, self._pedestrians
         batch = RunningBatch(start, driven, ids, wanted, list(offsets), watched=watched, pedestrians=people)
-        batch.refuse_shared_slots()
         self._running = batch
         poses = self._poses(start)
         self._load(batch, driven, poses, lights)
@@ -196,9 +192,7 @@ class SumoWorld:
                 speed.flat[k] = get.getSpeed(batch.ids[k])
         x, y, angle = read[:, place]
         if self._walked is not None:
-            x, y, angle = (
-                np.where(batch.walking, *both) for both in zip(self._walked, read[:, place], strict=True)
-            )
+            x, y, angle = np.where(batch.walking, self._walked, read[:, place])
         return from_sumo(x - batch.offset[0], y - batch.offset[1], angle, speed, self._length)
 
     def follow(self, vehicle: int, edges: Sequence[str]) -> None:
@@ -257,15 +251,13 @@ class SumoWorld:
             from scex_sumo.world.loaded import state_with, users_of
 
             if users := users_of(self._scene, batch, driven, self._types):
-                filled = partial(
-                    state_with, users=users.values(), time_s=self._scene.time_s, lights=lights or ()
-                )
+                now_s, own = self._scene.time_s, lights or ()
+                filled = partial(state_with, users=users.values(), time_s=now_s, lights=own)
                 self._sumo = self._session.ready(module, filled)
                 places = zip(batch.ids, *(values.reshape(-1).tolist() for values in poses[:2]), strict=True)
                 ask = self._sumo.vehicle.getPosition
-                if lights is not None or all(
-                    math.dist(ask(key), there) < _SAME_M for key, *there in places if key in users
-                ):
+                mine = ((key, there) for key, *there in places if key in users)
+                if lights is not None or all(math.dist(ask(key), there) < _SAME_M for key, there in mine):
                     batch.loaded = set(users)
                     batch.obstacles = batch.loaded & set(self._sumo.vehicle.getIDList()) - set(batch.ids)
                     return  # else the scene was changed since
@@ -314,8 +306,7 @@ class SumoWorld:
                 continue
             if d:
                 self._routes += 1
-                route = f"route{self._routes}"
-                intention = self._scene.intention(v)
+                route, intention = f"route{self._routes}", self._scene.intention(v)
                 behind = () if intention is None else intention.behind
                 self._sumo.route.add(route, [tile_id(slot, edge) for edge in (*behind, *d.edges)])
                 kind = self._types.driven(v, d.model, d.parameters)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -95,12 +96,11 @@ def match_lanelets(net: NetContent, road: Road, lanes: LaneTable) -> Matching:
     """Put the SUMO lanes of a net beside their lanelets."""
     named = [(i, name) for i in road.lanes for name in lanes.sumo_lanes(i) if name in net.lanes]
     on = [_stretch(road.lanes[i], name, net.lanes[name].line) for i, name in named]
-    by_lanelet: dict[int, list[Stretch]] = {}
-    by_sumo_lane: dict[str, list[Stretch]] = {}
+    by_lanelet, by_sumo_lane = defaultdict[int, list[Stretch]](list), defaultdict[str, list[Stretch]](list)
     for stretch in on:
-        by_lanelet.setdefault(stretch.lane_id, []).append(stretch)
+        by_lanelet[stretch.lane_id].append(stretch)
     for stretch in sorted(on, key=lambda s: (s.start_m, s.end_m)):
-        by_sumo_lane.setdefault(stretch.sumo_lane, []).append(stretch)
+        by_sumo_lane[stretch.sumo_lane].append(stretch)
     return Matching(net=net, road=road, by_lanelet=by_lanelet, by_sumo_lane=by_sumo_lane)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import takewhile
 from pathlib import Path
 from typing import TypeAlias
 
@@ -107,19 +108,18 @@ def _held(lane: Lane, rule: Regulation, start: float) -> bool:
 def _stages(
     cluster: Sequence[int], against: Sequence[set[int]], links: Sequence[Sequence[Connection]]
 ) -> list[list[int]]:
+    def together(i: int, j: int) -> bool:
+        ways = ((p.entry, q.entry) for p in links[i] for q in links[j])
+        return j not in against[i] or all(abs(turn(*both)) > ONCOMING for both in ways)
+
     stages: list[list[int]] = []
     for i in cluster:
-        for stage in stages:
-            if all(j not in against[i] or _oncoming(links[i], links[j]) for j in stage):
-                stage.append(i)
-                break
-        else:
+        stage = next((stage for stage in stages if all(together(i, j) for j in stage)), None)
+        if stage is None:
             stages.append([i])
+        else:
+            stage.append(i)
     return stages
-
-
-def _oncoming(a: Sequence[Connection], b: Sequence[Connection]) -> bool:
-    return all(abs(turn(p.entry, q.entry)) > ONCOMING for p in a for q in b)
 
 
 def _phases(links: Sequence[Connection], greens: Sequence[set[int]]) -> tuple[tuple[float, str], ...]:
@@ -181,20 +181,12 @@ def _with_crossing(phases: _Phases, crossed: _Crossed) -> tuple[tuple[float, str
     free = [all(state[k] == "r" for k in straight) for _, state in phases]
     result = []
     for p, (seconds, state) in enumerate(phases):
-        walk = free[p] and _free_after(phases, free, p) >= CLEAR_S
+        following = [*range(p + 1, len(phases)), *range(p + 1)]
+        clear_s = sum(phases[k][0] for k in takewhile(free.__getitem__, following))
+        walk = free[p] and (all(free) or clear_s >= CLEAR_S)
         letters = ["g" if walk and x == "G" and k in crossed else x for k, x in enumerate(state)]
         result.append((seconds, "".join(letters) + "rG"[walk]))
     return tuple(result)
-
-
-def _free_after(phases: _Phases, free: Sequence[bool], p: int) -> float:
-    seconds = 0.0
-    for k in range(1, len(phases) + 1):
-        following = (p + k) % len(phases)
-        if not free[following]:
-            return seconds
-        seconds += phases[following][0]
-    return seconds if seconds >= CLEAR_S else float("inf")
 
 
 def _with_phase_of_their_own(phases: _Phases, crossings: int, closed: Sequence[int]) -> _Phases:

@@ -86,11 +86,9 @@ def set_right_of_way(
     ruled: set[frozenset[int]] = set()
     for i, a in enumerate(links):
         for j in a.foes:
-            verdict = _by_rule(a, links[j], rules)
-            if verdict:
+            if (yields := _by_rule(a, links[j], rules)) is not None:
                 ruled.add(frozenset((i, j)))
-                if verdict in ("yields", "both"):
-                    a.response.add(j)
+                a.response |= {j} if yields else set()
     zippers = _zippers(links, merging, ruled)
     for i, a in enumerate(links):
         for j in a.foes:
@@ -101,14 +99,14 @@ def set_right_of_way(
         a.state = _state(a, i, rules, zippers, circular=i in reached(a.response, waits))
 
 
-def _by_rule(a: Connection, b: Connection, rules: Sequence[Regulation]) -> str:
-    """Return ``yields``, ``has priority``, ``both`` (all-way stop) or nothing, for link a against link b."""
+def _by_rule(a: Connection, b: Connection, rules: Sequence[Regulation]) -> bool | None:
+    """Return whether link a yields to link b, as both do at an all-way stop; None if no rule says it."""
     mine = theirs = across = ahead = 0
     for rule in rules:
         if rule.kind == "all_way_stop":
             stopping = {*rule.lanes, *rule.yielding}
             if a.on & stopping and b.on & stopping:
-                return "both"
+                return True
             continue
         yielding = set(rule.yielding) or (set(rule.lanes) if rule.kind in ("stop", "yield") else set())
         sides = yielding, set(rule.priority)
@@ -122,9 +120,7 @@ def _by_rule(a: Connection, b: Connection, rules: Sequence[Regulation]) -> str:
     for named in (across, ahead):
         if mine == theirs or (named and max(mine, theirs) < 2):
             mine, theirs = 2 * max(named, 0), 2 * max(-named, 0)
-    if mine == theirs:
-        return ""
-    return "yields" if mine > theirs else "has priority"
+    return None if mine == theirs else mine > theirs
 
 
 def _weight(a: frozenset[int], b: frozenset[int], yielding: set[int], priority: set[int]) -> int:
@@ -140,22 +136,16 @@ def _zippers(
     links: Sequence[Connection], merging: set[frozenset[int]], ruled: set[frozenset[int]]
 ) -> set[int]:
     free = merging - ruled
-    good = {
-        i
-        for i, a in enumerate(links)
-        if a.foes
-        and all(
-            frozenset((i, j)) in free
-            and a.on_ring == links[j].on_ring
-            and abs(turn(a.entry, links[j].entry)) < SAME_WAY
-            for j in a.foes
-        )
-    }
-    while True:
-        kept = {i for i in good if links[i].foes <= good}
-        if kept == good:
-            return good
+
+    def alike(i: int, j: int) -> bool:
+        a, b = links[i], links[j]
+        near = a.on_ring == b.on_ring and abs(turn(a.entry, b.entry)) < SAME_WAY
+        return near and frozenset((i, j)) in free
+
+    good = {i for i, a in enumerate(links) if a.foes and all(alike(i, j) for j in a.foes)}
+    while (kept := {i for i in good if links[i].foes <= good}) != good:
         good = kept
+    return good
 
 
 def _by_default(a: Connection, b: Connection, tie: bool) -> bool:
@@ -176,12 +166,10 @@ def _state(
     kinds = {rule.kind for rule in rules if link.on & (set(rule.yielding) or set(rule.lanes))}
     if index in zippers:
         return "Z"
-    if "all_way_stop" in kinds and link.response:
-        return "w"
-    if "stop" in kinds and link.response:
-        return "s"
     if not link.response:
         return "M"
+    if "all_way_stop" in kinds or "stop" in kinds:
+        return "w" if "all_way_stop" in kinds else "s"
     # SUMO looks for a way out of circular waiting only where the state says right before left.
     return "=" if circular else "m"
 

@@ -40,17 +40,10 @@ def add_approaches(
     lanes: Mapping[int, Lane], conflicts: Iterable[Conflict], taken: Collection[int] = ()
 ) -> dict[int, Lane]:
     """Add an entry before each lane that begins in the way of another one."""
-    result = dict(lanes)
-    changing = _changing(lanes)
-    ids = _fresh(lanes, taken)
-    blocked = {
-        lane
-        for c in conflicts
-        for lane, (start, _) in zip(c.lanes, c.spans, strict=True)
-        if start < STUB_M and not lanes[lane].predecessors and lane not in changing
-    }
-    for lane in sorted(blocked):
-        if length_of(lanes[lane].centreline) > 10 * SHORTEST_M:
+    result, ids = dict(lanes), _fresh(lanes, taken)
+    early = {i for c in conflicts for i, (start, _) in zip(c.lanes, c.spans, strict=True) if start < STUB_M}
+    for lane in sorted(early - _changing(lanes)):
+        if not lanes[lane].predecessors and length_of(lanes[lane].centreline) > 10 * SHORTEST_M:
             result |= _joined(result, [lane], next(ids), end=False)
     return result
 
@@ -97,21 +90,17 @@ def _changing(lanes: Mapping[int, Lane]) -> set[int]:
 
 def _groups(lanes: Mapping[int, Lane], *, end: bool) -> list[list[int]]:
     changing = _changing(lanes)
-    loose = {
-        i: lane.centreline
-        for i, lane in sorted(lanes.items())
-        if not (lane.successors if end else lane.predecessors)
-        and i not in changing
-        and length_of(lane.centreline) > 10 * SHORTEST_M
+    ends = {
+        i: x.centreline for i, x in sorted(lanes.items()) if not (x.successors if end else x.predecessors)
     }
+    loose = {i: x for i, x in ends.items() if i not in changing and length_of(x) > 10 * SHORTEST_M}
     ids, groups = list(loose), list[list[int]]()
     tips = np.array([line[-1 if end else 0] for line in loose.values()]).reshape(-1, 2)
     angles = np.array([heading(line, end=end, reach=1.0) for line in loose.values()])
     left = np.ones(len(ids), dtype=np.bool_)
     for k in range(len(ids)):
-        near = (
-            left & (np.hypot(*(tips - tips[k]).T) < TOGETHER_M) & (np.abs(wrap(angles - angles[k])) < ALIGNED)
-        )
+        near = left & (np.hypot(*(tips - tips[k]).T) < TOGETHER_M)
+        near &= np.abs(wrap(angles - angles[k])) < ALIGNED
         if left[k] and near.sum() > 1:
             groups.append([ids[j] for j in np.flatnonzero(near)])
             left &= ~near

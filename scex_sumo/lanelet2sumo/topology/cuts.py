@@ -71,12 +71,8 @@ def _gaps(chains: Chains) -> Iterator[tuple[float, int, int]]:
             pieces = [(r, k, at) for at in range(len(row.lanes))]
             if inside or row.size(k) >= ROOM_M:
                 continue
-            enclosed = all(
-                any(chains.is_inside(p) for p in chains.before(piece))
-                and any(chains.is_inside(p) for p in chains.after(piece))
-                for piece in pieces
-            )
-            if enclosed:
+            sides = (side for piece in pieces for side in (chains.before(piece), chains.after(piece)))
+            if all(any(map(chains.is_inside, side)) for side in sides):
                 yield row.size(k), r, k
 
 
@@ -99,16 +95,16 @@ def _open_knots(rows: Sequence[Row], lanes: Mapping[int, Lane]) -> list[Row]:
 
 
 def _knot(chains: Chains) -> tuple[int, int] | None:
-    candidates = []
-    for r, k in {piece[:2] for piece in chains.unsound(chains.pieces())}:
-        merging = any(len(chains.before((r, k, at))) > 1 for at in range(len(chains.rows[r].lanes)))
-        candidates.append((merging, chains.rows[r].size(k), -r, -k))
-    _, _, r, k = max(candidates, default=(False, 0.0, 1, 1))
-    return (-r, -k) if r <= 0 else None
+    def rank(cut: tuple[int, int]) -> tuple[bool, float, int, int]:
+        lanes = range(len(chains.rows[cut[0]].lanes))
+        merging = any(len(chains.before((*cut, at))) > 1 for at in lanes)
+        return merging, chains.rows[cut[0]].size(cut[1]), -cut[0], -cut[1]
+
+    return max({piece[:2] for piece in chains.unsound(chains.pieces())}, key=rank, default=None)
 
 
 def _double_way(chains: Chains) -> list[tuple[int, int]]:
-    for start in chains.road_pieces():
+    for start in chains.pieces(road=True):
         ways: dict[Piece, tuple[Piece, ...]] = {}
         for end, way in chains.ways_from(start):
             other = ways.setdefault(end, way)

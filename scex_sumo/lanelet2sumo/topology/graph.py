@@ -71,14 +71,11 @@ class Chains:
         """Return whether a piece lies in a junction."""
         return self.rows[piece[0]].inside[piece[1]]
 
-    def pieces(self) -> Iterator[Piece]:
-        """Yield all pieces."""
+    def pieces(self, *, road: bool = False) -> Iterator[Piece]:
+        """Yield all pieces, or those of roads."""
         for r, row in enumerate(self.rows):
-            yield from ((r, k, at) for k in range(row.pieces) for at in range(len(row.lanes)))
-
-    def road_pieces(self) -> Iterator[Piece]:
-        """Yield the pieces of roads."""
-        return (piece for piece in self.pieces() if not self.is_inside(piece))
+            kept = (k for k in range(row.pieces) if not (road and row.inside[k]))
+            yield from ((r, k, at) for k in kept for at in range(len(row.lanes)))
 
     def ways_from(self, start: Piece) -> Iterator[tuple[Piece, tuple[Piece, ...]]]:
         """Yield the road piece at the end of each way through a junction, and the pieces between."""
@@ -198,10 +195,9 @@ class Topology(Chains):
     def paths_by_node(self) -> dict[Cut, list[Path]]:
         """Return the paths through each node."""
         nodes: dict[Cut, list[Path]] = {}
-        for start in self.road_pieces():
+        for start in self.pieces(road=True):
             for end, inside in self.ways_from(start):
-                node = self.node(start[0], start[1] + 1)
-                paths = nodes.setdefault(node, [])
+                paths = nodes.setdefault(self.node(start[0], start[1] + 1), [])
                 paths.append(Path(start=start, inside=inside, end=end))
                 if len(paths) > MAX_LINKS:
                     raise self.too_large(start)
@@ -210,13 +206,9 @@ class Topology(Chains):
     def pieces_on(self, lane_id: int, start: float, end: float) -> list[Piece]:
         """Return the junction pieces that share some of a stretch of a lane, m."""
         row, at = self.where[lane_id]
-        pieces = [(row, k, at) for k, inside in enumerate(self.rows[row].inside) if inside]
-        spans = map(self.span, pieces)
-        return [
-            piece
-            for piece, (low, high) in zip(pieces, spans, strict=True)
-            if min(high, end) - max(low, start) > -1e-6
-        ]
+        pieces = ((row, k, at) for k, inside in enumerate(self.rows[row].inside) if inside)
+        spans = ((piece, *self.span(piece)) for piece in pieces)
+        return [piece for piece, low, high in spans if min(high, end) - max(low, start) > -1e-6]
 
     def _join_cuts(self, zones: Sequence[Conflict | Zone]) -> None:
         for r, row in enumerate(self.rows):
