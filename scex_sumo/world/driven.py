@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,9 +19,9 @@ from scex_sumo.intention import PARKS, Stop
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.world.base import SumoDriven
 from scex_sumo.world.batch import MATCH_M, NO_LANE, OWN_LANE, RunningBatch
-from scex_sumo.world.lane_change import LaneChange
 from scex_sumo.world.tiles import tile_id
 
+_NO_CHANGES = 0  # SUMO's lane change mode
 _MAX_GAIN_MPS = 1.0  # in one step
 _ARRIVAL_M = 0.2  # SUMO removes vehicles 0.1 m before the end
 
@@ -40,6 +41,65 @@ class _Pose(NamedTuple):
         return self._replace(x=self.x + way * math.cos(heading), y=self.y + way * math.sin(heading))
 
 
+@dataclass(kw_only=True, eq=False)
+class _LaneChange:
+    """Lane change under way that a SUMO driver goes on with, as the simulation it comes from had it.
+
+    SUMO cannot begin in the middle of a change: its own saved states end it in the first step, on the wrong
+    lane. So the vehicle is moved sideways step by step, and makes no other change until it is there.
+
+    Attributes:
+        speed_mps: lateral, positive to the left.
+        offset_m: lateral offset from the middle of the lane that SUMO has the vehicle on.
+        limit_m: greatest offset, where no lane is beside.
+        mode: SUMO's lane change mode after it.
+    """
+
+    key: str
+    speed_mps: float
+    offset_m: float
+    limit_m: float
+    mode: int
+
+    @classmethod
+    def of(cls, sumo: Any, key: str, speed_mps: float) -> _LaneChange:
+        """Return the change of a vehicle; raises SUMO's error if no lane is where it goes."""
+        ask, side = sumo.vehicle, 1 if speed_mps > 0 else -1
+        lane, offset, mode = ask.getLaneID(key), ask.getLateralLanePosition(key), ask.getLaneChangeMode(key)
+        limit = sumo.lane.getWidth(lane)
+        if side * offset >= 0:
+            limit = (limit + sumo.lane.getWidth(_beside(ask, key, lane, side))) / 2
+        ask.setLaneChangeMode(key, _NO_CHANGES)
+        return cls(key=key, speed_mps=speed_mps, offset_m=offset, limit_m=limit, mode=mode)
+
+    def switch(self, sumo: Any) -> None:
+        """Before a step: put the vehicle on its new lane once its body has left the old one.
+
+        Until then it follows its old leader, as in SUMO. Raises SUMO's error if no lane is there.
+        """
+        ask, lane = sumo.vehicle, sumo.vehicle.getLaneID(self.key)
+        half, side = sumo.lane.getWidth(lane) / 2, 1 if self.speed_mps > 0 else -1
+        if side * self.offset_m > half + ask.getWidth(self.key) / 2:
+            beside = _beside(ask, self.key, lane, side)
+            ask.moveTo(self.key, beside, ask.getLanePosition(self.key))
+            self.offset_m -= side * (half + sumo.lane.getWidth(beside) / 2)
+
+    def go_on(self, sumo: Any) -> bool:
+        """Set the offset after a step; return whether the change goes on."""
+        side = 1 if self.speed_mps > 0 else -1
+        offset = side * (self.offset_m + self.speed_mps * STEP_S)
+        done = side * self.offset_m < 0 <= offset
+        self.offset_m = 0.0 if done else side * min(offset, self.limit_m)
+        if done:
+            sumo.vehicle.setLaneChangeMode(self.key, self.mode)
+        sumo.vehicle.setLateralLanePosition(self.key, self.offset_m)
+        return not done
+
+
+def _beside(vehicles: Any, key: str, lane: str, side: int) -> str:
+    return f"{lane.rpartition('_')[0]}_{vehicles.getLaneIndex(key) + side}"
+
+
 class SumoDrivers:
     """Vehicles of a batch that SUMO drives."""
 
@@ -50,7 +110,7 @@ class SumoDrivers:
         self._route_ends: dict[str, str | None] = {}  # last edge, by id; None: it arrives there
         self._parks: set[str] = set()  # vehicles with a stop beside their lane
         self._straight_on: list[_Pose] = []  # vehicles beyond the end of their route
-        self._changing: dict[str, LaneChange] = {}
+        self._changing: dict[str, _LaneChange] = {}
         self._refused: tuple[type[Exception], ...] = ()
 
     def hand_over(self, refused: tuple[type[Exception], ...]) -> None:
@@ -72,7 +132,7 @@ class SumoDrivers:
                 self._plan_stops(key, self._batch.slots[d.future], intention.stops)
                 if intention.change_mps and key in self._route_ends:
                     with suppress(*refused):  # no lane there
-                        self._changing[key] = LaneChange.of(self._sumo, key, intention.change_mps)
+                        self._changing[key] = _LaneChange.of(self._sumo, key, intention.change_mps)
         self._watch_route_ends()
 
     def _plan_stops(self, key: str, slot: int, stops: Sequence[Stop]) -> None:
@@ -107,7 +167,7 @@ class SumoDrivers:
             self._changing.pop(key, None)
             self._straight_on = [pose for pose in self._straight_on if pose.key != key]
             self._batch.speed[future, vehicle] = self._sumo.vehicle.getSpeed(key)
-            self._sumo.vehicle.setLaneChangeMode(key, 0)
+            self._sumo.vehicle.setLaneChangeMode(key, _NO_CHANGES)
         self._batch.override(mask)
 
     def go_straight_on(self) -> Iterator[tuple[str, float, float]]:

@@ -8,9 +8,9 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
-from dataclasses import dataclass, fields
 from io import StringIO
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from scex_sumo.base.errors import SimulationError
@@ -39,22 +39,12 @@ one_at_a_time = threading.RLock()
 """Held by a thread that uses what a process has once: libsumo, its current folder, standard error."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class VehicleCalls:
-    """SUMO's vehicle functions of each step."""
-
-    moveToXY: Callable[..., None]
-    getPosition: Callable[[str], tuple[float, float]]
-    getAngle: Callable[[str], float]
-    getSpeed: Callable[[str], float]
-    setPreviousSpeed: Callable[..., None]
-
-    @classmethod
-    def of(cls, module: Any) -> VehicleCalls:
-        """Return the functions of libsumo or traci."""
-        inner = getattr(module, "_libsumo", None)
-        names = [field.name for field in fields(cls)]
-        return cls(**{n: getattr(inner, f"vehicle_{n}", getattr(module.vehicle, n)) for n in names})
+def vehicle_calls(module: Any) -> Any:
+    """Return the vehicle functions of each step, without the wrappers of libsumo."""
+    inner = getattr(module, "_libsumo", None)
+    names = ("moveToXY", "getPosition", "getAngle", "getSpeed", "setPreviousSpeed")
+    calls = {n: getattr(inner, f"vehicle_{n}", getattr(module.vehicle, n)) for n in names}
+    return SimpleNamespace(**calls)
 
 
 def load_sumo(*, gui: bool = False) -> Any:

@@ -29,7 +29,7 @@ from scex_sumo.world.batch import (
     to_sumo,
     vehicle_ids,
 )
-from scex_sumo.world.session import ANY_ROUTE, SumoSession, VehicleCalls, load_sumo
+from scex_sumo.world.session import ANY_ROUTE, SumoSession, load_sumo, vehicle_calls
 from scex_sumo.world.tiles import TILE_SLOTS, tile_id
 from scex_sumo.world.vehicle_types import TypeBook, road_class
 
@@ -122,7 +122,7 @@ class SumoWorld:
         self._running = batch
         poses = self._poses(start)
         self._load(batch, driven, poses, lights)
-        self._call = VehicleCalls.of(self._sumo)
+        self._call = vehicle_calls(self._sumo)
         self._persons = self._new_persons(batch)
         with self._session.refusals(f"set up a batch of {len(wanted)} futures"):
             self._add_vehicles(batch.split(poses), driven)
