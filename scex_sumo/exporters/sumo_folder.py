@@ -58,18 +58,19 @@ on the routes that `sumo:` drivers take in a run. Edges, lights and vehicles hav
 
 def write_sumo(request: Request) -> list[Path]:
     """Write a folder for each future, in which SUMO continues from its last step."""
-    files = []
-    for future in request.futures:
-        folder = request.folder if len(request.futures) == 1 else request.folder / f"future{future:04d}"
-        files.append(_write_future(request, future, folder))
-    return files
+    folder, alone = request.folder, len(request.futures) == 1
+    names = {k: folder if alone else folder / f"future{k:04d}" for k in request.futures}
+    return [_write_future(request, future, path) for future, path in names.items()]
 
 
 def _write_future(request: Request, future: int, folder: Path) -> Path:
     steps = int(request.run.info["steps"])
     states = request.run.states(future)
     scene = replace(request.scene, history=states[:, -HISTORY_STEPS - 1 :], obstacles=None)
-    edges = _edges_ahead(request, scene)
+    routes = SumoDriver(_MODEL).routes(
+        scene, request.road, np.arange(scene.vehicles), np.zeros(scene.vehicles)
+    )
+    edges = [tuple(request.run.net.lanes.edges(route)) for route in routes]
     on_foot = [road_user(kind) == "pedestrian" for kind in scene.types]
     kept = [v for v, way in enumerate(edges) if way and np.isfinite(scene.now.x[v]) and not on_foot[v]]
     if not kept:
@@ -86,10 +87,9 @@ def _write_future(request: Request, future: int, folder: Path) -> Path:
     scene = replace(scene, intentions=intentions, future=None, future_valid=None)
     scene = scene.reordered(kept, name=scene.name)
     driven = [_driven(scene, n, edges[v], simulated=simulated) for n, v in enumerate(kept)]
-    net, lights = net_root(request.run.net.path), None
-    if simulated:
-        lights = _own_lights(net)
-    else:
+    net = net_root(request.run.net.path)
+    lights = _own_lights(net) if simulated else None
+    if not simulated:
         _delay_lights(net, STEP_S * steps)
     with TemporaryFolder() as temporary:
         file = Path(temporary) / NET
@@ -126,13 +126,6 @@ def _go_through(world: SumoWorld, states: States) -> None:
         moved |= ~(np.hypot(seen.x - now.x, seen.y - now.y) < _SAME_M)
 
 
-def _edges_ahead(request: Request, scene: SeedScene) -> list[tuple[str, ...]]:
-    """Return the edges (V,) that `SumoDriver` would take from the present of a scene on."""
-    vehicles = np.arange(scene.vehicles)
-    routes = SumoDriver(_MODEL).routes(scene, request.road, vehicles, np.zeros(scene.vehicles))
-    return [tuple(request.run.net.lanes.edges(route)) for route in routes]
-
-
 def _route(intention: Intention | None, ahead: tuple[str, ...]) -> tuple[str, ...]:
     """Return the route from the first of the edges ahead on, as intended where the vehicle keeps to that."""
     known = () if intention is None else intention.edges
@@ -144,10 +137,8 @@ def _later(intention: Intention | None, ahead: tuple[str, ...], after_s: float) 
     """Return what a vehicle is to do after a time, with these edges ahead."""
     if intention is None:
         return None
-    stops = tuple(
-        replace(stop, until_s=stop.until_s - after_s if stop.until_s >= 0 else -1.0)
-        for stop in intention.stops
-    )
+    untils = ((stop, stop.until_s - after_s if stop.until_s >= 0 else -1.0) for stop in intention.stops)
+    stops = tuple(replace(stop, until_s=until_s) for stop, until_s in untils)
     edges, known = _route(intention, ahead), (*intention.behind, *intention.edges)
     behind = known[: -len(edges)][-MAX_BEHIND:] if known[-len(edges) :] == edges else ()
     return replace(intention, edges=edges, behind=behind, stops=stops, change_mps=0.0)

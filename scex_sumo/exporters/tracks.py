@@ -96,9 +96,8 @@ def _interpret_marks(scene: SeedScene, source: Mapping[str, Any]) -> tuple[IntAr
     """Return the vehicles to predict, and (V,) which one is the ego, as the recording marks them."""
     if "to_predict" not in source:
         return np.arange(scene.vehicles), np.zeros(scene.vehicles, dtype=np.bool_)
-    labels = [str(track) for track in scene.track_ids.tolist()]
-    missing = sorted(set(source["to_predict"]) - set(labels))
-    if missing:
+    labels = list(map(str, scene.track_ids.tolist()))
+    if missing := sorted(set(source["to_predict"]) - set(labels)):
         raise ResultError(f"vehicle {missing[0]} is to be predicted, but the run does not have it")
     to_predict, ego = (np.isin(labels, source[name]) for name in ("to_predict", "interesting"))
     return np.flatnonzero(to_predict), ego

@@ -56,7 +56,12 @@ def write_net(road: Road, signals: Path | None = None) -> WrittenNet:
         lights, notes = plan_lights(road, lanes, clashes, layout, walks, signals)
     beside = _side_lanes(road)
     layout = NetLayout(edges=layout.edges + beside.edges, nodes=layout.nodes + beside.nodes)
-    table = lane_table([*layout.places(), *walks.places()], layout.ends(), road.lanes)
+    driven = [lane for edge in layout.edges for lane in edge.lanes] + [c.internal for c in layout.connections]
+    walked = [crossing.lane for crossing in walks.crossings] + [walk.lane for walk in walks.sidewalks]
+    places = [(lane.name, lane.starts) for lane in driven]
+    places += [(x.name, tuple((i, float(k)) for i, _ in x.starts)) for k, x in enumerate(walked)]  # in order
+    ends = {c.internal.name: (c.from_edge, c.to_edge) for c in layout.connections}
+    table = lane_table(places, ends, road.lanes)
     why = "not possible in SUMO, because the lanes lie in different edges"
     loss = MapLoss(kind="lane changes", why=why, elements=tuple(f"{a} to {b}" for a, b in lost))
     return WrittenNet(

@@ -10,6 +10,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.text import DECIMALS, KEY, parts_text, shape_text
+from scex_sumo.geometry.polylines import mean_line
 from scex_sumo.lanelet2sumo.plan.elements import (
     WALKING_SPEED_MPS,
     Connection,
@@ -120,7 +121,9 @@ def _edges(layout: NetLayout, nodes: Iterable[Node], walks: Walks) -> Iterator[s
         yield from _edge(name, 'function="walkingarea"', area)
     for edge in layout.edges:
         lanes = [_lane(lane, k, bans=len(edge.lanes) > 1) for k, lane in enumerate(edge.lanes)]
-        about = f'{between.format(edge.start, edge.end)} shape="{shape_text(edge.shape)}"'
+        # SUMO itself uses the lanes; exports use their mean line.
+        shape = shape_text(mean_line([lane.shape for lane in edge.lanes]))
+        about = f'{between.format(edge.start, edge.end)} shape="{shape}"'
         yield from _edge(edge.name, about, *lanes)
     for walk in walks.sidewalks:
         yield from _edge(walk.lane.edge, between.format(*walk.nodes), _footway(walk.lane))

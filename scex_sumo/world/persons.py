@@ -66,8 +66,8 @@ class WalkingPlaces:
         self.edge = ""
         for edge in net.iter("edge"):
             function = edge.get("function", "normal")
+            walks = function in ("crossing", "walkingarea")
             for lane in edge.iter("lane"):
-                walks = function in ("crossing", "walkingarea")
                 cars, bicycles = _allows(lane, "passenger"), _allows(lane, "bicycle")
                 apart |= cars != bicycles
                 if function == "crossing":
@@ -254,6 +254,5 @@ def _allows(lane: ElementTree.Element, kind: str) -> bool:
 
 
 def _area(lane: ElementTree.Element) -> Any:
-    return shapely.LineString(points_of(lane.get("shape", ""))).buffer(
-        float(lane.get("width", LANE_WIDTH_M)) / 2, cap_style="flat"
-    )
+    half = float(lane.get("width", LANE_WIDTH_M)) / 2
+    return shapely.LineString(points_of(lane.get("shape", ""))).buffer(half, cap_style="flat")

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.text import LaneletPart
-from scex_sumo.geometry.polylines import mean_line
 
 if TYPE_CHECKING:
     from scex_sumo.lanelet2sumo.topology.graph import Path
@@ -52,11 +51,6 @@ class Edge:
     start: str
     end: str
     lanes: tuple[NetLane, ...]
-
-    @property
-    def shape(self) -> FloatArray:
-        """(P, 2) mean line of the lanes. SUMO itself uses the lanes; exports use this line."""
-        return mean_line([lane.shape for lane in self.lanes])
 
 
 @dataclass(kw_only=True, eq=False)
@@ -117,15 +111,6 @@ class NetLayout:
     def connections(self) -> tuple[Connection, ...]:
         """Connections of all junctions."""
         return tuple(c for node in self.nodes for c in node.connections)
-
-    def places(self) -> list[tuple[str, tuple[tuple[int, float], ...]]]:
-        """Return each SUMO lane, with (lanelet under it, arc length in m where the lane begins)."""
-        lanes = [lane for edge in self.edges for lane in edge.lanes] + [c.internal for c in self.connections]
-        return [(lane.name, lane.starts) for lane in lanes]
-
-    def ends(self) -> dict[str, tuple[str, str]]:
-        """Return the edges before and after each internal lane."""
-        return {c.internal.name: (c.from_edge, c.to_edge) for c in self.connections}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -191,9 +176,3 @@ class Walks:
         """Return lanes for people that lead into a junction."""
         ending = [s.lane.name for s in self.sidewalks if s.nodes[1] == node]
         return [*ending, *dict.fromkeys(f"{c.areas[0]}_0" for c in self.at(node))]
-
-    def places(self) -> Iterator[tuple[str, tuple[tuple[int, float], ...]]]:
-        """Each lane for people, with the lanelet under it and its order along that lanelet."""
-        lanes = [crossing.lane for crossing in self.crossings] + [walk.lane for walk in self.sidewalks]
-        for k, lane in enumerate(lanes):
-            yield lane.name, tuple((lanelet, float(k)) for lanelet, _ in lane.starts)
