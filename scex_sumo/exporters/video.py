@@ -110,9 +110,11 @@ class Film:
 
     def __init__(self, request: Request, future: int, size: tuple[int, int]) -> None:
         """Draw road, title and legend; vehicles of an encounter or critical event are ringed."""
-        run, self._scene, tracks = request.run, request.scene, list(map(str, request.encounter or ()))
+        run, self._scene = request.run, request.scene
+        tracks = list(request.encounter or ())
+        words = " and ".join(map(str, tracks))
         self._names = [str(track) for track in self._scene.track_ids]
-        self._pair = [self._names.index(track) for track in tracks]
+        self._pair = [self._names.index(str(track)) for track in tracks]
         self._states, models, colors = run.states(future), run.models_of(future), colors_of(run)
         self._colors = [_shares(colors[model]) for model in models]
         low, high, self._scale = self._view(size)
@@ -124,9 +126,7 @@ class Film:
         lines = road_lines(run.net.path, (low[0], high[0], low[1], high[1]))
         _draw_lines(self._axes, lines, self._scale)
         driven = ", ".join(models[v] for v in self._pair)
-        title = " · ".join(
-            part for part in (request.name, f"future {future}", " and ".join(tracks), driven) if part
-        )
+        title = " · ".join(part for part in (request.name, f"future {future}", words, driven) if part)
         self._axes.add_artist(self._corner_text(0.008, title))
         self._draw_legend({model: colors[model] for model in sorted(set(models))})
         self._canvas.draw()
