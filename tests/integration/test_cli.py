@@ -267,7 +267,7 @@ def test_a_disk_that_is_full_is_said_in_one_line(tmp_path: Path, workers: int) -
 def test_the_package_imports_nothing_heavy() -> None:
     code = (
         "import sys, scex_sumo.cli\n"
-        "names = {'numpy', 'torch', 'libsumo', 'lanelet2', 'matplotlib', 'scipy', 'pyarrow'}\n"
+        "names = {'numpy', 'torch', 'libsumo', 'lanelet2', 'matplotlib', 'scipy', 'pyarrow', 'shapely'}\n"
         "heavy = names & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )

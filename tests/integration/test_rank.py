@@ -19,14 +19,11 @@ import scex_sumo
 from scex_sumo.base.errors import UsageError
 from scex_sumo.studies.rank.rank import rank as rank_dataset
 from tests.command import scex, started
+from tests.commands.test_shared import documented
 from tests.runs import extrapolate
 
 MODELS = "standard_driver,constant_velocity,emergency_brake"
 OPTIONS = ("--every", "4", "--futures", "6", "--top", "2", "--models", MODELS)
-
-
-def command(*arguments: object) -> list[str]:
-    return [sys.executable, "-m", "scex_sumo", "rank", *map(str, arguments)]
 
 
 def rank(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -71,7 +68,9 @@ def answered(
     words = (dataset, "--every", 4, "--futures", 4, "--top", 1, "--json", "-o", out)
     done = rank(*words)
     assert done.returncode == 0, done.stderr
-    return words, json.loads(done.stdout)
+    answer = json.loads(done.stdout)
+    assert list(answer) == documented("rank")
+    return words, answer
 
 
 def test_the_table_has_a_row_for_every_seed_and_for_what_failed(result: Path) -> None:
@@ -158,7 +157,8 @@ def test_killed_in_the_middle_it_goes_on_to_the_same_bytes(
 
 def test_ctrl_c_leaves_one_line_and_what_has_finished(dataset: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    process = subprocess.Popen(command(dataset, *OPTIONS, "-o", out), stderr=subprocess.PIPE, text=True)
+    words = [sys.executable, "-m", "scex_sumo", "rank", str(dataset), *OPTIONS, "-o", str(out)]
+    process = subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 60
     while not list(out.glob("pairs/*/*/*.parquet")) and time.monotonic() < deadline:
         time.sleep(0.01)
