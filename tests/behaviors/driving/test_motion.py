@@ -136,23 +136,19 @@ def test_a_line_beside_a_bend_is_followed(aside: float) -> None:
     assert off < 0.15
 
 
-@pytest.mark.parametrize("speed", [3.5, 6.0])
+@pytest.mark.parametrize("speed", [2.0, 3.5, 6.0])
 def test_after_a_turn_tighter_than_it_can_drive_a_vehicle_does_not_steer_the_other_way(speed: float) -> None:
+    """A slow one turns round as sharply as its lane."""
     turn = roads.arc(2.0, np.pi, (50.0, 0.0), step=0.25)
     back = np.column_stack([turn[-1, 0] - np.arange(1.0, 61.0), np.full(60, turn[-1, 1])])
     where = roads.road(roads.lane(1, np.concatenate([[[0.0, 0.0], [49.0, 0.0]], turn, back])))
     track = driven(where, roads.scene_of((44.0, 0.0, 0.0, speed)), 8.0)
     turned = wrap(np.diff(track.heading))
+    if speed < 3.0:
+        assert turned.max() > 0.4 * 0.2  # beyond an arc of 5 m
+        assert rear_axle(track)[1].max() < turn[-1, 1] + 1.0
+        return
     assert turned.max() > 0.9 * 0.2 * speed * 0.1  # as far as it can
     assert turned.min() > -0.03
     # A circle of the least radius, 5 m, reaches 6 m beyond one of 2 m.
     assert (track.y - turn[-1, 1]).max() < 8.0
-
-
-def test_a_slow_vehicle_turns_round_as_sharply_as_its_lane() -> None:
-    turn = roads.arc(2.0, np.pi, (50.0, 0.0), step=0.25)
-    back = np.column_stack([turn[-1, 0] - np.arange(1.0, 61.0), np.full(60, turn[-1, 1])])
-    where = roads.road(roads.lane(1, np.concatenate([[[0.0, 0.0], [49.0, 0.0]], turn, back])))
-    track = driven(where, roads.scene_of((44.0, 0.0, 0.0, 2.0)), 8.0)
-    assert wrap(np.diff(track.heading)).max() > 0.4 * 0.2  # beyond an arc of 5 m
-    assert rear_axle(track)[1].max() < turn[-1, 1] + 1.0

@@ -66,25 +66,11 @@ def test_the_moment_of_a_case_is_frame_10(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"case": "7"}, ["no case 7", "3 cases: 1.0, 2.0, 11.0"]),
-        ({"case": "11"}, ["case 11.0", "no vehicle in frame 10", "--time S"]),
-        ({"case": "1", "time_s": 9.0}, ["no moment at 9 s", "0.1 to 4.0 s", "--time"]),
-    ],
-)
-def test_a_wrong_case_is_an_error_that_helps(
-    tmp_path: Path, options: dict[str, object], words: list[str]
-) -> None:
-    with pytest.raises(TrackError) as error:
-        _seed(tmp_path, _cases(), **options)
-    for word in words:
-        assert word in str(error.value)
-
-
-@pytest.mark.parametrize(
     ("rows", "options", "words"),
     [
+        (_cases(), {"case": "7"}, ["no case 7", "3 cases: 1.0, 2.0, 11.0"]),
+        (_cases(), {"case": "11"}, ["case 11.0", "no vehicle in frame 10", "--time S"]),
+        (_cases(), {"case": "1", "time_s": 9.0}, ["no moment at 9 s", "0.1 to 4.0 s", "--time"]),
         (straight(1), {"case": "1"}, ["no case_id column", "--time S"]),
         (straight(1), {"time_s": 4.2}, ["no moment at 4.2 s", "spans 0.0 to 4.0 s", "--time"]),
         (straight(1), {"time_s": -1.0}, ["no moment at -1 s", "spans 0.0 to 4.0 s"]),
@@ -97,7 +83,7 @@ def test_a_wrong_case_is_an_error_that_helps(
         ),
     ],
 )
-def test_a_moment_without_vehicles_is_an_error_that_helps(
+def test_a_wrong_case_or_a_moment_without_vehicles_is_an_error_that_helps(
     tmp_path: Path, rows: list[Row], options: dict[str, object], words: list[str]
 ) -> None:
     with pytest.raises(TrackError) as error:
