@@ -36,7 +36,7 @@ import numpy as np
 import traci
 from PIL import Image
 
-from scex_sumo.live.focus import Focus
+from scex_sumo.live.moment import Focus
 from scex_sumo.live.risk import Question, Risk, assess
 from scex_sumo.live.session import Session, Told
 from scex_sumo.live.watch import Watch

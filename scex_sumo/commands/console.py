@@ -52,11 +52,7 @@ def print_safely() -> None:
 
 
 def output_console(*, width: int | None = None, error: bool = False) -> Console:
-    """Return a console for tables with printable text.
-
-    Args:
-        width: in characters, if the output is no terminal.
-    """
+    """Return a console for tables with printable text, of some width if the output is no terminal."""
     from rich.console import Console
     from rich.segment import Segment
 

@@ -51,8 +51,8 @@ def watch_command(
     out: OutFolder = Path("out") / "watch",
 ) -> Answer:
     """Watch a SUMO simulation: what could happen next, while it runs."""
-    from scex_sumo.live.focus import Focus
     from scex_sumo.live.folder import PAGE, RISK
+    from scex_sumo.live.moment import Focus
     from scex_sumo.live.risk import Question
     from scex_sumo.live.session import Session
 

@@ -1,4 +1,4 @@
-"""Moment of a running simulation, which any process can make a seed scene of."""
+"""Moment of a running simulation, which any process can make a seed scene of; vehicles that count in it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
-from scex_sumo.base.errors import TrackError
+from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.errors import TrackError, UsageError
 from scex_sumo.converters.datasets.recordings import repaired
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import Recording
@@ -20,19 +22,79 @@ from scex_sumo.evaluation.recordings import LoadedRecording, seed_at
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.recorder import Recorded
 from scex_sumo.formats.sumo.scenario import SCENARIO
-from scex_sumo.live.focus import Focus
+from scex_sumo.results.region import AROUND_M, Region, region_of
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
+
+BUSIEST: Final = 25
+"""Vehicles that are extrapolated if nothing is asked for."""
+MARGIN_M: Final = 70.0
+"""Vehicles this far outside of a circle are extrapolated, too; pairs of them do not count."""
+_MAX_INSIDE = 60
+
+
+@dataclass(frozen=True, kw_only=True)
+class Focus:
+    """Vehicles of a moment whose pairs count.
+
+    The region is a circle, x, y and radius in SUMO's coordinates, m, also as the text ``X,Y,R``; or SUMO's
+    name of a vehicle: within 30 m of it. Without one the ``busiest``: so many around the one that has most
+    others near it.
+    """
+
+    region: tuple[float, float, float] | str | None = None
+    busiest: int = BUSIEST
+
+    def __post_init__(self) -> None:
+        if self.busiest < 2:
+            raise UsageError(f"busiest: got {self.busiest}, needs at least 2 vehicles")
+        if isinstance(self.region, str) and "," in self.region:
+            object.__setattr__(self, "region", region_of(self.region).circle)
+        elif isinstance(self.region, tuple):
+            Region(circle=self.region)
+
+    def of(self, names: list[str], xy: FloatArray) -> tuple[IntArray, IntArray]:
+        """Return the indices of the named vehicles, at (N, 2), m, that are extrapolated, and of those that
+        count.
+        """
+        circle = self._circle(names, xy)
+        if circle is None:
+            if len(names) <= self.busiest:
+                return np.arange(len(names)), np.arange(len(names))
+            nearest = np.argsort(_apart(xy, xy[_middle(xy)]), kind="stable")[: self.busiest]
+            return np.sort(nearest), np.sort(nearest)
+        x, y, radius = circle
+        apart = _apart(xy, np.array([x, y]))
+        order = np.argsort(apart, kind="stable")
+        kept = order[apart[order] <= radius + MARGIN_M][:_MAX_INSIDE]
+        return np.sort(kept), np.sort(kept[apart[kept] <= radius])
+
+    def _circle(self, names: list[str], xy: FloatArray) -> tuple[float, float, float] | None:
+        if not isinstance(self.region, str):
+            return self.region
+        if self.region not in names:
+            return 0.0, 0.0, -np.inf  # it is not there, so no vehicle counts
+        x, y = xy[names.index(self.region)].tolist()
+        return x, y, AROUND_M
+
+
+def _apart(xy: FloatArray, point: FloatArray) -> FloatArray:
+    apart: FloatArray = np.hypot(*(xy - point).T)
+    return apart
+
+
+def _middle(xy: FloatArray) -> int:
+    """Return the index of the vehicle that has most others within 30 m."""
+    from scipy.spatial import cKDTree
+
+    near = cKDTree(xy).query_ball_point(xy, AROUND_M, return_length=True)
+    return int(np.argmax(near))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Moment:
-    """Last second of a simulation.
-
-    Attributes:
-        recorded: its steps; the last one is the moment.
-        net: file.
-        counted: SUMO's names of the vehicles of which a pair needs one to count; None: all.
+    """Last second of a simulation on a net; a pair counts with one of the vehicles ``counted``, by SUMO's
+    names.
     """
 
     recorded: Recorded

@@ -38,9 +38,7 @@ def color_of(probability: float) -> Rgb:
 class Painter:
     """Paints each `Risk` that it is called with; `close` gives the vehicles their own colours back.
 
-    Args:
-        sumo: connection to sumo-gui.
-        follow: the view follows the leading pair, with its outlines in a typical critical future.
+    To ``follow`` is to show the leading pair, with its outlines in a typical critical future.
     """
 
     def __init__(self, sumo: Any, *, follow: bool = False) -> None:

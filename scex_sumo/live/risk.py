@@ -35,14 +35,9 @@ _MIN_VEHICLES: Final = 2  # vehicles that can collide
 
 @dataclass(frozen=True, kw_only=True)
 class Question:
-    """What is asked of each moment.
+    """What is asked of each moment: futures (0: none) and models of the stress test.
 
-    Attributes:
-        futures: of the stress test; 0 leaves it out.
-        models: of the stress test.
-
-    Raises:
-        UsageError: models are unknown, or futures below 0.
+    A `UsageError` if models are unknown.
     """
 
     futures: int = FUTURES
@@ -90,10 +85,7 @@ class PairRisk:
 
     @property
     def combined(self) -> float:
-        """P that the two collide as people or as drivers of the stress test do, as if independent.
-
-        It orders pairs where drivers may be worse than people, see docs/live.md.
-        """
+        """P that they collide as people or as in the stress test, as if independent, see docs/live.md."""
         return any_of((self.human_like, self.stress or 0.0))
 
 
@@ -125,11 +117,7 @@ class Risk:
 
 
 def assess(moment: Moment, question: Question) -> Risk:
-    """Return the risk of a moment, in the process that calls.
-
-    Raises:
-        ScexError: the moment has no vehicle, or its net cannot be read.
-    """
+    """Return the risk of a moment, in this process; raise a `ScexError` without a vehicle or a net."""
     scene = moment.scene()
     names = {int(track): name for track, name in scene.source["vehicles"].items()}
     settings, models = _models(question)

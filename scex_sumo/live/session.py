@@ -30,13 +30,9 @@ Begin: TypeAlias = Callable[[Watch, Told], object]
 
 @dataclass(frozen=True, kw_only=True)
 class Session:
-    """What a configuration is watched with.
+    """What a configuration is watched with: sumo-gui over TraCI, not faster than the clock, or libsumo.
 
-    Attributes:
-        gui: in sumo-gui, over TraCI, not faster than the clock; else in libsumo.
-        begin_s: simulated without a watch until then; None: the begin.
-        end_s: None: the configuration's, or the end of all traffic.
-        follow: the view follows the pair that leads, and shows a typical critical future of it.
+    It is simulated without a watch until ``begin_s``; it ends as configured, or at ``end_s``.
     """
 
     config: Path
@@ -53,13 +49,8 @@ class Session:
     def run(self, begin: Begin, told: Told) -> str | None:
         """Run the simulation; return why it ended early, None if it did not.
 
-        Args:
-            begin: starts the watch with a callback.
-            told: called with each risk.
-
-        Raises:
-            MapError: the configuration or a file of it cannot be read.
-            SimulationError: SUMO does not start.
+        It calls ``begin`` with a watch and a callback, and ``told`` with each risk. Raises a `MapError` if a
+        file cannot be read, a `SimulationError` if SUMO does not start.
         """
         own = user_sumo()
         name = "sumo-gui" if self.gui else "sumo"

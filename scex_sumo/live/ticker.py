@@ -12,8 +12,7 @@ from typing import Any, Final
 
 from scex_sumo.base.errors import ScexError, TrackError, UsageError, reason_of, warn_notes
 from scex_sumo.extrapolation.processes.pool import Pool, WorkersDied
-from scex_sumo.live.focus import Focus
-from scex_sumo.live.moment import Moment, road_of
+from scex_sumo.live.moment import Focus, Moment, road_of
 from scex_sumo.live.risk import Question, Risk, assess
 
 _EARLY_S: Final = 1e-6  # SUMO's times are rounded

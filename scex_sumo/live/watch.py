@@ -17,8 +17,7 @@ from scex_sumo.drivers import registry as behaviors
 from scex_sumo.extrapolation.processes.pool import Pool, WorkersDied
 from scex_sumo.formats.sumo.recorder import Recorder
 from scex_sumo.formats.sumo.scenario import refuse_mesoscopic
-from scex_sumo.live.focus import BUSIEST, Focus
-from scex_sumo.live.moment import Moment, road_of
+from scex_sumo.live.moment import BUSIEST, Focus, Moment, road_of
 from scex_sumo.live.risk import Question, Risk
 from scex_sumo.live.ticker import Ticker
 from scex_sumo.metrics import registry as metrics
@@ -98,18 +97,13 @@ class Watch:
             self.time_s = self._recorder.take()
 
     def scene(self) -> SeedScene:
-        """Return the seed scene of the present step, see `Moment.scene`.
-
-        It is the last recorded step if the connection is closed.
+        """Return the seed scene of the present or, if the connection is closed, last step, see
+        `Moment.scene`.
         """
         return self.moment().scene()
 
     def moment(self, focus: Focus | None = None) -> Moment:
-        """Return the last second until the present step, or until the last one of a closed connection.
-
-        Args:
-            focus: which vehicles; None: all.
-        """
+        """Return the last second until the present or last step, with the vehicles of a focus; None: all."""
         is_open = self._is_open()
         if is_open:
             with _asking():

@@ -32,11 +32,8 @@ NO_SCRIPT = element(
 
 
 class Document:
-    """Page in one file that makes no request: its parts, and what its scripts read of them.
-
-    Attributes:
-        scripts: of ``assets``, beside those of every page.
-        info: names and numbers for them; ``arrays`` by name.
+    """Page in one file that makes no request: parts, scripts of ``assets``, and ``info`` and ``arrays`` for
+    these.
     """
 
     def __init__(self, title: str, *scripts: str) -> None:
@@ -105,14 +102,7 @@ def _column(title: str, form: str, hint: str, cells: Sequence[Any]) -> dict[str,
 
 
 class Column(NamedTuple):
-    """Column of a table.
-
-    Attributes:
-        cell: key of the rows, or function of a row.
-        title: its head.
-        form: as of `Head`.
-        hint: what the head means.
-    """
+    """Column of a table: cells by key or function of a row; title, form and hint as of `Head`."""
 
     cell: str | Callable[[Row], Any]
     title: str
@@ -138,11 +128,7 @@ def print_columns(
     *,
     breaks: Sequence[str] = (),
 ) -> None:
-    """Print rows as a table.
-
-    Args:
-        breaks: as of `print_table`.
-    """
+    """Print rows as a table; ``breaks`` as of `print_table`."""
     cells = _cells(columns, rows)
     table = console_table(title, [column[1:] for column in columns], cells, caption=caption)
     print_table(table, console, breaks=breaks)

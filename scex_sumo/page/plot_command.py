@@ -64,11 +64,7 @@ def plot_command(
 
 
 def short_names(folders: Sequence[Path]) -> list[str]:
-    """Return the last parts of paths, as many as make the names different.
-
-    Raises:
-        UsageError: a folder is named twice.
-    """
+    """Return the last, different parts of paths; raise a `UsageError` for a folder that is named twice."""
     parts = [folder.resolve().parts for folder in folders]
     for depth in range(1, max(len(part) for part in parts) + 1):
         names = ["/".join(part[-depth:]) for part in parts]

@@ -34,12 +34,7 @@ SHAPES: Final[Mapping[str, str]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Happening:
-    """Most critical pair of a moment.
-
-    Attributes:
-        x: of the place, m; so ``y``.
-        link: address of its card or report; empty without one.
-    """
+    """Most critical pair of a moment: its place, m, and address of its card or report, if any."""
 
     time_s: float
     probability: float
@@ -85,12 +80,9 @@ def timeline(
     name: str = "",
     usual: tuple[float, float] | None = None,
 ) -> Html:
-    """Return the time line of a recording.
+    """Return the time line of a recording over a span, s, with the `usual_level` as a band.
 
-    Args:
-        span: first and last moment, s.
-        name: of the recording, for the script that selects a span.
-        usual: as of `usual_level`, a band.
+    The script that selects a span takes the name of the recording from it.
     """
     plane = Plane(x=(span[0], max(span[1], span[0] + 1.0)), y=(-7.0, 0.0), width=_WIDE_PX, height=_HIGH_PX)
     parts = list[Html]()
@@ -120,11 +112,7 @@ def shapes_legend(kinds: Iterable[str], *, usual: bool = False) -> Html:
 
 
 def place_map(name: str, box: Box, road: Html, happenings: Sequence[Happening]) -> Html:
-    """Return a map with the places of conflicts.
-
-    Args:
-        road: as of `scex_sumo.page.report.scene.road_svg`.
-    """
+    """Return a map with the places of conflicts, on a road as of `scex_sumo.page.report.scene.road_svg`."""
     size = (box[1] - box[0]) / _MARKS_M
     scale = f"scale({size:.2f} {-size:.2f})"
     marks = [one.mark("M0,0", f"translate({one.x:.1f} {one.y:.1f}) {scale}") for one in happenings]

@@ -1,7 +1,4 @@
-"""The answer of a run on one card: verdict, the pairs that matter, people beside the stress test.
-
-The terminal prints it in at most 14 lines, and the page shows the same lines.
-"""
+"""The answer of a run on one card of at most 14 lines, which the page shows, too."""
 
 from __future__ import annotations
 

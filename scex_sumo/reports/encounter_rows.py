@@ -19,10 +19,9 @@ _SWAP = {a: b for pair in _PAIRED for a, b in (pair, pair[::-1])}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Meeting(Encounter):
-    """Encounter of two vehicles in one set of futures; its shares are of that set.
+    """Encounter of two vehicles in one set of futures, of which its shares are.
 
-    Attributes:
-        stress: of human-like futures, the pair in the stress test; None if it never meets there.
+    Of human-like futures ``stress`` is the pair in the stress test; None if it never meets there.
     """
 
     futures: str

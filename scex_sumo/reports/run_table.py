@@ -35,11 +35,7 @@ _MIN_FOLDED = 12  # characters of a folded column
 
 
 def print_details(run: Run, console: Console, *, every: bool = False) -> None:
-    """Print the table of metrics and the stress test in words.
-
-    Args:
-        every: all metrics, not the main ones alone.
-    """
+    """Print the table of metrics, the main ones or every one, and the stress test in words."""
     print_table(summary_table(run, every=every), console, breaks=(" if", "-like", " test"))
     for line in stress_lines(run):
         print_line(line, console)
@@ -74,10 +70,7 @@ def print_line(text: str, console: Console) -> None:
 def console_table(
     title: str, heads: Sequence[Head], rows: Iterable[Sequence[Any] | None], *, caption: str | None = None
 ) -> Table:
-    """Return a table for the terminal; None and NaN are dashes, and a column of words may fold.
-
-    A row None begins a section.
-    """
+    """Return a table for the terminal; None and NaN are dashes, words may fold, a row None begins a part."""
     table = Table(title=title, title_justify="left", caption=caption, caption_justify="left")
     for name, form, _ in heads:
         left, words = form in ("names", "words"), form == "words"
@@ -94,12 +87,10 @@ def console_table(
 
 
 def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -> None:
-    """Print a table; a narrow terminal gets no frame, and no cell is cut off.
+    """Print a table; a narrow terminal gets no frame and breaks headers before ``breaks``; no cell is cut
+    off.
 
-    Args:
-        table: only columns with overflow ``fold`` may take several lines.
-        console: becomes as wide as the table needs.
-        breaks: parts of headers that begin a new line on a narrow terminal.
+    The console becomes as wide as it needs; only columns with overflow ``fold`` may take several lines.
     """
     unlimited = console.options.update(max_width=1000)
     if console.measure(table, options=unlimited).maximum > console.width:

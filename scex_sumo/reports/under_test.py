@@ -41,11 +41,7 @@ _MOST = 3  # encounters in words
 
 
 def print_under_test(run: Run, console: Console, *, every: bool = False) -> None:
-    """Print the verdict, the vehicle's own encounters, and the comparison with the baseline.
-
-    Args:
-        every: print all metrics, as of `run_table.print_summary`.
-    """
+    """Print the verdict, the vehicle's own encounters, and its comparison with the baseline."""
     tested = UnderTest.of(run)
     print_line(verdict(tested), console)
     if own := own_encounters(run):

@@ -15,8 +15,7 @@ from typer import Option
 from scex_sumo.base.options import from_command_line, split_options
 from scex_sumo.base.processes import AUTO, read_workers
 from scex_sumo.commands.console import output_console, progress_bar, resumable, warn
-from scex_sumo.commands.generated import with_options
-from scex_sumo.commands.options import MapPath
+from scex_sumo.commands.options import MapPath, with_options
 from scex_sumo.commands.shared import COMMANDS, Answer
 from scex_sumo.extrapolation.extras import extra_named
 from scex_sumo.extrapolation.options import OUTPUT, RUN_OPTIONS, RunOptions

@@ -36,13 +36,9 @@ _ABOUT: Final = ("name", "kind", "site", "weight", "chance", "stratum")
 def write_case(
     folder: Path, driven: Driven, row: Mapping[str, Any], *, maps: Path, formats: Sequence[str], seed: int
 ) -> tuple[dict[str, Any], list[str]]:
-    """Write a case; return its entry of ``suite.json``, and notes on what could not be written.
+    """Write the case of a candidate's row, driven by people; return its entry of ``suite.json``, and notes.
 
-    Args:
-        driven: the case with people.
-        row: the candidate, with its entry of ``suite.json``.
-        maps: folder of the maps of the suite.
-        seed: of the draws.
+    Maps of the suite are shared in one folder; ``seed`` is of the draws.
     """
     folder.mkdir(parents=True, exist_ok=True)
     scene, pair = driven.scene, driven.row_of(row["other_id"])
@@ -78,11 +74,7 @@ def share(folder: Path, name: str, content: bytes) -> Path:
 def case_content(
     driven: Driven, row: Mapping[str, Any], pair: Mapping[str, Any], *, seed: int
 ) -> dict[str, Any]:
-    """Return the content of ``case.json``.
-
-    Args:
-        pair: what people come to, a row of `Driven.pairs`.
-    """
+    """Return the content of ``case.json``; the pair of `Driven.pairs` is what people come to."""
     scene = driven.scene
     described = describe(scene)
     return {
@@ -110,10 +102,8 @@ def _plain(source: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def shown(driven: Driven, pair: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the playing picture of a future: the function's vehicle and the other one, up to a contact.
-
-    Args:
-        pair: a row of `Driven.pairs`.
+    """Return the playing picture of a pair of `Driven.pairs`: the function's vehicle and the other one, up to
+    a contact.
     """
     whole = everybody(driven.scene)
     both = [driven.index_of(track) for track in (pair["track_id"], pair["other_id"])]

@@ -58,13 +58,9 @@ class Contacts:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Driven:
-    """Futures of a case, (C,) of them.
+    """Futures of a case, (C,) of them: states (C, V, T) from the moment on of all that `everybody` has.
 
-    Attributes:
-        scene: the seed scene.
-        vehicle: index of the vehicle that the function drives.
-        states: (C, V, T) from the moment on, of all that `everybody` has.
-        conflicts: of that vehicle with others.
+    The function drives one vehicle, an index; conflicts are those of that vehicle.
     """
 
     scene: SeedScene
@@ -122,15 +118,9 @@ class Driven:
 
 
 def drive(scene: SeedScene, track_id: int, spec: ModelSpec | None, futures: int, *, seed: int) -> Driven:
-    """Run the futures of a case.
+    """Run the futures of a case, in which a function, or a human-like driver, drives the vehicle of a track.
 
-    Args:
-        scene: with its road and rules.
-        track_id: of the vehicle that the function drives.
-        spec: the function; None or `PEOPLE`: a human-like driver.
-
-    Raises:
-        ScexError: a plan of the function cannot be used.
+    A `ScexError` says which plan of the function cannot be used. The scene has road and rules.
     """
     assert scene.road is not None
     index = int(np.flatnonzero(scene.track_ids == track_id)[0])

@@ -25,12 +25,7 @@ NARROW: Final = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class Rate:
-    """Estimated rate per hour with its 95 % interval.
-
-    Attributes:
-        deviation: standard error.
-        freedom: degrees of freedom.
-    """
+    """Estimated rate per hour, its 95 % interval, standard error and degrees of freedom."""
 
     value: float
     low: float
@@ -39,10 +34,7 @@ class Rate:
     freedom: float
 
     def cases_needed(self, cases: int) -> int | None:
-        """Return how many cases an interval of a factor of 3 would need; None if this one's is below 30.
-
-        Standard errors fall with the root of the number.
-        """
+        """Return the cases for an interval of a factor of 3, by a root law; None if this one is below 30."""
         if self.low <= 0 or self.high < WIDE * self.low:
             return None
         half = 2 * _student(math.inf) * self.deviation / self.value
@@ -60,13 +52,8 @@ def _number(value: float) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Design:
-    """How n cases were drawn, (n,) each.
-
-    Attributes:
-        weight: encounters for which a case stands.
-        chance: probability of being drawn.
-        stratum: number of its kind.
-        hours: recorded time.
+    """How n cases were drawn (n,): encounters for which each stands, its chance, number of its kind; recorded
+    hours.
     """
 
     weight: FloatArray
@@ -86,10 +73,10 @@ class Design:
         )
 
     def total(self, y: FloatArray, drawn: FloatArray) -> tuple[float, float, float]:
-        """Return the estimated sum over the population, its variance, and the degrees of freedom.
+        """Return the estimated sum of ``y`` (n,) over the population, its variance, and the degrees of
+        freedom.
 
-        Args:
-            y: (n,) of the cases; ``drawn`` (n,) its variance by the futures.
+        The futures alone give ``y`` the variance ``drawn`` (n,).
         """
         each = self.weight * y
         parts = [(float((self.weight**2 * drawn).sum()), math.inf)]

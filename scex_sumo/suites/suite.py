@@ -56,12 +56,7 @@ _CASE: Final = record(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """One case of a suite.
-
-    Attributes:
-        folder: of its files.
-        about: its entry of ``suite.json``.
-    """
+    """One case of a suite: the folder of its files, and its entry of ``suite.json``."""
 
     folder: Path
     about: Mapping[str, Any]
@@ -179,10 +174,8 @@ def _plain(one: Passage | Signal) -> dict[str, Any]:
 
 
 def rules_of_json(content: Mapping[str, Any], lights: Sequence[Mapping[str, Any]]) -> Rules:
-    """Return the rules of `rules_to_json`, of the schema `RULES`, with lights of `LIGHTS`.
-
-    Raises:
-        ValueError: they do not fit each other.
+    """Return rules of the schemas `RULES` and `LIGHTS`; raise a `ValueError` where they do not fit each
+    other.
     """
     passages, tuples = content["passages"], ("lanes", "yields_to")
     others = max((k for one in passages for k in one["yields_to"]), default=-1)

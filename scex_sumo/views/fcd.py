@@ -28,15 +28,10 @@ _NEAR_M = 8.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FcdTracks:
-    """Tracks of N vehicles in one tile.
+    """Tracks of N vehicles in one tile, with an offset in m; its slot is None in a net without tiles.
 
-    Attributes:
-        walks: (N,) pedestrians; the others are vehicles.
-        length: (N,) m.
-        states: (N, T) centres in the net's coordinates.
-        present: (N, T) from first to last appearance.
-        tile: slot; None in a net without tiles.
-        offset: of the tile, m.
+    States (N, T) are centres in the net's coordinates, ``present`` from first to last appearance; lengths
+    (N,) in m; ``walks`` (N,) marks pedestrians.
     """
 
     ids: Sequence[str]
@@ -65,10 +60,7 @@ class LaneFinder:
     def find(
         self, x: FloatArray, y: FloatArray, heading: FloatArray, first: BoolArray
     ) -> tuple[list[str], FloatArray]:
-        """Return (n) lane ids of places, and (n,) positions along the lanes, m.
-
-        ``first`` (n,) marks places that need a lane outside of junctions.
-        """
+        """Return (n) lane ids of places and (n,) positions along them, m; ``first`` outside of junctions."""
         places = shapely.points(x, y)
         place, lane = self._tree.query(places, predicate="dwithin", distance=_NEAR_M)
         allowed = ~(first[place] & self._inside[lane])

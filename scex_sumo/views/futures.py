@@ -26,11 +26,7 @@ def write_future(run: Run, number: int) -> Path:
 
 
 def write_first(run: Run) -> Path:
-    """Write what to look at first, and return the file to open.
-
-    It is the human-like future of the pair of the verdict, else the worst pair of the stress test, else a
-    future.
-    """
+    """Write the future of the verdict's pair, else of the worst pair, else any; return the file to open."""
     decision, human = run.decision, run.reference
     if (
         decision is not None

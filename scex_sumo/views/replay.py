@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
@@ -41,7 +41,7 @@ from scex_sumo.world.drawings import (
     readable,
     write_view_settings,
 )
-from scex_sumo.world.tiles import TileLayout, TileTemplate, template_of
+from scex_sumo.world.tiles import template_of
 from scex_sumo.world.vehicle_types import given_type
 
 if TYPE_CHECKING:
@@ -65,29 +65,29 @@ def write_view(
 ) -> Path:
     """Write files that show one future in sumo-gui, or several side by side, and return the file to open.
 
-    Args:
-        snapshots: times in s and picture names for sumo-gui.
+    Snapshots are times in s and picture names for sumo-gui.
     """
     grid = len(futures) > 1
     name = f"grid_{len(futures)}" if grid else f"future_{futures[0].number:04d}"
     folder.mkdir(parents=True, exist_ok=True)
-    source = _cropped(folder / name, net, futures) if grid else (net.path, net.extras)
-    template = template_of(source[0])
+    shown = _cropped(folder / name, net, futures) if grid else net.path
+    template = template_of(shown)
     layout = template.window_layout(len(futures), margin_m=_GRID_MARGIN_M)
     net_file, additional = net.path, [net.extras] if net.extras is not None else []
-    if grid:
-        net_file, additional = _write_tiles(folder / name, source[1], template, layout, len(futures))
+    if grid:  # whose views are too small for markings
+        net_file, additional = folder / f"{name}.net.xml", []
+        template.write(net_file, range(len(futures)), layout)
     tiled = [
         TiledFuture(future=future, slot=slot if grid else None, offset=layout.offset(slot))
         for slot, future in enumerate(futures)
     ]
     groups = [group for s in tiled for group in _groups(scene, s)]
-    write_fcd(folder / f"{name}.fcd.xml", groups, LaneFinder(source[0]))
+    write_fcd(folder / f"{name}.fcd.xml", groups, LaneFinder(shown))
     entries = legend_entries(scene, [model for future in futures for model in future.models], colors)
     frame = frame_of(template.bounds, [s.offset for s in tiled], entries)
     if not grid:
         frame = frame.closer(futures[0].looked_at)
-    drawn = draw_seams(_junctions(source[0]), tiled) + draw_futures(tiled, colors, frame)
+    drawn = draw_seams(_junctions(shown), tiled) + draw_futures(tiled, colors, frame)
     drawn += draw_legend(frame)
     letter_m = 0.0
     if not grid:
@@ -115,17 +115,14 @@ def _junctions(net: Path) -> list[FloatArray]:
     return [shape for shape in shapes if len(shape) > 2]
 
 
-def _cropped(stem: Path, net: SumoNet, futures: Sequence[FutureView]) -> tuple[Path, Path | None]:
+def _cropped(stem: Path, net: SumoNet, futures: Sequence[FutureView]) -> Path:
     states = [future.states for future in futures]
     xs, ys = (np.concatenate([getattr(s, axis) for s in states], axis=None) for axis in ("x", "y"))
     xs, ys = xs[np.isfinite(xs)], ys[np.isfinite(ys)]
     around = _GRID_AROUND_M
     box = xs.min() - around, ys.min() - around, xs.max() + around, ys.max() + around
     box = _filling(box, len(futures))
-    file = crop_net(net.path, box, stem.with_name(f"{stem.name}.cropped.net.xml"))
-    if net.extras is None:
-        return file, None
-    return file, crop_extras(net.extras, box, stem.with_name(f"{stem.name}.cropped.add.xml"))
+    return crop_net(net.path, box, stem.with_name(f"{stem.name}.cropped.net.xml"))
 
 
 def _filling(box: Box, count: int) -> Box:
@@ -167,17 +164,6 @@ def _choose_ids(
         beside = draw_ids([names[n] for n in event], x[event], y[event], frame.line_m)
     path.write_text("".join(f"{kinds[n]}:{names[n]}\n" for n in kept), encoding="utf-8")
     return beside
-
-
-def _write_tiles(
-    stem: Path, drawn: Path | None, template: TileTemplate, layout: TileLayout, count: int
-) -> tuple[Path, list[Path]]:
-    net_file, extras = stem.with_name(f"{stem.name}.net.xml"), stem.with_name(f"{stem.name}.extras.xml")
-    template.write(net_file, range(count), layout)
-    if drawn is None:
-        return net_file, []
-    TileTemplate(drawn).write(extras, range(count), layout)
-    return net_file, [extras]
 
 
 def _groups(scene: SeedScene, tiled: TiledFuture) -> list[FcdTracks]:
@@ -289,22 +275,9 @@ def crop_net(net: Path, box: Box, out: Path) -> Path:
             junction.attrib.pop("shape", None)
     for connection in root.iter("connection"):
         connection.attrib.pop("shape", None)
-    _write(out, "net", root, root)
+    root.attrib = {key: value for key, value in root.attrib.items() if "}" not in key}
+    ElementTree.ElementTree(root).write(out, encoding="utf-8", xml_declaration=True)
     return out
-
-
-def crop_extras(extras: Path, box: Box, out: Path) -> Path:
-    """Write the lines and areas of an additional file within a box, and return the file."""
-    root = ElementTree.parse(extras).getroot()
-    kept = [poly for poly in root.iter("poly") if _crop_shape(poly, box, closed=poly.get("fill") == "1")]
-    _write(out, "additional", root, kept)
-    return out
-
-
-def _write(out: Path, tag: str, root: ElementTree.Element, futures: Iterable[ElementTree.Element]) -> None:
-    element = ElementTree.Element(tag, {key: value for key, value in root.attrib.items() if "}" not in key})
-    element.extend(futures)
-    ElementTree.ElementTree(element).write(out, encoding="utf-8", xml_declaration=True)
 
 
 def _into(box: Box, x: float, y: float) -> tuple[float, float]:

@@ -19,7 +19,7 @@ from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.studies.moments.run import attempt
 from scex_sumo.suites.drive import drive
-from scex_sumo.suites.testing.tasks import run_case, task_of
+from scex_sumo.suites.testing.suite_test import run_case, task_of
 from tests.command import scex as command
 
 FUNCTIONS = '''

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.live.focus import Focus
+from scex_sumo.live.moment import Focus
 
 NAMES = [*"abcdefghijklmnop", "far"]
 XY = np.array([[10.0 * k, 0.0] for k in range(16)] + [[1000.0, 0.0]])

@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from scex_sumo.live import ticker as ticker_module
-from scex_sumo.live.focus import Focus
-from scex_sumo.live.moment import road_of
+from scex_sumo.live.moment import Focus, road_of
 from scex_sumo.live.risk import Question, Risk
 from scex_sumo.live.ticker import Ticker
 

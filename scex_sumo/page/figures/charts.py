@@ -10,7 +10,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.registry import Metric
-from scex_sumo.page.html import Html, element, joined
+from scex_sumo.page.html import Html, element
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import BANDWIDTH
 
@@ -32,14 +32,9 @@ def ticks(low: float, high: float, most: int = 4) -> list[tuple[float, str]]:
 
 @dataclass(frozen=True, kw_only=True)
 class Plane:
-    """Coordinate plane of a chart; arguments are in axis units, y upwards.
+    """Coordinate plane of a chart, px without the ticks below; arguments are in axis units, y upwards.
 
     Kinds of lines are colours: drawn, likely, recorded, critical, picked, or soft.
-
-    Attributes:
-        x: range of the axis.
-        y: range of the axis.
-        height: px, without the ticks below.
     """
 
     x: tuple[float, float]
@@ -79,10 +74,7 @@ class Plane:
         return "M" + " ".join(f"{px:g},{py:g}" for px, py in points)
 
     def figure(self, title: str, *parts: Html, marks: Sequence[tuple[float, str]] | None = None) -> Html:
-        """Return the chart with title and horizontal axis.
-
-        ``marks`` are ticks with their texts; None takes round numbers.
-        """
+        """Return the chart with title and axis; ticks at ``marks`` with texts, None: at round numbers."""
         axis = [element("path.line.axis", d=f"M0,{self.height} {self.width},{self.height}")]
         for value, text in ticks(*self.x) if marks is None else marks:
             px = min(max(self.at(value, 0)[0], 10), self.width - 10)
@@ -97,16 +89,6 @@ def tick_seconds(first: float, last: float) -> list[tuple[float, str]]:
     return [(value, f"{words} s") for value, words in ticks(first, last, most=8)]
 
 
-def line_legend(entries: Sequence[tuple[str, str]]) -> Html:
-    """Return a legend from kinds and texts."""
-    lines = [element(f"path.line.{kind}", d="M0,5 22,5") for kind, _ in entries]
-    spans = [
-        element("span", element("svg", line, width="22", height="10"), f" {text} ")
-        for line, (_, text) in zip(lines, entries, strict=True)
-    ]
-    return element("p.soft.legend", joined(*spans))
-
-
 def metric_title(column: str, metric: Metric) -> str:
     """Return the printed name of a column of a metric with its unit."""
     return metric.titled() + (", mean" if column.endswith("_mean") else "")
@@ -115,12 +97,9 @@ def metric_title(column: str, metric: Metric) -> str:
 def value_range(
     values: FloatArray, *marks: float | None, limits: tuple[float, float] | None = None
 ) -> tuple[float, float]:
-    """Return the range of an axis: finite values without a far tail, and near marks.
+    """Return the range of an axis: finite values (n,) without a far tail, and near marks; else 0 to 1.
 
-    Args:
-        values: (n,); without finite ones the range is 0 to 1.
-        marks: values to keep in view, e.g. a threshold.
-        limits: range before marks are added; None takes four bandwidths around the values.
+    Limits are the range before marks are added; None takes four bandwidths around the values.
     """
     finite = values[np.isfinite(values)]
     if not finite.size:

@@ -38,10 +38,7 @@ _WORST_SHARE = 0.1
 
 
 def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return names and single numbers of a report, and arrays by name.
-
-    ``scene`` is the seed scene; None reads it from the folder.
-    """
+    """Return names and single numbers of a report, and arrays by name; None reads the folder's scene."""
     scene = scene or run.scene
     track_ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
     both = [run] if run.reference is None else [run, run.reference]
@@ -150,10 +147,7 @@ def _lights(run: Run) -> list[tuple[list[list[float]], str]]:
 
 
 def metric_words(run: Run, column: str) -> dict[str, Any]:
-    """Return name, unit, side, thresholds and drawn range of a metric column.
-
-    ``atoms`` are values that many futures share, of both sets; ``defined`` counts the futures with a value.
-    """
+    """Return name, unit, side, thresholds, range, number of values and frequent values of a metric column."""
     metric = run.metric(column)
     has_recorded = run.recorded is not None and column in run.recorded.column_names
     recorded = run.recorded_value(column) if has_recorded else None

@@ -31,14 +31,11 @@ ENCOUNTERS: Final = pa.schema(
 
 
 def encounters_of(pairs: Sequence[tuple[MomentRef, pa.Table]], every_s: float) -> pa.Table:
-    """Return the encounters of a data set, see `ENCOUNTERS`.
+    """Return the encounters of a data set of moments ``every_s`` apart, see `ENCOUNTERS`; tables as of
+    `pairs_of_moment`.
 
-    The same two in consecutive moments are one encounter: its row is that of the moment with the largest P
-    whose data are not doubtful.
-
-    Args:
-        pairs: moments, and their pairs as of `pairs_of_moment`.
-        every_s: time between two moments.
+    The same two in consecutive moments are one: its row is that of the moment with the largest P whose data
+    are not doubtful.
     """
     rows = pa.concat_tables([PAIRS.empty_table(), *(table for _, table in pairs)]).combine_chunks()
     if not len(rows):
@@ -48,7 +45,10 @@ def encounters_of(pairs: Sequence[tuple[MomentRef, pa.Table]], every_s: float) -
     order, begins = _grouped(rows, refs, _CONSECUTIVE * every_s)
     time, starts = np.asarray(refs["time_s"])[order], np.flatnonzero(begins)
     columns_of = {name: rows[name] for name in PAIRS.names} | {name: refs[name] for name in _PLACE}
-    best = order[_first_of_each(_worst_first(rows)[order], begins)]
+    group = np.empty(len(order), dtype=np.int64)
+    group[order] = np.cumsum(begins) - 1
+    worst = np.lexsort((-np.asarray(rows["probability"]), np.asarray(pc.is_valid(rows["doubt"])), group))
+    best = worst[np.searchsorted(group[worst], np.arange(len(starts)))]  # without doubt first, then by P
     columns_of = {name: column.take(best) for name, column in columns_of.items()}
     columns_of |= {
         "first_s": pa.array(np.minimum.reduceat(time, starts)),
@@ -73,20 +73,6 @@ def _grouped(rows: pa.Table, refs: pa.Table, apart_s: float) -> tuple[IntArray, 
     return order, np.concatenate([[True], differs])
 
 
-def _worst_first(rows: pa.Table) -> IntArray:
-    """Return the place (n,) of each row: without doubt first, then by P."""
-    place, doubtful = np.empty(len(rows), dtype=np.int64), np.asarray(pc.is_valid(rows["doubt"]))
-    place[np.lexsort((-np.asarray(rows["probability"]), doubtful))] = np.arange(len(rows))
-    return place
-
-
-def _first_of_each(place: IntArray, begins: BoolArray) -> IntArray:
-    """Return the index of the row of each group that has the least place."""
-    group = np.cumsum(begins)
-    order = np.lexsort((place, group))
-    return np.asarray(order[np.flatnonzero(np.diff(group[order], prepend=0))])
-
-
 def with_columns(table: pa.Table, columns: Mapping[str, Sequence[Any]]) -> pa.Table:
     """Return a table with other values in some of its columns."""
     for name, values in columns.items():
@@ -96,12 +82,7 @@ def with_columns(table: pa.Table, columns: Mapping[str, Sequence[Any]]) -> pa.Ta
 
 
 def pairs_of_moment(scene: SeedScene, net: SumoNet, *, futures: int, seed: int = 0) -> pa.Table:
-    """Return the pairs of a moment, see `PAIRS`, the most probable contact first.
-
-    Args:
-        scene: with its road, ruled.
-        futures: human-like ones.
-    """
+    """Return the pairs of a ruled scene with a road, see `PAIRS`, the most probable contact first."""
     part = human_part(scene, net, futures=futures, seed=seed)
     table = pairs_of_part(scene, part)
     rows = table.select(["track_id", "other_id", "probability", "future"]).to_pylist()

@@ -37,13 +37,9 @@ SEEDS = "seeds"
 
 @dataclass(frozen=True, kw_only=True)
 class MomentRef:
-    """A moment by name, before its seed scene is built.
+    """A moment by name, unique in a study (``seed`` in files); moments of one ``location`` share a map.
 
-    Attributes:
-        moment: unique in a study, fit for a folder's name; ``seed`` in files.
-        location: the site; moments of one site share a map.
-        case: id of the case, or an empty string.
-        time_s: in the recording's clock.
+    Without a case, ``case`` is empty. ``time_s`` is in the recording's clock.
     """
 
     moment: str
@@ -56,12 +52,9 @@ class MomentRef:
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """Why a moment, or a whole recording, has no result.
+    """Why a moment, or a whole recording (without ``time_s``), has no result.
 
-    Attributes:
-        moment: the moment's name, or the recording's.
-        time_s: None for a whole recording.
-        died: a worker died; the next run of the same command tries again.
+    Where a worker ``died`` the next run of the same command tries again.
     """
 
     moment: str

@@ -1,7 +1,4 @@
-"""Settings of a study, and workers that run its moments without files; roads are converted once each.
-
-Workers that die are replaced.
-"""
+"""Settings of a study, and workers that run its moments without files; roads are converted once each."""
 
 from __future__ import annotations
 
@@ -135,12 +132,9 @@ def unpack_road(packed: bytes) -> Road:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MomentTask:
-    """One moment, to be run.
+    """One moment, to be run: its seed scene without the road, which is packed.
 
-    Attributes:
-        may_be_late: a moment that is out of its time fails alone; else the study ends.
-        scene: its seed scene, without the road.
-        road: packed.
+    One that ``may_be_late`` fails alone when it is out of its time; else the study ends.
     """
 
     may_be_late: ClassVar[bool] = False

@@ -33,12 +33,9 @@ def moment_tasks(
     wanted: Callable[[Listing], Sequence[MomentRef]],
     choose: Choose | None = None,
 ) -> Iterator[Item]:
-    """Yield the listing of each recording that had none, then its tasks; failures in their place.
+    """Yield the listing of each recording that had none, then its wanted tasks; failures in their place.
 
-    Args:
-        listings: by recording; a recording without wanted moments is not loaded.
-        wanted: the moments of a recording that shall run.
-        choose: the moments of a recording without a listing.
+    A recording without wanted moments is not loaded; ``choose`` gives the moments of one without a listing.
     """
     for recording in recordings:
         listing = listings.get(recording.name)
@@ -74,10 +71,7 @@ def moment_tasks(
 
 
 def list_moments(recording: Recording, moments: Sequence[Moment]) -> Listing:
-    """List the moments of a recording that have two vehicles.
-
-    In cases all vehicles count, else those that move and are recorded from 1 s before to 3 s after.
-    """
+    """List moments with two vehicles: in cases any, else moving, recorded from 1 s before to 3 s after."""
     refs = [
         MomentRef(
             moment=moment_name(recording.name, m.case, m.time_s),
@@ -94,10 +88,7 @@ def list_moments(recording: Recording, moments: Sequence[Moment]) -> Listing:
 
 
 def read_ahead(items: Iterator[T], size: int) -> Generator[T, None, None]:
-    """Yield the same items; a thread makes up to ``size`` of them ahead.
-
-    Closing the generator ends the thread after its present item.
-    """
+    """Yield the same items; a thread, which ends when this is closed, makes up to ``size`` of them ahead."""
     thread, end = ThreadPoolExecutor(1, thread_name_prefix="read ahead"), object()
     try:
         ahead = deque(thread.submit(next, items, end) for _ in range(size + 1))
@@ -109,11 +100,8 @@ def read_ahead(items: Iterator[T], size: int) -> Generator[T, None, None]:
 
 
 class MomentRun:
-    """A study under way: its moments run, once each, in any order.
-
-    Attributes:
-        unreadable: failures by recording; the next run tries these again.
-        failures: by moment.
+    """A study under way: its moments run once each; ``unreadable`` recordings are tried again by the next
+    run.
     """
 
     def __init__(
@@ -147,10 +135,7 @@ class MomentRun:
         return [ref for ref in self.listed if self.folder.has(ref)]
 
     def run(self, work: Work, choose: Choose | None = None) -> None:
-        """Run all moments, or what is missing of them; keep the results of ``work`` in the folder.
-
-        ``choose`` is as of `moment_tasks`.
-        """
+        """Run what is missing, keep results of ``work`` in the folder; ``choose`` is as of `moment_tasks`."""
         self._done = sum(not self._is_open(ref) for ref in self.listed)
         self._tick()
         items = moment_tasks(

@@ -51,8 +51,7 @@ def ranked(
 def with_stress(encounters: pa.Table, shares: Mapping[str, Mapping[tuple[int, int], float]]) -> pa.Table:
     """Return encounters with ``stress_p_collision``; null where the futures of a moment were not run.
 
-    Args:
-        shares: by moment, then by the two track ids, ascending; pairs that never meet have none.
+    Shares are by moment, then by both track ids, ascending; pairs that never meet have none.
     """
     stress: list[float | None] = []
     for row in encounters.select(["seed", "track_id", "other_id"]).to_pylist():
@@ -69,11 +68,7 @@ BOTH: Final = ("recording", "case", "track_id", "other_id")
 
 
 def read_triage(path: Path) -> Sequence[Mapping[str, str]]:
-    """Read the verdicts of a file that the page has saved.
-
-    Raises:
-        UsageError: it cannot be read, lacks a column, or has an unknown verdict.
-    """
+    """Read the verdicts that the page has saved; raise a `UsageError` where a line is none."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = list(csv.DictReader(file))

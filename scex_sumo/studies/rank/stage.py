@@ -27,13 +27,10 @@ _LAST: Final = 31  # steps up to the contact that a picture encloses; it begins 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stage:
-    """Picture of an encounter, whose outlines a script moves.
+    """Picture of an encounter, with outlines that a script moves and the numbers of the last two.
 
-    Attributes:
-        picture: with one outline for each of ``outlines``, and the numbers of the last two.
-        outlines: x, y in m and turn in degrees by step, from the first one on in which both vehicles are in
-            the picture, at most 1 s before the moment; None: not recorded.
-        contact: step of the contact.
+    Outlines: x, y in m and turn in degrees by step, from the first one on in which both vehicles are in the
+    picture, at most 1 s before the moment; None: not recorded. ``contact`` is a step.
     """
 
     picture: Html
@@ -42,12 +39,7 @@ class Stage:
 
 
 def stage_of_future(scene: SeedScene, row: Mapping[str, Any], human: Part) -> Stage:
-    """Return the stage of an encounter in its seed scene with a road.
-
-    Args:
-        row: of `scex_sumo.decision.pairs.PAIRS`.
-        human: the human-like futures of the moment.
-    """
+    """Return the stage of a row of `scex_sumo.decision.pairs.PAIRS`, from human-like futures of its scene."""
     whole = everybody(scene)
     other, one = indices_of(whole, (row["other_id"], row["track_id"])).tolist()
     at = int(np.searchsorted(human.futures, row["future"]))
@@ -64,9 +56,8 @@ def stage_of_motion(
 ) -> Stage:
     """Return the stage of two vehicles, the first of which acts, with their motion (2, T) from now on.
 
-    Args:
-        scene: with a road; people are its last vehicles.
-        states: (V, T) shown beside it, from 1 s before the moment on; ``known`` (V, T): where there are any.
+    States (V, T), ``known`` or not, are shown beside it, from 1 s before the moment on; people are the last
+    ones.
     """
     assert scene.road is not None
     one, other = both

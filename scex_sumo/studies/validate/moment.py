@@ -1,7 +1,4 @@
-"""Forecast of a moment in a worker, measured by the same code as what really happened; settings and folder.
-
-In the folder of a validation moments are added whole, never changed, and found again after a crash.
-"""
+"""Forecast of a moment in a worker, measured as what really happened is; settings and folder."""
 
 from __future__ import annotations
 
@@ -38,12 +35,7 @@ ALL = "all"
 
 @dataclass(frozen=True, kw_only=True)
 class ValidationSettings(StudySettings):
-    """Settings of a validation.
-
-    Attributes:
-        part: ``train``, ``validation`` or ``test`` of each recording's time, as for learned drivers, or
-            ``all``.
-    """
+    """Settings of a validation; a part of each recording's time is that of learned drivers, or ``all``."""
 
     part: str = ALL
 
@@ -80,12 +72,9 @@ RECORDED, CONSTANT_VELOCITY = -1, -2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Forecast:
-    """Forecast of one moment by its futures, and what happened.
+    """Forecast of a moment, and what happened: see `position_forecasts`, `gap_forecasts`.
 
-    Attributes:
-        vehicles: see `position_forecasts`.
-        encounters: see `gap_forecasts`.
-        futures: metric columns and ``collision`` of each future, and of the two rows beside them.
+    Rows of ``futures``: metric columns and ``collision`` of each future, and of the two rows beside them.
     """
 
     vehicles: pa.Table

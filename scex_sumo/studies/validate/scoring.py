@@ -22,12 +22,8 @@ from scex_sumo.studies.validate.scores import brier, covered, crps, group_bootst
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that happens, or not, in a future or in a recording.
-
-    Attributes:
-        column: metric column, or ``collision``.
-        threshold: from which value on it has happened.
-        paper: one of the four that the paper suggests.
+    """Something that happens where a metric column, or ``collision``, reaches a threshold; ``paper``: of the
+    paper's four.
     """
 
     name: str
@@ -69,14 +65,10 @@ A closing speed near 0 makes a PTTC of 1e15 s, which would decide the mean score
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Forecasts:
-    """All M moments of a validation.
+    """All M moments of a validation: K metric columns, then ``collision``, NaN where undefined.
 
-    Attributes:
-        columns: K metric columns, then ``collision``.
-        futures: (M) values (C, K) of the futures; NaN if undefined.
-        recorded: (M, K) what happened.
-        straight: (M, K) constant velocity.
-        group: (M,) recording.
+    Values (C, K) of the futures of each, (M, K) what was recorded and constant velocity; ``group`` (M,) is
+    the recording.
     """
 
     refs: Sequence[MomentRef]
@@ -147,9 +139,8 @@ def event_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
 
 
 def pair_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
-    """Return one row for each of `MEASURED` events; empty without pairs within 10 m in some future.
-
-    Pairs whose recorded boxes touch are left out: these boxes are inexact.
+    """Return one row for each of `MEASURED` events; none without pairs whose recorded, inexact boxes are
+    apart.
     """
     table = forecasts.encounters
     if len(table):
@@ -197,10 +188,7 @@ def _scores(p: FloatArray, o: BoolArray, straight: BoolArray, group: IntArray) -
 
 
 def value_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
-    """Return one row for each metric column: CRPS and its skill, coverage.
-
-    Values are bounded by `SCORED_UP_TO`.
-    """
+    """Return one row for each metric column: CRPS, its skill, coverage; values are cut at `SCORED_UP_TO`."""
     rows = []
     for column, name in enumerate(forecasts.columns):
         if name == COLLISION:

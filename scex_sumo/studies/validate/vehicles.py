@@ -33,14 +33,10 @@ ENCOUNTERS = schema(
 
 
 def position_forecasts(scene: SeedScene, futures: States, straight: States, judged: BoolArray) -> pa.Table:
-    """Return one row of `POSITIONS` for each vehicle recorded to the end and each second.
+    """Return one row of `POSITIONS` for each ``judged`` (V,) vehicle, recorded to the end, and each second.
 
-    Along and across the heading: whether the recorded place is within 5-95 % of the futures.
-
-    Args:
-        futures: (C, T, V).
-        straight: (1, T, V) constant velocity.
-        judged: (V,) vehicles recorded to the end.
+    States (C, T, V), of constant velocity (1, T, V); along and across the heading: whether the recorded place
+    is within 5-95 % of the futures.
     """
     assert scene.future is not None
     rows = []

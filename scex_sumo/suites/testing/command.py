@@ -43,8 +43,7 @@ def test_command(
     from scex_sumo.base.errors import ScexError
     from scex_sumo.commands.console import output_console
     from scex_sumo.reports.run_table import print_line
-    from scex_sumo.suites.testing.outputs import summary_lines, title
-    from scex_sumo.suites.testing.result import holding, read_condition
+    from scex_sumo.suites.testing.result import holding, read_condition, summary_lines, title
     from scex_sumo.suites.testing.suite_test import PAGE, RESULT, SUMMARY, test_suite
 
     conditions = [read_condition(text) for text in fail_if or ()]

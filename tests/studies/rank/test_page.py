@@ -6,8 +6,7 @@ import pyarrow as pa
 import pytest
 
 from scex_sumo.page.html import element
-from scex_sumo.studies.rank.glance import glance
-from scex_sumo.studies.rank.page import _lists
+from scex_sumo.studies.rank.page import _lists, glance
 from tests.studies.moments.pairs import moment_ref, pairs_table
 
 

@@ -11,11 +11,13 @@ import pytest
 
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.suites.suite import Suite
-from scex_sumo.suites.testing.outputs import junit_text, markdown_text, number_lines
 from scex_sumo.suites.testing.result import (
     VERDICTS,
     compared,
     holding,
+    junit_text,
+    markdown_text,
+    number_lines,
     number_of,
     read_condition,
     read_result,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.suites.drive import Contacts
-from scex_sumo.suites.testing.tasks import p_alone
+from scex_sumo.suites.testing.suite_test import p_alone
 
 FUTURES = 64
 
