@@ -11,7 +11,6 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.cache import cached_bytes
 from scex_sumo.base.errors import UsageError
-from scex_sumo.statistics.designs import balanced
 
 MAX_COMBINATIONS = 10_000
 _LISTED = 12  # ids in a message
@@ -54,6 +53,8 @@ def balanced_assignments(
     shares /= shares.sum()
 
     def make() -> IntArray:
+        from scex_sumo.statistics.designs import balanced
+
         return balanced([shares] * vehicles, futures, future_generator(seed, 0, _DESIGN_STREAM))
 
     if not keep:

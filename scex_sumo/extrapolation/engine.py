@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from threadpoolctl import threadpool_limits
 
@@ -18,7 +18,6 @@ from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.models.simple import SumoDriver
 from scex_sumo.converters.registries import signals_of
 from scex_sumo.drivers.registry import parse_models
-from scex_sumo.extrapolation.extras import Extra, Row, Work, rows_of
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, ruled
 from scex_sumo.extrapolation.loop.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
@@ -34,6 +33,9 @@ from scex_sumo.results.parts import Part, Parts
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from scex_sumo.world.base import WORLDS
+
+if TYPE_CHECKING:
+    from scex_sumo.extrapolation.extras import Extra
 
 
 def run_scene(
@@ -74,18 +76,11 @@ def run_scene(
         )
         part = write_tables(folder, job, recorded)
         marks.append(time.perf_counter())
-        work = Work(job=job, part=part, workers=workers, options=options)
-        rows: list[Row] = []
-        failed: list[str] = []
-        for extra in extras:
-            try:
-                rows += rows_of(extra, work)
-            except OwnCodeError as error:  # the run's other results stay
-                failed.append(f"warning: {error}; its rows are left out")
+        rows, failed = _with_extras(extras, job, part, workers, options) if extras else ([], [])
     marks.append(time.perf_counter())
     notes = [*failed, *outcome_notes(job.scene, recorded), *workers.deaths]
     info = _info(job, options.command, part, notes) | {"recorded": recorded_info(job.scene, recorded)}
-    info["rows"] = [dataclasses.asdict(row) for row in rows]
+    info["rows"] = rows
     marks.append(time.perf_counter())
     parts = ("convert", "simulate_and_measure", "tables", "extras", "write")
     laps = {name: round(end - start, 3) for name, (start, end) in zip(parts, pairwise(marks), strict=True)}
@@ -93,6 +88,22 @@ def run_scene(
     run = Run(folder.path, temporary)
     run.intervals = job.intervals
     return run, job
+
+
+def _with_extras(
+    extras: Sequence[Extra], job: Job, part: Part, workers: Workers, options: RunOptions
+) -> tuple[list[dict[str, Any]], list[str]]:
+    """Let extras work; return their rows for ``run.json``, and notes on those that failed."""
+    from scex_sumo.extrapolation.extras import Work, rows_of
+
+    work = Work(job=job, part=part, workers=workers, options=options)
+    rows, failed = list[dict[str, Any]](), list[str]()
+    for extra in extras:
+        try:
+            rows += map(dataclasses.asdict, rows_of(extra, work))
+        except OwnCodeError as error:  # the run's other results stay
+            failed.append(f"warning: {error}; its rows are left out")
+    return rows, failed
 
 
 def _folder_and_job(

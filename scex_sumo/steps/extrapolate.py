@@ -12,7 +12,6 @@ from scex_sumo.base.arguments import check_argument
 from scex_sumo.base.errors import ScexError, UsageError, warn_notes
 from scex_sumo.base.options import split_options
 from scex_sumo.base.progress import Progress, progress_of
-from scex_sumo.extrapolation.extras import extra_named
 from scex_sumo.extrapolation.options import RUN_OPTIONS, RunOptions
 from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
@@ -112,7 +111,7 @@ def _run(
         check_argument(one.name, options[one.name], str(one.type))
     settings = RunSettings(**values) if settings is None else dataclasses.replace(settings, **values)
     how = RunOptions(bar=partial(progress_of, progress), **others)
-    extras = [extra_named(one) for one in how.extra]
+    extras = how.extras()
     with one_at_a_time, Workers(how.processes(settings)) as pool:
         return run_moment(scene, settings, workers=pool, options=how, extras=extras)
 

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from scex_sumo.extrapolation.engine import checked_models, run_scene
-from scex_sumo.extrapolation.extras import Extra
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.options import RunOptions
@@ -18,6 +17,9 @@ from scex_sumo.results.info import BASELINE, PAGE, REFERENCE
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.pairs import PAIRS_FILE
 from scex_sumo.scene import SeedScene
+
+if TYPE_CHECKING:
+    from scex_sumo.extrapolation.extras import Extra
 
 REFERENCE_FUTURES: Final = 32
 """With more, P of the most probable pair varies as much from seed to seed."""

@@ -17,7 +17,6 @@ from scex_sumo.base.processes import AUTO, read_workers
 from scex_sumo.commands.console import output_console, progress_bar, resumable, warn
 from scex_sumo.commands.options import MapPath, with_options
 from scex_sumo.commands.shared import COMMANDS, Answer
-from scex_sumo.extrapolation.extras import extra_named
 from scex_sumo.extrapolation.options import OUTPUT, RUN_OPTIONS, RunOptions
 from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
@@ -43,7 +42,7 @@ def run_command(map_path: MapPath, *, details: Details = False, **given: Any) ->
     values[2].setdefault("workers", read_workers(os.environ.get("SCEX_WORKERS", AUTO)))
     source, settings = SeedOptions(**values[0]), RunSettings(**values[1])
     options = RunOptions(bar=progress_bar, command=["scex-sumo", *sys.argv[1:]], **values[2])
-    extras = [extra_named(one) for one in options.extra]
+    extras = options.extras()
     with Workers(options.processes(settings)) as pool:
         from scex_sumo.extrapolation.engine import checked_models  # while workers start
         from scex_sumo.steps.moment import run_moment
