@@ -221,7 +221,7 @@ def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: On
             hits, outcome.severity, futures=futures, track_ids=ids, first=LOGGED_HISTORY
         ),
         encounters=encounter_rows(outcome.encounters, futures),
-        horizons=horizons_table(values, futures, settings.steps),
+        horizons=horizons_table(values, settings.measured, futures, settings.steps),
         conflicts=conflicts_table(measure_conflicts(job.scene, rollout), futures) if job.conflicts else None,
     )
 

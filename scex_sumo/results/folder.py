@@ -32,7 +32,7 @@ from scex_sumo.base.files import (
 )
 from scex_sumo.metrics.evaluate import ScenarioValues
 from scex_sumo.metrics.extrema import SceneValues, scene_mean
-from scex_sumo.metrics.registry import metric_of
+from scex_sumo.metrics.registry import Metric
 from scex_sumo.results.decision import DECISION
 from scex_sumo.results.info import BASELINE, PAGE, REFERENCE
 from scex_sumo.results.parts import PARTS, Part, Parts, remove_broken
@@ -294,23 +294,20 @@ def horizons_of(steps: int) -> tuple[float, ...]:
     return tuple(t for t in HORIZONS_S if t < STEP_S * steps - 1e-9) if steps > FIRST_STEPS else ()
 
 
-def horizons_table(values: ScenarioValues, futures: IntArray, steps: int) -> pa.Table | None:
+def horizons_table(
+    values: ScenarioValues, metrics: Sequence[Metric], futures: IntArray, steps: int
+) -> pa.Table | None:
     """Tabulate the metric columns by ``future`` and ``until_s``; None for short futures."""
     tables = []
     for until_s in horizons_of(steps):
-        columns = []
-        for name, scene in values.scene.items():
-            metric, first = metric_of(name), slice(0, round(until_s / STEP_S))
+        columns, defined = [], []
+        for metric in metrics:
+            scene, first = values.scene[metric.name], slice(0, round(until_s / STEP_S))
             early = SceneValues(value=scene.value[:, first], defined=scene.defined[:, first])
             sign = 1.0 if metric.critical == "min" else -1.0
             least = np.where(early.defined, sign * early.value, np.inf).min(axis=1)
             columns += [sign * least, scene_mean(early, harmonic=metric.harmonic)]
-        defined = [scene.defined[:, : round(until_s / STEP_S)].any(axis=1) for scene in values.scene.values()]
-        table = values_table(
-            values.columns,
-            np.stack(columns, axis=1),
-            np.repeat(np.stack(defined, axis=1), 2, axis=1),
-            futures,
-        )
+            defined += [early.defined.any(axis=1)] * 2
+        table = values_table(values.columns, np.stack(columns, axis=1), np.stack(defined, axis=1), futures)
         tables.append(table.add_column(1, "until_s", pa.array(np.full(len(futures), until_s))))
     return pa.concat_tables(tables) if tables else None
