@@ -154,11 +154,8 @@ def test_a_class_of_ones_own_becomes_a_model() -> None:
     assert isinstance(built, Parked) and isinstance(built, BatchBehavior)
     assert (built.steps, built.loud) == (40, True)
     (info,) = (info for info in known_models() if info.name == "parked")
-    assert info.summary == "Stays where it is." and info.parameters == (
-        "steps=30",
-        "loud=false",
-        "guard=false",
-    )
+    assert info.summary == "Stays where it is."
+    assert info.parameters == ("steps=30", "loud=false", "guard=false")
     with pytest.raises(UsageError, match="parked: unknown parameter 'height'; nearest: "):
         parse_models("parked:height=3")
     with pytest.raises(UsageError, match="steps=many is not a whole number"):

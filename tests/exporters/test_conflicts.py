@@ -46,7 +46,8 @@ def test_conflicts_have_the_form_and_the_values_of_sumo_s_device(run: Run, tmp_p
     files, off, forms = exported(run, "ssm", tmp_path / "ours"), [], set()
     for future, file in enumerate(files):
         ours, theirs = ET.parse(file).getroot(), device(run, future, tmp_path / f"{future}.xml")
-        forms |= {form_of(conflict) for conflict in (*theirs, *ours)}
+        for conflict in (*theirs, *ours):
+            forms.add(repr([(element.tag, list(element.attrib)) for element in conflict.iter()]))
         assert ours.tag == theirs.tag
         own = {(c.get("ego"), c.get("foe")): c for c in ours}
         assert len({frozenset(pair) for pair in own}) == len(own) == len(ours)  # each pair once
@@ -60,10 +61,6 @@ def test_conflicts_have_the_form_and_the_values_of_sumo_s_device(run: Run, tmp_p
 
 
 COMPARED = (("minTTC", "value"), ("minTTC", "time"), ("minTTC", "speed"), ("maxDRAC", "value"))
-
-
-def form_of(conflict: ET.Element) -> str:
-    return repr([(element.tag, list(element.attrib)) for element in conflict.iter()])
 
 
 def kind_of(conflict: ET.Element) -> str | None:

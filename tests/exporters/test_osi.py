@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,10 +22,6 @@ def trace(request: pytest.FixtureRequest, run: Run, tmp_path_factory: pytest.Tem
     return first
 
 
-def truths(trace: Path) -> list[Any]:
-    return list(betterosi.read(str(trace), return_ground_truth=True))
-
-
 def test_the_states_read_back_are_the_same(run: Run, trace: Path) -> None:
     rows, states = read_recorded([trace])[0].vehicles, run.states(2)
     assert sorted(map(int, rows.labels)) == run.scene.track_ids.tolist()
@@ -42,7 +37,7 @@ def test_the_states_read_back_are_the_same(run: Run, trace: Path) -> None:
 
 
 def test_osi_knows_the_frames_their_lanes_and_the_host(run: Run, trace: Path) -> None:
-    found = truths(trace)
+    found = list(betterosi.read(str(trace), return_ground_truth=True))
     assert len(found) == run.states(2).shape[1]
     assert [t.timestamp.seconds * 10 + t.timestamp.nanos // 10**8 for t in found] == list(range(len(found)))
     assert {t.host_vehicle_id.value for t in found} == {int(run.scene.track_ids[1])}

@@ -21,10 +21,6 @@ from scex_sumo.road import Lane
 betterosi = pytest.importorskip("betterosi")
 
 
-def frames(trace: Path) -> list[Any]:
-    return list(betterosi.read(str(trace), return_ground_truth=True))
-
-
 @pytest.fixture(scope="module")
 def trace(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("osi")
@@ -73,7 +69,7 @@ def test_negative_ids_of_lanes_become_numbers_of_osi(run: Run, tmp_path: Path) -
         regulations=(),
         file=None,
     )  # fmt: skip
-    first = frames(EXPORTERS.load("osi")(asked)[0])[0]
+    first = next(betterosi.read(str(EXPORTERS.load("osi")(asked)[0]), return_ground_truth=True))
     assert len(first.lane) == len(turned) and min(numbers(first.lane)) > 0
 
 

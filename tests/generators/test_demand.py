@@ -33,17 +33,13 @@ def network(folder: Path, right_lane: str = "", left_lane: str = "") -> Network:
     return Network(path)
 
 
-def routes(net: Network, origin: tuple[str, int]) -> set[tuple[str, ...] | None]:
-    rng = np.random.default_rng(0)
-    return {net.random_route(origin, rng) for _ in range(50)}
-
-
 def test_traffic_enters_on_car_lanes_that_nothing_leads_to(tmp_path: Path):
     assert network(tmp_path).origins == [("in", 0), ("in", 1)]
 
 
 def test_where_lanes_may_be_changed_both_branches_are_reached(tmp_path: Path):
-    assert routes(network(tmp_path), ("in", 0)) == {("in", "right"), ("in", "left")}
+    net, rng = network(tmp_path), np.random.default_rng(0)
+    assert {net.random_route(("in", 0), rng) for _ in range(50)} == {("in", "right"), ("in", "left")}
 
 
 def test_a_net_without_a_way_through_is_refused(tmp_path: Path):

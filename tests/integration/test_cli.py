@@ -251,11 +251,10 @@ def test_a_run_interrupted_while_it_reads_says_so_and_fails(tmp_path: Path, numb
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("workers", [2])
-def test_a_disk_that_is_full_is_said_in_one_line(tmp_path: Path, workers: int) -> None:
+def test_a_disk_that_is_full_is_said_in_one_line(tmp_path: Path) -> None:
     """A limit on the size of files stands for the disk: the tables of 40 futures are larger."""
     limited = f"ulimit -f 100; exec {sys.executable} -m scex_sumo run {ROUNDABOUT} --no-plots"
-    command = ["bash", "-c", f"{limited} --futures 40 --workers {workers} -o {tmp_path}/out"]
+    command = ["bash", "-c", f"{limited} --futures 40 --workers 2 -o {tmp_path}/out"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 1, done.stdout
     lines = [line for line in done.stderr.splitlines() if not line.startswith("note: ")]
@@ -274,20 +273,16 @@ def test_the_package_imports_nothing_heavy() -> None:
     subprocess.run([sys.executable, "-c", code], check=True, env={**os.environ})
 
 
-@pytest.mark.parametrize("name", ["file:x"])
-def test_a_result_with_a_colon_in_its_relative_name_is_read_and_evaluated(name: str, tmp_path: Path) -> None:
+def test_a_result_with_a_colon_in_its_relative_name_is_read_and_evaluated(tmp_path: Path) -> None:
     """Arrow takes such a name for a URI."""
-
-    def here(*arguments: object) -> subprocess.CompletedProcess[str]:
-        return scex(*arguments, cwd=tmp_path)
-
+    name = "file:x"
     for arguments in (
         ("run", ROUNDABOUT, "--futures", 2, "--steps", 5, "-o", name),
         ("report", name),
         ("metrics", name, "-o", "again:1.parquet"),
         ("metrics", f"{name}/tracks.parquet", "-o", "again:2.parquet"),
     ):
-        done = here(*arguments)
+        done = scex(*arguments, cwd=tmp_path)
         assert done.returncode == 0, done.stderr
     assert (tmp_path / name / "run.json").is_file() and (tmp_path / "again:2.parquet").is_file()
 

@@ -14,9 +14,8 @@ AA = 4.5  # of texts
 APART = 2.0  # of lines and bars that are told apart
 
 
-def palettes() -> list[dict[str, str]]:
-    roots = re.findall(r":root {(.*?)}", asset("page.css"), re.DOTALL)[:2]  # light, dark
-    return [dict(re.findall(r"--(\w+): (#\w+)", root)) for root in roots]
+ROOTS = re.findall(r":root {(.*?)}", asset("page.css"), re.DOTALL)[:2]  # light, dark
+PALETTES = [dict(re.findall(r"--(\w+): (#\w+)", root)) for root in ROOTS]
 
 
 def luminance(color: str) -> float:
@@ -36,7 +35,7 @@ def test_contrast_is_that_of_the_guideline() -> None:
     assert contrast("#767676", "#fff") == pytest.approx(4.54, abs=0.01)
 
 
-@pytest.mark.parametrize("palette", palettes(), ids=["light", "dark"])
+@pytest.mark.parametrize("palette", PALETTES, ids=["light", "dark"])
 def test_texts_have_contrast_and_sets_differ_in_grey(palette: dict[str, str]) -> None:
     poor = {
         (text, ground): round(found, 2)

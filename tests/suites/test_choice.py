@@ -13,10 +13,6 @@ from scex_sumo.suites.population import Population
 from tests.suites.populations import KINDS, population
 
 
-def kinds_of(people: Population, count: int, seed: int = 0) -> set[str]:
-    return {people.rows[k]["conflict"] for k in choose(people, count, seed=seed)[0].tolist()}
-
-
 def uneven(count: int) -> Population:
     """Return a population with 5 merges and 3 cyclists of little weight among others."""
     people = population(count)
@@ -47,7 +43,8 @@ def test_the_weighted_sum_is_unbiased_for_each_kind() -> None:
 def test_a_rare_kind_has_a_case_in_every_choice() -> None:
     people = uneven(300)
     for seed in range(20):
-        assert {"merge", "cyclist along"} < kinds_of(people, 20, seed)
+        kinds = {people.rows[k]["conflict"] for k in choose(people, 20, seed=seed)[0].tolist()}
+        assert {"merge", "cyclist along"} < kinds
 
 
 def test_probabilities_sum_to_the_cases_and_in_each_kind_to_one_or_more() -> None:

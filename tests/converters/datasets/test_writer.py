@@ -41,17 +41,12 @@ def same(a: SeedScene, b: SeedScene) -> None:
         _same_states(a.obstacles.states, b.obstacles.states)
 
 
-def _turn(t: float) -> tuple[float, float]:
-    return 20.0 * np.sin(0.4 * t), 20.0 * (1.0 - np.cos(0.4 * t))
-
-
 def test_reading_what_was_written_gives_the_seed_back(tmp_path: Path) -> None:
-    rows = moving(_turn, 4, range(60), kind="truck", length=9.0, width=2.5) + straight(
-        11, range(16, 50), y=9.0
-    )
-    rows += straight(2, range(12, 30), y=40.0, speed=1.2, kind="bike") + straight(
-        7, range(60), y=60.0, speed=0.0
-    )
+    circle = lambda t: (20.0 * np.sin(0.4 * t), 20.0 * (1.0 - np.cos(0.4 * t)))  # noqa: E731
+    rows = moving(circle, 4, range(60), kind="truck", length=9.0, width=2.5)
+    rows += straight(11, range(16, 50), y=9.0)
+    rows += straight(2, range(12, 30), y=40.0, speed=1.2, kind="bike")
+    rows += straight(7, range(60), y=60.0, speed=0.0)
     tracks = write_rows(tmp_path / "t.csv", rows)
     scene = recorded_scene(tmp_path / "town.osm", tracks=tracks, time_s=2.0)
     written = write_tracks(tmp_path / "seed.csv", scene)

@@ -219,13 +219,9 @@ def _apart(text: str) -> str:
     )
 
 
-def three_beside(behind: float) -> str:
-    """Lanes 1 and 3 with room for one between them, and lane 5 that goes on behind it from ``behind``."""
-    return draw_map([straight(1, 0, 50, y=7.0), straight(3, 0, 50), straight(5, behind, 90, y=3.5)])
-
-
 def test_a_lanelet_missing_between_two_is_added_where_one_goes_on_behind_it(tmp_path: Path) -> None:
-    road = read_road(written(tmp_path, three_beside(50.0)))
+    lanes = straight(1, 0, 50, y=7.0), straight(3, 0, 50), straight(5, 50.0, 90, y=3.5)
+    road = read_road(written(tmp_path, draw_map([*lanes])))
     (added,) = set(road.lanes) - {1, 3, 5}
     assert one_note(road) == f"lanelets missing between two others, added between their bounds: {added}"
     assert road.lanes[added].successors == (5,)

@@ -253,9 +253,8 @@ def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:
         train(kind="scenes", out=tmp_path / "other.safetensors", simulated=[example_path("roundabout")])
 
 
-@pytest.mark.parametrize("kind", ["joint"])
 def test_the_command_goes_on_where_it_was_interrupted_and_its_weights_say_what_they_are(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kind: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     short = replace(SAMPLING, copies=0)
     monkeypatch.setattr(dataset_module.SampleOptions, "__call__", None, raising=False)
@@ -276,13 +275,13 @@ def test_the_command_goes_on_where_it_was_interrupted_and_its_weights_say_what_t
     with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
         epoch = Trainer._epoch
         patch.setattr(Trainer, "_epoch", stopped)
-        train_command(kind, [folder], out, epochs=2)
+        train_command("joint", [folder], out, epochs=2)
     assert "has the checkpoint after epoch 1; the same command goes on" in capsys.readouterr().err
-    train_command(kind, [folder], out, epochs=2)
+    train_command("joint", [folder], out, epochs=2)
     assert "goes on after epoch 1" in capsys.readouterr().out
-    meta = load_weights(out, kind).meta
+    meta = load_weights(out, "joint").meta
     assert meta["sites"] == ["motorway_merge"]
-    assert meta["command"] == f"scex-sumo train {kind} --data data --seed 0 --epochs 2"
+    assert meta["command"] == "scex-sumo train joint --data data --seed 0 --epochs 2"
     assert meta["validation"]["motorway_merge"]["fde_m"] > 0
     # no checkpoints left
     assert sorted(p.name for p in tmp_path.iterdir()) == ["cache", "data", "mine.safetensors"]
