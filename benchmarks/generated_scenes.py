@@ -66,7 +66,7 @@ class Site:
 
     def share(self, road: Road) -> float:
         table = lane_cells(road)
-        return float(table.cell_m[self.cells(road)].sum() / table.total_m)
+        return float(table.cell_m[self.cells(road)].sum() / table.cell_m.sum())
 
 
 def sites_of(roots: Sequence[Path], most: int, taken: Sequence[Part] = ("test",)) -> list[Site]:

@@ -116,12 +116,13 @@ def _record(road: Road, recipe: Example) -> list[_Track]:
 
 def _track(recording: Drive, vehicle: int, step: int) -> _Track:
     trip = recording.trips[vehicle]
-    begin, states = recording.drive(vehicle, step)
+    stretch, states = recording.drives
+    steps = np.flatnonzero(stretch[:, vehicle] == stretch[step, vehicle])
+    states = states[steps, vehicle]
     if trip.kind == CYCLIST:
         states = _shifted(states, CYCLIST_RIGHT_M)
-    return _Track(
-        kind=trip.kind, first_step=begin, states=states, length_m=trip.length_m, width_m=trip.width_m
-    )
+    sizes = {"length_m": trip.length_m, "width_m": trip.width_m}
+    return _Track(kind=trip.kind, first_step=int(steps[0]), states=states, **sizes)
 
 
 def _shifted(states: States, right_m: float) -> States:

@@ -31,7 +31,7 @@ from .extrapolation.extras import Row as Row
 from .extrapolation.extras import Work as Work
 from .extrapolation.settings import RunSettings as RunSettings
 from .formats.samples.build import track_rows as track_rows
-from .generators.populated import synthetic_seed as synthetic_seed
+from .generators.synthetic import synthetic_seed as synthetic_seed
 from .graphs.graph import SceneGraph as SceneGraph
 from .graphs.graph import scene_graph as scene_graph
 from .lanelet2sumo.convert import convert as convert

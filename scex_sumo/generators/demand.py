@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -26,6 +26,7 @@ ROUND_TRIP = 12  # edges of a route in a net without exits
 ROUTE_TRIES = 40
 TRUCK_SHARE = 0.08
 TRUCK_TOP_MPS = 24.0
+SHORT_M = 2.5  # on a shorter lane a vehicle stands at its end
 
 
 Place: TypeAlias = tuple[str, int]
@@ -74,9 +75,8 @@ class Network:
         # In a net without entries or exits, such as a grid, traffic begins and ends anywhere.
         self._endless = bool(left) and not (self.origins and self._exits)
         if not self.origins:
-            roads = [
-                p for p, lane in self._lanes.items() if lane.length_m >= MIN_ROAD_M and p[0] in self._exits
-            ]
+            long = {place for place, lane in self._lanes.items() if lane.length_m >= MIN_ROAD_M}
+            roads = [place for place in long if place[0] in self._exits]
             self.origins = sorted(self._lanes if self._endless else roads)
 
     def random_route(self, origin: Place, rng: np.random.Generator) -> tuple[str, ...] | None:
@@ -155,17 +155,8 @@ def write_trips(path: Path, trips: list[Trip]) -> None:
     for i, trip in enumerate(trips):
         size = {"length": f"{trip.length_m:.2f}", "width": f"{trip.width_m:.2f}"}
         ElementTree.SubElement(root, "vType", {"id": f"t{i}", **size, **trip.driver})
-        vehicle = ElementTree.SubElement(
-            root,
-            "vehicle",
-            {
-                "id": str(i),
-                "type": f"t{i}",
-                "depart": f"{trip.depart_s:.1f}",
-                "departLane": str(trip.lane),
-                "departSpeed": "max",
-            },
-        )
+        entry = {"depart": f"{trip.depart_s:.1f}", "departLane": str(trip.lane), "departSpeed": "max"}
+        vehicle = ElementTree.SubElement(root, "vehicle", {"id": str(i), "type": f"t{i}", **entry})
         ElementTree.SubElement(vehicle, "route", {"edges": " ".join(trip.edges)})
     ElementTree.ElementTree(root).write(path, encoding="utf-8")
 
@@ -193,7 +184,20 @@ def _inside(net: NetContent, starts: list[Place], exits: set[str]) -> set[Place]
             apart[link.from_lane] |= {*link.via[:1], link.to_lane}
     shapes = {name: lane.shape for name, lane in net.car_lanes.items()}
     loose = {name for name, lane in net.car_lanes.items() if lane.edge_id in edges | exits}
-    return set(map(_place, begin_inside(shapes, starts=apart, loose=loose, apart=apart)))
+    low = {name: line.min(axis=0) - INSIDE_M for name, line in shapes.items()}
+    high = {name: line.max(axis=0) + INSIDE_M for name, line in shapes.items()}
+
+    def inside(start: str) -> bool:
+        """Return whether a lane begins on another one, away from that one's own loose ends."""
+        tips = shapes[start][[0, -1] if length_of(shapes[start]) < SHORT_M else [0]]
+        return any(
+            is_on(shapes[name], tip, loose_ends=name in loose)
+            for name in shapes.keys() - {start} - apart[start]
+            for tip in tips
+            if np.all(low[name] <= tip) and np.all(tip <= high[name])
+        )
+
+    return {_place(start) for start in apart if inside(start)}
 
 
 def _sharpest(shape: FloatArray) -> float:
@@ -228,39 +232,5 @@ def _trip(depart_s: float, lane: int, edges: tuple[str, ...], rng: np.random.Gen
         "jmTimegapMinor": f"{np.clip(rng.normal(1.0, 0.3), 0.4, 2.0):.2f}",
         "impatience": f"{rng.uniform(0.0, 0.8):.2f}",
     }
-    kind = "truck" if truck else "car"
-    return Trip(
-        depart_s=depart_s, lane=lane, edges=edges, kind=kind, length_m=length, width_m=width, driver=driver
-    )
-
-
-SHORT_M = 2.5  # on a shorter lane a vehicle stands at its end
-
-
-def begin_inside(
-    shapes: Mapping[str, FloatArray],
-    *,
-    starts: Iterable[str],
-    loose: Collection[str],
-    apart: Mapping[str, Collection[str]],
-) -> set[str]:
-    """Find lanes that begin on another lane, away from that lane's own loose ends.
-
-    Args:
-        shapes: (P, 2) centreline of every lane, m.
-        starts: lanes without predecessor; ``loose`` without predecessor or successor.
-        apart: by lane, its neighbours and successors.
-    """
-    low = {name: line.min(axis=0) - INSIDE_M for name, line in shapes.items()}
-    high = {name: line.max(axis=0) + INSIDE_M for name, line in shapes.items()}
-    inside = set()
-    for start in starts:
-        tips = shapes[start][[0, -1] if length_of(shapes[start]) < SHORT_M else [0]]
-        for name, line in shapes.items():
-            if name == start or name in apart.get(start, ()):
-                continue
-            near = [tip for tip in tips if np.all(low[name] <= tip) and np.all(tip <= high[name])]
-            if any(is_on(line, tip, loose_ends=name in loose) for tip in near):
-                inside.add(start)
-                break
-    return inside
+    kind, sizes = "truck" if truck else "car", {"length_m": length, "width_m": width}
+    return Trip(depart_s=depart_s, lane=lane, edges=edges, kind=kind, driver=driver, **sizes)

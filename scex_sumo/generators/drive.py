@@ -68,23 +68,9 @@ class Drive:
         ready[:HISTORY_STEPS] = False
         return ready
 
-    def drive(self, vehicle: int, step: int) -> tuple[int, States]:
-        """Return first step and states of a vehicle's uninterrupted drive around a step."""
-        steps = np.flatnonzero(self.stretch[:, vehicle] == self.stretch[step, vehicle])
-        return int(steps[0]), self.states[steps, vehicle]
-
-    @property
-    def stretch(self) -> IntArray:
-        """Number of a vehicle's uninterrupted drive, (T, K); -1 without one."""
-        return self._drives[0]
-
-    @property
-    def states(self) -> States:
-        """States of the vehicles on their drives, (T, K); NaN elsewhere."""
-        return self._drives[1]
-
     @cached_property
-    def _drives(self) -> tuple[IntArray, States]:
+    def drives(self) -> tuple[IntArray, States]:
+        """(T, K) numbers of vehicles' uninterrupted drives, -1 without one; (T, K) states, NaN elsewhere."""
         ranges = []
         for vehicle, driven in enumerate(self.driven.T):
             for first, last in runs(driven):
@@ -118,13 +104,11 @@ def record(
 
     Args:
         at_most: vehicles on the map at any time; others wait outside.
-        every_s: mean time between vehicles on an entry lane, at the beginning and at the end.
+        every_s: as of `random_trips`.
         told: called often with the simulated time in s and the vehicles of all steps together; may raise.
     """
-    origins = max(MIN_ORIGINS, at_most // 2)
-    trips = random_trips(
-        Network(net_path), until_s=duration_s, every_s=every_s, rng=rng, most_origins=origins
-    )
+    most = max(MIN_ORIGINS, at_most // 2)
+    trips = random_trips(Network(net_path), until_s=duration_s, every_s=every_s, rng=rng, most_origins=most)
     trips = sorted([*trips, *also], key=lambda trip: trip.depart_s)
     with TemporaryFolder() as folder:
         net, routes, fcd = (Path(folder) / name for name in ("map.net.xml", "traffic.rou.xml", "fcd.csv"))
@@ -206,14 +190,8 @@ def _read(fcd: Path, trips: list[Trip], steps: int) -> Drive:
     # SUMO: degrees clockwise from north; ours: counter-clockwise from east.
     angle[step, vehicle] = np.pi / 2 - np.radians(values[:, 4])
     speed[step, vehicle] = values[:, 5]
-    return Drive(
-        number=number,
-        trips=[trips[i] for i in number],
-        present=~np.isnan(speed),
-        front=front,
-        angle=angle,
-        speed=speed,
-    )
+    entered, present = [trips[i] for i in number], ~np.isnan(speed)
+    return Drive(number=number, trips=entered, present=present, front=front, angle=angle, speed=speed)
 
 
 REAR_AXLE_SHARE = 0.8  # behind the front bumper, in lengths
@@ -225,17 +203,10 @@ PATH_STEP_M, PATH_STEPS = 0.25, 8  # 2 m on either side
 def body_states(
     fronts: Sequence[FloatArray], headings: Sequence[float], lengths_m: Sequence[float]
 ) -> list[States]:
-    """Return states of vehicles whose front bumper follows a path.
+    """Return (T,) states of vehicles whose front bumper follows a path (T, 2), m; T differs between them.
 
-    The rear axle follows a tractrix of the front. SUMO puts both bumpers on the lane, which jumps at kinks
-    and lane changes.
-
-    Args:
-        fronts: (T, 2) front bumper of each vehicle, m; T differs between vehicles.
-        headings: at the first step, rad.
-
-    Returns:
-        (T,) states of each vehicle; the first speed repeats the second.
+    The rear axle follows a tractrix of the front, from headings at the first step, rad. SUMO puts both
+    bumpers on the lane, which jumps at kinks and lane changes. The first speed repeats the second.
     """
     fronts = [_even(front) for front in fronts]
     steps = max(map(len, fronts), default=0)
@@ -267,11 +238,8 @@ def _even(front: FloatArray) -> FloatArray:
         return front
     even = _averaged(s, EVEN_STEPS)
     fine = np.linspace(0.0, s[-1], max(2, int(np.ceil(s[-1] / PATH_STEP_M)) + 1))
-    columns = []
-    for axis in (0, 1):
-        smooth = _averaged(np.interp(fine, s[moving], front[moving, axis]), PATH_STEPS)
-        columns.append(np.interp(even, fine, smooth))
-    return np.column_stack(columns)
+    smooth = (_averaged(np.interp(fine, s[moving], column), PATH_STEPS) for column in front[moving].T)
+    return np.column_stack([np.interp(even, fine, column) for column in smooth])
 
 
 def _averaged(values: FloatArray, reach: int) -> FloatArray:

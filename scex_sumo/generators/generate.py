@@ -43,14 +43,13 @@ def generated_scene(
     number: int = 0,
     cells: BoolArray | None = None,
 ) -> SeedScene:
-    """Return a scene as recorded ones look, with 10 steps of history and no future.
+    """Return scene ``number`` of a seed, as recorded ones look, with 10 steps of history and no future.
 
     Vehicles do not overlap from 1 s before the moment to 2 s after it, if they follow their lanes at constant
     speed. None needs to brake harder for its leader than 99.5 % of the recorded vehicles.
 
     Args:
         vehicles: None draws the number, too.
-        number: of the scene, among those with one seed.
         cells: (K,) cells of `lane_cells` on which vehicles may be; None for all.
 
     Raises:
@@ -73,15 +72,16 @@ def generated_scene(
     pace = max(speed_mps, MIN_PACE_MPS)
     scene, motion = NO_VEHICLES, _motion(table, NO_VEHICLES)
     for k in range(count * (1 + SWEEPS)):
-        others, moving = (scene, motion) if k < count else (scene[1:], motion[1:])
+        first = int(k >= count)
+        others, moving = scene.take(slice(first, None)), motion[first:]
         one = _drawn(table, ends, model, others, moving, count, pace, rng)
         if one is None and k < count:
             raise SimulationError(
                 f"{road.name}: no room for vehicle {k + 1} of {count} "
                 f"on {ends[-1] / 1000:.2f} km of lanes; ask for fewer"
             )
-        one = scene[:1] if one is None else one
-        scene, motion = others.joined_with(one), States.concatenate([moving, _motion(table, one)], 0)
+        one = scene.take(slice(1)) if one is None else one
+        scene, motion = Placed.join([others, one]), States.concatenate([moving, _motion(table, one)], 0)
     # Slower by one factor, vehicles are at the same places later: so none comes closer to another.
     slower = min(1.0, FASTER * pace / scene.pace)
     scene = replace(scene, speed=scene.speed * slower, acceleration=scene.acceleration * slower**2)
@@ -139,24 +139,15 @@ def _drawn(
         pick = (finer + rng.gumbel(size=finer.shape)).argmax(axis=1) + PARTS * np.arange(len(chosen))
         lane, s, features = lane[pick], s[pick], features[pick]
         values = model.draw(features, rng)
-        speed = values["speed"] * pace
-        tries = Placed(
-            lane=lane,
-            s=s,
-            offset=values["offset"],
-            turn=values["turn"],
-            speed=speed,
-            acceleration=np.where(speed > 0, values["acceleration"], 0.0),
-            length=values["length"],
-            width=values["width"],
-            kind=values["kind"].astype(np.int64),
-        )
+        values["speed"] *= pace
+        values["acceleration"] = np.where(values["speed"] > 0, values["acceleration"], 0.0)
+        tries = Placed(lane=lane, s=s, kind=values.pop("kind").astype(np.int64), **values)
         bounds = model.meta["bounds"]
         usual = [value <= bounds[name] for name, value in demands(table, tries).items()]
-        tries = tries[np.all(usual, axis=0)]
-        tries = tries[_free(table, tries, others, motion, bounds["deceleration"])]
+        tries = tries.take(np.all(usual, axis=0))
+        tries = tries.take(_free(table, tries, others, motion, bounds["deceleration"]))
         if len(tries.lane):
-            return tries[:1]
+            return tries.take(slice(1))
     return None
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.geometry.polylines import arc_lengths, wrap
 from scex_sumo.road import Road
@@ -54,12 +54,13 @@ NOBODY: Final[Mapping[str, float]] = {
 """Features of a place on an empty road."""
 
 
-Paths = tuple[tuple[FloatArray, FloatArray], ...]
+Features: TypeAlias = dict[str, FloatArray | float]
+Paths: TypeAlias = tuple[tuple[FloatArray, FloatArray], ...]
 """Arc lengths and points of each lane's path, from `BEHIND_M` before its start on."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Placed:
+class Placed(Rows):
     """Vehicles on lanes, (n,) each; ``lane`` counts the vehicle lanes by ascending id."""
 
     lane: IntArray
@@ -72,19 +73,10 @@ class Placed:
     width: FloatArray
     kind: IntArray  # number of the type
 
-    def __getitem__(self, key: IntArray | BoolArray | slice) -> Placed:
-        return Placed(**{f.name: getattr(self, f.name)[key] for f in fields(self)})
-
     @property
     def pace(self) -> float:
         """Mean speed, at least `MIN_PACE_MPS`, m/s."""
         return max(float(self.speed.mean()), MIN_PACE_MPS)
-
-    def joined_with(self, other: Placed) -> Placed:
-        """Append vehicles."""
-        return Placed(
-            **{f.name: np.append(getattr(self, f.name), getattr(other, f.name)) for f in fields(self)}
-        )
 
 
 NO_VEHICLES: Final = Placed(
@@ -114,21 +106,16 @@ class LaneCells:
     cell_pose: FloatArray
     fixed: FloatArray
 
-    @property
-    def total_m(self) -> float:
-        """Length of all lanes."""
-        return float(self.cell_m.sum())
-
     def poses(self, lane: IntArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return x, y, heading of lanes (n,) at arc lengths (n, ...), which may lie beyond its ends."""
         return _poses(self.paths, lane, s)
 
-    def quick_poses(self, lane: IntArray, s: FloatArray) -> FloatArray:
-        """Return (3, n) x, y and heading of (n,) places on lanes, straight within a cell."""
+    def quick_poses(self, lane: IntArray, s: FloatArray) -> States:
+        """Return (n,) places on lanes, straight within a cell; without speeds."""
         cells = self.cells_at(lane, s)
         x, y, heading = self.cell_pose[:, cells]
         way = s - self.cell_s[cells]
-        return np.stack([x + way * np.cos(heading), y + way * np.sin(heading), heading])
+        return States(x=x + way * np.cos(heading), y=y + way * np.sin(heading), heading=heading, speed=way)
 
     def cells_at(self, lane: IntArray, s: FloatArray) -> IntArray:
         """Return the cells of (n,) places."""
@@ -168,13 +155,9 @@ def lane_cells(road: Road) -> LaneCells:
 def _poses(paths: Paths, lane: IntArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     x, y, heading = np.empty(s.shape), np.empty(s.shape), np.empty(s.shape)
     for k in np.unique(lane):
-        here = lane == k
-        arc, line = paths[k]
-        at = s[here] + BEHIND_M
-        (x[here], y[here]), (x0, y0), (x1, y1) = (
-            (np.interp(a, arc, line[:, 0]), np.interp(a, arc, line[:, 1]))
-            for a in (at, at - CHORD_M, at + CHORD_M)
-        )
+        here, (arc, line) = lane == k, paths[k]
+        at = s[here] + BEHIND_M + np.array([0.0, -CHORD_M, CHORD_M]).reshape(3, *(1,) * s[here].ndim)
+        (x[here], x0, x1), (y[here], y0, y1) = (np.interp(at, arc, column) for column in line.T)
         heading[here] = np.arctan2(y1 - y0, x1 - x0)
     return x, y, heading
 
@@ -192,9 +175,8 @@ def _road_features(road: Road, paths: Paths, lane: IntArray, s: FloatArray) -> F
     stops |= {i for r in road.regulations if r.kind in ("stop", "yield") for i in r.lanes}
     lights = {i for r in road.regulations if r.kind == "traffic_light" for i in r.lanes}
     ends = [np.array(sorted(number[i] for i in of if i in number), np.int64) for of in (stops, lights)]
-    meetings = [(k, w) for k in range(len(lanes)) for w in _own_meetings(relations, k)]
-    meet_lane = np.array([k for k, _ in meetings], np.int64)
-    meet_s = np.array([w for _, w in meetings], np.float64)
+    meetings = [_own_meetings(relations, k) for k in range(len(lanes))]
+    meet_lane, meet_s = np.repeat(np.arange(len(lanes)), [len(m) for m in meetings]), np.concatenate(meetings)
     heading = _poses(paths, lane, s)[2]
     turned = [_poses(paths, lane, s + d)[2] for d in (*TURN_M, -TURN_M[0], -5.0, 5.0)]
     left, right = (_beside([number.get(other.beside[side], -1) for other in lanes]) for side in (0, 1))
@@ -249,17 +231,16 @@ def _beside(table: list[int]) -> IntArray:
     return count
 
 
-def _own_meetings(relations: LaneRelations, lane: int) -> list[float]:
+def _own_meetings(relations: LaneRelations, lane: int) -> FloatArray:
     ways = relations.meeting[lane, :, :, 0]
-    return sorted({round(float(w), 1) for w in ways[ways < relations.length[lane]]})
+    return np.array(sorted({round(w, 1) for w in ways[ways < relations.length[lane]].tolist()}))
 
 
 def _flow(before: list[list[int]], after: list[list[int]]) -> FloatArray:
     """Return the traffic of each lane if each entry has the same and forks share it equally."""
-    flow = np.ones(len(before))
-    inside = np.array([bool(b) for b in before])
+    flow, count = np.ones(len(before)), np.array([len(b) for b in before])
+    inside, head = count > 0, np.repeat(np.arange(len(before)), count)
     tail = np.array([p for b in before for p in b], np.int64)
-    head = np.array([k for k, b in enumerate(before) for _ in b], np.int64)
     share = 1.0 / np.array([max(len(after[p]), 1) for p in tail])
     for _ in range(FLOW_STEPS):
         arrived = np.bincount(head, flow[tail] * share, len(flow))
@@ -298,7 +279,7 @@ def place_features(
         pace: mean speed that the scene shall have, m/s; other speeds are relative to it.
     """
     lengths = others.length if len(others.lane) else np.array([USUAL_LENGTH_M])
-    columns: dict[str, FloatArray | float] = {
+    columns: Features = {
         "placed": len(others.lane) / max(vehicles, 1),
         "density": np.log(1000.0 * vehicles / total_m),
         "mean_length": lengths.mean(),
@@ -327,7 +308,7 @@ def _nearest(way: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:
 
 def _along(
     r: LaneRelations, lane: IntArray, s: FloatArray, others: Placed, ratio: FloatArray, standing: FloatArray
-) -> dict[str, FloatArray | float]:
+) -> Features:
     """Features of leader, follower and vehicles ahead in the lanes of places."""
     half = (others.length + USUAL_LENGTH_M) / 2
     ahead, back = _ways(r, lane, s, others.lane, others.s), _ways(r, others.lane, others.s, lane, s).T
@@ -348,13 +329,11 @@ def _along(
     }
 
 
-def _on_sides(
-    r: LaneRelations, lane: IntArray, s: FloatArray, others: Placed, ratio: FloatArray
-) -> dict[str, FloatArray | float]:
+def _on_sides(r: LaneRelations, lane: IntArray, s: FloatArray, others: Placed, ratio: FloatArray) -> Features:
     """Features of the nearest vehicle in the lanes to the left and to the right of places."""
     pair = lane[:, None], others.lane
     beside = r.lead[pair] + r.stretch_b[pair] * others.s - r.stretch_a[pair] * s[:, None]
-    columns: dict[str, FloatArray | float] = {}
+    columns: Features = {}
     for name, sign in (("left", 1), ("right", -1)):
         best, way, there = _nearest(np.where(r.side[pair] == sign, np.abs(beside), np.inf))
         there &= way < 40.0
@@ -364,9 +343,7 @@ def _on_sides(
     return columns
 
 
-def _meeting(
-    r: LaneRelations, lane: IntArray, s: FloatArray, others: Placed, ratio: FloatArray
-) -> dict[str, FloatArray | float]:
+def _meeting(r: LaneRelations, lane: IntArray, s: FloatArray, others: Placed, ratio: FloatArray) -> Features:
     """Features of the vehicle whose lane meets that of a place after the shortest ways of both."""
     n, pair = len(lane), (lane[:, None], others.lane)
     own = r.meeting[pair][..., 0] - s[:, None, None]
@@ -384,17 +361,14 @@ def _meeting(
 
 def _around(
     table: LaneCells, lane: IntArray, s: FloatArray, others: Placed, ratio: FloatArray, standing: FloatArray
-) -> dict[str, FloatArray | float]:
+) -> Features:
     """Features of the vehicles near places, in whatever lanes, and straight ahead of them."""
-    x, y, heading = table.quick_poses(lane, s)
-    ox, oy, _ = table.quick_poses(others.lane, others.s)
-    dx, dy = ox - x[:, None], oy - y[:, None]
-    apart = np.hypot(dx, dy)
+    here, their = table.quick_poses(lane, s), table.quick_poses(others.lane, others.s)
+    apart = np.hypot(their.x - here.x[:, None], their.y - here.y[:, None])
     near = apart < NEAR_M[1]
     count = np.maximum(near.sum(axis=1), 1)
-    cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
-    front, aside = dx * cos + dy * sin, np.abs(dy * cos - dx * sin)
-    best, way, there = _nearest(np.where((front > 0) & (aside < 1.5), front, np.inf))
+    front, left = here.ahead_and_left(their.x[None], their.y[None])
+    best, way, there = _nearest(np.where((front > 0) & (np.abs(left) < 1.5), front, np.inf))
     there &= way < 60.0
     return {
         "near_15": (apart < NEAR_M[0]).sum(axis=1),
@@ -468,10 +442,7 @@ def states_of(table: LaneCells, vehicles: Placed, steps: FloatArray) -> States:
 def placed_on_lanes(
     scene: SeedScene, kinds: tuple[str, ...], rng: np.random.Generator
 ) -> tuple[Placed, IntArray]:
-    """Return a scene's vehicles on lanes, each on one drawn among its matches, and their numbers.
-
-    Accelerations are NaN for vehicles without a recorded second.
-    """
+    """Return a scene's vehicles on lanes, each on one drawn among its matches, and their numbers."""
     assert scene.road is not None
     road, now = scene.road, scene.now
     matches = match(road, now.x, now.y, now.heading)

@@ -1,4 +1,4 @@
-"""Synthetic seed scenes: a net, populated by SUMO's demand and car-following."""
+"""Synthetic seed scenes: a map populated without a recording, by SUMO's demand or the scene model."""
 
 from __future__ import annotations
 
@@ -6,20 +6,26 @@ import pickle
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import BoolArray, IntArray
 from scex_sumo.base.cache import cached_object
-from scex_sumo.base.errors import SimulationError, UsageError
+from scex_sumo.base.errors import SimulationError, UsageError, warn_notes
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import version_of
+from scex_sumo.converters.maps import read_map
 from scex_sumo.generators.drive import Drive, record
+from scex_sumo.generators.generate import generated_scene
+from scex_sumo.generators.scene_model import load_scenes
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.road import Road
+from scex_sumo.roads.mirror import drawn_on
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene, States
 
 WARM_UP_S = 30.0
@@ -35,6 +41,52 @@ MAX_VEHICLE_STEPS = 1_000_000  # that SUMO simulates for one scene
 MAX_PAIRS = 10**9  # of vehicles, at all moments of an attempt together
 DENSE, DENSE_EVERY_S = 40, (5.0, 2.0)  # vehicles on the map, and s between two on an entry lane, at most
 FILLED_STEPS = 150  # in which the first vehicles reach crossings
+SUMO, RECORDED = "sumo", "recorded"
+
+
+@checked
+def synthetic_seed(
+    map_path: str | Path,
+    *,
+    vehicles: int,
+    like: str = "sumo",
+    seed: int = 0,
+    origin: tuple[float, float] | None = None,
+    cache: bool = True,
+    progress: Progress | bool | None = None,
+) -> SeedScene:
+    """Populate a map and return one moment.
+
+    Args:
+        map_path: a Lanelet2 map (``.osm``), or a CommonRoad scenario (``.xml``, ``.xml.gz``).
+        like: ``sumo`` places vehicles by random demand and car-following, with history and future;
+            ``recorded`` by the shipped scene model, without a future.
+        seed: the same seed gives the same scene.
+        origin: latitude and longitude of the map's coordinates; None looks beside the map, else takes its
+            south-west corner.
+        cache: keep road, net and scene in ``~/.cache/scex-sumo``.
+        progress: True for a bar; or called with (done, total) while SUMO simulates.
+
+    Raises:
+        MapError: the map cannot be read.
+        SimulationError: the map cannot hold so many vehicles, or SUMO would simulate too long.
+        UsageError: ``like`` is unknown.
+
+    Example:
+        >>> scex.synthetic_seed(scex.example_path("roundabout"), vehicles=3).vehicles
+        3
+    """
+    if like not in (SUMO, RECORDED):
+        raise UsageError(f"--as: unknown population {like!r}; known: {SUMO}, {RECORDED}")
+    road = read_map(map_path, origin=origin, own_corner=True, keep=cache)
+    if like == SUMO:
+        draw = partial(sumo_population, vehicles=vehicles, seed=seed, cache=cache, progress=progress)
+    else:
+        draw = partial(generated_scene, model=load_scenes(), vehicles=vehicles, seed=seed)
+    # SUMO's own nets say on which side they are driven.
+    scene = replace(drawn_on(road, draw) if road.net is None else draw(road), road=road)
+    warn_notes([*road.notes, *scene.notes])
+    return scene
 
 
 def sumo_population(
@@ -133,8 +185,7 @@ def simulated_scenes(road: Road, net: Path, *, seconds: float, every_s: float) -
     drive = record(net, at_most=DENSE, duration_s=seconds, every_s=DENSE_EVERY_S, rng=rng)
     ready, scenes = drive.steady(), []
     for step in range(FILLED_STEPS, len(ready) - FUTURE_STEPS, round(every_s / STEP_S)):
-        chosen = np.flatnonzero(ready[step])
-        if len(chosen):
+        if len(chosen := np.flatnonzero(ready[step])):
             name = f"{road.name}_simulated{step * STEP_S:g}"
             scene = _scene(drive, step, chosen, name=name, location=road.name)
             scenes += [] if _overlap(scene) else [replace(scene, road=road)]
@@ -143,17 +194,13 @@ def simulated_scenes(road: Road, net: Path, *, seconds: float, every_s: float) -
 
 def _scene(recording: Drive, step: int, chosen: IntArray, *, name: str, location: str) -> SeedScene:
     steps = np.arange(step - HISTORY_STEPS, step + FUTURE_STEPS + 1)[:, None]
-    driven = recording.stretch[steps, chosen] == recording.stretch[step, chosen]
+    stretch, driven_states = recording.drives
+    driven = stretch[steps, chosen] == stretch[step, chosen]
     last = driven.sum(axis=0) - 1
-    states = recording.states[steps, chosen]
+    states = driven_states[steps, chosen]
     end = states[last, np.arange(len(chosen))]
-    ahead = STEP_S * (np.arange(len(steps))[:, None] - last) * end.speed
-    onwards = States(
-        x=end.x + ahead * np.cos(end.heading),
-        y=end.y + ahead * np.sin(end.heading),
-        heading=end.heading,
-        speed=end.speed,
-    )
+    distance_m = STEP_S * (np.arange(len(steps))[:, None] - last) * end.speed
+    onwards = end.ahead(distance_m.T, np.repeat(end.speed[:, None], len(steps), axis=1)).swapaxes(0, 1)
     states = States.joined([states, onwards], lambda parts: np.where(driven, *parts).T.copy())
     now = HISTORY_STEPS + 1
     trips = [recording.trips[k] for k in chosen]
@@ -206,9 +253,8 @@ def _overlap(scene: SeedScene) -> bool:
     states = States.concatenate([scene.history, scene.future[:, :CHECKED_STEPS]], 1)[:, ::CHECKED_STRIDE]
     length, width = scene.length[:, None], scene.width[:, None]
     first, second = np.triu_indices(scene.vehicles, 1)
-    near = np.full(len(first), True)
+    near, reach = np.full(len(first), True), np.hypot(scene.length, scene.width) / 2
     for place in (states.x, states.y):
-        reach = np.hypot(scene.length, scene.width) / 2
         low, high = place.min(axis=1) - reach, place.max(axis=1) + reach
         near &= (low[first] <= high[second]) & (low[second] <= high[first])
     pairs = first[near], second[near]

@@ -59,7 +59,7 @@ def _recorded(map_path: Path, options: SeedOptions, seed: int, cache: bool) -> S
 
 
 def _populated(map_path: Path, options: SeedOptions, seed: int, cache: bool) -> SeedScene:
-    from scex_sumo.generators.populated import synthetic_seed
+    from scex_sumo.generators.synthetic import synthetic_seed
 
     assert options.synthetic is not None
     with progress_bar(f"populating {map_path.name}") as tick:

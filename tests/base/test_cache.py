@@ -17,7 +17,7 @@ from scex_sumo.base import cache
 from scex_sumo.base.cache import cached_bytes, cached_object
 from scex_sumo.base.files import cache_folder
 from scex_sumo.converters.maps import read_map
-from scex_sumo.generators.populated import synthetic_seed
+from scex_sumo.generators.synthetic import synthetic_seed
 from scex_sumo.scenarios import EXAMPLES, example_path
 
 

@@ -7,7 +7,7 @@ import subprocess
 import pytest
 
 from scex_sumo.base.sumo.programs import environment, program
-from scex_sumo.generators.populated import synthetic_seed
+from scex_sumo.generators.synthetic import synthetic_seed
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed

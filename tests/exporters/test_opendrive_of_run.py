@@ -10,7 +10,7 @@ import pytest
 from scex_sumo.converters.maps import read_map
 from scex_sumo.exporters.opendrive.file import opendrive
 from scex_sumo.exporters.request import EXPORTERS, Request
-from scex_sumo.generators.populated import synthetic_seed
+from scex_sumo.generators.synthetic import synthetic_seed
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from tests.runs import extrapolate

@@ -101,7 +101,7 @@ def _subset(
     few = count**share - 1 if kind < COMPLETE + FIRST else share * count
     kept = count - 1 if kind < COMPLETE else int(few)
     order = rng.permutation(count)
-    others, targets = whole[order[:kept]], whole[order[kept : kept + TARGETS]]
+    others, targets = whole.take(order[:kept]), whole.take(order[kept : kept + TARGETS])
     n = len(targets.lane)
     cells = inside[rng.choice(len(inside), n * ELSEWHERE, p=table.cell_m[inside] / total_m)]
     s = table.cell_s[cells] + table.cell_m[cells] * (rng.random(len(cells)) - 0.5)

@@ -10,7 +10,7 @@ import pytest
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.maps import read_map
 from scex_sumo.formats.sumo.net import CHANGED
-from scex_sumo.generators.populated import synthetic_seed
+from scex_sumo.generators.synthetic import synthetic_seed
 from scex_sumo.geometry.polylines import distances, length_of, samples
 from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.results.run import Run

@@ -12,7 +12,7 @@ from scex_sumo.base.errors import MapError
 from scex_sumo.base.sumo.programs import environment, program
 from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.net.reading import open_net
-from scex_sumo.generators.populated import synthetic_seed
+from scex_sumo.generators.synthetic import synthetic_seed
 from scex_sumo.geometry.polylines import distances, samples
 from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.road import Regulation, Road
