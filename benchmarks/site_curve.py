@@ -61,12 +61,12 @@ TEST_MOMENTS = 250  # of a site; a fifth of them is measured
 PER_GRAPH = {"node": "nodes", "history": "nodes", "pose": "nodes", "edge": "edges", "edge_index": "edges"}
 
 
-def samples_of(recordings: Sequence[Recording], cache: Path, moments: int, stops: int) -> Dataset:
+def samples_of(recordings: Sequence[Recording], moments: int, stops: int) -> Dataset:
     """Return the samples of all sites; recordings for tests are left out."""
     kept = [r for r in recordings if part_of(r.name) != "test"]
     short = tuple(r.name for r in kept if part_of(r.name) == "validation")
     options = SampleOptions(moments=moments, stops=stops, split=Split(kept_validation=short))
-    return make_dataset(kept, options, cache=cache)
+    return make_dataset(kept, options)
 
 
 def of_sites(dataset: Dataset, names: Sequence[str], share: float = 1.0) -> Dataset:
@@ -240,7 +240,7 @@ def main() -> None:
     recordings = find_recordings(given.data or [data_root() / name for name in SETS])
     results = Results(given.out / "results.json")
     if given.trained is None:
-        dataset = samples_of(recordings, given.out / "samples", given.moments, given.stops)
+        dataset = samples_of(recordings, given.moments, given.stops)
         trained = np.array(dataset.sites)[np.unique(dataset.train.site)].tolist()
     scenes = {site: test_scenes(recordings, site) for site in given.left_out}
 

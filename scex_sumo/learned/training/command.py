@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from scex_sumo.base.errors import MissingExtraError, ResultError, UsageError
-from scex_sumo.base.files import cache_folder
 from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.commands.options import Seed
 
@@ -98,7 +97,7 @@ def train_command(
     )
     found, sampling = recordings(), SampleOptions(split=split)
     with progress_bar("samples") as tick:
-        dataset = make_dataset(found, sampling, maps=simulated or (), cache=cache_folder(), tick=tick)
+        dataset = make_dataset(found, sampling, maps=simulated or (), tick=tick)
     folder = _checkpoints(weights)
     run = Trainer(dataset, options, drift=closed_loop(found, sampling, dataset, options), folder=folder)
     if overwrite and folder.exists():

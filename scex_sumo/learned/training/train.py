@@ -19,11 +19,11 @@ from torch import Tensor, nn
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.cache import code_key
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.base.files import sha256_of, write_atomic
+from scex_sumo.base.files import write_atomic
 from scex_sumo.learned.network.architecture import Architecture
 from scex_sumo.learned.training.data.batches import Batch, Batches, Images, mirrored
 from scex_sumo.learned.training.data.dataset import Dataset
-from scex_sumo.learned.training.data.samples import TrainingSamples, load_samples, save_samples
+from scex_sumo.learned.training.data.samples import TrainingSamples
 from scex_sumo.learned.training.loss import LossWeights, Score, loss, score_network
 from scex_sumo.learned.training.networks.graph import JointPredictorNet, ModeTensors, ScalerModule
 from scex_sumo.learned.training.networks.graph_image import NETWORKS, Net, save_net
@@ -119,8 +119,7 @@ class Trainer:
         self.images = Images(dataset.roads, self.device) if options.kind == "hybrid" else None
         self.train = Batches(dataset.train, self.site_weight, self.device)
         self.validation = Batches(dataset.validation, self.site_weight, self.device)
-        self.drifted: list[TrainingSamples] = []
-        self.rounds: list[str] = []  # SHA-256 of their files
+        self.drifted: list[TrainingSamples] = []  # of the rounds in closed loop
         self.epoch, self.best_loss, self.best_epoch, self.seconds = 0, math.inf, 0, 0.0
         self.best = {k: v.clone() for k, v in self.mean.state_dict().items()}
 
@@ -156,8 +155,6 @@ class Trainer:
             file.unlink()
             if samples is not None:
                 self.drifted.append(samples)
-                save_samples(_round_file(self.folder, number), samples)
-                self.rounds.append(sha256_of(_round_file(self.folder, number)))
                 self._use_drifted()
         self.best_loss = math.inf  # the best so far has not learned to come back
 
@@ -239,16 +236,16 @@ class Trainer:
 
     def resume(self) -> bool:
         """Go on from the checkpoint in the folder; return False if there is none."""
-        checkpoint = None if self.folder is None else _read_checkpoint(self.folder, self.identity())
-        if checkpoint is None:
+        state = None if self.folder is None else _read_checkpoint(self.folder / FILE, self.identity())
+        if state is None:
             return False
-        state, self.drifted = checkpoint
         for name in _MODULES:
             getattr(self, name).load_state_dict(state[name])
         for name in _NUMBERS:
             setattr(self, name, state[name])
-        self.rounds = state["rounds"]
         self.best = {k: v.to(self.device) for k, v in state["best"].items()}
+        for columns in state["drifted"]:
+            self.drifted.append(TrainingSamples(**{name: v.numpy() for name, v in columns.items()}))
         if self.drifted:
             self._use_drifted()
         return True
@@ -261,11 +258,8 @@ class Trainer:
     def _state(self) -> dict[str, Any]:
         modules = {name: getattr(self, name).state_dict() for name in _MODULES}
         numbers = {name: getattr(self, name) for name in _NUMBERS}
-        return {"identity": self.identity(), "best": self.best, "rounds": self.rounds, **modules, **numbers}
-
-
-def _round_file(folder: Path, number: int) -> Path:
-    return folder / f"round{number}.npz"
+        drifted = [{name: torch.as_tensor(v) for name, v in vars(some).items()} for some in self.drifted]
+        return {"identity": self.identity(), "best": self.best, "drifted": drifted, **modules, **numbers}
 
 
 def _write_checkpoint(folder: Path, state: dict[str, Any]) -> None:
@@ -277,10 +271,7 @@ def _write_checkpoint(folder: Path, state: dict[str, Any]) -> None:
     write_atomic(folder / FILE, hashlib.sha256(content).digest() + content)
 
 
-def _read_checkpoint(
-    folder: Path, identity: dict[str, Any]
-) -> tuple[dict[str, Any], list[TrainingSamples]] | None:
-    file = folder / FILE
+def _read_checkpoint(file: Path, identity: dict[str, Any]) -> dict[str, Any] | None:
     if not file.exists():
         return None
     whole = file.read_bytes()
@@ -294,14 +285,7 @@ def _read_checkpoint(
             f"{file}: a checkpoint of a run with another {', '.join(other)}; give the same options and data, "
             "or --overwrite, which begins anew"
         )
-    drifted = []
-    for number, known in enumerate(state["rounds"]):
-        file = _round_file(folder, number)
-        samples = load_samples(file) if file.exists() and sha256_of(file) == known else None
-        if samples is None:
-            raise ResultError(f"{file}: is not that of the checkpoint; --overwrite begins anew")
-        drifted.append(samples)
-    return state, drifted
+    return state
 
 
 def site_weights(dataset: Dataset, balance: float) -> FloatArray:

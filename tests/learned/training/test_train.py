@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,17 +12,16 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from scex_sumo.base.errors import ResultError, TrackError, UsageError  # noqa: E402
+from scex_sumo.base.errors import ResultError, UsageError  # noqa: E402
+from scex_sumo.base.files import cache_folder  # noqa: E402
 from scex_sumo.converters.datasets.find import find_recordings  # noqa: E402
 from scex_sumo.converters.registries import Recording  # noqa: E402
-from scex_sumo.evaluation.recordings import load_recording  # noqa: E402
 from scex_sumo.evaluation.split import Split  # noqa: E402
 from scex_sumo.learned.network.weights import load_weights  # noqa: E402
 from scex_sumo.learned.training.command import train_command  # noqa: E402
 from scex_sumo.learned.training.data import dataset as dataset_module  # noqa: E402
 from scex_sumo.learned.training.data.batches import Images, turned  # noqa: E402
-from scex_sumo.learned.training.data.dataset import Dataset, SampleOptions, make_dataset, part_scenes  # noqa: E402
-from scex_sumo.learned.training.data.samples import load_samples  # noqa: E402
+from scex_sumo.learned.training.data.dataset import Dataset, SampleOptions, make_dataset  # noqa: E402
 from scex_sumo.learned.training.train import Progress, Trainer, TrainOptions  # noqa: E402
 from scex_sumo.scenarios import example_path  # noqa: E402
 
@@ -50,13 +48,8 @@ def merge() -> list[Recording]:
 
 
 @pytest.fixture(scope="module")
-def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("samples")
-
-
-@pytest.fixture(scope="module")
-def small(cache: Path) -> Dataset:
-    return make_dataset(merge(), SAMPLING, cache=cache)
+def small() -> Dataset:
+    return make_dataset(merge(), SAMPLING)
 
 
 def options(**given: object) -> TrainOptions:
@@ -171,33 +164,31 @@ def test_a_turned_or_mirrored_map_shows_the_vehicle_that_is_turned_with_it_the_s
         assert float(along) == pytest.approx(1.0, abs=0.05)
 
 
-def test_samples_come_from_the_cache_the_second_time(
-    cache: Path, monkeypatch: pytest.MonkeyPatch, small: Dataset
-) -> None:
+def test_samples_come_from_the_cache_the_second_time(monkeypatch: pytest.MonkeyPatch, small: Dataset) -> None:
     def fails(*given: object) -> Callable[..., None]:
         raise AssertionError("made again")
 
     monkeypatch.setattr(dataset_module, "_make", fails)
-    again = make_dataset(merge(), SAMPLING, cache=cache)
+    again = make_dataset(merge(), SAMPLING)
     np.testing.assert_array_equal(small.train.feature, again.train.feature)
     assert small.digest == again.digest
     with pytest.raises(AssertionError, match="made again"):
-        make_dataset(merge(), replace(SAMPLING, copies=2), cache=cache)
+        make_dataset(merge(), replace(SAMPLING, copies=2))
 
 
 def test_simulated_traffic_is_for_training_alone_and_a_share_of_each_epoch(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, small: Dataset
+    monkeypatch: pytest.MonkeyPatch, small: Dataset
 ) -> None:
     monkeypatch.setattr(dataset_module, "SIMULATED_S", 30.0)
     maps = [example_path("roundabout")]
-    mixed = make_dataset(merge(), SAMPLING, maps=maps, cache=tmp_path)
+    mixed = make_dataset(merge(), SAMPLING, maps=maps)
     assert mixed.sites == ("motorway_merge", "roundabout.osm, simulated")
     assert mixed.kinds == ("interaction", "simulated")
     assert mixed.recorded == small.recorded == len(small.train) < len(mixed.train)
     assert set(mixed.train.site[mixed.recorded :]) == {1} and set(mixed.validation.site) == {0}
     assert mixed.digest != small.digest
     monkeypatch.setattr(dataset_module, "_make_simulated", lambda *_: pytest.fail("made again"))
-    again = make_dataset(merge(), SAMPLING, maps=maps, cache=tmp_path)
+    again = make_dataset(merge(), SAMPLING, maps=maps)
     np.testing.assert_array_equal(mixed.train.feature, again.train.feature)
     run = Trainer(mixed, options(simulated=0.2), device=CPU)
     used = np.concatenate(run._groups(np.random.default_rng(0)))
@@ -206,25 +197,18 @@ def test_simulated_traffic_is_for_training_alone_and_a_share_of_each_epoch(
     assert nodes[simulated].sum() / nodes.sum() == pytest.approx(0.2, abs=0.02)
 
 
-def test_damaged_samples_in_the_cache_are_made_again(tmp_path: Path, cache: Path, small: Dataset) -> None:
-    """NumPy raises an EOFError for no byte, which command lines take for Ctrl-C."""
-    files = [Path(shutil.copy(file, tmp_path)) for file in cache.glob("motorway_merge-*.npz")]
+def test_damaged_samples_in_the_cache_are_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, small: Dataset
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    make_dataset(merge(), SAMPLING)
+    files = {file: file.read_bytes() for file in cache_folder().glob("samples/motorway_merge-*/*")}
     for content in (b"", b"PK\x03\x04", b"\x93NUMPY"):
         for file in files:
             file.write_bytes(content)
-            assert load_samples(file) is None
-    again = make_dataset(merge(), SAMPLING, cache=tmp_path)
-    np.testing.assert_array_equal(small.train.feature, again.train.feature)
-    assert files and all(load_samples(file) for file in files)
-
-
-def test_tracks_that_are_not_finite_are_named() -> None:
-    loaded = load_recording(merge()[0])
-    x = loaded.table.vehicles.x.copy()
-    x[50] = np.nan
-    broken = replace(loaded, table=replace(loaded.table, vehicles=loaded.table.vehicles.with_columns(x=x)))
-    with pytest.raises(TrackError, match=r"motorway_merge: track \d+ has no finite x around"):
-        part_scenes(broken, "train", split=SAMPLING.split, every_s=0.5)
+        again = make_dataset(merge(), SAMPLING)
+        np.testing.assert_array_equal(small.train.feature, again.train.feature)
+        assert len(files) == 2 and all(file.read_bytes() == whole for file, whole in files.items())
 
 
 def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:

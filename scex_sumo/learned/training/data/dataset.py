@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.cache import code_key
+from scex_sumo.base.cache import cached_object
 from scex_sumo.base.errors import MapError, SimulationError, TrackError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.datasets.moment import Moment
@@ -23,13 +23,7 @@ from scex_sumo.evaluation.split import Part, Split, split_moments
 from scex_sumo.generators.synthetic import simulated_scenes
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.learned.training.data.perturb import Perturbation, add_obstacles, measured, perturbed
-from scex_sumo.learned.training.data.samples import (
-    TrainingSamples,
-    learnable,
-    load_samples,
-    save_samples,
-    scene_samples,
-)
+from scex_sumo.learned.training.data.samples import TrainingSamples, learnable, scene_samples
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SeedScene, States
 
@@ -68,14 +62,12 @@ def make_dataset(
     options: SampleOptions,
     *,
     maps: Sequence[Path] = (),
-    cache: Path | None = None,
     tick: Callable[[int, int], None] | None = None,
 ) -> Dataset:
     """Make the samples of recordings and of simulated traffic, or take them from the cache.
 
     Args:
         maps: on which SUMO's drivers drive; each is a site of its own, with training samples only.
-        cache: folder; None keeps nothing.
         tick: called with the number of recordings done, and of all.
     """
     sites = tuple(sorted({recording.site for recording in recordings}))
@@ -97,7 +89,7 @@ def make_dataset(
             shift = map_shift(roads.setdefault(site, loaded.road), loaded.road)
             for part, samples_of in parts.items():
                 make = partial(_make, loaded, options, part, every_s)
-                samples = _cached(cache, f"{recording.name}-{part}", key, make)
+                samples = _cached(f"{recording.name}-{part}", key, make)
                 samples_of += [samples.at(number, shift)] if samples else []
     if not parts["train"] or not parts["validation"]:
         short = "training" if not parts["train"] else "validation"
@@ -112,7 +104,7 @@ def make_dataset(
         road, name = read_map(map_path, own_corner=True), f"{map_path.name}, simulated"
         key = _digest((map_path,), options)
         digest.update(key.encode())
-        samples = _cached(cache, f"{road.name}-simulated", key, partial(_make_simulated, road, options))
+        samples = _cached(f"{road.name}-simulated", key, partial(_make_simulated, road, options))
         if samples is None:
             raise SimulationError(f"{map_path}: no vehicle drives 4 s on it in SUMO; give a larger map")
         parts["train"].append(samples.at(len(sites), np.zeros(2)))
@@ -157,7 +149,6 @@ def part_scenes(loaded: LoadedRecording, part: Part, *, split: Split, every_s: f
             continue
         last = moment.time_s
         scene = seed_at(loaded, moment.time_s, case=moment.case or None)
-        _check_finite(loaded, scene)
         if len(learnable(scene)):
             scenes.append(scene)
     return scenes
@@ -170,30 +161,8 @@ def _moments_of(every: list[Moment], part: Part, split: Split, name: str) -> lis
     return every if whole == part else []
 
 
-def _check_finite(loaded: LoadedRecording, scene: SeedScene) -> None:
-    for states in (scene.history, scene.future):
-        if states is None:
-            continue
-        for name, values in vars(states).items():
-            bad = ~np.isfinite(values).all(axis=1)
-            if bad.any():
-                raise TrackError(
-                    f"{loaded.recording.name}: track {scene.track_ids[np.argmax(bad)]} has no finite {name} "
-                    f"around {scene.time_s:g} s; repair the recording or leave it out"
-                )
-
-
-def _cached(
-    cache: Path | None, name: str, key: str, make: Callable[[], TrainingSamples | None]
-) -> TrainingSamples | None:
-    whole = hashlib.sha256(code_key() + key.encode()).hexdigest()
-    file = None if cache is None else cache / f"{name}-{whole[:16]}.npz"
-    samples = None if file is None else load_samples(file)
-    if samples is None:
-        samples = make()
-        if file is not None:
-            save_samples(file, samples)
-    return samples
+def _cached(name: str, key: str, make: Callable[[], TrainingSamples | None]) -> TrainingSamples | None:
+    return cached_object(f"samples/{name}", key.encode(), make, (TrainingSamples,))
 
 
 def _make(

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.files import replacing
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.paths import BEHIND_M, SeedPaths, seed_paths
 from scex_sumo.extrapolation.loop.rollout import history_at
@@ -71,23 +67,6 @@ class TrainingSamples:
             axis = 1 if f.name == "edge_index" else 0
             joined[f.name] = np.concatenate([getattr(part, f.name) for part in parts], axis=axis)
         return cls(**joined)
-
-
-def save_samples(file: Path, samples: TrainingSamples | None) -> None:
-    """Write samples for `load_samples`."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(file) as temporary, temporary.open("wb") as stream:
-        np.savez(stream, **({} if samples is None else vars(samples)))
-
-
-def load_samples(file: Path) -> TrainingSamples | None:
-    """Read samples; None for an empty, missing or damaged file."""
-    try:
-        with file.open("rb") as stream, np.load(stream) as data:
-            columns: dict[str, Any] = {name: data[name] for name in data.files}
-            return TrainingSamples(**columns) if columns else None
-    except (OSError, EOFError, KeyError, ValueError, TypeError, BadZipFile, zlib.error):
-        return None
 
 
 def scene_samples(
