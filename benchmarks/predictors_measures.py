@@ -1,44 +1,31 @@
-"""Measures of drivers: how near they come to what really happened, and what they do in 10 s by themselves."""
+"""Measures of drivers: how near they come to what really happened."""
 
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from recorded_scenes import ngsim_part
 
-from scex_sumo import example_path
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior
 from scex_sumo.behaviors.driving.motion import driven
-from scex_sumo.behaviors.driving.paths import BEHIND_M, chosen_paths, seed_paths
-from scex_sumo.converters.datasets.find import find_recordings
+from scex_sumo.behaviors.driving.paths import chosen_paths
 from scex_sumo.converters.registries import Recording
-from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
+from scex_sumo.evaluation.recordings import load_recording
 from scex_sumo.evaluation.split import Split
 from scex_sumo.extrapolation.loop.rollout import Batch, roll_out
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
-from scex_sumo.learned.decoding import intent_along, way_of
+from scex_sumo.learned.decoding import intent_along
 from scex_sumo.learned.driver import LearnedDriver
-from scex_sumo.learned.inputs.surface import Surface, path_room, surface_of
-from scex_sumo.learned.training.closed_loop import REPLAN, drive_all
 from scex_sumo.learned.training.data.dataset import part_scenes
-from scex_sumo.learned.training.data.perturb import Perturbation, perturbed
-from scex_sumo.learned.training.data.targets import smooth_return
 from scex_sumo.road import Road
-from scex_sumo.scene import HISTORY_STEPS, STEP_S, SceneHistory, SeedScene, States, VehicleIndex
+from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
 from scex_sumo.world.plain import PlainWorld
 
 MOVING_MPS = 0.5
-CHANGE_MPS = 3.0
 GUESSES = 6
-LOOP_STEPS = 100
-EXAMPLE_FUTURES, EXAMPLE_STEPS = 8, 50
-LOOK_STEPS = 5  # leaving the road is looked for every half second
-STANDING_M = 0.01  # per step
-OUTSIDE = 0.15  # of the box
-HARD_MPS2 = 6.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,31 +61,6 @@ def straight_on(scene: SeedScene, vehicle: IntArray, *, stands: bool = False) ->
         now.x[:, None] + (now.speed * np.cos(now.heading))[:, None] * way,
         now.y[:, None] + (now.speed * np.sin(now.heading))[:, None] * way,
     )
-
-
-def foreseen(scene: SeedScene, vehicle: IntArray, kept: float) -> FloatArray:
-    """(k, H) distances of drivers who know the next second, and the way, to what the vehicles did, m.
-
-    Speed and acceleration are those of a parabola through the way of the second before and after the moment;
-    they go on with a share of the acceleration, and stop rather than reverse.
-
-    Args:
-        kept: share of the acceleration.
-    """
-    assert scene.future is not None
-    x, y = (np.concatenate([getattr(scene.history, k), getattr(scene.future, k)], 1)[vehicle] for k in "xy")
-    present = HISTORY_STEPS
-    way = np.cumsum(np.hypot(np.diff(x, axis=1), np.diff(y, axis=1)), axis=1)
-    way = np.concatenate([np.zeros((len(vehicle), 1)), way], 1)
-    way -= way[:, present : present + 1]
-    t = STEP_S * np.arange(-HISTORY_STEPS, HISTORY_STEPS + 1)
-    fit = np.linalg.pinv(np.vander(t, 3, increasing=True))
-    _, speed, half = (way[:, : 2 * present + 1] @ fit.T).T
-    acceleration = np.repeat(2 * kept * half[:, None], PLAN_STEPS, axis=1)
-    off: FloatArray = np.abs(
-        way_of(np.maximum(speed, 0.0), acceleration)[:, 1:] - way[:, present + 1 : present + 1 + PLAN_STEPS]
-    )
-    return off
 
 
 def planned(test: TestScene, model: BatchBehavior, vehicle: IntArray) -> FloatArray:
@@ -155,15 +117,9 @@ JOINT = ("minJointADE", "minJointFDE", "minJointMR", "cMR", "collided", "recorde
 """Figures of `joint_figures`."""
 
 
-def drawn_futures(
-    test: TestScene,
-    model: BatchBehavior,
-    count: int = 2 * GUESSES,
-    replan: int = REPLAN,
-    steps: int = PLAN_STEPS,
-) -> States:
+def drawn_futures(test: TestScene, model: BatchBehavior, replan: int) -> States:
     """(C, H, V) futures of a scene with a model that drives everybody, a new plan every `replan` steps."""
-    vehicles = test.scene.vehicles
+    count, vehicles = 2 * GUESSES, test.scene.vehicles
     batch = Batch(
         futures=np.arange(count),
         assignment=np.zeros((count, vehicles), dtype=np.int64),
@@ -174,22 +130,7 @@ def drawn_futures(
         generators=[np.random.default_rng([0, future]) for future in range(count)],
     )
     world = PlainWorld(count, vehicles)
-    return roll_out(world, test.road, test.scene, batch, steps=steps, replan=replan).states
-
-
-def example_collisions(name: str, model: BatchBehavior) -> tuple[int, int]:
-    """Futures of 5 s of an example recording, one moment every 3 s, in which two vehicles collide; all."""
-    (recording,) = (r for r in find_recordings([example_path(name).parent]) if r.name == name)
-    loaded, hit, steps = load_recording(recording), [], EXAMPLE_STEPS
-    for moment in recording_moments(loaded, every_s=3.0):
-        test = TestScene(site=name, scene=seed_at(loaded, moment.time_s), road=loaded.road)
-        futures = drawn_futures(test, model, EXAMPLE_FUTURES, PLAN_STEPS, steps)
-        counts = np.ones((test.scene.vehicles, steps), dtype=np.bool_)
-        hit += [
-            _collided(test.scene, test.scene, future.swapaxes(0, 1), counts).any()
-            for future in (futures[c] for c in range(EXAMPLE_FUTURES))
-        ]
-    return int(np.sum(hit)), len(hit)
+    return roll_out(world, test.road, test.scene, batch, steps=PLAN_STEPS, replan=replan).states
 
 
 def final_errors(test: TestScene, futures: States, vehicle: IntArray) -> FloatArray:
@@ -218,9 +159,8 @@ def _figures_of_six(test: TestScene, futures: States, vehicle: IntArray) -> Floa
     made = futures.swapaxes(1, 2)[:, vehicle]
     off = np.hypot(made.x - future.x, made.y - future.y)
     missing = missed(future[:, -1], made[:, :, -1]).mean(1)
-    counts = np.zeros((scene.vehicles, PLAN_STEPS), dtype=np.bool_)
-    counts[vehicle] = True
-    hits = [_collided(scene, scene, futures[c].swapaxes(0, 1), counts)[vehicle] for c in range(len(missing))]
+    counts = np.isin(np.arange(scene.vehicles), vehicle)
+    hits = [collided(scene, futures[c].swapaxes(0, 1), counts)[vehicle] for c in range(len(missing))]
     free = ~np.array([hit.any() for hit in hits])
     return np.array(
         [
@@ -229,7 +169,7 @@ def _figures_of_six(test: TestScene, futures: States, vehicle: IntArray) -> Floa
             missing.min(),
             missing[free].min() if free.any() else 1.0,
             1 - free.mean(),
-            _collided(scene, scene, recorded[:, :PLAN_STEPS], counts)[vehicle].any(),
+            collided(scene, recorded[:, :PLAN_STEPS], counts)[vehicle].any(),
         ]
     )
 
@@ -242,140 +182,17 @@ def missed(true: States, made: States) -> BoolArray:
     return np.asarray((np.abs(cos * dx + sin * dy) > limit) | (np.abs(cos * dy - sin * dx) > 1.0))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Loop:
-    """What the vehicles of a scene did in 10 s of closed loop; (V,) each.
-
-    Attributes:
-        driven: vehicles that were on the mapped road at the beginning.
-        left: more than `OUTSIDE` of the box off the drivable surface, after it had been on it.
-        collided: the box overlapped another's; pairs that overlapped at the start, or were recorded so, as a
-            car and its trailer, left out.
-        hard: the speed changed by more than `HARD_MPS2` for a step.
-    """
-
-    driven: BoolArray
-    left: BoolArray
-    collided: BoolArray
-    hard: BoolArray
-
-
-def perturbed_start(test: TestScene) -> SeedScene:
-    """The scene with all vehicles put off by up to 0.7 m and 5 degrees; always the same."""
-    rng = np.random.default_rng(zlib.crc32(test.scene.name.encode()))
-    return replace(test.scene, history=perturbed(test.scene.history, Perturbation(), rng))
-
-
-def closed_loop(test: TestScene, model: BatchBehavior, *, perturbs: bool) -> Loop:
-    """Let a model drive all vehicles of a scene for 10 s, a new plan every 0.5 s."""
-    start = perturbed_start(test) if perturbs else test.scene
-    states = drive_all(start, test.road, model, steps=LOOP_STEPS)[0].swapaxes(0, 1)
-    return judged(test, start, states)
-
-
-def recorded_motion(test: TestScene, *, perturbs: bool) -> Loop:
-    """What was recorded, as long as it was (at most 5 s); from a perturbed start, on the way back to it.
-
-    The way back is the one that networks are taught.
-    """
-    scene, future = test.scene, test.scene.future
-    assert future is not None
-    if not perturbs:
-        return judged(test, scene, future)
-    start = perturbed_start(test)
-    now, put = scene.now, start.now
-    cos, sin = np.cos(now.heading), np.sin(now.heading)
-    aside = cos * (put.y - now.y) - sin * (put.x - now.x)
-    slope = np.tan(put.heading - now.heading)
-    step = np.hypot(
-        np.diff(future.x, axis=1, prepend=now.x[:, None]), np.diff(future.y, axis=1, prepend=now.y[:, None])
-    )
-    off = smooth_return(aside, slope, now.speed, np.cumsum(step, axis=1))
-    turned = np.arctan(_leaning(step, np.diff(off, axis=1, prepend=aside[:, None]), slope))
-    x, y = future.x - np.sin(future.heading) * off, future.y + np.cos(future.heading) * off
-    return judged(test, start, States(x=x, y=y, heading=future.heading + turned, speed=future.speed))
-
-
-def _leaning(step: FloatArray, change: FloatArray, slope: FloatArray) -> FloatArray:
-    """(V, T) way aside per way ahead, the last one of who stands; slope before all steps."""
-    moves = step > STANDING_M
-    lean = np.concatenate([slope[:, None], change / np.where(moves, step, 1.0)], axis=1)
-    last = np.maximum.accumulate(np.where(moves, np.arange(1, lean.shape[1]), 0), axis=1)
-    leaning: FloatArray = np.take_along_axis(lean, last, axis=1)
-    return leaning
-
-
-def judged(test: TestScene, scene: SeedScene, states: States) -> Loop:
-    """What (V, T) states are, from a start on.
-
-    A vehicle counts as long as its box is on the mapped stretch of one of its paths: no road is drawn beyond.
-
-    Args:
-        scene: the start.
-    """
-    road = test.road
-    on_map = _on_map(scene, road, states)
-    outside = np.stack(
-        [_outside(surface_of(road), scene, states[:, k]) for k in range(0, states.shape[1], LOOK_STEPS)], 1
-    )
-    looked = on_map[:, ::LOOK_STEPS]
-    been = np.maximum.accumulate((outside <= OUTSIDE) & looked, axis=1)
-    speed = np.concatenate([scene.now.speed[:, None], states.speed], 1)
-    hard = (np.abs(np.diff(speed, axis=1)) > HARD_MPS2 * STEP_S) & on_map
-    return Loop(
-        driven=seed_paths(scene, road).on_road,
-        left=((outside > OUTSIDE) & been & looked).any(1),
-        collided=_collided(scene, test.scene, states, on_map),
-        hard=hard.any(1),
-    )
-
-
-def _on_map(scene: SeedScene, road: Road, states: States) -> BoolArray:
-    """(V, T) whether the whole box is before the end of the mapped road, on the nearest of its paths."""
-    paths = seed_paths(scene, road, 18.0)
-    end = path_room(paths, road).end
-    vehicles, steps = states.shape
-    nearest = np.full((vehicles, steps), np.inf)
-    before = np.zeros((vehicles, steps), dtype=np.bool_)
-    moved = np.hypot(np.diff(states.x, axis=1, prepend=scene.now.x[:, None]),
-                     np.diff(states.y, axis=1, prepend=scene.now.y[:, None]))  # fmt: skip
-    expected = BEHIND_M + np.cumsum(moved, axis=1)
-    for k in range(int(paths.count.max())):
-        some = np.flatnonzero(paths.count > k)
-        row = np.repeat((paths.first + k)[some], steps)
-        s, d, _ = paths.foot_points(
-            row, states.x[some].ravel(), states.y[some].ravel(), expected[some].ravel()
-        )
-        s, d = s.reshape(len(some), steps), np.abs(d).reshape(len(some), steps)
-        closer = d < nearest[some]
-        inside = s + scene.length[some, None] / 2 < end[(paths.first + k)[some], None]
-        before[some] = np.where(closer, inside, before[some])
-        nearest[some] = np.where(closer, d, nearest[some])
-    left: BoolArray = np.logical_and.accumulate(before, axis=1) & paths.on_road[:, None]
-    return left
-
-
-def _outside(surface: Surface, scene: SeedScene, states: States) -> FloatArray:
-    """(V,) share of each box that is off the drivable surface, from 5 x 20 points of it."""
-    along, across = np.meshgrid((np.arange(5) - 2) / 5, (np.arange(20) - 9.5) / 20, indexing="ij")
-    u, v = along.ravel() * scene.length[:, None], across.ravel() * scene.width[:, None]
-    cos, sin = np.cos(states.heading)[:, None], np.sin(states.heading)[:, None]
-    depth = surface.at(states.x[:, None] + cos * u - sin * v, states.y[:, None] + sin * u + cos * v)
-    share: FloatArray = (depth < 0).mean(axis=1)
-    return share
-
-
-def _collided(scene: SeedScene, recorded: SeedScene, states: States, counts: BoolArray) -> BoolArray:
-    """(V,) vehicles whose box comes to overlap another's at a step at which both count."""
+def collided(scene: SeedScene, states: States, counts: BoolArray) -> BoolArray:
+    """(V,) vehicles whose box comes to overlap another's in states (V, T); of those that count (V,)."""
     first, second = np.triu_indices(scene.vehicles, 1)
-    fresh = ~_overlap(scene, scene.now, first, second) & ~_overlap(scene, recorded.now, first, second)
+    fresh = counts[first] & counts[second] & ~_overlap(scene, scene.now, first, second)
     first, second = first[fresh], second[fresh]
     hit = np.zeros(scene.vehicles, dtype=np.bool_)
     reach = (np.hypot(scene.length, scene.width) / 2)[:, None]
     for step in range(states.shape[1]):
         now = states[:, step]
         near = np.hypot(now.x[first] - now.x[second], now.y[first] - now.y[second])
-        near = (near < (reach[first] + reach[second])[:, 0]) & counts[first, step] & counts[second, step]
+        near = near < (reach[first] + reach[second])[:, 0]
         i, j = first[near], second[near]
         both = _overlap(scene, now, i, j)
         hit[i[both]] = hit[j[both]] = True
@@ -390,10 +207,3 @@ def _overlap(scene: SeedScene, now: States, i: IntArray, j: IntArray) -> BoolArr
 def moving(scene: SeedScene, vehicle: IntArray) -> BoolArray:
     """(k,) whether vehicles move at the moment."""
     return np.asarray(scene.now.speed[vehicle] > MOVING_MPS)
-
-
-def changing(scene: SeedScene, vehicle: IntArray) -> BoolArray:
-    """(k,) whether vehicles change their speed by more than `CHANGE_MPS` in the next 3 s."""
-    assert scene.future is not None
-    change = scene.future.speed[vehicle, PLAN_STEPS - 1] - scene.now.speed[vehicle]
-    return np.asarray(np.abs(change) > CHANGE_MPS)

@@ -17,14 +17,11 @@ PLACES = {
     "DR_": "INTERACTION",
 }
 NAMES = tuple(PLACES.values())
-YARDSTICK = {"moving": "straight_on", "standing": "stands_still", "changing": "straight_on"}
+YARDSTICK = {"moving": "straight_on", "standing": "stands_still"}
 WORDS = {
     "moving": "Vehicles that are moving at the moment",
     "standing": "Vehicles that are standing at the moment",
-    "changing": "Moving vehicles whose speed changes by more than 3 m/s in these 3 s",
 }
-STARTS = {"loop": "perturbed", "calm": "recorded"}
-ALONE = ("moving", "standing")  # every vehicle is in one of them
 
 
 def place(site: str) -> str:
@@ -40,8 +37,6 @@ def tables(numbers: Mapping[str, Any]) -> str:
     parts = (
         *(_errors(numbers, group, NAMES) for group in WORDS),
         _errors(numbers, "moving", sorted(site for site in places if place(site) == "INTERACTION")),
-        _left_out(numbers),
-        *(_loops(numbers, part) for part in STARTS),
         _joint(numbers, NAMES),
         _joint(numbers, sites),
     )
@@ -83,7 +78,7 @@ def _cell(runs: Sequence[Any], yardstick: Any, begin: str, group: str) -> str:
 
 
 def _errors(numbers: Mapping[str, Any], group: str, names: Sequence[str]) -> str:
-    runs = {name: found for name, found in _runs(numbers, "errors").items() if "without" not in name}
+    runs = _runs(numbers, "errors")
     if YARDSTICK[group] not in runs or not names:
         return ""
     (yardstick,) = runs[YARDSTICK[group]]
@@ -99,45 +94,6 @@ def _errors(numbers: Mapping[str, Any], group: str, names: Sequence[str]) -> str
         cells = [_cell(found, yardstick, begin, group) for begin in names]
         lines.append(f"| {name} | {len(found)} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
-
-
-def _left_out(numbers: Mapping[str, Any]) -> str:
-    runs = {name: found for name, found in _runs(numbers, "errors").items() if "without" in name}
-    if not runs:
-        return ""
-    lines = [
-        "**Leave one site out: error after 3 s on the site left out** (as above)",
-        "",
-        "| site | driver | trainings | vehicles | moving | standing |",
-        "|---|---|---|---|---|---|",
-    ]
-    for name, found in sorted(runs.items(), key=lambda run: run[0].partition("-without-")[::-1]):
-        kind, _, site = name.partition("-without-")
-        cells = [_cell(found, numbers[f"errors|{YARDSTICK[group]}"], site, group) for group in ALONE]
-        count = "{:.0f} + {:.0f}".format(*(_mean(found[0], site, group)[3] for group in ALONE))
-        lines.append(f"| {site} | {kind} | {len(found)} | {count} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
-
-
-def _loops(numbers: Mapping[str, Any], part: str) -> str:
-    lines = [
-        f"**10 s of closed loop, {STARTS[part]} starts** "
-        "(% of vehicles: leave the road / collide / |a| > 6 m/s²)",
-        "",
-        "| driver | trainings | " + " | ".join(NAMES) + " |",
-        "|---|---|" + "---|" * len(NAMES),
-    ]
-    for name, runs in _runs(numbers, part).items():
-        cells = []
-        for begin in NAMES:
-            each = []
-            for run in runs:
-                total = np.sum([v for k, v in run.items() if k.startswith(f"{begin}|")], axis=0)
-                each.append(100 * np.atleast_1d(total)[1:] / max(np.atleast_1d(total)[0], 1))
-            shares = [f"{value:.1f}" for value in np.mean(each, axis=0)]
-            cells.append(" / ".join(shares))
-        lines.append(f"| {name} | {len(runs)} | " + " | ".join(cells) + " |")
-    return "\n".join(lines) if len(lines) > 4 else ""
 
 
 def _joint(numbers: Mapping[str, Any], names: Sequence[str]) -> str:
