@@ -33,6 +33,7 @@ _STYLES: dict[int, tuple[str, str, Any]] = {
 _BOX, _ALONE = "#8fa3b8", "#c4c4c4"  # vehicles with edges, and without
 _MARGIN_M = 12.0
 _BEND = 0.16  # keeps edges over a common lane apart
+_FRONT = np.array([(0.25, 0.5), (0.25, -0.5)])  # of a box, see `outlines`
 
 
 @checked
@@ -59,27 +60,15 @@ def to_networkx(graph: SceneGraph, future: int = 0) -> DiGraph[int]:
         raise UsageError(f"scene graph: future {future} of a batch of {count}; choose 0 to {count - 1}")
     result: DiGraph[int] = networkx.DiGraph()
     for row in rows:
-        on_road = bool(graph.on_road[row])
-        result.add_node(
-            int(graph.vehicle[row]),
-            history=graph.history[row].copy(),
-            lane_id=int(graph.lane_id[row]) if on_road else None,
-            arc=float(graph.arc[row]) if on_road else None,
-            **_named(graph.node_columns, graph.node[row]),
-        )
-    source, target = graph.edge_index
-    for k in np.flatnonzero(graph.future[target] == future):
-        result.add_edge(
-            int(graph.vehicle[source[k]]),
-            int(graph.vehicle[target[k]]),
-            kind=KINDS[graph.edge_kind[k]],
-            **_named(graph.edge_columns, graph.edge[k]),
-        )
+        place = (int(graph.lane_id[row]), float(graph.arc[row])) if graph.on_road[row] else (None, None)
+        named = dict(zip(graph.node_columns, graph.node[row].tolist(), strict=True))
+        named |= {"history": graph.history[row].copy(), "lane_id": place[0], "arc": place[1]}
+        result.add_node(int(graph.vehicle[row]), **named)
+    source, target = graph.vehicle[graph.edge_index]
+    for k in np.flatnonzero(graph.future[graph.edge_index[1]] == future):
+        named = dict(zip(graph.edge_columns, graph.edge[k].tolist(), strict=True))
+        result.add_edge(int(source[k]), int(target[k]), kind=KINDS[graph.edge_kind[k]], **named)
     return result
-
-
-def _named(columns: tuple[str, ...], values: Any) -> dict[str, float]:
-    return dict(zip(columns, values.tolist(), strict=True))
 
 
 @checked
@@ -111,8 +100,8 @@ def to_hetero_data(graph: SceneGraph) -> HeteroData:
         edges: Any = data["vehicle", kind, "vehicle"]
         edges.edge_index = torch.tensor(graph.edge_index[:, mine])
         edges.edge_attr = torch.tensor(graph.edge[mine], dtype=torch.float32)
-    data.node_columns, data.history_columns = graph.node_columns, graph.history_columns
-    data.edge_columns = graph.edge_columns
+    for name in ("node_columns", "history_columns", "edge_columns"):
+        setattr(data, name, getattr(graph, name))
     return data
 
 
@@ -126,12 +115,9 @@ def plot_scene_graph(
     pedestrians and cyclists magenta dots; numbers are track ids.
 
     Args:
-        road: None takes that of the seed scene.
+        road: None takes that of the seed scene; without one there is a `UsageError`.
         radius: of the graph, m.
         title: empty takes the scene's name and number of vehicles.
-
-    Raises:
-        UsageError: there is no road.
 
     Example:
         >>> scene = scex.read_seed(scex.example_path("roundabout"))
@@ -160,22 +146,15 @@ def scene_graph_panel(axes: Axes, road: Road, scene: SeedScene, graph: SceneGrap
     draw_road(axes, road)
     _draw_edges(axes, scene, graph)
     mine = graph.future == 0
-    related = np.zeros(mine.sum(), dtype=np.bool_)
-    related[graph.edge_index[graph.edge_index < len(related)]] = True
-    colors = [_BOX if some else _ALONE for some in related]
+    colors = np.where(np.isin(np.flatnonzero(mine), graph.edge_index), _BOX, _ALONE).tolist()
     draw_vehicles(axes, scene, facecolors=colors, edgecolors="#3a3a3a", zorder=3)
-    _draw_fronts(axes, scene)
+    fronts = outlines(scene.now, scene.length, scene.width, _FRONT)
+    axes.add_collection(LineCollection(list(fronts), colors="#3a3a3a", linewidths=0.8, zorder=3))
     axes.scatter(scene.now.x, scene.now.y, s=9, color="#222222", zorder=6)
+    beside: dict[str, Any] = {"xytext": (5, 5), "textcoords": "offset points", "fontsize": 7, "zorder": 7}
+    beside["bbox"] = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
     for v in range(scene.vehicles):
-        axes.annotate(
-            str(scene.track_ids[v]),
-            (scene.now.x[v], scene.now.y[v]),
-            xytext=(5, 5),
-            textcoords="offset points",
-            fontsize=7,
-            zorder=7,
-            bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75},
-        )
+        axes.annotate(str(scene.track_ids[v]), (scene.now.x[v], scene.now.y[v]), **beside)
     axes.legend(handles=_legend(graph), loc="upper left", framealpha=0.9, fontsize=7)
 
 
@@ -189,18 +168,9 @@ def _draw_edges(axes: Axes, scene: SeedScene, graph: SceneGraph) -> None:
         for a, b in zip(tails[chosen], heads[chosen], strict=True):
             ends = [(scene.now.x[v], scene.now.y[v]) for v in (a, b)]
             style = {"arrowstyle": "-|>" if kind == 0 else "-", "mutation_scale": 8, "linestyle": line}
-            bend = f"arc3,rad={_BEND}"
-            edge = FancyArrowPatch(*ends, connectionstyle=bend, shrinkA=2, shrinkB=2, **style)
+            edge = FancyArrowPatch(*ends, connectionstyle=f"arc3,rad={_BEND}", shrinkA=2, shrinkB=2, **style)
             edge.set(color=color, linewidth=1.0, alpha=0.85, zorder=5)
             axes.add_patch(edge)
-
-
-def _draw_fronts(axes: Axes, scene: SeedScene) -> None:
-    corners = outlines(scene.now, scene.length, scene.width)
-    inward = 0.25 * (corners[:, [2, 3]].mean(axis=1) - corners[:, :2].mean(axis=1))[:, None]
-    axes.add_collection(
-        LineCollection(list(corners[:, :2] + inward), colors="#3a3a3a", linewidths=0.8, zorder=3)
-    )
 
 
 def _legend(graph: SceneGraph) -> list[Line2D]:
