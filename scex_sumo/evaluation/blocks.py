@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -77,7 +78,12 @@ def blocks(table: TrackTable, *, history: int = 0) -> Iterator[Block]:
         largest = sizes[order[-1]]
         count = max(STACKED_VALUES // (longest * max(largest, 1) ** 2), 1)
         chosen, order = np.sort(order[-count:]), order[:-count]
-        yield _stacked(timed, [short[i] for i in chosen.tolist()], history)
+        ranges = [short[i] for i in chosen.tolist()]
+        begin = [start for start, _ in ranges]
+        index = np.concatenate([np.arange(*ends) for ends in ranges])
+        future = np.repeat(np.arange(len(ranges)), [end - start for start, end in ranges])
+        vehicle = timed.rows.track[index] - timed.rows.track[begin][future]
+        yield _block(timed, timed.rows.case[begin], index, future, vehicle, first=history)
 
 
 def _on_grid(rows: TrackRows, step_s: float) -> _Timed:
@@ -98,23 +104,6 @@ def _on_grid(rows: TrackRows, step_s: float) -> _Timed:
     return _Timed(rows=rows, step=step, acceleration=acceleration, step_s=step_s)
 
 
-def _stacked(timed: _Timed, ranges: list[tuple[int, int]], history: int) -> Block:
-    index = np.concatenate([np.arange(a, b) for a, b in ranges])
-    future = np.repeat(np.arange(len(ranges)), [b - a for a, b in ranges])
-    first_track = timed.rows.track[[a for a, _ in ranges]]
-    vehicle = timed.rows.track[index] - first_track[future]
-    tracks, track_id, stamps = _fill(timed, index, future, timed.step[index], vehicle, len(ranges))
-    first = min(history, tracks.states.shape[1])
-    tracks = _with_first(tracks, first, tracks.states.shape[1])
-    return Block(
-        case=timed.rows.case[[a for a, _ in ranges]],
-        track_id=track_id,
-        timestamp_ms=stamps,
-        tracks=tracks,
-        planned=PlannedPaths.from_tracks(tracks),
-    )
-
-
 def _windows(timed: _Timed, start: int, end: int, history: int) -> Iterator[Block]:
     step, track = timed.step[start:end], timed.rows.track[start:end]
     back = round(WINDOW_S / timed.step_s)
@@ -130,26 +119,30 @@ def _windows(timed: _Timed, start: int, end: int, history: int) -> Iterator[Bloc
         oldest = max(begin - back, 0)
         index = start + np.flatnonzero(np.isin(track, here) & (step >= oldest))
         vehicle = np.searchsorted(here, timed.rows.track[index])
-        future = np.zeros(len(index), dtype=np.int64)
-        whole, track_id, stamps = _fill(timed, index, future, timed.step[index] - oldest, vehicle, 1)
+        future, case = np.zeros(len(index), dtype=np.int64), timed.rows.case[start : start + 1]
         first = begin - oldest
-        last = min(first + WINDOW_STEPS, whole.states.shape[1])
-        ahead = PlannedPaths.from_tracks(_with_first(whole, first, whole.states.shape[1]))
-        yield Block(
-            case=timed.rows.case[start : start + 1],
-            track_id=track_id,
-            timestamp_ms=stamps[:, :last],
-            tracks=_with_first(whole, first, last),
-            planned=replace(ahead, index=ahead.index[: last - first], column=ahead.column[: last - first]),
+        yield _block(
+            timed, case, index, future, vehicle, oldest=oldest, first=first, until=first + WINDOW_STEPS
         )
         begin = until
 
 
-def _fill(
-    timed: _Timed, index: IntArray, future: IntArray, step: IntArray, vehicle: IntArray, futures: int
-) -> tuple[SceneTracks, IntArray, IntArray]:
-    """Return rows as (C, T, V) tracks, with (C, V) track ids and (C, T) time stamps."""
-    rows = timed.rows
+def _block(
+    timed: _Timed,
+    case: IntArray,
+    index: IntArray,
+    future: IntArray,
+    vehicle: IntArray,
+    *,
+    oldest: int = 0,
+    first: int,
+    until: int | None = None,
+) -> Block:
+    """Return (n,) rows as a block of C cases that begins at step ``oldest``.
+
+    Steps from ``first`` to ``until`` of it are evaluated; later ones are planned.
+    """
+    rows, step, futures = timed.rows, timed.step[index] - oldest, len(case)
     shape = (futures, int(step.max()) + 1, int(vehicle.max()) + 1)
     at = (future, step, vehicle)
 
@@ -160,38 +153,35 @@ def _fill(
 
     present = np.zeros(shape, dtype=bool)
     present[at] = True
-    per_track = (future, vehicle)
     # Backwards: a track's first size stays.
     backwards = np.arange(len(index))[::-1]
     length, width = np.ones((2, futures, shape[2]))
     types = np.full((futures, shape[2]), "", dtype=f"U{max(map(len, rows.types), default=1)}")
     track_id = np.zeros((futures, shape[2]), dtype=np.int64)
-    slot = tuple(part[backwards] for part in per_track)
+    slot = (future[backwards], vehicle[backwards])
     length[slot], width[slot] = rows.length[index][backwards], rows.width[index][backwards]
     types[slot] = np.array(rows.types)[rows.track[index]][backwards]
     track_id[slot] = rows.track_id[index][backwards]
     stamps = np.full(shape[:2], np.nan)
     stamps[future, step] = rows.timestamp_ms[index]
-    tracks = SceneTracks(
-        states=States(
-            x=dense(rows.x), y=dense(rows.y), heading=dense(rows.psi_rad), speed=dense(rows.speed_ahead)
-        ),
-        length=length,
-        width=width,
+    acceleration, first = dense(timed.acceleration), min(first, shape[1])
+    x, y, heading, speed = map(dense, (rows.x, rows.y, rows.psi_rad, rows.speed_ahead))
+    sizes: dict[str, Any] = {"length": length, "width": width, "types": types, "step_s": timed.step_s}
+    whole = SceneTracks(
+        states=States(x=x, y=y, heading=heading, speed=speed),
         present=present,
-        step_s=timed.step_s,
-        types=types,
-        acceleration=dense(timed.acceleration),
-    )
-    return tracks, track_id, np.nan_to_num(np.rint(stamps)).astype(np.int64)
-
-
-def _with_first(tracks: SceneTracks, first: int, until: int) -> SceneTracks:
-    assert tracks.present is not None and tracks.acceleration is not None
-    return replace(
-        tracks,
-        states=tracks.states[:, :until],
-        present=tracks.present[:, :until],
         first=first,
-        acceleration=tracks.acceleration[:, :until],
+        acceleration=acceleration,
+        **sizes,
+    )
+    planned, now = PlannedPaths.from_tracks(whole), slice(until)
+    steps = slice(None if until is None else until - first)
+    return Block(
+        case=case,
+        track_id=track_id,
+        timestamp_ms=np.nan_to_num(np.rint(stamps[:, now])).astype(np.int64),
+        tracks=replace(
+            whole, states=whole.states[:, now], present=present[:, now], acceleration=acceleration[:, now]
+        ),
+        planned=replace(planned, index=planned.index[steps], column=planned.column[steps]),
     )

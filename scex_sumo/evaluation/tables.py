@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -46,13 +46,18 @@ def recording_table(
         raise UsageError(f"metrics: unknown level {level!r}; known: {', '.join(LEVELS)}")
     names = case_ids(table)
     chosen = metrics_named(metrics)
-    parts = list(blocks(table, history=history))
-    if level == "pair":
-        tables = [rows for block in parts for rows in _pair_rows(block, chosen)]
-        return _sorted_pairs(tables, names, len(chosen))
-    evaluated = [(block, evaluate(block.tracks, block.planned, metrics=chosen)) for block in parts]
-    table_of = _scene_table if level == "scene" else _scenario_table
-    return table_of(evaluated, names, chosen)
+    parts = blocks(table, history=history)
+    if level == "scenario":
+        evaluated = [(block, evaluate(block.tracks, block.planned, metrics=chosen)) for block in parts]
+        return _scenario_table(evaluated, names, chosen)
+    rows_of, ids = (_scene_rows, ()) if level == "scene" else (_pair_rows, ("track_id", "other_id"))
+    by = ("case", "timestamp_ms", "metric", *ids)
+    whole = pa.schema(dict.fromkeys(by, pa.int64()) | {"value": pa.float64()}).empty_table()
+    whole = pa.concat_tables([whole, *(pa.table(rows) for block in parts for rows in rows_of(block, chosen))])
+    whole = whole.sort_by([(name, "ascending") for name in by])
+    words = pa.array([metric.name for metric in chosen], pa.string())
+    whole = whole.set_column(2, "metric", words.take(whole["metric"].combine_chunks()))
+    return whole.set_column(0, "case_id", names.take(whole["case"].combine_chunks()))
 
 
 def case_ids(table: TrackTable) -> pa.Array:
@@ -68,67 +73,33 @@ def case_ids(table: TrackTable) -> pa.Array:
     return pa.array(numbers, pa.float64())
 
 
-def _pair_rows(block: Block, metrics: Sequence[Metric]) -> list[pa.Table]:
-    values = evaluate_pairs(block.tracks, block.planned, metrics=metrics)
-    tables = []
-    for metric in metrics:
-        rows, ids = values[metric.name], block.track_id
-        columns = {
+def _pair_rows(block: Block, metrics: Sequence[Metric]) -> Iterator[dict[str, Any]]:
+    values, ids = evaluate_pairs(block.tracks, block.planned, metrics=metrics), block.track_id
+    for rank, metric in enumerate(metrics):
+        rows = values[metric.name]
+        yield {
             "case": block.case[rows.future],
             "timestamp_ms": block.timestamp_ms[rows.future, rows.step],
-            "metric": pa.repeat(pa.scalar(metric.name), len(rows.value)),
+            "metric": np.full(len(rows.value), rank),
             "track_id": ids[rows.future, rows.vehicle],
             "other_id": other_ids(
                 None if rows.other is None else ids[rows.future, rows.other], len(rows.value)
             ),
             "value": rows.value,
         }
-        tables.append(pa.table(columns))
-    return tables
 
 
-def _sorted_pairs(tables: Sequence[pa.Table], names: pa.Array, metrics: int) -> pa.Table:
-    if not tables:
-        types = {"case": pa.int64(), "timestamp_ms": pa.int64(), "metric": pa.string()}
-        types |= {"track_id": pa.int64(), "other_id": pa.int64(), "value": pa.float64()}
-        tables = [pa.schema(types).empty_table()]
-    whole = pa.concat_tables(tables)
-    rank = np.concatenate([np.full(len(t), i % max(metrics, 1)) for i, t in enumerate(tables)])
-    track, stamp, case = (np.asarray(whole[name]) for name in ("track_id", "timestamp_ms", "case"))
-    other = np.asarray(whole["other_id"].fill_null(0))
-    whole = whole.take(pa.array(np.lexsort((other, track, rank, stamp, case))))
-    return whole.set_column(0, "case_id", names.take(whole["case"].combine_chunks()))
-
-
-def _scene_table(
-    evaluated: Sequence[tuple[Block, ScenarioValues]], names: pa.Array, metrics: Sequence[Metric]
-) -> pa.Table:
-    columns: list[list[FloatArray | IntArray]] = [[np.empty(0, np.int64)] for _ in range(3)]
-    columns.append([np.empty(0)])
-    for block, values in evaluated:
-        stamps = block.timestamp_ms[:, block.tracks.first :]
-        for rank, metric in enumerate(metrics):
-            scene = values.scene[metric.name]
-            future, step = np.nonzero(scene.defined)
-            rows = (
-                block.case[future],
-                stamps[future, step],
-                np.full(len(future), rank),
-                scene.value[future, step],
-            )
-            for column, part in zip(columns, rows, strict=True):
-                column.append(part)
-    case, stamp, which, value = (np.concatenate(parts) for parts in columns)
-    by = np.lexsort((which, stamp, case))
-    metric_names = pa.array([metric.name for metric in metrics], pa.string())
-    return pa.table(
-        {
-            "case_id": names.take(pa.array(case[by])),
-            "timestamp_ms": stamp[by],
-            "metric": metric_names.take(pa.array(which[by])),
-            "value": value[by],
+def _scene_rows(block: Block, metrics: Sequence[Metric]) -> Iterator[dict[str, Any]]:
+    values = evaluate(block.tracks, block.planned, metrics=metrics)
+    for rank, metric in enumerate(metrics):
+        scene = values.scene[metric.name]
+        future, step = np.nonzero(scene.defined)
+        yield {
+            "case": block.case[future],
+            "timestamp_ms": block.timestamp_ms[future, block.tracks.first + step],
+            "metric": np.full(len(future), rank),
+            "value": scene.value[future, step],
         }
-    )
 
 
 def _scenario_table(
