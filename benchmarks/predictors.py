@@ -46,6 +46,7 @@ from scex_sumo.learned.profiles import (
     GraphPredictorProfile,
     JointPredictorProfile,
 )
+from scex_sumo.learned.training.closed_loop import REPLAN
 from scex_sumo.learned.training.command import train_command
 from scex_sumo.learned.training.data.samples import learnable
 from scex_sumo.scene import SeedScene
@@ -147,16 +148,16 @@ def measure_joint(scenes: Sequence[measures.TestScene], model: Any, replan: int)
 def joint_variants(out: Path, seeds: int) -> Iterator[tuple[str, Any, int]]:
     """(name, model, steps of a plan that are driven) of all that `measure_joint` measures."""
     for name in ALONE:
-        yield name, build(ModelSpec(name=name)), measures.REPLAN
+        yield name, build(ModelSpec(name=name)), REPLAN
     for training in trainings(seeds):
         file = out / f"{training.name}.safetensors"
         if training.kind == "hybrid" or not file.exists():
             continue
         model = learned(file, training.kind, mode="draw")
         # The plan of `joint` is what it drives in closed loop, so that one is enough.
-        yield training.name, model, PLAN_STEPS if training.kind == "joint" else measures.REPLAN
+        yield training.name, model, PLAN_STEPS if training.kind == "joint" else REPLAN
         if training.kind == "graph":
-            yield f"{training.name}+guard", Guarded(model), measures.REPLAN
+            yield f"{training.name}+guard", Guarded(model), REPLAN
 
 
 class Results:

@@ -37,6 +37,7 @@ from scex_sumo.drivers.registry import ModelSpec, build
 from scex_sumo.evaluation.recordings import load_recording
 from scex_sumo.evaluation.split import Split
 from scex_sumo.humans.guard.guarded import Guarded
+from scex_sumo.learned.training.closed_loop import REPLAN
 from scex_sumo.learned.training.data.dataset import (
     Dataset,
     SampleOptions,
@@ -110,7 +111,7 @@ def percent_that_collide(tests: Sequence[measures.TestScene], model: BatchBehavi
     hits, counts = np.zeros(2), np.zeros(2)
     for test in tests:
         # The plan of `joint` is what it drives in closed loop.
-        replan = PLAN_STEPS if kind == "joint" else measures.REPLAN
+        replan = PLAN_STEPS if kind == "joint" else REPLAN
         futures, future = measures.drawn_futures(test, model, replan=replan), test.scene.future
         assert future is not None
         on_road = seed_paths(test.scene, test.road).on_road

@@ -56,15 +56,15 @@ def image_of(road: Road, net: GraphImageNet) -> MapImage:
 
 
 @lru_cache(maxsize=4)
-def loaded(file: Path, kind: str, sha256: str) -> tuple[Net, dict[str, Any]]:
-    """Load the network of a file, made exact (see `layers`), and its meta data."""
+def loaded(file: Path, kind: str, sha256: str) -> Net:
+    """Load the network of a file, made exact (see `layers`)."""
     weights = load_weights(file, kind)
     if weights.meta["sha256"] != sha256:
         raise InputError(f"{file}: has changed since the run began; run again")
     state, share = exact(weights.state)
     if not share < 1:
         raise InputError(f"{file}: weights are {share:.3g} times too large for exact sums; train again")
-    return KINDS[kind](state, weights.sizes), weights.meta
+    return KINDS[kind](state, weights.sizes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ class LearnedDriver(Driver):
 
     @property
     def _net(self) -> Net:
-        return loaded(self.weights, self.kind, self.weights_sha256)[0]
+        return loaded(self.weights, self.kind, self.weights_sha256)
 
     @property
     def sight(self) -> Sight | None:
@@ -206,9 +206,6 @@ class LearnedDriver(Driver):
             upper = choice_of(history.scene, self, road).modes[row]
             draw = history.route_draw[vehicles.future, vehicles.vehicle] * DRAW_DIGITS % 1.0
             return drawn(upper, draw)
-        meta = loaded(self.weights, self.kind, self.weights_sha256)[1]
-        if meta.get("best", "expected") == "likeliest":
-            return np.asarray(rounded(modes.logits).argmax(1))
         return np.zeros(len(vehicles), dtype=np.int64)
 
 

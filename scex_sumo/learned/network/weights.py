@@ -32,11 +32,7 @@ class Weights(NamedTuple):
 
 
 def save_weights(path: Path, kind: str, sizes: Architecture, state: State, meta: Mapping[str, Any]) -> None:
-    """Write a network's weights as float32, with its architecture and origin.
-
-    ``meta``: plain values: training command, data, figures. ``best`` is the mode of a driver with mode=best:
-    ``expected`` (the default) or ``likeliest``, that with the largest logit.
-    """
+    """Write a network's weights as float32, with its architecture and origin; ``meta`` has plain values."""
     about = {
         "format": FORMAT,
         "kind": kind,
