@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
+from scex_sumo.behaviors.driving.motion import map_plan
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.plug_in.predictor import completed
-from scex_sumo.scene import STEP_S, States
+from scex_sumo.scene import STEP_S, Plan, States
 
 MAX_BRAKING, MAX_ACCELERATION = 8.0, 4.0  # m/s²
 MAX_STEERING = 0.5  # of the front wheels, rad
@@ -72,9 +73,8 @@ def controlled(now: States, length: FloatArray, action: FloatArray) -> States:
     steering = wheel * MAX_STEERING
     speed = np.maximum(now.speed + acceleration * STEP_S, 0.0)
     distance_m = (now.speed + speed) / 2 * STEP_S
-    base = WHEELBASE * length
     slip = np.arctan(np.tan(steering) / 2)
-    turn = distance_m * np.sin(slip) / (base / 2)
+    turn = distance_m * np.sin(slip) / (WHEELBASE * length / 2)
     direction = now.heading + slip + turn / 2
     return States(
         x=now.x + distance_m * np.cos(direction),
@@ -84,16 +84,10 @@ def controlled(now: States, length: FloatArray, action: FloatArray) -> States:
     )
 
 
-def planned(now: States, action: FloatArray) -> States:
+def planned(now: States, action: FloatArray) -> Plan:
     """Return (N, H) next states from (N, H, 2) positions in the agent's frame, m: x ahead, y to the left."""
     x, y, heading, speed = np.moveaxis(completed(np.asarray(action, dtype=np.float64)), -1, 0)
-    cos, sin = np.cos(now.heading)[:, None], np.sin(now.heading)[:, None]
-    return States(
-        x=now.x[:, None] + cos * x - sin * y,
-        y=now.y[:, None] + sin * x + cos * y,
-        heading=wrap(now.heading[:, None] + heading),
-        speed=speed,
-    )
+    return map_plan(now, States(x=x, y=y, heading=heading, speed=speed))
 
 
 def whole_number(name: str, value: Any, low: int, high: int) -> int:
@@ -146,14 +140,8 @@ def observed(arrays: Mapping[str, FloatArray], *, flat: bool) -> Observation:
     """Return the observation of N agents by their named arrays; ``flat`` as `gymnasium.spaces.flatten`."""
     if not flat:
         return {name: _cut(values.astype(np.float32)) for name, values in arrays.items()}
-    return _cut(
-        np.concatenate(
-            [arrays[name].reshape(len(arrays[name]), -1) for name in sorted(arrays)],
-            axis=1,
-            dtype=np.float32,
-            casting="same_kind",
-        )
-    )
+    rows = [arrays[name].reshape(len(arrays[name]), -1) for name in sorted(arrays)]
+    return _cut(np.concatenate(rows, axis=1, dtype=np.float32, casting="same_kind"))
 
 
 def _cut(values: NDArray[np.float32]) -> NDArray[np.float32]:

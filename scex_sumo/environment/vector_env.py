@@ -101,10 +101,8 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
             UsageError: an argument makes no sense.
         """
         num_envs = whole_number("num_envs", num_envs, 1, MAX_FUTURES)
-        steps, replan = (
-            whole_number("steps", steps, 1, MAX_STEPS),
-            whole_number("replan", replan, 1, PLAN_STEPS),
-        )
+        steps = whole_number("steps", steps, 1, MAX_STEPS)
+        replan = whole_number("replan", replan, 1, PLAN_STEPS)
         hold = whole_number("hold", hold, 1, steps)
         self._controls = one_of("action", action, ("control", "plan")) == "control"
         self._flat = one_of("observation", observation, ("flat", "dict")) == "flat"
@@ -164,13 +162,11 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         begins = self._ended.copy()
         before, came_from = self._agent_now(), self._arc_length
         collided = np.zeros(self.num_envs, dtype=bool)
-        planned_states = None if self._controls else planned(before, actions)
+        plan = None if self._controls else planned(before, actions)
         for held in range(self.hold):
             self._plan()
-            if planned_states is None:
-                mine = controlled(self._agent_now(), self._length, actions)
-            else:
-                mine = planned_states[:, held]
+            now = self._agent_now()
+            mine = controlled(now, self._length, actions) if plan is None else plan[:, held]
             collided |= self._advance(mine, moving=~(begins | collided))
         if begins.any():
             self._renew(np.flatnonzero(begins))
@@ -182,7 +178,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
             progress=self._arc_length - came_from,
             offset=offset,
             speed=after.speed,
-            speed_limit=self._speed_limit(),
+            speed_limit=self._paths.speed_limit.ravel()[self._paths.sample_at(self._row, self._arc_length)],
             acceleration=(after.speed - before.speed) / seconds,
             lateral=(after.speed + before.speed) / 2 * turn / seconds,
             seconds=seconds,
@@ -280,9 +276,8 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         return np.isin(every, future[vehicle == self._vehicle]) & moving
 
     def _history(self, envs: IntArray | slice, age: int) -> SceneHistory:
-        return history_at(
-            self.scene, self._window[envs], self._future[envs], self._route_draw[envs], step=age
-        )
+        window, draws = self._window[envs], self._route_draw[envs]
+        return history_at(self.scene, window, self._future[envs], draws, step=age)
 
     def _agent_now(self) -> States:
         return self._window[:, self._vehicle, -1]
@@ -293,9 +288,6 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         expected = BEHIND_M + self._age * STEP_S * (start + now.speed) / 2
         arc_length, offset, _ = self._paths.foot_points(self._row, now.x, now.y, expected)
         return arc_length, offset
-
-    def _speed_limit(self) -> FloatArray:
-        return self._paths.speed_limit.ravel()[self._paths.sample_at(self._row, self._arc_length)]
 
     def _arrays(self) -> dict[str, FloatArray]:
         every = np.arange(self.num_envs)
@@ -326,20 +318,15 @@ class SeedEnv(gymnasium.Env[Any, Any]):
     ) -> tuple[Any, dict[str, Any]]:
         """Put the scene back, with newly drawn drivers."""
         super().reset(seed=seed)
-        observation, info = self._one.reset(
-            seed=int(self.np_random.integers(2**31)) if seed is None else seed
-        )
+        observation, info = self._one.reset(seed=seed)
         return self._first(observation), self._first(info)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Advance by the steps that an action is held."""
-        observation, reward, ended, cut, info = self._one.step(_batch_of_one(action))
+        batch = action[None] if isinstance(action, np.ndarray) else [action]
+        observation, reward, ended, cut, info = self._one.step(batch)  # type: ignore[arg-type]
         return self._first(observation), float(reward[0]), bool(ended[0]), bool(cut[0]), self._first(info)
 
     @staticmethod
     def _first(batch: Any) -> Any:
         return {name: v[0] for name, v in batch.items()} if isinstance(batch, dict) else batch[0]
-
-
-def _batch_of_one(action: Any) -> Any:
-    return action[None] if isinstance(action, np.ndarray) else [action]

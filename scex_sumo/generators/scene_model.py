@@ -55,9 +55,8 @@ class SceneModel:
         """Return (n, outputs) logits."""
         t, k = self.tensors, 0
         while f"{name}.{k}.weight" in t:
-            inputs = (np.maximum(inputs, 0.0) if k else inputs) @ t[f"{name}.{k}.weight"].T + t[
-                f"{name}.{k}.bias"
-            ]
+            weight, bias = t[f"{name}.{k}.weight"], t[f"{name}.{k}.bias"]
+            inputs = (np.maximum(inputs, 0.0) if k else inputs) @ weight.T + bias
             k += 1
         return inputs
 

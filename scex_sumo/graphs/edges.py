@@ -42,22 +42,6 @@ class Located(NamedTuple):
     probability: FloatArray  # (MATCHES, N) 0 without a match
 
 
-class Edges(NamedTuple):
-    """Related pairs: the source influences the target."""
-
-    source: IntArray  # (E,) node
-    target: IntArray  # (E,) node
-    kind: IntArray  # (E,) index into `KINDS`
-    features: FloatArray  # (E, G) columns as in `EDGE_COLUMNS`
-
-
-class _Relation(NamedTuple):
-    kind: IntArray
-    path_distance: FloatArray
-    target_to_crossing: FloatArray
-    source_to_crossing: FloatArray
-
-
 def scene_edges(
     target: IntArray,
     source: IntArray,
@@ -65,37 +49,33 @@ def scene_edges(
     length: FloatArray,
     place: Located,
     relations: LaneRelations,
-) -> Edges:
+) -> tuple[IntArray, IntArray, FloatArray]:
     """Find the relations of M pairs of vehicles that are on the road; of two lanes, the likeliest counts.
 
     Args:
         target: (M,) node; ``source`` too.
         now: (N,) present states.
         length: (N,) m.
+
+    Returns:
+        (2, E) nodes of source, which influences, and target; (E,) index into `KINDS`; (E, G) `EDGE_COLUMNS`.
     """
     pair, on_target, on_source = _combinations(target, source, place)
     t, s = target[pair], source[pair]
     joint = place.probability[on_target, t] * place.probability[on_source, s]
-    relation = _relate(
-        place.lane[on_target, t],
-        place.s[on_target, t],
-        place.lane[on_source, s],
-        place.s[on_source, s],
-        length[t] / 2,
-        length[s] / 2,
-        relations,
-    )
-    row = np.flatnonzero(relation.kind >= 0)
+    lanes = place.lane[on_target, t], place.lane[on_source, s]
+    ways = place.s[on_target, t], place.s[on_source, s]
+    kinds, distance, to_crossing = _relate(lanes, ways, (length[t] / 2, length[s] / 2), relations)
+    row = np.flatnonzero(kinds >= 0)
     # Of equals the first kind, then the first match.
-    row = row[least_of(pair[row], -joint[row], relation.kind[row])]
-    kind, target, source = relation.kind[row], t[row], s[row]
+    row = row[least_of(pair[row], -joint[row], kinds[row])]
+    kind, target, source = kinds[row], t[row], s[row]
     at_target, at_source = (on_target[row], target), (on_source[row], source)
     columns = (
-        relation.path_distance[row],
+        distance[row],
         place.offset[at_target],
         place.offset[at_source],
-        relation.target_to_crossing[row],
-        relation.source_to_crossing[row],
+        *to_crossing[:, row],
         place.probability[at_target],
         place.probability[at_source],
         now.speed[source] - now.speed[target],
@@ -105,7 +85,7 @@ def scene_edges(
     features[:, : len(KINDS)] = kind[:, None] == np.arange(len(KINDS))
     for k, column in enumerate(columns, start=len(KINDS)):
         features[:, k] = column
-    return Edges(source, target, kind, features)
+    return np.stack([source, target]), kind, features
 
 
 def _combinations(target: IntArray, source: IntArray, place: Located) -> tuple[IntArray, IntArray, IntArray]:
@@ -118,14 +98,16 @@ def _combinations(target: IntArray, source: IntArray, place: Located) -> tuple[I
 
 
 def _relate(
-    lane_t: IntArray,
-    s_t: FloatArray,
-    lane_s: IntArray,
-    s_s: FloatArray,
-    half_t: FloatArray,
-    half_s: FloatArray,
+    lanes: tuple[IntArray, IntArray],
+    ways: tuple[FloatArray, FloatArray],
+    halves: tuple[FloatArray, FloatArray],
     relations: LaneRelations,
-) -> _Relation:
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return (M,) kinds, (M,) distances along the lanes, m, and (2, M) ways to where lanes meet, m.
+
+    Arguments are (M,) of targets and sources: lanes, arc lengths and half lengths, m.
+    """
+    (lane_t, lane_s), (s_t, s_s), (half_t, half_s) = lanes, ways, halves
     ahead, behind = _along(lane_t, lane_s, s_s - s_t, relations)
     kind = np.where(np.minimum(ahead, behind) <= WAY_M, np.where(ahead <= behind, AHEAD, BEHIND), -1)
     distance = np.where(kind == AHEAD, ahead, np.where(kind == BEHIND, -behind, 0.0))
@@ -147,7 +129,7 @@ def _relate(
     first = before[some].argmax(axis=1)
     kind[rest[some]] = INTERSECTING
     crossing[0, rest[some]], crossing[1, rest[some]] = to_t[some, first], to_s[some, first]
-    return _Relation(kind, distance, *crossing)
+    return kind, distance, crossing
 
 
 def _along(

@@ -12,7 +12,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import SEEN_COLUMNS, seen_from
-from scex_sumo.graphs.edges import EDGE_COLUMNS, KINDS, MATCHES, Edges, Located, scene_edges
+from scex_sumo.graphs.edges import EDGE_COLUMNS, KINDS, MATCHES, Located, scene_edges
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import Matches, match
 from scex_sumo.roads.relations import LaneRelations, road_index
@@ -99,7 +99,7 @@ def _build(given: SceneHistory | SeedScene, road: Road, radius: float) -> SceneG
     now, seen = history.now.map(np.ravel), seen_from(history.now, history.states)
     index = road_index(road)
     place = _locate(index, match(road, now.x, now.y, now.heading), len(now.x))
-    edges = _edges(history, now, place, index, radius)
+    edge_index, kind, edge = _edges(history, now, place, index, radius)
     return SceneGraph(
         future=np.repeat(np.arange(futures), vehicles),
         vehicle=np.tile(np.arange(vehicles), futures),
@@ -107,9 +107,9 @@ def _build(given: SceneHistory | SeedScene, road: Road, radius: float) -> SceneG
         node_columns=NODE_COLUMNS,
         history=seen.reshape(-1, *seen.shape[2:]),
         history_columns=HISTORY_COLUMNS,
-        edge_index=np.stack([edges.source, edges.target]),
-        edge_kind=edges.kind,
-        edge=edges.features,
+        edge_index=edge_index,
+        edge_kind=kind,
+        edge=edge,
         edge_columns=EDGE_COLUMNS,
         on_road=place.probability[0] > 0,
         lane_id=index.lane_id[place.lane[0]] if len(index.lane_id) else place.lane[0],
@@ -129,7 +129,9 @@ def _locate(index: LaneRelations, matches: Matches, count: int) -> Located:
     return place
 
 
-def _edges(history: SceneHistory, now: States, place: Located, index: LaneRelations, radius: float) -> Edges:
+def _edges(
+    history: SceneHistory, now: States, place: Located, index: LaneRelations, radius: float
+) -> tuple[IntArray, IntArray, FloatArray]:
     futures, vehicles = history.now.shape
     x, y = history.now.x, history.now.y
     near = (x[:, :, None] - x[:, None, :]) ** 2 + (y[:, :, None] - y[:, None, :]) ** 2 <= radius**2

@@ -96,7 +96,8 @@ class Predictor:
         if calls:
             whole[np.concatenate(calls)] = completed(np.concatenate(predicted))
         x, y, heading, speed = np.moveaxis(whole, -1, 0)
-        return map_plan(history, vehicles, States(x=x, y=y, heading=heading, speed=speed.copy()))
+        now = history.now[vehicles.future, vehicles.vehicle]
+        return map_plan(now, States(x=x, y=y, heading=heading, speed=speed.copy()))
 
     def _calls(self, vehicles: VehicleIndex) -> list[IntArray]:
         if self.batched or len(vehicles) == 0:

@@ -240,9 +240,9 @@ def own_motion(history: SceneHistory, vehicles: VehicleIndex) -> FloatArray:
     return np.concatenate([vehicles.vehicle[:, None], past.x, past.y, past.heading, past.speed], axis=1)
 
 
-def map_plan(history: SceneHistory, vehicles: VehicleIndex, own: States) -> Plan:
-    """Transform states (n, H) from the vehicles' present frames to the map."""
-    now = history.now[vehicles.future, vehicles.vehicle][:, None]
+def map_plan(now: States, own: States) -> Plan:
+    """Transform states (n, H) from the frames of vehicles (n,) to the map."""
+    now = now[:, None]
     cos, sin = np.cos(now.heading), np.sin(now.heading)
     x, y = now.x + cos * own.x - sin * own.y, now.y + sin * own.x + cos * own.y
     return Plan(x=x, y=y, heading=wrap(now.heading + own.heading), speed=own.speed)

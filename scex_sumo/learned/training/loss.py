@@ -107,16 +107,20 @@ def _mode_entropy(logits: Tensor, off: Tensor, weights: LossWeights) -> Tensor:
 
 def _path_entropy(logit: Tensor, batch: Batch) -> Tensor:
     node = batch.path.node
-    count = int(node.max()) + 1 if len(node) else 0
-    highest = torch.full((count,), -torch.inf, device=logit.device, dtype=logit.dtype)
-    highest = highest.scatter_reduce(0, node, logit.detach(), "amax")
-    each = torch.exp(logit - highest[node])
-    every = torch.zeros(count, device=logit.device, dtype=logit.dtype).index_add(0, node, each)
+    each, every = _weights_of_paths(logit, node)
     right = torch.zeros_like(every).index_add(0, node, each * batch.right)
     weight = torch.zeros_like(every).index_add(0, node, batch.share.to(every.dtype))
     known = weight > 0
     entropy = torch.log(every[known]) - torch.log(right[known].clamp(min=1e-6))
     return (entropy * weight[known]).sum() / weight[known].sum().clamp(min=1e-6)
+
+
+def _weights_of_paths(logit: Tensor, node: Tensor) -> tuple[Tensor, Tensor]:
+    """Return (n,) weights of paths, 1 of a vehicle's likeliest, and their sums by vehicle."""
+    highest = logit.new_full((int(node.max()) + 1 if len(node) else 0,), -torch.inf)
+    highest = highest.scatter_reduce(0, node, logit.detach(), "amax")
+    each = torch.exp(logit - highest[node])
+    return each, torch.zeros_like(highest).index_add(0, node, each)
 
 
 def _roughness(modes: ModeTensors, weights: LossWeights) -> Tensor:
@@ -168,14 +172,13 @@ def score_network(predict: Predict, batches: Batches, weights: LossWeights) -> S
 def _vehicles(modes: ModeTensors, batch: Batch) -> Tensor:
     off = _distances(modes, batch)
     node, ends = batch.path.node, off[..., -1]
-    count = int(node.max()) + 1
     # Sorted by vehicle, then by falling logit: the first of each vehicle is its likeliest path.
     order = torch.argsort(modes.path_logit, descending=True, stable=True)
     order = order[torch.argsort(node[order], stable=True)]
     owner = node[order]
     first = torch.cat([owner.new_ones(1), torch.diff(owner)]) > 0
     top = order[first]
-    best = _best(modes, node, ends, count)[node[top]]
+    best = _best(modes, node, ends)[node[top]]
     return torch.stack([batch.site[top].float(), off[top, 0].mean(1), ends[top, 0], best], 1)
 
 
@@ -184,11 +187,8 @@ def _distances(modes: ModeTensors, batch: Batch) -> Tensor:
     return torch.hypot(travelled_m - batch.s[:, None], modes.offset - batch.d[:, None])
 
 
-def _best(modes: ModeTensors, node: Tensor, ends: Tensor, count: int) -> Tensor:
-    highest = torch.full((count,), -torch.inf, device=node.device)
-    highest = highest.scatter_reduce(0, node, modes.path_logit, "amax")
-    each = torch.exp(modes.path_logit - highest[node])
-    every = torch.zeros(count, device=node.device).index_add(0, node, each)
+def _best(modes: ModeTensors, node: Tensor, ends: Tensor) -> Tensor:
+    each, every = _weights_of_paths(modes.path_logit, node)
     likely = torch.softmax(modes.logits, 1) * (each / every[node])[:, None]
     owner = node[:, None].expand_as(likely).reshape(-1)
     # By vehicle, then by falling probability.
@@ -198,5 +198,5 @@ def _best(modes: ModeTensors, node: Tensor, ends: Tensor, count: int) -> Tensor:
     first = torch.searchsorted(owner.contiguous(), owner.contiguous())
     rank = torch.arange(len(owner), device=node.device) - first
     kept = order[rank < GUESSES]
-    best = torch.full((count,), torch.inf, device=node.device)
+    best = torch.full_like(every, torch.inf)
     return best.scatter_reduce(0, owner[rank < GUESSES], ends.reshape(-1)[kept], "amin")

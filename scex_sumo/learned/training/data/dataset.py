@@ -7,6 +7,7 @@ import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -74,15 +75,14 @@ def make_dataset(
     kinds: dict[str, str] = {}
     roads: dict[str, Road] = {}
     parts: dict[Part, list[TrainingSamples]] = {"train": [], "validation": []}
-    digest = hashlib.sha256()
-    done = 0
+    digest, total = hashlib.sha256(), len(recordings) + len(maps)
+    done, told = count(), tick or (lambda done, total: None)
     for number, site in enumerate(sites):
         here = [load_recording(recording) for recording in recordings if recording.site == site]
         every_s = moments_apart(here, options.moments)
         for loaded in here:
-            if tick is not None:
-                tick(done, len(recordings) + len(maps))
-            done, recording = done + 1, loaded.recording
+            told(next(done), total)
+            recording = loaded.recording
             key = f"{_digest((recording.map_path, *recording.track_paths), options)} {every_s:.3f}"
             digest.update(key.encode())
             kinds[site] = recording.dataset
@@ -98,9 +98,8 @@ def make_dataset(
             "and 3 s of recorded future; give longer recordings"
         )
     recorded = sum(map(len, parts["train"]))
-    for done, map_path in enumerate(maps, len(recordings)):
-        if tick is not None:
-            tick(done, len(recordings) + len(maps))
+    for map_path in maps:
+        told(next(done), total)
         road, name = read_map(map_path, own_corner=True), f"{map_path.name}, simulated"
         key = _digest((map_path,), options)
         digest.update(key.encode())
@@ -109,15 +108,9 @@ def make_dataset(
             raise SimulationError(f"{map_path}: no vehicle drives 4 s on it in SUMO; give a larger map")
         parts["train"].append(samples.at(len(sites), np.zeros(2)))
         sites, kinds[name], roads[name] = (*sites, name), "simulated", road
-    return Dataset(
-        sites=sites,
-        kinds=tuple(kinds[site] for site in sites),
-        roads=tuple(roads[site] for site in sites),
-        recorded=recorded,
-        train=TrainingSamples.concatenate(parts["train"]),
-        validation=TrainingSamples.concatenate(parts["validation"]),
-        digest=digest.hexdigest(),
-    )
+    named = {"kinds": tuple(kinds[site] for site in sites), "roads": tuple(roads[site] for site in sites)}
+    samples_by = {part: TrainingSamples.concatenate(some) for part, some in parts.items()}
+    return Dataset(sites=sites, recorded=recorded, digest=digest.hexdigest(), **named, **samples_by)  # type: ignore[arg-type]
 
 
 def map_shift(road: Road, other: Road) -> FloatArray:
@@ -191,20 +184,17 @@ def _samples(
     for scene in scenes:
         put_off = [perturbed(scene.history, options.perturbation, rng) for _ in range(options.copies)]
         whole = [scene.history, *put_off]
-        seen = [measured(states, options.perturbation, rng) for states in whole[exact:]]
-        seen = [*whole[:exact], *seen]
-        samples = scene_samples(scene, road, States.stack(whole, 0), seen=States.stack(seen, 0))
-        parts += [samples] if samples is not None else []
+        seen = [*whole[:exact], *(measured(states, options.perturbation, rng) for states in whole[exact:])]
+        parts.append(scene_samples(scene, road, States.stack(whole, 0), seen=States.stack(seen, 0)))
         for _ in range(options.stops):
             stop = add_obstacles(scene, road, learnable(scene), rng)
             if stop is None:
                 break
-            seen_now = measured(stop[0].history, options.perturbation, rng)
-            samples = scene_samples(
-                stop[0], road, stop[0].history.repeat(1), seen=seen_now.repeat(1), blocked=stop[1]
-            )
-            parts += [samples] if samples is not None else []
-    return TrainingSamples.concatenate(parts) if parts else None
+            now = stop[0].history
+            seen_now = measured(now, options.perturbation, rng).repeat(1)
+            parts.append(scene_samples(stop[0], road, now.repeat(1), seen=seen_now, blocked=stop[1]))
+    some = [part for part in parts if part is not None]
+    return TrainingSamples.concatenate(some) if some else None
 
 
 def _digest(paths: Sequence[Path], options: SampleOptions) -> str:
