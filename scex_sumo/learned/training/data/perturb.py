@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,8 +13,9 @@ from scex_sumo.behaviors.models.idm import IdmParameters, idm_acceleration
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.learned.inputs.surface import path_room
 from scex_sumo.learned.training.data.targets import right_paths
+from scex_sumo.results.participants import joined
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
+from scex_sumo.scene import STEP_S, Obstacles, SceneHistory, SeedScene, States, VehicleIndex
 
 # Errors of NGSIM's tracks against a smooth motion: speeds of one track have similar errors for so long.
 ALIKE_S = 0.15
@@ -135,26 +136,21 @@ def _places(
 
 
 def _with_standing(scene: SeedScene, place: States) -> SeedScene:
-    count = len(place.x)
-    assert scene.future is not None and scene.future_valid is not None
-
-    def held(before: States) -> States:
-        still = place.map(lambda values: np.repeat(values[:, None], before.shape[1], axis=1))
-        return States.concatenate([before, still], 0)
-
-    return replace(
-        scene,
-        track_ids=np.append(scene.track_ids, scene.track_ids.max(initial=0) + 1 + np.arange(count)),
-        types=(*scene.types, *("car",) * count),
-        length=np.append(scene.length, np.full(count, SIZE_M[0])),
-        width=np.append(scene.width, np.full(count, SIZE_M[1])),
-        history=held(scene.history),
-        recorded_steps=np.append(scene.recorded_steps, np.full(count, scene.recorded_steps.max())),
-        future=held(scene.future),
-        future_valid=np.concatenate([scene.future_valid, np.ones((count, scene.future.shape[1]), np.bool_)]),
-        intentions=scene.intentions and (*scene.intentions, *(None,) * count),
-        people=None if scene.people is None else np.append(scene.people, np.zeros(count, np.bool_)),
+    assert scene.future is not None
+    count, steps = len(place.x), scene.history.shape[1] + scene.future.shape[1]
+    ids = scene.track_ids.max(initial=0) + 1 + np.arange(count)
+    length, width = np.repeat([SIZE_M], count, axis=0).T
+    standing = Obstacles(
+        ids=tuple(map(str, ids.tolist())),
+        types=("car",) * count,
+        length=length,
+        width=width,
+        states=place.map(lambda values: np.repeat(values[:, None], steps, axis=1)),
+        present=np.ones((count, steps), dtype=np.bool_),
     )
+    recorded = np.full(count, scene.recorded_steps.max())
+    sizes = length, width
+    return joined(scene, standing, track_ids=ids, types=standing.types, sizes=sizes, recorded_steps=recorded)
 
 
 def standing_gap(
