@@ -63,7 +63,11 @@ def _read_lanelet2(
     path: Path, *, origin: tuple[float, float] | None, tracks: str | Path | None, own_corner: bool, keep: bool
 ) -> Road:
     refuse_folder(path)
-    _refuse_recording(path)
+    if path.is_file() and (recording := next(iter(dataset_of(path).recordings([path])), None)):
+        its_map = f"its map is {recording.map_path}"
+        raise MapError(f"{path}: a recording, not a map; {its_map}, and --tracks names the recording")
+    if kind := other_content(path):
+        raise MapError(f"{path}: {kind}, not a map; give {MAPS_READ}")
     known = origin or recorded_origin(path, tracks_path=None if own_corner else tracks)
 
     def read() -> Road:
@@ -75,14 +79,6 @@ def _read_lanelet2(
         return read()
     made_by = repr((version_of("lanelet2"), path.name, known, own_corner))
     return cached_object("roads", made_by.encode() + path.read_bytes(), read, _PARTS)
-
-
-def _refuse_recording(path: Path) -> None:
-    if path.is_file() and (recording := next(iter(dataset_of(path).recordings([path])), None)):
-        its_map = f"its map is {recording.map_path}"
-        raise MapError(f"{path}: a recording, not a map; {its_map}, and --tracks names the recording")
-    if kind := other_content(path):
-        raise MapError(f"{path}: {kind}, not a map; give {MAPS_READ}")
 
 
 LANELET2 = MapFormat(is_mine=lambda path: True, read=_read_lanelet2)

@@ -149,6 +149,21 @@ class Declaration:
     reader: Callable[[], Any]
 
 
+def with_notes(read: Callable[[Path], TrackTable]) -> Callable[..., tuple[TrackTable, tuple[str, ...]]]:
+    """Return the ``read`` of a dataset of single files by a reader of a table with its notes."""
+    return lambda paths, **_: (table := read(paths[0]), table.notes)
+
+
+def own_maps(dataset: str, name: Callable[[Path], str]) -> Callable[[Sequence[Path]], list[Recording]]:
+    """Return the ``recordings`` of a dataset of single files that are their own maps."""
+
+    def recording(path: Path) -> Recording:
+        place = name(path)
+        return Recording(name=place, site=place, dataset=dataset, map_path=path, track_paths=(path,))
+
+    return lambda files: [recording(path) for path in files]
+
+
 def map_format(path: Path) -> MapFormat:
     """The format of a map; Lanelet2 for what no other format recognises."""
     return next(recognised(MapFormat, path))

@@ -72,22 +72,16 @@ def xml_elements(path: Path) -> Iterator[tuple[str, Element]]:
                         above[0].clear()
 
 
-class _Begun(Exception):
-    """The root element begins: after it, nothing can be declared."""
-
-
-def _begun(*_: object) -> None:
-    raise _Begun
-
-
-def _refuse(*_: object) -> None:
-    raise ValueError("has a DOCTYPE, which could read other files")
-
-
 def _refuse_declarations(file: BinaryIO) -> None:
+    def begun(*_: object) -> None:  # after the root element begins, nothing can be declared
+        raise StopIteration
+
+    def refuse(*_: object) -> None:
+        raise ValueError("has a DOCTYPE, which could read other files")
+
     parser = expat.ParserCreate()
-    parser.StartElementHandler, parser.StartDoctypeDeclHandler = _begun, _refuse
-    with contextlib.suppress(_Begun):
+    parser.StartElementHandler, parser.StartDoctypeDeclHandler = begun, refuse
+    with contextlib.suppress(StopIteration):
         parser.ParseFile(file)
 
 

@@ -9,21 +9,20 @@ from pathlib import Path
 
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import TrackError
+from scex_sumo.converters.cleaning.align import evidence, on_lanes
 from scex_sumo.converters.cleaning.off_lanes import MIN_SHARE_ON_LANES, explain_mismatch, on_closed_lanes
 from scex_sumo.converters.cleaning.plausibility import Check, doubts, refuse_implausible
 from scex_sumo.converters.datasets.moment import Moment, find_moments
 from scex_sumo.converters.datasets.recordings import (
     doubts_of_place,
-    labels_of,
     read_clean,
     window_with_history,
     with_warnings,
 )
-from scex_sumo.converters.datasets.scene import CleanRecording, take_scene
+from scex_sumo.converters.datasets.scene import take_scene
 from scex_sumo.converters.lanelet.origin import recorded_origin
 from scex_sumo.converters.maps import LANELET2, read_map
 from scex_sumo.converters.registries import Recording, map_format, place_name
-from scex_sumo.converters.tracks.evidence import evidence, on_lanes
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
@@ -90,17 +89,22 @@ def load_recording(
     if origin is None and map_format(map_path).read is LANELET2.read:
         origin = recorded_origin(map_path, tracks_path=track_path)
     road = _read_road(map_path, stamp, origin)
-    clean = read_clean(recording.track_paths, road, window=window_with_history(recording.window))
+    window = window_with_history(recording.window)
+    table, findings, checks = read_clean(recording.track_paths, road, window=window)
     if not force:
-        refuse_implausible(track_path, clean.checks, "repair the recording")
-    _check(clean.table, road, map_path)
+        refuse_implausible(track_path, checks, "repair the recording")
+    if not len(table.vehicles):
+        raise TrackError(f"{table.path}: no motor vehicle among the tracks; leave it out")
+    samples = evidence(table.vehicles)
+    share = on_lanes(samples, road)
+    if share < MIN_SHARE_ON_LANES:
+        raise TrackError(
+            f"{table.path}: only {share:.0%} of where its vehicles drive is on lanes of {map_path}; "
+            f"{on_closed_lanes(samples, road) or explain_mismatch(samples, road)}"
+        )
+    notes = (*doubts(checks), *doubts_of_place(samples, road, track_path))
     return LoadedRecording(
-        recording=recording,
-        road=road,
-        table=clean.table,
-        findings=clean.findings,
-        notes=(*doubts(clean.checks), *doubts_of_place(evidence(clean.table.vehicles), road, track_path)),
-        checks=clean.checks,
+        recording=recording, road=road, table=table, findings=findings, notes=notes, checks=checks
     )
 
 
@@ -124,14 +128,15 @@ def seed_at(
         4.0
     """
     scene = take_scene(
-        CleanRecording(table=loaded.table, findings=loaded.findings, repair=True),
+        loaded.table,
+        loaded.findings,
         name=loaded.recording.name,
         location=place_name(loaded.recording.map_path),
         case=case,
         time_s=time_s,
         min_history=min_history,
     )
-    twice = [note for note in doubts(loaded.checks, labels_of(scene)) if note not in loaded.notes]
+    twice = [note for note in doubts(loaded.checks, scene.track_ids) if note not in loaded.notes]
     scene = with_warnings(scene, off_road(loaded.road, scene), (*twice, *loaded.notes))
     return loaded.table.complete(dataclasses.replace(scene, road=loaded.road))
 
@@ -148,18 +153,6 @@ def recording_moments(loaded: LoadedRecording, *, every_s: float) -> list[Moment
         19
     """
     return find_moments(loaded.table, every_s=every_s, window=loaded.recording.window)
-
-
-def _check(table: TrackTable, road: Road, map_path: Path) -> None:
-    if not len(table.vehicles):
-        raise TrackError(f"{table.path}: no motor vehicle among the tracks; leave it out")
-    samples = evidence(table.vehicles)
-    share = on_lanes(samples, road)
-    if share < MIN_SHARE_ON_LANES:
-        raise TrackError(
-            f"{table.path}: only {share:.0%} of where its vehicles drive is on lanes of {map_path}; "
-            f"{on_closed_lanes(samples, road) or explain_mismatch(samples, road)}"
-        )
 
 
 @lru_cache(maxsize=4)

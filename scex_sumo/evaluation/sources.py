@@ -38,8 +38,7 @@ def read_source(source: Path) -> tuple[TrackTable, int]:
         return read_parquet(file, arrivals=True), LOGGED_HISTORY
     if source.suffix == ".parquet":
         return read_parquet(source), 0
-    clean = read_clean([source], None)
-    table, findings = clean.table, clean.findings
+    table, findings, _ = read_clean([source], None)
     if table.has_cases:
         table, more = repair_tracks(table)
         findings = (*findings, *more)

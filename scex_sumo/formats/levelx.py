@@ -31,9 +31,16 @@ from scex_sumo.converters.naming import (
     plain_or_packed,
     unpacked_name,
 )
-from scex_sumo.converters.registries import Dataset, MapFormat, Recording, place_name, recording_name
+from scex_sumo.converters.registries import (
+    Dataset,
+    MapFormat,
+    Recording,
+    place_name,
+    recording_name,
+    with_notes,
+)
 from scex_sumo.converters.tracks.check import MAX_VALUES
-from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, obstacle_size, with_unknown_vehicles
+from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, fill_sizes, with_unknown_vehicles
 from scex_sumo.converters.tracks.rows import FORWARD_MPS, TrackTable
 from scex_sumo.formats.recognition import LEVELX_META, LEVELX_TRACKS, is_highd_map, is_levelx, levelx_file
 from scex_sumo.formats.samples.boxes import one_line
@@ -71,7 +78,11 @@ def read_levelx(path: str | Path) -> TrackTable:
     highd = has_lane_markings(meta)
     columns = _read_columns(path, _HIGHD if highd else tuple(_IND.values()))
     of_track = _track_meta(levelx_file(path, "tracksMeta"), "id" if highd else "trackId")
-    flat = _highd(columns, of_track, path) if highd else _ind(columns)
+    if highd:
+        flat = _highd(columns, of_track, path)
+    else:
+        flat = {name: columns[theirs] for name, theirs in _IND.items()}
+        flat["psi_rad"] = wrap(np.radians(flat["psi_rad"]))
     order = np.lexsort((flat["frame"], flat["id"]))
     flat = {name: values[order] for name, values in flat.items()}
     kind = {number: of_track[number]["class"].strip().lower() for number in of_track}
@@ -82,10 +93,12 @@ def read_levelx(path: str | Path) -> TrackTable:
         raise TrackError(f"{where}: no row for track {missing[0]}; take the files as published")
     frame: IntArray = flat.pop("frame").astype(np.int64)
     numbers, track = np.unique(ids, return_inverse=True)
-    kinds, notes = _kinds([kind[number] for number in numbers.tolist()], track, flat)
-    usual = np.array([obstacle_size(name) for name in kinds]).reshape(-1, 2)[track]
-    for k, name in enumerate(("length", "width")):
-        flat[name] = np.where(flat[name] > 0.0, flat[name], usual[:, k])
+    types, given = np.unique([kind[number] for number in numbers.tolist()], return_inverse=True)
+    words, speed = types.tolist(), np.hypot(flat["vx"], flat["vy"])
+    sizes = flat["length"], flat["width"]
+    number_of_kind, notes = with_unknown_vehicles(words, given, track, *sizes, speed)
+    kinds = [words[k] for k in number_of_kind]
+    fill_sizes(flat, track, kinds)
     flat["timestamp_ms"] = np.asarray(1000.0 * frame / rate_hz, np.float64)
     motor = np.array([name in MOTOR_TYPES for name in kinds], bool)[track]
     labels, step_s = [str(number) for number in numbers], 1.0 / rate_hz
@@ -172,21 +185,6 @@ def _origin(tracks_path: Path, map_path: Path) -> Place | None:
     return float(place[0]), float(place[1])
 
 
-def _kinds(
-    kind: list[str], track: IntArray, flat: dict[str, FloatArray]
-) -> tuple[list[str], tuple[str, ...]]:
-    types = sorted(set(kind))
-    given = np.array([types.index(name) for name in kind], np.int64)
-    speed = np.hypot(flat["vx"], flat["vy"])
-    kinds, notes = with_unknown_vehicles(types, given, track, flat["length"], flat["width"], speed)
-    return [types[k] for k in kinds], notes
-
-
-def _ind(columns: dict[str, Any]) -> dict[str, Any]:
-    ours = {name: columns[theirs] for name, theirs in _IND.items()}
-    return {**ours, "psi_rad": wrap(np.radians(ours["psi_rad"]))}
-
-
 def _highd(columns: dict[str, Any], of_track: dict[int, dict[str, str]], path: Path) -> dict[str, FloatArray]:
     vx, vy = columns["xVelocity"], -columns["yVelocity"]
     ways = {i: number(row.get("drivingDirection")) for i, row in of_track.items()}
@@ -254,12 +252,7 @@ def _read_columns(path: Path, names: tuple[str, ...]) -> dict[str, Any]:
     return columns
 
 
-def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
-    table = read_levelx(paths[0])
-    return table, table.notes
-
-
-LEVELX = Dataset(is_mine=is_levelx, read=_read, recordings=_recordings, origin=_origin)
+LEVELX = Dataset(is_mine=is_levelx, read=with_notes(read_levelx), recordings=_recordings, origin=_origin)
 
 
 def _name(path: Path) -> str:

@@ -7,7 +7,7 @@ A log is a folder with ``sync.arrow``. Its map is ``map.arrow`` beside it, or
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.base.importing import extra_for
-from scex_sumo.converters.registries import Dataset, MapFormat, Recording
+from scex_sumo.converters.registries import Dataset, MapFormat, own_maps
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.recognition import PY123D_LOG, is_py123d, is_py123d_map
@@ -260,12 +260,6 @@ def _files(path: Path) -> tuple[Path, ...]:
     return (path / PY123D_LOG,) if path.is_dir() else (path,)
 
 
-def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
-    for path in files:
-        name = _name(path)
-        yield Recording(name=name, site=name, dataset="py123d", map_path=path, track_paths=(path,))
-
-
 def _name(path: Path) -> str:
     """Name of a log by its folder, of a map by its file."""
     return path.absolute().parent.name if path.name in (PY123D_LOG, MAP) else path.stem
@@ -281,7 +275,7 @@ PY123D_MAP = MapFormat(
 PY123D = Dataset(
     is_mine=is_py123d,
     read=_read,
-    recordings=_recordings,
+    recordings=own_maps("py123d", _name),
     files=_files,
     name=lambda path, files: _name(files[0]),
     within=within_map,

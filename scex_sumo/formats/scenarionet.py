@@ -21,7 +21,7 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, MapError, TrackError, reason_of
 from scex_sumo.converters.naming import map_name, open_binary
-from scex_sumo.converters.registries import Dataset, MapFormat, Recording
+from scex_sumo.converters.registries import Dataset, MapFormat, own_maps
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road, polyline
@@ -396,12 +396,6 @@ def _read_signals(layout: NetLayout, road: Road, path: Path) -> tuple[Programme 
         return lane_programme(layout, road, runs, path.name)
 
 
-def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
-    for path in files:
-        name = _name(path)
-        yield Recording(name=name, site=name, dataset="scenarionet", map_path=path, track_paths=(path,))
-
-
 def _name(path: Path) -> str:
     return map_name(path).removeprefix("sd_")
 
@@ -410,7 +404,7 @@ SCENARIONET_MAP = MapFormat(is_mine=is_scenarionet, read=_read_road, tracks=lamb
 SCENARIONET = Dataset(
     is_mine=is_scenarionet,
     read=_read,
-    recordings=_recordings,
+    recordings=own_maps("scenarionet", _name),
     name=lambda path, files: _name(files[0]),
     within=within_map,
     signals=_read_signals,

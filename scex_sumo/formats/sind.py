@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 from scex_sumo.converters.naming import map_name
-from scex_sumo.converters.registries import Dataset, Recording, name_at, place_name
+from scex_sumo.converters.registries import Dataset, Recording, name_at, place_name, with_notes
 from scex_sumo.converters.tracks.reader import read_tracks
-from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.recognition import SIND_VEHICLES, SIND_WALKERS, is_sind
-
-
-def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
-    table = read_tracks(paths[0], walkers=(SIND_VEHICLES, SIND_WALKERS))
-    return table, table.notes
 
 
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
@@ -37,4 +32,5 @@ def _only_map(folder: Path) -> Path:
     return folder.parent / "maps" / "map.osm"
 
 
+_read = with_notes(partial(read_tracks, walkers=(SIND_VEHICLES, SIND_WALKERS)))
 SIND = Dataset(is_mine=is_sind, read=_read, recordings=_recordings, name=_name)

@@ -13,7 +13,6 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, clipped
 
-PAIRS_AT_ONCE = 2**21  # of segments
 INSIDE_M = 1.5  # a nearer vehicle stands in the lane's traffic
 END_M = 3.0  # points this near to a loose end may lie on the map's border
 COARSE = 8  # samples between two of the first step of a projection
@@ -179,32 +178,6 @@ def mean_width_m(left: FloatArray, right: FloatArray) -> float:
     area = abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
     lengths = [float(np.hypot(*np.diff(bound, axis=0).T).sum()) for bound in (left, right)]
     return 2 * area / sum(lengths) if sum(lengths) > 0 else 0.0
-
-
-def bounds_cross(left: FloatArray, right: FloatArray) -> bool:
-    """Test whether two bounds cross each other or one crosses itself; touching is no crossing."""
-    start = np.concatenate([left[:-1], right[:-1]])
-    end = np.concatenate([left[1:], right[1:]])
-    order = np.argsort(np.minimum(start[:, 0], end[:, 0]), kind="stable")
-    start, end = start[order], end[order]
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    rows = max(1, PAIRS_AT_ONCE // max(len(start), 1))
-    for first in range(0, len(start), rows):
-        block = slice(first, first + rows)
-        last = int(np.searchsorted(low[:, 0], high[block, 0].max(), side="right"))
-        later = slice(first, last)  # segments are sorted from left to right
-        near = (low[later][None] <= high[block][:, None]) & (high[later][None] >= low[block][:, None])
-        i, j = np.nonzero(near.all(axis=2))
-        if np.any(_pass(start, end, first + i, first + j) & _pass(start, end, first + j, first + i)):
-            return True
-    return False
-
-
-def _pass(start: FloatArray, end: FloatArray, i: IntArray, j: IntArray) -> BoolArray:
-    along, ahead, behind = end[i] - start[i], start[j] - start[i], end[j] - start[i]
-    sides = (along[:, 0] * to[:, 1] - along[:, 1] * to[:, 0] for to in (ahead, behind))
-    apart: BoolArray = np.multiply(*sides) < 0
-    return apart
 
 
 def is_on(line: FloatArray, point: FloatArray, *, loose_ends: bool) -> bool:

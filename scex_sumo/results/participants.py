@@ -10,7 +10,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache
-from scex_sumo.converters.tracks.road_users import PEOPLE, obstacle_size, person_kind, road_user
+from scex_sumo.converters.tracks.road_users import OBSTACLE_SIZES, PEOPLE, person_kind, road_user
 from scex_sumo.scene import HISTORY_STEPS, Obstacles, SeedScene, States
 
 MAX_PEOPLE: Final = 100
@@ -129,7 +129,7 @@ def joined(
 
 def _sizes(people: Obstacles, kinds: tuple[str, ...]) -> tuple[FloatArray, FloatArray, str]:
     """Return (P,) lengths and widths, and the names of those whose size is no person's."""
-    usual = np.array([obstacle_size(kind) for kind in kinds])
+    usual = np.array([OBSTACLE_SIZES[kind] for kind in kinds])
     sizes = np.column_stack([people.length, people.width])
     bad = ~(np.isfinite(sizes) & (sizes > 0) & (sizes <= MAX_SIZE_M)).all(axis=1)
     unknown = bad | (np.array(people.types) != np.array(kinds))

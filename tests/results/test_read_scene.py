@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scex_sumo.converters.datasets.recordings import recorded_scene
-from scex_sumo.converters.datasets.scene import CleanRecording, take_scene
+from scex_sumo.converters.datasets.scene import take_scene
 from scex_sumo.converters.datasets.writer import write_tracks
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
 from scex_sumo.formats.samples.build import track_table
@@ -53,9 +53,7 @@ def scenes(draw: st.DrawFn) -> SeedScene:
     values = dict(zip(names, np.concatenate(columns, axis=1), strict=True))
     motor = np.array(track) < count
     table = track_table(Path("t.csv"), motor, np.array(track), labels, types, step_s=0.1, **values)
-    return take_scene(
-        CleanRecording(table=table, findings=(), repair=False), name="s", location="", time_s=2.0
-    )
+    return take_scene(table, name="s", location="", time_s=2.0, repair=False)
 
 
 def written_and_read(scene: SeedScene, folder: Path) -> SeedScene:

@@ -1,4 +1,4 @@
-"""Alignment of tracks to their map.
+"""Alignment of tracks to their map, by the poses of moving vehicles.
 
 Tracks and map are surveyed independently and often differ by half a metre and a degree.
 """
@@ -12,12 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.tracks.evidence import Evidence, evidence, thinned
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
 
+MOVING_MPS = 2.0  # slower samples tell nothing about lanes
+SAMPLE_M = 1.0
+MAX_SAMPLES = 2000  # more are thinned out evenly
 OWN_TRACKS, ENOUGH_TRACKS = 100, 200  # with fewer own tracks, other recordings of the site are read
 MIN_SAMPLES, MIN_TRACKS = 500, 20  # with fewer nothing is done
 MIN_OTHER_DIRECTIONS = 0.1
@@ -30,6 +32,50 @@ MIN_OFFSET_M = 0.3  # across the lanes; smaller offsets are left alone
 MIN_GAIN = 0.3  # by which the spread within lanes must shrink, for tracks that the estimate has not seen
 MAX_OFFSET_M = 3.0  # a larger offset means a wrong origin
 _ROUNDS, _STILL_M, _STILL_RAD = 6, 0.005, 1e-4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evidence:
+    """Poses of moving vehicles, one for every metre driven; ``track`` (n,) counts from 0."""
+
+    x: FloatArray
+    y: FloatArray
+    heading: FloatArray
+    track: IntArray
+
+    @property
+    def tracks(self) -> int:
+        """Number of tracks."""
+        return int(self.track.max(initial=-1)) + 1
+
+    def take(self, keep: BoolArray) -> Evidence:
+        """Return the samples where ``keep`` (n,) is True."""
+        number = np.unique(self.track[keep], return_inverse=True)[1].astype(np.int64)
+        return Evidence(x=self.x[keep], y=self.y[keep], heading=self.heading[keep], track=number)
+
+
+def evidence(rows: TrackRows) -> Evidence:
+    """Return one pose for every metre that vehicles drive."""
+    joined = np.diff(rows.segment) == 0
+    step = np.where(joined, np.hypot(np.diff(rows.x), np.diff(rows.y)), 0.0)
+    mark = np.floor(np.append(0.0, np.cumsum(step)) / SAMPLE_M)
+    keep = np.append(True, ~joined | (np.diff(mark) > 0.0))[: len(rows)] & (rows.speed > MOVING_MPS)
+    return Evidence(x=rows.x, y=rows.y, heading=rows.psi_rad, track=rows.track).take(keep)
+
+
+def thinned(samples: Evidence, most: int = MAX_SAMPLES) -> Evidence:
+    """Return at most so many samples, evenly taken."""
+    if len(samples.x) <= most:
+        return samples
+    chosen = np.zeros(len(samples.x), bool)
+    chosen[np.linspace(0, len(samples.x) - 1, most).astype(np.int64)] = True
+    return samples.take(chosen)
+
+
+def on_lanes(samples: Evidence, road: Road) -> float:
+    """Return the share of samples that match a lane; 1 without samples."""
+    few = thinned(samples, most=400)
+    return len(match(road, few.x, few.y, few.heading).best) / len(few.x) if len(few.x) else 1.0
 
 
 def align_tracks(
@@ -50,70 +96,20 @@ def align_tracks(
                 break
             parts.append(sibling)
     pooled = thinned(_pooled([part for _, part in sorted(parts, key=lambda named: named[0])]))
-    if len(pooled.x) < MIN_SAMPLES or pooled.tracks < MIN_TRACKS:
+    if len(pooled.x) < MIN_SAMPLES or pooled.tracks < MIN_TRACKS or _one_way(pooled.heading):
         return table, ()
-    estimate = _find_alignment(pooled, road)
-    if estimate is None:
+    fit = _fit(pooled, road)
+    before, after = (_matched(pooled, road, one)[4] for one in (_Alignment(centre=fit.centre), fit))
+    if not _is_certain(fit, pooled, road, before):
         return table, ()
-    alignment, before, after = estimate
     others = f", estimated from {len(parts)} recordings of the site" if len(parts) > 1 else ""
     finding = (
-        f"tracks aligned to the map: dx {alignment.dx:+.2f} m, dy {alignment.dy:+.2f} m, rotation "
-        f"{math.degrees(alignment.turn):+.2f} degrees (median distance to lane centre {before:.2f} -> "
-        f"{after:.2f} m{others})"
+        f"tracks aligned to the map: dx {fit.dx:+.2f} m, dy {fit.dy:+.2f} m, rotation "
+        f"{math.degrees(fit.turn):+.2f} degrees (median distance to lane centre "
+        f"{np.median(np.abs(before)):.2f} -> {np.median(np.abs(after)):.2f} m{others})"
     )
-    vehicles, rest = alignment.moved(table.vehicles), alignment.moved(table.others)
+    vehicles, rest = fit.moved(table.vehicles), fit.moved(table.others)
     return replace(table, vehicles=vehicles, others=rest), (finding,)
-
-
-def _pooled(parts: Sequence[Evidence]) -> Evidence:
-    begins = np.cumsum([0, *(part.tracks for part in parts)])
-    return Evidence(
-        x=np.concatenate([part.x for part in parts]),
-        y=np.concatenate([part.y for part in parts]),
-        heading=np.concatenate([part.heading for part in parts]),
-        track=np.concatenate([part.track + n for part, n in zip(parts, begins[:-1], strict=True)]),
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Alignment:
-    """Shift in m, and turn about a centre in rad, that put tracks onto lanes."""
-
-    dx: float
-    dy: float
-    turn: float
-    centre: tuple[float, float]
-
-    def points(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return moved points."""
-        c, s = math.cos(self.turn), math.sin(self.turn)
-        rx, ry = x - self.centre[0], y - self.centre[1]
-        return self.centre[0] + c * rx - s * ry + self.dx, self.centre[1] + s * rx + c * ry + self.dy
-
-    def moved(self, rows: TrackRows) -> TrackRows:
-        """Return moved tracks."""
-        x, y = self.points(rows.x, rows.y)
-        return rows.turned(self.turn).with_columns(x=x, y=y)
-
-
-def _find_alignment(samples: Evidence, road: Road) -> tuple[_Alignment, float, float] | None:
-    """Return the offset of samples to their lanes, and the median distance before and after, m; None
-    if it is small or uncertain.
-    """
-    if _one_way(samples.heading):
-        return None
-    fit = _fit(samples, road)
-    stay = replace(fit, dx=0.0, dy=0.0, turn=0.0)
-    before, after = _offsets(samples, road, stay), _offsets(samples, road, fit)
-    moved_m = float(np.median(np.abs(_across(samples, fit))))
-    if moved_m < MIN_OFFSET_M or math.hypot(fit.dx, fit.dy) > MAX_OFFSET_M:
-        return None
-    even: BoolArray = samples.track % 2 == 0
-    unseen = [_offsets(samples.take(~half), road, _fit(samples.take(half), road)) for half in (even, ~even)]
-    if _spread(np.concatenate(unseen)) > (1.0 - MIN_GAIN) * _spread(before):
-        return None
-    return fit, float(np.median(np.abs(before))), float(np.median(np.abs(after)))
 
 
 def fitted(samples: Evidence, road: Road) -> tuple[Evidence, float, float]:
@@ -124,21 +120,48 @@ def fitted(samples: Evidence, road: Road) -> tuple[Evidence, float, float]:
     return replace(few, x=x, y=y, heading=few.heading + fit.turn), fit.dx, fit.dy
 
 
-def nearest_lanes(
-    road: Road, x: FloatArray, y: FloatArray, heading: FloatArray
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return indices, heading errors, rad, and offsets, m, of the poses that match a lane, the best one."""
-    matches = match(road, x, y, heading)
-    best = np.append(True, np.diff(matches.vehicle) != 0)[: len(matches.vehicle)]
-    return matches.vehicle[best], matches.heading_error[best], matches.offset[best]
+def _pooled(parts: Sequence[Evidence]) -> Evidence:
+    begins = np.cumsum([0, *(part.tracks for part in parts)])
+    x, y, heading = (np.concatenate([getattr(p, name) for p in parts]) for name in ("x", "y", "heading"))
+    track = np.concatenate([part.track + n for part, n in zip(parts, begins[:-1], strict=True)])
+    return Evidence(x=x, y=y, heading=heading, track=track)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Alignment:
+    """Shift in m, and turn about a centre in rad, that put tracks onto lanes."""
+
+    centre: tuple[float, float]
+    dx: float = 0.0
+    dy: float = 0.0
+    turn: float = 0.0
+
+    def points(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        c, s = math.cos(self.turn), math.sin(self.turn)
+        rx, ry = x - self.centre[0], y - self.centre[1]
+        return self.centre[0] + c * rx - s * ry + self.dx, self.centre[1] + s * rx + c * ry + self.dy
+
+    def moved(self, rows: TrackRows) -> TrackRows:
+        x, y = self.points(rows.x, rows.y)
+        return rows.turned(self.turn).with_columns(x=x, y=y)
+
+
+def _is_certain(fit: _Alignment, samples: Evidence, road: Road, before: FloatArray) -> bool:
+    """Whether an offset is large, and fits tracks that it was not estimated from, too."""
+    x, y = fit.points(samples.x, samples.y)
+    across = (y - samples.y) * np.cos(samples.heading) - (x - samples.x) * np.sin(samples.heading)
+    if float(np.median(np.abs(across))) < MIN_OFFSET_M or math.hypot(fit.dx, fit.dy) > MAX_OFFSET_M:
+        return False
+    even: BoolArray = samples.track % 2 == 0
+    halves = [(samples.take(half), samples.take(~half)) for half in (even, ~even)]
+    unseen = np.concatenate([_matched(other, road, _fit(half, road))[4] for half, other in halves])
+    return _spread(unseen) <= (1.0 - MIN_GAIN) * _spread(before)
 
 
 def _fit(samples: Evidence, road: Road) -> _Alignment:
     centre = float(samples.x.mean()), float(samples.y.mean())
-    fit = _Alignment(dx=0.0, dy=0.0, turn=0.0, centre=centre)
-    habit = 0.0
-    shift, turn = SHIFT_SIGMA_M**-2.0, TURN_SIGMA_RAD**-2.0
-    prior = np.diag([shift, shift, turn, LANE_SIGMA_M**-2.0])
+    fit, habit = _Alignment(centre=centre), 0.0
+    prior = np.diag([s**-2.0 for s in (SHIFT_SIGMA_M, SHIFT_SIGMA_M, TURN_SIGMA_RAD, LANE_SIGMA_M)])
     independent = min(samples.tracks, INDEPENDENT)
     for _ in range(_ROUNDS):
         x, y, u, sample, offset = _matched(samples, road, fit)
@@ -167,27 +190,19 @@ def _fit(samples: Evidence, road: Road) -> _Alignment:
 def _matched(
     samples: Evidence, road: Road, alignment: _Alignment
 ) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, FloatArray]:
+    """Return moved points, and heading of the lane, index and offset of those that match one."""
     x, y = alignment.points(samples.x, samples.y)
     heading = wrap(samples.heading + alignment.turn)
-    sample, error, offset = nearest_lanes(road, x, y, heading)
-    return x, y, heading[sample] - error, sample, offset
-
-
-def _offsets(samples: Evidence, road: Road, alignment: _Alignment) -> FloatArray:
-    return _matched(samples, road, alignment)[4]
+    found = match(road, x, y, heading)
+    sample = found.vehicle[found.best]
+    return x, y, heading[sample] - found.heading_error[found.best], sample, found.offset[found.best]
 
 
 def _spread(offsets: FloatArray) -> float:
     return float(np.median(np.abs(offsets - np.median(offsets)))) if len(offsets) else math.inf
 
 
-def _across(samples: Evidence, alignment: _Alignment) -> FloatArray:
-    x, y = alignment.points(samples.x, samples.y)
-    return (y - samples.y) * np.cos(samples.heading) - (x - samples.x) * np.sin(samples.heading)
-
-
 def _one_way(heading: FloatArray) -> bool:
     bins = np.bincount((np.floor(heading / (np.pi / 8.0)).astype(np.int64)) % 16, minlength=16)
     main = (np.argmax(bins) + 0.5) * np.pi / 8.0
-    elsewhere = np.abs(wrap(heading - main)) > np.pi / 4.0
-    return bool(elsewhere.mean() < MIN_OTHER_DIRECTIONS)
+    return bool((np.abs(wrap(heading - main)) > np.pi / 4.0).mean() < MIN_OTHER_DIRECTIONS)

@@ -8,8 +8,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import TrackError, listed
-from scex_sumo.converters.cleaning.align import fitted
-from scex_sumo.converters.tracks.evidence import Evidence, on_lanes, thinned
+from scex_sumo.converters.cleaning.align import Evidence, fitted, on_lanes, thinned
 from scex_sumo.geometry.polylines import along, arc_lengths, wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import match

@@ -5,9 +5,9 @@ Measured before repairs, over strides of one second, which the noise of single s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import shapely
@@ -49,7 +49,6 @@ CAR_M = (4.6, 1.85)
 SHRUNK, NEAR_M = 0.8, 12.0  # of boxes that are tried: those of a queue do not touch
 GRID_S, DOUBLED_TIMES, DOUBLED_SHARE = 0.5, 3, 0.8
 
-_VELOCITIES = "velocities of"  # begins what repairs say about them
 SOME_LOST, MOST_LOST = 0.1, 0.5  # shares of the vehicles
 Verdict = Literal["", "repaired", "warning", "error"]
 
@@ -64,7 +63,7 @@ class Check:
         verdict: ``repaired``: the reader does so; ``error``: a run would mean nothing.
         problem: what is wrong, the likely cause and the remedy; empty if plausible.
         pairs: track ids of vehicles that are recorded twice; the problem is only theirs.
-        explains: beginning of the phrases about repairs whose true cause this is.
+        explains: whether this is the true cause of velocities that contradict the motion.
     """
 
     name: str
@@ -73,7 +72,16 @@ class Check:
     verdict: Verdict = ""
     problem: str = ""
     pairs: tuple[tuple[str, str], ...] = ()
-    explains: str = ""
+    explains: bool = False
+
+
+def _check(
+    name: str, value: str, usual: str, problem: str = "", verdict: Verdict = "warning", explains: bool = False
+) -> Check:
+    """Return a check with a verdict if there is a problem."""
+    found: Verdict = verdict if problem else ""
+    explains = explains and bool(problem)
+    return Check(name=name, value=value, usual=usual, verdict=found, problem=problem, explains=explains)
 
 
 def refuse_implausible(name: object, checks: Sequence[Check], remedy: str) -> None:
@@ -86,30 +94,27 @@ def lost_vehicles(before: TrackTable, after: TrackTable) -> Check:
     """Judge how many vehicles of a recording its repairs leave out."""
     vehicles, lost = before.vehicles.tracks, before.vehicles.tracks - after.vehicles.tracks
     share = lost / max(vehicles, 1)
+    problem = f"repairs leave out {lost} of {vehicles} vehicles: mend the tracks" if share > SOME_LOST else ""
     name, usual = "vehicles left out by repairs", f"up to {SOME_LOST:.0%}"
-    check = Check(name=name, value=f"{share:.0%}", usual=usual)
-    if share <= SOME_LOST:
-        return check
-    problem = f"repairs leave out {lost} of {vehicles} vehicles: mend the tracks"
-    return replace(check, verdict="error" if share > MOST_LOST else "warning", problem=problem)
+    return _check(name, f"{share:.0%}", usual, problem, "error" if share > MOST_LOST else "warning")
 
 
-def doubts(checks: Sequence[Check], present: Collection[str] = ()) -> tuple[str, ...]:
+def doubts(checks: Sequence[Check], present: Iterable[object] = ()) -> tuple[str, ...]:
     """Return a warning for each check that neither passed nor is repaired; of pairs those ``present``."""
-    warnings = []
+    warnings, names = [], set(map(str, present))
     for check in checks:
         problem = check.problem
         if check.pairs:
-            problem = twice([pair for pair in check.pairs if set(pair) <= set(present)])
+            problem = twice([pair for pair in check.pairs if set(pair) <= names])
         if problem and check.verdict != "repaired":
             warnings.append(f"warning: {problem}")
     return tuple(warnings)
 
 
 def without_explained(findings: Sequence[str], checks: Sequence[Check]) -> tuple[str, ...]:
-    """Leave out phrases about repairs whose true cause a check names."""
-    begins = tuple(check.explains for check in checks if check.explains)
-    return tuple(finding for finding in findings if not (begins and finding.startswith(begins)))
+    """Leave out phrases about repaired velocities if a check names the true cause."""
+    explained = any(check.explains for check in checks)
+    return tuple(said for said in findings if not (explained and said.startswith("velocities of")))
 
 
 def twice(pairs: Sequence[tuple[str, str]]) -> str:
@@ -123,7 +128,7 @@ def plausibility(rows: TrackRows, road: Road | None = None) -> tuple[Check, ...]
     """Check a recording of vehicles as it was read; the limits only with a ``road``."""
     if not len(rows):
         return ()
-    strides = _Strides.of(rows)
+    strides = _strides(rows)
     checks = [_speeds(strides), _headings(strides), _accelerations(strides), _noise(rows), _sizes(rows)]
     if road is not None:
         checks.insert(1, _limits(strides, road))
@@ -131,8 +136,7 @@ def plausibility(rows: TrackRows, road: Road | None = None) -> tuple[Check, ...]
     return (*checks, *(() if checks[-1].verdict == "error" else (_doubles(rows),)))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Strides:
+class _Strides(NamedTuple):
     """Strides (n,) of about one second, one after the other.
 
     Attributes:
@@ -150,93 +154,67 @@ class _Strides:
     seconds: FloatArray
     moved: FloatArray
     said: FloatArray
+    speed: FloatArray
+    course: FloatArray
 
-    @classmethod
-    def of(cls, rows: TrackRows) -> _Strides:
-        time_s = rows.timestamp_ms / 1000.0
-        step_s = np.diff(time_s)
-        within = (np.diff(rows.segment) == 0) & (step_s > 0.0)
-        usual = float(np.median(step_s[within])) if within.any() else STEP_S
-        reach = max(1, round(STRIDE_S / max(usual, 1e-3)))
-        since = np.arange(len(rows)) - rows.pieces[0][rows.piece]
-        first = np.flatnonzero(since[: max(len(rows) - reach, 0)] % reach == 0)
-        first = first[rows.segment[first] == rows.segment[first + reach]]
-        last = first + reach
-        first, last = (ends[time_s[last] > time_s[first]] for ends in (first, last))
-        velocity = np.stack((rows.vx, rows.vy), axis=1)
-        areas = (velocity[1:] + velocity[:-1]) / 2.0 * step_s[:, None]
-        driven = np.vstack((np.zeros((1, 2)), np.cumsum(areas, axis=0)))
-        places = np.stack((rows.x, rows.y), axis=1)
-        return cls(
-            rows=rows,
-            step_s=usual,
-            first=first,
-            middle=(first + last) // 2,
-            next=np.append(last[:-1] == first[1:], False)[: len(first)],
-            seconds=time_s[last] - time_s[first],
-            moved=places[last] - places[first],
-            said=driven[last] - driven[first],
-        )
 
-    @property
-    def speed(self) -> FloatArray:
-        return np.asarray(np.hypot(*self.moved.T) / self.seconds)
-
-    @property
-    def driving(self) -> BoolArray:
-        return np.asarray(self.speed > FORWARD_MPS)
-
-    @property
-    def course(self) -> FloatArray:
-        return np.arctan2(self.moved[:, 1], self.moved[:, 0])
+def _strides(rows: TrackRows) -> _Strides:
+    time_s = rows.timestamp_ms / 1000.0
+    step_s = np.diff(time_s)
+    within = (np.diff(rows.segment) == 0) & (step_s > 0.0)
+    usual = float(np.median(step_s[within])) if within.any() else STEP_S
+    reach = max(1, round(STRIDE_S / max(usual, 1e-3)))
+    since = np.arange(len(rows)) - rows.pieces[0][rows.piece]
+    first = np.flatnonzero(since[: max(len(rows) - reach, 0)] % reach == 0)
+    first = first[rows.segment[first] == rows.segment[first + reach]]
+    first = first[time_s[first + reach] > time_s[first]]
+    last = first + reach
+    velocity = np.stack((rows.vx, rows.vy), axis=1)
+    areas = (velocity[1:] + velocity[:-1]) / 2.0 * step_s[:, None]
+    driven = np.vstack((np.zeros((1, 2)), np.cumsum(areas, axis=0)))
+    places = np.stack((rows.x, rows.y), axis=1)
+    moved, seconds = places[last] - places[first], time_s[last] - time_s[first]
+    speed, course = np.hypot(*moved.T) / seconds, np.arctan2(moved[:, 1], moved[:, 0])
+    after = np.append(last[:-1] == first[1:], False)[: len(first)]
+    middle, said = (first + last) // 2, driven[last] - driven[first]
+    return _Strides(rows, usual, first, middle, after, seconds, moved, said, speed, course)
 
 
 def _speeds(strides: _Strides) -> Check:
-    check = Check(
-        name="speed of positions / of velocities", value="-", usual=f"{1 / FACTOR:.2f} to {FACTOR:.2f}"
-    )
+    name, usual = "speed of positions / of velocities", f"{1 / FACTOR:.2f} to {FACTOR:.2f}"
     track, tracks = strides.rows.track[strides.first], strides.rows.tracks
     moved, said = (np.bincount(track, np.hypot(*way.T), tracks) for way in (strides.moved, strides.said))
     judged = np.maximum(moved, said) > PATH_M
     if not judged.any():
-        return check
+        return _check(name, "-", usual)
     factor = float(np.median(moved[judged] / np.maximum(said[judged], 1e-3)))
-    check = replace(check, value=f"{factor:.2f}")
     if 1 / FACTOR <= factor <= FACTOR:
-        return check
+        return _check(name, f"{factor:.2f}", usual)
     if abs(factor * strides.step_s / STEP_S - 1.0) < STEP_FITS:
         problem = (
             f"time stamps are probably wrong: velocities and positions fit if a step lasts {STEP_S:g} s, not "
             f"{strides.step_s:g} s; multiply the stamps by {factor:.3g}"
         )
-        return replace(check, verdict="warning", problem=problem, explains=_VELOCITIES)
+        return _check(name, f"{factor:.2f}", usual, problem, explains=True)
     problem = f"velocities do not fit the positions ({factor:.2f} x), which are taken"
-    return replace(check, verdict="repaired", problem=problem)
-
-
-def _above(name: str, value: str, usual: str, above: bool, problem: str, explains: str = "") -> Check:
-    """Return a check of a value, a warning where it is ``above`` what is usual."""
-    verdict: Verdict = "warning" if above else ""
-    said = (problem, explains) if above else ("", "")
-    return Check(name=name, value=value, usual=usual, verdict=verdict, problem=said[0], explains=said[1])
+    return _check(name, f"{factor:.2f}", usual, problem, "repaired")
 
 
 def _limits(strides: _Strides, road: Road) -> Check:
-    chosen = np.flatnonzero(strides.driving)
+    chosen = np.flatnonzero(strides.speed > FORWARD_MPS)
     if len(chosen):
         chosen = chosen[np.unique(np.linspace(0, len(chosen) - 1, MATCHED).astype(int))]
     at = strides.middle[chosen]
     matches = match(road, strides.rows.x[at], strides.rows.y[at], strides.course[chosen])
-    best = np.append(True, np.diff(matches.vehicle) != 0)[: len(matches.vehicle)]
-    limit = np.array([road.lanes[int(i)].speed_limit_mps for i in matches.lane_id[best]])
+    limit = np.array([road.lanes[int(i)].speed_limit_mps for i in matches.lane_id[matches.best]])
     few = len(limit) < MIN_STRIDES
-    share = 0.0 if few else float(np.median(strides.speed[chosen][matches.vehicle[best]] / limit))
+    share = 0.0 if few else float(np.median(strides.speed[chosen][matches.vehicle[matches.best]] / limit))
     problem = (
         f"half of the driving is over {share:.1f} x the speed limit: time stamps, or the unit of positions "
         "or limits, are probably wrong"
     )
-    value = "-" if few else f"{share:.2f}"
-    return _above("speed / speed limit, median", value, f"up to {LIMITS:g}", share > LIMITS, problem)
+    name, value = "speed / speed limit, median", "-" if few else f"{share:.2f}"
+    return _check(name, value, f"up to {LIMITS:g}", problem if share > LIMITS else "")
 
 
 _TURNS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
@@ -251,21 +229,21 @@ _TURNS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
 
 
 def _headings(strides: _Strides) -> Check:
-    name, usual, driving = "driving with heading over 45° off", f"up to {SOME_TURNED:.0%}", strides.driving
+    name, usual = "driving with heading over 45° off", f"up to {SOME_TURNED:.0%}"
+    driving = strides.speed > FORWARD_MPS
     if driving.sum() < MIN_STRIDES:
-        return Check(name=name, value="-", usual=usual)
+        return _check(name, "-", usual)
     psi, course = strides.rows.psi_rad[strides.middle][driving], strides.course[driving]
     turned = float((np.abs(wrap(psi - course)) > SIDEWAYS_RAD).mean())
     if turned > MOST_TURNED:
         off = {cause: float(np.median(np.abs(wrap(right(psi) - course)))) for cause, right in _TURNS.items()}
         cause = min(off, key=lambda words: off[words])
         if off[cause] < FITS_RAD:
-            problem = f"headings {cause}"
-            return Check(name=name, value=f"{turned:.0%}", usual=usual, verdict="error", problem=problem)
+            return _check(name, f"{turned:.0%}", usual, f"headings {cause}", "error")
     problem = (
         f"headings of {turned:.0%} of the driving contradict the motion: of slow vehicles they stay wrong"
     )
-    return _above(name, f"{turned:.0%}", usual, turned > SOME_TURNED, problem)
+    return _check(name, f"{turned:.0%}", usual, problem if turned > SOME_TURNED else "")
 
 
 def _accelerations(strides: _Strides) -> Check:
@@ -279,7 +257,7 @@ def _accelerations(strides: _Strides) -> Check:
         "positions, are probably wrong"
     )
     name, value = "acceleration, 99 % within, m/s²", "-" if few else f"{most:.1f}"
-    return _above(name, value, f"up to {TYRES_MPS2:g}", most > TYRES_MPS2, problem)
+    return _check(name, value, f"up to {TYRES_MPS2:g}", problem if most > TYRES_MPS2 else "")
 
 
 def _noise(rows: TrackRows) -> Check:
@@ -289,7 +267,7 @@ def _noise(rows: TrackRows) -> Check:
         "distances than the traffic had; take the tracks of a better tracker"
     )
     name, usual = "noise of positions, m", f"up to {NOISE_M:g}"
-    return _above(name, f"{noise:.2f}", usual, noise > NOISE_M, problem, explains=_VELOCITIES)
+    return _check(name, f"{noise:.2f}", usual, problem if noise > NOISE_M else "", explains=True)
 
 
 def _sizes(rows: TrackRows) -> Check:
@@ -310,13 +288,8 @@ def _sizes(rows: TrackRows) -> Check:
                 f"{kind}s are {length:.2g} m long and {width:.2g} m wide{_why(kind, length, width)}"
             )
     low, high, thin, wide = SIZES_M[main]
-    return Check(
-        name="sizes, m, median",
-        value=value,
-        usual=f"{low:g} to {high:g} x {thin:g} to {wide:g}",
-        verdict="error" if problems else "",
-        problem=", ".join(problems),
-    )
+    usual = f"{low:g} to {high:g} x {thin:g} to {wide:g}"
+    return _check("sizes, m, median", value, usual, ", ".join(problems), "error")
 
 
 def _why(kind: str, length: float, width: float) -> str:
@@ -344,14 +317,8 @@ def _doubles(rows: TrackRows) -> Check:
         here, there = (rows.timestamp_ms[at[rows.track[at] == k]] for k in (a, b))
         if count >= max(DOUBLED_TIMES, DOUBLED_SHARE * len(np.intersect1d(here, there))):
             doubled.append((str(number_of(rows.labels[a])), str(number_of(rows.labels[b]))))
-    return Check(
-        name="vehicles within another one",
-        value=str(len(doubled)),
-        usual="0",
-        verdict="warning" if doubled else "",
-        problem=twice(doubled),
-        pairs=tuple(doubled),
-    )
+    check = _check("vehicles within another one", str(len(doubled)), "0", twice(doubled))
+    return replace(check, pairs=tuple(doubled))
 
 
 def _near_pairs(rows: TrackRows, at: IntArray) -> IntArray:
@@ -365,10 +332,5 @@ def _near_pairs(rows: TrackRows, at: IntArray) -> IntArray:
 
 
 def _boxes(rows: TrackRows, at: IntArray) -> Rectangles:
-    return Rectangles(
-        x=rows.x[at],
-        y=rows.y[at],
-        heading=rows.psi_rad[at],
-        half_length=SHRUNK * rows.length[at] / 2,
-        half_width=SHRUNK * rows.width[at] / 2,
-    )
+    sides = {"half_length": SHRUNK * rows.length[at] / 2, "half_width": SHRUNK * rows.width[at] / 2}
+    return Rectangles(x=rows.x[at], y=rows.y[at], heading=rows.psi_rad[at], **sides)

@@ -36,7 +36,7 @@ def find_recordings(roots: str | Path | Sequence[str | Path]) -> tuple[Recording
     """
     roots = [roots] if isinstance(roots, str | Path) else roots
     files, results = _below(roots)
-    warn_notes(_left_out(results))
+    warn_notes(_note_on(results))
     recordings = _recordings_of(files)
     if not recordings:
         places = ", ".join(str(root) for root in roots) or "nothing given"
@@ -46,7 +46,7 @@ def find_recordings(roots: str | Path | Sequence[str | Path]) -> tuple[Recording
 
 def left_out(roots: Sequence[str | Path]) -> list[str]:
     """Return a note on the results of this program below folders, which `find_recordings` leaves out."""
-    return _left_out(_below(roots)[1])
+    return _note_on(_below(roots)[1])
 
 
 def recordings_of_folder(path: Path) -> tuple[Recording, ...]:
@@ -111,7 +111,7 @@ def _why_none(files: Sequence[Path], results: Sequence[Path]) -> str:
     )
 
 
-def _left_out(results: Sequence[Path]) -> list[str]:
+def _note_on(results: Sequence[Path]) -> list[str]:
     return [f"results of this program are left out: {listed(results)}"] if results else []
 
 
@@ -122,7 +122,10 @@ def _below(roots: Sequence[str | Path]) -> tuple[list[Path], list[Path]]:
     for root in map(Path, roots):
         if not root.exists():
             raise TrackError(f"{root}: no such file or folder; give a dataset's folder")
-        files += _walk(root, results) if root.is_dir() else _tracks_named(root)
+        if root.is_dir():
+            files += _walk(root, results)
+        else:
+            files += tracks_of_map(root) if unpacked_name(root).endswith(".osm") else [root]
     return list({os.path.realpath(path): path for path in reversed(files)}.values()), results
 
 
@@ -134,7 +137,3 @@ def _walk(root: Path, results: list[Path]) -> Iterator[Path]:
             continue
         below[:] = sorted(name for name in below if not name.startswith("."))
         yield from filter(Path.is_file, (Path(folder, name) for name in sorted(names)))
-
-
-def _tracks_named(path: Path) -> list[Path]:
-    return tracks_of_map(path) if unpacked_name(path).endswith(".osm") else [path]

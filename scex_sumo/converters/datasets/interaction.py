@@ -17,9 +17,15 @@ from scex_sumo.converters.naming import (
     plain_or_packed,
     unpacked_name,
 )
-from scex_sumo.converters.registries import Dataset, Recording, map_format, recording_name, refuse_folder
+from scex_sumo.converters.registries import (
+    Dataset,
+    Recording,
+    map_format,
+    recording_name,
+    refuse_folder,
+    with_notes,
+)
 from scex_sumo.converters.tracks.reader import read_tracks
-from scex_sumo.converters.tracks.rows import TrackTable
 
 TRACKS = "vehicle_tracks_*.csv"
 
@@ -71,11 +77,6 @@ def tracks_of_map(map_path: Path) -> list[Path]:
     return [*files, *(file for file in map(plain_or_packed, beside) if file is not None)]
 
 
-def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
-    table = read_tracks(paths[0])
-    return table, table.notes
-
-
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
     for path in files:
         map_path = _map_of(path) if unpacked_name(path).endswith(".csv") else None
@@ -109,7 +110,9 @@ def _siblings(path: Path) -> Sequence[Path]:
     return all_plain_or_packed(path.parent, TRACKS) if own_folder else ()
 
 
-INTERACTION = Dataset(is_mine=lambda path: True, read=_read, recordings=_recordings, siblings=_siblings)
+INTERACTION = Dataset(
+    is_mine=lambda path: True, read=with_notes(read_tracks), recordings=_recordings, siblings=_siblings
+)
 
 
 MARKS = {"to_predict": "track_to_predict", "interesting": "interesting_agent"}

@@ -13,9 +13,10 @@ import numpy as np
 
 from scex_sumo.base.errors import ScexError, listed
 from scex_sumo.base.progress import Progress
-from scex_sumo.converters.cleaning.align import align_tracks
+from scex_sumo.converters.cleaning.align import Evidence, align_tracks, evidence
 from scex_sumo.converters.cleaning.off_lanes import doubt_place, explain_off_lanes
 from scex_sumo.converters.cleaning.plausibility import (
+    Check,
     doubts,
     lost_vehicles,
     plausibility,
@@ -26,13 +27,11 @@ from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.interaction import find_tracks
 from scex_sumo.converters.datasets.moment import STAMP_MS
 from scex_sumo.converters.datasets.sample import interpolated
-from scex_sumo.converters.datasets.scene import FUTURE_STEPS, CleanRecording, take_scene
+from scex_sumo.converters.datasets.scene import FUTURE_STEPS, take_scene
 from scex_sumo.converters.naming import in_memory, refuse_unreadable
 from scex_sumo.converters.registries import Dataset, Recording, Window, dataset_of, place_name
 from scex_sumo.converters.tracks.check import check_values
-from scex_sumo.converters.tracks.evidence import Evidence, evidence
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, other_rate
-from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
@@ -59,23 +58,22 @@ def recorded_scene(
     recording = recording_of(Path(map_path), tracks)
     at = time_s if time_s is not None and math.isfinite(time_s) else None
     window = window_with_history((at, at))
-    clean = read_clean(recording.track_paths, road, align=align, window=window, progress=progress)
-    track_path = recording.track_paths[0]
-    if not force:
-        refuse_implausible(track_path, clean.checks, "read_seed(..., force=True) runs it all the same")
-    scene = take_scene(
-        clean, name=recording.name, location=place_name(recording.map_path), case=case, time_s=time_s
+    table, findings, checks = read_clean(
+        recording.track_paths, road, align=align, window=window, progress=progress
     )
-    implausible = doubts(clean.checks, labels_of(scene))
+    track_path, place = recording.track_paths[0], place_name(recording.map_path)
+    if not force:
+        refuse_implausible(track_path, checks, "read_seed(..., force=True) runs it all the same")
+    scene = take_scene(table, findings, name=recording.name, location=place, case=case, time_s=time_s)
+    implausible = doubts(checks, scene.track_ids)
     if road is None:
         return replace(scene, notes=(*scene.notes, *implausible))
-    samples, off = evidence(clean.table.vehicles), off_road(road, scene)
-    simulated = dataset_of(track_path).simulated
+    samples, off = evidence(table.vehicles), off_road(road, scene)
     # Over half of the vehicles beside the lanes need ``force``; a scene with all of them there is refused.
     if len(off) == scene.vehicles or (2 * len(off) > scene.vehicles and not force):
-        raise explain_off_lanes(scene, off, samples, road, simulated=simulated)
+        raise explain_off_lanes(scene, off, samples, road, simulated=dataset_of(track_path).simulated)
     scene = with_warnings(scene, off, (*implausible, *doubts_of_place(samples, road, track_path)))
-    return clean.table.complete(replace(scene, road=road))
+    return table.complete(replace(scene, road=road))
 
 
 def recording_of(map_path: Path, tracks: str | Path | None) -> Recording:
@@ -95,11 +93,6 @@ def with_warnings(scene: SeedScene, off: list[int], doubts: Sequence[str]) -> Se
         where = "on no mapped lane of their direction"
         notes.append(f"warning: {beside} are {where} and will drive straight ({shown})")
     return replace(scene, notes=(*scene.notes, *notes, *doubts))
-
-
-def labels_of(scene: SeedScene) -> set[str]:
-    """Return the track ids of a seed scene as text."""
-    return {str(track) for track in scene.track_ids}
 
 
 def window_with_history(window: Window) -> Window:
@@ -145,10 +138,11 @@ def read_clean(
     align: bool = True,
     window: Window = (None, None),
     progress: Progress | None = None,
-) -> CleanRecording:
+) -> tuple[TrackTable, tuple[str, ...], tuple[Check, ...]]:
     """Read a recording, check and repair it, resample it to 10 Hz and align it to its map.
 
-    Without a ``road`` nothing is aligned. Of a simulation only the ``window``, s, is needed.
+    Without a ``road`` nothing is aligned. Of a simulation only the ``window``, s, is needed. Returns the
+    tracks (cases are only aligned), what was repaired, and the plausibility before.
     """
     table, findings = read_recorded(paths, None if road is None else road.net, window, progress)
     dataset = dataset_of(paths[0])
@@ -163,7 +157,7 @@ def read_clean(
     elif road is not None and align:
         table, moved = align_tracks(table, road, siblings=_siblings(paths))
         findings = (*findings, *moved)
-    return CleanRecording(table=table, findings=findings, repair=True, checks=checks)
+    return table, findings, checks
 
 
 def repaired(
@@ -204,21 +198,6 @@ def resample_tracks(rows: TrackRows) -> TrackRows:
     count = np.maximum(high - low + 1, 0)
     piece = np.repeat(np.arange(len(begin)), count)
     frame = np.arange(len(piece)) - (np.cumsum(count) - count)[piece] + low[piece]
-    at = interpolated(rows, begin[piece], end[piece], step_ms * frame)
-    used, track = np.unique(rows.track[at.nearest], return_inverse=True)
-    return TrackRows(
-        case=rows.case[at.nearest],
-        track=track.astype(np.int64),
-        segment=piece.astype(np.int64),
-        labels=tuple(rows.labels[k] for k in used),
-        types=tuple(rows.types[k] for k in used),
-        frame_id=frame,
-        timestamp_ms=step_ms * frame,
-        x=at.x,
-        y=at.y,
-        vx=at.vx,
-        vy=at.vy,
-        psi_rad=wrap(at.heading),
-        length=rows.length[at.nearest],
-        width=rows.width[at.nearest],
-    )
+    columns, nearest, _ = interpolated(rows, begin[piece], end[piece], step_ms * frame)
+    stamps = {"segment": piece.astype(np.int64), "frame_id": frame, "timestamp_ms": step_ms * frame}
+    return rows.take(nearest).with_columns(**columns, **stamps)

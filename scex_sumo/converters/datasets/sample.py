@@ -43,8 +43,9 @@ def sample_tracks(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Sam
     present = (stamps[begin] <= moment_ms + STAMP_MS) & (stamps[end] >= moment_ms - STAMP_MS)
     first, last = begin[present][:, None], end[present][:, None]
     recorded = (grid_ms >= stamps[first] - STAMP_MS) & (grid_ms <= stamps[last] + STAMP_MS)
-    at = interpolated(rows, first, last, np.broadcast_to(grid_ms, recorded.shape))
-    states = States(x=at.x, y=at.y, heading=wrap(at.heading), speed=ahead_speed(at.vx, at.vy, at.heading))
+    at, _, exact = interpolated(rows, first, last, np.broadcast_to(grid_ms, recorded.shape))
+    speed = ahead_speed(at["vx"], at["vy"], at["psi_rad"])
+    states = States(x=at["x"], y=at["y"], heading=at["psi_rad"], speed=speed)
     track = rows.track[begin[present]]
     tracks = [slice(*np.searchsorted(rows.track, (number, number + 1))) for number in track]
     return Sampled(
@@ -53,25 +54,17 @@ def sample_tracks(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Sam
         width=np.array([np.median(rows.width[part]) for part in tracks], np.float64),
         states=_extend(states, recorded, grid_ms / 1000.0),
         recorded=recorded,
-        interpolated=int((recorded & ~at.exact).sum()),
+        interpolated=int((recorded & ~exact).sum()),
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Interpolated:
-    """Tracks at given times; ``nearest`` is the row of the nearest sample, ``exact`` if it is at the time."""
+def interpolated(
+    rows: TrackRows, first: IntArray, last: IntArray, time_ms: FloatArray
+) -> tuple[dict[str, FloatArray], IntArray, BoolArray]:
+    """Return pieces of tracks, from row ``first`` to ``last``, at times: a cubic between two samples.
 
-    x: FloatArray
-    y: FloatArray
-    vx: FloatArray
-    vy: FloatArray
-    heading: FloatArray
-    nearest: IntArray
-    exact: BoolArray
-
-
-def interpolated(rows: TrackRows, first: IntArray, last: IntArray, time_ms: FloatArray) -> Interpolated:
-    """Return pieces of tracks, from row ``first`` to ``last``, at times: a cubic between two samples."""
+    Returns the columns of the motion, the row of the nearest sample, and whether it is at the time.
+    """
     stamps = rows.timestamp_ms
     right = np.clip(_search(rows, first, time_ms), first, last)
     left = np.maximum(right - 1, first)
@@ -83,15 +76,14 @@ def interpolated(rows: TrackRows, first: IntArray, last: IntArray, time_ms: Floa
     j = np.where(alone, nearest, right)
     span = np.where(i == j, 1.0, (stamps[j] - stamps[i]) / 1000.0)
     u = np.where(i == j, 0.0, (time_ms - stamps[i]) / 1000.0 / span)
-    return Interpolated(
-        x=_hermite(rows.x[i], rows.x[j], rows.vx[i] * span, rows.vx[j] * span, u),
-        y=_hermite(rows.y[i], rows.y[j], rows.vy[i] * span, rows.vy[j] * span, u),
-        vx=rows.vx[i] + u * (rows.vx[j] - rows.vx[i]),
-        vy=rows.vy[i] + u * (rows.vy[j] - rows.vy[i]),
-        heading=rows.psi_rad[i] + u * wrap(rows.psi_rad[j] - rows.psi_rad[i]),
-        nearest=nearest,
-        exact=exact,
-    )
+    columns = {
+        "x": _hermite(rows.x[i], rows.x[j], rows.vx[i] * span, rows.vx[j] * span, u),
+        "y": _hermite(rows.y[i], rows.y[j], rows.vy[i] * span, rows.vy[j] * span, u),
+        "vx": rows.vx[i] + u * (rows.vx[j] - rows.vx[i]),
+        "vy": rows.vy[i] + u * (rows.vy[j] - rows.vy[i]),
+        "psi_rad": wrap(rows.psi_rad[i] + u * wrap(rows.psi_rad[j] - rows.psi_rad[i])),
+    }
+    return columns, nearest, exact
 
 
 def _search(rows: TrackRows, first: IntArray, time_ms: FloatArray) -> IntArray:

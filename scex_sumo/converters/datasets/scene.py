@@ -4,54 +4,44 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.cleaning.plausibility import Check, doubts, lost_vehicles
+from scex_sumo.converters.cleaning.plausibility import doubts, lost_vehicles
 from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.interaction import marked_vehicles
 from scex_sumo.converters.datasets.moment import CASE_FRAME, STAMP_MS, busiest, find_moments
 from scex_sumo.converters.datasets.sample import Sampled, sample_tracks
-from scex_sumo.converters.naming import unique_names
+from scex_sumo.converters.naming import number, unique_names
 from scex_sumo.converters.tracks.check import MISSING
-from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, number_of
+from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, number_of, other_rate
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene
 
 FUTURE_STEPS = 80
 """Steps of the recorded future that a seed scene keeps."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CleanRecording:
-    """Recording from which seed scenes can be taken.
-
-    Attributes:
-        table: repaired and aligned to the map; cases are only aligned.
-        repair: whether a case is repaired when it is taken.
-        checks: plausibility before the repairs; none for simulations and without repair.
-    """
-
-    table: TrackTable
-    findings: tuple[str, ...]
-    repair: bool
-    checks: tuple[Check, ...] = ()
-
-
 def take_scene(
-    clean: CleanRecording,
+    table: TrackTable,
+    findings: tuple[str, ...] = (),
     *,
     name: str,
     location: str,
     case: str | float | None = None,
     time_s: float | None = None,
     min_history: int = 0,
+    repair: bool = True,
 ) -> SeedScene:
-    """Take the seed scene of one moment; see `recorded_scene`."""
-    table, findings = clean.table, clean.findings
+    """Take the seed scene of one moment; see `recorded_scene`.
+
+    Args:
+        table: repaired and aligned to the map; cases are only aligned.
+        findings: what was repaired.
+        repair: whether a case is repaired, too.
+    """
     if not len(table.vehicles):
         kinds = ", ".join(sorted(set(table.others.types)))
         why = f"only {kinds}" if kinds else "none left after repairs"
@@ -61,7 +51,7 @@ def take_scene(
         index = choose_case(table, case, time_s)
         case_id = table.cases[index]
         table = table.case(index)
-        if clean.repair:
+        if repair:
             raw = table
             table, more = repair_tracks(raw)
             findings, warnings = (*findings, *more), doubts([lost_vehicles(raw, table)])
@@ -95,12 +85,9 @@ def _choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> flo
             f"{where}: no moment at {time_s:g} s, the recording spans {begin / 1000:.1f} to "
             f"{end / 1000:.1f} s; choose --time in between"
         )
-    with_vehicle = rows.stamps_ms
-    wanted = 1000.0 * time_s
-    nearest = float(with_vehicle[np.argmin(np.abs(with_vehicle - wanted))])
-    if abs(nearest - wanted) > 1000.0 * STEP_S and not len(
-        sample_tracks(rows, wanted, np.array([wanted])).track
-    ):
+    wanted, at = 1000.0 * time_s, np.array([1000.0 * time_s])
+    nearest = float(rows.stamps_ms[np.argmin(np.abs(rows.stamps_ms - wanted))])
+    if abs(nearest - wanted) > 1000.0 * STEP_S and not len(sample_tracks(rows, wanted, at).track):
         raise TrackError(
             f"{where}: no vehicle at {time_s:g} s; the nearest moment with one is {nearest / 1000:.1f} s"
         )
@@ -133,6 +120,9 @@ def _build(
     valid = cars.recorded[keep, HISTORY_STEPS + 1 :]
     states = cars.states[keep]
     ids = [number_of(rows.labels[k]) for k in cars.track[keep]]
+    source = {"kind": "tracks", "tracks": str(table.path.absolute()), "time_s": moment_ms / 1000.0}
+    if case_id:
+        source |= {"case": case_id, **marked_vehicles(table.path, case_id)}
     return SeedScene(
         name=_moment_name(name, case_id, moment_ms),
         location=location,
@@ -147,7 +137,7 @@ def _build(
         future_valid=valid if valid.any() else None,
         obstacles=_obstacles(table.others, moment_ms, grid_ms, vehicles=ids),
         notes=tuple(notes),
-        source=_source(table, case_id, moment_ms),
+        source=source,
     )
 
 
@@ -181,8 +171,8 @@ def _notes(
     notes = []
     if findings:
         notes.append(f"{table.path.name} repaired: {'; '.join(findings)}")
-    if table.rate:
-        notes.append(table.rate)
+    if other_rate(step_s := table.recorded_step_s or table.step_s):
+        notes.append(f"recorded at {1 / step_s:.3g} Hz: interpolated to 10 Hz")
     elif cars.interpolated:
         notes.append(f"{cars.interpolated} missing samples interpolated")
     earliest = float(table.vehicles.stamps_ms[0])
@@ -206,11 +196,6 @@ def _moment_name(name: str, case_id: str, moment_ms: float) -> str:
     return re.sub(r"[^A-Za-z0-9._+-]+", "-", name)
 
 
-def _source(table: TrackTable, case_id: str, moment_ms: float) -> dict[str, Any]:
-    tracks = {"kind": "tracks", "tracks": str(table.path.absolute()), "time_s": moment_ms / 1000.0}
-    return tracks | ({"case": case_id, **marked_vehicles(table.path, case_id)} if case_id else {})
-
-
 def choose_case(table: TrackTable, case: str | float | None, time_s: float | None) -> int:
     """Index of the case by its id; else the first one if a time is given; else the busiest one."""
     if case is None:
@@ -225,14 +210,7 @@ def choose_case(table: TrackTable, case: str | float | None, time_s: float | Non
     if str(case) in table.cases:
         return table.cases.index(str(case))
     for index, name in enumerate(table.cases):
-        if _as_number(name) == _as_number(str(case)):
+        if number(name) == number(str(case)):
             return index
     examples = ", ".join(table.cases[:3]) + (", ..." if len(table.cases) > 3 else "")
     raise TrackError(f"{table.path}: no case {case}; it has {len(table.cases)} cases: {examples}")
-
-
-def _as_number(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text

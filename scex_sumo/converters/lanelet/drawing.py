@@ -6,8 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.lanelet.file import MapFile, Points, Relation
+from scex_sumo.converters.lanelet.file import MapFile, Points
 from scex_sumo.road import Area, Lane, Marking
 
 _NO_MARKING = {"", "virtual", "traffic_sign", "traffic_light"}
@@ -35,8 +34,10 @@ def areas(map_file: MapFile, lanes: Mapping[int, Lane], lines: Points) -> tuple[
     for relation_id, relation in map_file.of_type("multipolygon").items():
         kind = relation.tags.get("subtype", "area")
         ways = [map_file.ways[i].nodes for i in relation.refs("outer", "way") if i in map_file.ways]
+        outer = [i for i in relation.refs("outer", "way") if i in lines]
+        places = {n: p for i in outer for n, p in zip(map_file.ways[i].nodes, lines[i], strict=False)}
         for ring in _rings(ways):
-            outline = _ring_points(ring, relation, map_file, lines)
+            outline = np.array([places[node] for node in ring[:-1] if node in places]).reshape(-1, 2)
             if len(outline) >= 3:
                 drawn.append(Area(area_id=relation_id, kind=kind, outline=outline))
     for way_id, way in map_file.ways.items():
@@ -60,12 +61,3 @@ def _rings(parts: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
         if ring[0] == ring[-1] and len(ring) > 3:
             rings.append(ring)
     return rings
-
-
-def _ring_points(ring: tuple[int, ...], relation: Relation, map_file: MapFile, lines: Points) -> FloatArray:
-    where: dict[int, FloatArray] = {}
-    for way_id in relation.refs("outer", "way"):
-        if way_id in lines and len(lines[way_id]) == len(map_file.ways[way_id].nodes):
-            where.update(zip(map_file.ways[way_id].nodes, lines[way_id], strict=True))
-    points = [where[node] for node in ring[:-1] if node in where]
-    return np.array(points, dtype=np.float64).reshape(-1, 2)

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
-from typing import TypeAlias, TypeVar
+from typing import Any, TypeAlias
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr as quoted
 
@@ -29,7 +29,6 @@ MAX_ID = 2**63 - 1  # Lanelet2's ids have 64 bits
 MAX_HEIGHT_M = 10_000.0  # no road lies higher
 _EARTH = {"lat": 90.0, "lon": 180.0}  # limits
 _LOCAL = {"local_y": 9e6, "local_x": 1e6}  # within a square of 100 km, or UTM's
-_Element = TypeVar("_Element")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -137,22 +136,28 @@ def read_map_file(path: str | Path) -> MapFile:
     root = xml_root(path, remedy="name a Lanelet2 .osm file")
     if root.tag != "osm":
         raise MapError(f"{path}: no Lanelet2 map: its root is <{root.tag}>, not <osm>; name an .osm file")
-    local = _is_local(root)
+    all_nodes = root.findall("node")
+    local = 2 * sum({"local_x", "local_y"} <= _tags(node).keys() for node in all_nodes) > len(all_nodes)
     for element in root:
         if element.get("action") == "delete":
             continue
         name = f"{element.tag} {element.get('id', '')[:24] or 'without an id'}"
         try:
             if element.tag == "node":
-                new = _put(nodes, _id(element, "id"), _node(element, local))
+                new = _is_new(nodes, _id(element, "id"), _node(element, local))
                 if _height_m(element) is None:
                     findings.note("nodes with a height that is no number, height 0 used", name)
             elif element.tag == "way":
                 nodes_of_way = tuple(_id(nd, "ref") for nd in element.findall("nd"))
-                new = _put(ways, _id(element, "id"), Way(nodes=nodes_of_way, tags=_tags(element)))
+                new = _is_new(ways, _id(element, "id"), Way(nodes=nodes_of_way, tags=_tags(element)))
             elif element.tag == "relation":
-                relation = Relation(members=_members(element), tags=_tags(element))
-                new = _put(relations, _id(element, "id"), relation)
+                members = tuple(
+                    Member(kind=m.get("type", ""), ref=_id(m, "ref"), role=m.get("role", ""))
+                    for m in element.findall("member")
+                    if m.get("type") in ("node", "way", "relation")
+                )
+                relation = Relation(members=members, tags=_tags(element))
+                new = _is_new(relations, _id(element, "id"), relation)
             else:
                 continue
             if not new:
@@ -186,7 +191,7 @@ def read_map_file(path: str | Path) -> MapFile:
     )
 
 
-def _put(elements: dict[int, _Element], element_id: int, element: _Element) -> bool:
+def _is_new(elements: dict[int, Any], element_id: int, element: object) -> bool:
     return elements.setdefault(element_id, element) is element
 
 
@@ -209,11 +214,6 @@ def _tags(element: ElementTree.Element) -> Tags:
     return {tag.get("k", ""): tag.get("v", "") for tag in element.findall("tag")}
 
 
-def _is_local(root: ElementTree.Element) -> bool:
-    nodes = root.findall("node")
-    return 2 * sum({"local_x", "local_y"} <= _tags(node).keys() for node in nodes) > len(nodes)
-
-
 def _node(element: ElementTree.Element, local: bool) -> MapPoint:
     tags = _tags(element)
     limits = _LOCAL if local else _EARTH
@@ -229,14 +229,6 @@ def _height_m(node: ElementTree.Element) -> float | None:
         return height if abs(height := float(word)) < MAX_HEIGHT_M else None  # nan fails too
     except ValueError:
         return None
-
-
-def _members(element: ElementTree.Element) -> tuple[Member, ...]:
-    return tuple(
-        Member(kind=m.get("type", ""), ref=_id(m, "ref"), role=m.get("role", ""))
-        for m in element.findall("member")
-        if m.get("type") in ("node", "way", "relation")
-    )
 
 
 def write_map_file(map_file: MapFile, path: Path) -> None:

@@ -17,7 +17,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.file import MapFile, free_ids
 from scex_sumo.converters.lanelet.tags import default_speed_mps, lane_kind, lane_speed_mps
-from scex_sumo.geometry.polylines import heading, is_on, length_of, mean_width_m, turn, without_repeats
+from scex_sumo.geometry.polylines import heading, length_of, mean_width_m, turn, without_repeats
 from scex_sumo.road import Lane
 
 # lanelet2 is untyped: its maps, lanelets, rules and graphs are Any.
@@ -132,7 +132,13 @@ def _relations(
         other
         for other in graph.conflicting(lanelet)
         # A two-way lanelet's own other direction is no crossing; see Lane.reverse_of.
-        if other.id != vertex.lanelet_id and not (stacked and not _on_one_level(lanelet, other))
+        # Lanelet2 measures heights along the first: ask both ways.
+        if other.id != vertex.lanelet_id
+        and (
+            not stacked
+            or geometry.overlaps3d(lanelet, other, MIN_HEADROOM_M)
+            or geometry.overlaps3d(other, lanelet, MIN_HEADROOM_M)
+        )
     ]
     return {
         "successors": lane_ids(graph.following(lanelet)),
@@ -145,29 +151,19 @@ def _relations(
     }
 
 
-def _on_one_level(lanelet: _Lanelet, other: _Lanelet) -> bool:
-    # Lanelet2 measures heights along the first: ask both ways.
-    return any(geometry.overlaps3d(a, b, MIN_HEADROOM_M) for a, b in ((lanelet, other), (other, lanelet)))
-
-
-def join_lanes(lanes: Mapping[int, Lane]) -> tuple[dict[int, Lane], list[int], list[int]]:
+def join_lanes(lanes: Mapping[int, Lane]) -> tuple[dict[int, Lane], set[int]]:
     """Link aligned vehicle lanes whose ends nearly meet, and move the loose end.
 
-    At least one end must be loose, and neither may have a choice. Returns all lanes, ids of the linked ones,
-    and of those that still begin within other traffic.
+    At least one end must be loose, and neither may have a choice. Returns all lanes, and ids of the linked.
     """
     result = dict(lanes)
     driven = {i: lane for i, lane in lanes.items() if lane.kind == "vehicle"}
     loose_starts = {i for i, lane in driven.items() if not lane.predecessors}
     loose_ends = {i for i, lane in driven.items() if not lane.successors}
-    if not loose_starts and not loose_ends:
-        return result, [], []
-    pairs = _missed_joints(driven, loose_starts, loose_ends)
+    pairs = _missed_joints(driven, loose_starts, loose_ends) if loose_starts or loose_ends else []
     for before, after in pairs:
         _link(result, before, after, move_start=after in loose_starts)
-    linked = {i for pair in pairs for i in pair}
-    inside = _inside(result, loose_starts - linked, (loose_starts | loose_ends) - linked)
-    return result, sorted(linked), inside
+    return result, {i for pair in pairs for i in pair}
 
 
 def _missed_joints(lanes: Mapping[int, Lane], starts: set[int], ends: set[int]) -> list[tuple[int, int]]:
@@ -209,13 +205,3 @@ def _begun_at(line: FloatArray, start: FloatArray) -> FloatArray:
     direction = line[-1] - line[0] if len(line) == 2 else line[1] - line[0]
     ahead = line[1:][(line[1:] - start) @ direction > 1e-3]
     return np.vstack([start, ahead if len(ahead) else line[-1:]])
-
-
-def _inside(lanes: Mapping[int, Lane], starts: set[int], loose: set[int]) -> list[int]:
-    inside = []
-    for i in sorted(starts):
-        others = [lanes[j] for j in lanes[i].conflicts if j in lanes]
-        tip = lanes[i].centreline[0]
-        if any(is_on(other.centreline, tip, loose_ends=other.lane_id in loose) for other in others):
-            inside.append(i)
-    return inside

@@ -15,14 +15,7 @@ from scex_sumo.base.errors import MapError, one_line
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.lanelet import left_hand
 from scex_sumo.converters.lanelet.drawing import areas, markings
-from scex_sumo.converters.lanelet.file import (
-    Findings,
-    MapFile,
-    Points,
-    list_ids,
-    read_map_file,
-    write_map_file,
-)
+from scex_sumo.converters.lanelet.file import Findings, MapFile, list_ids, read_map_file, write_map_file
 from scex_sumo.converters.lanelet.lanes import (
     MIN_ROAD_M,
     Map,
@@ -33,13 +26,13 @@ from scex_sumo.converters.lanelet.lanes import (
     related_lanes,
 )
 from scex_sumo.converters.lanelet.origin import Place, distance_m, map_origin, recorded_origin
+from scex_sumo.converters.lanelet.projection import georeference
 from scex_sumo.converters.lanelet.regulations import attach, regulations
 from scex_sumo.converters.lanelet.repair import repair
-from scex_sumo.converters.lanelet.tags import COUNTRIES, GERMANY, lane_speed_mps, map_country, says_limit
+from scex_sumo.converters.lanelet.tags import COUNTRIES, GERMANY, map_country, said_limits, speed_mps
 from scex_sumo.converters.lanelet.unknown import missing_lanelets, unknown_subtypes
 from scex_sumo.converters.naming import map_name
-from scex_sumo.geometry.polylines import bounds_cross
-from scex_sumo.road import Georeference, Lane, MapLoss, Road
+from scex_sumo.road import Lane, MapLoss, Road
 from scex_sumo.roads.side import DEAD_ENDS, dead_ends, side_of
 
 MAX_FROM_ORIGIN_M = 100_000.0
@@ -84,12 +77,13 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, own_corner: 
     region = map_country(map_file)
     country = region if region in COUNTRIES else GERMANY
     lanes = related_lanes(lanelet_map, vertices, traffic, map_file, country)
-    lanes, linked, inside = join_lanes(lanes)
-    lines = _lines(lanelet_map)
+    lanes, linked = join_lanes(lanes)
+    layers = (lanelet_map.lineStringLayer, lanelet_map.polygonLayer)
+    drawn_lines = {line.id: line for layer in layers for line in layer}
+    lines = {i: np.array([(p.x, p.y) for p in drawn_lines[i]]).reshape(-1, 2) for i in sorted(drawn_lines)}
     rules, attached, lost = attach(regulations(map_file, lanes, lines), lanes, map_file, lines)
     doubts = _doubts(lanes, map_file, country)
     doubts.note("lanelets that meet without shared points, linked", *linked)
-    doubts.note("lanelets that begin on another lane", *inside)
     doubts.note(DEAD_ENDS, *dead_ends(lanes))
     doubts.note("stop lines and lights that no lanelet names, attached to the lane at their place", *attached)
     broken: tuple[int | str, ...] = (*sorted(drawn - {v.lanelet_id for v in vertices}), *unread)
@@ -107,35 +101,24 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, own_corner: 
         origin=origin,
         notes=(*notes, *doubts.notes(), *unknown),
         losses=tuple(losses),
-        georeference=_georeference(origin),
+        georeference=None if origin == (0.0, 0.0) else georeference(origin),  # there: no real place
         left_hand=side,
     )
 
 
-def _georeference(origin: Place) -> Georeference | None:
-    if origin == (0.0, 0.0):  # no real place
-        return None
-    from scex_sumo.converters.lanelet.projection import georeference
-
-    return georeference(origin)
-
-
 def _doubts(lanes: Mapping[int, Lane], map_file: MapFile, country: str) -> Findings:
     doubts = Findings()
-    drawn = {i: lane for i, lane in lanes.items() if lane.reverse_of is None}
-    crossed = (i for i, lane in drawn.items() if bounds_cross(lane.left_bound, lane.right_bound))
-    doubts.note("bounds cross each other or themselves, the lane's shape may be off", *crossed)
-    relations = {i: map_file.relations[i] for i in drawn}
-    unclear = (
-        i for i, r in relations.items() if says_limit(r, map_file) and lane_speed_mps(r, map_file) is None
+    narrow, unclear = (
+        f"lanelets without subtype, under {MIN_ROAD_M:g} m wide, taken for car lanes",
+        f"speed limits not understood, {COUNTRIES[country].name}'s default taken",
     )
-    narrow = (
-        i
-        for i, lane in drawn.items()
-        if lane.kind == "vehicle" and not lane.subtype and lane.width_m < MIN_ROAD_M
-    )
-    doubts.note(f"lanelets without subtype, under {MIN_ROAD_M:g} m wide, taken for car lanes", *narrow)
-    doubts.note(f"speed limits not understood, {COUNTRIES[country].name}'s default taken", *unclear)
+    for i, lane in lanes.items():
+        if lane.kind == "vehicle" and not lane.subtype and lane.width_m < MIN_ROAD_M:
+            doubts.note(narrow, *(() if lane.reverse_of else (i,)))
+    for i in (i for i, lane in lanes.items() if lane.reverse_of is None):
+        said = [*said_limits(map_file.relations[i], map_file)]
+        if said and not any(map(speed_mps, said)):
+            doubts.note(unclear, i)
     return doubts
 
 
@@ -215,11 +198,3 @@ def _complaints(errors: Iterable[str]) -> list[str]:
             sentence = re.sub(r"-?\d+", "N", match[2]).strip().rstrip(".!")
             complaints.note(f"Lanelet2: {one_line(sentence)}", int(match[1]))
     return list(complaints.notes())
-
-
-def _lines(lanelet_map: Map) -> Points:
-    layers = (lanelet_map.lineStringLayer, lanelet_map.polygonLayer)
-    lines = {
-        line.id: np.array([(p.x, p.y) for p in line]).reshape(-1, 2) for layer in layers for line in layer
-    }
-    return dict(sorted(lines.items()))

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeAlias
 
+import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
@@ -103,11 +104,14 @@ def attach(
 
     Returns all rules, ids of those attached here, and ids of the lights that got no lane.
     """
-    loose, bare = _unnamed(rules, map_file, lines)
+    named = {m.ref for r in map_file.of_type("regulatory_element").values() for m in r.members}
+    unnamed = [i for i in sorted(map_file.ways) if i not in named and len(lines.get(i, ())) > 1]
+    kinds = {i: map_file.ways[i].tags.get("type") for i in unnamed}
+    bare = [i for i in unnamed if kinds[i] == "traffic_light"]
+    loose = [r for r in rules if r.kind in _STOPS and not r.lanes and not r.yielding]
     if not loose and not bare:
         return rules, [], []
-    named = _members(map_file)
-    free = {i: lines[i] for i in _ways_of_type(map_file, "stop_line", lines) if i not in named}
+    free = {i: lines[i] for i in unnamed if kinds[i] == "stop_line"}
     drivable = {i: lane for i, lane in lanes.items() if lane.kind == "vehicle"}
     attached: dict[int, Regulation] = {}
     for rule in [*loose, *_bare_lights(bare, free, lines)]:
@@ -126,8 +130,9 @@ def attach(
 
 
 def _lanes_at(stop: FloatArray, lanes: Mapping[int, Lane]) -> Iterator[int]:
-    across = shapely.LineString(_prolonged(stop))
     direction = stop[-1] - stop[0]
+    beside = BESIDE_M * direction / max(float(length_of(stop[[0, -1]])), 1e-6)
+    across = shapely.LineString(np.vstack([stop[0] - beside, stop[1:-1], stop[-1] + beside]))
     for i, lane in lanes.items():
         centre = shapely.LineString(lane.centreline)
         if centre.distance(across) > 0.05:
@@ -135,7 +140,7 @@ def _lanes_at(stop: FloatArray, lanes: Mapping[int, Lane]) -> Iterator[int]:
         length = centre.length
         s = float(centre.project(shapely.Point(shapely.shortest_line(centre, across).coords[0])))
         step = along(lane.centreline, min(s + 0.5, length)) - along(lane.centreline, max(s - 0.5, 0.0))
-        slant = abs(turn(_angle(direction), _angle(step)))
+        slant = abs(turn(math.atan2(*direction[::-1]), math.atan2(*step[::-1])))
         if min(slant, math.pi - slant) < MIN_SLANT_RAD:
             continue
         onward = [j for j in lane.successors if j in lanes]
@@ -160,32 +165,3 @@ def _bare_lights(bare: Sequence[int], free: Mapping[int, FloatArray], lines: Poi
         yield Regulation(
             element_id=min(of_stop), kind="traffic_light", stop_lines=(free[stop],), lights=tuple(of_stop)
         )
-
-
-def _prolonged(stop: FloatArray) -> FloatArray:
-    unit = (stop[-1] - stop[0]) / max(float(length_of(stop[[0, -1]])), 1e-6)
-    result: FloatArray = stop.copy()
-    result[0] -= BESIDE_M * unit
-    result[-1] += BESIDE_M * unit
-    return result
-
-
-def _angle(vector: FloatArray) -> float:
-    return math.atan2(vector[1], vector[0])
-
-
-def _unnamed(
-    rules: Sequence[Regulation], map_file: MapFile, lines: Points
-) -> tuple[list[Regulation], list[int]]:
-    members = _members(map_file)
-    bare = [i for i in _ways_of_type(map_file, "traffic_light", lines) if i not in members]
-    return [r for r in rules if r.kind in _STOPS and not r.lanes and not r.yielding], bare
-
-
-def _members(map_file: MapFile) -> set[int]:
-    return {m.ref for r in map_file.of_type("regulatory_element").values() for m in r.members}
-
-
-def _ways_of_type(map_file: MapFile, kind: str, lines: Points) -> list[int]:
-    ways = sorted(map_file.ways.items())
-    return [i for i, way in ways if way.tags.get("type") == kind and len(lines.get(i, ())) > 1]

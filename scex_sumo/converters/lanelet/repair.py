@@ -34,14 +34,9 @@ def repair(map_file: MapFile) -> MapFile:
 
 
 def _ways(map_file: MapFile, done: Findings) -> dict[int, Way]:
-    known = map_file.nodes.keys()
-    borders = {
-        m.ref
-        for r in map_file.of_type("lanelet").values()
-        for m in r.members
-        if m.role in (*SIDES, "centerline")
-    }
-    ways = {}
+    known, ways = map_file.nodes.keys(), {}
+    members = [m for r in map_file.of_type("lanelet").values() for m in r.members]
+    borders = {m.ref for m in members if m.role in (*SIDES, "centerline")}
     for i, way in map_file.ways.items():
         if not known >= set(way.nodes):
             way = replace(way, nodes=tuple(n for n in way.nodes if n in known))
@@ -116,14 +111,10 @@ def _other_members(i: int, lanelet: Relation, map_file: MapFile, done: Findings)
     if not centres:
         return rest
     way = map_file.ways.get(centres[0].ref) if centres[0].kind == "way" else None
-    bounds = {
-        map_file.ways[m.ref].nodes for m in lanelet.members if m.role in SIDES and m.ref in map_file.ways
-    }
-    drawn = (
-        way is not None and _is_line(way.nodes, map_file) and bounds.isdisjoint((way.nodes, way.nodes[::-1]))
-    )
-    if len(centres) == 1 and drawn:
-        return rest
+    if len(centres) == 1 and way is not None and _is_line(way.nodes, map_file):
+        sides = [map_file.ways[m.ref] for m in lanelet.members if m.role in SIDES and m.ref in map_file.ways]
+        if all(side.nodes not in (way.nodes, way.nodes[::-1]) for side in sides):
+            return rest
     done.note("lanelets with a broken centreline, computed from their bounds", i)
     return [m for m in rest if m.role != "centerline"]
 
@@ -154,11 +145,8 @@ def chain(parts: list[tuple[int, ...]]) -> tuple[int, ...] | None:
 
 
 def _members(map_file: MapFile, done: Findings) -> dict[int, Relation]:
-    known = {
-        "node": map_file.nodes.keys(),
-        "way": map_file.ways.keys(),
-        "relation": map_file.relations.keys(),
-    }
+    known: dict[str, Mapping[int, object]]
+    known = {"node": map_file.nodes, "way": map_file.ways, "relation": map_file.relations}
     relations = {}
     for i, relation in map_file.relations.items():
         members = tuple(m for m in relation.members if m.ref in known[m.kind])
@@ -167,12 +155,8 @@ def _members(map_file: MapFile, done: Findings) -> dict[int, Relation]:
             if kind == "multipolygon":
                 done.note("areas left out, part of their outline is missing", i)
                 continue
-            done.note(
-                f"{_NAMES.get(kind or '', 'relations')} that refer to missing elements, used without", i
-            )
+            names = {"lanelet": "lanelets", "regulatory_element": "regulatory elements"}.get(kind or "")
+            done.note(f"{names or 'relations'} that refer to missing elements, used without", i)
             relation = replace(relation, members=members)
         relations[i] = relation
     return relations
-
-
-_NAMES = {"lanelet": "lanelets", "regulatory_element": "regulatory elements"}

@@ -104,16 +104,11 @@ def lane_speed_mps(lanelet: Relation, map_file: MapFile) -> float | None:
 
     ``speed_limit`` elements come before the lanelet's own tags, as in Lanelet2.
     """
-    speeds = (speed_mps(text) for text in _limits(lanelet, map_file))
-    return next((speed for speed in speeds if speed is not None), None)
+    return next(filter(None, map(speed_mps, said_limits(lanelet, map_file))), None)
 
 
-def says_limit(lanelet: Relation, map_file: MapFile) -> bool:
-    """Return whether the map gives a speed limit for a lanelet, understood or not."""
-    return any(True for _ in _limits(lanelet, map_file))
-
-
-def _limits(lanelet: Relation, map_file: MapFile) -> Iterator[str]:
+def said_limits(lanelet: Relation, map_file: MapFile) -> Iterator[str]:
+    """Yield the texts of a lanelet's speed limits, understood or not."""
     for ref in lanelet.refs("regulatory_element", "relation"):
         element = map_file.relations.get(ref)
         if element is None or element.tags.get("subtype") != "speed_limit":

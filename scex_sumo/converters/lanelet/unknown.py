@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -47,17 +47,16 @@ def unknown_subtypes(
         if v.lanelet_id in unknown and MIN_ROAD_M <= mean_width_m(v.left, v.right) <= MAX_ROAD_M
     }
     roads = wide & _linked([v for v in vertices if v.lanelet_id in driven | wide]) if wide else wide
-    return _by_word(unknown, roads), _by_word(unknown, set(unknown) - roads), _as_roads(kept, roads)
-
-
-def _as_roads(map_file: MapFile, lanelets: Iterable[int]) -> MapFile:
-    relations = dict(map_file.relations)
-    for i in lanelets:
+    relations = dict(kept.relations)
+    for i in roads:
         tags = {**relations[i].tags, "subtype": "road"}
         if tags.get("location", "") not in _LOCATIONS:
             tags["location"] = "urban"
         relations[i] = replace(relations[i], tags=tags)
-    return replace(map_file, relations=relations)
+    by_word: tuple[dict[str, set[int]], dict[str, set[int]]] = ({}, {})
+    for i in sorted(unknown):
+        by_word[i not in roads].setdefault(unknown[i], set()).add(i)
+    return *by_word, replace(kept, relations=relations)
 
 
 def _unknown_tag(lanelet: Relation) -> str:
@@ -85,13 +84,6 @@ def _linked(vertices: list[Vertex]) -> set[int]:
     return linked
 
 
-def _by_word(unknown: Mapping[int, str], ids: Iterable[int]) -> dict[str, set[int]]:
-    words: dict[str, set[int]] = {}
-    for i in sorted(ids):
-        words.setdefault(unknown[i], set()).add(i)
-    return words
-
-
 def missing_lanelets(vertices: Sequence[Vertex], rules: Rules, map_file: MapFile) -> dict[int, Relation]:
     """Return the lanelets to add, by new id.
 
@@ -99,8 +91,8 @@ def missing_lanelets(vertices: Sequence[Vertex], rules: Rules, map_file: MapFile
     leads into it, and the facing bounds have no lanelet between them and the distance of those of a lane.
     """
     drives = [v for v in vertices if rules.canPass(v.lanelet) and v.lane_id == v.lanelet_id]
-    ends = {(_place(v.left, -1), _place(v.right, -1)) for v in drives}
-    on_left, on_right = ({_place(getattr(v, side), -1): v for v in drives} for side in ("right", "left"))
+    ends = {(tuple(v.left[-1]), tuple(v.right[-1])) for v in drives}
+    on_left, on_right = ({tuple(getattr(v, side)[-1]): v for v in drives} for side in ("right", "left"))
     refs = {
         side: {r for i in map_file.of_type("lanelet").values() for r in i.refs(side, "way")}
         for side in ("left", "right")
@@ -108,7 +100,7 @@ def missing_lanelets(vertices: Sequence[Vertex], rules: Rules, map_file: MapFile
     added: dict[int, Relation] = {}
     ids = free_ids((*map_file.relations, *map_file.ways, *map_file.nodes))
     for lane in drives:
-        begin = _place(lane.left, 0), _place(lane.right, 0)
+        begin = tuple(lane.left[0]), tuple(lane.right[0])
         one, other = on_left.get(begin[0]), on_right.get(begin[1])
         if begin in ends or one is None or other is None or one is other:
             continue
@@ -117,15 +109,10 @@ def missing_lanelets(vertices: Sequence[Vertex], rules: Rules, map_file: MapFile
         right = map_file.relations[other.lanelet_id].refs("left", "way")[0]
         if left in refs["left"] or right in refs["right"] or not _is_wide(one.right, other.left):
             continue
-        bounds = tuple(
-            Member(kind="way", ref=ref, role=side) for ref, side in ((left, "left"), (right, "right"))
-        )
+        sides = ((left, "left"), (right, "right"))
+        bounds = tuple(Member(kind="way", ref=ref, role=side) for ref, side in sides)
         added[next(ids)] = Relation(members=bounds, tags=before.tags)
     return added
-
-
-def _place(line: FloatArray, end: int) -> tuple[float, ...]:
-    return tuple(line[end].tolist())
 
 
 def _is_wide(left: FloatArray, right: FloatArray) -> bool:

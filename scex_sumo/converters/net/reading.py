@@ -35,13 +35,10 @@ def allowed_content(path: Path) -> tuple[bytes, tuple[str, ...]]:
     content = unpacked(path)
     root = xml_root(path, content)
     left_out = prune(root)
-    if left_out or not _plain(content):
+    plain = is_utf8(content) and not _MARKUP.search(content) and not _SCHEMA.search(content)
+    if left_out or not plain:
         content = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
     return content, left_out
-
-
-def _plain(content: bytes) -> bool:
-    return is_utf8(content) and not _MARKUP.search(content) and not _SCHEMA.search(content)
 
 
 @contextmanager
@@ -113,7 +110,8 @@ def named_parts(root: ElementTree.Element) -> dict[str, tuple[LaneletPart, ...]]
             continue
         try:
             points = points_of(lane.get("shape", ""))
-            stretches = tuple(_stretch(part) for part in text.split())
+            words = [part.split(",") for part in text.split()]
+            stretches = tuple(LaneletPart(int(lanelet), *map(float, rest)) for lanelet, *rest in words)
             allowed = CHANGED_M + GAP_M * any(s.lanelet == BEYOND for s in stretches)
             changed = abs(length_of(points) - sum(s.end - s.start for s in stretches)) > allowed
         except (ValueError, IndexError, TypeError):
@@ -122,11 +120,6 @@ def named_parts(root: ElementTree.Element) -> dict[str, tuple[LaneletPart, ...]]
             return None
         parts[lane.get("id", "")] = stretches
     return parts
-
-
-def _stretch(text: str) -> LaneletPart:
-    lanelet, *numbers = text.split(",")
-    return LaneletPart(int(lanelet), *map(float, numbers))
 
 
 def lanelet_places(named: Named, name: str) -> list[tuple[int, float]]:

@@ -26,20 +26,8 @@ from scex_sumo.converters.tracks.check import (
     first_line,
     repeated,
 )
-from scex_sumo.converters.tracks.road_users import (
-    MOTOR_TYPES,
-    OTHER_TYPES,
-    obstacle_size,
-    with_unknown_vehicles,
-)
-from scex_sumo.converters.tracks.rows import (
-    FLOAT_COLUMNS,
-    ROW_COLUMNS,
-    TrackRows,
-    TrackTable,
-    number_of,
-    segments_of,
-)
+from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, OTHER_TYPES, fill_sizes, with_unknown_vehicles
+from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackRows, TrackTable, number_of, segments_of
 
 WALKERS = ("vehicle_tracks", "pedestrian_tracks")
 """Beginnings of the names of a file of vehicles and the one of pedestrians and cyclists beside it."""
@@ -69,7 +57,9 @@ def read_tracks(
         files.append(beside)
     read = [read_columns(file, shapes=not file.name.startswith(walkers[1])) for file in files]
     columns, cases, labels, types = _merge([part for part, _ in read])
-    of_track = _majority_type(columns["track"], columns["agent_type"], len(labels))
+    counts = np.zeros((len(labels), len(types)), np.int64)
+    np.add.at(counts, (columns["track"], columns["agent_type"]), 1)
+    of_track: IntArray = np.argmax(counts, axis=1)
     unknown: tuple[str, ...] = ()
     if vehicles is not None:
         motor = np.array([label in vehicles for label in labels], bool)
@@ -149,7 +139,7 @@ def _merge(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], list[str], list
         ids, names = part["track_id"]
         pair, track = np.unique(case * len(names) + ids, return_inverse=True)
         merged.append(
-            {name: part[name] for name in ROW_COLUMNS if name not in ("case", "segment")}
+            {name: part[name] for name in ("frame_id", *FLOAT_COLUMNS)}
             | {"case": case, "track": track + len(labels), "agent_type": kind}
         )
         labels += [names[i] for i in pair % len(names)]
@@ -160,12 +150,6 @@ def _merge(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], list[str], list
 def _renumbered(column: tuple[IntArray, list[str]], known: dict[str, int]) -> IntArray:
     codes, names = column
     return np.array([known.setdefault(name, len(known)) for name in names], np.int64)[codes]
-
-
-def _majority_type(track: IntArray, kind: IntArray, tracks: int) -> IntArray:
-    kinds = int(kind.max()) + 1
-    counts = np.bincount(track * kinds + kind, minlength=tracks * kinds).reshape(tracks, kinds)
-    return np.asarray(np.argmax(counts, axis=1), np.int64)
 
 
 def _rows(
@@ -188,7 +172,9 @@ def _rows(
     number = np.asarray(np.cumsum(first) - 1, np.int64)
     flat = {name: columns[name][keep][order] for name in FLOAT_COLUMNS}
     kinds = [types[type_of_track[k]] for k in track[first]]
-    _fill_shapes(flat, number, kinds)
+    fill_sizes(flat, number, kinds)
+    course = np.arctan2(flat["vy"], flat["vx"])
+    flat["psi_rad"] = np.where(np.isfinite(flat["psi_rad"]), flat["psi_rad"], course)
     return TrackRows(
         case=case.astype(np.int64),
         track=number,
@@ -203,14 +189,6 @@ def _rows(
 def _ranks(labels: list[str]) -> list[int]:
     place = {label: i for i, label in enumerate(sorted(set(labels), key=_sort_key))}
     return [place[label] for label in labels]
-
-
-def _fill_shapes(flat: dict[str, FloatArray], track: IntArray, kinds: list[str]) -> None:
-    sizes = np.array([obstacle_size(kind) for kind in kinds]).reshape(-1, 2)[track]
-    for name, default in (("length", sizes[:, 0]), ("width", sizes[:, 1])):
-        flat[name] = np.where(flat[name] > 0.0, flat[name], default)
-    course = np.arctan2(flat["vy"], flat["vx"])
-    flat["psi_rad"] = np.where(np.isfinite(flat["psi_rad"]), flat["psi_rad"], course)
 
 
 def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], list[str]]:
@@ -251,7 +229,10 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
         encoded = text.combine_chunks().dictionary_encode()
         columns[name] = np.asarray(encoded.indices, dtype=np.int64), [str(n) for n in encoded.dictionary]
     columns, notes = _checked(path, header, columns)
-    return columns, [*notes, *_in_milliseconds(path, columns), *_of_no_size(columns)]
+    notes += _in_milliseconds(path, columns)
+    if count := int(((columns["length"] <= 0.0) | (columns["width"] <= 0.0)).sum()):
+        notes.append(f"{count} rows of a length or width that is not positive: the usual one")
+    return columns, notes
 
 
 def _header(path: Path, *, shapes: bool = True) -> tuple[list[str], int]:
@@ -325,8 +306,3 @@ def _in_milliseconds(path: Path, columns: dict[str, Any]) -> list[str]:
         f"{path}: samples of a track are {usual / 1000.0:g} s apart by timestamp_ms, {MIN_STEP_S:g} to "
         f"{MAX_STEP_S:g} s expected; give the stamps in milliseconds"
     )
-
-
-def _of_no_size(columns: dict[str, Any]) -> list[str]:
-    count = int(((columns["length"] <= 0.0) | (columns["width"] <= 0.0)).sum())
-    return [f"{count} rows of a length or width that is not positive: the usual one"] if count else []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -65,9 +66,11 @@ def road_user(kind: str) -> str:
     return next((user for word, user in _WORDS if word in kind), "car")
 
 
-def obstacle_size(kind: str) -> tuple[float, float]:
-    """Usual length and width of a road user that is not a vehicle, m."""
-    return OBSTACLE_SIZES.get(kind, OBSTACLE_SIZES["bicycle"])
+def fill_sizes(columns: dict[str, FloatArray], track: IntArray, kinds: Sequence[str]) -> None:
+    """Set lengths and widths that are not positive, or nan, to the usual ones of a track's type, in place."""
+    usual = np.array([OBSTACLE_SIZES.get(kind, OBSTACLE_SIZES["bicycle"]) for kind in kinds])
+    for k, name in enumerate(("length", "width")):
+        columns[name] = np.where(columns[name] > 0.0, columns[name], usual.reshape(-1, 2)[track, k])
 
 
 def person_kind(kind: str, speed: FloatArray) -> str:

@@ -101,11 +101,10 @@ class TrackRows:
     @cached_property
     def piece(self) -> IntArray:
         """(N,) number of each row's segment among the S."""
-        begin, end = self.pieces
-        return np.repeat(np.arange(len(begin)), end - begin + 1)
+        return np.cumsum(np.diff(self.segment, prepend=self.segment[:1]) != 0)
 
-    def take(self, keep: BoolArray | slice) -> TrackRows:
-        """Rows where ``keep`` (N,) is True, or of a slice; tracks without rows are left out."""
+    def take(self, keep: BoolArray | IntArray | slice) -> TrackRows:
+        """Rows where ``keep`` (N,) is True, of rising indices, or of a slice; empty tracks are left out."""
         used, track = np.unique(self.track[keep], return_inverse=True)
         columns = {name: getattr(self, name)[keep] for name in ROW_COLUMNS}
         return TrackRows(
@@ -160,12 +159,6 @@ class TrackTable:
     recorded_step_s: float | None = None
     notes: tuple[str, ...] = ()
     complete: Callable[[SeedScene], SeedScene] = lambda scene: scene
-
-    @property
-    def rate(self) -> str:
-        """A phrase about a recorded rate other than 10 Hz; else empty."""
-        step_s = self.recorded_step_s or self.step_s
-        return f"recorded at {1 / step_s:.3g} Hz: interpolated to 10 Hz" if other_rate(step_s) else ""
 
     @property
     def has_cases(self) -> bool:

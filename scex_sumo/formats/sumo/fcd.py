@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -86,11 +85,17 @@ def tracks_of(
         The recording, and one phrase for each guess.
     """
     _check(path, names, table)
-    findings = _fill_sizes(table, kinds)
+    known = dict(map(_word_and_size, kinds))
+    of_rows, unknown, findings = [known[kind][0] for kind in kinds], np.isnan(table[:, 5:7]), list[str]()
+    if unknown.any():
+        table[:, 5:7] = np.where(unknown, [known[kind][1] for kind in kinds], table[:, 5:7])
+        findings.append(
+            "vehicle sizes are not recorded: SUMO's default sizes are used, by the names of the types"
+        )
     labels, track = np.unique(names, return_inverse=True)
     order = np.lexsort((table[:, 0], track))
     track, table = track[order].astype(np.int64), table[order]
-    words = np.array([_word_and_size(kind)[0] for kind in kinds])[order]
+    words = np.array(of_rows)[order]
     step, same = np.diff(table, axis=0), np.diff(track) == 0
     moved_m, driven_m = np.hypot(*step[same, 1:3].T).sum(), (step[:, 0] * table[1:, 4])[same].sum()
     if moved_m < IN_DEGREES * driven_m:
@@ -129,34 +134,19 @@ def _check(path: Path, names: Sequence[str], table: FloatArray) -> None:
         raise TrackError(f"{path}: {_COLUMNS[column]} of vehicle {name} at {when} is {what}; write it again")
 
 
-def _fill_sizes(table: FloatArray, kinds: Sequence[str]) -> list[str]:
-    unknown = np.isnan(table[:, 5:7])
-    guessed = np.array([_word_and_size(kind)[1] for kind in kinds])
-    table[:, 5:7] = np.where(unknown, guessed, table[:, 5:7])
-    said = "vehicle sizes are not recorded: SUMO's default sizes are used, by the names of the types"
-    return [said] if unknown.any() else []
-
-
 def _xml(path: Path) -> tuple[list[str], list[str], FloatArray]:
-    names, kinds, rows = [], [], []
+    names, kinds, rows, time = list[str](), list[str](), list[list[float]](), 0.0
     try:
-        for time, element in _elements(path):
-            names.append(element.get("id", ""))
-            kinds.append("pedestrian" if element.tag == "person" else element.get("type", ""))
-            values = (element.get(column, "nan") for column in _COLUMNS[1:])
-            rows.append([time, *map(float, values)])
+        for event, element in xml_elements(path):
+            if element.tag == "timestep" and event == "start":
+                time = float(element.get("time", "nan"))
+            elif event == "end" and element.tag in ("vehicle", "person"):
+                names.append(element.get("id", ""))
+                kinds.append("pedestrian" if element.tag == "person" else element.get("type", ""))
+                rows.append([time, *(float(element.get(column, "nan")) for column in _COLUMNS[1:])])
     except (OSError, EOFError, zlib.error, ValueError, LookupError) as error:
         raise TrackError(f"{path}: cannot be read as SUMO's fcd-output: {error}") from None
     return names, kinds, np.array(rows, dtype=np.float64).reshape(-1, len(_COLUMNS))
-
-
-def _elements(path: Path) -> Iterator[tuple[float, Element]]:
-    time = 0.0
-    for event, element in xml_elements(path):
-        if element.tag == "timestep" and event == "start":
-            time = float(element.get("time", "nan"))
-        elif event == "end" and element.tag in ("vehicle", "person"):
-            yield time, element
 
 
 def _parquet(path: Path) -> tuple[list[str], list[str], FloatArray]:
@@ -185,9 +175,9 @@ def _parquet(path: Path) -> tuple[list[str], list[str], FloatArray]:
     )
 
 
-def _word_and_size(kind: str) -> tuple[str, tuple[float, float]]:
+def _word_and_size(kind: str) -> tuple[str, tuple[str, tuple[float, float]]]:
     word, size = next((entry for entry in _SIZES if entry[0] in kind.lower()), ("car", _CAR))
-    return _KINDS.get(word, word), size
+    return kind, (_KINDS.get(word, word), size)
 
 
 def numbers_of(labels: list[str]) -> list[int]:
@@ -281,8 +271,4 @@ def _columns(table: FloatArray) -> dict[str, Any]:
     return dict(zip(FLOAT_COLUMNS, values, strict=True))
 
 
-def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
-    return read_fcd(paths[0])
-
-
-FCD = Dataset(is_mine=is_fcd, read=_read)
+FCD = Dataset(is_mine=is_fcd, read=lambda paths, **_: read_fcd(paths[0]))

@@ -8,7 +8,7 @@ import re
 import signal
 import subprocess
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -24,7 +24,7 @@ from scex_sumo.base.progress import Progress
 from scex_sumo.base.sumo.programs import checked_path, environment, program
 from scex_sumo.converters.naming import beginning, map_name
 from scex_sumo.converters.net.reading import allowed_content
-from scex_sumo.converters.registries import Dataset, MapFormat, Recording
+from scex_sumo.converters.registries import Dataset, MapFormat, own_maps
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.converters.xml import is_utf8, unpacked, xml_elements, xml_root
 from scex_sumo.extrapolation.processes.pool import in_other_process
@@ -384,13 +384,6 @@ def _read(
     return recorded.tracks(path)
 
 
-def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
-    for path in files:
-        if is_simulation(path):
-            name = map_name(path.name.removesuffix(".xml"))
-            yield Recording(name=name, site=name, dataset="sumo", map_path=path, track_paths=(path,))
-
-
 def _read_road(path: str | Path, **_: object) -> Road:
     net = net_of(Path(path))
     if not net.is_file():
@@ -414,5 +407,10 @@ def _read_saved(paths: Sequence[Path], *, net: Path | None = None) -> tuple[Trac
 
 
 SAVED = Dataset(is_mine=is_state, read=_read_saved)
-SCENARIO = Dataset(is_mine=is_simulation, read=_read, recordings=_recordings, simulated=True)
+SCENARIO = Dataset(
+    is_mine=is_simulation,
+    read=_read,
+    recordings=own_maps("sumo", lambda path: map_name(path.name.removesuffix(".xml"))),
+    simulated=True,
+)
 SCENARIO_MAP = MapFormat(is_mine=is_simulation, read=_read_road, tracks=lambda path: path)

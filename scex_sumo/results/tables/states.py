@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from scex_sumo.base.errors import ResultError
-from scex_sumo.converters.datasets.scene import CleanRecording, take_scene
+from scex_sumo.converters.datasets.scene import take_scene
 from scex_sumo.converters.registries import place_name
 from scex_sumo.converters.tracks.reader import read_tracks
 from scex_sumo.results.tables.reading import as_table, check_fit, read_table
@@ -77,8 +77,8 @@ class StateBlocks:
 def read_scene(folder: Path, known: Mapping[str, Any]) -> SeedScene:
     """Read the seed scene from ``seed.csv``, with vehicles in the order of ``run.json``."""
     table = read_tracks(folder / "seed.csv", vehicles={str(track) for track in known["track_ids"]})
-    clean = CleanRecording(table=table, findings=(), repair=False)
-    scene = take_scene(clean, name=known["name"], location=place_name(folder / known["name"]), case="1.0")
+    name, place = known["name"], place_name(folder / known["name"])
+    scene = take_scene(table, name=name, location=place, case="1.0", repair=False)
     where = {int(track): index for index, track in enumerate(scene.track_ids)}
     if sorted(where) != sorted(known["track_ids"]):
         raise ResultError(f"{folder}: seed.csv is not that of run.json; run again")

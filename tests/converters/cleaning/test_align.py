@@ -13,9 +13,8 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.cleaning.align import align_tracks
+from scex_sumo.converters.cleaning.align import align_tracks, evidence
 from scex_sumo.converters.datasets.find import find_recordings
-from scex_sumo.converters.tracks.evidence import evidence
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 from scex_sumo.evaluation.recordings import load_recording
 from scex_sumo.geometry.polylines import wrap

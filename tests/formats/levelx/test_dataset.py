@@ -78,8 +78,8 @@ def test_ind_is_found_with_the_map_at_its_place_and_lies_on_it(tmp_path: Path) -
     assert (recording.name, recording.site, recording.dataset) == ("location4_00", "location4", "levelx")
     loaded = load_recording(recording)
     assert loaded.table.step_s == 0.1
-    assert loaded.table.rate == "recorded at 25 Hz: interpolated to 10 Hz"
     scene = seed_at(loaded, 2.0)
+    assert "recorded at 25 Hz: interpolated to 10 Hz" in scene.notes
     assert scene.road is loaded.road
     now = scene.now
     assert_allclose(now.x, [133.0 - 0.0013, 145.0 - 0.0013], atol=2e-3)
