@@ -9,6 +9,7 @@ import re
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import closing
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -88,10 +89,6 @@ def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable
         return box_table(path, names, kinds, values)
 
 
-def _files(path: Path) -> tuple[Path, ...]:
-    return (path / next(iter(_tables(path)), "rdb"),) if path.suffix == ".sqlite" else (path,)
-
-
 def _map_of(path: Path) -> Path:
     place = path.name.split("_")[0]
     file = Path(f"map_{place}", f"map_{place}.sqlite")
@@ -101,12 +98,12 @@ def _map_of(path: Path) -> Path:
 
 
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
-    for path in files:
-        for table in _tables(path) if path.suffix == ".sqlite" else [path.name]:
-            paths = (path / table if path.suffix == ".sqlite" else path,)
-            map_path = _map_of(paths[0])
-            site = _name(map_path)
-            yield Recording(name=table, site=site, dataset="opendd", map_path=map_path, track_paths=paths)
+    of_tables = ([path / t for t in _tables(path)] if path.suffix == ".sqlite" else [path] for path in files)
+    for path in chain.from_iterable(of_tables):
+        map_path = _map_of(path)
+        yield Recording(
+            name=path.name, site=_name(map_path), dataset="opendd", map_path=map_path, track_paths=(path,)
+        )
 
 
 def _tracks(path: Path) -> Path | None:
@@ -130,6 +127,6 @@ OPENDD = Dataset(
     is_mine=is_opendd,
     read=_read,
     recordings=_recordings,
-    files=_files,
+    files=lambda path: (path / next(iter(_tables(path)), "rdb") if path.suffix == ".sqlite" else path,),
     name=lambda path, files: files[0].name,
 )

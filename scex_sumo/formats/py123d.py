@@ -187,11 +187,9 @@ def _boxes(path: Path) -> tuple[list[str], dict[str, str], FloatArray]:
                 names.append(str(token))
                 is_user = label < len(words) and words[label] != "-"
                 kinds[names[-1]] = words[label] if is_user else f"type {label}"
-                x, y, _, qw, qx, qy, qz, length, width, _ = box
+                x, y, _, *turn, length, width, _ = box
                 vx, vy, _ = velocity or (np.nan, np.nan, np.nan)
-                parts.append(
-                    np.array([stamp / 1e3, x, y, vx, vy, float(yaw_of(qw, qx, qy, qz)), length, width])
-                )
+                parts.append(np.array([stamp / 1e3, x, y, vx, vy, float(yaw_of(*turn)), length, width]))
     ego = _ego(path, np.array(stamps, np.float64) / 1e3)
     names += [EGO] * len(ego)
     kinds |= {EGO: "car"} if len(ego) else {}
@@ -210,15 +208,8 @@ def _ego(path: Path, stamps_ms: FloatArray) -> FloatArray:
     yaw = np.unwrap(yaw_of(*pose[:, 3:7].T))
     c, s = np.cos(yaw), np.sin(yaw)
     (ahead, aside), (u, v) = meta["center_to_imu_se3"][:2], np.reshape(motion, (-1, 2)).T
-    columns = np.stack(
-        [
-            pose[:, 0] + c * ahead - s * aside,
-            pose[:, 1] + s * ahead + c * aside,
-            c * u - s * v,
-            s * u + c * v,
-            yaw,
-        ]
-    )
+    x, y = pose[:, 0] + c * ahead - s * aside, pose[:, 1] + s * ahead + c * aside
+    columns = np.stack([x, y, c * u - s * v, s * u + c * v, yaw])
     if len(stamps_ms):
         stamps_ms = np.unique(stamps_ms[(stamps_ms >= time.min()) & (stamps_ms <= time.max())])
         columns = np.stack([np.interp(stamps_ms, time, column) for column in columns])
@@ -256,10 +247,6 @@ def _read_signals(layout: NetLayout, road: Road, path: Path) -> tuple[Programme 
         return lane_programme(layout, road, runs, path.parent.name)
 
 
-def _files(path: Path) -> tuple[Path, ...]:
-    return (path / PY123D_LOG,) if path.is_dir() else (path,)
-
-
 def _name(path: Path) -> str:
     """Name of a log by its folder, of a map by its file."""
     return path.absolute().parent.name if path.name in (PY123D_LOG, MAP) else path.stem
@@ -276,7 +263,7 @@ PY123D = Dataset(
     is_mine=is_py123d,
     read=_read,
     recordings=own_maps("py123d", _name),
-    files=_files,
+    files=lambda path: (path / PY123D_LOG if path.is_dir() else path,),
     name=lambda path, files: _name(files[0]),
     within=within_map,
     signals=_read_signals,

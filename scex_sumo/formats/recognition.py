@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from scex_sumo.converters.naming import beginning, map_name, plain_or_packed, unpacked_name
@@ -13,7 +13,6 @@ FCD_ENDINGS = (".fcd.xml", ".fcd.xml.gz", ".parquet")
 LEVELX_TRACKS, LEVELX_META = "_tracks.csv", "_recordingMeta.csv"
 AV2_MAP, AV2_BOXES = "log_map_archive_*.json", ("annotations_with_ego.feather", "annotations.feather")
 AV2_POSES = "city_SE3_egovehicle.feather"
-OPENDD_FILES = ("trajectories_rdb*.sqlite", "*.sqlite/rdb*", "rdb*.sqlite")
 PY123D_LOG = "sync.arrow"
 _CHUNK = re.compile(r"(?P<scene>.+)_(?P<first>\d+)_T-(?P<last>\d+)")  # of a CommonRoad recording
 SIND_VEHICLES, SIND_WALKERS = "Veh_smoothed_tracks", "Ped_smoothed_tracks"
@@ -24,14 +23,25 @@ def ends_with(path: Path, *endings: str) -> bool:
     return str(path).lower().endswith(endings)
 
 
-def is_sumo_net(path: Path) -> bool:
-    """Whether a file is a SUMO net."""
-    return ends_with(path, ".net.xml", ".net.xml.gz")
+def _named(*patterns: str) -> Callable[[Path], bool]:
+    """Return whether a name, with its folder, has one of some patterns."""
+    return lambda path: any(map(path.match, patterns))
 
 
-def is_simulation(path: Path) -> bool:
-    """Whether a file is a configuration of SUMO."""
-    return ends_with(path, ".sumocfg", ".sumocfg.xml", ".sumo.cfg")
+def _ending(*endings: str) -> Callable[[Path], bool]:
+    return lambda path: ends_with(path, *endings)
+
+
+is_sumo_net = _ending(".net.xml", ".net.xml.gz")
+is_simulation = _ending(".sumocfg", ".sumocfg.xml", ".sumo.cfg")
+is_opendrive = _ending(".xodr", ".xodr.gz")
+is_osi = _named("*.mcap", "*.osi")
+is_argoverse_map = _named(AV2_MAP)
+is_argoverse = _named(*AV2_BOXES, AV2_POSES, "scenario_*.parquet")
+is_highd_map = _named(f"*{LEVELX_META}", f"*{LEVELX_META}.gz")
+is_opendd_map = _named("map_rdb*.sqlite")
+is_opendd = _named("trajectories_rdb*.sqlite", "*.sqlite/rdb*", "rdb*.sqlite")
+is_sind = _named(*(f"{name}.csv{packed}" for name in (SIND_VEHICLES, SIND_WALKERS) for packed in ("", ".gz")))
 
 
 def is_fcd(path: Path) -> bool:
@@ -124,50 +134,10 @@ def is_py123d(path: Path) -> bool:
     return path.name == PY123D_LOG or (path.is_dir() and (path / PY123D_LOG).is_file())
 
 
-def is_osi(path: Path) -> bool:
-    """Whether a file is a trace of ASAM OSI: omega-prime or a bare one."""
-    return path.suffix in (".mcap", ".osi")
-
-
 def is_spat(path: Path) -> bool:
     """Whether a file holds recorded signal phases, by its name, else by its header."""
     csv = path.suffix == ".csv"
     return csv and (path.name.startswith("signal_phases") or b"signal_group_id" in beginning(path))
-
-
-def is_argoverse_map(path: Path) -> bool:
-    """Whether a file is a map of Argoverse 2."""
-    return path.match(AV2_MAP)
-
-
-def is_argoverse(path: Path) -> bool:
-    """Whether a file is a scenario or the boxes of a log of Argoverse 2."""
-    return path.name in (*AV2_BOXES, AV2_POSES) or path.match("scenario_*.parquet")
-
-
-def is_highd_map(path: Path) -> bool:
-    """Whether a file is the ``NN_recordingMeta.csv`` of highD, which has the lanes."""
-    return unpacked_name(path).endswith(LEVELX_META)
-
-
-def is_opendd_map(path: Path) -> bool:
-    """Whether a file is a map of openDD."""
-    return path.match("map_rdb*.sqlite")
-
-
-def is_opendd(path: Path) -> bool:
-    """Whether a path is a recording of openDD."""
-    return any(map(path.match, OPENDD_FILES))
-
-
-def is_opendrive(path: Path) -> bool:
-    """Whether a file is OpenDRIVE."""
-    return ends_with(path, ".xodr", ".xodr.gz")
-
-
-def is_sind(path: Path) -> bool:
-    """Whether a file is a recording of SinD."""
-    return unpacked_name(path) in (f"{SIND_VEHICLES}.csv", f"{SIND_WALKERS}.csv")
 
 
 def is_openscenario(path: Path) -> bool:

@@ -41,15 +41,7 @@ MAX_ITEMS = 10**8  # of a scenario, those of shared lists counted each time
 _TOO_MANY = f"it holds more than {MAX_ITEMS} items, or a list holds itself"
 _RELATIONS = ("exit_lanes", "entry_lanes", "left_neighbor", "right_neighbor")
 _USERS = {"PEDESTRIAN": "pedestrian", "CYCLIST": "bicycle"}
-_LIGHTS = (
-    ("FLASHING", ""),
-    ("STOP", "r"),
-    ("RED", "r"),
-    ("CAUTION", "y"),
-    ("YELLOW", "y"),
-    ("GO", "G"),
-    ("GREEN", "G"),
-)
+_LIGHTS = {"FLASHING": "", "STOP": "r", "RED": "r", "CAUTION": "y", "YELLOW": "y", "GO": "G", "GREEN": "G"}
 
 
 def unpickle(file: BinaryIO) -> Any:
@@ -154,20 +146,11 @@ def _admitted() -> dict[tuple[str, str], Any]:
     def from_buffer(raw: Any, dtype: Dtype, shape: tuple[int, ...], order: str) -> Any:
         return np.frombuffer(raw, dtype.dtype).reshape(shape, order="F" if order == "F" else "C")
 
-    def encode(text: str, *_: Any) -> bytes:  # bytes, as protocols 0 to 2 hold them
-        return text.encode("latin1")
-
-    def no_bytes() -> bytes:
-        return b""
-
-    def counts(*_: Any) -> dict[Any, Any]:  # a defaultdict without its factory
-        return {}
-
     admitted: dict[tuple[str, str], Any] = {
-        ("collections", "defaultdict"): counts,
+        ("collections", "defaultdict"): lambda *_: {},  # without its factory
         ("builtins", "int"): None,
-        ("_codecs", "encode"): encode,
-        ("__builtin__", "bytes"): no_bytes,
+        ("_codecs", "encode"): lambda text, *_: text.encode("latin1"),  # bytes, as protocols 0 to 2 hold them
+        ("__builtin__", "bytes"): lambda: b"",
         ("__builtin__", "set"): set,
         # An argument of `array`, not to be called: from raw bytes it would make pointers to objects.
         ("numpy", "ndarray"): None,
@@ -230,11 +213,8 @@ def _drawn(path: Path, scenario: Mapping[str, Any]) -> DrawnMap:
     areas = sum("polygon" in one for one in lanes.values()) > 0.2 * len(lanes)
     # Some converters write empty lists where they know of no relations.
     used = {key for key in _RELATIONS for one in lanes.values() if key in one and np.size(one[key])}
-    lanes = {
-        name: {key: x for key, x in one.items() if key in used or key not in _RELATIONS}
-        for name, one in lanes.items()
-    }
     for name, one in lanes.items():
+        after, before, *beside = (_names(one.get(key), names) if key in used else None for key in _RELATIONS)
         kind = str(one["type"])
         inside = kind == "LANE_SURFACE_UNSTRUCTURE" or bool(one.get("interpolating"))
         drawn.lanes.append(
@@ -248,10 +228,10 @@ def _drawn(path: Path, scenario: Mapping[str, Any]) -> DrawnMap:
                 limit_mps=limits[name],
                 inside=inside or (areas and "polygon" not in one),
                 closed=tuple(side for side in ("left", "right") if _solid(one.get(f"{side}_boundaries"))),
-                successors=_names(one.get("exit_lanes"), names),
-                predecessors=_names(one.get("entry_lanes"), names),
-                left_neighbours=_names(one.get("left_neighbor"), names),
-                right_neighbours=_names(one.get("right_neighbor"), names),
+                successors=after,
+                predecessors=before,
+                left_neighbours=beside[0],
+                right_neighbours=beside[1],
             )
         )
     for one in features.values():
@@ -261,11 +241,10 @@ def _drawn(path: Path, scenario: Mapping[str, Any]) -> DrawnMap:
         elif kind == "STOP_SIGN":
             drawn.stops |= dict.fromkeys(_names(one.get("lane"), names) or (), "stop")
         elif "LINE" in kind or "EDGE" in kind or "BOUNDARY" in kind:
-            edge = "LINE" not in kind or "BOUNDARY" in kind
-            subtype = "" if edge else "dashed" if "BROKEN" in kind else "solid"
-            drawn.lines.append(
-                ("road_border" if edge else "line_thin", subtype, _line(one.get("polyline", ())))
-            )
+            line = "LINE" in kind and "BOUNDARY" not in kind
+            subtype = ("dashed" if "BROKEN" in kind else "solid") if line else ""
+            points = _line(one.get("polyline", ()))
+            drawn.lines.append(("line_thin" if line else "road_border", subtype, points))
     for name, _, place in _lit(scenario):
         if name in names:
             drawn.lit[names[name]] = place
@@ -348,16 +327,14 @@ def _boxes(path: Path, scenario: Mapping[str, Any]) -> tuple[list[str], dict[str
         if kind.isupper() or not valid.any():
             continue
         time = _times(path, scenario, count)
-        sizes = [
-            np.asarray(state[side], np.float64).reshape(count) if side in state else np.full(count, np.nan)
-            for side in ("length", "width")
-        ]
+        unknown = np.full(count, np.nan)
+        sizes = [np.asarray(state.get(side, unknown), np.float64) for side in ("length", "width")]
         columns = (
             1000.0 * time,
             *np.asarray(state["position"], np.float64)[:, :2].T,
             *np.asarray(state["velocity"], np.float64)[:, :2].T,
             np.asarray(state["heading"], np.float64).reshape(count),
-            *sizes,
+            *(size.reshape(count) for size in sizes),
         )
         parts.append(np.stack(columns, axis=1)[valid])
         names += [str(name)] * int(valid.sum())
@@ -390,7 +367,7 @@ def _read_signals(layout: NetLayout, road: Road, path: Path) -> tuple[Programme 
         runs = {}
         for name, words, _ in _lit(scenario):
             times = _times(path, scenario, len(words))
-            letters = [next((letter for part, letter in _LIGHTS if part in word), "") for word in words]
+            letters = [next((_LIGHTS[part] for part in _LIGHTS if part in word), "") for word in words]
             if name in ids:
                 runs[ids[name]] = list(zip((times - times[0]).tolist(), letters, strict=True))
         return lane_programme(layout, road, runs, path.name)

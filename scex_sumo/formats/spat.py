@@ -9,9 +9,9 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, NoReturn, TypeAlias
+from typing import Any, NamedTuple, NoReturn, TypeAlias
 
 import numpy as np
 
@@ -49,8 +49,7 @@ AHEAD_M = 90.0  # how far beyond the light the exit lane of the KML is looked fo
 Run: TypeAlias = Sequence[tuple[float, str]]  # times in s, and SUMO's letter from then on
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Movement:
+class _Movement(NamedTuple):
     source: FloatArray
     sink: FloatArray
     group: int
@@ -130,9 +129,6 @@ def _no_tracks(paths: Sequence[Path], **_: Any) -> NoReturn:
     raise TrackError(f"{paths[0]}: signal phases, no tracks; give the recording of the vehicles")
 
 
-SPAT = Dataset(is_mine=is_spat, read=_no_tracks, signals=recorded_programme)
-
-
 def _read_phases(signals: Path) -> dict[int, Run]:
     groups: dict[int, list[tuple[int, str]]] = {}
     try:
@@ -173,11 +169,8 @@ def _read_movements(kml: Path, origin: tuple[float, float]) -> list[_Movement]:
             ways += _links(source, data)
         except (IndexError, ValueError, RuntimeError) as error:  # the last one: no place on Earth
             raise MapError(f"{kml}: lane {source[:40]}: {one_line(error)}; needs degrees") from None
-    return [
-        _Movement(source=lanes[a], sink=lanes[b], group=group)
-        for a, b, group in ways
-        if a in lanes and b in lanes and len(lanes[a]) > 1 and len(lanes[b]) > 1
-    ]
+    usable = {name for name, lane in lanes.items() if len(lane) > 1}
+    return [_Movement(lanes[a], lanes[b], group) for a, b, group in ways if {a, b} <= usable]
 
 
 def _line(text: str, origin: tuple[float, float]) -> FloatArray:
@@ -220,19 +213,15 @@ class _Ways:
         return shapes
 
 
-def _belongs(ways: _Ways, c: Connection, move: _Movement) -> bool:
+def _belongs(ways: _Ways, connection: Connection, move: _Movement) -> bool:
     stop, leaving = move.source[0], turn(math.pi, heading(move.source, end=False, reach=10.0))
-    before = ways.shapes[c.from_edge, c.from_lane]
-    end = before[-1]
-    along, across = _offset(stop - end, heading(before, end=True))
-    if abs(along) > NEAR_M or abs(across) > BESIDE_M or abs(turn(leaving, c.entry)) > ALIGNED:
-        return False
-    return any(_leads_along(shape, move.sink) for shape in ways.ahead(c, AHEAD_M))
-
-
-def _offset(vector: FloatArray, angle: float) -> tuple[float, float]:
+    before = ways.shapes[connection.from_edge, connection.from_lane]
+    (x, y), angle = stop - before[-1], heading(before, end=True)
     c, s = math.cos(angle), math.sin(angle)
-    return float(c * vector[0] + s * vector[1]), float(c * vector[1] - s * vector[0])
+    beside = abs(c * x + s * y) > NEAR_M or abs(c * y - s * x) > BESIDE_M
+    if beside or abs(turn(leaving, connection.entry)) > ALIGNED:
+        return False
+    return any(_leads_along(shape, move.sink) for shape in ways.ahead(connection, AHEAD_M))
 
 
 def _leads_along(shape: FloatArray, sink: FloatArray) -> bool:
@@ -251,10 +240,7 @@ def _phases(
         return phase_state(links, {name: _letter(runs[group], start) for name, group in groups.items()})
 
     changes = sorted({0.0} | {t for group in used for t, _ in runs[group] if t < end})
-    phases = [
-        (round(stop - start, 3), state(start))
-        for start, stop in zip(changes, [*changes[1:], end], strict=True)
-    ]
+    phases = [(round(stop - start, 3), state(start)) for start, stop in pairwise([*changes, end])]
     # The recording ends with some lights green that are red where it begins again: those turn yellow first.
     closing = "".join(
         "y" if last in "Gg" and first in "rsu" else "r" if last in "Gg" and first == "y" else last
@@ -263,5 +249,8 @@ def _phases(
     return (*phases, (CLOSING_S, closing)) if "y" in closing else tuple(phases)
 
 
-def _letter(run: Sequence[tuple[float, str]], time: float) -> str:
+def _letter(run: Run, time: float) -> str:
     return next(letter for start, letter in reversed(run) if start <= time or start == run[0][0])
+
+
+SPAT = Dataset(is_mine=is_spat, read=_no_tracks, signals=recorded_programme)

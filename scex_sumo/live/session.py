@@ -16,7 +16,7 @@ from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.sumo.programs import program
 from scex_sumo.commands.console import PrintableStream
 from scex_sumo.formats.sumo.own_sumo import user_sumo
-from scex_sumo.formats.sumo.scenario import QUIET, PrivateRun, net_of, options_of
+from scex_sumo.formats.sumo.scenario import QUIET, net_of, options_of, private_options
 from scex_sumo.live.painter import TEXT_PX, Painter
 from scex_sumo.live.risk import Risk
 from scex_sumo.live.watch import Watch
@@ -57,8 +57,8 @@ class Session:
         binary = program(name) if own is None else str(own.with_name(own.name.replace("sumo", name)))
         sumo = load_sumo(gui=self.gui or own is not None)
         with TemporaryFolder() as folder, _messages() as messages:
-            private = PrivateRun(self.config, Path(folder), binary, options_of(self.config))
-            words = [*private.options, *QUIET, "--no-warnings", "true"]
+            options = private_options(self.config, Path(folder), binary, options_of(self.config))
+            words = [*options, *QUIET, "--no-warnings", "true"]
             words += self._window(Path(folder)) if self.gui else []
             with writing(self.out):
                 self.out.mkdir(parents=True, exist_ok=True)

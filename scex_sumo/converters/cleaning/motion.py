@@ -29,8 +29,7 @@ def renew_motion(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     """Smooth positions that jitter, and recompute velocities that contradict them; a phrase for each."""
     if not (np.diff(rows.segment) == 0).any():
         return rows, []
-    time_s = rows.timestamp_ms / 1000.0
-    points = np.stack((rows.x, rows.y), axis=1)
+    time_s, points = rows.timestamp_ms / 1000.0, np.stack((rows.x, rows.y), axis=1)
     judged, wrong, factor = _contradictions(rows, points, time_s)
     noise = position_noise(points, time_s, rows.segment)
     jitter = noise > NOISE_M
@@ -43,9 +42,12 @@ def renew_motion(rows: TrackRows) -> tuple[TrackRows, list[str]]:
             f"velocities of {int(wrong.sum())} of {int(judged.sum())} moving tracks contradict the motion"
             f" ({_how_wrong(factor[wrong])}): recomputed from positions"
         )
-    chosen = np.full(len(rows), True) if everything else wrong[rows.track]
     phrases += [f"positions jitter by {noise:.2f} m: smoothed"] if jitter else []
-    return _smoothed_motion(rows, noise, chosen), phrases
+    chosen = everything | wrong[rows.track]
+    smoothed = smooth(points, time_s, rows.segment, noise)
+    vx, vy = np.where(chosen, _derivative(smoothed, time_s, rows.segment).T, (rows.vx, rows.vy))
+    x, y = np.where(chosen, smoothed.T, points.T)
+    return rows.with_columns(x=x, y=y, vx=vx, vy=vy), phrases
 
 
 def _contradictions(
@@ -77,14 +79,12 @@ def _contradictions(
 
 def _how_wrong(factor: FloatArray) -> str:
     scaled = factor[factor > 0.0]
-    words = []
-    if len(scaled):
-        ratio = float(np.median(scaled))
-        words.append(f"{ratio:.2f} x too small" if ratio > 1.0 else f"{1.0 / ratio:.2f} x too large")
-    if len(scaled) < len(factor):
-        count = "" if not len(scaled) else f"{len(factor) - len(scaled)} in the "
-        words.append(f"{count}wrong direction")
-    return ", ".join(words)
+    if not len(scaled):
+        return "wrong direction"
+    ratio = float(np.median(scaled))
+    size = f"{ratio:.2f} x too small" if ratio > 1.0 else f"{1.0 / ratio:.2f} x too large"
+    turned = len(factor) - len(scaled)
+    return f"{size}, {turned} in the wrong direction" if turned else size
 
 
 def position_noise(points: FloatArray, time_s: FloatArray, segment: IntArray) -> float:
@@ -162,20 +162,15 @@ def _penalty(time_s: FloatArray, segment: IntArray) -> NDArray[Any]:
 
 def _derivative(points: FloatArray, time_s: FloatArray, segment: IntArray) -> FloatArray:
     """Return velocities (N, 2) in m/s from positions, of second order; 0 for a segment of one row."""
-    size = len(points)
-    velocity = np.zeros((size, 2))
-    if size < 2:
-        return velocity
     joined = segment[1:] == segment[:-1]
     step = np.where(joined, np.diff(time_s), 1.0)[:, None]
     slope = np.where(joined[:, None], np.diff(points, axis=0) / step, 0.0)
     before: BoolArray = np.append(False, joined)
     after: BoolArray = np.append(joined, False)
-    h0 = np.vstack((np.ones((1, 2)), np.repeat(step, 2, axis=1)))
-    h1 = np.vstack((np.repeat(step, 2, axis=1), np.ones((1, 2))))
-    s0 = np.vstack((np.zeros((1, 2)), slope))
-    s1 = np.vstack((slope, np.zeros((1, 2))))
+    h0, h1 = np.vstack(([[1.0]], step)), np.vstack((step, [[1.0]]))
+    s0, s1 = np.vstack((np.zeros((1, 2)), slope)), np.vstack((slope, np.zeros((1, 2))))
     both = (before & after)[:, None]
+    velocity: FloatArray
     velocity = np.where(both, (h1 * s0 + h0 * s1) / (h0 + h1), np.where(after[:, None], s1, s0))
     # ends: extrapolate the parabola through three samples
     first = np.flatnonzero(~before[:-1] & after[:-1] & after[1:])
@@ -183,16 +178,6 @@ def _derivative(points: FloatArray, time_s: FloatArray, segment: IntArray) -> Fl
     for row, neighbour, ends in ((first, first + 1, s1), (last, last - 1, s0)):
         velocity[row] = 2.0 * ends[row] - velocity[neighbour]
     return velocity
-
-
-def _smoothed_motion(rows: TrackRows, noise_m: float, chosen: BoolArray) -> TrackRows:
-    """Smooth the ``chosen`` (N,) positions and take their velocities."""
-    time_s, points = rows.timestamp_ms / 1000.0, np.stack((rows.x, rows.y), axis=1)
-    smoothed = smooth(points, time_s, rows.segment, noise_m)
-    velocity = _derivative(smoothed, time_s, rows.segment)
-    points = np.where(chosen[:, None], smoothed, points)
-    vx, vy = np.where(chosen, velocity.T, (rows.vx, rows.vy))
-    return rows.with_columns(x=points[:, 0], y=points[:, 1], vx=vx, vy=vy)
 
 
 def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[TrackRows, list[str]]:
@@ -215,13 +200,12 @@ def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[
     unsteady = np.bincount(stretch, standing & off) > 0
     turned = unsteady[stretch]
     heading[turned] = held[turned]
-    phrases = []
-    if turned.any():
-        tracks = len(np.unique(rows.track[turned]))
-        phrases.append(f"headings of {tracks} tracks flip or jitter while standing: held")
-    if sideways.any():
-        tracks = len(np.unique(rows.track[sideways]))
-        phrases.append(f"headings of {tracks} tracks contradict the motion: replaced by its direction")
+    repairs = {
+        "flip or jitter while standing: held": turned,
+        "contradict the motion: replaced by its direction": sideways,
+    }
+    counts = {said: len(np.unique(rows.track[changed])) for said, changed in repairs.items()}
+    phrases = [f"headings of {tracks} tracks {said}" for said, tracks in counts.items() if tracks]
     return rows.with_columns(psi_rad=wrap(heading)), phrases
 
 

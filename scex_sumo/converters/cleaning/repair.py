@@ -87,7 +87,9 @@ def _drop_duplicates(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     best = np.lexsort((off, group))[first]
     kept = np.where(lonely, best, first)
     unclear = (spread > APART_M) & ~(lonely & (off[kept] < FIT_M))
-    shared = _whole_runs(unclear, last > first, rows.track[first])
+    doubled, track = last > first, rows.track[first]
+    run = np.cumsum(np.append(0, (np.diff(track) != 0) | (doubled[1:] != doubled[:-1])))
+    shared = np.isin(run, run[unclear]) & doubled
     keep = np.zeros(len(rows), bool)
     keep[kept[~shared]] = True
     phrases = []
@@ -102,14 +104,6 @@ def _drop_duplicates(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     return _numbered_again(rows.take(keep)), phrases
 
 
-def _whole_runs(unclear: BoolArray, doubled: BoolArray, track: IntArray) -> BoolArray:
-    begins = np.append(True, (np.diff(track) != 0) | (doubled[1:] != doubled[:-1]))
-    run: IntArray = np.cumsum(begins) - 1
-    has = np.zeros(int(run[-1]) + 1, bool)
-    has[run[unclear]] = True
-    return np.asarray(has[run] & doubled)
-
-
 def _off_middle(
     rows: TrackRows, group: IntArray, first: IntArray, last: IntArray
 ) -> tuple[FloatArray, BoolArray]:
@@ -119,12 +113,9 @@ def _off_middle(
     has_before, has_after = np.append(False, joined), np.append(joined, False)
     before, after = np.maximum(first - 1, 0), np.minimum(last + 1, len(rows) - 1)
     count = has_before.astype(float) + has_after
-    middle = [
-        (np.where(has_before, values[before], 0.0) + np.where(has_after, values[after], 0.0))
-        / np.maximum(count, 1.0)
-        for values in (rows.x, rows.y)
-    ]
-    off = np.hypot(rows.x - middle[0][group], rows.y - middle[1][group])
+    around = np.array([has_before * xy[before] + has_after * xy[after] for xy in (rows.x, rows.y)])
+    x, y = (around / np.maximum(count, 1.0))[:, group]
+    off = np.hypot(rows.x - x, rows.y - y)
     single_before = ~has_before | (np.roll(size, 1) == 1)
     single_after = ~has_after | (np.roll(size, -1) == 1)
     return np.where(count[group] > 0.0, off, np.inf), single_before & single_after
@@ -135,17 +126,16 @@ def _cut_jumps(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     jump = _jumps(rows)
     if not jump.any():
         return rows, []
-    joined = np.diff(rows.segment) == 0
-    drop = np.zeros(len(rows), bool)
-    cut = np.zeros(len(rows), bool)
+    joined = np.append(np.diff(rows.segment) == 0, [False, False])  # the last one is before the first row
+    drop, cut = np.zeros((2, len(rows)), bool)
     for i in np.flatnonzero(jump):  # step from row i to row i + 1
         if drop[i]:
             continue
-        if i + 1 < len(joined) and joined[i + 1] and jump[i + 1]:
+        if joined[i + 1] and jump[i + 1]:
             drop[i + 1] = True
-        elif i == 0 or not joined[i - 1]:
+        elif not joined[i - 1]:
             drop[i] = True
-        elif i + 1 >= len(joined) or not joined[i + 1]:
+        elif not joined[i + 1]:
             drop[i + 1] = True
         else:
             cut[i + 1] = True
@@ -210,15 +200,14 @@ def _drop_warm_up(rows: TrackRows) -> tuple[TrackRows, list[str]]:
 
 
 def _drop_implausible(rows: TrackRows) -> tuple[TrackRows, list[str]]:
-    size: BoolArray = (np.maximum(rows.length / MAX_LENGTH_M, rows.width / MAX_WIDTH_M) > 1.0) | (
-        np.minimum(rows.length, rows.width) < MIN_SIZE_M
-    )
-    wrong_size = np.bincount(rows.track, size, rows.tracks) > 0
+    large = np.maximum(rows.length / MAX_LENGTH_M, rows.width / MAX_WIDTH_M) > 1.0
+    wrong = large | (np.minimum(rows.length, rows.width) < MIN_SIZE_M)
+    wrong_size = np.bincount(rows.track, wrong, rows.tracks) > 0
     too_fast = (np.bincount(rows.track, rows.speed > MAX_SPEED_MPS, rows.tracks) > 0) & ~wrong_size
     phrases = []
     sizes = f"longer than {MAX_LENGTH_M:g} m, wider than {MAX_WIDTH_M:g} m or under {MIN_SIZE_M:g} m"
-    for wrong, what in ((wrong_size, sizes), (too_fast, f"faster than {MAX_SPEED_MPS:g} m/s")):
-        if wrong.any():
-            labels = [rows.labels[k] for k in np.flatnonzero(wrong)]
+    for of_tracks, what in ((wrong_size, sizes), (too_fast, f"faster than {MAX_SPEED_MPS:g} m/s")):
+        if of_tracks.any():
+            labels = [rows.labels[k] for k in np.flatnonzero(of_tracks)]
             phrases.append(f"tracks {what} left out: {listed(labels)}")
     return (rows.take(~(wrong_size | too_fast)[rows.track]) if phrases else rows), phrases

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -14,26 +15,27 @@ from scex_sumo.roads.side import DEAD_ENDS, dead_ends
 GAP_M = 1.0  # a successor that begins farther away than this gets a note
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Links:
-    """Relations of lanes by id, as a map names them; ids that are no vehicle lane are ignored."""
-
-    after: Mapping[int, Collection[int]]
-    before: Mapping[int, Collection[int]]
-    left: Mapping[int, int | None]
-    right: Mapping[int, int | None]
+Ends: TypeAlias = Mapping[int, Collection[int]]
+Sides: TypeAlias = Mapping[int, int | None]
 
 
 def connected(
-    findings: Findings, links: Links, lanes: Mapping[int, Lane], may_change: Callable[[int, int, bool], bool]
+    findings: Findings,
+    lanes: Mapping[int, Lane],
+    ends: tuple[Ends, Ends],
+    sides: tuple[Sides, Sides],
+    may_change: Callable[[int, int, bool], bool],
 ) -> dict[int, Lane]:
     """Add successors, predecessors and neighbours to vehicle lanes, each known to both sides.
 
-    ``may_change(left, right, leftwards)``: whether a change between two lanes is allowed.
+    Args:
+        ends: ids after and before each lane, as a map names them; those of no vehicle lane are ignored.
+        sides: id on the left and on the right of each lane.
+        may_change: ``may_change(left, right, leftwards)``: whether a change between two lanes is allowed.
     """
     driven = {i for i, lane in lanes.items() if lane.kind == "vehicle"}
-    pairs = _successors(findings, links, lanes, driven)
-    left_of = _left_neighbours(findings, links, driven)
+    pairs = _successors(findings, ends, lanes, driven)
+    left_of = _left_neighbours(findings, sides, driven)
     right_of = {j: i for i, j in left_of.items()}
     after: dict[int, list[int]] = {i: [] for i in lanes}
     before: dict[int, list[int]] = {i: [] for i in lanes}
@@ -57,10 +59,10 @@ def connected(
 
 
 def _successors(
-    findings: Findings, links: Links, lanes: Mapping[int, Lane], driven: set[int]
+    findings: Findings, ends: tuple[Ends, Ends], lanes: Mapping[int, Lane], driven: set[int]
 ) -> set[tuple[int, int]]:
-    ahead = {(i, j) for i in driven for j in driven.intersection(links.after[i])}
-    behind = {(j, i) for i in driven for j in driven.intersection(links.before[i])}
+    ahead = {(i, j) for i in driven for j in driven.intersection(ends[0][i])}
+    behind = {(j, i) for i in driven for j in driven.intersection(ends[1][i])}
     for i, j in ahead ^ behind:
         findings.note("successors that only one of the two lanelets knows, kept", f"{i}-{j}")
     for i, j in ahead | behind:
@@ -69,9 +71,9 @@ def _successors(
     return ahead | behind
 
 
-def _left_neighbours(findings: Findings, links: Links, driven: set[int]) -> dict[int, int]:
-    beside_it = {(i, j) for i in driven if (j := links.left[i]) in driven and j is not None}
-    other = {(i, j) for j in driven if (i := links.right[j]) in driven and i is not None}
+def _left_neighbours(findings: Findings, sides: tuple[Sides, Sides], driven: set[int]) -> dict[int, int]:
+    beside_it = {(i, j) for i in driven if (j := sides[0][i]) in driven and j is not None}
+    other = {(i, j) for j in driven if (i := sides[1][j]) in driven and i is not None}
     for i, j in beside_it ^ other:
         findings.note("neighbours that only one of the two lanelets knows, left out", f"{i}-{j}")
     left_of = dict(sorted(beside_it & other))

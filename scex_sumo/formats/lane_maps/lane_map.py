@@ -16,7 +16,7 @@ from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet import left_hand
 from scex_sumo.converters.lanelet.file import Findings
 from scex_sumo.converters.lanelet.tags import GERMANY, default_speed_mps
-from scex_sumo.formats.lane_maps.lane_links import Links, connected
+from scex_sumo.formats.lane_maps.lane_links import Ends, Sides, connected
 from scex_sumo.formats.lane_maps.overlaps import overlapping
 from scex_sumo.geometry.polylines import (
     along,
@@ -152,7 +152,7 @@ def drawn_road(drawn: DrawnMap, *, name: str, country: str | None = None, projec
         sides = (("right", of[left]), ("left", of[right]))
         return not any(lane.inside or f"{side}{way}" in lane.closed for side, lane in sides for way in ways)
 
-    lanes = connected(drawn, _links(drawn, ids, lanes), lanes, may_change)
+    lanes = connected(drawn, lanes, *_links(drawn, ids, lanes), may_change)
     lanes = overlapping(lanes, {i: _heights(of[i], lane, frame) for i, lane in lanes.items()})
     first = max(lanes) + 1
     walks = [line for outline in drawn.crosswalks if len(line := polyline(outline, frame)) > 2]
@@ -182,9 +182,8 @@ def drawn_road(drawn: DrawnMap, *, name: str, country: str | None = None, projec
 def _lanes(drawn: DrawnMap, ids: Mapping[Hashable, int], country: str) -> dict[int, Lane]:
     lines: dict[int, tuple[DrawnLane, FloatArray, list[FloatArray]]] = {}
     for drawn_lane in drawn.lanes:
-        left, right, centre = (
-            polyline(line, drawn.frame) for line in (drawn_lane.left, drawn_lane.right, drawn_lane.centre)
-        )
+        drawn_lines = (drawn_lane.left, drawn_lane.right, drawn_lane.centre)
+        left, right, centre = (polyline(line, drawn.frame) for line in drawn_lines)
         bounds = [left, right] if len(left) > 1 and len(right) > 1 else []
         if len(centre) < 2 and bounds:
             centre = without_repeats(mean_line(bounds))
@@ -194,19 +193,14 @@ def _lanes(drawn: DrawnMap, ids: Mapping[Hashable, int], country: str) -> dict[i
             drawn.note("lanes with one name, the first kept", str(drawn_lane.name)[:24])
         else:
             lines[ids[drawn_lane.name]] = drawn_lane, centre, bounds
-    widths = [
-        drawn_lane.width_m
-        for drawn_lane, *_ in lines.values()
-        if drawn_lane.width_m and math.isfinite(drawn_lane.width_m)
-    ]
+    widths = [width for lane, *_ in lines.values() if (width := lane.width_m) and math.isfinite(width)]
     usual = float(np.clip(np.median(widths), *WIDTHS_M)) if widths else WIDTH_M
     lanes, unlimited = {}, set()
     for i, (drawn_lane, centre, bounds) in sorted(lines.items()):
         width = float(np.nan_to_num(np.clip(drawn_lane.width_m or math.nan, *WIDTHS_M), nan=usual))
         left, right = bounds or (beside(centre, side * width / 2) for side in (1, -1))
-        speed = default_speed_mps(
-            {"subtype": drawn_lane.subtype, "location": drawn_lane.location}, drawn_lane.kind, country
-        )
+        tags = {"subtype": drawn_lane.subtype, "location": drawn_lane.location}
+        speed = default_speed_mps(tags, drawn_lane.kind, country)
         if drawn_lane.limit_mps and MIN_LIMIT_MPS <= drawn_lane.limit_mps <= MAX_LIMIT_MPS:
             speed = drawn_lane.limit_mps
         elif drawn_lane.kind == "vehicle":
@@ -219,18 +213,15 @@ def _lanes(drawn: DrawnMap, ids: Mapping[Hashable, int], country: str) -> dict[i
             width_m=mean_width_m(left, right) if bounds else width,
             speed_limit_mps=speed,
             kind=drawn_lane.kind,
+            reverse_of=drawn_lane.reverse_of,
             subtype=drawn_lane.subtype,
             location=drawn_lane.location,
-            reverse_of=drawn_lane.reverse_of,
         )
     if not all(bounds for *_, bounds in lines.values()):
-        drawn.remarks.append(
-            f"lanes without bounds: half a width beside the centreline, {usual:.3g} m if unknown"
-        )
+        said = "lanes without bounds: half a width beside the centreline"
+        drawn.remarks.append(f"{said}, {usual:.3g} m if unknown")
     if unlimited:
-        said = "/".join(
-            str(kmh) for kmh in sorted({round(3.6 * lanes[i].speed_limit_mps) for i in unlimited})
-        )
+        said = "/".join(map(str, sorted({round(3.6 * lanes[i].speed_limit_mps) for i in unlimited})))
         drawn.remarks.append(f"{len(unlimited)} lanes have no speed limit: {said} km/h by their type")
     return lanes
 
@@ -244,7 +235,9 @@ def _heights(drawn: DrawnLane, lane: Lane, frame: FloatArray) -> FloatArray:
     return lane.centreline
 
 
-def _links(drawn: DrawnMap, ids: Mapping[Hashable, int], lanes: Mapping[int, Lane]) -> Links:
+def _links(
+    drawn: DrawnMap, ids: Mapping[Hashable, int], lanes: Mapping[int, Lane]
+) -> tuple[tuple[Ends, Ends], tuple[Sides, Sides]]:
     cars = {i: lane for i, lane in lanes.items() if lane.kind == "vehicle"}
     of = {ids[lane.name]: lane for lane in drawn.lanes if ids[lane.name] in lanes}
     joined, left_of = {}, {}
@@ -259,37 +252,30 @@ def _links(drawn: DrawnMap, ids: Mapping[Hashable, int], lanes: Mapping[int, Lan
     def named(names: Iterable[Hashable]) -> list[int]:
         return [ids[name] for name in names if name in ids]
 
-    def nearest(i: int, names: Iterable[Hashable]) -> int | None:
+    def beside(i: int, names: Sequence[Hashable] | None, otherwise: Mapping[int, int]) -> int | None:
         """Return the neighbour along most of a lane that leads the same way; None if there is none."""
+        if names is None:
+            return otherwise.get(i)
         return next((j for j in named(names) if j in cars and _along_most(lanes[i], lanes[j])), None)
 
-    after = {
-        i: joined.get(i, []) if one.successors is None else named(one.successors) for i, one in of.items()
-    }
     behind: dict[int, list[int]] = {}
-    for i, following in after.items():
-        for j in following:
+    after, before, left, right = {}, {}, {}, {}
+    for i, one in of.items():
+        after[i] = joined.get(i, []) if one.successors is None else named(one.successors)
+        left[i], right[i] = beside(i, one.left_neighbours, left_of), beside(i, one.right_neighbours, right_of)
+        for j in after[i]:
             behind.setdefault(j, []).append(i)
-    sides = [
-        {i: others.get(i) if names is None else nearest(i, names) for i, names in given.items()}
-        for given, others in (
-            ({i: one.left_neighbours for i, one in of.items()}, left_of),
-            ({i: one.right_neighbours for i, one in of.items()}, right_of),
-        )
-    ]
-    before = {
-        i: behind.get(i, []) if one.predecessors is None else named(one.predecessors) for i, one in of.items()
-    }
-    return Links(after=after, before=before, left=sides[0], right=sides[1])
+    for i, one in of.items():
+        before[i] = behind.get(i, []) if one.predecessors is None else named(one.predecessors)
+    return (after, before), (left, right)
 
 
 def _along_most(a: Lane, b: Lane) -> bool:
     for one, other in ((a, b), (b, a)):
         _, points = samples(one.centreline, max(length_of(one.centreline) / 10.0, 0.1))
         s, gap = project(points, other.centreline)
-        if np.median(gap) > 1.5 * max(a.width_m, b.width_m) or s[-1] - s[0] < 0.7 * length_of(
-            other.centreline
-        ):
+        short = s[-1] - s[0] < 0.7 * length_of(other.centreline)
+        if short or np.median(gap) > 1.5 * max(a.width_m, b.width_m):
             return False
     return True
 

@@ -72,7 +72,10 @@ def kept_net(path: Path, made_of: bytes, make: Callable[[], bytes]) -> Path:
     """Return the net that ``make`` makes of a file, kept in the user's cache by what it is made of."""
     place = _private_folder() / hashlib.sha256(made_of).hexdigest()[:32]
     net, digest = place / f"{map_name(path)}.net.xml", place / "sha256"
-    if not _is_whole(net, digest):
+    whole = False
+    with contextlib.suppress(OSError):  # not there
+        whole = sha256_of(net).encode() == digest.read_bytes()
+    if not whole:
         content = make()
         place.mkdir(mode=0o700, exist_ok=True)
         write_atomic(net, content)
@@ -86,14 +89,10 @@ def _private_folder() -> Path:
     folder = cache_folder() / "imported"
     with contextlib.suppress(OSError):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        if all(_is_private(place) for place in (folder.parent, folder)):
+        states = [place.lstat() for place in (folder.parent, folder)]
+        if all(stat.S_ISDIR(s.st_mode) and s.st_uid == os.getuid() and not s.st_mode & 0o022 for s in states):
             return folder
     return Path(_temporary_folder().name)
-
-
-def _is_private(folder: Path) -> bool:
-    state = folder.lstat()
-    return stat.S_ISDIR(state.st_mode) and state.st_uid == os.getuid() and not state.st_mode & 0o022
 
 
 @cache
@@ -101,13 +100,6 @@ def _temporary_folder() -> TemporaryFolder:
     folder = TemporaryFolder()
     atexit.register(folder.cleanup)
     return folder
-
-
-def _is_whole(net: Path, digest: Path) -> bool:
-    try:
-        return sha256_of(net).encode() == digest.read_bytes()
-    except OSError:
-        return False
 
 
 def _netconvert(path: Path, content: bytes, options: Mapping[str, str]) -> bytes:

@@ -48,6 +48,7 @@ def intentions_now(
         index = max(int(vehicles.getRouteIndex(name)), 0)
         route = vehicles.getRoute(name)[max(index - MAX_BEHIND, 0) : index + MAX_EDGES]
         behind, stops = min(index, MAX_BEHIND), range(len(vehicles.getStops(name, MAX_STOPS)))
+        sideways = float(vehicles.getLateralSpeed(name))
         yield (
             name,
             Intention(
@@ -58,15 +59,10 @@ def intentions_now(
                 parameters=_usable_parameters(attributes),
                 speed_factor=float(vehicles.getSpeedFactor(name)),
                 stops=tuple(_stop(vehicles, name, k, time_s) for k in stops),
-                change_mps=_change(vehicles, name),
+                change_mps=sideways if abs(sideways) > _SIDEWAYS_MPS else 0.0,
                 arrival=arrivals.get(name, "max"),
             ),
         )
-
-
-def _change(vehicles: Any, name: str) -> float:
-    speed = float(vehicles.getLateralSpeed(name))
-    return speed if abs(speed) > _SIDEWAYS_MPS else 0.0
 
 
 def _stop(vehicles: Any, name: str, index: int, time_s: float) -> Stop:
@@ -101,12 +97,10 @@ def intention_at(
         return None
     known = [intention for since_s, intention in changes if since_s <= time_s + 1e-6]
     intention = known[-1] if known else changes[0][1]
-    stops = [
-        dataclasses.replace(stop, until_s=stop.until_s - time_s if stop.until_s >= 0 else -1.0)
-        for stop in intention.stops
-    ]
-    intention = dataclasses.replace(intention, stops=tuple(stops))
-    return intention if asked else dataclasses.replace(intention, change_mps=0.0)
+    untils = [stop.until_s - time_s if stop.until_s >= 0 else -1.0 for stop in intention.stops]
+    stops = tuple(dataclasses.replace(s, until_s=t) for s, t in zip(intention.stops, untils, strict=True))
+    change_mps = intention.change_mps if asked else 0.0
+    return dataclasses.replace(intention, stops=stops, change_mps=change_mps)
 
 
 def with_lanes(net: Path, intentions: Sequence[Intention | None]) -> tuple[Intention | None, ...]:
@@ -155,9 +149,10 @@ def _arrives(edge: ElementTree.Element, arrival: str) -> tuple[tuple[float, floa
 
 def _usable_parameters(attributes: Mapping[str, str]) -> dict[str, str]:
     """Return the attributes of a ``vType`` that are parameters of its driver and make it not random."""
-    left_out = {*REFUSED, *RANDOM_PARAMETERS, "speedFactor", "probability"}
-    known = {key: value for key, value in attributes.items() if key in known_parameters() - left_out}
+    usable = known_parameters() - {*REFUSED, *RANDOM_PARAMETERS, "speedFactor", "probability"}
     number = re.compile(r"-?\d+(\.\d+)?(e[+-]?\d+)?")
     return {
-        key: value for key, value in known.items() if number.fullmatch(value) or value in WORDS.get(key, ())
+        key: value
+        for key, value in attributes.items()
+        if key in usable and (number.fullmatch(value) or value in WORDS.get(key, ()))
     }

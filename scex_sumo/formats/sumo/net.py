@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -21,7 +21,7 @@ from scex_sumo.converters.net.reading import allowed_copy, lane_names, lanelet_p
 from scex_sumo.converters.net.text import BEYOND, LANE_WIDTH_M, LaneletPart
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.converters.xml import change_words, is_left_hand, net_root
-from scex_sumo.formats.lane_maps.lane_map import beside
+from scex_sumo.formats.lane_maps.lane_map import beside as _aside
 from scex_sumo.formats.lane_maps.overlaps import overlapping
 from scex_sumo.formats.recognition import FCD_ENDINGS, is_sumo_net
 from scex_sumo.geometry.polylines import arc_lengths, cut, length_of
@@ -70,8 +70,7 @@ def _road(path: Path) -> Road:
     named = named_parts(root)
     numbers = {name: k + 1 for k, name in enumerate(lane_names(root))}
     sumo_lanes = {numbers[name]: net.getLane(name) for name in numbers}
-    following = {i: _following(lane, numbers) for i, lane in sumo_lanes.items()}
-    lanes = {i: _lane(i, lane, following[i]) for i, lane in sumo_lanes.items()}
+    lanes = {i: _lane(i, lane, numbers) for i, lane in sumo_lanes.items()}
     left_hand = is_left_hand(root)
     lanes = _beside(lanes, sumo_lanes, numbers, forbidden, lefthand=left_hand)
     lines = {i: _line(lane, heights=True) for i, lane in sumo_lanes.items()}
@@ -81,7 +80,14 @@ def _road(path: Path) -> Road:
         lines = {i: lane.centreline for i, lane in lanes.items()}
         numbers = {name: under[0][0] for name in named if (under := lanelet_places(named, name))}
         within = set(lanes) - {number for name, number in numbers.items() if not name.startswith(":")}
-    lanes = {i: _bounded(lane) for i, lane in _with_predecessors(lanes).items()}
+    before: dict[int, list[int]] = {}
+    for i in lanes:
+        for j in lanes[i].successors:
+            before.setdefault(j, []).append(i)
+    for i, lane in lanes.items():
+        left, right = (_aside(lane.centreline, side * lane.width_m / 2) for side in (1, -1))
+        known = tuple(before.get(i, ()))
+        lanes[i] = replace(lane, predecessors=known, left_bound=left, right_bound=right)
     if not any(lane.kind == "vehicle" for lane in lanes.values()):
         raise MapError(f"{path}: no lane that passenger cars may use; give a net for them")
     notes: tuple[str, ...] = (CHANGED,) if named is None else ()
@@ -90,7 +96,7 @@ def _road(path: Path) -> Road:
     return Road(
         name=map_name(path),
         lanes=overlapping(lanes, lines),
-        regulations=_junction_rules(net, numbers),
+        regulations=tuple(_junction_rules(net, numbers)),
         markings=tuple(_markings(lanes, within)),
         areas=_areas(net),
         net=path,
@@ -125,35 +131,24 @@ def _put_together(named: Mapping[str, Sequence[LaneletPart]], lanes: Mapping[str
             own[side] = other_stretches[0].lanelet if other_stretches else own[side]
     kinds = {s.lanelet: lanes[name].kind for name, stretches in named.items() for s in stretches}
     parts.pop(BEYOND, None)
-    return {
-        i: _lanelet(i, parts[i], kinds[i], sorted(following.get(i, set()) - {BEYOND}), beside.get(i))
-        for i in sorted(parts)
-    }
-
-
-def _lanelet(
-    number: int,
-    parts: Sequence[tuple[LaneletPart, FloatArray]],
-    kind: str,
-    following: Sequence[int],
-    beside: Sequence[int | None] | None,
-) -> Lane:
-    stretch, left, right = parts[0][0], *(beside or (None, None))
-    line = _joined(parts)
-    return Lane(
-        lane_id=number,
-        centreline=line,
-        left_bound=line,
-        right_bound=line,
-        width_m=stretch.width,
-        speed_limit_mps=stretch.speed,
-        kind=kind,
-        successors=tuple(following),
-        left=left,
-        right=right,
-        adjacent_left=left,
-        adjacent_right=right,
-    )
+    joined = {}
+    for i in sorted(parts):
+        line, stretch, (left, right) = _joined(parts[i]), parts[i][0][0], beside.get(i, (None, None))
+        joined[i] = Lane(
+            lane_id=i,
+            centreline=line,
+            left_bound=line,
+            right_bound=line,
+            width_m=stretch.width,
+            speed_limit_mps=stretch.speed,
+            kind=kinds[i],
+            successors=tuple(sorted(following.get(i, set()) - {BEYOND})),
+            left=left,
+            right=right,
+            adjacent_left=left,
+            adjacent_right=right,
+        )
+    return joined
 
 
 def _joined(parts: Sequence[tuple[LaneletPart, FloatArray]]) -> FloatArray:
@@ -178,19 +173,6 @@ def _without_cuts(line: FloatArray) -> FloatArray:
     return np.asarray(line[[*kept, len(line) - 1]])
 
 
-def _with_predecessors(lanes: Mapping[int, Lane]) -> dict[int, Lane]:
-    before: dict[int, list[int]] = {}
-    for i in lanes:
-        for j in lanes[i].successors:
-            before.setdefault(j, []).append(i)
-    return {i: replace(lane, predecessors=tuple(before.get(i, ()))) for i, lane in lanes.items()}
-
-
-def _bounded(lane: Lane) -> Lane:
-    left, right = (beside(lane.centreline, side * lane.width_m / 2) for side in (1, -1))
-    return replace(lane, left_bound=left, right_bound=right)
-
-
 def _open(path: Path, root: ElementTree.Element) -> tuple[Any, set[tuple[str, int]]]:
     import sumolib
 
@@ -201,30 +183,22 @@ def _open(path: Path, root: ElementTree.Element) -> tuple[Any, set[tuple[str, in
         if (allowed := lane.get(rule)) is not None and not {"all", "passenger"} & set(allowed.split())
     }
     net = sumolib.net.readNet(str(path), withInternal=True, withFoes=True)
-    for name in lane_names(root):
-        _check_lane(net.getLane(name))
+    for lane in map(net.getLane, lane_names(root)):
+        shape = np.array(lane.getShape3D(), dtype=np.float64)
+        if not len(shape) or not (np.abs(shape) <= MAX_M).all():
+            raise ValueError(f"lane {lane.getID()} has no shape")
+        if not lane.getWidth() <= MAX_WIDTH_M or not 0.0 <= lane.getSpeed() <= MAX_SPEED_MPS:
+            raise ValueError(f"lane {lane.getID()} is {lane.getWidth()} m wide, for {lane.getSpeed()} m/s")
     missing = [node.getID() for node in net.getNodes() if node.getType() is None]
     if missing:
         raise ValueError(f"no junction {missing[0]}")
     return net, forbidden
 
 
-def _check_lane(lane: Any) -> None:
-    shape = np.array(lane.getShape3D(), dtype=np.float64)
-    if not len(shape) or not (np.abs(shape) <= MAX_M).all():
-        raise ValueError(f"lane {lane.getID()} has no shape")
-    if not lane.getWidth() <= MAX_WIDTH_M or not 0.0 <= lane.getSpeed() <= MAX_SPEED_MPS:
-        raise ValueError(f"lane {lane.getID()} is {lane.getWidth()} m wide, for {lane.getSpeed()} m/s")
-
-
-def _following(lane: Any, numbers: Mapping[str, int]) -> tuple[int, ...]:
-    following = [link.getViaLaneID() or link.getToLane().getID() for link in lane.getOutgoing()]
-    return tuple(dict.fromkeys(numbers[name] for name in following if name in numbers))
-
-
-def _lane(number: int, lane: Any, following: tuple[int, ...]) -> Lane:
+def _lane(number: int, lane: Any, numbers: Mapping[str, int]) -> Lane:
     centre = _line(lane)
     width = float(lane.getWidth()) if lane.getWidth() > 0 else LANE_WIDTH_M
+    following = [link.getViaLaneID() or link.getToLane().getID() for link in lane.getOutgoing()]
     return Lane(
         lane_id=number,
         centreline=centre,
@@ -234,7 +208,7 @@ def _lane(number: int, lane: Any, following: tuple[int, ...]) -> Lane:
         speed_limit_mps=float(lane.getSpeed()),
         kind=next((kind for word, kind in _KINDS if lane.allows(word)), "other"),
         subtype=lane.getID(),
-        successors=following,
+        successors=tuple(dict.fromkeys(numbers[name] for name in following if name in numbers)),
     )
 
 
@@ -299,54 +273,30 @@ def _areas(net: Any) -> tuple[Area, ...]:
         line = _line(lane)
         if edge.getFunction() == "crossing":
             width = float(lane.getWidth())
-            line = np.vstack([beside(line, width / 2), beside(line, -width / 2)[::-1]])
+            line = np.vstack([_aside(line, width / 2), _aside(line, -width / 2)[::-1]])
         if len(line) > 2:
             areas.append(Area(area_id=k + 1, kind=kinds[edge.getFunction()], outline=line))
     return tuple(areas)
 
 
-def _junction_rules(net: Any, numbers: Mapping[str, int]) -> tuple[Regulation, ...]:
-    rules: list[Regulation] = []
+def _junction_rules(net: Any, numbers: Mapping[str, int]) -> Iterator[Regulation]:
+    ids = count(1)
     for node in net.getNodes():
-        rules.extend(_of_node(node, numbers, len(rules) + 1))
-    return tuple(rules)
-
-
-def _of_node(node: Any, numbers: Mapping[str, int], first: int) -> Iterator[Regulation]:
-    links = {node.getLinkIndex(link): link for link in node.getConnections() if _via(link, numbers)}
-    links.pop(-1, None)
-    number = first
-    kind = _STOPS.get(node.getType(), "right_of_way")
-    for index, link in sorted(links.items()):
-        over = [k for k in sorted(links) if k != index and _yields(node, index, k)]
-        if over:
-            yield Regulation(
-                element_id=number,
-                kind=kind,
-                lanes=(_from(link, numbers),),
-                yielding=(numbers[_via(link, numbers)],),
-                priority=tuple(numbers[_via(links[k], numbers)] for k in over),
-            )
-            number += 1
-    lit = [link for _, link in sorted(links.items()) if link.getTLSID()]
-    if lit:
-        lanes = dict.fromkeys(_from(link, numbers) for link in lit)
-        yield Regulation(element_id=number, kind="traffic_light", lanes=tuple(lanes), lights=(number,))
-
-
-def _from(link: Any, numbers: Mapping[str, int]) -> int:
-    """Return the lane before a junction; the one in it if a converted map begins there."""
-    return numbers.get(link.getFromLane().getID()) or numbers[_via(link, numbers)]
-
-
-def _via(link: Any, numbers: Mapping[str, int]) -> str:
-    name = str(link.getViaLaneID())
-    return name if name in numbers else ""
-
-
-def _yields(node: Any, index: int, other: int) -> bool:
-    response = node._prohibits.get(index, "")
-    return other < len(response) and response[-(other + 1)] == "1"
+        links = {node.getLinkIndex(x): x for x in node.getConnections() if x.getViaLaneID() in numbers}
+        links.pop(-1, None)
+        kind, links = _STOPS.get(node.getType(), "right_of_way"), dict(sorted(links.items()))
+        within = {k: numbers[link.getViaLaneID()] for k, link in links.items()}
+        # The lane before a junction; the one in it if a converted map begins there.
+        before = {k: numbers.get(link.getFromLane().getID()) or within[k] for k, link in links.items()}
+        for k in links:
+            response = node._prohibits.get(k, "")[::-1]
+            over = tuple(within[j] for j in links if j != k and response[j : j + 1] == "1")
+            if over:
+                own, lane = (within[k],), (before[k],)
+                yield Regulation(element_id=next(ids), kind=kind, lanes=lane, yielding=own, priority=over)
+        if lit := dict.fromkeys(before[k] for k, link in links.items() if link.getTLSID()):
+            number = next(ids)
+            yield Regulation(element_id=number, kind="traffic_light", lanes=tuple(lit), lights=(number,))
 
 
 def _tracks(path: Path) -> Path | None:

@@ -126,18 +126,15 @@ def _completed(recorded: Recorded, path: Path, names: Mapping[str, str], scene: 
     if road is not None and road.net is not None and any(intentions):
         scene = dataclasses.replace(scene, intentions=with_lanes(road.net, intentions))
     if (others := scene.obstacles) is not None:
+        past = [[w for s, w in recorded.walks.get(name, ()) if s <= time_s + 1e-6] for name in others.ids]
         walks = tuple(
-            _last(recorded.walks.get(name, ()), time_s)._replace(saved=known(name)[1]) for name in others.ids
+            (walks[-1] if walks else Walk())._replace(saved=known(name)[1])
+            for name, walks in zip(others.ids, past, strict=True)
         )
         scene = dataclasses.replace(scene, obstacles=dataclasses.replace(others, walks=walks))
     source: dict[str, Any] = {"kind": "simulation", "simulation": str(path), "time_s": time_s}
     source |= {"vehicles": vehicles, "lateral_m": recorded.lateral_m}
     return dataclasses.replace(scene, road=road, notes=(*scene.notes, *notes), source=source)
-
-
-def _last(changes: Sequence[tuple[float, Walk]], time_s: float) -> Walk:
-    """Return the last walk before a time."""
-    return next((walk for since_s, walk in reversed(changes) if since_s <= time_s + 1e-6), Walk())
 
 
 class Recorder:
@@ -224,12 +221,10 @@ class Recorder:
         kept = {name for _, names, _ in recorded.frames for name in names}
         kept |= {self._labels[user] for user in self._present}
         self._labels = {user: label for user, label in self._labels.items() if label in kept}
-        recorded.users = {name: user for name, user in recorded.users.items() if name in kept}
-        recorded.walks = {name: what for name, what in recorded.walks.items() if name in kept}
-        recorded.intentions = {name: what for name, what in recorded.intentions.items() if name in kept}
-        recorded.states = {
-            asked_s: state for asked_s, state in recorded.states.items() if asked_s >= before_s
-        }
+        for what in ("users", "walks", "intentions"):
+            known = getattr(recorded, what)
+            setattr(recorded, what, {name: known[name] for name in known if name in kept})
+        recorded.states = {asked_s: s for asked_s, s in recorded.states.items() if asked_s >= before_s}
         for changes in recorded.lights.values():
             while len(changes) > 1 and changes[1].since_s < before_s:
                 del changes[0]

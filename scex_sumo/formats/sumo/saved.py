@@ -16,17 +16,8 @@ from scex_sumo.intention import Intention
 PRECISE = {"save-state.transportables": "true", "save-state.precision": "12"}
 """Options with which a state has persons, and positions to the last digit."""
 # What belongs to the user's files alone, or to devices.
-_VEHICLE = (
-    "route",
-    "reroute",
-    "via",
-    "line",
-    "personNumber",
-    "containerNumber",
-    "from",
-    "to",
-    "insertionChecks",
-)
+_VEHICLE = {"route", "reroute", "via", "line", "from", "to", "insertionChecks"}
+_VEHICLE |= {"personNumber", "containerNumber"}
 _STOP = ("lane", "startPos", "endPos", "duration", "until", "parking", "triggered", "started", "speed")
 _WALK = ("edges", "arrivalPos", "started", "ended", "waitingTime", "speed", "duration")
 _EDGES_BEHIND, _PAST_STOPS = 2, 9  # places of their numbers in a vehicle's state
@@ -67,23 +58,23 @@ def road_users(state: bytes) -> dict[str, Element]:
     root = _root(state)
     types = {kind.get("id", ""): kind for kind in root.iter("vType")}
     found = {}
+
+    def user(element: Element, plain: Element, **place: str) -> Element:
+        user = Element("user", place)
+        user.extend([types[kind]] if (kind := element.get("type", "")) in types else [])
+        user.append(plain)
+        return user
+
     vehicles = {vehicle.get("id", ""): vehicle for vehicle in root.iter("vehicle")}
     for lane in root.iter("lane"):
         for order, name in enumerate(" ".join(e.get("value", "") for e in lane.iter("vehicles")).split()):
             if (vehicle := vehicles.get(name)) is not None:
-                user = Element("user", lane=lane.get("id", ""), order=str(order))
-                if (kind := types.get(vehicle.get("type", ""))) is not None:
-                    user.append(kind)
-                user.append(_plain(vehicle))
-                found[name] = user
+                place = {"lane": lane.get("id", ""), "order": str(order)}
+                found[name] = user(vehicle, _plain(vehicle), **place)
     for person in root.iter("person"):
         if (walker := _walking(person)) is not None:
-            user = Element("user")
-            if (kind := types.get(person.get("type", ""))) is not None:
-                user.append(kind)
-            user.append(walker)
             name = person.get("id", "")
-            found[person_label(name, taken=name in found)] = user
+            found[person_label(name, taken=name in found)] = user(person, walker)
     return found
 
 
@@ -122,9 +113,8 @@ def _walking(person: Element) -> Element | None:
     """
     words = person.get("state", "").split()
     stage = int(words[1]) - 1 if len(words) > 3 else -1
-    if not 0 <= stage < len(person) or person[stage].tag != "walk":
-        return None
-    if _WALKING_AREA.search(person.get("state", "")):
+    walks = 0 <= stage < len(person) and person[stage].tag == "walk"
+    if not walks or _WALKING_AREA.search(person.get("state", "")):
         return None
     walker = Element("person", {**person.attrib, "state": " ".join([words[0], "1", *words[2:]])})
     ElementTree.SubElement(walker, "walk", _some(person[stage].attrib, _WALK))

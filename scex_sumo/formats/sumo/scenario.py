@@ -14,7 +14,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
-from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -52,6 +51,7 @@ SCALE = "scale"
 NET, ROUTES, ADDITIONAL, STATE = "net-file", "route-files", "additional-files", "load-state"
 _INPUTS = (NET, ROUTES, ADDITIONAL, STATE, "weight-files", "device.fcd-replay.files", "phemlight-path")
 _LEFT_OUT = ("configuration", "output", "report", "traci_server", "gui_only", "ssm_device")
+_WRITES = r"output|\.file$|^osg-"
 _WRITERS = ("file", "output", "dest")  # attributes that name a file to write
 _READERS = {"include": "href", "rerouter": "file", "variableSpeedSign": "file"}  # that name one to read
 _FLOWS = ("flow", "personFlow", "containerFlow")
@@ -86,75 +86,64 @@ def net_of(config: Path) -> Path:
     return _files(config, given)[0]
 
 
-class PrivateRun:
-    """Options with which SUMO runs a configuration and writes no file.
+def private_options(config: Path, folder: Path, binary: str, options: Mapping[str, str]) -> list[str]:
+    """Return the command line with which SUMO runs a configuration with given options and writes no file.
 
     Outputs, logs, ports and windows are left out by SUMO's own list of options. Files that name outputs
     (detectors, probes, calibrators, devices) are copied without them into ``folder``.
-
-    Attributes:
-        options: words of the command line.
     """
+    known, safe, given = _known_options(binary), dict[Path, Path](), dict[str, str]()
+    for name, value in options.items():
+        option, section, kind = known.get(name, (name, "", ""))
+        if option == SCALE:
+            _check_scale(config, value)
+        if option in _INPUTS:
+            files = [_safe_input(option, file, folder, safe) for file in _files(config, value)]
+            given[option] = ",".join(map(checked_path, files))
+        elif section not in _LEFT_OUT and kind != "FILE" and not re.search(_WRITES, option):
+            given[option] = value
+    if NET not in given:
+        raise MapError(f"{config}: no <net-file> in it; give the configuration of a simulation")
+    given |= {name: value for name, value in PRECISE.items() if name in known}
+    return [word for name, value in given.items() for word in (f"--{name}", value)]
 
-    def __init__(self, config: Path, folder: Path, binary: str, options: Mapping[str, str]) -> None:
-        """Read the files of a configuration with the given options."""
-        self._folder = folder
-        self._safe: dict[Path, Path] = {}
-        known = _known_options(binary)
-        given: dict[str, str] = {}
-        for name, value in options.items():
-            option, section, kind = known.get(name, (name, "", ""))
-            if option == SCALE:
-                _check_scale(config, value)
-            if option in _INPUTS:
-                files = [self._input(option, file) for file in _files(config, value)]
-                given[option] = ",".join(map(checked_path, files))
-            elif (
-                section not in _LEFT_OUT and kind != "FILE" and not re.search(r"output|\.file$|^osg-", option)
-            ):
-                given[option] = value
-        if NET not in given:
-            raise MapError(f"{config}: no <net-file> in it; give the configuration of a simulation")
-        given |= {name: value for name, value in PRECISE.items() if name in known}
-        self.options = [word for name, value in given.items() for word in (f"--{name}", value)]
 
-    def _input(self, option: str, file: Path) -> Path:
-        if not file.exists():
-            raise MapError(f"{file}: no such file; the configuration names it as <{option}>")
-        if option == NET:
-            content, left_out = allowed_content(file)
-            return self._copy(file, content) if left_out else file
-        return self._safe_file(file) if option in (ROUTES, ADDITIONAL, STATE) else file
+def _safe_input(option: str, file: Path, folder: Path, safe: dict[Path, Path]) -> Path:
+    if not file.exists():
+        raise MapError(f"{file}: no such file; the configuration names it as <{option}>")
+    if option == NET:
+        content, left_out = allowed_content(file)
+        return _copy(file, content, folder) if left_out else file
+    return _safe_file(file, folder, safe) if option in (ROUTES, ADDITIONAL, STATE) else file
 
-    def _safe_file(self, file: Path) -> Path:
-        """Return the file, or a copy of it without outputs."""
-        file = file.resolve()
-        if file not in self._safe:
-            self._safe[file] = file  # an include that leads back to this file
-            if _names_files(file) or not is_utf8(beginning(file)):
-                root = xml_root(file, remedy="SUMO needs XML here")
-                for element in root.iter():
-                    self._make_safe(file, element)
-                self._safe[file] = self._copy(file, ElementTree.tostring(root, encoding="utf-8"))
-        return self._safe[file]
 
-    def _make_safe(self, file: Path, element: Element) -> None:
-        for child in [child for child in element if _is_output_parameter(child.tag, child.attrib)]:
-            element.remove(child)
-        reads = _READERS.get(element.tag)
-        if reads is not None and element.get(reads):
-            inner = file.parent / _expanded(element.attrib[reads])
-            if not inner.exists():
-                raise MapError(f"{inner}: no such file; {file} names it in <{element.tag}>")
-            element.set(reads, str(self._safe_file(inner)))
-        for name in _WRITERS:
-            if name in element.attrib and name != reads:
-                element.set(name, _NOWHERE)
+def _safe_file(file: Path, folder: Path, safe: dict[Path, Path]) -> Path:
+    """Return the file, or a copy of it without outputs; ``safe`` has those of other files."""
+    file = file.resolve()
+    if file not in safe:
+        safe[file] = file  # an include that leads back to this file
+        if _names_files(file) or not is_utf8(beginning(file)):
+            root = xml_root(file, remedy="SUMO needs XML here")
+            for element in root.iter():
+                for child in [child for child in element if _is_output_parameter(child.tag, child.attrib)]:
+                    element.remove(child)
+                reads = _READERS.get(element.tag)
+                if reads is not None and element.get(reads):
+                    inner = file.parent / _expanded(element.attrib[reads])
+                    if not inner.exists():
+                        raise MapError(f"{inner}: no such file; {file} names it in <{element.tag}>")
+                    element.set(reads, str(_safe_file(inner, folder, safe)))
+                for name in _WRITERS:
+                    if name in element.attrib and name != reads:
+                        element.set(name, _NOWHERE)
+            safe[file] = _copy(file, ElementTree.tostring(root, encoding="utf-8"), folder)
+    return safe[file]
 
-    def _copy(self, file: Path, content: bytes) -> Path:
-        copy = self._folder / f"{len(list(self._folder.iterdir()))}_{file.name.removesuffix('.gz')}"
-        copy.write_bytes(content)
-        return copy
+
+def _copy(file: Path, content: bytes, folder: Path) -> Path:
+    copy = folder / f"{len(list(folder.iterdir()))}_{file.name.removesuffix('.gz')}"
+    copy.write_bytes(content)
+    return copy
 
 
 def _known_options(binary: str) -> dict[str, tuple[str, str, str]]:
@@ -289,7 +278,7 @@ def _run(config: Path, given: Mapping[str, str], record: Callable[[Any], Recorde
     failed = (sumo.TraCIException, sumo.FatalTraCIError)
     binary = program("sumo") if own is None else str(own)
     with TemporaryFolder() as folder, silence() as messages:
-        options = [*PrivateRun(config, Path(folder), binary, given).options, *QUIET]
+        options = [*private_options(config, Path(folder), binary, given), *QUIET]
         before = Path.cwd()
         os.chdir(folder)  # where SUMO writes files that are named nowhere
         try:
