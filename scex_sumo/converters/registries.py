@@ -13,6 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, TypeAlias, TypeVar
 
+from scex_sumo.base.blame import own_call
 from scex_sumo.base.errors import MapError, UsageError
 from scex_sumo.base.importing import Registry, import_object
 from scex_sumo.converters.naming import map_name
@@ -228,11 +229,9 @@ def recognised(kind: type[Format], path: Path) -> Iterator[Format]:
 @cache
 def _entries(kind: type[Any]) -> tuple[Any, ...]:
     """All formats: those of other packages, then ours, then the one that takes the rest."""
-    registry = kind.registry
+    registry, entries = kind.registry, list[Any]()
     paths = registry.paths
-    order = sorted(paths, key=lambda name: (name == registry.last, registry.is_ours(name)))
-    entries: list[Any] = []
-    for name in order:
+    for name in sorted(paths, key=lambda name: (name == registry.last, registry.is_ours(name))):
         try:
             entries.append(_checked(kind, name, import_object(paths[name]), ours=registry.is_ours(name)))
         except UsageError as error:
@@ -251,18 +250,14 @@ def _read_by(kind: type[Any], entry: Any) -> Any:
 def _checked(kind: type[Any], name: str, entry: Any, *, ours: bool) -> Any:
     """Return a format, or a declaration of one; errors of another package's functions are one line."""
     said, made = f"{kind.registry.kind} {name}", Declaration if isinstance(entry, Declaration) else kind
+    needs = {(MapFormat, "read"): Road, (Dataset, "read"): tuple, (Dataset, "recordings"): list}
     own: dict[str, Any] = {}
     for part in fields(made):
         if part.default is MISSING and not hasattr(entry, part.name):
             raise UsageError(f"{said}: {entry!r} has no function {part.name}")
         if hasattr(entry, part.name):
-            value = getattr(entry, part.name)
-            own[part.name] = value if ours or not callable(value) else _own(kind, said, part.name, value)
+            own[part.name] = value = getattr(entry, part.name)
+            if callable(value) and not ours:
+                need = needs.get((kind, part.name), object)
+                own[part.name] = own_call(f"{said}: {part.name}", value, need)
     return made(**own)
-
-
-def _own(kind: type[Any], said: str, name: str, function: Any) -> Any:
-    from scex_sumo.base.blame import own_call
-
-    needs = {(MapFormat, "read"): Road, (Dataset, "read"): tuple, (Dataset, "recordings"): list}
-    return own_call(f"{said}: {name}", function, needs.get((kind, name), object))

@@ -96,28 +96,23 @@ def _log(path: Path) -> tuple[TrackTable, tuple[str, ...]]:
 
     if not path.exists():
         raise TrackError(f"{path}: no such file; the test logs are published without boxes: give another log")
-    boxes, poses = feather.read_table(path), feather.read_table(path.with_name(AV2_POSES))
+    table, poses = feather.read_table(path), feather.read_table(path.with_name(AV2_POSES))
     turns = ("qw", "qx", "qy", "qz")
     wanted = ("track_uuid", "category", "timestamp_ns", "tx_m", "ty_m", "length_m", "width_m", *turns)
-    names, kinds, time, x, y, length, width, *turn = _columns(boxes, wanted)
+    names, kinds, time, x, y, length, width, *turn = _columns(table, wanted)
     pose_time, ego_x, ego_y, *ego_turn = _columns(poses, ("timestamp_ns", "tx_m", "ty_m", *turns))
     if not len(pose_time):
         raise TrackError(f"{path.with_name(AV2_POSES)}: no pose in it; fetch the file again")
     order = np.argsort(pose_time)
     pose_time, ego_x, ego_y = (column[order] for column in (pose_time, ego_x, ego_y))
     ego_yaw = np.unwrap(yaw_of(*(column[order] for column in ego_turn)))
-    is_ego = np.array([kind == EGO for kind in kinds], bool)
-    if not is_ego.any():  # the log as published: the ego has poses only
+    boxes = np.stack([time, x, y, length, width, yaw_of(*turn)])
+    if EGO not in kinds:  # the log as published: the ego has poses only
         frames = np.unique(time)
         names, kinds = [*names, *([EGO] * len(frames))], [*kinds, *([EGO] * len(frames))]
-        put: tuple[Any, ...] = (frames, EGO_CENTRE_M, 0.0, *EGO_SIZE_M, 0.0)
-        columns = (time, x, y, length, width, yaw_of(*turn))
-        time, x, y, length, width, yaw = (
-            np.append(column, np.zeros(len(frames)) + value)
-            for column, value in zip(columns, put, strict=True)
-        )
-    else:
-        yaw = yaw_of(*turn)
+        own = np.stack(np.broadcast_arrays(frames, EGO_CENTRE_M, 0.0, *EGO_SIZE_M, 0.0))
+        boxes = np.hstack([boxes, own])
+    time, x, y, length, width, yaw = boxes
     ex, ey, ea = (np.interp(time, pose_time, column) for column in (ego_x, ego_y, ego_yaw))
     c, s = np.cos(ea), np.sin(ea)
     unknown = np.full(len(time), np.nan)
@@ -133,14 +128,11 @@ def _columns(table: Any, names: Sequence[str]) -> list[Any]:
 
     checked(table)
     columns: list[Any] = []
-    for name in names:
-        column = table[name]
-        text = pa.types.is_string(column.type) or pa.types.is_large_string(column.type)
-        columns.append(
-            [str(value) for value in column.to_pylist()]
-            if text
-            else column.to_numpy(zero_copy_only=False).astype(np.float64)
-        )
+    for column in map(table.__getitem__, names):
+        if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
+            columns.append([str(value) for value in column.to_pylist()])
+        else:
+            columns.append(column.to_numpy(zero_copy_only=False).astype(np.float64))
     return columns
 
 

@@ -144,16 +144,14 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
 
 def _nearest_map(path: Path, meta: dict[str, str]) -> Path:
     folders = [folder / "maps" for folder in (path.parent, path.parent.parent)]
-    maps = sorted(
-        file for folder in folders for end in ("osm", "osm.gz") for file in folder.rglob(f"*.{end}")
-    )
+    maps = sorted(x for folder in folders for end in ("osm", "osm.gz") for x in folder.rglob(f"*.{end}"))
     unknown = folders[-1] / f"location{meta.get('locationId', '')}.osm"
     try:
         place = float(meta["latLocation"]), float(meta["lonLocation"])
     except (KeyError, ValueError):
         return maps[0] if len(maps) == 1 else unknown
-    distances = [(distance_m(_middle(file, file.stat().st_mtime_ns), place), file) for file in maps]
-    return min(distances)[1] if distances else unknown
+    distances = {file: distance_m(_middle(file, file.stat().st_mtime_ns), place) for file in maps}
+    return min(distances, key=lambda file: (distances[file], file), default=unknown)
 
 
 @lru_cache(maxsize=64)
@@ -278,14 +276,9 @@ def _read_road(path: Path, **_: object) -> Road:
     speed = limit if limit > 0.0 else NO_LIMIT_MPS
     lanes = _carriageway(upper, first_id=2, leftwards=True, speed_mps=speed)
     lanes |= _carriageway(lower, first_id=len(upper) + 2, leftwards=False, speed_mps=speed)
-    return Road(
-        name=_name(path),
-        lanes=lanes,
-        notes=(
-            f"straight lanes by highD's markings, {BEYOND_M:g} m longer than filmed at both ends"
-            + ("" if limit > 0.0 else "; no speed limit: 130 km/h"),
-        ),
-    )
+    note = f"straight lanes by highD's markings, {BEYOND_M:g} m longer than filmed at both ends"
+    note += "" if limit > 0.0 else "; no speed limit: 130 km/h"
+    return Road(name=_name(path), lanes=lanes, notes=(note,))
 
 
 def _markings(path: Path, meta: dict[str, str], name: str) -> FloatArray:
@@ -312,11 +305,14 @@ def _carriageway(
         left, right = (bottom, top) if leftwards else (top, bottom)
         above, below = (first_id + k - 1 if k else None), (first_id + k + 1 if k + 1 < count else None)
         on_left, on_right = (below, above) if leftwards else (above, below)
+        middle, left_bound, right_bound = (
+            np.stack((x, np.full(len(x), y)), axis=1) for y in ((top + bottom) / 2.0, left, right)
+        )
         lanes[first_id + k] = Lane(
             lane_id=first_id + k,
-            centreline=np.stack((x, np.full(len(x), (top + bottom) / 2.0)), axis=1),
-            left_bound=np.stack((x, np.full(len(x), left)), axis=1),
-            right_bound=np.stack((x, np.full(len(x), right)), axis=1),
+            centreline=middle,
+            left_bound=left_bound,
+            right_bound=right_bound,
             width_m=float(top - bottom),
             speed_limit_mps=speed_mps,
             subtype="highway",

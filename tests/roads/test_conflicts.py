@@ -9,7 +9,7 @@ import pytest
 
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.maps import read_map
-from scex_sumo.formats.lane_maps.overlaps import overlapping
+from scex_sumo.formats.lane_maps.lane_links import overlapping
 from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.road import Lane, Road
 from scex_sumo.roads.conflicts import conflicts

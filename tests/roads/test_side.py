@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo.converters.lanelet.left_hand import drives_left_at
 from scex_sumo.converters.lanelet.reader import read_road
+from scex_sumo.converters.lanelet.tags import drives_left_at
 from scex_sumo.converters.maps import read_map
 from scex_sumo.roads.mirror import mirrored_road
 from scex_sumo.roads.side import UNKNOWN, drives_on_left, side_of

@@ -46,8 +46,7 @@ def find_tracks(map_path: str | Path) -> Path:
         return beside
     if (own := map_format(path).tracks(path)) is not None:
         return own
-    above = path.parent.parent if path.parent.name else path.parent.resolve().parent
-    for folder in (above, path.parent):
+    for folder in (path.parent.resolve().parent if not path.parent.name else path.parent.parent, path.parent):
         recordings = folder / "recorded_trackfiles" / name
         if files := all_plain_or_packed(recordings, TRACKS):
             return files[0]
@@ -94,10 +93,8 @@ def _map_of(path: Path) -> Path | None:
     folder, stem = path.parent, Path(unpacked_name(path)).stem
     if path.name.startswith("vehicle_tracks_"):
         map_path = folder.parent.parent / "maps" / f"{folder.name}.osm"
-        only = [*folder.glob("*.osm")]  # somebody's own folder
-        beside = plain_or_packed(path.with_name(f"{folder.name}.osm")) or (
-            only[0] if len(only) == 1 else None
-        )
+        own = [plain_or_packed(path.with_name(f"{folder.name}.osm")), *folder.glob("*.osm")]
+        beside = own[0] or (own[1] if len(own) == 2 else None)  # in somebody's own folder
         return plain_or_packed(map_path) or beside or map_path
     if folder.name in ("train", "val") and stem.endswith(f"_{folder.name}"):
         map_path = folder.parent / "maps" / f"{stem.removesuffix(f'_{folder.name}')}.osm"
@@ -140,11 +137,8 @@ def _marks(tracks: Path, _changed_ns: int) -> dict[str, set[tuple[float, str]]]:
     with open_binary(tracks) as file:
         options = csv.ConvertOptions(include_columns=[*types], column_types=types)
         table = csv.read_csv(in_arrow(file), convert_options=options)
-    marked = {name: table.filter(pc.equal(table[column], 1.0)) for name, column in MARKS.items()}
+    marked = {name: table.filter(pc.equal(table[column], 1.0)).to_pylist() for name, column in MARKS.items()}
     return {
-        name: {
-            (case, track.partition(".")[0])
-            for case, track in zip(rows["case_id"].to_pylist(), rows["track_id"].to_pylist(), strict=True)
-        }
+        name: {(row["case_id"], row["track_id"].partition(".")[0]) for row in rows}
         for name, rows in marked.items()
     }

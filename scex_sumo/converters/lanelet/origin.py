@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from scex_sumo.base.errors import MapError, UsageError
-from scex_sumo.converters.naming import map_name
+from scex_sumo.converters.naming import map_name, number
 from scex_sumo.converters.registries import dataset_of
 
 if TYPE_CHECKING:
@@ -35,8 +34,12 @@ def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = No
         place = dataset_of(Path(tracks_path)).origin(Path(tracks_path), Path(map_path))
         if place is not None:
             return place
-    paths = _meta_data_paths(Path(map_path), Path(tracks_path) if tracks_path is not None else None)
-    return next((origin for path in paths if (origin := _read_meta_data(path)) is not None), None)
+    folder, name = Path(map_path).parent, map_name(map_path)
+    folders = [folder, folder / name, folder.parent / "recorded_trackfiles" / name]
+    if tracks_path is not None:
+        tracks = Path(tracks_path)
+        folders.insert(0, tracks if tracks.is_dir() else tracks.parent)
+    return next((o for x in folders if (o := _read_meta_data(x / META_DATA)) is not None), None)
 
 
 def map_origin(map_file: MapFile, *, own_corner: bool) -> Place:
@@ -82,15 +85,6 @@ def on_earth(lat: float, lon: float) -> bool:
     return math.isfinite(lat) and math.isfinite(lon) and abs(lat) <= 90 and abs(lon) <= 180
 
 
-def _meta_data_paths(map_path: Path, tracks_path: Path | None) -> Iterator[Path]:
-    if tracks_path is not None:
-        folder = tracks_path if tracks_path.is_dir() else tracks_path.parent
-        yield folder / META_DATA
-    yield map_path.parent / META_DATA
-    yield map_path.parent / map_name(map_path) / META_DATA
-    yield map_path.parent.parent / "recorded_trackfiles" / map_name(map_path) / META_DATA
-
-
 def _read_meta_data(path: Path) -> Place | None:
     if not path.is_file():
         return None
@@ -101,10 +95,7 @@ def _read_meta_data(path: Path) -> Place | None:
         raise MapError(f"{path}: cannot be read ({error}); give --origin LAT,LON") from None
     if row is None or not row.get("originLat") or not row.get("originLon"):
         return None
-    try:
-        lat, lon = float(row["originLat"]), float(row["originLon"])
-    except ValueError:
-        lat, lon = math.nan, math.nan
+    lat, lon = number(row["originLat"]), number(row["originLon"])
     if not on_earth(lat, lon):
         got = f"{row['originLat']},{row['originLon']}"
         raise MapError(f"{path}: originLat, originLon is no place on Earth: {got}; give --origin LAT,LON")

@@ -13,7 +13,6 @@ from lanelet2 import io, projection, traffic_rules
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import MapError, one_line
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.converters.lanelet import left_hand
 from scex_sumo.converters.lanelet.drawing import areas, markings
 from scex_sumo.converters.lanelet.file import Findings, MapFile, list_ids, read_map_file, write_map_file
 from scex_sumo.converters.lanelet.lanes import (
@@ -29,7 +28,15 @@ from scex_sumo.converters.lanelet.origin import Place, distance_m, map_origin, r
 from scex_sumo.converters.lanelet.projection import georeference
 from scex_sumo.converters.lanelet.regulations import attach, regulations
 from scex_sumo.converters.lanelet.repair import repair
-from scex_sumo.converters.lanelet.tags import COUNTRIES, GERMANY, map_country, said_limits, speed_mps
+from scex_sumo.converters.lanelet.tags import (
+    COUNTRIES,
+    GERMANY,
+    LEFT_HAND,
+    drives_left_at,
+    map_country,
+    said_limits,
+    speed_mps,
+)
 from scex_sumo.converters.lanelet.unknown import missing_lanelets, unknown_subtypes
 from scex_sumo.converters.naming import map_name
 from scex_sumo.road import Lane, MapLoss, Road
@@ -90,8 +97,8 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, own_corner: 
     losses += [MapLoss(kind="lanelets", why="left out, broken", elements=broken)] if broken else []
     losses = [replace(loss, of=len(drawn) + len(unread)) for loss in losses]
     losses += [MapLoss(kind="lights", why="without a lane", elements=tuple(lost))] if lost else []
-    told = (region in left_hand.CODES) if region else None
-    side, unknown = side_of(lanes, told, left_hand.drives_left_at(map_file.middle))
+    told = (region in LEFT_HAND) if region else None
+    side, unknown = side_of(lanes, told, drives_left_at(map_file.middle))
     return Road(
         name=map_name(path),
         lanes=lanes,

@@ -121,14 +121,12 @@ class LaneTable:
         return route
 
     def _beyond(self, lanelet_ids: Sequence[int], route: list[str], *, first: bool) -> str | None:
-        lanes = self.sumo_lanes(lanelet_ids[0 if first else -1])[:: 1 if first else -1] if lanelet_ids else ()
+        end, way = (0, 1) if first else (-1, -1)
+        lanes = self.sumo_lanes(lanelet_ids[end])[::way] if lanelet_ids else ()
         if not lanes or not lanes[0].startswith(":"):
             return None
-        for sumo_lane in filter(self.ends.__contains__, lanes):
-            beyond, joined = self.ends[sumo_lane][:: 1 if first else -1]
-            if not route or joined == route[0 if first else -1]:
-                return beyond
-        return None
+        ends = (self.ends[sumo_lane][::way] for sumo_lane in lanes if sumo_lane in self.ends)
+        return next((beyond for beyond, joined in ends if not route or joined == route[end]), None)
 
     @property
     def text(self) -> str:
@@ -174,20 +172,16 @@ def _sorted(within: Mapping[_Row, set[_Row]], before: Mapping[_Row, set[_Row]]) 
     for key, others in waiting.items():
         for other in others:
             following.setdefault(other, []).append(key)
-    ready = [key for key, others in waiting.items() if not others]
-    heapq.heapify(ready)
+    ready = sorted(key for key, others in waiting.items() if not others)
     result: list[_Row] = []
     while waiting:
-        if ready:
-            key = heapq.heappop(ready)
-        else:
-            key = min(row for row in waiting if waiting.keys().isdisjoint(within[row]))
+        free = (row for row in waiting if waiting.keys().isdisjoint(within[row]))
+        key = heapq.heappop(ready) if ready else min(free)
         if waiting.pop(key, None) is None:
             continue
         result.append(key)
-        for later in following.get(key, ()):
-            if later in waiting:
-                waiting[later].discard(key)
-                if not waiting[later]:
-                    heapq.heappush(ready, later)
+        for later in filter(waiting.__contains__, following.get(key, ())):
+            waiting[later].discard(key)
+            if not waiting[later]:
+                heapq.heappush(ready, later)
     return result

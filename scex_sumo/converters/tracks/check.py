@@ -118,12 +118,10 @@ def explain_parse_error(path: Path, header: Sequence[str], numbers: Sequence[str
         if len(row) != len(header):
             got = f"{len(row)} values" if len(row) != 1 else "1 value"
             return TrackError(f"{path}: line {line} has {got} for {len(header)} columns; repair or drop it")
-        for name in numbers:
-            value = row[header.index(name)]
+        for name, value in ((name, row[header.index(name)]) for name in numbers):
             if not _is_number(value):
-                return TrackError(
-                    f"{path}: line {line}: {name} is {_short(value)}, not a number; repair or drop it"
-                )
+                said = f"{name} is {_short(value)}, not a number"
+                return TrackError(f"{path}: line {line}: {said}; repair or drop it")
     return TrackError(f"{path}: not CSV ({reason.splitlines()[0][:120]}); {_NEEDED}")
 
 

@@ -11,7 +11,7 @@ from typing import TypeAlias
 from xml.etree import ElementTree
 
 from scex_sumo.base.importing import extra_for
-from scex_sumo.converters.lanelet.left_hand import CODES, drives_left_at
+from scex_sumo.converters.lanelet.tags import LEFT_HAND, drives_left_at
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.formats.commonroad.file import CommonRoadFile, open_commonroad
@@ -46,7 +46,9 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
     lanelets = read_lanelets(file, words, signs)
     file.lanes += with_opposite(lanelets).values()
     known = file.country not in ("", "ZAM")
-    file.left_hand = file.country in CODES if known else drives_left_at(file.origin) if file.origin else None
+    file.left_hand = (
+        file.country in LEFT_HAND if known else drives_left_at(file.origin) if file.origin else None
+    )
     road = drawn_road(file, name=map_name(path))
     return replace(
         road,

@@ -13,11 +13,9 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import MapError
-from scex_sumo.converters.lanelet import left_hand
 from scex_sumo.converters.lanelet.file import Findings
-from scex_sumo.converters.lanelet.tags import GERMANY, default_speed_mps
-from scex_sumo.formats.lane_maps.lane_links import Ends, Sides, connected
-from scex_sumo.formats.lane_maps.overlaps import overlapping
+from scex_sumo.converters.lanelet.tags import GERMANY, LEFT_HAND, default_speed_mps
+from scex_sumo.formats.lane_maps.lane_links import Ends, Sides, connected, overlapping
 from scex_sumo.geometry.polylines import (
     along,
     heading,
@@ -163,7 +161,7 @@ def drawn_road(drawn: DrawnMap, *, name: str, country: str | None = None, projec
     if frame.any():
         said = f"x = {frame[0]:.0f} m, y = {frame[1]:.0f} m"
         drawn.remarks.append(f"coordinates are relative to {said} of the dataset")
-    side, unknown = side_of(lanes, drawn.left_hand, None if country is None else country in left_hand.CODES)
+    side, unknown = side_of(lanes, drawn.left_hand, None if country is None else country in LEFT_HAND)
     return Road(
         name=name,
         lanes=lanes,

@@ -7,6 +7,7 @@ import sqlite3
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -95,7 +96,7 @@ def box_table(
     _check(path, names, values)
     kept = np.array([kinds.get(name, "") in SIZES for name in names], bool)
     left_out = Counter(kind for kind in kinds.values() if kind not in SIZES)
-    dropped = ", ".join(f"{count} {kind or 'of no type'}" for kind, count in sorted(left_out.items()))
+    dropped = ", ".join(f"{number} {kind or 'of no type'}" for kind, number in sorted(left_out.items()))
     notes = [f"objects that are no road users, left out: {dropped}"] if dropped else []
     labels, track = np.unique(np.asarray(names, str)[kept], return_inverse=True)
     values = values[kept]
@@ -108,19 +109,19 @@ def box_table(
         notes.append(f"{int(twice.sum())} boxes of one track and time left out")
         track, values = track[~twice], values[~twice]
     words = [kinds[str(label)] for label in labels]
+    motors = np.array([word in MOTOR_TYPES for word in words], bool)
     values[:, 0] = np.rint(values[:, 0] - values[:, 0].min())  # whole milliseconds
     notes += _fill_velocities(track, values)
-    notes += _fill_sizes(track, values, words)
-    numbers, named = _numbers([str(label) for label in labels], [word in MOTOR_TYPES for word in words])
+    notes += _fill_sizes(track, values, words, motors[track])
+    numbers, named = _numbers(labels.tolist(), motors.tolist())
     notes += named
     if ego and ego in kinds:
         notes.append(f"the recording vehicle {ego} is vehicle {numbers[labels.tolist().index(ego)]}")
-    motor: BoolArray = np.array([word in MOTOR_TYPES for word in words], bool)[track]
     steps = np.diff(values[:, 0])[np.diff(track) == 0]
     step_s = float(np.median(steps)) / 1000.0 if len(steps) else STEP_S
     columns = dict(zip(FLOAT_COLUMNS, values.T.copy(), strict=True))
     columns["psi_rad"] = np.asarray(wrap(columns["psi_rad"]))
-    return track_table(path, motor, track, numbers, words, step_s=step_s, **columns), tuple(notes)
+    return track_table(path, motors[track], track, numbers, words, step_s=step_s, **columns), tuple(notes)
 
 
 def yaw_of(qw: Any, qx: Any, qy: Any, qz: Any) -> Any:
@@ -153,15 +154,14 @@ def _fill_velocities(track: IntArray, values: FloatArray) -> list[str]:
     missing |= ~np.isin(track, np.unique(track[(values[:, 3:5] != 0.0).any(axis=1)]))
     for number in np.unique(track[missing]):
         rows = np.flatnonzero(track == number)
+        slope: FloatArray = np.zeros((1, 2))
         if len(rows) > 1:
             slope = np.gradient(values[rows, 1:3], values[rows, 0] / 1000.0, axis=0)
-        else:
-            slope = np.zeros((len(rows), 2))
         values[rows, 3:5] = np.where(missing[rows, None], slope, values[rows, 3:5])
     return ["velocities are not recorded: computed from positions"] if missing.all() else []
 
 
-def _fill_sizes(track: IntArray, values: FloatArray, words: list[str]) -> list[str]:
+def _fill_sizes(track: IntArray, values: FloatArray, words: list[str], motor: BoolArray) -> list[str]:
     notes = []
     unknown = ~(values[:, 6:8] > 0.0)
     usual = np.array([SIZES[word] for word in words])[track]
@@ -170,23 +170,18 @@ def _fill_sizes(track: IntArray, values: FloatArray, words: list[str]) -> list[s
         used = sorted({words[k] for k in np.unique(track[unknown.any(axis=1)])})
         sizes = ", ".join(f"{word} {SIZES[word][0]:g} m x {SIZES[word][1]:g} m" for word in used)
         notes.append(f"sizes are not recorded: {sizes}")
-    motor = np.array([word in MOTOR_TYPES for word in words], bool)[track]
     swapped = motor & (values[:, 7] > SWAPPED * values[:, 6])
     values[swapped, 6:8] = values[swapped, 7:5:-1]
     if swapped.any():
-        count = len(np.unique(track[swapped]))
-        notes.append(f"length and width of {count} vehicles are swapped in the file: swapped back")
+        vehicles = len(np.unique(track[swapped]))
+        notes.append(f"length and width of {vehicles} vehicles are swapped in the file: swapped back")
     return notes
 
 
 def _numbers(labels: list[str], motor: list[bool]) -> tuple[list[str], list[str]]:
-    plain = [bool(re.fullmatch(r"\d{1,18}", label)) for label in labels]
-    free = max((int(label) for label, number in zip(labels, plain, strict=True) if number), default=0)
-    numbers, named = [], 0
-    for label, number, vehicle in zip(labels, plain, motor, strict=True):
-        if number or not vehicle:
-            numbers.append(str(int(label)) if number else label)
-        else:
-            free, named = free + 1, named + 1
-            numbers.append(str(free))
+    numbers = [str(int(label)) if re.fullmatch(r"\d{1,18}", label) else "" for label in labels]
+    free = count(max((int(number) for number in numbers if number), default=0) + 1)
+    named = sum(vehicle and not number for number, vehicle in zip(numbers, motor, strict=True))
+    for k, (label, vehicle) in enumerate(zip(labels, motor, strict=True)):
+        numbers[k] = numbers[k] or (str(next(free)) if vehicle else label)
     return numbers, ["vehicles are numbered in the order of their names"] if named > 1 else []

@@ -50,20 +50,18 @@ def within_map(table: TrackTable, road: Road) -> tuple[TrackTable, list[str]]:
 
 def _near_lanes(rows: TrackRows, road: Road) -> BoolArray:
     areas = [shapely.make_valid(shapely.Polygon(lane.outline)) for lane in road.vehicle_lanes.values()]
-    near = np.zeros(len(rows), bool)
     points = shapely.points(rows.x, rows.y)
-    near[shapely.STRtree(areas).query(points, predicate="dwithin", distance=OUTSIDE_M)[0]] = True
-    return near
+    near = shapely.STRtree(areas).query(points, predicate="dwithin", distance=OUTSIDE_M)[0]
+    return np.bincount(near, minlength=len(rows)) > 0
 
 
 def _parked(rows: TrackRows, road: Road) -> BoolArray:
     if not len(rows):
         return np.zeros(0, bool)
     begin = np.flatnonzero(np.append(True, np.diff(rows.track) != 0))
-    spread = [
-        np.ptp(np.quantile(part, (0.05, 0.95))) for a in (rows.x, rows.y) for part in np.split(a, begin[1:])
-    ]
-    still = np.hypot(*np.reshape(spread, (2, -1))) < PARKED_M
+    parts = [np.split(xy, begin[1:]) for xy in (rows.x, rows.y)]
+    spread = np.array([[np.ptp(np.quantile(part, (0.05, 0.95))) for part in of] for of in parts])
+    still = np.hypot(*spread) < PARKED_M
     middle = (begin + np.append(begin[1:], len(rows))) // 2
     matches = match(road, rows.x[middle], rows.y[middle], rows.psi_rad[middle])
     widths = np.array([road.lanes[int(i)].width_m for i in matches.lane_id])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -39,15 +40,7 @@ _CAR = (5.0, 1.8)
 _KINDS = {"trailer": "truck", "coach": "bus", "delivery": "van", "moped": "motorcycle", "bike": "bicycle"}
 _OTHERS = ("bicycle", "tram", "pedestrian")
 _COLUMNS = ("time", "x", "y", "angle", "speed", "length", "width")
-_MAX = (
-    MAX_VALUES["timestamp_ms"] / 1000.0,
-    MAX_VALUES["x"],
-    MAX_VALUES["y"],
-    1e4,
-    MAX_VALUES["vx"],
-    1e4,
-    1e4,
-)
+_MAX = (MAX_VALUES["timestamp_ms"] / 1000.0, MAX_VALUES["x"], MAX_VALUES["y"], 1e4, 1e4, 1e4, 1e4)
 _FILLED_FROM_S = 0.5  # longer steps are filled in here, because straight lines between them cut curves
 MIN_STEP_S, MAX_STEP_S = 0.001, 2.0
 IN_DEGREES = 1e-3  # of what vehicles drive by their speeds; a metre is 1e-5 degrees
@@ -163,16 +156,12 @@ def _parquet(path: Path) -> tuple[list[str], list[str], FloatArray]:
         raise TrackError(f"{path}: no column {missing[0]}; write it with SUMO's --fcd-output FILE.parquet")
     keep = read[columns["id"]].is_valid().to_numpy(zero_copy_only=False)
     read = read.filter(keep)
-    empty = np.full(read.num_rows, np.nan)
-    table = [
-        read[columns[name]].cast(pa.float64()).to_numpy() if name in columns else empty for name in _COLUMNS
-    ]
+    table = np.full((read.num_rows, len(_COLUMNS)), np.nan)
+    for k, name in enumerate(_COLUMNS):
+        if name in columns:
+            table[:, k] = read[columns[name]].cast(pa.float64()).to_numpy()
     kinds = read[columns["type"]].to_pylist() if "type" in columns else [""] * read.num_rows
-    return (
-        [str(n) for n in read[columns["id"]].to_pylist()],
-        [str(k or "") for k in kinds],
-        np.stack(table, 1),
-    )
+    return [str(n) for n in read[columns["id"]].to_pylist()], [str(k or "") for k in kinds], table
 
 
 def _word_and_size(kind: str) -> tuple[str, tuple[str, tuple[float, float]]]:
@@ -192,27 +181,25 @@ def _filled(
 ) -> tuple[IntArray, FloatArray, Any]:
     tracks, tables, kinds = [], [], []
     more = round(step_s / STEP_S)
-    for first, last in _runs(track, table[:, 0], step_s):
+    new = np.flatnonzero((np.diff(track) != 0) | (np.diff(table[:, 0]) > 1.5 * step_s)) + 1
+    for first, last in pairwise([0, *new.tolist(), len(track)]):
         run = table[first:last]
         u = np.arange(more) / more
         angle = np.unwrap(np.radians(90.0 - run[:, 3]))
         slope = run[:, 4, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1) * step_s
-        p, q, v, w = run[:-1, 1:3], run[1:, 1:3], slope[:-1], slope[1:]
         t = u[None, :, None]
-        p, q, v, w = (x[:, None] for x in (p, q, v, w))
+        p, q, v, w = (x[:, None] for x in (run[:-1, 1:3], run[1:, 1:3], slope[:-1], slope[1:]))
         place = (2 * t**3 - 3 * t**2 + 1) * p + (t**3 - 2 * t**2 + t) * v
         place = place + (3 * t**2 - 2 * t**3) * q + (t**3 - t**2) * w
-        columns = {}
-        for k, column in enumerate((run[:, 0], angle, run[:, 4])):
-            columns[k] = np.append((column[:-1, None] + u * np.diff(column)[:, None]).ravel(), column[-1])
-        rows = np.empty((len(columns[0]), table.shape[1]))
-        rows[:, 0], rows[:, 4] = columns[0], columns[2]
-        rows[:, 1:3] = np.vstack([place.reshape(-1, 2), run[-1:, 1:3]])
-        rows[:, 3] = 90.0 - np.degrees(columns[1])
-        rows[:, 5:] = run[0, 5:]
-        tracks.append(np.full(len(rows), track[first]))
-        tables.append(rows)
-        kinds.append(np.full(len(rows), words[first]))
+        time, angle, speed = (
+            np.append((column[:-1, None] + u * np.diff(column)[:, None]).ravel(), column[-1])
+            for column in (run[:, 0], angle, run[:, 4])
+        )
+        places = np.vstack([place.reshape(-1, 2), run[-1:, 1:3]])
+        sizes = np.broadcast_to(run[0, 5:], (len(time), 2))
+        tables.append(np.column_stack([time, places, 90.0 - np.degrees(angle), speed, sizes]))
+        tracks.append(np.full(len(time), track[first]))
+        kinds.append(np.full(len(time), words[first]))
     return np.concatenate(tracks), np.vstack(tables), np.concatenate(kinds)
 
 
@@ -245,12 +232,6 @@ def _change_lanes(track: IntArray, table: FloatArray) -> int:
         table[rows, 2] += shift * np.cos(ahead[rows])
         table[rows, 3] -= np.degrees(np.arctan2(slope, np.maximum(table[rows, 4], SLOW_MPS)))
     return len(jumps)
-
-
-def _runs(track: IntArray, time: FloatArray, step_s: float) -> list[tuple[int, int]]:
-    new = (np.diff(track) != 0) | (np.diff(time) > 1.5 * step_s)
-    begin = np.flatnonzero(np.concatenate([[True], new]))
-    return list(zip(begin.tolist(), [*begin[1:].tolist(), len(track)], strict=True))
 
 
 def _columns(table: FloatArray) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from scex_sumo.base.errors import MapError
 from scex_sumo.base.files import TemporaryFolder, cache_folder, sha256_of, write_atomic
 from scex_sumo.base.sumo.programs import run_program
 from scex_sumo.base.version import __version__, version_of
-from scex_sumo.converters.lanelet.left_hand import drives_left_at
+from scex_sumo.converters.lanelet.tags import drives_left_at
 from scex_sumo.converters.naming import map_name, number
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.converters.xml import is_utf8, unpacked, xml_root

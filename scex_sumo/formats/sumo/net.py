@@ -21,8 +21,8 @@ from scex_sumo.converters.net.reading import allowed_copy, lane_names, lanelet_p
 from scex_sumo.converters.net.text import BEYOND, LANE_WIDTH_M, LaneletPart
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.converters.xml import change_words, is_left_hand, net_root
+from scex_sumo.formats.lane_maps.lane_links import overlapping
 from scex_sumo.formats.lane_maps.lane_map import beside as _aside
-from scex_sumo.formats.lane_maps.overlaps import overlapping
 from scex_sumo.formats.recognition import FCD_ENDINGS, is_sumo_net
 from scex_sumo.geometry.polylines import arc_lengths, cut, length_of
 from scex_sumo.lanelet2sumo.reader import MAX_M

@@ -61,7 +61,7 @@ def with_lights(
         programmes: by light and name.
         saved: of SUMO's saved state at the time; the net keeps them, with its own programmes, for exports.
     """
-    if road is None or road.net is None:
+    if road is None or road.net is None or not recorded:
         return road, []
     lights: dict[str, ElementTree.Element] = {}
     groups: dict[str, list[str]] = {}
@@ -75,8 +75,6 @@ def with_lights(
             if duration > 5e-4:
                 ElementTree.SubElement(light, "phase", duration=f"{duration:.3f}", state=state)
         lights[name] = light
-    if not lights:
-        return road, []
     given = road.net
     made_of = b"".join(ElementTree.tostring(light) for light in (*lights.values(), *saved))
     net = kept_net(given, given.read_bytes() + made_of, lambda: _relit(given, lights, saved))

@@ -150,15 +150,16 @@ def _known_options(binary: str) -> dict[str, tuple[str, str, str]]:
     """Return name, section and type of SUMO's options by each of their names."""
     command = [binary, "--save-template", "-"]
     done = subprocess.run(command, capture_output=True, env=environment(), check=False)
-    known = {}
     try:
-        for section in ElementTree.fromstring(done.stdout):
-            for option in section:
-                for name in (option.tag, *option.get("synonymes", "").split()):
-                    known[name] = (option.tag, section.tag, option.get("type", ""))
+        sections = ElementTree.fromstring(done.stdout)
     except ElementTree.ParseError:
         raise SimulationError(f"{binary}: does not list its options; install SUMO again") from None
-    return known
+    return {
+        name: (option.tag, section.tag, option.get("type", ""))
+        for section in sections
+        for option in section
+        for name in (option.tag, *option.get("synonymes", "").split())
+    }
 
 
 def _check_scale(file: Path, value: str) -> None:
@@ -250,12 +251,10 @@ def load_state(state: Path, net: Path) -> Recorded:
         SimulationError: SUMO cannot load it.
         TrackError: a mesoscopic simulation, or no vehicle on the road.
     """
-    options = {NET: str(net.absolute()), STATE: str(state.absolute())}
     # SUMO writes the options of the simulation at the top of its state.
-    top = unpacked(state)[:_TOP].decode("utf-8", "replace")
-    options |= {
-        name: value for name, value in re.findall(r'<([\w.-]+) value="([\d.]+)"/>', top) if name in _KEPT
-    }
+    said = re.findall(r'<([\w.-]+) value="([\d.]+)"/>', unpacked(state)[:_TOP].decode("utf-8", "replace"))
+    options = {NET: str(net.absolute()), STATE: str(state.absolute())}
+    options |= {name: value for name, value in said if name in _KEPT}
 
     def record(sumo: Any) -> Recorded:
         refuse_mesoscopic(sumo, state)
@@ -263,9 +262,8 @@ def load_state(state: Path, net: Path) -> Recorded:
         recorder.take()
         recorder.take_intentions()
         if not recorder.recorded.frames[0][1]:
-            raise TrackError(
-                f"{state}: no vehicle on the road in it; save a state of a simulation with traffic"
-            )
+            remedy = "save a state of a simulation with traffic"
+            raise TrackError(f"{state}: no vehicle on the road in it; {remedy}")
         return recorder.recorded
 
     return _run(state, options, record)
