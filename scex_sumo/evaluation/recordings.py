@@ -9,8 +9,13 @@ from pathlib import Path
 
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.cleaning.align import evidence, on_lanes
-from scex_sumo.converters.cleaning.off_lanes import MIN_SHARE_ON_LANES, explain_mismatch, on_closed_lanes
+from scex_sumo.converters.cleaning.align import (
+    MIN_SHARE_ON_LANES,
+    evidence,
+    explain_mismatch,
+    on_closed_lanes,
+    on_lanes,
+)
 from scex_sumo.converters.cleaning.plausibility import Check, doubts, refuse_implausible
 from scex_sumo.converters.datasets.moment import Moment, find_moments
 from scex_sumo.converters.datasets.recordings import (

@@ -15,8 +15,7 @@ from scex_sumo.base.errors import ScexError, SimulationError
 from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.sumo.programs import program
 from scex_sumo.commands.console import PrintableStream
-from scex_sumo.formats.sumo.own_sumo import user_sumo
-from scex_sumo.formats.sumo.scenario import QUIET, net_of, options_of, private_options
+from scex_sumo.formats.sumo.scenario import QUIET, net_of, options_of, private_options, user_sumo
 from scex_sumo.live.painter import TEXT_PX, Painter
 from scex_sumo.live.risk import Risk
 from scex_sumo.live.watch import Watch

@@ -13,8 +13,13 @@ import numpy as np
 
 from scex_sumo.base.errors import ScexError, listed
 from scex_sumo.base.progress import Progress
-from scex_sumo.converters.cleaning.align import Evidence, align_tracks, evidence
-from scex_sumo.converters.cleaning.off_lanes import doubt_place, explain_off_lanes
+from scex_sumo.converters.cleaning.align import (
+    Evidence,
+    align_tracks,
+    doubt_place,
+    evidence,
+    explain_off_lanes,
+)
 from scex_sumo.converters.cleaning.plausibility import (
     Check,
     doubts,
@@ -26,8 +31,7 @@ from scex_sumo.converters.cleaning.plausibility import (
 from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.interaction import find_tracks
 from scex_sumo.converters.datasets.moment import STAMP_MS
-from scex_sumo.converters.datasets.sample import interpolated
-from scex_sumo.converters.datasets.scene import FUTURE_STEPS, take_scene
+from scex_sumo.converters.datasets.scene import FUTURE_STEPS, interpolated, take_scene
 from scex_sumo.converters.naming import in_memory, refuse_unreadable
 from scex_sumo.converters.registries import Dataset, Recording, Window, dataset_of, place_name
 from scex_sumo.converters.tracks.check import check_values

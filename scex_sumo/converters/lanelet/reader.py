@@ -1,4 +1,4 @@
-"""Reader of Lanelet2 maps, by lanelet2 itself."""
+"""Reader of Lanelet2 maps, by lanelet2 itself; their markings and areas, for drawing."""
 
 from __future__ import annotations
 
@@ -13,8 +13,15 @@ from lanelet2 import io, projection, traffic_rules
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import MapError, one_line
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.converters.lanelet.drawing import areas, markings
-from scex_sumo.converters.lanelet.file import Findings, MapFile, list_ids, read_map_file, write_map_file
+from scex_sumo.converters.lanelet import tags
+from scex_sumo.converters.lanelet.file import (
+    Findings,
+    MapFile,
+    Points,
+    list_ids,
+    read_map_file,
+    write_map_file,
+)
 from scex_sumo.converters.lanelet.lanes import (
     MIN_ROAD_M,
     Map,
@@ -22,26 +29,19 @@ from scex_sumo.converters.lanelet.lanes import (
     Vertex,
     drawn_vertices,
     join_lanes,
+    missing_lanelets,
     related_lanes,
+    unknown_subtypes,
 )
 from scex_sumo.converters.lanelet.origin import Place, distance_m, map_origin, recorded_origin
 from scex_sumo.converters.lanelet.projection import georeference
 from scex_sumo.converters.lanelet.regulations import attach, regulations
 from scex_sumo.converters.lanelet.repair import repair
-from scex_sumo.converters.lanelet.tags import (
-    COUNTRIES,
-    GERMANY,
-    LEFT_HAND,
-    drives_left_at,
-    map_country,
-    said_limits,
-    speed_mps,
-)
-from scex_sumo.converters.lanelet.unknown import missing_lanelets, unknown_subtypes
 from scex_sumo.converters.naming import map_name
-from scex_sumo.road import Lane, MapLoss, Road
+from scex_sumo.road import Area, Lane, MapLoss, Marking, Road
 from scex_sumo.roads.side import DEAD_ENDS, dead_ends, side_of
 
+_NO_MARKING = {"", "virtual", "traffic_sign", "traffic_light"}
 MAX_FROM_ORIGIN_M = 100_000.0
 _LOAD_ERROR = re.compile(
     r"Error (?:parsing primitive|reading primitive with id) (-?\d+)(?: from file)?: (.*)"
@@ -81,8 +81,8 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, own_corner: 
     origin = _origin(path, map_file, origin, own_corner, notes)
     traffic = traffic_rules.create(traffic_rules.Locations.Germany, traffic_rules.Participants.VehicleCar)
     lanelet_map, vertices, map_file, losses = _load(map_file, origin, traffic, notes)
-    region = map_country(map_file)
-    country = region if region in COUNTRIES else GERMANY
+    region = tags.map_country(map_file)
+    country = region if region in tags.COUNTRIES else tags.GERMANY
     lanes = related_lanes(lanelet_map, vertices, traffic, map_file, country)
     lanes, linked = join_lanes(lanes)
     layers = (lanelet_map.lineStringLayer, lanelet_map.polygonLayer)
@@ -97,8 +97,8 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, own_corner: 
     losses += [MapLoss(kind="lanelets", why="left out, broken", elements=broken)] if broken else []
     losses = [replace(loss, of=len(drawn) + len(unread)) for loss in losses]
     losses += [MapLoss(kind="lights", why="without a lane", elements=tuple(lost))] if lost else []
-    told = (region in LEFT_HAND) if region else None
-    side, unknown = side_of(lanes, told, drives_left_at(map_file.middle))
+    told = (region in tags.LEFT_HAND) if region else None
+    side, unknown = side_of(lanes, told, tags.drives_left_at(map_file.middle))
     return Road(
         name=map_name(path),
         lanes=lanes,
@@ -117,14 +117,14 @@ def _doubts(lanes: Mapping[int, Lane], map_file: MapFile, country: str) -> Findi
     doubts = Findings()
     narrow, unclear = (
         f"lanelets without subtype, under {MIN_ROAD_M:g} m wide, taken for car lanes",
-        f"speed limits not understood, {COUNTRIES[country].name}'s default taken",
+        f"speed limits not understood, {tags.COUNTRIES[country].name}'s default taken",
     )
     for i, lane in lanes.items():
         if lane.kind == "vehicle" and not lane.subtype and lane.width_m < MIN_ROAD_M:
             doubts.note(narrow, *(() if lane.reverse_of else (i,)))
     for i in (i for i, lane in lanes.items() if lane.reverse_of is None):
-        said = [*said_limits(map_file.relations[i], map_file)]
-        if said and not any(map(speed_mps, said)):
+        said = [*tags.said_limits(map_file.relations[i], map_file)]
+        if said and not any(map(tags.speed_mps, said)):
             doubts.note(unclear, i)
     return doubts
 
@@ -205,3 +205,54 @@ def _complaints(errors: Iterable[str]) -> list[str]:
             sentence = re.sub(r"-?\d+", "N", match[2]).strip().rstrip(".!")
             complaints.note(f"Lanelet2: {one_line(sentence)}", int(match[1]))
     return list(complaints.notes())
+
+
+def markings(map_file: MapFile, lines: Points) -> tuple[Marking, ...]:
+    """Return the ways with a type by ascending id, without virtual ones, signs and lights."""
+    drawn = []
+    for way_id, way in sorted(map_file.ways.items()):
+        kind = way.tags.get("type", "")
+        if kind in _NO_MARKING or way.tags.get("area") == "yes" or len(lines.get(way_id, ())) < 2:
+            continue
+        subtype = way.tags.get("subtype", "")
+        drawn.append(Marking(line_id=way_id, kind=kind, subtype=subtype, points=lines[way_id]))
+    return tuple(drawn)
+
+
+def areas(map_file: MapFile, lanes: Mapping[int, Lane], lines: Points) -> tuple[Area, ...]:
+    """Return the areas by ascending id: non-vehicle lanelets, multipolygons' outlines, ways with area=yes."""
+    drawn = [
+        Area(area_id=i, kind=lane.subtype or lane.kind, outline=lane.outline)
+        for i, lane in lanes.items()
+        if lane.kind != "vehicle"
+    ]
+    for relation_id, relation in map_file.of_type("multipolygon").items():
+        kind = relation.tags.get("subtype", "area")
+        ways = [map_file.ways[i].nodes for i in relation.refs("outer", "way") if i in map_file.ways]
+        outer = [i for i in relation.refs("outer", "way") if i in lines]
+        places = {n: p for i in outer for n, p in zip(map_file.ways[i].nodes, lines[i], strict=False)}
+        for ring in _rings(ways):
+            outline = np.array([places[node] for node in ring[:-1] if node in places]).reshape(-1, 2)
+            if len(outline) >= 3:
+                drawn.append(Area(area_id=relation_id, kind=kind, outline=outline))
+    for way_id, way in map_file.ways.items():
+        if way.tags.get("area") == "yes" and len(lines.get(way_id, ())) >= 3:
+            kind = way.tags.get("subtype") or way.tags.get("type", "area")
+            drawn.append(Area(area_id=way_id, kind=kind, outline=lines[way_id]))
+    return tuple(sorted(drawn, key=lambda area: area.area_id))
+
+
+def _rings(parts: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    rings = []
+    rest = [part for part in parts if len(part) > 1]
+    while rest:
+        ring = rest.pop(0)
+        while ring[0] != ring[-1]:
+            step = next((p for p in rest if ring[-1] in (p[0], p[-1])), None)
+            if step is None:
+                break
+            rest.remove(step)
+            ring = ring + (step[1:] if step[0] == ring[-1] else step[-2::-1])
+        if ring[0] == ring[-1] and len(ring) > 3:
+            rings.append(ring)
+    return rings

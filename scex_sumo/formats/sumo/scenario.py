@@ -7,6 +7,7 @@ import os
 import re
 import signal
 import subprocess
+import sys
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -20,7 +21,7 @@ import numpy as np
 from scex_sumo.base.errors import MapError, SimulationError, TrackError, one_line
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.progress import Progress
-from scex_sumo.base.sumo.programs import checked_path, environment, program
+from scex_sumo.base.sumo.programs import checked_path, environment, program, sumo_home
 from scex_sumo.converters.naming import beginning, map_name
 from scex_sumo.converters.net.reading import allowed_content
 from scex_sumo.converters.registries import Dataset, MapFormat, own_maps
@@ -30,12 +31,12 @@ from scex_sumo.extrapolation.processes.pool import in_other_process
 from scex_sumo.formats.recognition import is_simulation, is_state
 from scex_sumo.formats.sumo.intentions import INTENTIONS_S
 from scex_sumo.formats.sumo.net import read_sumo_road
-from scex_sumo.formats.sumo.own_sumo import user_sumo
 from scex_sumo.formats.sumo.recorder import Recorded, Recorder
 from scex_sumo.formats.sumo.saved import PRECISE
 from scex_sumo.road import Road
 from scex_sumo.world.session import load_sumo, silence
 
+OLDEST_SUMO = (1, 20)
 MAX_SCALE = 100.0  # of the traffic; a larger one loads vehicles for minutes before the first step
 MAX_VEHICLES = 20_000  # driving and waiting to be inserted
 MAX_FLOW_HZ = 1_000.0  # departures of one flow; SUMO makes those of a step at once
@@ -401,3 +402,25 @@ SCENARIO = Dataset(
     simulated=True,
 )
 SCENARIO_MAP = MapFormat(is_mine=is_simulation, read=_read_road, tracks=lambda path: path)
+
+
+def user_sumo() -> Path | None:
+    """Return the user's own ``sumo``, in the folder that ``SUMO_HOME`` names; None for the wheel's.
+
+    Raises:
+        SimulationError: it is older than 1.20, or does not run.
+    """
+    home = os.environ.get("SUMO_HOME")
+    own = Path(home or "") / "bin" / ("sumo.exe" if sys.platform == "win32" else "sumo")
+    if not home or Path(home).resolve() == sumo_home().resolve() or not own.is_file():
+        return None
+    remedy = "set SUMO_HOME to another one, or unset it"
+    try:
+        done = subprocess.run([own, "--version"], capture_output=True, text=True, check=False, timeout=20)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise SimulationError(f"{own}: does not run ({error}); {remedy}") from None
+    version = re.search(r"\b(\d+)\.(\d+)", done.stdout)
+    if version is None or tuple(map(int, version.groups())) < OLDEST_SUMO:
+        got = f"version {version[0]}" if version else "of no known version"
+        raise SimulationError(f"{own}: {got}; needs {'.'.join(map(str, OLDEST_SUMO))} or newer; {remedy}")
+    return own

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.converters.cleaning.align import Evidence
-from scex_sumo.converters.cleaning.off_lanes import doubt_place, explain_mismatch
+from scex_sumo.converters.cleaning.align import Evidence, doubt_place, explain_mismatch
 from scex_sumo.road import Road
 from tests.converters.sumo_roads import arc, lane, road
 

@@ -16,8 +16,7 @@ from scex_sumo.base.sumo.programs import program
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.formats.sumo.net import read_sumo_road
-from scex_sumo.formats.sumo.own_sumo import user_sumo
-from scex_sumo.formats.sumo.scenario import options_of, simulate
+from scex_sumo.formats.sumo.scenario import options_of, simulate, user_sumo
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene
 from scex_sumo.world.batch import RunningBatch
