@@ -11,6 +11,7 @@ import math
 import re
 import zlib
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -156,10 +157,9 @@ def _nearest_map(path: Path, meta: dict[str, str]) -> Path:
 
 @lru_cache(maxsize=64)
 def _middle(map_path: Path, _changed_ns: int) -> Place:
-    try:
+    with suppress(MapError):
         return read_map_file(map_path).middle
-    except MapError:
-        return 90.0, 0.0
+    return 90.0, 0.0
 
 
 def _origin(tracks_path: Path, map_path: Path) -> Place | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import statistics
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -128,71 +128,62 @@ def read_map_file(path: str | Path) -> MapFile:
     nodes have ``local_x`` and ``local_y``, these are the coordinates, as in Autoware.
     """
     path = Path(path)
-    nodes: dict[int, MapPoint] = {}
-    ways: dict[int, Way] = {}
-    relations: dict[int, Relation] = {}
-    findings = Findings()
-    unread: list[str] = []
+    elements: dict[str, dict[int, Any]] = {"node": {}, "way": {}, "relation": {}}
+    findings, unread = Findings(), list[str]()
     root = xml_root(path, remedy="name a Lanelet2 .osm file")
     if root.tag != "osm":
         raise MapError(f"{path}: no Lanelet2 map: its root is <{root.tag}>, not <osm>; name an .osm file")
     all_nodes = root.findall("node")
     local = 2 * sum({"local_x", "local_y"} <= _tags(node).keys() for node in all_nodes) > len(all_nodes)
     for element in root:
-        if element.get("action") == "delete":
+        tag, new = element.tag, False
+        if element.get("action") == "delete" or tag not in elements:
             continue
-        name = f"{element.tag} {element.get('id', '')[:24] or 'without an id'}"
+        name = f"{tag} {element.get('id', '')[:24] or 'without an id'}"
         try:
-            if element.tag == "node":
-                new = _is_new(nodes, _id(element, "id"), _node(element, local))
-                if _height_m(element) is None:
-                    findings.note("nodes with a height that is no number, height 0 used", name)
-            elif element.tag == "way":
-                nodes_of_way = tuple(_id(nd, "ref") for nd in element.findall("nd"))
-                new = _is_new(ways, _id(element, "id"), Way(nodes=nodes_of_way, tags=_tags(element)))
-            elif element.tag == "relation":
-                members = tuple(
-                    Member(kind=m.get("type", ""), ref=_id(m, "ref"), role=m.get("role", ""))
-                    for m in element.findall("member")
-                    if m.get("type") in ("node", "way", "relation")
-                )
-                relation = Relation(members=members, tags=_tags(element))
-                new = _is_new(relations, _id(element, "id"), relation)
-            else:
-                continue
+            made, number = _element(element, local), _id(element, "id")
+            new = elements[tag].setdefault(number, made) is made
+            if tag == "node" and _height_m(element) is None:
+                findings.note("nodes with a height that is no number, height 0 used", name)
             if not new:
                 findings.note("ids used twice, the first element kept", name)
         except ValueError:
             findings.note("left out, no usable id or coordinates", name)
-            new = False
-        if not new and element.tag == "relation" and _tags(element).get("type") == "lanelet":
+        if not new and tag == "relation" and _tags(element).get("type") == "lanelet":
             unread.append(name.removeprefix("relation "))
+    nodes: dict[int, MapPoint] = elements["node"]
     if local and nodes:
         from scex_sumo.converters.lanelet.projection import to_degrees
 
         places = to_degrees(np.array([(n.lon, n.lat) for n in nodes.values()]), (0.0, 0.0)).tolist()
-        nodes = {
-            i: MapPoint(lat=lat, lon=lon, ele=node.ele)
-            for (i, node), (lat, lon) in zip(nodes.items(), places, strict=True)
-        }
+        for (i, node), (lat, lon) in zip(nodes.items(), places, strict=True):
+            nodes[i] = replace(node, lat=lat, lon=lon)
     if not nodes and any(element.get("x") for element in root.iter("node")):
-        raise MapError(
-            f"{path}: its nodes have x, y instead of lat, lon; name the .osm file it was made from"
-        )
+        remedy = "name the .osm file it was made from"
+        raise MapError(f"{path}: its nodes have x, y instead of lat, lon; {remedy}")
     taken = ("coordinates are those of the tags local_x and local_y",) if local else ()
     return MapFile(
         path=path,
         nodes=nodes,
-        ways=ways,
-        relations=relations,
+        ways=elements["way"],
+        relations=elements["relation"],
         notes=(*taken, *findings.notes()),
         unread=tuple(unread),
         local=local,
     )
 
 
-def _is_new(elements: dict[int, Any], element_id: int, element: object) -> bool:
-    return elements.setdefault(element_id, element) is element
+def _element(element: ElementTree.Element, local: bool) -> MapPoint | Way | Relation:
+    if element.tag == "node":
+        return _node(element, local)
+    if element.tag == "way":
+        return Way(nodes=tuple(_id(nd, "ref") for nd in element.findall("nd")), tags=_tags(element))
+    members = tuple(
+        Member(kind=m.get("type", ""), ref=_id(m, "ref"), role=m.get("role", ""))
+        for m in element.findall("member")
+        if m.get("type") in ("node", "way", "relation")
+    )
+    return Relation(members=members, tags=_tags(element))
 
 
 def _id(element: ElementTree.Element, attribute: str) -> int:
