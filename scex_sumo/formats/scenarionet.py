@@ -227,7 +227,7 @@ def _drawn(path: Path, scenario: Mapping[str, Any]) -> DrawnMap:
                 location="" if "FREEWAY" in kind else "urban",
                 limit_mps=limits[name],
                 inside=inside or (areas and "polygon" not in one),
-                closed=tuple(side for side in ("left", "right") if _solid(one.get(f"{side}_boundaries"))),
+                closed=tuple(side for side in ("left", "right") if _is_solid(one, side)),
                 successors=after,
                 predecessors=before,
                 left_neighbours=beside[0],
@@ -265,17 +265,15 @@ def _names(names: Any, known: Mapping[str, Hashable]) -> list[Hashable] | None:
     return [known[str(name)] for name in named if str(name) in known]
 
 
-def _solid(boundaries: Any) -> bool:
-    kinds = [str(one.get("boundary_type")) for one in boundaries or () if isinstance(one, Mapping)]
-    return bool(kinds) and all("SOLID" in kind for kind in kinds)
+def _is_solid(lane: Mapping[str, Any], side: str) -> bool:
+    sides = [one for one in lane.get(f"{side}_boundaries") or () if isinstance(one, Mapping)]
+    return bool(sides) and all("SOLID" in str(one.get("boundary_type")) for one in sides)
 
 
 def _limit_mps(lane: Mapping[str, Any]) -> float | None:
-    for name, unit in (("speed_limit_mph", MPH), ("speed_limit_kmh", KMH)):
-        limit = lane.get(name)
-        if limit is not None and math.isfinite(float(limit)) and float(limit) > 0.0:
-            return float(limit) * unit
-    return None
+    limits = ((lane.get("speed_limit_mph"), MPH), (lane.get("speed_limit_kmh"), KMH))
+    known = ((float(limit), unit) for limit, unit in limits if limit is not None)
+    return next((limit * unit for limit, unit in known if math.isfinite(limit) and limit > 0.0), None)
 
 
 def _width_m(lane: Mapping[str, Any]) -> float:

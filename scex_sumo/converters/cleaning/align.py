@@ -106,7 +106,11 @@ def align_tracks(
                 break
             parts.append(sibling)
     pooled = thinned(_pooled([part for _, part in sorted(parts, key=lambda named: named[0])]))
-    if len(pooled.x) < MIN_SAMPLES or pooled.tracks < MIN_TRACKS or _one_way(pooled.heading):
+    if len(pooled.x) < MIN_SAMPLES or pooled.tracks < MIN_TRACKS:
+        return table, ()
+    bins = np.bincount(np.floor(pooled.heading / (np.pi / 8.0)).astype(np.int64) % 16, minlength=16)
+    main = (np.argmax(bins) + 0.5) * np.pi / 8.0
+    if (np.abs(wrap(pooled.heading - main)) > np.pi / 4.0).mean() < MIN_OTHER_DIRECTIONS:
         return table, ()
     fit = _fit(pooled, road)
     before, after = (_matched(pooled, road, one)[4] for one in (_Alignment(centre=fit.centre), fit))
@@ -212,12 +216,6 @@ def _spread(offsets: FloatArray) -> float:
     return float(np.median(np.abs(offsets - np.median(offsets)))) if len(offsets) else math.inf
 
 
-def _one_way(heading: FloatArray) -> bool:
-    bins = np.bincount((np.floor(heading / (np.pi / 8.0)).astype(np.int64)) % 16, minlength=16)
-    main = (np.argmax(bins) + 0.5) * np.pi / 8.0
-    return bool((np.abs(wrap(heading - main)) > np.pi / 4.0).mean() < MIN_OTHER_DIRECTIONS)
-
-
 def explain_off_lanes(
     scene: SeedScene, off: list[int], samples: Evidence, road: Road, *, simulated: bool
 ) -> TrackError:
@@ -306,7 +304,13 @@ def _course(heading: FloatArray) -> FloatArray:
 def _best_shift(samples: Evidence, road: Road) -> tuple[float, float] | None:
     from scipy.signal import fftconvolve
 
-    lanes = [_dense(lane.centreline) for lane in road.vehicle_lanes.values() if len(lane.centreline) > 1]
+    lanes = []
+    for line in (lane.centreline for lane in road.vehicle_lanes.values() if len(lane.centreline) > 1):
+        arc = arc_lengths(line)
+        s = np.arange(0.0, arc[-1], CELL_M / 2.0)
+        segment = np.clip(np.searchsorted(arc, s, side="right") - 1, 0, len(line) - 2)
+        heading = np.arctan2(*np.diff(line, axis=0)[segment].T[::-1])
+        lanes.append(np.column_stack((along(line, s), heading)))
     if not lanes:
         return None
     lane_points = np.concatenate(lanes)
@@ -333,10 +337,3 @@ def _cells(points: FloatArray, begin: FloatArray, shape: tuple[int, ...]) -> Flo
     counts = np.zeros(shape)
     np.add.at(counts, tuple(((points[:, :2] - begin) // CELL_M).astype(np.int64).T), 1.0)
     return counts
-
-
-def _dense(line: FloatArray) -> FloatArray:
-    arc = arc_lengths(line)
-    s = np.arange(0.0, arc[-1], CELL_M / 2.0)
-    segment = np.clip(np.searchsorted(arc, s, side="right") - 1, 0, len(line) - 2)
-    return np.column_stack((along(line, s), np.arctan2(*np.diff(line, axis=0)[segment].T[::-1])))

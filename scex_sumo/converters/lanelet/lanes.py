@@ -300,16 +300,11 @@ def missing_lanelets(vertices: Sequence[Vertex], rules: Rules, map_file: MapFile
         before = map_file.relations[one.lanelet_id]
         left = before.refs("right", "way")[0]
         right = map_file.relations[other.lanelet_id].refs("left", "way")[0]
-        if left in refs["left"] or right in refs["right"] or not _is_wide(one.right, other.left):
+        widths_m = np.hypot(*(one.right[[0, -1]] - other.left[[0, -1]]).T)
+        narrow_or_wide = widths_m.min() < MIN_ROAD_M or widths_m.max() > MAX_LANE_M
+        if left in refs["left"] or right in refs["right"] or narrow_or_wide:
             continue
         sides = ((left, "left"), (right, "right"))
         bounds = tuple(Member(kind="way", ref=ref, role=side) for ref, side in sides)
         added[next(ids)] = Relation(members=bounds, tags=before.tags)
     return added
-
-
-def _is_wide(left: FloatArray, right: FloatArray) -> bool:
-    """Return whether two bounds are as far apart as those of a lane, all the way."""
-    apart = np.hypot(*(left[:, None] - right).transpose(2, 0, 1))
-    ends = (apart[0, 0], apart[-1, -1])
-    return bool(min(ends) >= MIN_ROAD_M and max(ends) <= MAX_LANE_M)

@@ -118,17 +118,14 @@ def overlapping(lanes: Mapping[int, Lane], centres: Mapping[int, FloatArray]) ->
     overlaps: dict[int, set[int]] = {i: set() for i in ids}
     for one, other in shapely.STRtree(areas).query(areas, predicate="intersects").T.tolist():
         a, b = ids[one], ids[other]
-        if a < b and not _follow_or_neighbour(lanes[a], lanes[b]):
+        beside = (lanes[a].adjacent_left, lanes[a].adjacent_right, lanes[a].reverse_of)
+        linked = b in (*beside, *lanes[a].successors, *lanes[a].predecessors) or a == lanes[b].reverse_of
+        if a < b and not linked:
             level = max(high[a] - low[b], high[b] - low[a]) < MIN_HEADROOM_M
             if level or _on_one_level(centres[a], centres[b], shapely.intersection(areas[one], areas[other])):
                 overlaps[a].add(b)
                 overlaps[b].add(a)
     return {i: replace(lane, conflicts=tuple(sorted(overlaps.get(i, ())))) for i, lane in lanes.items()}
-
-
-def _follow_or_neighbour(a: Lane, b: Lane) -> bool:
-    beside = (a.adjacent_left, a.adjacent_right, a.reverse_of)
-    return a.lane_id == b.reverse_of or b.lane_id in (*beside, *a.successors, *a.predecessors)
 
 
 def _on_one_level(a: FloatArray, b: FloatArray, shared: shapely.Geometry) -> bool:

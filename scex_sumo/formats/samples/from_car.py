@@ -25,7 +25,10 @@ def within_map(table: TrackTable, road: Road) -> tuple[TrackTable, list[str]]:
     A parked vehicle never moves and stands beside the middle of every lane. Returns a phrase for each.
     """
     rows, notes = table.vehicles, []
-    inside = _near_lanes(rows, road)
+    areas = [shapely.make_valid(shapely.Polygon(lane.outline)) for lane in road.vehicle_lanes.values()]
+    points, tree = shapely.points(rows.x, rows.y), shapely.STRtree(areas)
+    near = tree.query(points, predicate="dwithin", distance=OUTSIDE_M)[0]
+    inside = np.bincount(near, minlength=len(rows)) > 0
     if not inside.all():
         cut = sorted({rows.labels[k] for k in rows.track[~inside]}, key=lambda label: (len(label), label))
         notes.append(
@@ -46,13 +49,6 @@ def within_map(table: TrackTable, road: Road) -> tuple[TrackTable, list[str]]:
         rows, others = rows.take(~parked[rows.track]), joined_rows(table.others, still)
         table = replace(table, others=others)
     return replace(table, vehicles=rows), notes
-
-
-def _near_lanes(rows: TrackRows, road: Road) -> BoolArray:
-    areas = [shapely.make_valid(shapely.Polygon(lane.outline)) for lane in road.vehicle_lanes.values()]
-    points = shapely.points(rows.x, rows.y)
-    near = shapely.STRtree(areas).query(points, predicate="dwithin", distance=OUTSIDE_M)[0]
-    return np.bincount(near, minlength=len(rows)) > 0
 
 
 def _parked(rows: TrackRows, road: Road) -> BoolArray:
