@@ -26,7 +26,6 @@ PRELOADED = (
     "scex_sumo.converters.lanelet.reader",
     "scex_sumo.extrapolation.engine",
     "scex_sumo.converters.cleaning.align",
-    "scex_sumo.converters.cleaning.off_lanes",
     "scex_sumo.converters.cleaning.plausibility",
     "scex_sumo.converters.cleaning.repair",
     "scex_sumo.formats.lane_maps.lane_map",
