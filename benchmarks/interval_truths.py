@@ -132,8 +132,6 @@ def _run(scene: SeedScene, file: Path) -> None:
                 world="plain",
                 reference=None,
                 report=False,
-                response=None,
-                exact=False,
                 out=Path(folder) / "out",
             )
         except ScexError as error:

@@ -60,7 +60,6 @@ def extrapolated(scene: SeedScene, out: Path, futures: int | str) -> Run:
         models=MODELS,
         metrics="paper",
         reference=None,
-        response="none",
         out=out / scene.name,
         overwrite=True,
     )
