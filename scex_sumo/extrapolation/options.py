@@ -87,14 +87,6 @@ class RunOptions:
         """Models of the human-like reference; None without one."""
         return None if self.reference in (None, "none") else self.reference
 
-    def extras(self) -> list[Any]:
-        """Return the objects of `extra`; raise a `UsageError` if there is no such one."""
-        if not self.extra:
-            return []
-        from scex_sumo.extrapolation.extras import extra_named
-
-        return [extra_named(one) for one in self.extra]
-
     def processes(self, settings: RunSettings) -> int:
         """Return the number of processes that work for a run.
 

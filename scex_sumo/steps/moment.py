@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from scex_sumo.extrapolation.engine import checked_models, run_scene
 from scex_sumo.extrapolation.job import Job
@@ -68,6 +68,15 @@ def run_moment(
         with options.bar("page"):
             run.written["report"] = write_report(run, job.scene)
     return run
+
+
+def extras_of(options: RunOptions) -> list[Any]:
+    """Return the objects of `RunOptions.extra`; raise a `UsageError` if there is no such one."""
+    if not options.extra:
+        return []
+    from scex_sumo.extrapolation.extras import extra_named
+
+    return [extra_named(one) for one in options.extra]
 
 
 def _run_baseline(job: Job, workers: Workers, options: RunOptions) -> None:

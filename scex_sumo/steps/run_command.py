@@ -42,12 +42,11 @@ def run_command(map_path: MapPath, *, details: Details = False, **given: Any) ->
     values[2].setdefault("workers", read_workers(os.environ.get("SCEX_WORKERS", AUTO)))
     source, settings = SeedOptions(**values[0]), RunSettings(**values[1])
     options = RunOptions(bar=progress_bar, command=["scex-sumo", *sys.argv[1:]], **values[2])
-    extras = options.extras()
     with Workers(options.processes(settings)) as pool:
         from scex_sumo.extrapolation.engine import checked_models  # while workers start
-        from scex_sumo.steps.moment import run_moment
+        from scex_sumo.steps.moment import extras_of, run_moment
 
-        models = checked_models(settings, options)
+        extras, models = extras_of(options), checked_models(settings, options)
         scene = seed_scene(map_path, source, seed=settings.seed, cache=options.cache)
         folder = Path(options.out) if options.out is not None else Path("out") / scene.name
         options = replace(options, out=folder)
