@@ -16,7 +16,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.tracks.road_users import PEOPLE, road_user
-from scex_sumo.exporters.opendrive.of_run import opendrive_of
+from scex_sumo.exporters.opendrive.file import opendrive_of
 from scex_sumo.exporters.request import Participant, Request
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 

@@ -15,10 +15,9 @@ from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.exporters.light_cycles import LightCycle, light_cycles
-from scex_sumo.exporters.opendrive.file import OpenDrive
-from scex_sumo.exporters.opendrive.of_run import opendrive_of
+from scex_sumo.exporters.opendrive.file import OpenDrive, opendrive_of
 from scex_sumo.exporters.opendrive.rules import SIGNAL_HEIGHT_M
-from scex_sumo.exporters.osi_map import OsiNumbers, reference, static_map
+from scex_sumo.exporters.osi_map import reference, static_map
 from scex_sumo.exporters.request import Participant, Request
 from scex_sumo.formats.osi import osi_library
 from scex_sumo.roads.matching import match
@@ -74,11 +73,11 @@ def _about(request: Request, future: int) -> dict[str, str]:
 def _ground_truths(request: Request, future: int, drawn: OpenDrive, betterosi: Any) -> Iterator[Any]:
     """Yield the frames of a future, the first logged one at time 0; that one has the lanes, too."""
     users, lanes = list(request.participants(future)), request.road.lanes
-    own, numbers = _numbers(users, lanes)
-    there = [[[numbers.lanes[i] for i in at] for at in _lanes(request, one.states)] for one in users]
+    own, numbers, free = _numbers(users, lanes)
+    there = [[[numbers[i] for i in at] for at in _lanes(request, one.states)] for one in users]
     acceleration = [np.gradient(one.states.speed, STEP_S) for one in users]
-    static = static_map(request.road, drawn, numbers, betterosi)
-    lights = _lights(request, drawn, numbers)
+    static = static_map(request.road, drawn, numbers, free, betterosi)
+    lights = _lights(request, drawn, numbers, free)
     frame = {"map_reference": request.road.name, **_frame(drawn, betterosi)}
     if request.ego is not None:
         frame["host_vehicle_id"] = betterosi.Identifier(value=request.ego)
@@ -107,14 +106,16 @@ def _frame(drawn: OpenDrive, betterosi: Any) -> dict[str, Any]:
     return {"proj_string": drawn.projection, "proj_frame_offset": offset}
 
 
-def _numbers(users: list[Participant], lanes: Mapping[int, Any]) -> tuple[list[int], OsiNumbers]:
-    """Return numbers of road users, and of lanes; vehicles keep theirs, lanes where one is free."""
+def _numbers(
+    users: list[Participant], lanes: Mapping[int, Any]
+) -> tuple[list[int], dict[int, int], Iterator[int]]:
+    """Return numbers of road users, of lanes, and free ones; vehicles keep theirs, and lanes if free."""
     known = [int(participant.label) if participant.vehicle is not None else -1 for participant in users]
     people = count(max(known, default=0) + 1)
     own = [next(people) if number < 0 else number for number in known]
     taken, free = set(own), count(max((*own, *lanes), default=0) + 1)
     kept = {i: i if i > 0 and i not in taken else next(free) for i in lanes}
-    return own, OsiNumbers(lanes=kept, free=free)
+    return own, kept, free
 
 
 def _lanes(request: Request, states: States) -> list[list[int]]:
@@ -172,7 +173,9 @@ class _Light:
     cycle: LightCycle
 
 
-def _lights(request: Request, drawn: OpenDrive, numbers: OsiNumbers) -> list[_Light]:
+def _lights(
+    request: Request, drawn: OpenDrive, numbers: Mapping[int, int], free: Iterator[int]
+) -> list[_Light]:
     """Return the lights of lanes, each at its signal in the map, else over the end of its lane."""
     lanes, lights = request.road.lanes, []
     for i, cycles in sorted(light_cycles(request.run.net).items()):
@@ -182,7 +185,7 @@ def _lights(request: Request, drawn: OpenDrive, numbers: OsiNumbers) -> list[_Li
         signal, place = next(options, ("", None))
         x, y = (lanes[i].centreline[-1] if place is None else place).tolist()
         lights += [
-            _Light(number=next(numbers.free), lane=numbers.lanes[i], place=(x, y), signal=signal, cycle=cycle)
+            _Light(number=next(free), lane=numbers[i], place=(x, y), signal=signal, cycle=cycle)
             for cycle in cycles
         ]
     return lights

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -20,36 +19,25 @@ _NO_LINE, _SOLID, _DASHED = 2, 3, 4
 SOURCE = "net.asam.opendrive"
 
 
-@dataclass(frozen=True, kw_only=True)
-class OsiNumbers:
-    """Numbers of a trace, in the one range that OSI has for all its items.
-
-    Attributes:
-        lanes: number of each lane of the road.
-        free: numbers of nothing yet.
-    """
-
-    lanes: Mapping[int, int]
-    free: Iterator[int]
-
-
 def reference(identifiers: Iterable[str], betterosi: Any) -> list[Any]:
     """Return the reference to an item of the trace's OpenDRIVE map."""
     return [betterosi.ExternalReference(type=SOURCE, identifier=list(identifiers))]
 
 
-def static_map(road: Road, drawn: OpenDrive, numbers: OsiNumbers, betterosi: Any) -> dict[str, list[Any]]:
-    """Return the parts of ground truth that do not change: lanes and boundaries."""
+def static_map(
+    road: Road, drawn: OpenDrive, numbers: Mapping[int, int], free: Iterator[int], betterosi: Any
+) -> dict[str, list[Any]]:
+    """Return the lanes and boundaries, by numbers of lanes and ``free`` ones: OSI has one range for all."""
     parts: dict[str, list[Any]] = {"lane": [], "lane_boundary": []}
     for group in lane_groups(road.lanes):
         sides = []
         for k, line in enumerate(borders(road.lanes, group)):
-            sides.append(next(numbers.free))
+            sides.append(next(free))
             is_crossed = _is_crossed(road.lanes, group, k)
             kind = _NO_LINE if group[0] in drawn.inside else _DASHED if is_crossed else _SOLID
             parts["lane_boundary"].append(_boundary(sides[-1], line, kind, betterosi))
         for n in range(len(group)):
-            lane = _lane(road, group, n, sides[n : n + 2], drawn, numbers.lanes, betterosi)
+            lane = _lane(road, group, n, sides[n : n + 2], drawn, numbers, betterosi)
             parts["lane"].append(lane)
     return parts
 

@@ -10,83 +10,50 @@ from scex_sumo.formats import recognition as files
 
 def _module(name: str) -> Any:
     """Import and return the module that reads a format."""
+    module: Any
     match name:
         case "argoverse":
-            from scex_sumo.formats import argoverse
-
-            return argoverse
+            from scex_sumo.formats import argoverse as module
         case "commonroad_reader":
-            from scex_sumo.formats.commonroad import reader
-
-            return reader
+            from scex_sumo.formats.commonroad import reader as module
         case "commonroad_tracks":
-            from scex_sumo.formats.commonroad import tracks
-
-            return tracks
+            from scex_sumo.formats.commonroad import tracks as module
         case "esmini":
-            from scex_sumo.formats import esmini
-
-            return esmini
+            from scex_sumo.formats import esmini as module
         case "levelx":
-            from scex_sumo.formats import levelx
-
-            return levelx
+            from scex_sumo.formats import levelx as module
         case "opendd":
-            from scex_sumo.formats import opendd
-
-            return opendd
-        case "opendrive_reader":
-            from scex_sumo.formats.opendrive import reader as opendrive
-
-            return opendrive
+            from scex_sumo.formats import opendd as module
+        case "opendrive":
+            from scex_sumo.formats.opendrive import lanes as module
         case "openscenario":
-            from scex_sumo.formats.openscenario import reader as openscenario
-
-            return openscenario
+            from scex_sumo.formats.openscenario import reader as module
         case "osi":
-            from scex_sumo.formats import osi
-
-            return osi
+            from scex_sumo.formats import osi as module
         case "py123d":
-            from scex_sumo.formats import py123d
-
-            return py123d
+            from scex_sumo.formats import py123d as module
         case "scenarionet":
-            from scex_sumo.formats import scenarionet
-
-            return scenarionet
+            from scex_sumo.formats import scenarionet as module
         case "sind":
-            from scex_sumo.formats import sind
-
-            return sind
+            from scex_sumo.formats import sind as module
         case "spat":
-            from scex_sumo.formats import spat
-
-            return spat
+            from scex_sumo.formats import spat as module
         case "sumo_fcd":
-            from scex_sumo.formats.sumo import fcd
-
-            return fcd
+            from scex_sumo.formats.sumo import fcd as module
         case "sumo_imported":
-            from scex_sumo.formats.sumo import imported
-
-            return imported
+            from scex_sumo.formats.sumo import imported as module
         case "sumo_net":
-            from scex_sumo.formats.sumo import net
-
-            return net
+            from scex_sumo.formats.sumo import net as module
         case "sumo_scenario":
-            from scex_sumo.formats.sumo import scenario
-
-            return scenario
-    raise KeyError(name)
+            from scex_sumo.formats.sumo import scenario as module
+    return module
 
 
 ARGOVERSE_MAP = Declaration(files.is_argoverse_map, lambda: _module("argoverse").ARGOVERSE_MAP)
 COMMONROAD_MAP = Declaration(files.is_commonroad, lambda: _module("commonroad_reader").COMMONROAD)
 HIGHD_MAP = Declaration(files.is_highd_map, lambda: _module("levelx").HIGHD)
 OPENDD_MAP = Declaration(files.is_opendd_map, lambda: _module("opendd").OPENDD_MAP)
-OPENDRIVE = Declaration(files.is_opendrive, lambda: _module("opendrive_reader").OPENDRIVE)
+OPENDRIVE = Declaration(files.is_opendrive, lambda: _module("opendrive").OPENDRIVE)
 OPENSCENARIO_MAP = Declaration(files.is_openscenario, lambda: _module("openscenario").OPENSCENARIO_MAP)
 OPEN_STREET_MAP = Declaration(files.is_open_street_map, lambda: _module("sumo_imported").OPEN_STREET_MAP)
 OSI_MAP = Declaration(files.is_osi, lambda: _module("osi").OSI_MAP)

@@ -20,8 +20,7 @@ from scex_sumo.converters.registries import Dataset, MapFormat, Recording
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.converters.xml import unpacked, xml_root
 from scex_sumo.formats.lane_maps.lane_map import FAR_M, DrawnMap, drawn_road
-from scex_sumo.formats.opendrive.lanes import opendrive_map
-from scex_sumo.formats.opendrive.reader import opendrive_road
+from scex_sumo.formats.opendrive.lanes import opendrive_map, opendrive_road
 from scex_sumo.formats.osi_lanes import lanes_of, light_states, osi_map, signals_of
 from scex_sumo.formats.recognition import is_opendrive, is_osi
 from scex_sumo.formats.samples.boxes import MAX_ITEMS, box_table, one_line

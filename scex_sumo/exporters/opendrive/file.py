@@ -1,9 +1,10 @@
-"""OpenDRIVE 1.7 file of a road: borders and marks of its lanes, with its rules."""
+"""OpenDRIVE of a run: the file that its map came from, else one of version 1.7, of its road and rules."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -11,12 +12,17 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.lanelet.projection import to_local, utm_zone
+from scex_sumo.converters.net.sumo_net import OPENDRIVE, net_file
+from scex_sumo.converters.xml import xml_root
+from scex_sumo.exporters.light_cycles import with_lights
 from scex_sumo.exporters.opendrive.network import Piece, RoadLink, connections, road_network
 from scex_sumo.exporters.opendrive.reference import Curve
 from scex_sumo.exporters.opendrive.ribbons import Ribbon
 from scex_sumo.exporters.opendrive.rules import exact as _exact
 from scex_sumo.exporters.opendrive.rules import metres as _m
 from scex_sumo.exporters.opendrive.rules import placed_crosswalks, placed_signals, priorities
+from scex_sumo.exporters.request import Request
+from scex_sumo.formats.opendrive.lanes import opendrive_map
 from scex_sumo.road import Lane, Road
 
 LANE_CODE = "scex_sumo_lane"  # user data of a lane: its id in the map
@@ -44,6 +50,36 @@ class OpenDrive:
     inside: frozenset[int] = frozenset()
     lights: Mapping[int, tuple[str, FloatArray | None]] = field(default_factory=dict)
     flat: bool = True
+
+
+def opendrive_of(request: Request) -> OpenDrive:
+    """Return the map of a run as OpenDRIVE.
+
+    A map that came as OpenDRIVE stays as it is, with its widths and heights. Lights that only the run knows
+    join a map that is written.
+    """
+    given = net_file(request.run.net.path, OPENDRIVE)
+    if given.is_file():
+        return _as_given(given)
+    return opendrive(with_lights(request.road, request.run.net))
+
+
+def _as_given(file: Path) -> OpenDrive:
+    content = file.read_bytes()
+    root = xml_root(file, content)
+    offset = root.find("header/offset")
+    names = ("x", "y", "z", "hdg")
+    x, y, z, heading = (float("0" if offset is None else offset.get(name, "0")) for name in names)
+    drawn = opendrive_map(file, root)
+    ids = drawn.lane_ids()
+    return OpenDrive(
+        text=content.decode(errors="replace"),
+        projection=(root.findtext("header/geoReference") or "").strip(),
+        offset=(x, y, z, heading),
+        inside=frozenset(ids[lane.name] for lane in drawn.lanes if lane.inside),
+        lights={ids[lane]: (signal, None) for lane, signal in drawn.signals.items()},
+        flat=not any(float(one.get(name, "0")) for one in root.iter("elevation") for name in "abcd"),
+    )
 
 
 def opendrive(road: Road) -> OpenDrive:

@@ -14,10 +14,16 @@ import shapely
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError
-from scex_sumo.converters.lanelet.tags import KMH, MPH
-from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap
+from scex_sumo.converters.lanelet.tags import COUNTRIES, KMH, MPH
+from scex_sumo.converters.naming import map_name
+from scex_sumo.converters.registries import MapFormat
+from scex_sumo.converters.xml import unpacked, xml_root
+from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.opendrive.reference import number
 from scex_sumo.formats.opendrive.roads import KINDS, DrawnRoad, Name
+from scex_sumo.formats.recognition import is_opendrive
+from scex_sumo.formats.samples.boxes import one_line
+from scex_sumo.road import Road
 
 End: TypeAlias = tuple[Name, bool]  # a lane, and whether it is its end along the reference line
 
@@ -40,6 +46,24 @@ class OpenDriveMap(DrawnMap):
 
     signals: dict[Name, str] = field(default_factory=dict)
     roads: Mapping[str, DrawnRoad] = field(default_factory=dict)
+
+
+def read_opendrive(path: str | Path, **_: object) -> Road:
+    """Read an OpenDRIVE file; its coordinates stay the file's."""
+    path = Path(path)
+    return opendrive_road(path, unpacked(path))
+
+
+def opendrive_road(path: Path, content: bytes) -> Road:
+    """Return the road of an OpenDRIVE text that stands in a file."""
+    root = xml_root(path, content, "export the map again")
+    signed = next((x.get("country", "").lower() for x in root.iterfind("road/type") if x.get("country")), "")
+    country = signed if signed in COUNTRIES else None
+    projection = (root.findtext("header/geoReference") or "").strip()
+    projection = projection if projection.startswith("+proj") else ""
+    with one_line(MapError, path, "road of OpenDRIVE"):
+        drawn = opendrive_map(path, root)
+        return drawn_road(drawn, name=map_name(path), country=country, projection=projection)
 
 
 def opendrive_map(path: Path, root: Element) -> OpenDriveMap:
@@ -240,3 +264,6 @@ def _signals(drawn: OpenDriveMap, road: DrawnRoad, known: Mapping[str, Element],
             else:
                 drawn.lit.setdefault(name, road.place(k, i, s))
                 drawn.signals.setdefault(name, element.get("id", ""))
+
+
+OPENDRIVE = MapFormat(is_mine=is_opendrive, read=read_opendrive, opendrive=unpacked)

@@ -23,8 +23,7 @@ from scex_sumo.converters.registries import Dataset, MapFormat, Recording, Windo
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.converters.xml import unpacked, xml_root
-from scex_sumo.formats.opendrive.lanes import opendrive_map
-from scex_sumo.formats.opendrive.reader import read_opendrive
+from scex_sumo.formats.opendrive.lanes import opendrive_map, read_opendrive
 from scex_sumo.formats.opendrive.ways import Places
 from scex_sumo.formats.openscenario.motion import BODIES, Mover, UnknownMotion
 from scex_sumo.formats.openscenario.story import Storyboard
