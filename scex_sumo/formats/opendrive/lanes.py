@@ -135,7 +135,8 @@ def _lane(
 
 def _exact(points: FloatArray, heights: FloatArray) -> FloatArray:
     line = shapely.LineString(np.column_stack([points, heights]))
-    return np.asarray(shapely.get_coordinates(shapely.simplify(line, EXACT_M), include_z=True))
+    with np.errstate(invalid="ignore", over="ignore"):  # a damaged file's numbers; its lanes are left out
+        return np.asarray(shapely.get_coordinates(shapely.simplify(line, EXACT_M), include_z=True))
 
 
 def _limit(speed: Element | None) -> float | None:
