@@ -79,10 +79,10 @@ class States:
         dx, dy = x - self.x[frame], y - self.y[frame]
         return cos * dx + sin * dy, cos * dy - sin * dx
 
-    @staticmethod
-    def empty(shape: tuple[int, ...]) -> States:
+    @classmethod
+    def empty(cls, shape: tuple[int, ...]) -> States:
         """Allocate states without values."""
-        return States(x=np.empty(shape), y=np.empty(shape), heading=np.empty(shape), speed=np.empty(shape))
+        return cls(x=np.empty(shape), y=np.empty(shape), heading=np.empty(shape), speed=np.empty(shape))
 
     @staticmethod
     def concatenate(parts: Sequence[States], axis: int) -> States:

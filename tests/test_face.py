@@ -32,6 +32,12 @@ def test_a_public_name_is_defined_in_its_home_and_documented(name: str, home: st
         assert part.__doc__
 
 
+def test_an_empty_plan_is_a_plan() -> None:
+    plan = scex_sumo.Plan.empty((2, 30))
+    assert isinstance(plan, scex_sumo.Plan)
+    assert (plan.x.shape, plan.fallback) == ((2, 30), None)
+
+
 def test_a_name_that_there_is_not_is_an_attribute_error() -> None:
     with pytest.raises(AttributeError, match="extrapolte"):
         _ = scex_sumo.extrapolte
