@@ -32,6 +32,11 @@ def test_the_way_to_a_lane_is_the_length_of_the_lanes_before_it() -> None:
     assert relate(*CHAIN).ahead.tolist() == [[0, 50, 80], [np.inf, 0, 30], [np.inf, np.inf, 0]]
 
 
+def test_a_successor_that_a_map_names_twice_is_no_further_away() -> None:
+    twice = lane(1, [(0.0, 0.0), (50.0, 0.0)], successors=(2, 2))
+    assert relate(twice, *CHAIN[1:]).ahead.tolist() == relate(*CHAIN).ahead.tolist()
+
+
 def test_a_lane_that_leads_back_to_itself_knows_how_long_the_round_is() -> None:
     square = [(0.0, 0.0), (30.0, 0.0), (30.0, 30.0), (0.0, 30.0), (0.0, 0.0)]
     ring = [lane(i, square[i : i + 2], successors=((i + 1) % 4,)) for i in range(4)]
