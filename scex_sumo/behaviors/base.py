@@ -55,7 +55,8 @@ class SingleVehicleBehavior(Protocol):
         """Plan at least 30 steps for one vehicle.
 
         Args:
-            history: states of its future alone; ``history.states[future, vehicle]`` (11,) are its own.
+            history: states of its future alone; ``history.states[future, vehicle]`` (11,) are its own,
+                ``history.states[future]`` (V, 11) those of all.
             future: index into the history, 0; ``history.futures[future]`` is the future's number.
 
         Returns:

@@ -45,7 +45,8 @@ class Conflicts(Rows):
     future: IntArray  # index into the futures
     one: IntArray
     two: IntArray
-    # least one of either (facing: both) that avoids contact for 0.8 s, m/s²; 0: none; `MOST_MPS2`: vain
+    # least constant deceleration of either vehicle that avoids contact, lasting for 0.8 s, m/s²; of both
+    # where they face each other; 0 where none is needed, `MOST_MPS2` where none helps
     braking: FloatArray
     braking_step: IntArray  # steps from the moment until it is needed
     brakes_one: BoolArray  # whether it is the first vehicle's
@@ -85,6 +86,7 @@ def find_conflicts(
 
     Args:
         states: (C, T, V) as driven, with the last second before the moment.
+        length: (V,) m; so ``width``.
         planned: (2, C, V, H) x and y of the centres after the last step, m; None: straight on.
         now: index of the moment in T.
         people: (V,) whether it is a pedestrian or cyclist: two of them have no conflict.
@@ -162,7 +164,10 @@ def _filled(
 def needed_by_pairs(
     ways: DrivenPaths, own: Shared, other: Shared, *, now: int
 ) -> tuple[FloatArray, IntArray, BoolArray]:
-    """Return (n,) needed braking that lasts, the steps until then, and whether it is the first one's."""
+    """Return (n,) needed braking that lasts, m/s², the steps until then, whether it is the first one's.
+
+    That of the moment itself counts if it has been needed for `BEFORE`.
+    """
     steps = np.arange(now - BEFORE * EVERY, ways.states.shape[1], EVERY)
     least, of_first = braking_at(ways, own, other, steps)
     since = least[:, : BEFORE + 1].min(axis=1)

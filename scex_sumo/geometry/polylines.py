@@ -138,7 +138,10 @@ def nearest(points: FloatArray, x: float, y: float) -> float:
 def project(
     points: FloatArray, line: FloatArray, arc: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return (N,) arc lengths of the nearest points of a polyline to points (N, 2), and distances, m."""
+    """Return (N,) arc lengths of the nearest points of a polyline to points (N, 2), and distances, m.
+
+    ``arc``: arc length of each point of the line, m; None: from its begin on.
+    """
     arc = arc_lengths(line) if arc is None else arc
     step = np.diff(line, axis=0)
     dx, dy = step[:, 0], step[:, 1]

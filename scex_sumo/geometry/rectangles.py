@@ -39,7 +39,10 @@ class Rectangles(Rows):
 
 
 def outlines(states: States, length: FloatArray, width: FloatArray, shape: FloatArray = BOX) -> FloatArray:
-    """Return (..., P, 2) outlines in m, ``shape`` (P, 2) in shares of length and width, of vehicles."""
+    """Return (..., P, 2) outlines in m of vehicles; lengths and widths broadcast to the states.
+
+    ``shape`` holds (P, 2) shares of length and width.
+    """
     ahead = np.stack([np.cos(states.heading), np.sin(states.heading)], axis=-1)
     along = ahead * np.asarray(length)[..., None]
     across = np.stack([-ahead[..., 1], ahead[..., 0]], axis=-1) * np.asarray(width)[..., None]
@@ -119,7 +122,9 @@ def rectangle_distance(one: Rectangles, two: Rectangles) -> FloatArray:
 def distance_apart(
     dx: FloatArray, dy: FloatArray, directions: tuple[FloatArray, ...], own: Two, other: Two
 ) -> FloatArray:
-    """Return the distance of rectangles from offset of centres, cosines and sines, half lengths and widths.
+    """Return the distance (N,) of rectangles from offset of centres, directions, half lengths and widths, m.
+
+    ``directions``: cosine and sine of the first ones, then of the second ones.
 
     Exact: disjoint convex polygons are nearest at a corner.
     """
@@ -157,7 +162,10 @@ def separated(*pose: FloatArray) -> BoolArray:
 
 
 def seen_from(now: States, states: States) -> FloatArray:
-    """Return `SEEN_COLUMNS` (n..., k..., 5) of states (n..., k...), in the frames of vehicles (n...,)."""
+    """Return states (n..., k...) in the frames of vehicles (n...,): x ahead, y to the left.
+
+    `SEEN_COLUMNS` (n..., k..., 5): x and y in m, cosine and sine of the relative heading, speed in m/s.
+    """
     frame = (..., *(None,) * (len(states.shape) - len(now.shape)))
     turn = states.heading - now.heading[frame]
     seen = np.empty((*turn.shape, len(SEEN_COLUMNS)))

@@ -108,7 +108,10 @@ def still_unaware(
 
 
 def share_unseen(need: FloatArray, speed: FloatArray) -> FloatArray:
-    """Return the share of drivers that have not seen what they need to brake for, by need and speed."""
+    """Return the share (n,) of drivers that have not seen what they need to brake for.
+
+    ``need``: (n,) of braking, m/s²; from `MOST_NEED_MPS2` on the share is 0; ``speed``: (n,) m/s.
+    """
     looking = (1 - UNSEEN) * np.exp(-need / np.interp(speed, *SCALES))
     unseen = UNSEEN * np.exp(-need / UNSEEN_MPS2)
     return np.where((need > 0) & (need < MOST_NEED_MPS2), unseen / (looking + unseen), 0.0)

@@ -272,8 +272,8 @@ def accelerations(
 ) -> Accelerate:
     """Return the acceleration of drawn drivers for `drive`; leaders are expected to keep their speed.
 
-    ``aware``: (n, H) whether they act on their leaders; ``waits_s``: time for which they stand; ``hold``:
-    ways to places where rules make them stop, m.
+    ``aware``: (n, H) whether they act on their leaders; ``waits_s``: (n,) for which standing ones wait;
+    ``hold``: (n,) ways to places where rules make them stop, m.
     """
     human, paths, begin_s = view.human, view.paths, view.history.step * STEP_S
     limits = desired_speeds(paths, human.idm.speed, human.idm.speed_factor)

@@ -91,7 +91,8 @@ def _lights(view: View, rules: Rules, spread: float) -> Lit:
 def waits_for(rules: Obeyed, view: View, waits_s: FloatArray, free: BoolArray) -> FloatArray:
     """Return (n,) times for which vehicles stand, s: at a place to stop until it is free, then not for long.
 
-    ``waits_s``: without rules; ``free``: (n,) whether the passage of the first in a queue is free.
+    ``waits_s``: (n,) without rules; ``free``: (n,) whether the passage of the first in a queue, or the way of
+    the others, is free.
     """
     draw = view.history.route_draw[view.vehicles.future, view.vehicles.vehicle]
     soon = -RULE_PARAMETERS.start_s * np.log(uniforms(draw, 1, RELEASE + view.history.step)[:, 0])

@@ -185,7 +185,8 @@ def drawn_variation(
 ) -> FloatArray:
     """Return (n, 2) accelerations beyond the demanded ones at ``variation_times_s``, m/s².
 
-    ``speed``: in the seed scene, m/s; ``draw``: (n, 2) Student's numbers; 0 is the expected driver.
+    ``speed``: (n,) in the seed scene, m/s; ``mean_features``: (n, F); ``spread_features``: (n, 3); ``draw``:
+    (n, 2) Student's numbers; 0 is the expected driver.
     """
     k = (speed >= human.fast_mps).astype(np.int64)
     drawn = np.einsum("nij,nj->ni", human.variation_root[k], draw)
@@ -198,8 +199,8 @@ def drawn_variation(
 def spread_factor(features: FloatArray, noise: FloatArray, growth: FloatArray) -> FloatArray:
     """Return (n, N) factors on the deviation of drivers, from their variation and the noise of their boxes.
 
-    ``features``: (n, 3) scatter, m/s², of which at 1 / ``noise`` half of the variance is noise, and two
-    features of the variation, with weights ``growth``.
+    ``features``: (n, 3) scatter, m/s², of which at 1 / ``noise`` (N,) half of the variance is noise, and two
+    features of the variation, with weights ``growth`` (2,) in an exponential.
     """
     return np.asarray(np.hypot(1.0, features[:, :1] * noise) * np.exp(features[:, 1:] @ growth)[:, None])
 
@@ -216,7 +217,9 @@ def lateral_offsets(
     """Return (n, T) offsets from the path with the least jerk, from the shown motion to the target.
 
     ``lateral``: (n, 3) offset, m, speed, m/s, and acceleration, m/s², at time 0; ``target``: (n,) offset
-    after ``lateral_s``, kept from then on. Source: Takahashi et al. 1989, the quintic polynomial.
+    after ``lateral_s``, kept from then on, m; ``time_s``: (T,).
+
+    Source: Takahashi et al. 1989, the quintic polynomial.
     """
     end = human.lateral_s
     u = np.minimum(time_s / end, 1.0)
@@ -230,6 +233,9 @@ def lateral_offsets(
 
 
 def students(uniform: FloatArray) -> FloatArray:
-    """Return (n, K) numbers of Student's multivariate distribution, by uniform ones (n, K + 2)."""
+    """Return (n, K) numbers of Student's multivariate distribution with four degrees of freedom.
+
+    ``uniform``: (n, K + 2) K for a normal vector and two for the common χ² with four degrees, -2·ln(u·u').
+    """
     chi2 = -2.0 * np.log(uniform[:, -2] * uniform[:, -1])
     return np.asarray(normal_quantiles(uniform[:, :-2]) * np.sqrt(DEGREES / chi2)[:, None])

@@ -115,7 +115,11 @@ def way_to_wait(history: SceneHistory, vehicles: VehicleIndex, gap_s: float) -> 
 
 
 def walked(now: States, speed: FloatArray, heading: FloatArray, wait_m: FloatArray) -> Plan:
-    """Let n people go on with speeds, m/s, and headings, rad, and stop after ``wait_m`` (n,)."""
+    """Let n people go straight on, and stop where they wait.
+
+    ``speed``: (n,) wanted, m/s; ``heading``: (n,) rad; ``wait_m``: (n,) way to where they wait; inf: they
+    need not.
+    """
     v, travelled_m = np.maximum(now.speed, 0.0), np.zeros_like(now.speed)
     speeds, ways = np.empty((2, len(v), PLAN_STEPS))
     for step in range(PLAN_STEPS):

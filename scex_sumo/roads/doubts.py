@@ -37,8 +37,8 @@ def doubts_of(
 ) -> list[str | None]:
     """Return why the data of pairs of vehicles, (n,) indices, are doubtful; None where they are not.
 
-    ``vehicles``: how many of the scene are some; the rest are people, beside the lanes; ``names``: (V,) in
-    words.
+    ``vehicles``: how many of the scene's are some; the rest are people, beside the lanes; None: all;
+    ``names``: (V,) in words; None: track ids.
     """
     off, short, leaves, contradicts = _off_lanes(scene), _short(scene), _leaves(scene), _contradicts(scene)
     near, overlap = _near(scene, one, other)

@@ -128,7 +128,10 @@ def match(
 
 
 def off_road(road: Road, scene: SeedScene, *, any_direction: bool = False) -> list[int]:
-    """Return the indices of the vehicles that match no lane; they drive straight on."""
+    """Return the indices of the vehicles that match no lane; they drive straight on.
+
+    ``any_direction``: a lane of another direction is a lane, too.
+    """
     now, within = scene.now, np.pi if any_direction else HEADING_LIMIT_RAD
     matched = set(match(road, now.x, now.y, now.heading, within_rad=within).vehicle.tolist())
     return [v for v in range(scene.vehicles) if v not in matched]

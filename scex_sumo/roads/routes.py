@@ -34,7 +34,7 @@ class CandidatePath:
     lanes: tuple[int, ...]
     s: float  # arc length of the vehicle's foot point on the first lane, m
     probability: float  # of the match, shared equally at every fork
-    # from the vehicle to the end, rad, left positive; without forks that only longer futures reach
+    # from the vehicle to the end in its frame, rad, left positive; without forks of longer futures alone
     angle: float
     end_angle: float = 0.0  # with these forks
     straight_on: bool = True  # whether it takes the smallest turn at each of them
@@ -44,8 +44,8 @@ class CandidatePath:
 def routes(road: Road, lane_id: int, s: float, horizon_m: float) -> tuple[tuple[int, ...], ...]:
     """Return all lane sequences from arc length ``s`` on a lane over a distance, at most `MAX_ROUTES`.
 
-    A route follows successors, else changes to a neighbour if allowed, left first; in the order of a
-    depth-first search over ascending lane ids.
+    A route follows successors, else changes to a neighbour if allowed, left first. It ends at the horizon or
+    at the end of the road. The order is that of a depth-first search over ascending lane ids.
     """
     lanes, length = _known(road), _lengths(road)
     complete: list[tuple[int, ...]] = []
@@ -271,9 +271,10 @@ def extended(road: Road, lanes: tuple[int, ...], length_m: float) -> tuple[int, 
 def centreline(
     road: Road, lanes: tuple[int, ...], s: float, behind_m: float, ahead_m: float
 ) -> tuple[FloatArray, IntArray]:
-    """Return the centreline (P, 2) of a route around arc length ``s``, and (P,) the lane id under each point.
+    """Return the centreline (P, 2) of a route, m, and (P,) the lane id under each point.
 
-    It follows the smallest turns, and goes straight on at the ends of the road; nobody may change it.
+    From ``behind_m`` before to ``ahead_m`` after arc length ``s`` of its first lane, along the smallest
+    turns, straight on at the ends of the road; nobody may change it.
     """
     make = partial(_traced, road, lanes, s, behind_m, ahead_m)
     return recent(_recent_lines(road), (lanes, s, behind_m, ahead_m), _RECENT, make)

@@ -175,7 +175,7 @@ def offsets(
 ) -> FloatArray:
     """Return (n, 31) wanted offsets from the path, m, left positive, from the seed moment on.
 
-    Towards the side on which another vehicle is nearest, else left.
+    Towards the side on which another vehicle is nearest, else left; ``kind``: ``cuts_in`` or ``drifts``.
     """
     nearest = _nearest(history.scene)[vehicles.vehicle]
     time_s = STEP_S * (history.step + np.arange(PLAN_STEPS + 1.0))

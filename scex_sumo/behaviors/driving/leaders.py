@@ -68,6 +68,10 @@ def find_leaders(
         clearance: of a vehicle's centre from the path, m; bodies in the driver's corridor count, too.
         radius: that drivers see, m.
 
+    Returns:
+        ``gap`` (n,) bumper to bumper, m, inf without a leader; ``speed`` (n,) along the path, m/s; ``index``
+        (n,), -1 without.
+
     Example:
         >>> history = scex.SceneHistory.of_scene(scex.read_seed(scex.example_path("roundabout")))
         >>> vehicles = scex.VehicleIndex(future=np.array([0]), vehicle=np.array([3]))

@@ -288,6 +288,7 @@ def _misfit(feet: Feet, heading: FloatArray) -> FloatArray:
 def drivable(points: FloatArray, half_width: FloatArray, ds: float) -> FloatArray:
     """Smooth paths (K, N, 2) of points every ``ds`` m; none moves over 0.95 of ``half_width`` (K, N), m.
 
+    A Gaussian filter, then rounding of corners that are too tight for a car. ``half_width``: of the lane.
     Return them with the smallest limit of `CURVATURES` that keeps the path in the lane; read-only.
     """
     return _drivable(points.tobytes(), half_width.tobytes(), points.shape, ds)
@@ -334,7 +335,10 @@ def _relaxed(points: FloatArray, limit: float) -> FloatArray:
 
 
 def _swept(xy: FloatArray, limit: float, free: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Return points (2, n) moved by `SWEEPS_AT_ONCE` sweeps, and the last excess (n - 2,) of their bends."""
+    """Return points (2, n) moved by `SWEEPS_AT_ONCE` sweeps, and the last excess (n - 2,) of their bends.
+
+    ``free`` (n - 2,): points that may move, all but the first and the last.
+    """
     eight, excess = 8.0 * free, np.zeros(free.size)
     for _ in range(SWEEPS_AT_ONCE):
         away = 0.5 * (xy[:, :-2] + xy[:, 2:]) - xy[:, 1:-1]

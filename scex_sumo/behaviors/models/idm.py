@@ -259,9 +259,9 @@ def desired_speed(
 ) -> FloatArray:
     """Return (n,) desired speeds of drivers that keep their behaviour of the seed scene for a while, m/s.
 
-    v0(t) = w + (h - w)·exp(-t/τ), h = v + k·a + m, with the wished speed w (n,), the speed v (n,) and the
-    acceleration a (n,) of the seed scene, lead k, margin m and memory τ; h is at least 0 and at most the
-    larger of w and v. v0 asks for no braking harder than b at the present speed.
+    v0(t) = w + (h - w)·exp(-t/τ), h = v + k·a + m, with the wished speed w (n,), m/s, the speed v (n,), m/s,
+    and the acceleration a (n,), m/s², of the seed scene, lead k, margin m and memory τ; h is at least 0 and
+    at most the larger of w and v. v0 asks for no braking harder than b at the ``present`` speed (n,), m/s.
     """
     if profile.habit_memory == 0:
         return wished

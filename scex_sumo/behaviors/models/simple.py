@@ -97,9 +97,13 @@ class Replay(Driver):
 class SumoDriver(Driver):
     """A SUMO car-following model: the world leaves the vehicle to SUMO, this class gives its route.
 
-    ``model``: SUMO's name, e.g. ``EIDM``; ``own`` for each vehicle's own in a SUMO simulation.
-    ``parameters``:
-    attributes of vehicle types. `UsageError`: SUMO has none of these, or its result depends on the tile.
+    Attributes:
+        model: SUMO's name of the model, e.g. ``EIDM``; ``own`` for each vehicle's own in a SUMO simulation.
+        parameters: attributes of SUMO's vehicle types, e.g. ``{"tau": "1.2"}``.
+        path: index from left to right, ``straight`` or ``random``.
+
+    Raises:
+        UsageError: SUMO has no such model or parameter, or its result would depend on the tile.
     """
 
     def __init__(
@@ -114,7 +118,10 @@ class SumoDriver(Driver):
     def routes(
         self, scene: SeedScene, road: Road, vehicle: IntArray, draw: FloatArray
     ) -> list[tuple[int, ...]]:
-        """Return the lane ids of routes, empty off the lanes; ``draw``: (n,) `SceneHistory.route_draw`."""
+        """Return the lane ids of routes; empty off the mapped lanes.
+
+        ``vehicle``: (n,) index into the seed scene; ``draw``: (n,) `SceneHistory.route_draw`.
+        """
         paths = seed_paths(scene, road)
         rows = paths.choose(self.path, vehicle, draw).tolist()
         lanes = {row: paths.lanes[row] for row in {*rows}}

@@ -183,7 +183,10 @@ def _stop_lines_of(view: _View, i: IntArray, j: IntArray) -> StopLines:
 
 
 def _stay_apart(view: _View, i: IntArray, j: IntArray, time_s: FloatArray) -> BoolArray:
-    """Return (P,) whether pairs stay apart for (P,) s with constant headings and own speed."""
+    """Return (P,) whether pairs stay apart for (P,) s with constant headings, own speed and other's braking.
+
+    A small present margin may shrink a little.
+    """
     others, vehicles, scene = view.others, view.vehicles, view.history.scene
     future, vehicle = vehicles.future[i], vehicles.vehicle[i]
     one, two = view.history.now[future, vehicle], others.states[future, j]
@@ -253,7 +256,9 @@ def _yields(
     other_first: BoolArray,
     human: HumanParameters,
 ) -> BoolArray:
-    """Return (P,) whether the vehicle gives way; ``gives_way``: whether the other one ever does.
+    """Return (P,) whether the vehicle gives way.
+
+    ``gives_way``: (P,) whether the other one ever does; ``other_first``: whether its number is smaller.
 
     It does to one inside the corridor and not behind. Else the only one that can stop gives way; if both or
     neither can, the one that needs less braking, behind one that goes the same way the later one; close cases

@@ -140,8 +140,8 @@ def needed_braking(
 ) -> FloatArray:
     """Return (P,) constant decelerations with which vehicles just stay behind their stop lines, m/s².
 
-    ``t``: s since the plan began; ``s``: places of vehicles along their plans, m; ``entry_gap_m``: to a
-    vehicle that enters later.
+    ``t``: s since the plan began; ``s``: (P,) places of vehicles along their plans, m; ``v``: (P,) m/s;
+    ``entry_gap_m``: to a vehicle that enters later.
     """
     position, leader = line_motion(lines, t)
     room = 2 * np.maximum(position - s - LAST_GAP_M, LAST_GAP_M)
@@ -159,7 +159,10 @@ def needed_braking(
 
 
 def arriving_later(distance_m: FloatArray, time_s: FloatArray, v: FloatArray) -> FloatArray:
-    """Return (P,) decelerations with which vehicles come a way in no less than a time, or stop, m/s²."""
+    """Return (P,) constant decelerations with which vehicles come a way, m, in no less than a time, m/s².
+
+    On a short way they stop at its end before; beyond the place it no longer matters.
+    """
     late = 2 * np.maximum(v - np.maximum(distance_m, 0.0) / time_s, 0.0) / time_s
     stops = (distance_m > 0) & (2 * distance_m < v * time_s)
     return np.where(stops, v**2 / (2 * np.maximum(distance_m, LAST_GAP_M)), late)

@@ -141,7 +141,8 @@ def keep_features(
 ) -> FloatArray:
     """Return (n, 3): speed, the sharper of bends (n, 2), and spare room, each over its largest value.
 
-    Spare room is what half the width of the wider lane exceeds the largest offset by.
+    Spare room is what half the width of the wider lane exceeds the largest offset by; ``room``: (n, 2, 2),
+    see `PathObservations`.
     """
     spare = np.clip(room.mean(axis=2).max(axis=1) - human.max_offset_m, 0.0, human.max_spare_m)
     bend = np.abs(bends).max(axis=1) / human.max_bend
@@ -150,7 +151,10 @@ def keep_features(
 
 
 def place_features(lateral: FloatArray, bends: FloatArray, room: FloatArray) -> FloatArray:
-    """Return (n, 5) ``lateral`` (n, 3), ``bends`` (n, 2); the offset shrinks with a lane that narrows."""
+    """Return (n, 5) ``lateral`` (n, 3), ``bends`` (n, 2); the offset shrinks with a lane that narrows.
+
+    ``room``: (n, 2, 2), see `PathObservations`.
+    """
     here, ahead = room.mean(axis=2).T
     shrinks = np.where(ahead > 0, np.minimum(ahead / np.maximum(here, ahead + 1e-9), 1.0), 1.0)
     return np.column_stack([lateral[:, 0] * shrinks, lateral[:, 1:], bends])
