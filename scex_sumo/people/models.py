@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -39,7 +39,7 @@ class KeepsWayProfile:
         check_positive(self, "gap", zero=True)
 
 
-class _Person(Driver):
+class _Person(Driver, ABC):
     sight: Sight = "itself"
 
     def plan(
