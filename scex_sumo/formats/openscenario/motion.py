@@ -106,7 +106,9 @@ class Mover:
             self.put(self.way.at(self.arc, self.left))
 
     def act(self, time_s: float, step_s: float) -> None:
-        """Let its actions change its speed and its place across, as they are after a step, at a time."""
+        """Let its actions change its speed and its place across, as they are after a step at a time; once."""
+        if self.time_s == time_s:
+            return
         self.time_s, self._past = time_s, (self.way, self.arc, self.left, self.speed)
         for action in self.actions.values() if self.there else ():
             if not action(step_s):
@@ -207,9 +209,11 @@ def driving(mover: Mover, way: Way) -> Action:
     mover.pose = mover.before = way.at(0.0)
     times = way.times_s
 
-    def drive(_: float) -> bool:
+    def drive(step_s: float) -> bool:
+        if mover.way is not way:  # it was put elsewhere
+            return False
         if times is None:
-            return bool(mover.arc < way.arcs[-1])
+            return bool(mover.arc + mover.speed * step_s < way.arcs[-1])
         mover.arc = float(np.interp(mover.time_s, times, way.arcs))
         mover.speed = float(np.interp(mover.time_s, times, way.speeds))
         return bool(mover.time_s < times[-1] - 1e-9)

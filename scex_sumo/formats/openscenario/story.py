@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import TypeAlias
 from xml.etree.ElementTree import Element
 
 from scex_sumo.formats.opendrive.reference import number
@@ -21,6 +22,7 @@ _RULES: Mapping[str, Callable[[float, float], bool]] = {
     "lessOrEqual": lambda a, b: a <= b + 1e-9,
     "notEqualTo": lambda a, b: abs(a - b) >= 1e-6,
 }
+_Sides: TypeAlias = tuple[tuple[bool, bool], ...]  # above its value; its place is ahead: of each road user
 _GROUPS = ("LongitudinalAction", "LateralAction", "RoutingAction", "ControllerAction")
 _STILL = (  # actions without a part in the motion
     *("VisibilityAction", "EnvironmentAction", "AppearanceAction", "LightStateAction", "AnimationAction"),
@@ -81,7 +83,7 @@ class Storyboard:
             for event in maneuver.iterfind("Event")
         ]
         # What triggers change, by conditions and by acts; replaced, never changed, to go back in time.
-        self._fired: Mapping[Element, tuple[bool, float]] = {}
+        self._fired: Mapping[Element, tuple[bool, float, _Sides]] = {}
         self._begun: Mapping[Element, float] = {}
 
     def go_on(self) -> None:
@@ -209,6 +211,7 @@ class Storyboard:
             """Return the target speed now, m/s."""
             if other is None:
                 return value
+            other.act(mover.time_s, mover.time_s - other.time_s)  # unless it has, in this step
             return other.speed * value if is_factor else other.speed + value
 
         stays = target.get("continuous") == "true"
@@ -288,13 +291,14 @@ class Storyboard:
         one, *_ = *condition.iterfind("*/EntityCondition/*"), *condition.iterfind("*/*"), condition
         if one.tag not in _CONDITIONS:
             return one.tag
-        now = self._by_state(one) if one.tag.startswith("Story") else self._holds(one, condition)
+        is_state = one.tag.startswith("Story")
+        now, sides = (self._by_state(one), ()) if is_state else self._holds(one, condition)
         delay = number(condition, "delay", "0")
-        before, fires = self._fired.get(condition, (False, math.inf))
+        before, fires, _ = self._fired.get(condition, (False, math.inf, ()))
         edges = {"rising": now > before, "falling": now < before, "risingOrFalling": now != before}
         met = chosen(condition, "conditionEdge", "none", {"none": now, **edges})
         fires = min(fires, self.time_s + delay) if met else fires
-        self._fired = {**self._fired, condition: (now, fires)}
+        self._fired = {**self._fired, condition: (now, fires, sides)}
         return self.time_s >= fires - 1e-9 if delay > 0 else met
 
     def _by_state(self, one: Element) -> bool:
@@ -318,37 +322,46 @@ class Storyboard:
                 return True
         return False
 
-    def _holds(self, one: Element, condition: Element) -> bool:
-        """Return whether what a condition measures is as it says now."""
-        how, limit = chosen(one, "rule", "greaterThan", _RULES), number(one, "value", "0")
+    def _holds(self, one: Element, condition: Element) -> tuple[bool, _Sides]:
+        """Return whether what a condition measures is as it says now, and on which sides it is.
+
+        One that is met for less than a step, as near a place, is on another side after it.
+        """
+        how = chosen(one, "rule", "greaterThan", _RULES)
         if one.tag == "SimulationTimeCondition":
-            return how(self.time_s, limit)
+            limit = number(one, "value")
+            return how(self.time_s, limit), ((self.time_s > limit, False),)
+        limit = number(one, "value", "0")
         if one.tag == "ReachPositionCondition":
             how, limit = _RULES["lessOrEqual"], number(one, "tolerance")
         entities = _needed(condition, ".//TriggeringEntities")
         movers = [self._mover(x) for x in entities.iterfind("EntityRef")]
-        results = [how(self._measured(one, mover), limit) for mover in movers if mover.there]
-        return bool(results) and (all if entities.get("triggeringEntitiesRule") == "all" else any)(results)
+        measured = [self._measured(one, mover) for mover in movers if mover.there]
+        results = [how(value, limit) for value, _ in measured]
+        is_met = (all if entities.get("triggeringEntitiesRule") == "all" else any)(results)
+        return bool(results) and is_met, tuple((value > limit, is_ahead) for value, is_ahead in measured)
 
-    def _measured(self, one: Element, mover: Mover) -> float:
+    def _measured(self, one: Element, mover: Mover) -> tuple[float, bool]:
+        """Return what a condition measures of a road user, and whether its place is ahead."""
         named = one if one.get("entityRef") else one.find(".//EntityRef")
         other = None if named is None else self._mover(named)
         match one.tag:
             case "SpeedCondition":
-                return mover.speed
+                return mover.speed, False
             case "TraveledDistanceCondition":
-                return mover.travelled
+                return mover.travelled, False
             case "RelativeSpeedCondition":
-                return mover.speed - self._mover(one).speed
+                return mover.speed - self._mover(one).speed, False
             case "ReachPositionCondition":
-                return mover.passed(self._pose(one))
+                return mover.passed(self._pose(one)), False
         goal = self._pose(one) if other is None else other.pose
+        is_ahead = mover.pose.seen(goal)[0] > 0
         apart = self._apart(one, mover, goal, other if one.get("freespace") == "true" else None)
         if not one.tag.startswith("Time"):
-            return apart
+            return apart, is_ahead
         theirs = 0.0 if other is None or one.tag == "TimeHeadwayCondition" else other.speed
-        is_ahead, closing = mover.pose.seen(goal)[0] > 0, mover.speed - theirs
-        return apart / closing if closing > 1e-6 and is_ahead else math.nan
+        closing = mover.speed - theirs
+        return apart / closing if closing > 1e-6 and is_ahead else math.nan, is_ahead
 
     def _apart(self, one: Element, mover: Mover, goal: Pose, free: Mover | None) -> float:
         """Return the distance that a condition means, m; between the boxes if another one is given."""

@@ -130,6 +130,27 @@ def test_a_place_between_two_steps_is_reached(tmp_path: Path) -> None:
     assert axle(rows, 8.9)[::2] == pytest.approx((239.96, 0), **NEAR)
 
 
+PLACE = tag("TimeToCollisionConditionTarget", at(-1, 151))
+
+
+@pytest.mark.parametrize(
+    ("condition", "starts"),
+    [
+        # Ego needs 101 m at 30 m/s, and 6 ms for .2 m.
+        (near("DistanceCondition", "", 0.2, at(-1, 151)), 3.36),
+        (near("RelativeDistanceCondition", "Other", 0.2, **LONG), 3.36),
+        (near("TimeHeadwayCondition", "Other", 0.01), 3.357),
+        (near("TimeToCollisionCondition", "", 0.01, PLACE), 3.357),
+        (time(2.013, "equalTo"), 2.013),
+    ],
+)
+def test_a_trigger_that_is_met_between_two_steps_fires(tmp_path: Path, condition: str, starts: float) -> None:
+    init = begins("Ego", at(-1, 50), 30) + begins("Other", at(-2, 151), 0)
+    away = story("Other", event("away", set_speed(7), after(condition)))
+    rows, _ = track(scenario(tmp_path, init, away, stop_s=6), "2")
+    assert axle(rows, 5.0)[::2] == pytest.approx((151 + 7 * (5 - starts), 7), **NEAR)
+
+
 def test_a_headway_is_that_to_one_ahead_and_names_may_look_like_expressions(tmp_path: Path) -> None:
     """Other overtakes Ego: 25 m behind at first, 12 m ahead after 37 / 10 s."""
     headway = near("TimeHeadwayCondition", "Other", 0.6, rule="greaterThan", coordinateSystem="road")
@@ -213,6 +234,45 @@ def test_a_trajectory_is_followed_by_its_times_or_by_the_own_speed(tmp_path: Pat
     free = event("free", follow(line), after(time(1)))
     rows, _ = track(scenario(tmp_path, TWO, story("Other", free)), "2")
     assert axle(rows, 2.0)[0] == pytest.approx(110, **NEAR)
+
+
+TELEPORT = tag("TeleportAction", at(-2, 300))
+ROUTE = tag("RoutingAction", tag("AcquirePositionAction", at(-1, 900)))
+
+
+@pytest.mark.parametrize(("action", "x", "lane"), [(TELEPORT, 340, -2), (ROUTE, 150, -1)])
+def test_one_that_is_put_elsewhere_leaves_its_trajectory(
+    tmp_path: Path, action: str, x: float, lane: int
+) -> None:
+    """It comes to x = 110 m with 20 m/s in 3 s, and is elsewhere, or on its route, from then on."""
+    places = (tag("Position", tag("WorldPosition", x=x, y=-WIDTH / 2)) for x in (70, 270))
+    line = "".join(tag("Vertex", place, time=t) for place, t in zip(places, (0, 10), strict=True))
+    timing = '<Timing domainAbsoluteRelative="relative" scale="1" offset="0"/>'
+    along = event("along", follow(tag("Polyline", line), timing), after(time(1)))
+    put = event("put", action, after(time(3)), "parallel")
+    rows, _ = track(scenario(tmp_path, TWO, story("Ego", along, put), stop_s=6))
+    assert axle(rows, 5.0) == pytest.approx((x, (lane + 0.5) * WIDTH, 20), **NEAR)
+
+
+def test_one_drives_on_from_the_end_of_its_trajectory(tmp_path: Path) -> None:
+    """At 20 m/s it is at the end, x = 110.7 m, after 3.035 s."""
+    places = (tag("Position", tag("WorldPosition", x=x, y=-WIDTH / 2)) for x in (70, 110.7))
+    line = tag("Polyline", *(tag("Vertex", place) for place in places))
+    rows, _ = track(scenario(tmp_path, TWO, story("Ego", event("along", follow(line), after(time(1))))))
+    assert axle(rows, 5.0) == pytest.approx((150, -WIDTH / 2, 20), **NEAR)
+
+
+@pytest.mark.parametrize(("one", "other"), [("Ego", "Other"), ("Other", "Ego")])
+def test_a_speed_relative_to_one_that_changes_its_own_is_that_of_the_same_time(
+    tmp_path: Path, one: str, other: str
+) -> None:
+    """From 1 s on both have one speed: 10 m/s, from 2 s on 2.5 m/s² more for 8 s."""
+    init = begins(one, at(-1, 50), 10) + begins(other, at(-2, 200), 10)
+    target = tag("RelativeTargetSpeed", entityRef=other, value=0, continuous="true")
+    same = story(one, event("same", set_speed(target), after(time(1))))
+    faster = story(other, event("faster", set_speed(30, "linear", "time", 8), after(time(2))))
+    rows, _ = track(scenario(tmp_path, init, same + faster), "1" if one == "Ego" else "2")
+    assert axle(rows, 10.0)[::2] == pytest.approx((50 + 10 * 10 + 2.5 * 8**2 / 2, 30), **NEAR)
 
 
 def test_a_clothoid_of_constant_curvature_is_a_circle(tmp_path: Path) -> None:

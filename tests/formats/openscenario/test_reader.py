@@ -133,6 +133,7 @@ WRONG = {
         'rule="about"',
         "rule of its SimulationTimeCondition is 'about'",
     ),
+    "no time": (' value="1" rule=', " rule=", "value of its SimulationTimeCondition is 'None'"),
     "unknown shape": (
         'dynamicsShape="step"',
         'dynamicsShape="bent"',
