@@ -96,6 +96,15 @@ def test_on_a_walkway_across_the_road_people_wait_for_cars(tmp_path: Path) -> No
     assert (":j1#1_0_0", ":j1#1_c0_0") not in requests.yields
 
 
+def test_a_crosswalk_that_ends_before_the_middle_of_a_slanted_lane_goes_over_it(tmp_path: Path) -> None:
+    """A lane passes .3 m beyond its end and clips a corner; SUMO sees people where lines cross."""
+    slanted = lane(1, [(-60, -24.7), (60, 35.3)])
+    net = convert(road([slanted, ZEBRA]), tmp_path / "net.net.xml").path
+    lanes = read_net(net).lanes
+    assert lanes[":j1#1_c0_0"].line.crosses(lanes[":j1#1_0_0"].line)
+    assert (":j1#1_0_0", ":j1#1_c0_0") in NetFile(net).yields
+
+
 def test_crosswalks_that_meet_on_an_island_are_two_crossings(tmp_path: Path) -> None:
     apart = lane(1, [(-100, -4.0), (100, -4.0)]), lane(2, [(100, 4.0), (-100, 4.0)])
     halves = footway((5, [(0, -7.25), (0, 0)]), "crosswalk"), footway((6, [(0, 0), (0, 7.25)]), "crosswalk")

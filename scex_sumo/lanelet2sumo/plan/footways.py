@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,7 +11,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.geometry.polylines import cut, length_of, nearest
+from scex_sumo.geometry.polylines import cut, heading, length_of, nearest
 from scex_sumo.lanelet2sumo.topology.graph import Groups
 from scex_sumo.lanelet2sumo.topology.rows import Zone, merged
 from scex_sumo.road import Lane
@@ -20,6 +21,11 @@ END_M = 2.0  # another footway this close to an end joins there
 KERB_M = 1.0  # between the edge of a lane and where people wait
 ISLAND_M = 4.0  # between lanes that are crossed at one go
 ALONG = 3.0  # a lane that runs over more than so many widths runs along the walkway
+MIN_SINE = 0.4  # 24 degrees: a lane at a smaller angle runs along a crosswalk
+OVER_M = 3.0  # how far a crosswalk may end before the middle of a lane that it crosses
+TIP_M = 0.5  # of a footway, for its direction
+PASS_M = 1.3  # half a car and some room
+TWO_ABREAST_M = 1.3  # SUMO's people walk in stripes of 0.64 m
 SHORTEST_M = 0.5  # of a footway, and of what a vehicle lane has in common with a crosswalk
 
 _Station = tuple[int, float]  # lanelet, arc length on it in m
@@ -130,7 +136,7 @@ def _marked(lane: Lane) -> bool:
 
 
 def _crossed(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) -> Iterator[_Crossed]:
-    area, middle = _area(footway), shapely.LineString(footway.centreline)
+    area, middle = _reach(footway, lines), shapely.LineString(footway.centreline)
     ids = list(driven)
     for k in np.sort(lines.query(area, predicate="intersects")).tolist():
         i, line = ids[k], lines.geometries[k]
@@ -144,6 +150,27 @@ def _crossed(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) 
             yield _Crossed(lane=i, span=(ends[0], ends[1]), walked=(s - half, s + half))
 
 
+def _reach(footway: Lane, lines: shapely.STRtree) -> shapely.Geometry:
+    """Area of a footway; a crosswalk that ends before the middle of a lane is lengthened over that lane."""
+    area, middle = _area(footway), shapely.LineString(footway.centreline)
+    if not _marked(footway):
+        return area
+    longer, size = lengthened(footway.centreline), length_of(footway.centreline)
+    low, high = 0.0, size
+    clipped = [area.intersection(lines.geometries[k]) for k in lines.query(area, predicate="intersects")]
+    clipped = [part for part in clipped if part.length >= SHORTEST_M and not part.intersects(middle)]
+    for k in lines.query(longer, predicate="intersects") if clipped else ():
+        for met in shapely.points(shapely.get_coordinates(longer.intersection(lines.geometries[k]))):
+            near = min(met.distance(part) for part in clipped) < OVER_M
+            if near and slant(longer, lines.geometries[k], met)[0] > MIN_SINE:
+                s = float(longer.project(met)) - OVER_M
+                low, high = min(low, s - PASS_M), max(high, s + PASS_M)
+    if (low, high) == (0.0, size):
+        return area
+    over = cut(shapely.get_coordinates(longer), max(low + OVER_M, 0.0), high + OVER_M)
+    return area.union(shapely.LineString(over).buffer(footway.width_m / 2, cap_style="flat"))
+
+
 def _kerbs(footway: Lane, crossed: Sequence[_Crossed]) -> Iterator[float]:
     length = length_of(footway.centreline)
     spans = [c.walked for c in crossed] if not _marked(footway) else []
@@ -153,3 +180,23 @@ def _kerbs(footway: Lane, crossed: Sequence[_Crossed]) -> Iterator[float]:
 
 def _area(lane: Lane) -> shapely.Polygon:
     return shapely.Polygon(lane.outline).buffer(0.0)
+
+
+def slant(one: shapely.LineString, other: shapely.LineString, at: shapely.Point) -> tuple[float, float]:
+    """Return sine and cosine of the angle at which two lines cross."""
+    ways = []
+    for line in (one, other):
+        s = float(line.project(at))
+        a, b = (line.interpolate(max(s + step, 0.0)) for step in (-TIP_M, TIP_M))
+        ways.append(math.atan2(b.y - a.y, b.x - a.x))
+    angle = ways[1] - ways[0]
+    return abs(math.sin(angle)), abs(math.cos(angle))
+
+
+def lengthened(crosswalk: FloatArray) -> shapely.LineString:
+    """Return a crosswalk, 3 m longer at both ends."""
+    first, last = (
+        OVER_M * np.array([math.cos(angle), math.sin(angle)])
+        for angle in (heading(crosswalk, end=False), heading(crosswalk, end=True))
+    )
+    return shapely.LineString(np.vstack([crosswalk[0] - first, crosswalk, crosswalk[-1] + last]))

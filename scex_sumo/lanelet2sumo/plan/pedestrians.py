@@ -22,7 +22,16 @@ from scex_sumo.lanelet2sumo.plan.elements import (
     Sidewalk,
     Walks,
 )
-from scex_sumo.lanelet2sumo.plan.footways import Footway
+from scex_sumo.lanelet2sumo.plan.footways import (
+    MIN_SINE,
+    OVER_M,
+    PASS_M,
+    TIP_M,
+    TWO_ABREAST_M,
+    Footway,
+    lengthened,
+    slant,
+)
 from scex_sumo.lanelet2sumo.plan.layout import corners, hull
 from scex_sumo.lanelet2sumo.topology.graph import Topology
 
@@ -30,11 +39,6 @@ from scex_sumo.lanelet2sumo.topology.graph import Topology
 _Over: TypeAlias = tuple[FloatArray, float, tuple[float, float]]
 _Across: TypeAlias = tuple[str, tuple[int, ...], tuple[str, ...]]  # junction, its links, edges at them
 
-MIN_SINE = 0.4  # 24 degrees: a lane at a smaller angle runs along a crosswalk
-OVER_M = 3.0  # how far a crosswalk may end before the middle of a lane that it crosses
-PASS_M = 1.3  # half a car and some room
-TIP_M = 0.5  # of a footway, for its direction
-TWO_ABREAST_M = 1.3  # SUMO's people walk in stripes of 0.64 m
 ASIDE_M = 0.6  # along a slanted crossing, between people at its sides and those in its middle
 ISLAND_END_M = 0.25  # of the shortest walking area between two crosswalks
 TRIM_M = 0.75  # what a walking area takes of each footway that ends at it
@@ -119,13 +123,13 @@ def _over_lanes(way: Footway, across: _Across, layout: NetLayout, shared: Sequen
     off = min(TRIM_M, size / 4)
     low, high = off, size - off
     least, most = (min(ISLAND_END_M, off) if both else -OVER_M for both in shared)
-    line = _lengthened(way.shape)
+    line = lengthened(way.shape)
     connections = next(node.connections for node in layout.nodes if node.name == across[0])
     for k in across[1] if way.marked else ():
         lane = connections[k].internal
         met = line.intersection(shapely.LineString(lane.shape))
         for point in shapely.points(shapely.get_coordinates(met)):
-            sine, cosine = _slant(line, shapely.LineString(lane.shape), point)
+            sine, cosine = slant(line, shapely.LineString(lane.shape), point)
             if sine < MIN_SINE:
                 continue
             s, reach = float(line.project(point)) - OVER_M, max(lane.width / 2, PASS_M) / sine
@@ -163,23 +167,3 @@ def _stubs(crosswalks: Sequence[Footway], ways: Sequence[Footway], fresh: Iterat
                 outer = tip + STUB_M * np.array([math.cos(angle), math.sin(angle)])
                 name, line, ends = f"{way.name}#{k}", np.array([outer, tip]), (next(fresh), place)
                 yield Footway(name=name, lanelets=(), shape=line, width=way.width, places=ends)
-
-
-def _slant(one: shapely.LineString, other: shapely.LineString, at: shapely.Point) -> tuple[float, float]:
-    """Return sine and cosine of the angle at which two lines cross."""
-    ways = []
-    for line in (one, other):
-        s = float(line.project(at))
-        a, b = (line.interpolate(max(s + step, 0.0)) for step in (-TIP_M, TIP_M))
-        ways.append(math.atan2(b.y - a.y, b.x - a.x))
-    angle = ways[1] - ways[0]
-    return abs(math.sin(angle)), abs(math.cos(angle))
-
-
-def _lengthened(crosswalk: FloatArray) -> shapely.LineString:
-    """Return a crosswalk, 3 m longer at both ends."""
-    first, last = (
-        OVER_M * np.array([math.cos(angle), math.sin(angle)])
-        for angle in (heading(crosswalk, end=False), heading(crosswalk, end=True))
-    )
-    return shapely.LineString(np.vstack([crosswalk[0] - first, crosswalk, crosswalk[-1] + last]))
