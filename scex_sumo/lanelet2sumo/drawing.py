@@ -113,11 +113,12 @@ def road_lines(net: Path, box: tuple[float, float, float, float]) -> list[RoadLi
     """
     lines = []
     if net.is_file():
+        root = net_root(net)
         try:
-            for lane in net_root(net).iter("lane"):
+            for lane in root.iter("lane"):
                 width = float(lane.get("width", LANE_WIDTH_M))
                 lines.append(RoadLine(SURFACE, width, points_of(lane.get("shape", ""))))
-            for junction in net_root(net).iter("junction"):
+            for junction in root.iter("junction"):
                 lines.append(RoadLine(AREA, 0.0, points_of(junction.get("shape", ""))))
         except ValueError as error:
             raise MapError(f"{net}: cannot be read ({error}); build the net again with netconvert") from None
