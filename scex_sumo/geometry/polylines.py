@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
+import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, clipped
 
@@ -181,6 +182,12 @@ def mean_width_m(left: FloatArray, right: FloatArray) -> float:
     area = abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
     lengths = [float(np.hypot(*np.diff(bound, axis=0).T).sum()) for bound in (left, right)]
     return 2 * area / sum(lengths) if sum(lengths) > 0 else 0.0
+
+
+def bounds_cross(left: FloatArray, right: FloatArray) -> bool:
+    """Test whether two bounds (P, 2), m, of two points or more cross each other or one crosses itself."""
+    one, other = shapely.LineString(left), shapely.LineString(right)
+    return bool(one.crosses(other) or not (one.is_simple and other.is_simple))
 
 
 def is_on(line: FloatArray, point: FloatArray, *, loose_ends: bool) -> bool:

@@ -38,6 +38,7 @@ from scex_sumo.converters.lanelet.projection import georeference
 from scex_sumo.converters.lanelet.regulations import attach, regulations
 from scex_sumo.converters.lanelet.repair import repair
 from scex_sumo.converters.naming import map_name
+from scex_sumo.geometry.polylines import bounds_cross
 from scex_sumo.road import Area, Lane, MapLoss, Marking, Road
 from scex_sumo.roads.side import DEAD_ENDS, dead_ends, side_of
 
@@ -122,7 +123,10 @@ def _doubts(lanes: Mapping[int, Lane], map_file: MapFile, country: str) -> Findi
     for i, lane in lanes.items():
         if lane.kind == "vehicle" and not lane.subtype and lane.width_m < MIN_ROAD_M:
             doubts.note(narrow, *(() if lane.reverse_of else (i,)))
-    for i in (i for i, lane in lanes.items() if lane.reverse_of is None):
+    drawn = {i: lane for i, lane in lanes.items() if lane.reverse_of is None}
+    crossed = (i for i, lane in drawn.items() if bounds_cross(lane.left_bound, lane.right_bound))
+    doubts.note("bounds cross each other or themselves, the lane's shape may be off", *crossed)
+    for i in drawn:
         said = [*tags.said_limits(map_file.relations[i], map_file)]
         if said and not any(map(tags.speed_mps, said)):
             doubts.note(unclear, i)

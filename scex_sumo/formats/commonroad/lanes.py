@@ -13,7 +13,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.naming import number
 from scex_sumo.formats.commonroad.file import CommonRoadFile, bounds_of, element_id, points_of
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane
-from scex_sumo.geometry.polylines import without_repeats
+from scex_sumo.geometry.polylines import bounds_cross, without_repeats
 from scex_sumo.road import Area, Lane, Marking, Regulation
 
 CARS = {"vehicle", "car"}
@@ -140,6 +140,8 @@ class _Reader:
         self._file, self._id, self._known, self._words = file, i, known, words
 
     def lanelet(self, xml: Element, left: FloatArray, right: FloatArray, signs: Signs) -> Lanelet:
+        if bounds_cross(left[:, :2], right[:, :2]):
+            self._file.note("bounds cross each other or themselves, the lane's shape may be off", self._id)
         types = frozenset(self._said("laneletType", xml))
         users, both_ways = (self._said(tag, xml) for tag in ("userOneWay", "userBidirectional"))
         stop_line, line = next(self._stop_lines(xml, left, right), (None, None))

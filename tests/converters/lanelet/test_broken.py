@@ -228,6 +228,16 @@ def test_a_lanelet_missing_between_two_is_added_where_one_goes_on_behind_it(tmp_
     assert road.lanes[added].width_m == pytest.approx(3.5)
 
 
+@pytest.mark.parametrize(
+    "bent", [[(0, 3), (20, 3), (20, 2), (10, 4), (50, 3)], [(0, 3), (20, 3), (25, -0.5), (30, 3), (50, 3)]]
+)
+def test_bounds_that_cross_are_named(bent: list[tuple[float, float]], tmp_path: Path) -> None:
+    """One crosses itself, the other one crosses the right bound twice."""
+    lanes = [replace(straight(1, 0, 50, width=3), left=bent), straight(2, 50, 90, width=3)]
+    road = read_road(written(tmp_path, draw_map(lanes)))
+    assert one_note(road) == "bounds cross each other or themselves, the lane's shape may be off: 1"
+
+
 @pytest.mark.parametrize("length", [0.02, 0.2, 0.36, 0.59])
 def test_a_stub_beside_the_beginning_of_a_lane_is_no_gap_before_it(length: float, tmp_path: Path) -> None:
     lanes = [straight(1, 0, 30), straight(2, 30, 60), straight(3, 30, 30 + length)]

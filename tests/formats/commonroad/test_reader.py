@@ -317,6 +317,10 @@ BROKEN = {
         [straight(5, 0, 9, 50, stop_line=StopLine(points=[(0, 0)]))],
         "an unusable stop line, left out: 5",
     ),
+    "crossing bounds": (
+        [Lanelet(5, [(0, 9), (25, 9), (50, 6)], [(0, 6), (25, 6), (50, 9)])],
+        "bounds cross each other or themselves, the lane's shape may be off: 5",
+    ),
     "no length between": (
         [Lanelet(5, [(0, 9), (9, 9)], [(9, 9), (0, 9)])],
         "lanes left out, no usable line: 5",
