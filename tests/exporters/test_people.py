@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import scex_sumo as scex
-from scex_sumo.converters.tracks.road_users import obstacle_size
+from scex_sumo.converters.tracks.road_users import OBSTACLE_SIZES
 from scex_sumo.exporters.commonroad import write_commonroad
 from scex_sumo.exporters.openscenario import write_openscenario
 from scex_sumo.exporters.request import Request
@@ -34,7 +34,7 @@ def people_beside(scene: SeedScene) -> Obstacles:
         heading=np.full(speed.shape, np.pi / 2),
         speed=speed,
     )
-    sizes = np.array([obstacle_size(kind) for kind in kinds])
+    sizes = np.array([OBSTACLE_SIZES[kind] for kind in kinds])
     return Obstacles(
         ids=("P1", "P2", "P3", "P4"),
         types=kinds,
