@@ -15,6 +15,8 @@ from scex_sumo.evaluation.tables import evaluate_pairs
 from scex_sumo.extrapolation.settings import read_under_test
 from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.metrics.registry import COLUMNS
+from scex_sumo.page.document import Document
+from scex_sumo.page.report.under_test import under_test_part
 from scex_sumo.reports.under_test import own_encounters, under_test_rows, under_test_table, verdict
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import QUESTIONS, SCHEMA
@@ -105,7 +107,7 @@ def test_futures_are_compared_one_by_one(run: Run) -> None:
     assert (found.p_critical.value, found.baseline_p_critical.value) == (0.4, 0.4)  # of all five
 
 
-def test_the_table_shows_every_metric(run: Run) -> None:
+def test_table_and_report_show_every_metric(run: Run) -> None:
     table = under_test_table(UnderTest.of(run))
     assert table.title == "under test, vehicle 17: mypkg:MyDriver: 5 futures"
     assert table.row_count == 2 + 6
@@ -117,7 +119,15 @@ def test_the_table_shows_every_metric(run: Run) -> None:
     # Of five futures one has a collision of vehicle 17, with 0.12 severe injuries; others' do not count.
     assert [str(list(table.columns[k].cells)[1]) for k in (1, 2)] == ["0.00", "24.00"]
     assert under_test_table(UnderTest.of(run), ["ttc"]).row_count == 3
-    rows = under_test_rows(UnderTest.of(run))
+    page, rows = Document("page"), under_test_rows(UnderTest.of(run))
+    assert "vehicle 17: mypkg:MyDriver" in under_test_part(page, run)[1]
+    curves = page.info["tested_curves"]
+    assert len(curves) == 6 and sum(not curve["sets"] for curve in curves) == 4
+    distance = curves[0]
+    assert [(s["kind"], s["values"]) for s in distance["sets"]] == [
+        (kind, UnderTest.of(run).samples("distance", driven).tolist())
+        for kind, driven in (("picked", "under_test"), ("drawn", "baseline"))
+    ]
     assert [row[3] for row in rows] == ["1 : 0", "1 : 0", "2 : 1", None, None, None, None, "2 : 0"]
     assert [row[6] for row in rows][:3] == [0.2, None, 0.4]
     assert [share for row in rows for share in row[5:7]].count(0.4) == 3

@@ -132,6 +132,30 @@ function makeChart(run, state, element) {
   return { element, metric, draw, describe, list, select, setLimit };
 }
 
+// Cumulative curves of the driver under test and of the baseline, with their bands.
+function testedCurves(host, charts) {
+  const canvases = charts.map(({ title }) => make("canvas", { ariaLabel: title }));
+  host.append(...charts.map(({ title }, i) => make("div.chart", {}, make("header", {}, make("span", title)), canvases[i])));
+  return () => charts.forEach(({ sets, view: [low, high], threshold, side, ticks }, i) => {
+    const pen = sharp(canvases[i]), { paint, write, width } = pen, toX = (value) => (value - low) / (high - low) * width;
+    if (!sets.length) return write("defined in no future", width / 2, 60);
+    const shares = sets.map(({ values }) => stepsOf(values.map((value) => value ?? Infinity), ticks.map(([value]) => value)));
+    tabulate(canvases[i], `${charts[i].title}: share at or below`, ["value", ...sets.map(({ kind }) => kind)], ticks.map(([, words], k) => [words, ...shares.map((share) => percent(share[k]))]));
+    const base = bottomAxis(pen, ticks, toX), xs = Array.from({ length: width + 1 }, (_, px) => low + px / width * (high - low));
+    const at = (x, share) => [toX(x), base - clamp(share, 0, 1) * (base - 4)];
+    if (threshold !== null) {
+      const far = side === "left" ? low : high;
+      paint([at(threshold, 0), at(threshold, 1), at(far, 1), at(far, 0)], { fill: "critical", alpha: 0.1 });
+      paint([at(threshold, 0), at(threshold, 1)], { stroke: "critical" });
+    }
+    for (const { kind, values, band } of sets) {
+      const share = stepsOf(values.map((value) => value ?? Infinity), xs), line = (more) => share.map((y, k) => at(xs[k], y + more));
+      paint([...line(band), ...line(-band).reverse()], { fill: kind, alpha: 0.2 });
+      paint(line(0), { stroke: kind });
+    }
+  });
+}
+
 // Share of values at or below each of ascending places.
 function stepsOf(values, xs) {
   const sorted = Float64Array.from(values).sort();

@@ -68,6 +68,7 @@ function runReport(run) {
     drawPlayer(any("future", "thresholds", "selection"));
     if (any("pair", "future")) drawCaption();
     if (any("selection", "future", "thresholds", "size")) drawCharts();
+    if (any("size")) drawTested();
     if (any("pair", "future", "step", "selection", "size", "view")) drawPair(any("pair", "future", "selection", "size"));
     if (any("selection", "find")) drawSelection();
     if (any("thresholds", "selection")) for (const chart of charts) chart.describe();
@@ -121,6 +122,7 @@ function runReport(run) {
   });
 
   showTables(info.tables);
+  const drawTested = info.tested_curves ? testedCurves(byId("tested-curves"), info.tested_curves) : () => {};
   const listed = { restart() { // at rest: it takes longer than a frame
     clearTimeout(listed.timer);
     listed.timer = setTimeout(() => charts.forEach((chart) => chart.list()), REST_MS);

@@ -10,7 +10,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.registry import Metric
-from scex_sumo.page.html import Html, element
+from scex_sumo.page.html import Html, element, joined
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import BANDWIDTH
 
@@ -87,6 +87,16 @@ class Plane:
 def tick_seconds(first: float, last: float) -> list[tuple[float, str]]:
     """Return round times of an axis with their texts."""
     return [(value, f"{words} s") for value, words in ticks(first, last, most=8)]
+
+
+def line_legend(entries: Sequence[tuple[str, str]]) -> Html:
+    """Return a legend from kinds and texts."""
+    lines = [element(f"path.line.{kind}", d="M0,5 22,5") for kind, _ in entries]
+    spans = [
+        element("span", element("svg", line, width="22", height="10"), f" {text} ")
+        for line, (_, text) in zip(lines, entries, strict=True)
+    ]
+    return element("p.soft.legend", joined(*spans))
 
 
 def metric_title(column: str, metric: Metric) -> str:

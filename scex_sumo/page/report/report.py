@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from scex_sumo.base.files import write_atomic
-from scex_sumo.page.document import Document, card, table
+from scex_sumo.page.document import Document
 from scex_sumo.page.html import Html, element, joined
 from scex_sumo.page.report.contents import report_contents
 from scex_sumo.reports.card import title, verdict_lines
@@ -20,10 +20,6 @@ from scex_sumo.scene import SeedScene
 
 _WARNING = "warning: "
 _WIDE = 10_000  # no line of the answer is broken
-_UNDER_TEST = (
-    "Only encounters of the vehicles under test count. Before: the same futures and other drivers, with "
-    "these vehicles driven as drawn."
-)
 SCRIPTS = (
     *("state.js", "chart.js", "pairs.js", "map.js", "player.js", "models.js"),
     *("selection.js", "address.js", "vehicles.js", "parts.js", "report.js"),
@@ -45,13 +41,10 @@ def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> byt
     notes = _note_card("Notes", [note for note in info["notes"] if not note.startswith(_WARNING)])
     verdict = ""
     if run.info.get("under_test") and run.baseline is not None:
-        from scex_sumo.reports.under_test import HEADS, under_test_rows
-        from scex_sumo.reports.under_test import verdict as verdict_of
-        from scex_sumo.results.under_test import UnderTest
+        from scex_sumo.page.report.under_test import under_test_part
 
-        tested = UnderTest.of(run)
-        verdict, place = verdict_of(tested), page.table("under-test", table(HEADS, under_test_rows(tested)))
-        notes = joined(card(f"Under test, {tested.label}", _UNDER_TEST, place), notes)
+        verdict, about = under_test_part(page, run)
+        notes = joined(about, notes)
     return page.filled(
         "report.html",
         name=title(run),

@@ -14,6 +14,7 @@ from scex_sumo import example_path
 from scex_sumo.page.report import contents
 from scex_sumo.page.report.report import write_report
 from scex_sumo.page.report.scene import packed_tracks
+from scex_sumo.page.report.under_test import under_test_curves
 from scex_sumo.reports.card import pair_lines
 from scex_sumo.reports.encounter_rows import meetings
 from scex_sumo.reports.under_test import under_test_rows
@@ -401,7 +402,7 @@ def test_pictures_and_films_are_saved(
     assert saved.stat().st_size > 5_000
 
 
-def test_the_driver_under_test_has_its_table(browser: Any, tmp_path: Path) -> None:
+def test_the_driver_under_test_has_its_table_and_curves(browser: Any, tmp_path: Path) -> None:
     words = (
         "--futures",
         12,
@@ -418,4 +419,11 @@ def test_the_driver_under_test_has_its_table(browser: Any, tmp_path: Path) -> No
     page.wait_for_selector("#under-test td")
     rows = under_test_rows(UnderTest.of(run))
     assert page.locator("#under-test td:first-child").all_inner_texts() == [row[0] for row in rows]
+    canvases = page.locator("#tested-curves canvas")
+    assert canvases.count() == len(under_test_curves(run, UnderTest.of(run)))
+    drawn = """canvas => {
+        const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+        return new Set(new Uint32Array(data.buffer)).size;
+    }"""
+    assert canvases.first.evaluate(drawn) > 10
     page.close()
