@@ -11,12 +11,15 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib.abc import MetaPathFinder
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from scex_sumo.base.blame import own_error_reason
 from scex_sumo.base.errors import MissingExtraError, UsageError
 
 _PACKAGE = Path(__file__).resolve().parents[1]
+
+of_others: Final = set[str]()
+"""Modules that are not of this package and that `import_object` has imported."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,6 +126,8 @@ def import_object(path: str, *, hint: str = "") -> Any:
         UsageError: the import fails, or the name is missing.
     """
     name, _, attribute = path.partition(":")
+    if not _of_package(path):
+        of_others.add(name)
     here = str(Path.cwd())
     if here not in sys.path:
         # A console script has its own folder in the path instead.

@@ -251,6 +251,29 @@ def test_a_run_interrupted_while_it_reads_says_so_and_fails(tmp_path: Path, numb
     assert not (tmp_path / "out").exists()
 
 
+def test_files_and_threads_of_a_users_code_end_with_the_command(tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(
+        "import threading, time\n"
+        "log = open('log.txt', 'w')\n"
+        "log.write('imported')\n"
+        "def late():\n"
+        "    time.sleep(0.5)\n"
+        "    open('late.txt', 'w').write('done')\n"
+        "threading.Thread(target=late).start()\n"
+        "class Driver:\n"
+        "    def plan_one(self, history, road, future, vehicle, rng): ...\n"
+    )
+    command = [sys.executable, "-m", "scex_sumo", "models", "mine:Driver"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    assert [(tmp_path / name).read_text() for name in ("log.txt", "late.txt")] == ["imported", "done"]
+
+
+def test_a_command_without_standard_error_works(tmp_path: Path) -> None:
+    command = f"{sys.executable} -m scex_sumo --version 2>&-"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, f"scex-sumo {scex_sumo.__version__}\n")
+
+
 def test_a_disk_that_is_full_is_said_in_one_line(tmp_path: Path) -> None:
     """A limit on the size of files stands for the disk: the tables of 40 futures are larger."""
     limited = f"ulimit -f 100; exec {sys.executable} -m scex_sumo run {ROUNDABOUT} --no-plots"
