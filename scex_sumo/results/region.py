@@ -11,6 +11,7 @@ import numpy as np
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import number_or_name
+from scex_sumo.intention import Walk
 from scex_sumo.scene import HISTORY_STEPS, REPLAYED, STEP_S, Obstacles, SeedScene, States
 
 NEAR_M: Final = 50.0
@@ -35,7 +36,7 @@ class Region:
         around: track id or SUMO's name of a vehicle; the radius is then `AROUND_M`.
 
     Raises:
-        UsageError: both are given, or the circle is none.
+        UsageError: both or none are given, or the circle is none.
 
     Example:
         >>> scene = scex.read_seed(scex.example_path("roundabout"))
@@ -160,4 +161,5 @@ def _both(one: Obstacles, other: Obstacles) -> Obstacles:
         width=np.concatenate([one.width, other.width]),
         states=States.concatenate([one.states, other.states], axis=0),
         present=np.concatenate([one.present, other.present]),
+        walks=one.walks and (*one.walks, *[Walk()] * len(other.ids)),
     )

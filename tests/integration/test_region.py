@@ -58,6 +58,9 @@ def test_a_region_is_checked() -> None:
     ):
         with pytest.raises(UsageError, match=words):
             region_of(text)
+    for both in ({}, {"circle": (0.0, 0.0, 1.0), "around": 16}):
+        with pytest.raises(UsageError, match="give a circle or a vehicle"):
+            Region(**both)
     with pytest.raises(UsageError, match="--region 999: not in the seed scene; its vehicles: 3"):
         Region(around=999).vehicles(scene)
     with pytest.raises(UsageError, match="no vehicle there at the seed moment"):

@@ -9,6 +9,7 @@ import pytest
 
 import scex_sumo
 from scex_sumo.base.sumo.programs import run_program
+from scex_sumo.results.region import replaying
 from tests.runs import extrapolate
 
 NODES = '<nodes><node id="A" x="0" y="0"/><node id="M" x="100" y="0"/><node id="B" x="200" y="0"/></nodes>'
@@ -55,3 +56,12 @@ def test_drivers_wait_for_a_person_that_comes_to_a_crossing(config: Path, tmp_pa
         np.testing.assert_allclose(ours.x, theirs.x, atol=0.5, err_msg=f"{time_s} s")
         stopped |= bool((theirs.speed[:, -1] < 0.1).any())
     assert stopped, "the test has lost its meaning: nobody waits"
+
+
+def test_a_person_walks_on_beside_vehicles_that_are_replayed(config: Path, tmp_path: Path) -> None:
+    scene = scex_sumo.read_seed(config, time=3.0)
+    part = replaying(scene, [0])
+    assert part.obstacles is not None and part.obstacles.ids == ("p", "2")
+    run = extrapolate(part, models=["sumo:own"], futures=1, steps=40, out=tmp_path / "out")
+    assert part.future is not None
+    np.testing.assert_allclose(run.states(0)[:, -40:].x, part.future[:, :40].x, atol=0.1)  # waits as SUMO's
