@@ -93,8 +93,9 @@ def _middle(xy: FloatArray) -> int:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Moment:
-    """Last second of a simulation on a net; a pair counts with one of the vehicles ``counted``, by SUMO's
-    names.
+    """Last second of a simulation on a net; its last step is the moment.
+
+    A pair counts with one of the vehicles ``counted``, by SUMO's names; None: all do.
     """
 
     recorded: Recorded

@@ -31,7 +31,8 @@ Begin: TypeAlias = Callable[[Watch, Told], object]
 class Session:
     """What a configuration is watched with: sumo-gui over TraCI, not faster than the clock, or libsumo.
 
-    It is simulated without a watch until ``begin_s``; it ends as configured, or at ``end_s``.
+    It is simulated without a watch until ``begin_s`` (None: the begin), and ends at ``end_s`` (None: as
+    configured, or with all traffic).
     """
 
     config: Path

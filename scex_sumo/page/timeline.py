@@ -34,7 +34,7 @@ SHAPES: Final[Mapping[str, str]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Happening:
-    """Most critical pair of a moment: its place, m, and address of its card or report, if any."""
+    """Most critical pair of a moment: its place, m, and the address of its card or report, or empty."""
 
     time_s: float
     probability: float

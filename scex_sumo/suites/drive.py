@@ -120,7 +120,8 @@ class Driven:
 def drive(scene: SeedScene, track_id: int, spec: ModelSpec | None, futures: int, *, seed: int) -> Driven:
     """Run the futures of a case, in which a function, or a human-like driver, drives the vehicle of a track.
 
-    A `ScexError` says which plan of the function cannot be used. The scene has road and rules.
+    The function is ``spec``; None or `PEOPLE` is the driver. The scene has road and rules. A `ScexError` says
+    which plan of the function cannot be used.
     """
     assert scene.road is not None
     index = int(np.flatnonzero(scene.track_ids == track_id)[0])

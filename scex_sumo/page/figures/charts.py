@@ -32,9 +32,10 @@ def ticks(low: float, high: float, most: int = 4) -> list[tuple[float, str]]:
 
 @dataclass(frozen=True, kw_only=True)
 class Plane:
-    """Coordinate plane of a chart, px without the ticks below; arguments are in axis units, y upwards.
+    """Coordinate plane of a chart; arguments are in axis units, y upwards.
 
-    Kinds of lines are colours: drawn, likely, recorded, critical, picked, or soft.
+    ``x`` and ``y`` are the ranges of the axes; sizes are in px, without the ticks below. Kinds of lines are
+    colours: drawn, likely, recorded, critical, picked, or soft.
     """
 
     x: tuple[float, float]
