@@ -442,7 +442,10 @@ def states_of(table: LaneCells, vehicles: Placed, steps: FloatArray) -> States:
 def placed_on_lanes(
     scene: SeedScene, kinds: tuple[str, ...], rng: np.random.Generator
 ) -> tuple[Placed, IntArray]:
-    """Return a scene's vehicles on lanes, each on one drawn among its matches, and their numbers."""
+    """Return a scene's vehicles on lanes, each on one drawn among its matches, and their numbers.
+
+    Accelerations are NaN for vehicles without a recorded second.
+    """
     assert scene.road is not None
     road, now = scene.road, scene.now
     matches = match(road, now.x, now.y, now.heading)

@@ -82,3 +82,28 @@ def test_an_error_of_a_dataset_is_one_line_with_its_line(line: str, function: st
     done = scex(tmp_path, "rank", a_street(tmp_path), "-o", tmp_path / "out")
     assert done.returncode == 1 and "Traceback" not in done.stderr
     assert f"dataset cars: {function} raised KeyError: 'line' (stranger.py, line" in done.stderr
+
+
+REPAIR = """
+
+def repair(table):
+    from dataclasses import replace
+    x = table.vehicles.x.copy()
+    x[50] = np.nan
+    return replace(table, vehicles=table.vehicles.with_columns(x=x)), ()
+"""
+
+
+@pytest.mark.parametrize(
+    ("code", "said"),
+    [
+        (CODE.replace("length=still", "length=still * np.nan"), "length of track 1 is nan, no number"),
+        (CODE.replace("width=still", "width=still * np.nan"), "width of track 1 is nan, no number"),
+        (CODE + REPAIR, "x of track 1 is nan, beyond 1e+08"),
+    ],
+)
+def test_no_number_of_a_dataset_is_one_line(code: str, said: str, tmp_path: Path) -> None:
+    install(tmp_path, group="scex_sumo.datasets", name="cars", target="stranger", code=code)
+    street = a_street(tmp_path)
+    done = scex(tmp_path, "inspect", street / "street.osm", "--tracks", street / "morning.cars")
+    assert (done.returncode, done.stderr) == (1, f"error: {street}/morning.cars: {said}\n")

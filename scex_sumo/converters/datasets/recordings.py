@@ -171,6 +171,7 @@ def repaired(
     if table.has_cases:
         return table, findings
     table, before = dataset.repair(table)
+    check_values(table)
     table, after = repair_tracks(table, exact=dataset.simulated)
     if other_rate(table.step_s):
         vehicles, others = resample_tracks(table.vehicles), resample_tracks(table.others)

@@ -40,11 +40,13 @@ MAX_HOURS = 24.0
 def check_values(table: TrackTable) -> None:
     """Raise a `TrackError` for tracks with impossible values or a span of days."""
     for rows in (table.vehicles, table.others):
-        for name, largest in MAX_VALUES.items():
+        # Repairs leave out vehicles of an impossible size, but not of none.
+        for name, largest in {**MAX_VALUES, "length": np.inf, "width": np.inf}.items():
             wrong = ~(np.abs(getattr(rows, name)) <= largest)
             if wrong.any():
                 row = int(np.argmax(wrong))
-                said = f"{getattr(rows, name)[row]:g}, beyond {largest:g}"
+                said = f"{getattr(rows, name)[row]:g}"
+                said += f", beyond {largest:g}" if largest < np.inf else ", no number"
                 raise TrackError(f"{table.path}: {name} of track {rows.labels[rows.track[row]]} is {said}")
         if len(rows) and float(np.ptp(rows.timestamp_ms)) > 3.6e6 * MAX_HOURS:
             ends = [rows.labels[rows.track[find(rows.timestamp_ms)]] for find in (np.argmin, np.argmax)]

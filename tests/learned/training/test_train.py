@@ -12,16 +12,17 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from scex_sumo.base.errors import ResultError, UsageError  # noqa: E402
+from scex_sumo.base.errors import ResultError, TrackError, UsageError  # noqa: E402
 from scex_sumo.base.files import cache_folder  # noqa: E402
 from scex_sumo.converters.datasets.find import find_recordings  # noqa: E402
 from scex_sumo.converters.registries import Recording  # noqa: E402
+from scex_sumo.evaluation.recordings import load_recording  # noqa: E402
 from scex_sumo.evaluation.split import Split  # noqa: E402
 from scex_sumo.learned.network.weights import load_weights  # noqa: E402
 from scex_sumo.learned.training.command import train_command  # noqa: E402
 from scex_sumo.learned.training.data import dataset as dataset_module  # noqa: E402
 from scex_sumo.learned.training.data.batches import Images, turned  # noqa: E402
-from scex_sumo.learned.training.data.dataset import Dataset, SampleOptions, make_dataset  # noqa: E402
+from scex_sumo.learned.training.data.dataset import Dataset, SampleOptions, make_dataset, part_scenes  # noqa: E402
 from scex_sumo.learned.training.train import Progress, Trainer, TrainOptions  # noqa: E402
 from scex_sumo.scenarios import example_path  # noqa: E402
 
@@ -209,6 +210,15 @@ def test_damaged_samples_in_the_cache_are_made_again(
         again = make_dataset(merge(), SAMPLING)
         np.testing.assert_array_equal(small.train.feature, again.train.feature)
         assert len(files) == 2 and all(file.read_bytes() == whole for file, whole in files.items())
+
+
+def test_tracks_that_are_not_finite_are_named() -> None:
+    loaded = load_recording(merge()[0])
+    x = loaded.table.vehicles.x.copy()
+    x[50] = np.nan
+    broken = replace(loaded, table=replace(loaded.table, vehicles=loaded.table.vehicles.with_columns(x=x)))
+    with pytest.raises(TrackError, match=r"motorway_merge: track \d+ has no finite x around"):
+        part_scenes(broken, "train", split=SAMPLING.split, every_s=0.5)
 
 
 def test_requests_that_make_no_sense_are_refused(tmp_path: Path) -> None:

@@ -142,6 +142,7 @@ def part_scenes(loaded: LoadedRecording, part: Part, *, split: Split, every_s: f
             continue
         last = moment.time_s
         scene = seed_at(loaded, moment.time_s, case=moment.case or None)
+        _check_finite(loaded, scene)
         if len(learnable(scene)):
             scenes.append(scene)
     return scenes
@@ -152,6 +153,18 @@ def _moments_of(every: list[Moment], part: Part, split: Split, name: str) -> lis
     if whole is None:
         return split_moments(every, split)[part]
     return every if whole == part else []
+
+
+def _check_finite(loaded: LoadedRecording, scene: SeedScene) -> None:
+    """Refuse what a dataset's own `within` or `complete` may leave: one such value makes all weights nan."""
+    for states in (scene.history, scene.future):
+        for name, values in vars(states).items() if states is not None else ():
+            bad = ~np.isfinite(values).all(axis=1)
+            if bad.any():
+                raise TrackError(
+                    f"{loaded.recording.name}: track {scene.track_ids[np.argmax(bad)]} has no finite {name} "
+                    f"around {scene.time_s:g} s; repair the recording or leave it out"
+                )
 
 
 def _cached(name: str, key: str, make: Callable[[], TrainingSamples | None]) -> TrainingSamples | None:
