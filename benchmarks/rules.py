@@ -52,7 +52,6 @@ from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.geometry.rectangles import seen_from
 from scex_sumo.humans import obedience
-from scex_sumo.humans.parameters import human_parameters
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import STEP_S, SeedScene
@@ -60,7 +59,7 @@ from scex_sumo.studies.validate.scores import covered
 
 STANDING_MPS, STARTED_M, CLOSE_M, FIRST_STEPS = 0.5, 1.0, 1.0, 30
 MEET_M, APART_M, LEAST_STEPS, PASSED_M = 1.5, 4.0, 5, 2.5  # of centres of vehicles that pass one place
-RESTS_MPS, QUEUE_M, QUEUE_COS = 0.3, 1.2, 0.92  # vehicles in one queue
+RESTS_MPS, QUEUE_M, QUEUE_COS, MOST_REST_M = 0.3, 1.2, 0.92, 6.0  # vehicles in one queue, and their gap
 # "TraCI4Traffic Lights" (with its fixed programme) and "TraCIPedCrossing" of SUMO's documentation.
 ARMS = {"w": (-500, 0), "e": (500, 0), "s": (0, -500), "n": (0, 500)}
 TUTORIALS = {
@@ -317,7 +316,7 @@ def gaps_at_rest(scene: SeedScene, steps: int) -> list[float]:
         leads = valid & (last.speed < RESTS_MPS) & (ahead > 0) & (np.abs(left) < QUEUE_M) & (cos > QUEUE_COS)
         leads[v] = False
         gap = (ahead - (scene.length[v] + scene.length) / 2)[leads].min(initial=np.inf)
-        if 0 < gap < human_parameters().rest_range_m[1]:
+        if 0 < gap < MOST_REST_M:
             found.append(float(gap))
     return found
 

@@ -234,7 +234,8 @@ def _near(history: SceneHistory, plan: Plan) -> tuple[IntArray, IntArray, IntArr
     for values in (plan.x, plan.y):
         end = values[:, -1].reshape(shape)
         near = near & (np.abs(end[:, None, :] - end[:, :, None]) < reach)
-    return tuple(np.nonzero(near))  # type: ignore[return-value]
+    future, i, j = np.nonzero(near)
+    return future, i, j
 
 
 def _touch(history: SceneHistory, states: States) -> BoolArray:

@@ -115,15 +115,14 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, own_corner: 
 
 
 def _doubts(lanes: Mapping[int, Lane], map_file: MapFile, country: str) -> Findings:
-    doubts = Findings()
+    doubts, drawn = Findings(), {i: lane for i, lane in lanes.items() if lane.reverse_of is None}
     narrow, unclear = (
         f"lanelets without subtype, under {MIN_ROAD_M:g} m wide, taken for car lanes",
         f"speed limits not understood, {tags.COUNTRIES[country].name}'s default taken",
     )
-    for i, lane in lanes.items():
+    for i, lane in drawn.items():
         if lane.kind == "vehicle" and not lane.subtype and lane.width_m < MIN_ROAD_M:
-            doubts.note(narrow, *(() if lane.reverse_of else (i,)))
-    drawn = {i: lane for i, lane in lanes.items() if lane.reverse_of is None}
+            doubts.note(narrow, i)
     crossed = (i for i, lane in drawn.items() if bounds_cross(lane.left_bound, lane.right_bound))
     doubts.note("bounds cross each other or themselves, the lane's shape may be off", *crossed)
     for i in drawn:
