@@ -16,6 +16,7 @@ from scex_sumo.geometry.polylines import distances
 from scex_sumo.geometry.rectangles import Rectangles
 
 Action: TypeAlias = Callable[[float], bool]  # acts for a step, s, at its end; returns whether it goes on
+Target: TypeAlias = Callable[[], float]  # returns the value that something changes to
 _T = TypeVar("_T")
 
 BODIES = {"Vehicle": "car", "Pedestrian": "pedestrian", "MiscObject": "object"}
@@ -27,7 +28,7 @@ _SHARES: Mapping[str, Callable[[float], float]] = {
     "cubic": lambda progress: progress**2 * (3 - 2 * progress),
     "sinusoidal": lambda progress: (1 - math.cos(math.pi * progress)) / 2,
 }
-_TO_GAP_S, _MOST_MPS2 = 1.0, 5.0  # time in which a follower takes a wrong distance back, and how hard
+_TO_GAP_S = 1.0  # in which a follower takes a wrong distance back, as far as its limits let it
 
 
 class UnknownMotion(ValueError):
@@ -139,15 +140,8 @@ def chosen(element: Element, name: str, default: str, choices: Mapping[str, _T])
     return choices[word]
 
 
-def changing(
-    mover: Mover, name: str, dynamics: Element, target: Callable[[], float], stays: bool = False
-) -> Action:
-    """Change the speed, or the place across, by a shape over a time, at a rate or over a distance.
-
-    Args:
-        name: ``speed`` or ``left``.
-        stays: it goes on, to a target that changes.
-    """
+def changing(mover: Mover, name: str, dynamics: Element, target: Target, stays: bool = False) -> Action:
+    """Change ``speed`` or ``left`` by a shape over a time, a distance or at a rate; what stays goes on."""
     shape, by = dynamics.get("dynamicsShape", "step"), dynamics.get("dynamicsDimension", "time")
     share, value = chosen(dynamics, "dynamicsShape", "step", _SHARES), number(dynamics, "value", "0")
     first, last, begun_s, begun_m = getattr(mover, name), target(), mover.time_s, mover.travelled
@@ -169,12 +163,12 @@ def changing(
     return change
 
 
-def synchronising(mover: Mover, goal: Pose, master: Mover, masters: Pose, final_mps: float | None) -> Action:
+def synchronising(mover: Mover, goal: Pose, master: Mover, masters: Pose, final: Target | None) -> Action:
     """Change the speed to be at a place when another one is at its own."""
 
     def approach(step_s: float) -> bool:
         left, theirs, speed = mover.ahead(goal), master.ahead(masters), mover.speed
-        time_s = theirs / max(master.speed, 1e-3)
+        time_s, final_mps = theirs / max(master.speed, 1e-3), None if final is None else final()
         if min(left, theirs) <= 0 or time_s <= step_s:
             mover.speed = speed if final_mps is None else final_mps
             return False
@@ -192,12 +186,19 @@ def following(mover: Mover, action: Element, other: Mover) -> Action:
     """Change the speed to keep a distance or a time gap to another one."""
     gap, gap_s = number(action, "distance", "0"), number(action, "timeGap", "0")
     gap += (mover.length + other.length) / 2 if action.get("freespace") == "true" else 0.0
+    limits = action.find("DynamicConstraints")
+    names = "maxDeceleration", "maxAcceleration", "maxSpeed"
+    least, most, fastest = (math.inf if limits is None else number(limits, k, "1e9") for k in names)
 
     def follow(step_s: float) -> bool:
-        wrong, closing = mover.ahead(other.pose) - gap - gap_s * mover.speed, other.speed - mover.speed
+        free, speed, others = mover.ahead(other.pose) - gap, mover.speed, other.speed
+        wrong, closing = free - gap_s * speed, others - speed
         # As they are in the middle of the step.
         change = (closing + (wrong + closing * step_s / 2) / _TO_GAP_S) / (_TO_GAP_S + step_s / 2)
-        mover.speed = max(mover.speed + min(max(change, -_MOST_MPS2), _MOST_MPS2) * step_s, 0.0)
+        speed += min(max(change, -least), most) * step_s
+        if limits is None:  # no inertia
+            speed = (others * _TO_GAP_S + free) / (_TO_GAP_S + gap_s)
+        mover.speed = min(max(speed, 0.0), fastest)
         return action.get("continuous") == "true" or abs(wrong) >= 0.1
 
     return follow
@@ -222,11 +223,7 @@ def driving(mover: Mover, way: Way) -> Action:
 
 
 def trajectory(action: Element, mover: Mover, now_s: float, pose_at: Callable[[Element], Pose]) -> Way:
-    """Return the trajectory of an action that begins now; ``pose_at`` returns the pose of a vertex.
-
-    Raises:
-        UnknownMotion, ValueError: its shape is not read; it has no two points in the order of their times.
-    """
+    """Return the trajectory of an action that begins now; ``pose_at`` returns the pose of a vertex."""
     line = next((one[0] for one in action.iter("Shape") if len(one)), action)
     if line.tag == "Polyline":
         vertices = line.findall("Vertex")

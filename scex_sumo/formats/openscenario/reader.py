@@ -33,10 +33,9 @@ from scex_sumo.formats.samples.from_car import within_map
 from scex_sumo.scene import SeedScene
 
 MAX_S, AFTER_S = 600.0, 10.0  # of a scenario without an end, and after the last story
-_WHAT = "scenario of OpenSCENARIO"
+_WHAT, _REMEDY = "scenario of OpenSCENARIO", "export the scenario again"
 _DEFAULTS = (*BODIES, "Maneuver", "Trajectory", "Route")  # their values are overruled by a reference
 _NAME = re.compile(r"\$(\w+)")
-_REMEDY = "export the scenario again"
 _LETTERS = 1000  # of an expression
 _OPERATORS: Mapping[type, Any] = {
     **{ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul},
@@ -107,7 +106,7 @@ def _document(path: Path) -> Element:
 
 def _fill(element: Element, values: Mapping[str, str], entries: Mapping[tuple[str, ...], Element]) -> None:
     for one in element.findall("ParameterDeclarations/*"):
-        name, value = one.get("name", "").lstrip("$"), _filled(one.get("value", ""), values)
+        name, value = _bare(one, "name"), _filled(one.get("value", ""), values)
         values = {name: value, **values} if element.tag in _DEFAULTS else {**values, name: value}
     for key, text in element.items():
         element.set(key, _filled(text, values))
@@ -115,15 +114,19 @@ def _fill(element: Element, values: Mapping[str, str], entries: Mapping[tuple[st
         if child.tag == "CatalogReference":
             entry = tuple(_filled(child.get(key, ""), values) for key in ("catalogName", "entryName"))
             if entry in entries:
-                given = [
-                    (x.get("parameterRef", ""), x.get("value", "")) for x in child.iter("ParameterAssignment")
-                ]
                 element[k] = copy.deepcopy(entries[entry])
-                _fill(element[k], {name.lstrip("$"): _filled(text, values) for name, text in given}, entries)
+                refs, own = child.iter("ParameterAssignment"), element[k].iterfind("ParameterDeclarations/*")
+                given = {_bare(x, "parameterRef"): _filled(x.get("value", ""), values) for x in refs}
+                outer = {x: values[x] for x in {*values} - {_bare(x, "name") for x in own}}
+                _fill(element[k], outer | given, entries)
             elif element.tag in ("ScenarioObject", "ManeuverGroup"):  # others matter less, as a controller
                 raise ValueError(f"entry {entry[1]} of catalog {entry[0]} is in none of its catalog folders")
         elif child.tag != "ParameterDeclarations":
             _fill(child, values, entries)
+
+
+def _bare(element: Element, key: str) -> str:
+    return element.get(key, "").lstrip("$")
 
 
 def _filled(text: str, values: Mapping[str, str]) -> str:
@@ -133,7 +136,7 @@ def _filled(text: str, values: Mapping[str, str]) -> str:
         return values[name[1]]
 
     if not text.startswith("$"):
-        return text
+        return {"True": "true", "False": "false"}.get(text, text)  # as Python's tools wrote them
     plain = _NAME.sub(value, text.removeprefix("${").removesuffix("}"))
     if not text.startswith("${"):
         return plain

@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element
 from scex_sumo.formats.opendrive.reference import number
 from scex_sumo.formats.opendrive.ways import Places, Pose
 from scex_sumo.formats.openscenario import motion
-from scex_sumo.formats.openscenario.motion import Action, Mover, UnknownMotion, chosen
+from scex_sumo.formats.openscenario.motion import Action, Mover, Target, UnknownMotion, chosen
 from scex_sumo.geometry.rectangles import rectangle_distance
 
 _TICKS, _TICKS_PER_S = 50, 1000  # of a step; at 50 m/s, what begins a tick late is 5 cm off
@@ -32,7 +32,7 @@ _SWITCHES = ("longitudinal", "lateral", "activateLongitudinal", "activateLateral
 _CONDITIONS = (
     *("SimulationTimeCondition", "StoryboardElementStateCondition", "SpeedCondition"),
     *("RelativeSpeedCondition", "TraveledDistanceCondition", "ReachPositionCondition", "DistanceCondition"),
-    *("RelativeDistanceCondition", "TimeHeadwayCondition", "TimeToCollisionCondition"),
+    *("RelativeDistanceCondition", "TimeHeadwayCondition", "TimeToCollisionCondition", "CollisionCondition"),
 )
 
 
@@ -55,25 +55,25 @@ class Event:
 
 
 class Storyboard:
-    """Motion of a scenario from its initial actions on.
-
-    Attributes:
-        movers: road users by name.
-        events: of all stories.
-        time_s: until which they are in motion.
-    """
+    """Motion, until ``time_s``, of a scenario's ``movers`` by name, in the ``events`` of all its stories."""
 
     def __init__(self, root: Element, places: Places) -> None:
         board, self._places = _needed(root, "Storyboard"), places
         self.time_s, self._last_s, self._ticks = 0.0, 0.0, 0
-        movers = [Mover(one, places) for one in root.iterfind("Entities/ScenarioObject")]
-        self.movers = {mover.name: mover for mover in movers}
+        entities = root.iterfind("Entities/ScenarioObject")
+        self.movers = {one.get("name", ""): Mover(one, places) for one in entities}
         self._stop, self._is_settled = board.find("StopTrigger"), False
-        for private in board.iterfind("Init/Actions/Private"):
-            for action in private:
-                self._begin(action, [self._mover(private)])
-        for action in board.iterfind("Init/Actions/GlobalAction"):
-            self._begin(action, [])
+        self._unknown: UnknownMotion | None = None  # from the first moment on
+        first = board.iterfind("Init/Actions/*")  # those that name another one come after it
+        for one in sorted(first, key=lambda one: one.find(".//*[@entityRef]") is not None):
+            movers = [self._mover(one)] if one.tag == "Private" else []
+            for action in one if movers else [one]:
+                try:
+                    self._begin(action, movers)
+                except UnknownMotion as why:
+                    if action.find("TeleportAction") is not None:
+                        raise
+                    self._unknown = self._unknown or why
         self.events = [
             Event(event, maneuver, group, act, story)
             for story in board.iterfind("Story")
@@ -87,11 +87,9 @@ class Storyboard:
         self._begun: Mapping[Element, float] = {}
 
     def go_on(self) -> None:
-        """Move on by a step, in ticks if a condition changes within it, or something begins or ends.
-
-        Raises:
-            UnknownMotion: the scenario does not decide what happens now; without words at its stop trigger.
-        """
+        """Move on by a step, in ticks if anything changes in it; `UnknownMotion` has no words at the end."""
+        if self._unknown is not None:
+            raise self._unknown
         if not self._is_settled:
             self._trigger()
         things = [vars(thing) for thing in (self, *self.events, *self.movers.values())]
@@ -176,14 +174,17 @@ class Storyboard:
             case "TeleportAction":
                 mover.put(self._pose(action))
             case "SpeedAction":
-                return self._change_speed(mover, action)
+                target, how = _needed(action, "SpeedActionTarget/*"), _needed(action, "SpeedActionDynamics")
+                other = self._mover(target) if target.tag == "RelativeTargetSpeed" else mover
+                wanted, stays = _wanted(target, mover, other), target.get("continuous") == "true"
+                return mover.begin("along", motion.changing, "speed", how, wanted, stays)
             case "LongitudinalDistanceAction":
                 return mover.begin("along", motion.following, action, self._mover(action))
             case "SynchronizeAction":
-                master, final = self._mover(action, "masterEntityRef"), action.find(".//AbsoluteSpeed")
+                master, final = self._mover(action, "masterEntityRef"), action.find("FinalSpeed/*")
                 goal, masters = (self._pose(action, f"TargetPosition{whose}") for whose in ("", "Master"))
-                final_mps = None if final is None else number(final, "value")
-                return mover.begin("along", motion.synchronising, goal, master, masters, final_mps)
+                then = None if final is None else _wanted(final, mover, master)
+                return mover.begin("along", motion.synchronising, goal, master, masters, then)
             case "LaneChangeAction":
                 return self._change_lane(mover, action)
             case "FollowTrajectoryAction":
@@ -201,21 +202,6 @@ class Storyboard:
             case _:
                 raise UnknownMotion(f"{action.tag} of {mover.name} is not read")
         return None
-
-    def _change_speed(self, mover: Mover, action: Element) -> Action:
-        dynamics, target = _needed(action, "SpeedActionDynamics"), _needed(action, "SpeedActionTarget/*")
-        value, is_factor = number(target, "value"), target.get("speedTargetValueType") == "factor"
-        other = self._mover(target) if target.tag == "RelativeTargetSpeed" else None
-
-        def wanted() -> float:
-            """Return the target speed now, m/s."""
-            if other is None:
-                return value
-            other.act(mover.time_s, mover.time_s - other.time_s)  # unless it has, in this step
-            return other.speed * value if is_factor else other.speed + value
-
-        stays = target.get("continuous") == "true"
-        return mover.begin("along", motion.changing, "speed", dynamics, wanted, stays)
 
     def _change_lane(self, mover: Mover, action: Element) -> Action:
         target = _needed(action, "LaneChangeTarget/*")
@@ -248,10 +234,10 @@ class Storyboard:
                 lane = int(number(position, "laneId")) if kind == "LanePosition" else None
                 beside = number(position, "t" if lane is None else "offset", "0")
                 pose = places.at_station(position.get("roadId", ""), number(position, "s"), beside, lane)
-                if turned is None and pose.lane is not None and places.driven(pose.lane, 1)[3] < 0:
+                if pose.lane is not None and places.driven(pose.lane, 1)[3] < 0:
                     pose = pose.turned(math.pi)
             case "RelativeObjectPosition":
-                pose = self._mover(position).pose.moved(number(position, "dx"), number(position, "dy"))
+                pose = self._mover(position).pose.moved(*(number(position, k, "0") for k in ("dx", "dy")))
             case "RelativeLanePosition":
                 pose = self._beside(position, self._mover(position).pose)
             case "RoutePosition" if position.find(".//Waypoint/Position/*") is not None:
@@ -289,12 +275,13 @@ class Storyboard:
     def _condition(self, condition: Element) -> bool | str:
         """Return whether a condition is met; the kind of one that is not read."""
         one, *_ = *condition.iterfind("*/EntityCondition/*"), *condition.iterfind("*/*"), condition
-        if one.tag not in _CONDITIONS:
-            return one.tag
+        if one.tag not in _CONDITIONS or one.find("ByType") is not None:
+            ahead = [self._mover(x).there for x in condition.iter("EntityRef")]
+            return one.tag if one.tag != "EndOfRoadCondition" or not all(ahead) else False
         is_state = one.tag.startswith("Story")
         now, sides = (self._by_state(one), ()) if is_state else self._holds(one, condition)
         delay = number(condition, "delay", "0")
-        before, fires, _ = self._fired.get(condition, (False, math.inf, ()))
+        before, fires, _ = self._fired.get(condition, (now, math.inf, ()))  # without an edge at first
         edges = {"rising": now > before, "falling": now < before, "risingOrFalling": now != before}
         met = chosen(condition, "conditionEdge", "none", {"none": now, **edges})
         fires = min(fires, self.time_s + delay) if met else fires
@@ -331,9 +318,9 @@ class Storyboard:
         if one.tag == "SimulationTimeCondition":
             limit = number(one, "value")
             return how(self.time_s, limit), ((self.time_s > limit, False),)
-        limit = number(one, "value", "0")
-        if one.tag == "ReachPositionCondition":
-            how, limit = _RULES["lessOrEqual"], number(one, "tolerance")
+        limit, is_hit = number(one, "value", "0"), one.tag == "CollisionCondition"
+        if one.tag == "ReachPositionCondition" or is_hit:
+            how, limit = _RULES["lessOrEqual"], 0.0 if is_hit else number(one, "tolerance")
         entities = _needed(condition, ".//TriggeringEntities")
         movers = [self._mover(x) for x in entities.iterfind("EntityRef")]
         measured = [self._measured(one, mover) for mover in movers if mover.there]
@@ -356,7 +343,8 @@ class Storyboard:
                 return mover.passed(self._pose(one)), False
         goal = self._pose(one) if other is None else other.pose
         is_ahead = mover.pose.seen(goal)[0] > 0
-        apart = self._apart(one, mover, goal, other if one.get("freespace") == "true" else None)
+        is_free = one.get("freespace") == "true" or one.tag == "CollisionCondition"
+        apart = self._apart(one, mover, goal, other if is_free else None)
         if not one.tag.startswith("Time"):
             return apart, is_ahead
         theirs = 0.0 if other is None or one.tag == "TimeHeadwayCondition" else other.speed
@@ -384,3 +372,14 @@ def _needed(element: Element, path: str) -> Element:
     if found is None:
         raise ValueError(f"a {element.tag} has no {path.lstrip('./').replace('*', 'content')}")
     return found
+
+
+def _wanted(target: Element, mover: Mover, other: Mover) -> Target:
+    """Return what says a target speed now, m/s: its own, or one by another road user's."""
+    value, is_factor = number(target, "value"), target.get("speedTargetValueType") == "factor"
+
+    def wanted() -> float:
+        other.act(mover.time_s, mover.time_s - other.time_s)  # unless it has, in this step
+        return other.speed * value if is_factor else other.speed + value
+
+    return wanted if target.tag.startswith("Relative") else lambda: value
