@@ -59,13 +59,17 @@ def take_scene(
         raise TrackError(
             f"{table.path}: no case_id column, so no case {case}; choose the moment with --time S"
         )
-    moment_ms = _choose_moment(table, case_id, time_s)
+    moment_ms = _choose_moment(table, case_id, time_s, [one for one in findings if "known until" in one])
     scene = _build(table, name, location, case_id, moment_ms, min_history, findings)
     return replace(scene, notes=(*scene.notes, *warnings))
 
 
-def _choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> float:
-    """Stamp of the moment, ms: the nearest frame to a time, else the busiest moment."""
+def _choose_moment(table: TrackTable, case_id: str, time_s: float | None, ends: Sequence[str]) -> float:
+    """Stamp of the moment, ms: the nearest frame to a time, else the busiest moment.
+
+    Args:
+        ends: why the recording does not last longer.
+    """
     rows = table.vehicles
     where = f"{table.path}: case {case_id}" if case_id else f"{table.path}"
     if not len(rows):
@@ -83,7 +87,7 @@ def _choose_moment(table: TrackTable, case_id: str, time_s: float | None) -> flo
     if not np.isfinite(time_s) or not begin - half_ms <= 1000.0 * time_s <= end + half_ms:
         raise TrackError(
             f"{where}: no moment at {time_s:g} s, the recording spans {begin / 1000:.1f} to "
-            f"{end / 1000:.1f} s; choose --time in between"
+            f"{end / 1000:.1f} s{''.join(f' ({why})' for why in ends)}; choose --time in between"
         )
     wanted, at = 1000.0 * time_s, np.array([1000.0 * time_s])
     nearest = float(rows.stamps_ms[np.argmin(np.abs(rows.stamps_ms - wanted))])

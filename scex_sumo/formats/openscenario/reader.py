@@ -92,8 +92,8 @@ def _read(
 def _document(path: Path) -> Element:
     """Return the root of a scenario, with its parameters and catalogs filled in."""
     root = xml_root(path, remedy=_REMEDY)
-    if root.tag != "OpenSCENARIO" or root.find("Storyboard") is None:
-        raise ValueError("it is no scenario of OpenSCENARIO XML")
+    if root.tag != "OpenSCENARIO" or root.find("Storyboard") is None or root.find("Catalogs") is not None:
+        raise ValueError("it is no scenario of OpenSCENARIO XML 1.0 to 1.3")  # 0.9 names its catalogs so
     entries: dict[tuple[str, ...], Element] = {}
     folders = [path.parent / one.get("path", "") for one in root.iterfind("CatalogLocations/*/Directory")]
     for file in (file for folder in folders for file in sorted(folder.glob("*.xosc"))):

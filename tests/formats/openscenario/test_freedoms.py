@@ -72,7 +72,9 @@ def test_a_controller_that_drives_from_the_start_leaves_the_first_moment(tmp_pat
     scene = read_seed(file, time=0.0)
     assert scene.now.speed == pytest.approx([20, 10])  # the one against its lane is not parked
     assert track(file)[1][0] == "the scenario is known until 0 s: a controller drives Ego from then on"
-    with pytest.raises(InputError, match=r"spans 0\.0 to 0\.0 s"):
+    with pytest.raises(
+        InputError, match=r"spans 0\.0 to 0\.0 s \(the scenario .* drives Ego from then on\); "
+    ):
         read_seed(file, time=1.0)
 
 
