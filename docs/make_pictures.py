@@ -21,7 +21,6 @@ from xml.etree import ElementTree
 import matplotlib as mpl
 import numpy as np
 import pyarrow.compute as pc
-import shapely
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PolyCollection
@@ -200,15 +199,28 @@ def frame(axes: Axes, x: tuple[float, float], y: tuple[float, float], title: str
 
 def generated() -> None:
     """Twenty generated scenes of an example map beside twenty of SUMO's demand; needs the extra ``train``."""
-    sys.path.insert(0, str(IMAGES.parents[1] / "benchmarks"))
-    from generated_scenes import draw
+    import matplotlib.pyplot as plt
 
-    path = scex.example_path("urban_intersection")
-    sides = {
-        title: [scex.synthetic_seed(path, vehicles=12, like=like, seed=k) for k in range(20)]
-        for title, like in (("generate", "recorded"), ("SUMO's demand", "sumo"))
-    }
-    draw(IMAGES / "generated.png", sides, {path.stem: shapely.box(930.0, 930.0, 1070.0, 1070.0)})
+    figure, axes = plt.subplots(4, 11, figsize=(16, 4.4), width_ratios=[1] * 5 + [0.1] + [1] * 5)
+    figure.subplots_adjust(left=0.0, right=0.93, bottom=0.0, top=0.94, wspace=0.02, hspace=0.02)
+    path, shown = scex.example_path("urban_intersection"), (930.0, 1070.0)
+    lanes = [lane.centreline for lane in read_road(path).vehicle_lanes.values()]
+    for first, title, like in ((0, "generate", "recorded"), (6, "SUMO's demand", "sumo")):
+        axes[0, first + 2].set_title(title)
+        for k in range(20):
+            scene = scex.synthetic_seed(path, vehicles=12, like=like, seed=k)
+            axis, now = axes[k // 5, first + k % 5], scene.now
+            axis.add_collection(LineCollection(lanes, colors="0.85", linewidths=0.6))
+            corners = outlines(now, scene.length, scene.width)
+            boxes = PolyCollection(corners, array=now.speed, cmap="viridis")
+            boxes.set_clim(0.0, 20.0)
+            boxes.set(edgecolor="face", linewidth=2.0)  # larger than life, to be seen
+            axis.add_collection(boxes)
+            axis.set(xlim=shown, ylim=shown, aspect="equal")
+    for axis in axes.flat:
+        axis.set_axis_off()
+    figure.colorbar(boxes, cax=figure.add_axes((0.95, 0.15, 0.01, 0.7)), label="speed [m/s]")
+    figure.savefig(IMAGES / "generated.png", dpi=75)
 
 
 def metrics() -> None:
