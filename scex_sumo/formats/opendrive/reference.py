@@ -49,6 +49,7 @@ class ReferenceLine:
         places: (S, 2) m; ``headings`` (S,) rad.
     """
 
+    @np.errstate(invalid="ignore", over="ignore")  # of a damaged file; its road is refused
     def __init__(self, road: Element, breaks: Sequence[float]) -> None:
         """``breaks``: stations that are among ``s``."""
         stretches = [(number(x, "s"), abs(number(x, "length")), x) for x in road.findall("planView/geometry")]

@@ -81,6 +81,7 @@ def test_a_lane_follows_the_reference_line(curve: str, place: tuple[float, float
         (stretch(float("nan"), 0, 0, 50), "road 1: x of its geometry is 'nan'"),
         (stretch(0, 0, 0, 50, '<arc curvature="x"/>'), "road 1: curvature of its arc is 'x'"),
         (stretch(0, 0, 0, 1e12), r"road 1: length of its geometry is 1e\+12 m"),
+        (stretch(0, 0, 0, 50, '<paramPoly3 bU="1e308" cU="-1e308" dU="1e308"/>'), "road 1: cannot convert"),
         ("", "none of its 1 roads has geometry and lanes"),
     ],
 )
