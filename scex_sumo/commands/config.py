@@ -77,8 +77,9 @@ def _keys(command: TyperCommand) -> dict[str, tuple[Any, bool]]:
 
 
 def _value(param: Any, value: Any, path: Path, key: str, *, positive: bool) -> Any:
-    """Return a TOML value as an option takes it: lists joined, tables as ``KEY=VALUE``, paths from the file's
-    folder.
+    """Return a TOML value as an option takes it: lists are joined by commas, tables become ``KEY=VALUE``.
+
+    Paths are relative to the folder of the file.
     """
     several = getattr(param, "multiple", False) or param.nargs == -1
     entries = [f"{k}={v}" for k, v in value.items()] if isinstance(value, dict) else value

@@ -54,8 +54,10 @@ class Focus:
             Region(circle=self.region)
 
     def of(self, names: list[str], xy: FloatArray) -> tuple[IntArray, IntArray]:
-        """Return the indices of the named vehicles, at (N, 2), m, that are extrapolated, and of those that
-        count.
+        """Return the indices of the vehicles that are extrapolated, and of those whose pairs count.
+
+        Args:
+            xy: (N, 2) of the named vehicles, m.
         """
         circle = self._circle(names, xy)
         if circle is None:

@@ -97,8 +97,9 @@ class Watch:
             self.time_s = self._recorder.take()
 
     def scene(self) -> SeedScene:
-        """Return the seed scene of the present or, if the connection is closed, last step, see
-        `Moment.scene`.
+        """Return the seed scene of the present step, see `Moment.scene`.
+
+        It is the last recorded step if the connection is closed.
         """
         return self.moment().scene()
 

@@ -32,8 +32,11 @@ NO_SCRIPT = element(
 
 
 class Document:
-    """Page in one file that makes no request: parts, scripts of ``assets``, and ``info`` and ``arrays`` for
-    these.
+    """Page in one file that makes no request: its parts, and what its scripts read of them.
+
+    Attributes:
+        scripts: of ``assets``, beside those of every page.
+        info: names and numbers for them; ``arrays`` by name.
     """
 
     def __init__(self, title: str, *scripts: str) -> None:

@@ -23,8 +23,9 @@ _EXACT = (int, str)  # the most frequent types, which JSON writes as they are
 
 
 def pack(info: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
-    """Return the data of a page as text: JSON, infinities null; the smallest integers; floats in single
-    precision.
+    """Return the data of a page as text.
+
+    ``info`` becomes JSON, infinities null. Integers get the smallest type, floats single precision.
     """
     planes: list[bytes] = []
     heads: list[dict[str, Any]] = []

@@ -87,10 +87,12 @@ def console_table(
 
 
 def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -> None:
-    """Print a table; a narrow terminal gets no frame and breaks headers before ``breaks``; no cell is cut
-    off.
+    """Print a table; a narrow terminal gets no frame, and no cell is cut off.
 
-    The console becomes as wide as it needs; only columns with overflow ``fold`` may take several lines.
+    Args:
+        table: only columns with overflow ``fold`` may take several lines.
+        console: becomes as wide as the table needs.
+        breaks: parts of headers that begin a new line on a narrow terminal.
     """
     unlimited = console.options.update(max_width=1000)
     if console.measure(table, options=unlimited).maximum > console.width:

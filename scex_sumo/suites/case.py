@@ -102,8 +102,10 @@ def _plain(source: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def shown(driven: Driven, pair: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the playing picture of a pair of `Driven.pairs`: the function's vehicle and the other one, up to
-    a contact.
+    """Return the playing picture of a future: the function's vehicle and the other one, up to a contact.
+
+    Args:
+        pair: a row of `Driven.pairs`.
     """
     whole = everybody(driven.scene)
     both = [driven.index_of(track) for track in (pair["track_id"], pair["other_id"])]

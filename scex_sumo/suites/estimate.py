@@ -52,8 +52,13 @@ def _number(value: float) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Design:
-    """How n cases were drawn (n,): encounters for which each stands, its chance, number of its kind; recorded
-    hours.
+    """How n cases were drawn, (n,) each.
+
+    Attributes:
+        weight: encounters for which a case stands.
+        chance: probability of being drawn.
+        stratum: number of its kind.
+        hours: recorded time.
     """
 
     weight: FloatArray
@@ -73,10 +78,10 @@ class Design:
         )
 
     def total(self, y: FloatArray, drawn: FloatArray) -> tuple[float, float, float]:
-        """Return the estimated sum of ``y`` (n,) over the population, its variance, and the degrees of
-        freedom.
+        """Return the estimated sum over the population, its variance, and the degrees of freedom.
 
-        The futures alone give ``y`` the variance ``drawn`` (n,).
+        Args:
+            y: (n,) of the cases; ``drawn`` (n,) its variance by the futures.
         """
         each = self.weight * y
         parts = [(float((self.weight**2 * drawn).sum()), math.inf)]

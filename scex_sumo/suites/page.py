@@ -34,8 +34,11 @@ _COLUMNS: Final = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CaseCard:
-    """What a page shows of a case: its row (``name``, columns of filters and table), title, facts, and a
-    `Stage` if any.
+    """What a page shows of a case.
+
+    Attributes:
+        row: with ``name`` and the columns of filters and table.
+        shown: ``picture``, ``outlines`` and ``contact`` as of a `Stage`; without any: no picture.
     """
 
     row: Mapping[str, Any]
@@ -69,8 +72,13 @@ def write_case_page(
     first: Sequence[Html] = (),
     last: Table | None = None,
 ) -> Path:
-    """Write a page of cases, and a table of all: values of filters by column, cards above, one more table
-    below.
+    """Write a page of cases and return its path.
+
+    Args:
+        filters: values by column of the rows.
+        columns: of the table of all cases.
+        first: cards above the cases.
+        last: one more table.
     """
     lists = []
     for name, values in filters.items():

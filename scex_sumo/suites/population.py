@@ -33,11 +33,15 @@ _COLUMNS: Final = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Population:
-    """Candidates of a data set: in each row the function drives ``track_id`` and ``share`` is that of an
-    encounter.
+    """Candidates of a data set.
 
-    There are recorded hours, and encounters: those with candidates, rare ones of kinds that have others,
-    doubtful ones.
+    Attributes:
+        rows: one for each; the function drives ``track_id``; ``share`` is that of an encounter.
+        hours: recorded time.
+        encounters: of which these are candidates.
+        rare: encounters left out, of kinds that have others; ``doubtful`` those with doubtful data.
+        roots: of the recordings.
+        moments: number of them.
     """
 
     rows: Sequence[Mapping[str, Any]]
@@ -76,8 +80,10 @@ class Population:
 
 
 def read_population(folders: Sequence[Path]) -> Population:
-    """Read the candidates of finished rankings; raise a `UsageError` without any, or where one cannot be
-    read.
+    """Read the candidates of finished rankings.
+
+    Raises:
+        UsageError: one cannot be read, is of an older version, or none has an encounter.
     """
     pairs: list[Mapping[str, Any]] = []
     roots, hours, doubtful, moments = [], 0.0, 0, 0

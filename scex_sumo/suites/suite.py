@@ -174,8 +174,10 @@ def _plain(one: Passage | Signal) -> dict[str, Any]:
 
 
 def rules_of_json(content: Mapping[str, Any], lights: Sequence[Mapping[str, Any]]) -> Rules:
-    """Return rules of the schemas `RULES` and `LIGHTS`; raise a `ValueError` where they do not fit each
-    other.
+    """Return the rules of `rules_to_json`, of the schema `RULES`, with lights of `LIGHTS`.
+
+    Raises:
+        ValueError: they do not fit each other.
     """
     passages, tuples = content["passages"], ("lanes", "yields_to")
     others = max((k for one in passages for k in one["yields_to"]), default=-1)

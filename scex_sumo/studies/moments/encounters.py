@@ -31,11 +31,14 @@ ENCOUNTERS: Final = pa.schema(
 
 
 def encounters_of(pairs: Sequence[tuple[MomentRef, pa.Table]], every_s: float) -> pa.Table:
-    """Return the encounters of a data set of moments ``every_s`` apart, see `ENCOUNTERS`; tables as of
-    `pairs_of_moment`.
+    """Return the encounters of a data set, see `ENCOUNTERS`.
 
-    The same two in consecutive moments are one: its row is that of the moment with the largest P whose data
-    are not doubtful.
+    The same two in consecutive moments are one encounter: its row is that of the moment with the largest P
+    whose data are not doubtful.
+
+    Args:
+        pairs: moments, and their pairs as of `pairs_of_moment`.
+        every_s: time between two moments.
     """
     rows = pa.concat_tables([PAIRS.empty_table(), *(table for _, table in pairs)]).combine_chunks()
     if not len(rows):

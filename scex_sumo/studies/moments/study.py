@@ -100,8 +100,9 @@ def read_ahead(items: Iterator[T], size: int) -> Generator[T, None, None]:
 
 
 class MomentRun:
-    """A study under way: its moments run once each; ``unreadable`` recordings are tried again by the next
-    run.
+    """A study under way: its moments run once each.
+
+    The next run tries ``unreadable`` recordings again.
     """
 
     def __init__(

@@ -137,8 +137,9 @@ def write_ranking_page(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _ReportTask(MomentTask):
-    """A moment to be reported: the command that runs it, its pairs, its encounters on the page, and its map's
-    box.
+    """A moment to be reported: the command that runs it, all its pairs, and encounters of it on the page.
+
+    ``site`` is the part of the road that is drawn as its map.
     """
 
     command: Sequence[str]

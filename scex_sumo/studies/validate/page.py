@@ -60,8 +60,11 @@ _PAIR_COLUMNS = (Column("event", "event of a pair"), Column("pairs", "pairs"), *
 def write_validation_page(
     folder: Path, info: Mapping[str, Any], rows: Mapping[str, Sequence[Mapping[str, Any]]]
 ) -> None:
-    """Write ``validation.html``: content of ``validate.json``, and rows as of
-    `scex_sumo.studies.validate.scoring`.
+    """Write ``validation.html``.
+
+    Args:
+        info: content of ``validate.json``.
+        rows: events, pairs, values and positions, see `scex_sumo.studies.validate.scoring`.
     """
     events = rows["events"]
     usual = [row for row in events if 0.0 < row["happened"] < 1.0]

@@ -15,8 +15,12 @@ _DRAWS = 400  # of groups
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reliability:
-    """Reliability diagram (B,): mean forecast, share of events and number, by bin of equal width, without
-    empty ones.
+    """Reliability diagram: forecasts by B bins of equal width, without empty ones.
+
+    Attributes:
+        forecast: (B,) mean forecast.
+        observed: (B,) share of events.
+        count: (B,) forecasts.
     """
 
     forecast: FloatArray
@@ -63,10 +67,13 @@ def covered(samples: FloatArray, outcome: float) -> bool:
 
 
 def group_bootstrap(statistic: Callable[[IntArray], float], groups: IntArray) -> tuple[float, float]:
-    """Return the 95 % interval of a statistic of row indices (n,) from whole groups (N,) drawn with
-    replacement.
+    """Return the 95 % interval of a statistic from whole groups drawn with replacement.
 
-    Undefined (NaN) of one group. Source: Davison and Hinkley 1997, section 3.8.
+    Args:
+        statistic: of the indices (n,) of some rows; NaN if undefined.
+        groups: (N,) group of each row; one group has the interval NaN.
+
+    Source: Davison and Hinkley 1997, section 3.8.
     """
     names = np.unique(groups)
     if len(names) < 2:

@@ -22,8 +22,12 @@ from scex_sumo.studies.validate.scores import brier, covered, crps, group_bootst
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that happens where a metric column, or ``collision``, reaches a threshold; ``paper``: of the
-    paper's four.
+    """Something that happens, or not, in a future or in a recording.
+
+    Attributes:
+        column: metric column, or ``collision``.
+        threshold: from which value on it has happened.
+        paper: one of the four that the paper suggests.
     """
 
     name: str
@@ -139,8 +143,9 @@ def event_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
 
 
 def pair_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
-    """Return one row for each of `MEASURED` events; none without pairs whose recorded, inexact boxes are
-    apart.
+    """Return one row for each of `MEASURED` events; empty without pairs within 10 m in some future.
+
+    Pairs whose recorded boxes touch are left out: these boxes are inexact.
     """
     table = forecasts.encounters
     if len(table):

@@ -41,8 +41,10 @@ _CONDITION = re.compile(r"\s*([a-z_]+)\s*(>=|<=|==|>|<)\s*([-+.\deE]+)\s*")
 
 
 def read_condition(text: str) -> tuple[str, str, float]:
-    """Return name, operator and number of a condition as ``worse > 0``; raise a `UsageError` for anything
-    else.
+    """Return name, operator and number of a condition as ``worse > 0``.
+
+    Raises:
+        UsageError: it is none, or names something else.
     """
     match = _CONDITION.fullmatch(text)
     try:

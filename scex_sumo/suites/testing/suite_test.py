@@ -229,8 +229,12 @@ def _about(case: Case, record: Mapping[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CaseTask(MomentTask):
-    """Case to be run with a function, which drives ``track_id``, in so many seconds; ``seed`` is of the
-    draws.
+    """Case to be run with a function.
+
+    Attributes:
+        track_id: of the vehicle that the function drives; ``other_id`` of the other one.
+        seed: of the draws.
+        limit_s: time of the case.
     """
 
     may_be_late: ClassVar[bool] = True
