@@ -141,7 +141,10 @@ def chosen(element: Element, name: str, default: str, choices: Mapping[str, _T])
 
 
 def changing(mover: Mover, name: str, dynamics: Element, target: Target, stays: bool = False) -> Action:
-    """Change ``speed`` or ``left`` by a shape over a time, a distance or at a rate; what stays goes on."""
+    """Change ``speed`` or ``left`` by a shape over a time, a distance or at a rate.
+
+    What ``stays`` goes on, to a target that changes.
+    """
     shape, by = dynamics.get("dynamicsShape", "step"), dynamics.get("dynamicsDimension", "time")
     share, value = chosen(dynamics, "dynamicsShape", "step", _SHARES), number(dynamics, "value", "0")
     first, last, begun_s, begun_m = getattr(mover, name), target(), mover.time_s, mover.travelled
@@ -223,7 +226,11 @@ def driving(mover: Mover, way: Way) -> Action:
 
 
 def trajectory(action: Element, mover: Mover, now_s: float, pose_at: Callable[[Element], Pose]) -> Way:
-    """Return the trajectory of an action that begins now; ``pose_at`` returns the pose of a vertex."""
+    """Return the trajectory of an action that begins now; ``pose_at`` returns the pose of a vertex.
+
+    Raises:
+        UnknownMotion, ValueError: its shape is not read; it has no two points in the order of their times.
+    """
     line = next((one[0] for one in action.iter("Shape") if len(one)), action)
     if line.tag == "Polyline":
         vertices = line.findall("Vertex")
@@ -251,11 +258,9 @@ def trajectory(action: Element, mover: Mover, now_s: float, pose_at: Callable[[E
 def _clothoid(line: Element, start: Pose) -> tuple[FloatArray, FloatArray]:
     length, first = number(line, "length"), number(line, "curvature")
     last = first + length * number(line, "curvaturePrime", line.get("curvatureDot", "0"))
-    road, place = (
-        Element("road"),
-        {"x": start.x, "y": start.y, "hdg": start.heading, "s": 0.0, "length": length},
-    )
-    stretch = SubElement(SubElement(road, "planView"), "geometry", {k: str(v) for k, v in place.items()})
+    place = {"x": start.x, "y": start.y, "hdg": start.heading, "s": 0.0, "length": length}
+    road, texts = Element("road"), {name: str(value) for name, value in place.items()}
+    stretch = SubElement(SubElement(road, "planView"), "geometry", texts)
     SubElement(stretch, "spiral", curvStart=str(first), curvEnd=str(last))
     drawn = ReferenceLine(road, ())
     ends = [number(line, k) if line.get(k) else math.nan for k in ("startTime", "stopTime")]

@@ -87,7 +87,11 @@ class Storyboard:
         self._begun: Mapping[Element, float] = {}
 
     def go_on(self) -> None:
-        """Move on by a step, in ticks if anything changes in it; `UnknownMotion` has no words at the end."""
+        """Move on by a step, in ticks if a condition changes within it, or something begins or ends.
+
+        Raises:
+            UnknownMotion: the scenario does not decide what happens now; without words at its stop trigger.
+        """
         if self._unknown is not None:
             raise self._unknown
         if not self._is_settled:

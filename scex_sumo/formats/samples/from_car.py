@@ -57,8 +57,9 @@ def _parked(rows: TrackRows, road: Road) -> BoolArray:
     begin = np.flatnonzero(np.append(True, np.diff(rows.track) != 0))
     parts = [np.split(xy, begin[1:]) for xy in (rows.x, rows.y)]
     spread = np.array([[np.ptp(np.quantile(part, (0.05, 0.95))) for part in of] for of in parts])
-    single = np.diff(begin, append=len(rows)) == 1  # a sample says only by its speed that it moves
-    still = (np.hypot(*spread) < PARKED_M) & ~(single & (rows.speed[begin] > PARKED_M))
+    single = np.diff(begin, append=len(rows)) == 1
+    leaves = single & (rows.speed[begin] > PARKED_M)  # within a second, by the speed of its only sample
+    still = (np.hypot(*spread) < PARKED_M) & ~leaves
     middle = (begin + np.append(begin[1:], len(rows))) // 2
     matches = match(road, rows.x[middle], rows.y[middle], rows.psi_rad[middle])
     widths = np.array([road.lanes[int(i)].width_m for i in matches.lane_id])
