@@ -95,13 +95,14 @@ def _by_people(line: PairLine) -> float:
 
 
 def _candidates(run: Run) -> list[PairLine]:
-    """Return at most `_MOST` pairs, those first that stay on a card with fewer lines."""
+    """Return at most `_MOST` pairs: first that of the verdict, then those that stay on shorter cards."""
     people = told_pairs(run)
     stress = [one for one in worst_stress(run) if one.row["collision"] > 0]
     shares = {frozenset(one.pair): float(one.row["collision"]) for one in stress}
     known = {frozenset((row["track_id"], row["other_id"])): row for row in people}
     meeting = {frozenset(one.pair): one.row for one in stress}
-    chosen = dict.fromkeys([*[*known][:_FROM_PEOPLE], *meeting, *known])
+    decided = frozenset((run.decision.pair if run.decision is not None else None) or ())
+    chosen = dict.fromkeys([*known.keys() & {decided}, *[*known][:_FROM_PEOPLE], *meeting, *known])
     return [
         _line(known[pair], people=known[pair]["probability"], stress=shares.get(pair, 0.0))
         if pair in known

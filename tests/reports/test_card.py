@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,9 +12,9 @@ from rich.console import Console
 
 import scex_sumo as scex
 from scex_sumo.reports.card import COLUMNS, LINES, chance, pair_lines, percent, print_card, print_closing
-from scex_sumo.results.decision import VERDICTS
+from scex_sumo.results.decision import DISAGREE, VERDICTS
 from scex_sumo.results.run import Run, open_run
-from scex_sumo.results.tables.pairs import NARROW, told_pairs
+from scex_sumo.results.tables.pairs import NARROW, arrow, told_pairs
 from scex_sumo.scenarios import EXAMPLES
 from tests.command import scex as command
 
@@ -63,6 +64,20 @@ def test_people_and_stress_test_stand_side_by_side_and_are_those_of_the_tables(r
         assert one.people == (table[one.pair]["probability"] if one.pair in table else None)
     told = [one.people for one in lines if one.people is not None]
     assert told == sorted(told, reverse=True)
+
+
+def test_the_pair_of_the_verdict_has_a_line_wherever_it_ranks(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Models disagree about a pair that people hardly ever bring to a contact."""
+    shown = [one.pair for one in pair_lines(run)]
+    told = told_pairs(run)
+    rare = ([row for row in told if (row["track_id"], row["other_id"]) not in shown] or told)[-1]
+    pair = rare["track_id"], rare["other_id"]
+    assert run.decision is not None
+    monkeypatch.setattr(run, "decision", replace(run.decision, kind=DISAGREE, pair=pair))
+    assert any(one.pair == pair for one in pair_lines(run))
+    assert any(line.startswith(f"{arrow(rare)} ") for line in card(run, COLUMNS))
 
 
 def test_shares_and_chances_in_words() -> None:
