@@ -13,7 +13,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import listed
-from scex_sumo.base.sending import SentOnce
+from scex_sumo.base.owned import SentOnce
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -15,7 +15,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.base.errors import UsageError, listed
-from scex_sumo.base.sending import SentOnce
+from scex_sumo.base.owned import SentOnce
 
 if TYPE_CHECKING:
     from scex_sumo.intention import Intention, Walk

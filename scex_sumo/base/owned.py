@@ -20,6 +20,10 @@ _latest: dict[type, ref[Any]] = {}
 _owner_lock = Lock()  # `rank` reads recordings in a thread
 
 
+class SentOnce:
+    """Base of immutable objects of which a worker keeps its copy, with all that is cached for it."""
+
+
 def owner_cache(make: Callable[Concatenate[Owner, P], Made]) -> Callable[Concatenate[Owner, P], Made]:
     """Decorate a function of an owner: its results are kept in memory while the owner lives.
 

@@ -9,13 +9,9 @@ from typing import Any
 from uuid import uuid4
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.owned import owner_cache
+from scex_sumo.base.owned import SentOnce, owner_cache
 
 MAX_COPIES = 8
-
-
-class SentOnce:
-    """Base of immutable objects of which a worker keeps its copy, with all that is cached for it."""
 
 
 def pickled(content: Any) -> bytes:

@@ -14,7 +14,6 @@ from scex_sumo.converters.lanelet.origin import recorded_origin
 from scex_sumo.converters.naming import in_memory, other_content, refuse_unreadable
 from scex_sumo.converters.registries import MapFormat, dataset_of, map_format, refuse_folder
 from scex_sumo.road import Area, Georeference, Lane, MapLoss, Marking, Regulation, Road
-from scex_sumo.roads.check import check_road
 
 MAPS_READ = ".osm, .xml (CommonRoad), .net.xml, .xodr"
 _PARTS = (Area, Georeference, Lane, MapLoss, Marking, Regulation, Road)
@@ -55,6 +54,8 @@ def read_map(
     with in_memory(path):
         road = read(path, origin=origin, **options)
     if not read.__module__.startswith(f"{__package__.partition('.')[0]}."):
+        from scex_sumo.roads.check import check_road
+
         check_road(road, str(path))
     return replace(road, file=path)
 

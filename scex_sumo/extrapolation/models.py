@@ -12,7 +12,7 @@ import numpy as np
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import sha256_of
-from scex_sumo.base.sending import SentOnce
+from scex_sumo.base.owned import SentOnce
 from scex_sumo.behaviors.base import BatchBehavior, Driver, layers
 from scex_sumo.behaviors.models.simple import SumoDriver
 from scex_sumo.converters.tracks.road_users import PEOPLE

@@ -10,7 +10,8 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap
-from scex_sumo.geometry.polylines import length_of, mean_width_m
+from scex_sumo.geometry.bounds import mean_width_m
+from scex_sumo.geometry.polylines import length_of
 
 _DRIVING, _NONDRIVING, _INTERSECTION, _BIKING = 2, 3, 4, 3
 _LINES = {

@@ -13,7 +13,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.converters.net.text import points_of
-from scex_sumo.geometry.polylines import INSIDE_M, is_on, length_of
+from scex_sumo.geometry.polylines import length_of, project
 from scex_sumo.lanelet2sumo.reader import NetContent, read_net
 
 LATERAL_MPS2 = 2.5  # usual in curves: 2 to 3
@@ -27,6 +27,8 @@ ROUTE_TRIES = 40
 TRUCK_SHARE = 0.08
 TRUCK_TOP_MPS = 24.0
 SHORT_M = 2.5  # on a shorter lane a vehicle stands at its end
+INSIDE_M = 1.5  # a nearer vehicle stands in the lane's traffic
+END_M = 3.0  # points this near to a loose end may lie on the map's border
 
 
 Place: TypeAlias = tuple[str, int]
@@ -191,13 +193,19 @@ def _inside(net: NetContent, starts: list[Place], exits: set[str]) -> set[Place]
         """Return whether a lane begins on another one, away from that one's own loose ends."""
         tips = shapes[start][[0, -1] if length_of(shapes[start]) < SHORT_M else [0]]
         return any(
-            is_on(shapes[name], tip, loose_ends=name in loose)
+            _is_on(shapes[name], tip, loose_ends=name in loose)
             for name in shapes.keys() - {start} - apart[start]
             for tip in tips
             if np.all(low[name] <= tip) and np.all(tip <= high[name])
         )
 
     return {_place(start) for start in apart if inside(start)}
+
+
+def _is_on(line: FloatArray, point: FloatArray, *, loose_ends: bool) -> bool:
+    """Return whether a point lies on a lane; points within 3 m of loose ends do not."""
+    (s,), (gap,) = project(point[None], line)
+    return bool(gap < INSIDE_M) and not (loose_ends and min(s, length_of(line) - s) < END_M)
 
 
 def _sharpest(shape: FloatArray) -> float:

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
-import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, clipped
 
-INSIDE_M = 1.5  # a nearer vehicle stands in the lane's traffic
-END_M = 3.0  # points this near to a loose end may lie on the map's border
 COARSE = 8  # samples between two of the first step of a projection
 COLUMNS = ("x", "y", "cos", "sin", "heading", "curvature")
 POINTS_AT_ONCE = 1 << 10  # their distances to all samples fit the processor's cache
@@ -73,22 +68,6 @@ def cut(line: FloatArray, start: float, end: float) -> FloatArray:
     return result
 
 
-def join(parts: Sequence[FloatArray]) -> FloatArray:
-    """Join polylines; drop points that repeat the previous one."""
-    line = np.vstack(parts)
-    keep = np.concatenate([[True], np.hypot(*np.diff(line, axis=0).T) > 1e-4])
-    return line[keep] if keep.sum() > 1 else line[[0, -1]]
-
-
-def join_owned(pieces: list[FloatArray], owners: list[int]) -> tuple[FloatArray, IntArray]:
-    """Join lines without repeated points; return the owner of each point's line as well."""
-    points = np.vstack(pieces)
-    owner = np.repeat(np.array(owners, dtype=np.int64), [len(p) for p in pieces])
-    step = np.hypot(*np.diff(points, axis=0).T)
-    keep = np.concatenate([step > 1e-6, [True]])
-    return points[keep], owner[keep]
-
-
 def without_repeats(points: FloatArray) -> FloatArray:
     """Drop points of (P, 2) that equal the previous one."""
     if len(points) < 2:
@@ -96,14 +75,6 @@ def without_repeats(points: FloatArray) -> FloatArray:
     moved: BoolArray = np.any(points[1:] != points[:-1], axis=1)
     kept: FloatArray = points[np.concatenate([[True], moved])]
     return kept
-
-
-def mean_line(lines: Sequence[FloatArray]) -> FloatArray:
-    """Average lines side by side at equal fractions of their lengths."""
-    if len(lines) == 1:
-        return lines[0]
-    share = np.unique(np.concatenate([arc_lengths(line) / length_of(line) for line in lines]).round(9))
-    return np.asarray(np.mean([along(line, share * length_of(line)) for line in lines], axis=0))
 
 
 def headings(points: FloatArray) -> FloatArray:
@@ -122,13 +93,6 @@ def heading(line: FloatArray, *, end: bool, reach: float = 2.0) -> float:
     a, b = (total - reach, total) if end else (0.0, reach)
     (x0, y0), (x1, y1) = along(line, a), along(line, b)
     return math.atan2(y1 - y0, x1 - x0)
-
-
-def bend(shape: FloatArray) -> float:
-    """Sum the signed changes of heading along a polyline, rad."""
-    steps = np.diff(shape, axis=0)
-    angles = np.arctan2(steps[:, 1], steps[:, 0])
-    return float(sum(turn(a, b) for a, b in pairwise(angles)))
 
 
 def nearest(points: FloatArray, x: float, y: float) -> float:
@@ -155,46 +119,9 @@ def project(
     return arc[best] + t[rows, best] * np.sqrt(square[best]), gap[rows, best]
 
 
-def project_near(points: FloatArray, line: FloatArray, reach_m: float) -> tuple[FloatArray, FloatArray]:
-    """Project points onto a polyline like `project`; distances above ``reach_m`` may be infinite."""
-    arc, gap = np.zeros(len(points)), np.full(len(points), np.inf)
-    low, high = line.min(axis=0) - reach_m, line.max(axis=0) + reach_m
-    near = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
-    if len(near):
-        low, high = points[near].min(axis=0) - reach_m, points[near].max(axis=0) + reach_m
-        beside = (np.maximum(line[:-1], line[1:]) >= low) & (np.minimum(line[:-1], line[1:]) <= high)
-        segments = np.flatnonzero(beside.all(axis=1))
-        if len(segments):
-            part = slice(int(segments[0]), int(segments[-1]) + 2)
-            arc[near], gap[near] = project(points[near], line[part], arc_lengths(line)[part])
-    return arc, gap
-
-
 def distances(points: FloatArray, line: FloatArray) -> FloatArray:
     """Return the (N,) distance of points (N, 2) to a polyline, m."""
     return project(points, line)[1]
-
-
-def mean_width_m(left: FloatArray, right: FloatArray) -> float:
-    """Return the mean distance of two bounds in one direction: area between over mean length, m."""
-    ring = np.concatenate([left, right[::-1]])
-    x, y = (ring - ring[0]).T
-    area = abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
-    lengths = [float(np.hypot(*np.diff(bound, axis=0).T).sum()) for bound in (left, right)]
-    return 2 * area / sum(lengths) if sum(lengths) > 0 else 0.0
-
-
-def bounds_cross(left: FloatArray, right: FloatArray) -> bool:
-    """Test whether two bounds (P, 2), m, of two points or more cross each other or one crosses itself."""
-    one, other = shapely.LineString(left), shapely.LineString(right)
-    return bool(one.crosses(other) or not (one.is_simple and other.is_simple))
-
-
-def is_on(line: FloatArray, point: FloatArray, *, loose_ends: bool) -> bool:
-    """Test whether a point lies on a lane; points within 3 m of loose ends do not."""
-    s, gap = project(point[None], line)
-    at_end = min(float(s[0]), length_of(line) - float(s[0])) < END_M
-    return bool(gap[0] < INSIDE_M) and not (loose_ends and at_end)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

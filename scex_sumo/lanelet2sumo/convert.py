@@ -18,7 +18,6 @@ from scex_sumo.base.version import __version__, version_of
 from scex_sumo.converters.net.sumo_net import OPENDRIVE, RECORDED, SumoNet, WrittenNet, net_file
 from scex_sumo.converters.registries import map_format
 from scex_sumo.road import MapLoss, Road
-from scex_sumo.roads.check import check_road
 from scex_sumo.scene import STEP_S
 
 
@@ -97,6 +96,8 @@ def _written(road: Road, signals: Path | None = None) -> WrittenNet:
 
     if road.net is not None:
         return copy_net(road)
+    from scex_sumo.roads.check import check_road
+
     check_road(road, f"road {road.name}")
     return write_net(road, signals)
 

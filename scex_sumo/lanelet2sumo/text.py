@@ -10,7 +10,8 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.text import DECIMALS, KEY, parts_text, shape_text
-from scex_sumo.geometry.polylines import mean_line
+from scex_sumo.geometry.bounds import mean_line
+from scex_sumo.geometry.polylines import samples
 from scex_sumo.lanelet2sumo.plan.elements import (
     WALKING_SPEED_MPS,
     Connection,
@@ -21,7 +22,7 @@ from scex_sumo.lanelet2sumo.plan.elements import (
     Walks,
 )
 from scex_sumo.road import Georeference
-from scex_sumo.roads.conflicts import CLEARANCE_M, SampledLine, lines_cross, opposed
+from scex_sumo.roads.conflicts import CLEARANCE_M, STEP_M, Samples, lines_cross, opposed, project_near
 
 # Traffic light and link index by internal lane or crossing.
 Lights: TypeAlias = Mapping[str, tuple[str, int]]
@@ -236,7 +237,7 @@ def _conflict_stretches(node: Node) -> Iterator[tuple[Connection, Connection, _S
     SUMO looks for the point where two internal lanes cross; lanes that pass close by have none.
     """
     links = node.connections
-    sampled = {i: SampledLine.of(c.internal.shape) for i, c in enumerate(links) if c.foes}
+    sampled = {i: samples(c.internal.shape, STEP_M) for i, c in enumerate(links) if c.foes}
     spans: dict[tuple[int, int], _Span] = {}
     for i in sampled:
         for j in sorted(links[i].foes):
@@ -247,11 +248,11 @@ def _conflict_stretches(node: Node) -> Iterator[tuple[Connection, Connection, _S
                 yield links[i], links[j], spans[i, j]
 
 
-def _unseen(a: Connection, b: Connection, on_a: SampledLine, on_b: SampledLine) -> tuple[_Span, _Span] | None:
+def _unseen(a: Connection, b: Connection, on_a: Samples, on_b: Samples) -> tuple[_Span, _Span] | None:
     if (a.to_edge, a.to_lane) == (b.to_edge, b.to_lane):
         return None  # SUMO knows how to merge
-    span = _close(a.internal, b.internal, on_a, on_b)
-    other = _close(b.internal, a.internal, on_b, on_a) if span is not None else None
+    span = _close(a.internal, b.internal, *on_a)
+    other = _close(b.internal, a.internal, *on_b) if span is not None else None
     if span is None or other is None:
         return None
     crossing = lines_cross(a.internal.shape, b.internal.shape)
@@ -259,11 +260,11 @@ def _unseen(a: Connection, b: Connection, on_a: SampledLine, on_b: SampledLine) 
     return (span, other) if written else None
 
 
-def _close(lane: NetLane, other: NetLane, sampled: SampledLine, beside: SampledLine) -> _Span | None:
+def _close(lane: NetLane, other: NetLane, s: FloatArray, points: FloatArray) -> _Span | None:
     clearance = min(CLEARANCE_M, 0.45 * (lane.width + other.width))
-    near = np.flatnonzero(sampled.near(beside, clearance))
+    near = np.flatnonzero(project_near(points, other.shape, clearance)[1] < clearance)
     if not len(near):
         return None
     inset = min(INSET_M, lane.length / 4)
-    start, end = max(float(sampled.s[near[0]]), inset), min(float(sampled.s[near[-1]]), lane.length - inset)
+    start, end = max(float(s[near[0]]), inset), min(float(s[near[-1]]), lane.length - inset)
     return (start, end) if end > start else None

@@ -1,8 +1,9 @@
-"""Centrelines over lane changes."""
+"""Lane changes: the lanes of a route with few of them, and centrelines over them."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 
@@ -11,6 +12,40 @@ from scex_sumo.geometry.polylines import along, arc_lengths, length_of, nearest,
 from scex_sumo.road import Lane
 
 CHANGE_LENGTH_M = 40.0  # at the end of a lane
+MAX_LOOK_AHEAD = 12  # lanes of a route whose changes are avoided
+
+
+def with_few_changes(
+    known: Mapping[int, Lane],
+    length: Mapping[int, float],
+    lane: int,
+    s: float,
+    allowed: frozenset[int],
+    horizon: float,
+) -> tuple[int, ...]:
+    """Return the lanes of a route over a distance, with as few lane changes as the allowed lanes need."""
+
+    def ahead(lane: int) -> list[int]:
+        return [i for i in known[lane].successors if i in allowed and i in known]
+
+    @cache
+    def reach(lane: int, edges: int = MAX_LOOK_AHEAD) -> float:
+        """Return how far the route leads on from the begin of a lane without a change."""
+        return length[lane] + max((reach(i, edges - 1) for i in ahead(lane) if edges), default=0.0)
+
+    route: tuple[int, ...] = (lane,)
+    covered = length[lane] - s
+    while covered < horizon:
+        options = ahead(route[-1])
+        gain = bool(options)
+        if not gain:
+            beside = {known[route[-1]].left, known[route[-1]].right} - {*route}
+            options = [i for i in beside if i in allowed and i in known and reach(i) > length[i]]
+        if not options:
+            break
+        best = max(options, key=lambda i: (reach(i), -i))
+        route, covered = (*route, best), covered + (length[best] if gain else 0.0)
+    return route
 
 
 def change_lanes(

@@ -5,19 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
-import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.geometry.crossings import Hits, intersect
-from scex_sumo.geometry.polylines import along, length_of, project_near, samples
+from scex_sumo.geometry.polylines import along, arc_lengths, length_of, project, samples
 from scex_sumo.road import Lane
 
 CLEARANCE_M = 2.4  # of centrelines; a wide car and a car do not pass each other on less
 STEP_M = 0.25
 SLACK_M = 1e-3  # of boxes, against rounding
 END_M = 0.1  # nearer to an end point lines do not cross
+Samples: TypeAlias = tuple[FloatArray, FloatArray]
+"""Places every `STEP_M` on a polyline, or nearer: arc lengths (N,) and points (N, 2), m."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,28 +31,6 @@ class Conflict:
     spans: tuple[tuple[float, float], tuple[float, float]]  # arc length (start, end) on each, m
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SampledLine:
-    """Polyline with points at most 0.25 m apart: arc lengths (N,) in m and positions (N, 2)."""
-
-    s: FloatArray
-    points: FloatArray
-    line: shapely.LineString
-    on_line: FloatArray
-
-    @classmethod
-    def of(cls, line: FloatArray) -> SampledLine:
-        """Sample a polyline (P, 2)."""
-        s, points = samples(line, STEP_M)
-        whole = shapely.LineString(line)
-        shapely.prepare(whole)
-        return cls(s=s, points=points, line=whole, on_line=shapely.points(points))
-
-    def near(self, other: SampledLine, reach_m: float) -> BoolArray:
-        """Return (N,) whether each point is nearer than ``reach_m`` to another polyline."""
-        return np.asarray(shapely.dwithin(other.line, self.on_line, np.nextafter(reach_m, 0.0)))
-
-
 def conflicts(lanes: Mapping[int, Lane], *, border_forks: bool = False) -> list[Conflict]:
     """Return all conflicts between lanes, ordered by lane ids.
 
@@ -59,7 +39,7 @@ def conflicts(lanes: Mapping[int, Lane], *, border_forks: bool = False) -> list[
     pairs = {(min(i, j), max(i, j)) for i, lane in lanes.items() for j in lane.conflicts if j in lanes}
     pairs -= {(i, j) for i, j in pairs if i == j}
     between: list[Conflict] = []
-    sampled = {i: SampledLine.of(lanes[i].centreline) for i in {i for pair in pairs for i in pair}}
+    sampled = {i: samples(lanes[i].centreline, STEP_M) for i in {i for pair in pairs for i in pair}}
     for i, j in sorted(pairs):
         if _neighbours(lanes[i], lanes[j]) or j in lanes[i].successors or i in lanes[j].successors:
             continue
@@ -126,20 +106,36 @@ def _neighbours(a: Lane, b: Lane) -> bool:
     return b.lane_id in (a.left, a.right, a.adjacent_left, a.adjacent_right)
 
 
-def _stretches(a: Lane, b: Lane, one: SampledLine, other: SampledLine) -> list[Conflict]:
+def _stretches(a: Lane, b: Lane, on_a: Samples, on_b: Samples) -> list[Conflict]:
     clearance = min(CLEARANCE_M, 0.45 * (a.width_m + b.width_m))
-    on_b, gap_a = project_near(one.points, b.centreline, clearance)
+    (s, points), (t, others) = on_a, on_b
+    foot_b, gap_a = project_near(points, b.centreline, clearance)
     if not (gap_a < clearance).any():
         return []
-    close_b = other.near(one, clearance)
+    close_b = project_near(others, a.centreline, clearance)[1] < clearance
     pairs = []
     for first, last in runs(gap_a < clearance):
-        low, high = sorted((float(on_b[first : last + 1].min()), float(on_b[first : last + 1].max())))
-        span_b = _run_around(other.s, close_b, low, high)
-        span_a = (float(one.s[first]), float(one.s[last]))
+        there = foot_b[first : last + 1]
+        span_b = _run_around(t, close_b, float(there.min()), float(there.max()))
+        span_a = (float(s[first]), float(s[last]))
         kind = _kind(a, b, span_a, span_b, gap_a[first : last + 1])
         pairs.append(Conflict(kind=kind, lanes=(a.lane_id, b.lane_id), spans=(span_a, span_b)))
     return pairs
+
+
+def project_near(points: FloatArray, line: FloatArray, reach_m: float) -> tuple[FloatArray, FloatArray]:
+    """Project points onto a polyline like `project`; distances above ``reach_m`` may be infinite."""
+    arc, gap = np.zeros(len(points)), np.full(len(points), np.inf)
+    low, high = line.min(axis=0) - reach_m, line.max(axis=0) + reach_m
+    near = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+    if len(near):
+        low, high = points[near].min(axis=0) - reach_m, points[near].max(axis=0) + reach_m
+        beside = (np.maximum(line[:-1], line[1:]) >= low) & (np.minimum(line[:-1], line[1:]) <= high)
+        segments = np.flatnonzero(beside.all(axis=1))
+        if len(segments):
+            part = slice(int(segments[0]), int(segments[-1]) + 2)
+            arc[near], gap[near] = project(points[near], line[part], arc_lengths(line)[part])
+    return arc, gap
 
 
 def runs(mask: BoolArray) -> list[tuple[int, int]]:

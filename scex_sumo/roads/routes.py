@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from heapq import heapify, heappop, heappush
 from itertools import pairwise
 from typing import Any, TypeAlias
@@ -12,13 +12,12 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache, recent
-from scex_sumo.geometry.polylines import along, arc_lengths, headings, join_owned, length_of, nearest, wrap
+from scex_sumo.geometry.polylines import along, arc_lengths, headings, length_of, project, wrap
 from scex_sumo.road import Lane, Road
 from scex_sumo.roads.matching import OFFSET_SIGMA_M, Matches, match
 from scex_sumo.scene import SeedScene
 
 MAX_ROUTES = 32
-MAX_LOOK_AHEAD = 12  # lanes of a route whose changes are avoided
 _RECENT = 1024  # centrelines of a road: more than those of a scene
 HORIZON_M, HORIZON_S = 80.0, 6.0  # of a candidate path for futures of 3 s: they, and a plan of 3 s
 PLAN_S = 3.0
@@ -42,23 +41,12 @@ class CandidatePath:
 
 
 def routes(road: Road, lane_id: int, s: float, horizon_m: float) -> tuple[tuple[int, ...], ...]:
-    """Return all lane sequences from arc length ``s`` on a lane over a distance, at most `MAX_ROUTES`.
+    """Return the lane sequences from arc length ``s`` on a lane over a distance, at most `MAX_ROUTES`.
 
     A route follows successors, else changes to a neighbour if allowed, left first. It ends at the horizon or
-    at the end of the road. The order is that of a depth-first search over ascending lane ids.
+    at the end of the road. The order is that of the lane ids.
     """
-    lanes, length = _known(road), _lengths(road)
-    complete: list[tuple[int, ...]] = []
-    stack: list[tuple[tuple[int, ...], float]] = [((lane_id,), length[lane_id] - s)]
-    while stack and len(complete) < MAX_ROUTES:
-        route, covered = stack.pop()
-        following, gain = onward(lanes, route)
-        if covered >= horizon_m or not following:
-            complete.append(route)
-            continue
-        for lane in reversed(following):
-            stack.append(((*route, lane), covered + (length[lane] if gain else 0.0)))
-    return tuple(complete)
+    return _with_forks(road, ((lane_id,),), s, horizon_m, MAX_ROUTES)
 
 
 def onward(lanes: dict[int, Lane], route: tuple[int, ...]) -> tuple[list[int], bool]:
@@ -136,40 +124,15 @@ def _with_intended(
     start = next(((lane, s) for lane, s, _ in starts if lane in allowed), None)
     if start is None:
         return paths
+    from scex_sumo.roads.changes import with_few_changes
+
     lane, s = start
-    route = _along(road, lane, s, allowed, horizon)
+    route = with_few_changes(_known(road), _lengths(road), lane, s, allowed, horizon)
     for k, path in enumerate(paths):
         if path.lanes == route:
             paths[k] = replace(path, intended=True)
             return paths
     return [*paths, CandidatePath(route, s, 0.0, _angle(road, route, s, horizon, pose), intended=True)]
-
-
-def _along(road: Road, lane: int, s: float, allowed: frozenset[int], horizon: float) -> tuple[int, ...]:
-    """Return the lanes of a route over a distance, with as few lane changes as its lanes allow."""
-    lanes, length = _known(road), _lengths(road)
-
-    def ahead(lane: int) -> list[int]:
-        return [i for i in lanes[lane].successors if i in allowed and i in lanes]
-
-    @cache
-    def reach(lane: int, edges: int = MAX_LOOK_AHEAD) -> float:
-        """Return how far the route leads on from the begin of a lane without a change."""
-        return length[lane] + max((reach(i, edges - 1) for i in ahead(lane) if edges), default=0.0)
-
-    route: tuple[int, ...] = (lane,)
-    covered = length[lane] - s
-    while covered < horizon:
-        options = ahead(route[-1])
-        gain = bool(options)
-        if not gain:
-            beside = {lanes[route[-1]].left, lanes[route[-1]].right} - {*route}
-            options = [i for i in beside if i in allowed and i in lanes and reach(i) > length[i]]
-        if not options:
-            break
-        best = max(options, key=lambda i: (reach(i), -i))
-        route, covered = (*route, best), covered + (length[best] if gain else 0.0)
-    return route
 
 
 def _starts(road: Road, matches: Matches, mine: IntArray, past: FloatArray) -> list[tuple[int, float, float]]:
@@ -194,12 +157,8 @@ def _starts(road: Road, matches: Matches, mine: IntArray, past: FloatArray) -> l
 
 def _came_along(road: Road, lane: int, s: float, past: FloatArray) -> float:
     points, _ = centreline(road, (lane,), s, 60.0, 5.0)
-    cost = 0.0
-    for x, y in past:
-        (foot,) = along(points, np.array([nearest(points, float(x), float(y))]))
-        distance = float(np.hypot(foot[0] - x, foot[1] - y))
-        cost += min(distance / OFFSET_SIGMA_M, 2.0) ** 2
-    return float(np.exp(-0.5 * cost))
+    _, distance = project(past, points)
+    return float(np.exp(-0.5 * (np.minimum(distance / OFFSET_SIGMA_M, 2.0) ** 2).sum()))
 
 
 def _paths_from(
@@ -209,7 +168,7 @@ def _paths_from(
     options = straight = routes(road, lane, s, first)
     if horizon > first:
         straight = tuple(extended(road, route, s + horizon) for route in options)
-        options = _with_later_forks(road, options, s, horizon)
+        options = _with_forks(road, options, s, horizon, MAX_LONGER)
     paths = []
     for route in options:
         share = probability
@@ -222,10 +181,10 @@ def _paths_from(
     return paths
 
 
-def _with_later_forks(
-    road: Road, options: tuple[tuple[int, ...], ...], s: float, horizon: float
+def _with_forks(
+    road: Road, options: tuple[tuple[int, ...], ...], s: float, horizon: float, most: int
 ) -> tuple[tuple[int, ...], ...]:
-    """Extend routes by all forks up to a distance, the nearest first, up to `MAX_LONGER` routes in all."""
+    """Extend routes by all forks up to a distance, the nearest first, up to ``most`` routes in all."""
     lanes, complete = _known(road), list[tuple[int, ...]]()
     open_routes = [(_covered(road, route) - s, route) for route in options]
     heapify(open_routes)
@@ -233,12 +192,12 @@ def _with_later_forks(
         covered, route = heappop(open_routes)
         following, gain = onward(lanes, route)
         count = len(complete) + len(open_routes) + len(following)
-        if covered >= horizon or not following or (len(following) > 1 and count > MAX_LONGER):
+        if covered >= horizon or not following or (len(following) > 1 and count > most):
             complete.append(route)
             continue
         for lane in following:
             heappush(open_routes, (covered + (_lengths(road)[lane] if gain else 0.0), (*route, lane)))
-    return tuple(complete)
+    return tuple(sorted(complete))
 
 
 def _covered(road: Road, lanes: tuple[int, ...]) -> float:
@@ -303,13 +262,13 @@ def _traced(
     if all(after in known[lane].successors for lane, after in pairwise(sequence)):
         line = _joined(road, sequence)
     else:  # where the changes begin is the caller's
-        line = join_owned(*_pieces(known, sequence, here))
+        line = _without_repeats(*_pieces(known, sequence, here))
     return _cut(*line, here - behind_m, behind_m + ahead_m)
 
 
 @owner_cache
 def _joined(road: Road, sequence: tuple[int, ...]) -> tuple[FloatArray, IntArray]:
-    return join_owned(*_pieces(_known(road), sequence, 0.0))
+    return _without_repeats(*_pieces(_known(road), sequence, 0.0))
 
 
 def _pieces(
@@ -332,6 +291,15 @@ def _pieces(
         pieces.append(piece)
         owners.append(owner)
     return [*pieces, rest], [*owners, sequence[-1]]
+
+
+def _without_repeats(pieces: list[FloatArray], owners: list[int]) -> tuple[FloatArray, IntArray]:
+    """Join lines without repeated points; return the owner of each point's line as well."""
+    points = np.vstack(pieces)
+    owner = np.repeat(np.array(owners, dtype=np.int64), [len(p) for p in pieces])
+    step = np.hypot(*np.diff(points, axis=0).T)
+    keep = np.concatenate([step > 1e-6, [True]])
+    return points[keep], owner[keep]
 
 
 def _cut(points: FloatArray, owner: IntArray, start: float, length: float) -> tuple[FloatArray, IntArray]:

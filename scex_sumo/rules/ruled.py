@@ -18,7 +18,6 @@ from scex_sumo.behaviors.driving.motion import Intent
 from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths, path_positions
 from scex_sumo.behaviors.models.idm import IdmDriver, IdmProfile
 from scex_sumo.behaviors.spec import ModelEntry
-from scex_sumo.geometry.rectangles import seen_from
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 
@@ -193,13 +192,10 @@ def offsets(
 @owner_cache
 def _nearest(scene: SeedScene) -> FloatArray:
     """Return (V, 2) distances along the way to the nearest vehicle on the left and on the right, m."""
-    result = np.full((scene.vehicles, 2), np.inf)
-    for v in range(scene.vehicles):
-        ahead, left, *_ = seen_from(scene.now[v], scene.now).T
-        for k, side in enumerate((LEFT, RIGHT)):
-            beside = (side * left > BESIDE_M[0]) & (side * left < BESIDE_M[1]) & (np.abs(ahead) < NEAR_M)
-            result[v, k] = np.abs(ahead[beside]).min(initial=np.inf)
-    return result
+    ahead, left = scene.now[:, None].ahead_and_left(scene.now.x, scene.now.y)
+    aside = np.stack([LEFT * left, RIGHT * left], axis=1)  # (V, 2, V)
+    beside = (aside > BESIDE_M[0]) & (aside < BESIDE_M[1]) & (np.abs(ahead) < NEAR_M)[:, None]
+    return np.asarray(np.where(beside, np.abs(ahead)[:, None], np.inf).min(axis=2, initial=np.inf))
 
 
 def _lane_widths(road: Road, lanes: tuple[int, ...]) -> tuple[float, float]:

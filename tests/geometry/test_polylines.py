@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scex_sumo.geometry.polylines import along, nearest, project, project_near
+from scex_sumo.geometry.polylines import along, nearest, project
+from scex_sumo.roads.conflicts import project_near
 
 
 def test_a_place_beside_a_corner_projects_onto_the_nearer_leg() -> None:

@@ -13,7 +13,7 @@ import scex_sumo as scex
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.converters.net.sumo_net import LaneTable
 from scex_sumo.extrapolation.job import has_rules
-from scex_sumo.geometry.polylines import bend
+from scex_sumo.geometry.bounds import bend
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.road import Area, Road
 from scex_sumo.roads.mirror import mirrored_road

@@ -17,7 +17,8 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.file import MapFile, Member, Relation, free_ids
 from scex_sumo.converters.lanelet.tags import default_speed_mps, lane_kind, lane_speed_mps
-from scex_sumo.geometry.polylines import heading, length_of, mean_width_m, turn, without_repeats
+from scex_sumo.geometry.bounds import mean_width_m
+from scex_sumo.geometry.polylines import heading, length_of, turn, without_repeats
 from scex_sumo.road import Lane
 
 MAX_LANE_M = 4.5

@@ -38,7 +38,7 @@ from scex_sumo.converters.lanelet.projection import georeference
 from scex_sumo.converters.lanelet.regulations import attach, regulations
 from scex_sumo.converters.lanelet.repair import repair
 from scex_sumo.converters.naming import map_name
-from scex_sumo.geometry.polylines import bounds_cross
+from scex_sumo.geometry.bounds import bounds_cross
 from scex_sumo.road import Area, Lane, MapLoss, Marking, Road
 from scex_sumo.roads.side import DEAD_ENDS, dead_ends, side_of
 

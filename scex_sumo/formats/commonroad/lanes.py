@@ -13,7 +13,8 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.naming import number
 from scex_sumo.formats.commonroad.file import CommonRoadFile, bounds_of, element_id, points_of
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane
-from scex_sumo.geometry.polylines import bounds_cross, without_repeats
+from scex_sumo.geometry.bounds import bounds_cross
+from scex_sumo.geometry.polylines import without_repeats
 from scex_sumo.road import Area, Lane, Marking, Regulation
 
 CARS = {"vehicle", "car"}

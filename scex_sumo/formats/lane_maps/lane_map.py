@@ -16,17 +16,8 @@ from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.file import Findings
 from scex_sumo.converters.lanelet.tags import GERMANY, LEFT_HAND, default_speed_mps
 from scex_sumo.formats.lane_maps.lane_links import Ends, Sides, connected, overlapping
-from scex_sumo.geometry.polylines import (
-    along,
-    heading,
-    length_of,
-    mean_line,
-    mean_width_m,
-    project,
-    samples,
-    without_repeats,
-    wrap,
-)
+from scex_sumo.geometry.bounds import mean_line, mean_width_m
+from scex_sumo.geometry.polylines import along, heading, length_of, project, samples, without_repeats, wrap
 from scex_sumo.road import Area, Georeference, Lane, Marking, Regulation, Road
 from scex_sumo.roads.side import side_of
 

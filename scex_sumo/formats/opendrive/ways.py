@@ -12,7 +12,8 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.formats.lane_maps.lane_map import polyline
 from scex_sumo.formats.opendrive.lanes import OpenDriveMap
 from scex_sumo.formats.opendrive.roads import Name
-from scex_sumo.geometry.polylines import along, arc_lengths, bend, length_of, project, turn
+from scex_sumo.geometry.bounds import bend
+from scex_sumo.geometry.polylines import along, arc_lengths, length_of, project, turn
 
 Driven: TypeAlias = tuple[str, int, int, int]  # road, piece, lane; 1 along its reference line, -1 against it
 

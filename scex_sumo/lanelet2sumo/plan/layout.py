@@ -13,7 +13,8 @@ from shapely import MultiPoint, Polygon, unary_union
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.text import BEYOND, CHANGED_M, JOINT_M, LaneletPart
-from scex_sumo.geometry.polylines import along, bend, cut, heading, join, length_of, project, samples
+from scex_sumo.geometry.bounds import bend
+from scex_sumo.geometry.polylines import along, cut, heading, length_of, project, samples
 from scex_sumo.lanelet2sumo.plan.elements import Connection, Edge, NetLane, NetLayout, Node
 from scex_sumo.lanelet2sumo.plan.right_of_way import (
     approach,
@@ -155,7 +156,9 @@ class _Plan:
 
     def _inner_shape(self, path: Path) -> FloatArray:
         parts = self._inner_parts(path)
-        return join([cut(self._topology.lane(piece).centreline, *span) for piece, *span in parts])
+        line = np.vstack([cut(self._topology.lane(piece).centreline, *span) for piece, *span in parts])
+        keep = np.concatenate([[True], np.hypot(*np.diff(line, axis=0).T) > 1e-4])
+        return line[keep] if keep.sum() > 1 else line[[0, -1]]
 
     def _lanelet_part(self, piece: Piece, start: float, end: float) -> LaneletPart:
         lane = self._topology.lane(piece)
