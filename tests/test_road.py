@@ -4,22 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 
-import numpy as np
 import pytest
 
 from scex_sumo.road import Lane, Regulation, Road
+from tests.seeds import lane_along
 
 
-def lane(lane_id: int, **other: object) -> Lane:
-    line = np.array([(0.0, 0.0), (1.0, 0.0)])
-    shape = {
-        "centreline": line,
-        "left_bound": line,
-        "right_bound": line,
-        "width_m": 0.0,
-        "speed_limit_mps": 1.0,
-    }
-    return Lane(lane_id=lane_id, **{**shape, **other})  # type: ignore[arg-type]
+def lane(lane_id: int, **fields: object) -> Lane:
+    return lane_along(lane_id, [(0, 0), (1, 0)], **fields)
 
 
 def test_only_lanes_for_cars_are_vehicle_lanes() -> None:

@@ -4,40 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.road import Lane, Road
 from scex_sumo.scene import Obstacles, Plan, SceneHistory, SeedScene, States, VehicleIndex
+from tests.seeds import Vehicle, seed_of, steady
 
 
 def lane(
     lane_id: int,
     points: Sequence[tuple[float, float]] | np.ndarray,
     *,
-    successors: tuple[int, ...] = (),
-    predecessors: tuple[int, ...] = (),
     width: float = 3.5,
     limit: float = 15.0,
-    kind: str = "vehicle",
-    left: int | None = None,
-    right: int | None = None,
+    **fields: Any,
 ) -> Lane:
-    centreline = np.array(points, dtype=float)
-    return Lane(
-        lane_id=lane_id,
-        centreline=centreline,
-        left_bound=centreline,
-        right_bound=centreline,
-        width_m=width,
-        speed_limit_mps=limit,
-        kind=kind,
-        successors=successors,
-        predecessors=predecessors,
-        left=left,
-        right=right,
-    )
+    """A lane whose bounds are its centreline."""
+    line = np.array(points, dtype=float)
+    shape = {"centreline": line, "left_bound": line, "right_bound": line}
+    return Lane(lane_id=lane_id, **shape, width_m=width, speed_limit_mps=limit, **fields)
 
 
 def road(*lanes: Lane) -> Road:
@@ -76,34 +64,12 @@ def fork() -> Road:
     )
 
 
-Vehicle = tuple[float, float, float, float]  # x, y, heading, speed
-
-
 def scene_of(
     *vehicles: Vehicle, length: float = 4.5, width: float = 1.8, obstacles: Obstacles | None = None
 ) -> SeedScene:
     """A seed scene of vehicles that have driven straight at constant speed for a second."""
-    x, y, heading, speed = (np.array(column, dtype=float) for column in zip(*vehicles, strict=True))
-    back = 0.1 * np.arange(10, -1, -1)
-    n = len(vehicles)
-    history = States(
-        x=x[:, None] - np.cos(heading)[:, None] * speed[:, None] * back,
-        y=y[:, None] - np.sin(heading)[:, None] * speed[:, None] * back,
-        heading=np.repeat(heading[:, None], 11, axis=1),
-        speed=np.repeat(speed[:, None], 11, axis=1),
-    )
-    return SeedScene(
-        name="drawn",
-        location="drawn",
-        time_s=0.0,
-        track_ids=np.arange(1, n + 1),
-        types=("car",) * n,
-        length=np.full(n, length),
-        width=np.full(n, width),
-        history=history,
-        recorded_steps=np.full(n, 10),
-        obstacles=obstacles,
-    )
+    sizes = {"length": np.full(len(vehicles), length), "width": np.full(len(vehicles), width)}
+    return seed_of(steady(*vehicles), **sizes, obstacles=obstacles)
 
 
 def present(scene: SeedScene, futures: int = 1, draw: np.ndarray | None = None) -> SceneHistory:
@@ -148,12 +114,7 @@ def closed_loop(
     for step in range(steps):
         if step % replan == 0:
             made = plan(model, where, history)
-        state = States(
-            **{
-                key: getattr(made, key)[:, step % replan].reshape(history.now.shape)
-                for key in ("x", "y", "heading", "speed")
-            }
-        )
+        state = made[:, step % replan].map(lambda values: values.reshape(futures, -1))
         driven.append(state)
         states = States.stack([*(history.states[:, :, i] for i in range(1, 11)), state], axis=2)
         history = replace(history, states=states, step=step + 1)

@@ -14,6 +14,7 @@ from scex_sumo.drivers.registry import build, entry_of, parse_models
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 from tests.behaviors import roads
 from tests.learned import nets
+from tests.seeds import going_on
 
 OURS = [name for name, entry in known_entries().items() if entry.profile is not None]
 NAMES = [*OURS, "sumo:EIDM", "constant_velocity:guard=true", "risky_driver:path=random:guard=true"]
@@ -27,13 +28,8 @@ def crowd() -> SeedScene:
     y = rng.normal(0, 0.4, 9)
     y[8] = 60.0
     scene = roads.scene_of(*zip(x, y, rng.normal(0, 0.05, 9), rng.uniform(0, 15, 9), strict=True))
-    ahead = 0.1 * np.arange(1, 31) * scene.now.speed[:, None]
-    future = States(
-        x=scene.now.x[:, None] + ahead,
-        y=np.repeat(scene.now.y[:, None], 30, axis=1),
-        heading=np.repeat(scene.now.heading[:, None], 30, axis=1),
-        speed=np.repeat(scene.now.speed[:, None], 30, axis=1),
-    )
+    future = going_on(replace(scene.now, heading=np.zeros(9)), 0.1 * np.arange(1, 31))
+    future = replace(future, heading=np.repeat(scene.now.heading[:, None], 30, axis=1))
     valid = np.arange(30) < np.array([30, 30, 0, 5, 12, 30, 1, 29, 30])[:, None]
     return replace(scene, future=future, future_valid=valid)
 

@@ -7,13 +7,11 @@ is a walkway beside 4.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
 
-import numpy as np
-
 from scex_sumo.road import Lane, Regulation, Road
+from tests.seeds import lane_along
 
 LIMIT = 13.89
 TURN = [(-15.0, 3.5), (-10.0, 3.6), (-5.0, 5.0), (-1.5, 8.5), (-0.2, 12.0), (0.0, 15.0)]
@@ -74,23 +72,9 @@ class Table:
         return () if name is None else (name,)
 
 
-def lane(lane_id: int, points: list[tuple[float, float]], width_m: float = 3.5, **more: object) -> Lane:
+def lane(lane_id: int, points: list[tuple[float, float]], **fields: object) -> Lane:
     """A lanelet of constant width around a centreline."""
-    centre = np.array(points, dtype=np.float64)
-    step = np.gradient(centre, axis=0)
-    side = 0.5 * width_m * np.stack([-step[:, 1], step[:, 0]], axis=-1) / np.hypot(*step.T)[:, None]
-    return replace(
-        Lane(
-            lane_id=lane_id,
-            centreline=centre,
-            left_bound=centre + side,
-            right_bound=centre - side,
-            width_m=width_m,
-            speed_limit_mps=LIMIT,
-            subtype="road",
-        ),
-        **more,  # type: ignore[arg-type]
-    )
+    return lane_along(lane_id, points, **{"speed_limit_mps": LIMIT, "subtype": "road", **fields})
 
 
 def crossing() -> Road:
@@ -104,7 +88,7 @@ def crossing() -> Road:
         lane(6, [(0, 15), (0, 60)], predecessors=(5, 8)),
         lane(7, [(-60, 3.5), (-15, 3.5)], successors=(8,), right=1, adjacent_right=1),
         lane(8, TURN, successors=(6,), predecessors=(7,), conflicts=(5,)),
-        lane(9, [(4, -60), (4, -15)], width_m=2.0, kind="pedestrian", subtype="walkway"),
+        lane(9, [(4, -60), (4, -15)], width=2.0, kind="pedestrian", subtype="walkway"),
     ]
     rule = Regulation(element_id=90, kind="right_of_way", lanes=(5, 2, 8), yielding=(5,), priority=(2, 8))
     return Road(name="crossing", lanes={one.lane_id: one for one in lanes}, regulations=(rule,))

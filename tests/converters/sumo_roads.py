@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import sumo
@@ -14,6 +15,7 @@ from shapely import Polygon
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.road import Lane, Regulation, Road
+from tests.seeds import lane_along
 
 SUMO = Path(sumo.SUMO_HOME) / "bin" / "sumo"
 
@@ -23,32 +25,13 @@ def lane(
     points: Sequence[tuple[float, float]] | FloatArray,
     *,
     to: tuple[int, ...] = (),
-    width: float = 3.5,
     left: int | None = None,
     right: int | None = None,
-    speed: float = 13.89,
-    kind: str = "vehicle",
+    **fields: Any,
 ) -> Lane:
-    """A lane of constant width around a centreline; neighbours named here may be changed to."""
-    line = np.asarray(points, dtype=float)
-    headings = np.unwrap(np.arctan2(*np.diff(line, axis=0).T[::-1]))
-    headings = np.concatenate([headings[:1], (headings[1:] + headings[:-1]) / 2, headings[-1:]])
-    across = np.stack([-np.sin(headings), np.cos(headings)], axis=1)
-    offsets = [line + side * width / 2 * across for side in (1, -1)]
-    return Lane(
-        lane_id=lane_id,
-        centreline=line,
-        left_bound=offsets[0],
-        right_bound=offsets[1],
-        width_m=width,
-        speed_limit_mps=speed,
-        kind=kind,
-        successors=to,
-        left=left,
-        right=right,
-        adjacent_left=left,
-        adjacent_right=right,
-    )
+    """A lane of constant width; neighbours named here may be changed to."""
+    sides = {"left": left, "right": right, "adjacent_left": left, "adjacent_right": right}
+    return lane_along(lane_id, points, successors=to, **sides, **fields)
 
 
 def road(lanes: Iterable[Lane], rules: Sequence[Regulation] = ()) -> Road:

@@ -9,19 +9,15 @@ import pyarrow as pa
 
 from scex_sumo.decision.moment import moment_pairs
 from scex_sumo.road import Lane, Regulation, Road
-from scex_sumo.scene import Obstacles, SeedScene, States
+from scex_sumo.scene import SeedScene, States
+from tests.seeds import Vehicle, lane_along, people_of, seed_of, steady
 
 FUTURES = 8
 LENGTH_M, WIDTH_M, LANE_M = 4.5, 1.8, 3.5
-Vehicle = tuple[float, float, float, float]  # x, y, heading, speed now; braking may follow
 
 
 def lane(lane_id: int, points: list[tuple[float, float]], **more: object) -> Lane:
-    line = np.array(points, dtype=float)
-    ahead = (line[-1] - line[0]) / np.hypot(*(line[-1] - line[0]))
-    side = LANE_M / 2 * np.array([[-ahead[1], ahead[0]]])
-    shape = {"left_bound": line + side, "right_bound": line - side, "width_m": LANE_M}
-    return Lane(lane_id=lane_id, centreline=line, speed_limit_mps=30.0, **shape, **more)  # type: ignore[arg-type]
+    return lane_along(lane_id, points, speed_limit_mps=30.0, **more)
 
 
 @cache
@@ -62,43 +58,16 @@ def scene(road: Road, *vehicles: tuple[float, ...], people: tuple[Vehicle, ...] 
     x, y, heading, speed, braking = np.array([(*one, 0.0)[:5] for one in vehicles], dtype=float).T
     back, whole = 0.1 * np.arange(10, -1, -1), np.ones((len(x), 11))
     way = speed[:, None] * back + braking[:, None] * back**2 / 2
-    walking = np.array(people, dtype=float).reshape(-1, 4).T
-    return SeedScene(
-        name="family",
-        location="nowhere",
-        time_s=0.0,
-        track_ids=np.arange(1, len(x) + 1),
-        types=("car",) * len(x),
-        length=np.full(len(x), LENGTH_M),
-        width=np.full(len(x), WIDTH_M),
-        history=States(
-            x=x[:, None] - way * np.cos(heading)[:, None],
-            y=y[:, None] - way * np.sin(heading)[:, None],
-            heading=heading[:, None] * whole,
-            speed=speed[:, None] + braking[:, None] * back,
-        ),
-        recorded_steps=np.full(len(x), 10),
-        obstacles=_walking(*walking) if len(people) else None,
-        road=road,
+    history = States(
+        x=x[:, None] - way * np.cos(heading)[:, None],
+        y=y[:, None] - way * np.sin(heading)[:, None],
+        heading=heading[:, None] * whole,
+        speed=speed[:, None] + braking[:, None] * back,
     )
-
-
-def _walking(x: np.ndarray, y: np.ndarray, heading: np.ndarray, speed: np.ndarray) -> Obstacles:
-    steps = 0.1 * np.arange(-10, 61)
-    way = speed[:, None] * steps
-    return Obstacles(
-        ids=tuple(f"{k}" for k in range(900, 900 + len(x))),
-        types=("pedestrian",) * len(x),
-        length=np.full(len(x), 0.6),
-        width=np.full(len(x), 0.6),
-        states=States(
-            x=x[:, None] + way * np.cos(heading)[:, None],
-            y=y[:, None] + way * np.sin(heading)[:, None],
-            heading=np.repeat(heading[:, None], len(steps), axis=1),
-            speed=np.repeat(speed[:, None], len(steps), axis=1),
-        ),
-        present=np.ones((len(x), len(steps)), dtype=bool),
-    )
+    ids = tuple(f"{k}" for k in range(900, 900 + len(people)))
+    walking = steady(*people, time_s=0.1 * np.arange(-10, 61))
+    others = people_of(walking, *("pedestrian",) * len(people), ids=ids) if people else None
+    return seed_of(history, obstacles=others, road=road)
 
 
 def pairs(seed_scene: SeedScene, futures: int = FUTURES) -> pa.Table:

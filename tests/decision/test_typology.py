@@ -17,8 +17,8 @@ from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.road import Lane, Road
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 from tests.decision import families
+from tests.seeds import Vehicle, lane_along, seed_of
 
-Vehicle = tuple[float, float, float, float]
 STRAIGHT, LEFT, RIGHT = (), (10.0, np.pi / 2), (10.0, -np.pi / 2)
 RADIUS_M = 8.0
 STEPS, PLANNED = 30, 30
@@ -68,16 +68,11 @@ def scene(
         headings[1, :HISTORY_STEPS] -= np.deg2rad(turned)
     driven = States(x=xs, y=ys, heading=headings, speed=speeds)[:, : HISTORY_STEPS + 1 + STEPS]
     size = [np.where(np.arange(count) < count - people, full, 0.6) for full in (4.0, 2.0)]
-    whole = SeedScene(
-        name="plain",
-        location="nowhere",
-        time_s=0.0,
-        track_ids=np.arange(1, count + 1),
+    whole = seed_of(
+        driven[:, : HISTORY_STEPS + 1],
         types=("car",) * (count - people) + ("pedestrian",) * people,
         length=size[0],
         width=size[1],
-        history=driven[:, : HISTORY_STEPS + 1],
-        recorded_steps=np.full(count, HISTORY_STEPS),
         people=np.arange(count) >= count - people,
         road=road or Road(name="plain", lanes={}),
     )
@@ -143,16 +138,8 @@ def test_kinds_of_two_vehicles(
 
 def quarter(number: int, radius: float = 20.0) -> Lane:
     angle = np.linspace(0.0, np.pi / 2, 16) + number * np.pi / 2
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return Lane(
-        lane_id=number + 1,
-        centreline=radius * circle,
-        left_bound=(radius - 2.5) * circle,
-        right_bound=(radius + 2.5) * circle,
-        width_m=5.0,
-        speed_limit_mps=9.0,
-        successors=((number + 1) % 4 + 1,),
-    )
+    line = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return lane_along(number + 1, line, width=5.0, speed_limit_mps=9.0, successors=((number + 1) % 4 + 1,))
 
 
 def test_one_that_enters_a_roundabout_meets_one_on_it_at_the_entry() -> None:

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.collisions import CONTACT_M2, find_collisions
 from scex_sumo.results.tables.outcomes import Severity, severity_of
-from scex_sumo.road import Lane, Regulation, Road
+from scex_sumo.road import Regulation, Road
 from tests.metrics.straight import straight
+from tests.seeds import lane_along
 
 NORTH = math.pi / 2
 
@@ -54,21 +54,9 @@ def test_a_front_that_hits_a_side_has_the_fault_where_no_rule_decides() -> None:
 
 def crossroads() -> Road:
     """A road to the east with priority over one to the north."""
-
-    def lane(lane_id: int, line: FloatArray) -> Lane:
-        side = np.array([[0.0, 1.75]]) if line[0, 1] == line[1, 1] else np.array([[-1.75, 0.0]])
-        return Lane(
-            lane_id=lane_id,
-            centreline=line,
-            left_bound=line + side,
-            right_bound=line - side,
-            width_m=3.5,
-            speed_limit_mps=14.0,
-        )
-
-    east, north = np.array([[-100.0, 0.0], [100.0, 0.0]]), np.array([[0.0, -100.0], [0.0, 100.0]])
+    lanes = {1: lane_along(1, [(-100, 0), (100, 0)]), 2: lane_along(2, [(0, -100), (0, 100)])}
     rule = Regulation(element_id=9, kind="right_of_way", lanes=(1, 2), yielding=(2,), priority=(1,))
-    return Road(name="crossroads", lanes={1: lane(1, east), 2: lane(2, north)}, regulations=(rule,))
+    return Road(name="crossroads", lanes=lanes, regulations=(rule,))
 
 
 def faults(*vehicles: dict[str, float]) -> list[str | None]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import subprocess
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -16,10 +15,9 @@ from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
-from scex_sumo.scene import States
 from scex_sumo.views.futures import write_future
 from tests.runs import extrapolate
-from tests.seeds import straight_seed
+from tests.seeds import seed_of, steady
 
 
 def exported(run: Run, to: str, folder: Path, futures: tuple[int, ...] = (0, 1, 2, 3)) -> list[Path]:
@@ -87,15 +85,8 @@ def test_collisions_fit_sumo_s_schema_and_the_table(run: Run, tmp_path: Path) ->
 
 def test_pet_of_a_right_angle_is_that_of_the_second_vehicle(tmp_path: Path) -> None:
     road = read_seed(example_path("roundabout")).road
-    times = np.arange(-10, 1) * 0.1
-    zero = np.zeros(11)
-    history = States(
-        x=np.stack([-20 + 10 * times, zero]),
-        y=np.stack([zero, -30 + 10 * times]),
-        heading=np.stack([zero, zero + np.pi / 2]),
-        speed=np.full((2, 11), 10.0),
-    )
-    scene = dataclasses.replace(straight_seed(2), history=history, road=road)
+    history = steady((-20.0, 0.0, 0.0, 10.0), (0.0, -30.0, np.pi / 2, 10.0))
+    scene = seed_of(history, track_ids=np.arange(2), road=road)
     run = extrapolate(scene, models="constant_velocity", futures=1, steps=40, out=tmp_path / "run")
     (file,) = exported(run, "ssm", tmp_path / "pet.ssm.xml", futures=(0,))
     (conflict,) = ET.parse(file).getroot()

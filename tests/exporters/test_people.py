@@ -18,31 +18,20 @@ from scex_sumo.exporters.request import Request
 from scex_sumo.exporters.tracks import write_fcd_files
 from scex_sumo.formats.sumo.fcd import read_fcd
 from scex_sumo.results.run import Run
-from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene, States
+from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene
 from tests.runs import extrapolate
+from tests.seeds import people_of, steady
 
 KINDS = Counter({"car": 3, "pedestrian": 3, "bicycle": 1})
 
 
 def people_beside(scene: SeedScene) -> Obstacles:
     """Three people on foot and a cyclist, 60 m and more from the first vehicle, all on their way north."""
-    kinds, steps = ("pedestrian",) * 3 + ("bicycle",), np.arange(-HISTORY_STEPS, 31) * STEP_S
-    speed = np.array([[1.3], [1.4], [1.2], [4.0]]) + 0 * steps
-    states = States(
-        x=scene.now.x[0] + 60.0 + 5.0 * np.arange(4)[:, None] + 0 * steps,
-        y=scene.now.y[0] + speed * steps,
-        heading=np.full(speed.shape, np.pi / 2),
-        speed=speed,
-    )
-    sizes = np.array([OBSTACLE_SIZES[kind] for kind in kinds])
-    return Obstacles(
-        ids=("P1", "P2", "P3", "P4"),
-        types=kinds,
-        length=sizes[:, 0],
-        width=sizes[:, 1],
-        states=states,
-        present=np.ones(speed.shape, np.bool_),
-    )
+    kinds, (x, y) = ("pedestrian",) * 3 + ("bicycle",), (scene.now.x[0] + 60.0, scene.now.y[0])
+    walking = [(x + 5.0 * k, y, np.pi / 2, speed) for k, speed in enumerate((1.3, 1.4, 1.2, 4.0))]
+    length, width = np.array([OBSTACLE_SIZES[kind] for kind in kinds]).T
+    states = steady(*walking, time_s=np.arange(-HISTORY_STEPS, 31) * STEP_S)
+    return people_of(states, *kinds, length=length, width=width)
 
 
 @pytest.fixture(scope="module", params=["replay", "model"])

@@ -11,8 +11,9 @@ import scex_sumo as scex
 from scex_sumo.base.errors import UsageError
 from scex_sumo.graphs.graph import EDGE_COLUMNS, KINDS, NODE_COLUMNS, SceneGraph, scene_graph
 from scex_sumo.road import Road
-from scex_sumo.scene import Obstacles, SceneHistory, SeedScene, States
+from scex_sumo.scene import Obstacles, SceneHistory, SeedScene
 from tests.behaviors.roads import fork, lane, present, road, scene_of, straight
+from tests.seeds import people_of, steady
 
 LENGTH = 4.5  # of the vehicles that `scene_of` makes
 
@@ -205,15 +206,8 @@ def test_yaw_rate_and_acceleration_are_those_of_the_last_half_second() -> None:
 
 
 def walkers(*places: tuple[float, float], here: bool = True) -> Obstacles:
-    x, y = (np.repeat(np.array(column)[:, None], 11, axis=1) for column in zip(*places, strict=True))
-    return Obstacles(
-        ids=tuple("abc"[: len(places)]),
-        types=("pedestrian",) * len(places),
-        length=np.full(len(places), 0.5),
-        width=np.full(len(places), 0.5),
-        states=States(x=x, y=y, heading=np.zeros_like(x), speed=np.zeros_like(x)),
-        present=np.full(x.shape, here),
-    )
+    states = steady(*((x, y, 0.0, 0.0) for x, y in places))
+    return people_of(states, length=0.5, width=0.5, present=np.full(states.shape, here))
 
 
 def test_the_nearest_walker_in_the_corridor_ahead_is_a_feature_of_the_driver() -> None:

@@ -18,6 +18,7 @@ from scex_sumo.base.errors import SimulationError
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.views.replay import FutureView, write_view
 from scex_sumo.world.sumo import SumoWorld
+from tests.seeds import seed_of, standing
 
 BLUE = (54, 124, 196)
 
@@ -62,21 +63,7 @@ def states(step: int) -> States:
 
 def scene() -> SeedScene:
     """The two cars, without a past worth mentioning."""
-    now = states(0)[0]
-    past = States(
-        **{k: np.repeat(getattr(now, k)[:, None], 11, axis=1) for k in ("x", "y", "heading", "speed")}
-    )
-    return SeedScene(
-        name="test",
-        location="test",
-        time_s=0.0,
-        track_ids=np.array([1, 2]),
-        types=("car", "car"),
-        length=np.full(2, 4.5),
-        width=np.full(2, 1.8),
-        history=past,
-        recorded_steps=np.full(2, 10),
-    )
+    return seed_of(standing(states(0)[0]))
 
 
 @pytest.fixture

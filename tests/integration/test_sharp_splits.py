@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +10,8 @@ import pytest
 import scex_sumo
 from scex_sumo.base.sumo.programs import run_program
 from scex_sumo.extrapolation.loop.uncounted import touch_in_simulation, uncounted
-from scex_sumo.scene import States
 from tests.runs import extrapolate
-from tests.seeds import straight_seed
+from tests.seeds import seed_of, standing, states_of, steady
 
 NODES = """<nodes><node id="a" x="0" y="0"/><node id="b" x="100" y="0"/>
  <node id="c" x="200" y="0" type="traffic_light"/>
@@ -53,18 +51,11 @@ def test_a_driver_of_sumo_stays_on_the_lane_of_a_fork_that_it_is_on(config: Path
 
 def touching(heading: float, kind: str = "simulation") -> scex_sumo.SeedScene:
     """A vehicle that closes in on a corner of one that stands aslant, 1.5 m beside its way."""
-    scene, step = straight_seed(2, 10.0), np.arange(51)
-    x = np.stack([step, np.full(51, 20.0)])
-    states = States(
-        x=x,
-        y=np.stack([np.zeros(51), np.full(51, 1.5)]),
-        heading=np.stack([np.zeros(51), np.full(51, heading)]),
-        speed=np.stack([np.full(51, 10.0), np.zeros(51)]),
-    )
-    return dataclasses.replace(
-        scene,
-        history=states[:, :1].map(lambda values: np.repeat(values, 11, axis=1)),
-        future=states[:, 1:18],
+    two = (0.0, 0.0, 0.0, 10.0), (20.0, 1.5, heading, 0.0)
+    return seed_of(
+        standing(states_of(*two)),
+        track_ids=np.arange(2),
+        future=steady(*two, time_s=0.1 * np.arange(1, 18)),
         future_valid=np.ones((2, 17), dtype=np.bool_),
         source={"kind": kind},
     )

@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 import sumo
 
-from scex_sumo.scene import Obstacles, SeedScene, States
+from scex_sumo.scene import SeedScene, States
 from scex_sumo.views.replay import FutureView, write_view
 from tests.formats.sumo.simulations import in_sumo, write_grid
+from tests.seeds import people_of, seed_of
 
 STEPS = 40
 MODELS = ("standard_driver", "sumo:EIDM:tau=1.2")
@@ -42,24 +43,13 @@ def scene() -> SeedScene:
     present = np.zeros((1, 41), dtype=bool)
     present[0, 3:21] = True
     present[0, 7] = False  # lost from sight for a moment: shown all the same
-    return SeedScene(
-        name="test",
-        location="test",
-        time_s=0.0,
+    return seed_of(
+        states[:, :11],
         track_ids=np.array([3, 12, 7, 1]),
         types=("car", "truck", "bus", "motorcycle"),
         length=np.array([4.5, 12.0, 11.0, 2.2]),
         width=np.array([1.8, 2.5, 2.5, 0.8]),
-        history=states[:, :11],
-        recorded_steps=np.full(4, 10),
-        obstacles=Obstacles(
-            ids=("P1",),
-            types=("pedestrian",),
-            length=np.array([0.6]),
-            width=np.array([0.6]),
-            states=walk,
-            present=present,
-        ),
+        obstacles=people_of(walk, "pedestrian", present=present),
     )
 
 

@@ -11,25 +11,18 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.world.sumo import TILE_SLOTS, SumoDriven, SumoWorld
+from tests.seeds import same_bytes, seed_of, standing, states_of
 
 
 def scene_of(x: FloatArray, y: FloatArray, heading: FloatArray, speed: FloatArray) -> SeedScene:
     """Cars 4.5 m x 1.8 m, and a lorry first, that have stood still until now."""
     n = len(x)
-
-    def past(values: FloatArray) -> FloatArray:
-        return np.repeat(np.asarray(values, dtype=float)[:, None], 11, axis=1)
-
-    return SeedScene(
-        name="test",
-        location="test",
-        time_s=0.0,
+    return seed_of(
+        standing(states_of(*zip(x, y, heading, speed, strict=True))),
         track_ids=np.arange(10, 10 + n),
         types=("truck", *("car",) * (n - 1)),
         length=np.array([9.3, *[4.5] * (n - 1)]),
         width=np.array([2.5, *[1.8] * (n - 1)]),
-        history=States(x=past(x), y=past(y), heading=past(heading), speed=past(speed)),
-        recorded_steps=np.full(n, 10),
     )
 
 
@@ -110,8 +103,7 @@ def test_a_future_reads_the_same_bytes_in_its_slot_whatever_runs_beside_or_befor
         among = roll(world, [62, 37, 5], np.array([1.0, 2.0, 3.0]))[:, 1]
     with SumoWorld(crossing, scene, slots=[37]) as world:
         alone = roll(world, [37], np.array([2.0]))[:, 0]
-    for key in ("x", "y", "heading", "speed"):
-        assert getattr(among, key).tobytes() == getattr(alone, key).tobytes()
+    assert same_bytes(among, alone)
 
 
 def test_futures_without_drivers_of_sumo_share_a_tile_and_take_no_notice_of_each_other(
@@ -121,9 +113,7 @@ def test_futures_without_drivers_of_sumo_share_a_tile_and_take_no_notice_of_each
     with SumoWorld(crossing, scene, slots=[0]) as world:
         together = roll(world, [0, 0, 0], phase)
         alone = [roll(world, [0], phase[[future]]) for future in range(3)]
-    for key in ("x", "y", "heading", "speed"):
-        for future in range(3):
-            assert getattr(together, key)[:, future].tobytes() == getattr(alone[future], key)[:, 0].tobytes()
+    assert all(same_bytes(together[:, future], alone[future][:, 0]) for future in range(3))
 
 
 def test_a_driver_of_sumo_in_its_tile_changes_nothing_about_vehicles_that_are_moved(

@@ -27,33 +27,14 @@ from scex_sumo.world.batch import RunningBatch
 from scex_sumo.world.sumo import SumoDriven, SumoWorld
 from tests.formats.sumo.simulations import write_grid
 from tests.runs import extrapolate
+from tests.seeds import people_of, same_bytes, seed_of, standing, states_of, steady
 
 STRAIGHT = ("w_in", "e_out")
 
 
 def scene(*vehicles: tuple[float, float, float, float], obstacles: Obstacles | None = None) -> SeedScene:
     """Cars of 4.5 m at (x, y, heading, speed)."""
-    n = len(vehicles)
-    columns = [
-        np.repeat(np.array(values, dtype=float)[:, None], 11, axis=1)
-        for values in zip(*vehicles, strict=True)
-    ]
-    return SeedScene(
-        name="test",
-        location="test",
-        time_s=0.0,
-        track_ids=np.arange(1, n + 1),
-        types=("car",) * n,
-        length=np.full(n, 4.5),
-        width=np.full(n, 1.8),
-        history=States(x=columns[0], y=columns[1], heading=columns[2], speed=columns[3]),
-        recorded_steps=np.full(n, 10),
-        obstacles=obstacles,
-    )
-
-
-def repeat(states: States, futures: int) -> States:
-    return States.stack([states] * futures, axis=0)
+    return seed_of(standing(states_of(*vehicles)), obstacles=obstacles)
 
 
 def driven(
@@ -66,19 +47,14 @@ def drive(
     world: SumoWorld, scene: SeedScene, slots: Sequence[int], drivers: Sequence[SumoDriven], steps: int
 ) -> States:
     """(C, V, steps + 1) states, the seed scene first; vehicles that are moved keep heading and speed."""
-    states = repeat(scene.now, len(slots))
+    states = scene.now.repeat(len(slots))
     mask = np.ones(states.shape, dtype=bool)
     for d in drivers:
         mask[d.future, d.vehicle] = False
     world.begin(states, np.array(slots), drivers)
     read = [world.read()]
     for _ in range(steps):
-        states = States(
-            x=states.x + 0.1 * states.speed * np.cos(states.heading),
-            y=states.y + 0.1 * states.speed * np.sin(states.heading),
-            heading=states.heading,
-            speed=states.speed,
-        )
+        states = states.ahead(0.1 * states.speed[..., None], states.speed[..., None])[..., 0]
         world.move(states, mask)
         if scene.obstacles is not None:
             world.move_obstacles(scene.obstacles.states[:, 10], scene.obstacles.present[:, 10])
@@ -137,18 +113,7 @@ def test_a_driver_of_sumo_gives_way_to_a_vehicle_that_is_moved(crossing: SimpleN
 
 def obstacle(x: float, y: float, heading: float = np.pi / 2) -> Obstacles:
     """Somebody who stands there."""
-
-    def now(value: float) -> np.ndarray:
-        return np.full((1, 11), value)
-
-    return Obstacles(
-        ids=("P1",),
-        types=("pedestrian/bicycle",),
-        length=np.array([0.6]),
-        width=np.array([0.6]),
-        states=States(x=now(x), y=now(y), heading=now(heading), speed=now(0.0)),
-        present=np.ones((1, 11), dtype=bool),
-    )
+    return people_of(steady((x, y, heading, 0.0)))
 
 
 @pytest.mark.parametrize("heading", [-1.5, 0.0, 1.6, 3.1])
@@ -193,8 +158,7 @@ def test_a_driver_of_sumo_does_the_same_to_the_byte_in_its_tile(
         among = run(world, [33, 2, 40])[2]
     with SumoWorld(crossing, seed, slots=[40]) as world:
         alone = run(world, [40])[0]
-    for key in ("x", "y", "heading", "speed"):
-        assert getattr(among, key).tobytes() == getattr(alone, key).tobytes()
+    assert same_bytes(among, alone)
 
 
 def test_traffic_lights_begin_anew_with_every_batch(signals: SimpleNamespace) -> None:

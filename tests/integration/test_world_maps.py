@@ -10,8 +10,9 @@ import pytest
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.road import Lane
-from scex_sumo.scene import SeedScene, States
+from scex_sumo.scene import States
 from scex_sumo.world.sumo import SumoDriven, SumoWorld
+from tests.seeds import seed_of, standing
 
 MAPS = (
     "interaction/maps/DR_DEU_Merging_MT.osm",
@@ -38,10 +39,6 @@ def states(lanes: list[Lane], distance: float) -> States:
     return States(x=x, y=y, heading=heading, speed=np.full(len(lanes), SPEED))
 
 
-def repeat(here: States, futures: int) -> States:
-    return States.stack([here] * futures, axis=0)
-
-
 @pytest.mark.parametrize("map_path", MAPS)
 def test_vehicles_on_all_lanes_are_where_they_were_planned_and_none_is_lost(
     data: Path, tmp_path: Path, map_path: str
@@ -50,18 +47,7 @@ def test_vehicles_on_all_lanes_are_where_they_were_planned_and_none_is_lost(
     net = convert(road, tmp_path / "map.net.xml")
     lanes = [road.vehicle_lanes[key] for key in sorted(road.vehicle_lanes)]
     start, count = states(lanes, 0.3), len(lanes)
-    past = {k: np.repeat(getattr(start, k)[:, None], 11, axis=1) for k in ("x", "y", "heading", "speed")}
-    seed = SeedScene(
-        name="test",
-        location="test",
-        time_s=0.0,
-        track_ids=np.arange(count),
-        types=("car",) * count,
-        length=np.full(count, 4.5),
-        width=np.full(count, 1.8),
-        history=States(**past),
-        recorded_steps=np.full(count, 10),
-    )
+    seed = seed_of(standing(start), track_ids=np.arange(count))
     # In the second future SUMO drives every third vehicle, down its lane and on.
     moved = np.ones((2, count), dtype=bool)
     moved[1, ::3] = False
@@ -71,11 +57,11 @@ def test_vehicles_on_all_lanes_are_where_they_were_planned_and_none_is_lost(
         edges = tuple(net.lanes.edges(ahead))
         drivers.append(SumoDriven(future=1, vehicle=v, model="EIDM", parameters={}, edges=edges))
     with SumoWorld(net, seed, slots=[0, 63]) as world:
-        world.begin(repeat(start, 2), np.array([0, 63]), drivers)
+        world.begin(start.repeat(2), np.array([0, 63]), drivers)
         before = world.read()
         assert max(np.abs(before.x - start.x).max(), np.abs(before.y - start.y).max()) < 1e-9
         for step in range(1, 31):
-            plan = repeat(states(lanes, 0.3 + 0.1 * SPEED * step), 2)
+            plan = states(lanes, 0.3 + 0.1 * SPEED * step).repeat(2)
             world.move(plan, moved)
             world.step()
             read = world.read()

@@ -18,12 +18,12 @@ from scex_sumo.learned.inputs.surface import surface_of
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 from tests.behaviors import roads
 from tests.learned import nets
+from tests.seeds import same_bytes
 
 NAMES = ("graph_predictor", "graph_image_predictor")
 ALL = (*NAMES, "joint_predictor")
 DRAWN = "graph_predictor:mode=draw"
 ROAD = roads.fork()
-STATES = ("x", "y", "heading", "speed")
 
 
 def crowd() -> SeedScene:
@@ -52,7 +52,7 @@ def apart(futures: int) -> SceneHistory:
 
 
 def same(one: Plan, other: Plan, rows: slice | np.ndarray = slice(None)) -> bool:
-    return all(np.array_equal(getattr(one, key)[rows], getattr(other, key)) for key in STATES)
+    return same_bytes(one[rows], other)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -198,7 +198,7 @@ def test_the_shipped_drivers_stop_behind_a_standing_vehicle_and_need_no_guard_fo
     first = VehicleIndex(future=np.zeros(1, dtype=int), vehicle=np.zeros(1, dtype=int))
     for step in range(0, 60, 5):
         made = roads.plan(model, roads.straight(), history, first)
-        driven = States(**{key: getattr(made, key)[None, :, :5] for key in STATES})
+        driven = made[None, :, :5]
         standing = history.states[:, 1:, 6:]
         window = States.concatenate([history.states[:, :1, 5:], driven], axis=2)
         still = States.concatenate([standing, standing], axis=2)[:, :, :10]

@@ -92,8 +92,7 @@ def random_run(
     present: BoolArray | None = None
     if absent:
         present = rng.random(states.shape) > absent
-        for name in ("x", "y", "heading", "speed"):
-            getattr(states, name)[~present] = np.nan
+        states.assign(~present, States(x=np.nan, y=np.nan, heading=np.nan, speed=np.nan))
     tracks = SceneTracks(
         states=states,
         length=rng.uniform(0, 8, vehicles),

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from scex_sumo.metrics.base import SceneTracks
-from scex_sumo.scene import STEP_S, States
+from scex_sumo.scene import STEP_S
 from tests.conftest import shared_data
+from tests.seeds import steady
 
 
 def straight(*vehicles: dict[str, float], steps: int = 60) -> SceneTracks:
@@ -19,16 +20,9 @@ def straight(*vehicles: dict[str, float], steps: int = 60) -> SceneTracks:
     def column(name: str, default: float = 0.0) -> Any:
         return np.array([v.get(name, default) for v in vehicles], dtype=float)
 
-    time = np.arange(steps)[:, None] * STEP_S
-    heading, speed = column("heading"), column("speed")
-    x = column("x") + speed * time * np.cos(heading)
-    y = column("y") + speed * time * np.sin(heading)
-    full = [np.broadcast_to(values, x.shape)[None].copy() for values in (heading, speed)]
-    return SceneTracks(
-        states=States(x=x[None], y=y[None], heading=full[0], speed=full[1]),
-        length=column("length", 4.0),
-        width=column("width", 2.0),
-    )
+    motion = zip(column("x"), column("y"), column("heading"), column("speed"), strict=True)
+    states = steady(*motion, time_s=np.arange(steps) * STEP_S).swapaxes(0, 1)[None]
+    return SceneTracks(states=states, length=column("length", 4.0), width=column("width", 2.0))
 
 
 def closed_forms() -> list[dict[str, Any]]:

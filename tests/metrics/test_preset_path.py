@@ -13,8 +13,9 @@ import pytest
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.evaluation.tables import evaluate_pairs
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
-from scex_sumo.scene import STEP_S, States
+from scex_sumo.scene import STEP_S
 from tests.metrics.scenes import one_scene, random_run
+from tests.seeds import steady
 
 EXACT = 1e-9
 
@@ -169,19 +170,9 @@ def test_random_leaders_are_those_of_a_search_segment_by_segment(seed: int) -> N
 
 def straight(*vehicles: tuple[float, float, float, float], steps: int = 80) -> SceneTracks:
     """(x, y, heading, speed) at constant speed, with everything evaluated."""
-    x, y, heading, speed = np.array(vehicles, dtype=float).T
-    time = np.arange(steps)[:, None] * STEP_S
-    shape = (steps, len(vehicles))
-    return SceneTracks(
-        states=States(
-            x=(x + speed * time * np.cos(heading))[None],
-            y=(y + speed * time * np.sin(heading))[None],
-            heading=np.broadcast_to(heading, shape)[None].copy(),
-            speed=np.broadcast_to(speed, shape)[None].copy(),
-        ),
-        length=np.full(len(vehicles), 4.5),
-        width=np.full(len(vehicles), 1.8),
-    )
+    states = steady(*vehicles, time_s=np.arange(steps) * STEP_S).swapaxes(0, 1)[None]
+    sizes = np.full((2, len(vehicles)), [[4.5], [1.8]])
+    return SceneTracks(states=states, length=sizes[0], width=sizes[1])
 
 
 def test_pet_is_the_time_between_leaving_and_coming() -> None:

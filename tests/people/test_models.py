@@ -9,7 +9,8 @@ import pytest
 
 from scex_sumo.people.models import WAIT_M, KeepsWay, KeepsWayProfile, StepsOut, Stops
 from scex_sumo.road import Road
-from scex_sumo.scene import HISTORY_STEPS, Plan, SceneHistory, SeedScene, States, VehicleIndex
+from scex_sumo.scene import Plan, SceneHistory, SeedScene, VehicleIndex
+from tests.seeds import seed_of, steady
 
 WALKS_MPS, DRIVES_MPS = 1.4, 10.0
 PROFILE = KeepsWayProfile(gap=1.0)
@@ -20,24 +21,11 @@ def crossing(
     vehicle_x: float, person: tuple[float, float, float, float], *, drives: float = DRIVES_MPS
 ) -> SeedScene:
     """A car along +x on y = 0, and a person at x, y, heading and speed."""
-    x, y, heading, speed = person
-    back = 0.1 * np.arange(-HISTORY_STEPS, 1)
-    history = States(
-        x=np.stack([vehicle_x + drives * back, x + speed * np.cos(heading) * back]),
-        y=np.stack([np.zeros(11), y + speed * np.sin(heading) * back]),
-        heading=np.repeat([[0.0], [heading]], 11, axis=1),
-        speed=np.repeat([[drives], [speed]], 11, axis=1),
-    )
-    return SeedScene(
-        name="crossing",
-        location="nowhere",
-        time_s=0.0,
-        track_ids=np.array([1, 2]),
+    return seed_of(
+        steady((vehicle_x, 0.0, 0.0, drives), person),
         types=("car", "pedestrian"),
         length=np.array([4.5, 0.6]),
         width=np.array([1.8, 0.6]),
-        history=history,
-        recorded_steps=np.full(2, 10),
         people=np.array([False, True]),
     )
 

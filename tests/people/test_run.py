@@ -10,9 +10,10 @@ import pytest
 
 import scex_sumo as scex
 from scex_sumo.results.tables.cut_sets import cut_set_words
-from scex_sumo.scene import Obstacles, SeedScene, States
+from scex_sumo.scene import SeedScene
 from tests.behaviors import roads
 from tests.results.test_participants import scene_with
+from tests.seeds import people_of, steady
 
 
 @pytest.fixture(scope="module")
@@ -73,18 +74,8 @@ def test_what_people_do_counts(scene: SeedScene, tmp_path: Path) -> None:
 def test_a_driver_moves_aside_for_a_cyclist_towards_a_metre(tmp_path: Path) -> None:
     """The cyclist rides 1.9 m beside the way of the car, which leaves 0.65 m between the boxes."""
     car = roads.scene_of((20.0, 0.0, 0.0, 9.0))
-    past = 0.1 * np.arange(-10, 31)[None]
-    rides = States(
-        x=30.0 + 4.0 * past, y=np.full_like(past, -1.9), heading=0 * past, speed=np.full_like(past, 4.0)
-    )
-    cyclist = Obstacles(
-        ids=("P1",),
-        types=("bicycle",),
-        length=np.array([1.8]),
-        width=np.array([0.7]),
-        states=rides,
-        present=np.ones(past.shape, dtype=np.bool_),
-    )
+    rides = steady((30.0, -1.9, 0.0, 4.0), time_s=0.1 * np.arange(-10, 31))
+    cyclist = people_of(rides, "bicycle", length=1.8, width=0.7)
     scene = replace(car, track_ids=np.array([0]), road=roads.straight(), obstacles=cyclist)
     options = {"vru": "model", "futures": 2, "models": "likely_driver:spread=0:inattention=0,keeps_way"}
     states = run_of(scene, tmp_path / "run", **options).states(0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,26 +18,16 @@ from scex_sumo.plug_in.user_model import SingleVehicle
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, States, VehicleIndex
 from tests.behaviors import roads
+from tests.seeds import Straight
 
 TWO = roads.scene_of((10.0, 0.0, 0.0, 5.0), (60.0, 0.0, 0.0, 5.0))
 ROAD = roads.straight()
 
 
-class Forward:
-    """Straight on at the present speed; `change` spoils the plan of all vehicles in one call."""
+class Forward(Straight):
+    """Plans more steps than are asked for."""
 
-    def __init__(self, change: Callable[[Plan, VehicleIndex], Plan] | None = None) -> None:
-        self.change = change
-
-    def plan(
-        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
-    ) -> Plan:
-        now = history.now[vehicles.future, vehicles.vehicle]
-        x, y, heading, speed = (
-            np.repeat(a[:, None], 40, axis=1) for a in (now.x, now.y, now.heading, now.speed)
-        )
-        made = Plan(x=x + speed * 0.1 * np.arange(1, 41), y=y, heading=heading, speed=speed)
-        return made if self.change is None else self.change(made, vehicles)
+    steps = 40
 
 
 def asked(model: Forward, futures: int = 1) -> tuple[Plan, Plan]:

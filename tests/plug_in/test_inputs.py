@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.plug_in.inputs import ARRAYS, Surroundings, predictor_inputs
-from scex_sumo.scene import Obstacles, States
 from tests.behaviors import roads
+from tests.seeds import people_of, steady
 
 # One looks along +y at (10, 20); a second is 6 m ahead of it and crosses to the right; a third is 80 m off.
 SCENE = roads.scene_of((10.0, 20.0, np.pi / 2, 4.0), (10.0, 26.0, 0.0, 3.0), (90.0, 20.0, 0.0, 3.0))
@@ -45,17 +45,8 @@ def test_neighbours_are_in_the_own_frame_nearest_first_and_masked_beyond_the_rad
 
 
 def test_pedestrians_are_neighbours_with_their_own_past() -> None:
-    still = np.zeros((1, 14))
-    walked = Obstacles(
-        ids=("P1",),
-        types=("pedestrian/bicycle",),
-        length=np.array([0.5]),
-        width=np.array([0.6]),
-        states=States(
-            x=still + 10.0, y=23.0 + 0.1 * np.arange(14)[None], heading=still + np.pi / 2, speed=still + 1
-        ),
-        present=np.array([[True] * 13 + [False]]),
-    )
+    walk = steady((10.0, 23.0, np.pi / 2, 1.0), time_s=0.1 * np.arange(14))
+    walked = people_of(walk, length=0.5, present=np.array([[True] * 13 + [False]]))
     history = roads.present(replace(SCENE, obstacles=walked))
     vehicles = roads.every(history)
 

@@ -8,28 +8,15 @@ import numpy as np
 
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.participants import with_people
-from scex_sumo.scene import Obstacles, SeedScene, States
-from tests.seeds import straight_seed
+from scex_sumo.scene import SeedScene
+from tests.seeds import people_of, steady, straight_seed
 
 
 def scene_with(*types: str, speed: float = 1.0, length: float = 0.6) -> SeedScene:
-    scene, count = straight_seed(2), len(types)
-    times = np.repeat(0.1 * np.arange(-10, 31)[None], count, axis=0)
-    states = States(
-        x=20.0 + speed * times,
-        y=np.repeat(5.0 + np.arange(count)[:, None], 41, axis=1),
-        heading=np.zeros_like(times),
-        speed=np.full_like(times, speed),
-    )
-    others = Obstacles(
-        ids=tuple(f"P{k}" for k in range(count)),
-        types=types,
-        length=np.full(count, length),
-        width=np.full(count, 0.6),
-        states=states,
-        present=np.ones(times.shape, dtype=np.bool_),
-    )
-    return replace(scene, obstacles=others)
+    walking = ((20.0, 5.0 + k, 0.0, speed) for k in range(len(types)))
+    states = steady(*walking, time_s=0.1 * np.arange(-10, 31))
+    ids = tuple(f"P{k}" for k in range(len(types)))
+    return replace(straight_seed(2), obstacles=people_of(states, *types, ids=ids, length=length))
 
 
 def test_people_take_part_are_replayed_or_left_out() -> None:

@@ -10,8 +10,9 @@ import pytest
 from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.road import Passage, Rules, Signal
 from scex_sumo.rules.holds import precedence
-from scex_sumo.scene import Obstacles, SeedScene, States
+from scex_sumo.scene import Obstacles, SeedScene
 from tests.behaviors.roads import Vehicle, closed_loop, lane, road, scene_of
+from tests.seeds import people_of, steady
 
 # Lanes 1, 2, 3 along +x with the junction from 50 to 70 m; 11, 12, 13 along +y at x = 60.
 CROSSROADS = road(
@@ -115,15 +116,8 @@ def test_who_stopped_first_at_an_all_way_stop_goes_first() -> None:
 def test_lets_people_on_a_crosswalk_pass(regulated: bool) -> None:
     outline = np.array([(40.0, -4.0), (43.0, -4.0), (43.0, 4.0), (40.0, 4.0)])
     rules = Rules(passages=passages() if regulated else (), crosswalks=(outline,))
-    rest = np.zeros((1, 80))
-    someone = Obstacles(
-        ids=("p",),
-        types=("pedestrian",),
-        length=np.array([0.5]),
-        width=np.array([0.5]),
-        states=States(x=rest + 41.5, y=rest - 3.0, heading=rest, speed=rest),
-        present=np.ones((1, 80), dtype=bool),
-    )
+    rests = steady((41.5, -3.0, 0.0, 0.0), time_s=np.zeros(80))
+    someone = people_of(rests, "pedestrian", length=0.5, width=0.5)
     assert front("standard_driver", rules, FAR, obstacles=someone, steps=80)[-1] < 40.0
     assert front("ignores_priority", rules, FAR, obstacles=someone, steps=80)[-1] > 45.0
 

@@ -15,21 +15,10 @@ from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 from scex_sumo.suites.drive import PEOPLE, Driven, drive
 from tests.decision.families import behind_slower, crossing, pairs, person, scene, street
+from tests.seeds import Straight
 
 FUTURES = 16
 SLOWER = behind_slower(12.0, 6.0, 10.0)
-
-
-class Straight:
-    """Goes straight on."""
-
-    def plan(
-        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
-    ) -> Plan:
-        now = history.now[vehicles.future, vehicles.vehicle]
-        way, whole = 0.1 * now.speed[:, None] * np.arange(1, 31), np.ones((len(vehicles), 30))
-        x, y = (v[:, None] + way * f(now.heading)[:, None] for v, f in ((now.x, np.cos), (now.y, np.sin)))
-        return Plan(x=x, y=y, heading=now.heading[:, None] * whole, speed=now.speed[:, None] * whole)
 
 
 class Drawing(Straight):

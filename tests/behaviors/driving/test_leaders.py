@@ -8,8 +8,9 @@ import pytest
 from scex_sumo.behaviors.driving.leaders import Leaders, everyone, find_leaders
 from scex_sumo.behaviors.driving.paths import BEHIND_M, seed_paths
 from scex_sumo.road import Road
-from scex_sumo.scene import Obstacles, States, VehicleIndex
+from scex_sumo.scene import Obstacles, VehicleIndex
 from tests.behaviors import roads
+from tests.seeds import people_of, standing, states_of, steady
 
 OWN = (100.0, 0.0, 0.0, 10.0)  # 4.5 m long, 1.8 m wide, on the lane's centreline
 DOWN = -np.pi / 2
@@ -68,17 +69,8 @@ def test_distance_is_measured_along_a_curved_path() -> None:
 
 
 def pedestrian(x: float, y: float, present: bool = True) -> Obstacles:
-    shape = (1, 11)
-    return Obstacles(
-        ids=("P1",),
-        types=("pedestrian/bicycle",),
-        length=np.array([0.5]),
-        width=np.array([0.5]),
-        states=States(
-            x=np.full(shape, x), y=np.full(shape, y), heading=np.full(shape, DOWN), speed=np.full(shape, 1.4)
-        ),
-        present=np.full(shape, present),
-    )
+    still = standing(states_of((x, y, DOWN, 1.4)))
+    return people_of(still, length=0.5, width=0.5, present=np.full((1, 11), present))
 
 
 def test_a_pedestrian_on_the_road_is_a_leader_while_present() -> None:
@@ -103,17 +95,8 @@ def test_in_a_roundabout_the_leader_is_where_it_is_this_lap(ahead: float) -> Non
 
 
 def test_obstacles_are_further_columns_seen_while_present() -> None:
-    shape = (2, 11)
-    walkers = Obstacles(
-        ids=("P1", "P2"),
-        types=("pedestrian/bicycle",) * 2,
-        length=np.array([0.5, 0.6]),
-        width=np.array([0.5, 0.6]),
-        states=States(
-            x=np.full(shape, 12.0), y=np.full(shape, 1.0), heading=np.zeros(shape), speed=np.zeros(shape)
-        ),
-        present=np.array([[True] * 11, [False] * 11]),
-    )
+    present, length = np.array([[True] * 11, [False] * 11]), np.array([0.5, 0.6])
+    walkers = people_of(steady(*((12.0, 1.0, 0.0, 0.0),) * 2), length=length, present=present)
     scene = roads.scene_of((10.0, 0.0, 0.0, 8.0), obstacles=walkers)
     all_of_them = everyone(roads.present(scene))
     assert all_of_them.states.x[0, 1] == 12.0 and all_of_them.states.y[0, 1] == 1.0

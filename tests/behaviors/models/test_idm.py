@@ -11,8 +11,9 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import MIN_PARAMETER
 from scex_sumo.behaviors.models.idm import IdmDriver, IdmProfile, idm_acceleration
 from scex_sumo.drivers.registry import entry_of
-from scex_sumo.scene import Obstacles, States
+from scex_sumo.scene import States
 from tests.behaviors import roads
+from tests.seeds import people_of, steady
 
 PROFILE = IdmProfile(
     comfort_deceleration=2.0, time_headway=1.5, minimum_gap=2.0, max_acceleration=1.5, path=0
@@ -41,10 +42,7 @@ def follow(*vehicles: roads.Vehicle, seconds: float = 3.0, profile: IdmProfile =
     """First vehicle an IDM driver, the others standing still or driving on at constant speed."""
     scene = roads.scene_of(*vehicles)
     made = roads.plan(IdmDriver(profile), roads.straight(), roads.present(scene))
-    steps = round(seconds * 10)
-    return States(
-        x=made.x[0, :steps], y=made.y[0, :steps], heading=made.heading[0, :steps], speed=made.speed[0, :steps]
-    )
+    return made[0, : round(seconds * 10)]
 
 
 def test_a_follower_in_equilibrium_stays_in_it_through_the_whole_plan() -> None:
@@ -65,18 +63,7 @@ def test_a_driver_stops_smoothly_behind_something_standing_and_never_reverses() 
 
 def one_against_standing(driver: IdmDriver, speed: float, gap: float, seconds: float) -> States:
     """Closed loop of one driver towards an obstacle that stands at x = 30 + gap: (steps,)."""
-    shape = (1, 11)
-    stands = States(
-        x=np.full(shape, 30.0 + gap), y=np.zeros(shape), heading=np.zeros(shape), speed=np.zeros(shape)
-    )
-    wall = Obstacles(
-        ids=("P1",),
-        types=("pedestrian/bicycle",),
-        length=np.array([4.5]),
-        width=np.array([1.8]),
-        states=stands,
-        present=np.ones(shape, dtype=bool),
-    )
+    wall = people_of(steady((30.0 + gap, 0.0, 0.0, 0.0)), length=4.5, width=1.8)
     scene = roads.scene_of((30.0, 0.0, 0.0, speed), obstacles=wall)
     return roads.closed_loop(driver, roads.straight(), scene, steps=round(seconds * 10), replan=5)[0, 0]
 

@@ -19,6 +19,7 @@ from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 from scex_sumo.evaluation.recordings import load_recording
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Lane, Road
+from tests.seeds import lane_along
 
 EAST, NORTH, WEST, SOUTH = 0.0, math.pi / 2, math.pi, -math.pi / 2
 
@@ -27,15 +28,7 @@ def lane(lane_id: int, heading: float, side_m: float) -> Lane:
     """A straight lane of 160 m and 3.5 m width through the crossing at 0, 0, to the right of the middle."""
     along = np.array([math.cos(heading), math.sin(heading)])
     left = np.array([-along[1], along[0]])
-    middle = np.linspace(-80.0, 80.0, 17)[:, None] * along - side_m * left
-    return Lane(
-        lane_id=lane_id,
-        centreline=middle,
-        left_bound=middle + 1.75 * left,
-        right_bound=middle - 1.75 * left,
-        width_m=3.5,
-        speed_limit_mps=13.9,
-    )
+    return lane_along(lane_id, np.linspace(-80.0, 80.0, 17)[:, None] * along - side_m * left)
 
 
 CROSSING = Road(

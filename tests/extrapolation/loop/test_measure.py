@@ -17,38 +17,17 @@ from scex_sumo.extrapolation.loop.rollout import Rollout
 from scex_sumo.extrapolation.writing import outcome_notes
 from scex_sumo.results.tables.outcomes import worst_table
 from scex_sumo.road import Road
-from scex_sumo.scene import SeedScene, States
-from tests.seeds import straight_seed
+from scex_sumo.scene import SeedScene
+from tests.seeds import going_on, seed_of, steady
 
-
-def going_on(scene: SeedScene, steps: int) -> States:
-    """(V, steps) every vehicle straight on at its speed, along its heading."""
-    now = scene.now
-    way = now.speed[:, None] * 0.1 * np.arange(1, steps + 1)
-    return States(
-        x=now.x[:, None] + way * np.cos(now.heading)[:, None],
-        y=now.y[:, None] + way * np.sin(now.heading)[:, None],
-        heading=np.repeat(now.heading[:, None], steps, axis=1),
-        speed=np.repeat(now.speed[:, None], steps, axis=1),
-    )
+NEXT_S = 0.1 * np.arange(1, 51)
 
 
 def crossing_seed() -> SeedScene:
     """One eastbound at 10 m/s, 42 m before the crossing; one northbound at 10 m/s, 45 m before it."""
-    times = np.arange(-10, 1) * 0.1
-    zero = np.zeros_like(times)
-    history = States(
-        x=np.stack([-42 + 10 * times, zero]),
-        y=np.stack([zero, -45 + 10 * times]),
-        heading=np.stack([zero, zero + np.pi / 2]),
-        speed=np.full((2, 11), 10.0),
-    )
-    scene = dataclasses.replace(straight_seed(), history=history)
-    future = going_on(scene, 50)
-    road = Road(name="empty", lanes={})
-    return dataclasses.replace(
-        scene, road=road, future=future, future_valid=np.ones(future.shape, dtype=bool)
-    )
+    history = steady((-42.0, 0.0, 0.0, 10.0), (0.0, -45.0, np.pi / 2, 10.0))
+    future = {"future": going_on(history[:, -1], NEXT_S), "future_valid": np.ones((2, 50), dtype=bool)}
+    return seed_of(history, track_ids=np.arange(2), road=Road(name="empty", lanes={}), **future)
 
 
 def test_futures_can_be_measured_for_as_long_as_their_vehicles_were_recorded() -> None:
@@ -76,8 +55,8 @@ def test_futures_can_be_measured_for_as_long_as_their_vehicles_were_recorded() -
 
 def test_the_worst_moment_is_named_by_its_frame() -> None:
     scene = crossing_seed()
-    states = going_on(scene, 30).swapaxes(0, 1)[None]
-    plan = going_on(scene, 50)
+    plan = going_on(scene.now, NEXT_S)
+    states = plan[:, :30].swapaxes(0, 1)[None]
     rollout = Rollout(
         futures=np.array([7]), states=states, plan_x=plan.x[None, None], plan_y=plan.y[None, None], replan=30
     )
@@ -107,26 +86,17 @@ def test_boxes_that_overlap_at_first_and_vehicles_that_leave_are_said() -> None:
 
 def test_a_car_that_hits_one_of_two_people_that_touched_is_no_consequence() -> None:
     """Two people come together 1 s before a car at 10 m/s reaches the first one, 20 m ahead."""
-    times = np.arange(-10, 1) * 0.1
-    zero = np.zeros_like(times)
-    history = States(
-        x=np.stack([10 * times, zero + 24.0, zero + 24.0]),
-        y=np.stack([zero, zero, 1.6 - times]),
-        heading=np.stack([zero, zero, zero - np.pi / 2]),
-        speed=np.stack([zero + 10.0, zero, zero + 1.0]),
-    )
-    scene = dataclasses.replace(
-        straight_seed(3),
-        history=history,
+    scene = seed_of(
+        steady((0.0, 0.0, 0.0, 10.0), (24.0, 0.0, 0.0, 0.0), (24.0, 1.6, -np.pi / 2, 1.0)),
         types=("car", "pedestrian", "pedestrian"),
         length=np.array([4.0, 0.6, 0.6]),
         width=np.array([2.0, 0.6, 0.6]),
         people=np.array([False, True, True]),
     )
-    plan = going_on(scene, 50)
+    plan = going_on(scene.now, NEXT_S)
     rollout = Rollout(
         futures=np.zeros(1, dtype=np.int64),
-        states=going_on(scene, 30).swapaxes(0, 1)[None],
+        states=plan[:, :30].swapaxes(0, 1)[None],
         plan_x=plan.x[None, None],
         plan_y=plan.y[None, None],
         replan=30,

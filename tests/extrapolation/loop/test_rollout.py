@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from scex_sumo.base.errors import ScexError
 from scex_sumo.extrapolation.loop.rollout import Batch, Replaced, roll_out
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
-from tests.seeds import straight_seed
+from tests.seeds import Straight, straight_seed
 
 ROAD = Road(name="empty", lanes={})
 
@@ -42,28 +42,7 @@ class PlainWorld:
         return self.states.map(np.copy)
 
 
-class Forward:
-    """Drives straight on at its present speed, and remembers what it saw."""
-
-    def __init__(self, change: Callable[[Plan], Plan] | None = None) -> None:
-        self.seen: list[SceneHistory] = []
-        self.change = change
-
-    def plan(
-        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
-    ) -> Plan:
-        self.seen.append(history)
-        now = history.now[vehicles.future, vehicles.vehicle]
-        ahead = now.speed[:, None] * 0.1 * np.arange(1, 31)
-
-        def keep(values: np.ndarray) -> np.ndarray:
-            return np.repeat(values[:, None], 30, axis=1)
-
-        plan = Plan(x=now.x[:, None] + ahead, y=keep(now.y), heading=keep(now.heading), speed=keep(now.speed))
-        return plan if self.change is None else self.change(plan)
-
-
-def cast_of(model: Forward, scene: SeedScene, futures: int, *, overridden: bool = True) -> Batch:
+def cast_of(model: Straight, scene: SeedScene, futures: int, *, overridden: bool = True) -> Batch:
     return Batch(
         futures=np.arange(futures),
         assignment=np.zeros((futures, scene.vehicles), dtype=np.int64),
@@ -77,7 +56,7 @@ def cast_of(model: Forward, scene: SeedScene, futures: int, *, overridden: bool 
 
 def test_models_see_eleven_states_ending_in_the_present() -> None:
     scene = straight_seed()
-    model = Forward()
+    model = Straight()
     roll_out(PlainWorld(scene.now.repeat(2)), ROAD, scene, cast_of(model, scene, 2), steps=10, replan=5)
     first, second = model.seen
     assert first.step == 0
@@ -91,7 +70,7 @@ def test_models_see_eleven_states_ending_in_the_present() -> None:
 )
 def test_plans_are_renewed_every_replan_steps(steps: int, replan: int, plans: int) -> None:
     scene = straight_seed()
-    model = Forward()
+    model = Straight()
     rollout = roll_out(
         PlainWorld(scene.now.repeat(1)), ROAD, scene, cast_of(model, scene, 1), steps=steps, replan=replan
     )
@@ -103,13 +82,13 @@ def test_plans_are_renewed_every_replan_steps(steps: int, replan: int, plans: in
 def test_vehicles_that_the_world_drives_are_not_moved() -> None:
     scene = straight_seed()
     world = PlainWorld(scene.now.repeat(1))
-    roll_out(world, ROAD, scene, cast_of(Forward(), scene, 1, overridden=False), steps=3, replan=5)
+    roll_out(world, ROAD, scene, cast_of(Straight(), scene, 1, overridden=False), steps=3, replan=5)
     assert not np.any(world.masks)
 
 
 def test_a_short_plan_is_an_error_that_names_the_model() -> None:
     scene = straight_seed()
-    short = Forward(lambda plan: Plan(x=plan.x[:, :9], y=plan.y, heading=plan.heading, speed=plan.speed))
+    short = Straight(lambda plan, _: Plan(x=plan.x[:, :9], y=plan.y, heading=plan.heading, speed=plan.speed))
     with pytest.raises(
         ScexError, match=r"behaviour model forward: plan.x has shape \(2, 9\), needs \(2, 30\)"
     ):
@@ -119,26 +98,31 @@ def test_a_short_plan_is_an_error_that_names_the_model() -> None:
 def test_a_plan_that_is_not_finite_is_an_error_with_the_count() -> None:
     scene = straight_seed()
 
-    def spoil(plan: Plan) -> Plan:
+    def spoil(plan: Plan, _: VehicleIndex) -> Plan:
         plan.speed[1, 7] = np.nan
         return plan
 
     with pytest.raises(ScexError, match=r"plan\.speed is not finite for 1 of 2 vehicles"):
         roll_out(
-            PlainWorld(scene.now.repeat(1)), ROAD, scene, cast_of(Forward(spoil), scene, 1), steps=3, replan=5
+            PlainWorld(scene.now.repeat(1)),
+            ROAD,
+            scene,
+            cast_of(Straight(spoil), scene, 1),
+            steps=3,
+            replan=5,
         )
 
 
 def test_plans_that_are_not_the_models_own_are_counted_with_future_vehicle_step_and_reason() -> None:
     scene = straight_seed()
 
-    def fall_back(plan: Plan) -> Plan:
+    def fall_back(plan: Plan, _: VehicleIndex) -> Plan:
         late = plan.x[:, 0] > 3.0  # the second plan, made at x = 5 m
         return dataclasses.replace(
             plan, fallback=late & (np.arange(len(late)) == 0), reasons=("lost",) * len(late)
         )
 
-    cast = dataclasses.replace(cast_of(Forward(fall_back), scene, 1), futures=np.array([7]))
+    cast = dataclasses.replace(cast_of(Straight(fall_back), scene, 1), futures=np.array([7]))
     rollout = roll_out(PlainWorld(scene.now.repeat(1)), ROAD, scene, cast, steps=10, replan=5)
     assert rollout.replaced == (Replaced(future=7, vehicle=0, step=5, reason="lost"),)
 
@@ -146,7 +130,7 @@ def test_plans_that_are_not_the_models_own_are_counted_with_future_vehicle_step_
 def test_no_model_can_change_what_the_others_see() -> None:
     scene = straight_seed()
 
-    class Careless(Forward):
+    class Careless(Straight):
         def plan(
             self,
             history: SceneHistory,

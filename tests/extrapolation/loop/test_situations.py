@@ -21,6 +21,7 @@ from scex_sumo.scene import Plan, SceneHistory, VehicleIndex
 from tests.behaviors import roads
 from tests.behaviors.test_batches import ROAD, SCENE, history
 from tests.learned import nets
+from tests.seeds import same_bytes
 
 OURS = [name for name, entry in known_entries().items() if entry.profile is not None and not entry.moves]
 NAMES = [*OURS, "sumo:EIDM", "constant_velocity:guard=true", "standard_driver:guard=true"]
@@ -60,8 +61,7 @@ def test_plans_are_the_same_to_the_bit(model: BatchBehavior, whole: SceneHistory
     some = everybody(whole)
     for vehicles in (some, VehicleIndex(future=some.future[::3], vehicle=some.vehicle[::3])):
         each, once = asked(model, whole, vehicles)
-        for key in ("x", "y", "heading", "speed"):
-            np.testing.assert_array_equal(getattr(once, key), getattr(each, key))
+        assert same_bytes(once, each)
         assert once.reasons == each.reasons
         assert (once.fallback is None) == (each.fallback is None)
         if each.fallback is not None:
@@ -84,8 +84,7 @@ def test_models_side_by_side_plan_what_each_plans_alone(whole: SceneHistory, tmp
     assert list(made) == [0, 1, 3, 4, 5, 6]
     for index, plan in made.items():
         alone = models[index].plan(whole, ROAD, groups[index], rng)
-        for key in ("x", "y", "heading", "speed"):
-            np.testing.assert_array_equal(getattr(plan, key), getattr(alone, key))
+        assert same_bytes(plan, alone)
 
 
 class Counting(ConstantVelocity):

@@ -9,21 +9,10 @@ import numpy as np
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable
 from scex_sumo.formats.samples.build import track_rows
 from scex_sumo.formats.samples.from_car import within_map
-from scex_sumo.road import Lane, Road
+from scex_sumo.road import Road
+from tests.seeds import lane_along
 
-ROAD = Road(
-    name="street",
-    lanes={
-        1: Lane(
-            lane_id=1,
-            centreline=np.array([[0.0, 0.0], [100.0, 0.0]]),
-            left_bound=np.array([[0.0, 2.0], [100.0, 2.0]]),
-            right_bound=np.array([[0.0, -2.0], [100.0, -2.0]]),
-            width_m=4.0,
-            speed_limit_mps=14.0,
-        )
-    },
-)
+ROAD = Road(name="street", lanes={1: lane_along(1, [(0, 0), (100, 0)], width=4.0)})
 
 
 def rows_of(*tracks: tuple[str, np.ndarray, np.ndarray]) -> TrackRows:  # type: ignore[type-arg]

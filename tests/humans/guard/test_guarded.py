@@ -25,6 +25,7 @@ from scex_sumo.plug_in.fallback import Fallible
 from scex_sumo.road import Road
 from scex_sumo.scene import Obstacles, Plan, SceneHistory, SeedScene, States, VehicleIndex
 from tests.behaviors import roads
+from tests.seeds import people_of, same_bytes, steady
 
 HUMAN = human_parameters()
 GENTLE = 3.5  # m/s²
@@ -105,7 +106,7 @@ def test_a_car_in_the_next_lane_and_one_behind_hold_nobody_back() -> None:
     history = roads.present(scene)
     first = VehicleIndex(future=np.array([0]), vehicle=np.array([0]))
     made, raw = roads.plan(GUARDED, two, history, first), roads.plan(STEADY, two, history, first)
-    assert all(np.array_equal(getattr(made, k), getattr(raw, k)) for k in ("x", "y", "heading", "speed"))
+    assert same_bytes(made, raw)
 
 
 @pytest.mark.parametrize("ahead", [0.0, 1.0, -1.0, 3.0, -3.0, 8.0, -8.0])
@@ -179,29 +180,15 @@ def test_two_lanes_that_become_one_are_left_one_behind_the_other() -> None:
 
 
 def test_a_pedestrian_on_the_way_is_stopped_for() -> None:
-    steps = np.arange(120)
-    walk = States(
-        x=np.full((1, 120), 100.0),
-        y=(-8.0 + 0.12 * steps)[None],
-        heading=np.full((1, 120), NORTH),
-        speed=np.full((1, 120), 1.2),
-    )
-    walker = Obstacles(
-        ids=("P1",),
-        types=("pedestrian/bicycle",),
-        length=np.array([0.6]),
-        width=np.array([0.6]),
-        states=walk,
-        present=np.ones((1, 120), dtype=bool),
-    )
-    scene = roads.scene_of((50.0, 0.0, 0.0, 9.0), obstacles=walker)
+    walk = steady((100.0, -8.0, NORTH, 1.2), time_s=0.1 * np.arange(120))
+    scene = roads.scene_of((50.0, 0.0, 0.0, 9.0), obstacles=people_of(walk))
     history = roads.present(scene)
     nearest = []
     for step in range(100):
         now = walk[:, min(10 + step, 119)]
         if step % 5 == 0:
             made = roads.plan(GUARDED, roads.straight(), history)
-        state = States(**{k: getattr(made, k)[:, step % 5][None] for k in ("x", "y", "heading", "speed")})
+        state = made[None, :, step % 5]
         states = States.concatenate([history.states[:, :, 1:], state[:, :, None]], axis=2)
         history = replace(history, states=states, step=step + 1)
         inside = abs(float(now.y[0])) < 1.2
