@@ -11,14 +11,14 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import TrackError, one_line
 from scex_sumo.converters.cleaning.repair import repair_tracks
 from scex_sumo.converters.datasets.recordings import read_clean
 from scex_sumo.converters.tracks.check import check_values
+from scex_sumo.converters.tracks.reader import tracks_of
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
-from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
-from scex_sumo.scene import LOGGED_HISTORY, STEP_S
+from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.scene import LOGGED_HISTORY
 
 MAX_SIZE_M = 1e4
 
@@ -74,57 +74,35 @@ def read_parquet(path: Path, *, arrivals: bool = False) -> TrackTable:
             raise TrackError(f"{path}: column {name}: {one_line(error)[:120]}; repair it") from None
         if column.null_count or (not words and not np.isfinite(column.to_numpy()).all()):
             raise TrackError(f"{path}: column {name} has missing values; fill or drop those rows")
-        columns[name] = column.to_numpy(zero_copy_only=False)
+        if words:
+            encoded = column.dictionary_encode()
+            columns[name] = np.asarray(encoded.indices, np.int64), encoded.dictionary.to_pylist()
+            continue
+        columns[name] = column.to_numpy()
         largest = {"frame_id": 1e15, "length": MAX_SIZE_M, "width": MAX_SIZE_M}.get(name)
         if largest is not None and np.abs(columns[name]).max(initial=0.0) > largest:
             raise TrackError(f"{path}: column {name} has values beyond {largest:g}; repair them")
     if not table.num_rows:
         raise TrackError(f"{path}: no rows; give a file with tracks")
-    types, kind = np.unique(np.char.lower(columns["agent_type"].astype(str)), return_inverse=True)
-    is_vehicle = np.isin(types, list(MOTOR_TYPES))[kind]
+    kind, types = columns["agent_type"]
+    is_vehicle = np.isin([name.lower() for name in types], list(MOTOR_TYPES))[kind]
     for name in ("length", "width"):
         if (columns[name][is_vehicle] <= 0.0).any():
             raise TrackError(f"{path}: {name} of a vehicle is not above 0 m; repair it")
-    case_of = table["case_id"].combine_chunks()
-    cases, case = np.unique(case_of.to_numpy(zero_copy_only=False), return_inverse=True)
-    names, name_of = np.unique(columns["track_id"].astype(str), return_inverse=True)
-    for name in names[np.unique(name_of[is_vehicle])].tolist():
+    ids, names = columns["track_id"]
+    for name in (names[k] for k in np.unique(ids[is_vehicle])):
         if not re.fullmatch(r"-?\d{1,18}(\.0*)?", name):
             raise TrackError(
                 f"{path}: track_id {name[:24]!r} of a vehicle is not an integer; number the vehicles"
             )
-
-    def rows(keep: BoolArray) -> TrackRows:
-        order = np.lexsort((columns["timestamp_ms"], name_of, case))
-        order = order[keep[order]]
-        ids, at = name_of[order], case[order]
-        first = np.ones(len(order), dtype=bool)
-        first[1:] = (np.diff(ids) != 0) | (np.diff(at) != 0)
-        track = (np.cumsum(first) - 1).astype(np.int64)
-        flat = {name: columns[name][order] for name in floats}
-        return TrackRows(
-            case=at.astype(np.int64),
-            track=track,
-            segment=segments_of(track, flat["timestamp_ms"]),
-            labels=tuple(names[ids[first]].tolist()),
-            types=tuple(types[kind[order][first]].tolist()),
-            frame_id=columns["frame_id"][order].astype(np.int64),
-            **flat,
-        )
-
-    vehicles = rows(is_vehicle)
-    stamps = np.diff(vehicles.timestamp_ms)[np.diff(vehicles.track) == 0]
+    columns["agent_type"] = kind, [name.lower() for name in types]
+    tracks = tracks_of(path, [(columns, [])])
+    stamps = np.diff(tracks.vehicles.timestamp_ms)[np.diff(tracks.vehicles.track) == 0]
     if (stamps <= 0.0).any():
         raise TrackError(f"{path}: {int((stamps <= 0.0).sum())} rows at a time that their track already has")
-    step_s = float(np.median(stamps)) / 1000 if len(stamps) else STEP_S
-    if step_s < 1e-3:
-        raise TrackError(f"{path}: stamps rise by {step_s * 1000:g} ms, needs at least 1; give them in ms")
-    tracks = TrackTable(
-        path=path,
-        cases=tuple(str(name) for name in cases.tolist()),
-        vehicles=vehicles,
-        others=rows(~is_vehicle),
-        step_s=step_s,
-    )
+    if tracks.step_s < 1e-3:
+        raise TrackError(
+            f"{path}: stamps rise by {tracks.step_s * 1000:g} ms, needs at least 1; give them in ms"
+        )
     check_values(tracks)
     return tracks

@@ -25,6 +25,7 @@ from scex_sumo.learned.network.architecture import TOKEN_STEPS
 from scex_sumo.learned.network.networks import Tokens
 from scex_sumo.learned.profiles import JointPredictorProfile
 from scex_sumo.road import Road
+from scex_sumo.roads.conflicts import runs
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, SeedScene, States, VehicleIndex
 
 SAFE_MPS2 = 9.0  # braking with which a vehicle can still stop behind its leader, which brakes as hard
@@ -300,19 +301,12 @@ def _conflicts(paths: SeedPaths) -> _Conflicts:
         near = np.hypot(x[a][:, None] - x[b], y[a][:, None] - y[b]) < CLEARANCE_M
         if not near.any():
             continue
-        begin, end = np.array([_first_run(near.any(axis=1)), _first_run(near.any(axis=0))]).T
+        begin, last = np.array([runs(near.any(axis=1))[0], runs(near.any(axis=0))[0]]).T
         if begin.min() > 0:
-            span = np.column_stack([s[begin], np.full(2, np.inf) if end.max() == n else s[end]])
+            span = np.column_stack([s[begin], np.full(2, np.inf) if last.max() == n - 1 else s[last + 1]])
             conflicts += [((a, b), span), ((b, a), span[::-1])]
     rows = np.array([pair for pair, _ in conflicts], dtype=np.int64).reshape(-1, 2)
     return _Conflicts(owner[rows], rows, np.array([span for _, span in conflicts]).reshape(-1, 2, 2))
-
-
-def _first_run(near: BoolArray) -> tuple[int, int]:
-    """Return where the first run of true values begins and ends."""
-    begin = int(near.argmax())
-    free = np.flatnonzero(~near[begin:])
-    return begin, begin + int(free[0]) if len(free) else len(near)
 
 
 def _crossing(history: SceneHistory, paths: SeedPaths, row: IntArray, arc_length: FloatArray) -> _Pairs:

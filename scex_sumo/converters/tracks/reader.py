@@ -5,7 +5,7 @@ from __future__ import annotations
 import gzip
 import re
 import zlib
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +55,15 @@ def read_tracks(
     beside = path.parent / path.name.replace(*walkers)
     if beside != path and beside.is_file():
         files.append(beside)
-    read = [read_columns(file, shapes=not file.name.startswith(walkers[1])) for file in files]
+    return tracks_of(
+        path, [read_columns(file, shapes=not file.name.startswith(walkers[1])) for file in files], vehicles
+    )
+
+
+def tracks_of(
+    path: Path, read: Sequence[tuple[dict[str, Any], list[str]]], vehicles: Collection[str] | None = None
+) -> TrackTable:
+    """Return the tracks of parts of a recording, as of `read_columns`; ``vehicles`` as of `read_tracks`."""
     columns, cases, labels, types = _merge([part for part, _ in read])
     counts = np.zeros((len(labels), len(types)), np.int64)
     np.add.at(counts, (columns["track"], columns["agent_type"]), 1)

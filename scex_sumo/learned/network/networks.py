@@ -27,33 +27,39 @@ from scex_sumo.learned.network.layers import Linear, Mlp, Scaler, State, relu
 from scex_sumo.scene import STEP_S
 
 
-class GraphNet:
-    """Network from scene graph, history and path ahead to modes along the path."""
+class PairEncoder:
+    """Encoder of pairs of a vehicle and a path, from scene graph, history and path ahead."""
 
     def __init__(self, state: State, sizes: Architecture) -> None:
         self.sizes, self.scene = sizes, SceneEncoder(state, sizes)
         self.path_scale, self.path = Scaler(state, "path_scale"), Mlp(state, "path")
+
+    def pairs(self, graph: SceneGraph, node: IntArray, features: FloatArray) -> FloatArray:
+        """Return (n, inner) of n pairs of a node and scaled features of its path."""
+        return np.concatenate([self.scene(graph, node), relu(self.path(features))], axis=1)
+
+
+class GraphNet(PairEncoder):
+    """Network from pairs to modes along the path."""
+
+    def __init__(self, state: State, sizes: Architecture) -> None:
+        super().__init__(state, sizes)
         self.head = PlanHead(state, sizes.modes)
 
     def __call__(self, graph: SceneGraph, path: PathInputs) -> Modes:
         """Return modes of n pairs of a vehicle and a path."""
-        way = relu(self.path(self.path_scale(path.features)))
-        return self.head(np.concatenate([self.scene(graph, path.node), way], axis=1), path.features)
+        return self.head(self.pairs(graph, path.node, self.path_scale(path.features)), path.features)
 
 
-class GraphImageNet:
+class GraphImageNet(PairEncoder):
     """Network from scene graph and road image, weighed by the user: [w·g ; (1-w)·m].
 
     m sees the road image, the path ahead and the vehicle's motion, but no other vehicle.
     """
 
     def __init__(self, state: State, sizes: Architecture) -> None:
-        self.sizes, self.scene, self.image = sizes, SceneEncoder(state, sizes), ImageEncoder(state)
-        self.path_scale, self.path, self.own = (
-            Scaler(state, "path_scale"),
-            Mlp(state, "path"),
-            Mlp(state, "own"),
-        )
+        super().__init__(state, sizes)
+        self.image, self.own = ImageEncoder(state), Mlp(state, "own")
         self.graph_branch, self.image_branch = Mlp(state, "graph_branch"), Mlp(state, "image_branch")
         self.head = PlanHead(state, sizes.modes)
 
@@ -76,26 +82,24 @@ class GraphImageNet:
             attention: w in [0, 1]; 1 uses the graph alone.
         """
         features = self.path_scale(path.features)
-        way, own = relu(self.path(features)), relu(self.own(features[:, : -len(LEADER_COLUMNS)]))
-        g = relu(self.graph_branch(np.concatenate([self.scene(graph, path.node), way], axis=1)))
+        own = relu(self.own(features[:, : -len(LEADER_COLUMNS)]))
+        g = relu(self.graph_branch(self.pairs(graph, path.node, features)))
         m = relu(self.image_branch(np.concatenate([self.image(image, pose)[place], own], axis=1)))
         both = np.concatenate([attention * g, (1 - attention) * m], axis=1)
         return self.head(both, path.features, free=free and self.sizes.free)
 
 
-class JointNet:
-    """Network from scene graph, history and path ahead to the motion of the next 0.5 s."""
+class JointNet(PairEncoder):
+    """Network from pairs to the motion of the next 0.5 s."""
 
     def __init__(self, state: State, sizes: Architecture) -> None:
-        self.sizes, self.scene = sizes, SceneEncoder(state, sizes)
-        self.path_scale, self.path = Scaler(state, "path_scale"), Mlp(state, "path")
+        super().__init__(state, sizes)
         self.body, self.choice = Mlp(state, "head.body"), Linear(state, "head.choice")
         self.acceleration, self.sideways = state["head.acceleration"], state["head.sideways"]
 
     def __call__(self, graph: SceneGraph, path: PathInputs) -> Tokens:
         """Return tokens of n pairs of a vehicle and a path."""
-        way = relu(self.path(self.path_scale(path.features)))
-        h = relu(self.body(np.concatenate([self.scene(graph, path.node), way], axis=1)))
+        h = relu(self.body(self.pairs(graph, path.node, self.path_scale(path.features))))
         choice = self.choice(h)
         return Tokens(choice[:, :-1], choice[:, -1], self.acceleration, self.sideways)
 

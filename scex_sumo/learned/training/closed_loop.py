@@ -12,17 +12,16 @@ import numpy as np
 from scex_sumo.behaviors.base import PLAN_STEPS, BatchBehavior
 from scex_sumo.converters.registries import Recording
 from scex_sumo.drivers.registry import ModelSpec, build
-from scex_sumo.evaluation.recordings import load_recording
 from scex_sumo.extrapolation.loop.rollout import Batch, roll_out
 from scex_sumo.learned.network.weights import MODELS
 from scex_sumo.learned.training.data.dataset import (
     Dataset,
     SampleOptions,
+    loaded_sites,
     map_shift,
-    moments_apart,
     part_scenes,
 )
-from scex_sumo.learned.training.data.perturb import Perturbation, add_obstacles, perturbed
+from scex_sumo.learned.training.data.perturb import add_obstacles, perturbed
 from scex_sumo.learned.training.data.samples import TrainingSamples, learnable, scene_samples
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
@@ -48,15 +47,14 @@ def closed_loop(
         rng, parts = np.random.default_rng([options.seed, number, 1]), list[TrainingSamples]()
         spec = ModelSpec(name=MODELS[options.kind], parameters={"path": "likeliest", "weights": str(file)})
         model = build(spec)
-        for index, site in enumerate(dataset.sites):
-            loaded = [load_recording(recording) for recording in recordings if recording.site == site]
-            every_s = max(EVERY_S, moments_apart(loaded, MOMENTS))
+        for index, (_, loaded, apart_s) in enumerate(loaded_sites(recordings, MOMENTS)):
+            every_s = max(EVERY_S, apart_s)
             parted = (part_scenes(one, "train", split=sampling.split, every_s=every_s) for one in loaded)
             here = [scene for scenes in parted for scene in scenes]
             for k in sorted(rng.permutation(len(here))[:MAX_SCENES].tolist()):
                 road = here[k].road
                 assert road is not None
-                samples = drifted_samples(here[k], road, model, sampling.perturbation, rng, replan)
+                samples = drifted_samples(here[k], road, model, rng, replan)
                 shift = map_shift(dataset.roads[index], road)
                 parts += [each.at(index, shift) for each in samples]
         return TrainingSamples.concatenate(parts) if parts else None
@@ -65,15 +63,10 @@ def closed_loop(
 
 
 def drifted_samples(
-    scene: SeedScene,
-    road: Road,
-    model: BatchBehavior,
-    perturbation: Perturbation,
-    rng: np.random.Generator,
-    replan: int,
+    scene: SeedScene, road: Road, model: BatchBehavior, rng: np.random.Generator, replan: int
 ) -> list[TrainingSamples]:
     """Make samples where a driver drifts to; targets are the way back, or a stop behind standing vehicles."""
-    off = replace(scene, history=perturbed(scene.history, perturbation, rng))
+    off = replace(scene, history=perturbed(scene.history, rng))
     stop = add_obstacles(scene, road, learnable(scene, max(DRIFT_STEPS)), rng)
     drifted = []
     for start, blocked in [(off, None), *([] if stop is None else [stop])]:

@@ -181,8 +181,7 @@ def _train(run: Trainer) -> None:
     sites = run.dataset.sites
     print(
         f"{len(run.dataset.train)} scenes to train on, {len(run.dataset.validation)} for validation, of "
-        f"{len(sites)} sites; validation: mean/final error after 3 s and best of six, m, for "
-        + ", ".join(sites),
+        f"{len(sites)} sites; validation: mean and final error over 3 s, m, for " + ", ".join(sites),
         file=sys.stderr,
     )
 
@@ -206,10 +205,7 @@ def _finish(run: Trainer, out: Path, command: str) -> None:
     run.mean.load_state_dict(run.best)
     score = score_network(run.predict_mean, run.validation, run.options.weights)
     sites = run.dataset.sites
-    figures = {
-        sites[s]: {"ade_m": score.ade[s], "fde_m": score.fde[s], "best_of_6_m": score.best[s]}
-        for s in score.ade
-    }
+    figures = {sites[s]: {"ade_m": score.ade[s], "fde_m": score.fde[s]} for s in score.ade}
     meta = {
         "command": command,
         "sites": list(sites),
@@ -222,4 +218,4 @@ def _finish(run: Trainer, out: Path, command: str) -> None:
     save_net(out, run.finished(), meta)
     print(f"{out}: {run.options.kind}, epoch {run.best_epoch}, {run.seconds:.0f} s")
     for site, errors in figures.items():
-        print("  {}: ADE {:.2f} m, FDE {:.2f} m, best of six {:.2f} m".format(site, *errors.values()))
+        print("  {}: ADE {:.2f} m, FDE {:.2f} m".format(site, *errors.values()))

@@ -11,11 +11,10 @@ from torch import Tensor
 from torch.nn.functional import log_softmax, relu
 
 from scex_sumo.learned.training.data.batches import Batch, Batches
-from scex_sumo.learned.training.networks.graph import ModeTensors, TokenTensors, likely_modes, token_errors
+from scex_sumo.learned.training.networks.graph import ModeTensors, TokenTensors, expected_mode, token_errors
 from scex_sumo.scene import STEP_S
 
 Predict = Callable[[Batch], ModeTensors | TokenTensors]
-GUESSES = 6
 NODES = 2000  # per batch, about
 
 
@@ -107,20 +106,14 @@ def _mode_entropy(logits: Tensor, off: Tensor, weights: LossWeights) -> Tensor:
 
 def _path_entropy(logit: Tensor, batch: Batch) -> Tensor:
     node = batch.path.node
-    each, every = _weights_of_paths(logit, node)
-    right = torch.zeros_like(every).index_add(0, node, each * batch.right)
+    highest = logit.new_full((int(node.max()) + 1 if len(node) else 0,), -torch.inf)
+    highest = highest.scatter_reduce(0, node, logit.detach(), "amax")
+    each = torch.exp(logit - highest[node])  # 1 of a vehicle's likeliest path
+    every, right = (torch.zeros_like(highest).index_add(0, node, part) for part in (each, each * batch.right))
     weight = torch.zeros_like(every).index_add(0, node, batch.share.to(every.dtype))
     known = weight > 0
     entropy = torch.log(every[known]) - torch.log(right[known].clamp(min=1e-6))
     return (entropy * weight[known]).sum() / weight[known].sum().clamp(min=1e-6)
-
-
-def _weights_of_paths(logit: Tensor, node: Tensor) -> tuple[Tensor, Tensor]:
-    """Return (n,) weights of paths, 1 of a vehicle's likeliest, and their sums by vehicle."""
-    highest = logit.new_full((int(node.max()) + 1 if len(node) else 0,), -torch.inf)
-    highest = highest.scatter_reduce(0, node, logit.detach(), "amax")
-    each = torch.exp(logit - highest[node])
-    return each, torch.zeros_like(highest).index_add(0, node, each)
 
 
 def _roughness(modes: ModeTensors, weights: LossWeights) -> Tensor:
@@ -134,16 +127,15 @@ def _roughness(modes: ModeTensors, weights: LossWeights) -> Tensor:
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """Errors over the vehicles of some samples, in m and by site."""
+    """Errors of the expected mode on the likeliest path over the vehicles of some samples, in m, by site."""
 
     loss: float  # mean over batches, weighted as in training
-    ade: dict[int, float]  # mean distance over 3 s of the expected mode on the likeliest path
-    fde: dict[int, float]  # its distance after 3 s
-    best: dict[int, float]  # after 3 s, of the best of the six likeliest combinations of path and mode
+    ade: dict[int, float]  # mean distance over 3 s
+    fde: dict[int, float]  # distance after 3 s
 
     def __str__(self) -> str:
-        """ADE/FDE/best of six by site."""
-        return "  ".join(f"{self.ade[s]:.2f}/{self.fde[s]:.2f}/{self.best[s]:.2f}" for s in self.ade)
+        """ADE/FDE by site."""
+        return "  ".join(f"{self.ade[s]:.2f}/{self.fde[s]:.2f}" for s in self.ade)
 
 
 @torch.no_grad()
@@ -161,42 +153,21 @@ def score_network(predict: Predict, batches: Batches, weights: LossWeights) -> S
         total += share * float(loss(modes, batch, weights)[0])
         count += share
         if isinstance(modes, TokenTensors):
-            modes = likely_modes(modes, batch.start[:, 1], GUESSES)
+            modes = expected_mode(modes, batch.start[:, 1])
         rows.append(_vehicles(modes, batch).cpu())
     every = torch.cat(rows).numpy()
     by_site = {int(s): every[every[:, 0] == s] for s in np.unique(every[:, 0])}
-    ade, fde, best = ({s: float(v[:, k].mean()) for s, v in by_site.items()} for k in (1, 2, 3))
-    return Score(loss=total / max(count, 1e-9), ade=ade, fde=fde, best=best)
+    ade, fde = ({s: float(v[:, k].mean()) for s, v in by_site.items()} for k in (1, 2))
+    return Score(loss=total / max(count, 1e-9), ade=ade, fde=fde)
 
 
 def _vehicles(modes: ModeTensors, batch: Batch) -> Tensor:
-    off = _distances(modes, batch)
-    node, ends = batch.path.node, off[..., -1]
+    travelled_m = displacement(batch.start[:, 0], modes.acceleration[:, :1])[:, 0]
+    off = torch.hypot(travelled_m - batch.s, modes.offset[:, 0] - batch.d)
+    node = batch.path.node
     # Sorted by vehicle, then by falling logit: the first of each vehicle is its likeliest path.
     order = torch.argsort(modes.path_logit, descending=True, stable=True)
     order = order[torch.argsort(node[order], stable=True)]
     owner = node[order]
-    first = torch.cat([owner.new_ones(1), torch.diff(owner)]) > 0
-    top = order[first]
-    best = _best(modes, node, ends)[node[top]]
-    return torch.stack([batch.site[top].float(), off[top, 0].mean(1), ends[top, 0], best], 1)
-
-
-def _distances(modes: ModeTensors, batch: Batch) -> Tensor:
-    travelled_m = displacement(batch.start[:, 0], modes.acceleration)
-    return torch.hypot(travelled_m - batch.s[:, None], modes.offset - batch.d[:, None])
-
-
-def _best(modes: ModeTensors, node: Tensor, ends: Tensor) -> Tensor:
-    each, every = _weights_of_paths(modes.path_logit, node)
-    likely = torch.softmax(modes.logits, 1) * (each / every[node])[:, None]
-    owner = node[:, None].expand_as(likely).reshape(-1)
-    # By vehicle, then by falling probability.
-    order = torch.argsort(likely.reshape(-1), descending=True, stable=True)
-    order = order[torch.argsort(owner[order], stable=True)]
-    owner = owner[order]
-    first = torch.searchsorted(owner.contiguous(), owner.contiguous())
-    rank = torch.arange(len(owner), device=node.device) - first
-    kept = order[rank < GUESSES]
-    best = torch.full_like(every, torch.inf)
-    return best.scatter_reduce(0, owner[rank < GUESSES], ends.reshape(-1)[kept], "amin")
+    top = order[torch.cat([owner.new_ones(1), torch.diff(owner)]) > 0]
+    return torch.stack([batch.site[top].float(), off[top].mean(1), off[top, -1]], 1)

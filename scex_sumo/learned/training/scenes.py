@@ -18,7 +18,6 @@ from torch import Tensor, nn
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
 from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.registries import Recording
-from scex_sumo.evaluation.recordings import load_recording
 from scex_sumo.evaluation.split import Part, Split
 from scex_sumo.generators.scene_context import (
     COLUMNS,
@@ -31,7 +30,7 @@ from scex_sumo.generators.scene_context import (
     placed_on_lanes,
 )
 from scex_sumo.generators.scene_model import DRAWN, KINDS, MOTION, SceneModel, pace_terms, usual_pace
-from scex_sumo.learned.training.data.dataset import moments_apart, part_scenes
+from scex_sumo.learned.training.data.dataset import loaded_sites, part_scenes
 from scex_sumo.scene import SeedScene
 
 ATOM = 0.03  # a value of a quantity with a larger share has a bin of its own
@@ -282,9 +281,7 @@ def train_scenes(
     known: dict[str, list[FloatArray]] = {}
     needs: dict[str, list[FloatArray]] = {}
     of_maps: dict[Path, dict[tuple[str, Part], list[SeedScene]]] = {}
-    for site in sites:
-        here = [load_recording(recording) for recording in recordings if recording.site == site]
-        every_s = moments_apart(here, moments)
+    for site, here, every_s in loaded_sites(recordings, moments):
         for loaded, part in itertools.product(here, parts):
             if scenes := part_scenes(loaded, part, split=split, every_s=every_s):
                 of_map = of_maps.setdefault(loaded.recording.map_path, {})

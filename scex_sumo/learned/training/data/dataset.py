@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from itertools import count
@@ -23,7 +23,7 @@ from scex_sumo.evaluation.recordings import LoadedRecording, load_recording, rec
 from scex_sumo.evaluation.split import Part, Split, split_moments
 from scex_sumo.generators.synthetic import simulated_scenes
 from scex_sumo.lanelet2sumo.convert import converted
-from scex_sumo.learned.training.data.perturb import Perturbation, add_obstacles, measured, perturbed
+from scex_sumo.learned.training.data.perturb import add_obstacles, measured, perturbed
 from scex_sumo.learned.training.data.samples import TrainingSamples, learnable, scene_samples
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SeedScene, States
@@ -40,9 +40,7 @@ class SampleOptions:
     moments: int = 800  # of a site, evenly spread over its recordings, but `MIN_APART_S` apart
     copies: int = 2  # perturbed copies of each training scene
     stops: int = 3  # further copies with standing vehicles in the way
-    perturbation: Perturbation = field(default_factory=lambda: Perturbation(speed_mps=0.7))  # in both
     split: Split = field(default_factory=Split)  # of the recordings' time
-    seed: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,9 +75,7 @@ def make_dataset(
     parts: dict[Part, list[TrainingSamples]] = {"train": [], "validation": []}
     digest, total = hashlib.sha256(), len(recordings) + len(maps)
     done, told = count(), tick or (lambda done, total: None)
-    for number, site in enumerate(sites):
-        here = [load_recording(recording) for recording in recordings if recording.site == site]
-        every_s = moments_apart(here, options.moments)
+    for number, (site, here, every_s) in enumerate(loaded_sites(recordings, options.moments)):
         for loaded in here:
             told(next(done), total)
             recording = loaded.recording
@@ -125,6 +121,15 @@ def map_shift(road: Road, other: Road) -> FloatArray:
     if not np.isfinite(shift).all() or np.abs(every - shift).max() > SAME_MAP_M:
         raise MapError(f"{other.name}: another map than that of its site, {road.name}; train them separately")
     return np.asarray(shift)
+
+
+def loaded_sites(
+    recordings: Sequence[Recording], moments: int
+) -> Iterator[tuple[str, list[LoadedRecording], float]]:
+    """Yield each site, its recordings, and the time between two of its moments, s; see `moments_apart`."""
+    for site in sorted({recording.site for recording in recordings}):
+        here = [load_recording(recording) for recording in recordings if recording.site == site]
+        yield site, here, moments_apart(here, moments)
 
 
 def moments_apart(here: Sequence[LoadedRecording], moments: int) -> float:
@@ -191,20 +196,19 @@ def _samples(
     scenes: Sequence[SeedScene], road: Road, name: str, options: SampleOptions, *, noisy: bool = False
 ) -> TrainingSamples | None:
     """Make samples of scenes; ``noisy`` ones are seen as if they were measured, in all copies."""
-    rng = np.random.default_rng([options.seed, zlib.crc32(name.encode())])
+    rng = np.random.default_rng([0, zlib.crc32(name.encode())])
     exact = 0 if noisy else 1  # the first one, which is as recorded
     parts = []
     for scene in scenes:
-        put_off = [perturbed(scene.history, options.perturbation, rng) for _ in range(options.copies)]
-        whole = [scene.history, *put_off]
-        seen = [*whole[:exact], *(measured(states, options.perturbation, rng) for states in whole[exact:])]
+        whole = [scene.history, *(perturbed(scene.history, rng) for _ in range(options.copies))]
+        seen = [*whole[:exact], *(measured(states, rng) for states in whole[exact:])]
         parts.append(scene_samples(scene, road, States.stack(whole, 0), seen=States.stack(seen, 0)))
         for _ in range(options.stops):
             stop = add_obstacles(scene, road, learnable(scene), rng)
             if stop is None:
                 break
             now = stop[0].history
-            seen_now = measured(now, options.perturbation, rng).repeat(1)
+            seen_now = measured(now, rng).repeat(1)
             parts.append(scene_samples(stop[0], road, now.repeat(1), seen=seen_now, blocked=stop[1]))
     some = [part for part in parts if part is not None]
     return TrainingSamples.concatenate(some) if some else None

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
@@ -17,6 +15,9 @@ from scex_sumo.results.participants import joined
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Obstacles, SceneHistory, SeedScene, States, VehicleIndex
 
+ASIDE_M, TURN_RAD = 0.7, float(np.deg2rad(5.0))  # of vehicles that are put off, to both sides
+MOVED = 1.0  # share of the vehicles of a copy that are put off
+SPEED_MPS = 0.7  # standard deviation of the errors of `measured`, for half of the vehicles
 # Errors of NGSIM's tracks against a smooth motion: speeds of one track have similar errors for so long.
 ALIKE_S = 0.15
 CALM_MPS = 3.0  # below, errors shrink with the speed
@@ -36,26 +37,15 @@ STOPPING = IdmParameters(
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Perturbation:
-    """Size of the perturbations, uniform up to both sides."""
-
-    lateral_m: float = 0.7
-    heading_rad: float = float(np.deg2rad(5.0))
-    share: float = 1.0  # of the vehicles of a copy that are moved
-    speed_mps: float = 0.0  # standard deviation of the errors of `measured`, for half of the vehicles
-
-
-def perturbed(history: States, perturbation: Perturbation, rng: np.random.Generator) -> States:
+def perturbed(history: States, rng: np.random.Generator) -> States:
     """Move vehicles (V, T) sideways and turn them, with their past; speeds stay."""
     count = history.shape[0]
-    off = rng.random(count) < perturbation.share
-    lateral = off * rng.uniform(-perturbation.lateral_m, perturbation.lateral_m, count)
-    turn = off * rng.uniform(-perturbation.heading_rad, perturbation.heading_rad, count)
-    return moved(history, lateral, turn)
+    off = rng.random(count) < MOVED
+    lateral = off * rng.uniform(-ASIDE_M, ASIDE_M, count)
+    return moved(history, lateral, off * rng.uniform(-TURN_RAD, TURN_RAD, count))
 
 
-def measured(history: States, perturbation: Perturbation, rng: np.random.Generator) -> States:
+def measured(history: States, rng: np.random.Generator) -> States:
     """Return states (V, T) of a worse tracker: half of the vehicles have a smooth error along their way."""
     count, steps = history.shape
     reach = 4  # steps, almost three times `ALIKE_S`
@@ -66,7 +56,7 @@ def measured(history: States, perturbation: Perturbation, rng: np.random.Generat
     smooth = np.lib.stride_tricks.sliding_window_view(white, 2 * reach + 1, axis=1) @ kernel
     # The error of the speed is the slope of the place's.
     slope = np.diff(smooth, axis=1) / STEP_S
-    size = np.where(rng.random(count) < 0.5, 0.0, perturbation.speed_mps * np.abs(rng.standard_normal(count)))
+    size = np.where(rng.random(count) < 0.5, 0.0, SPEED_MPS * np.abs(rng.standard_normal(count)))
     calm = np.minimum(history.speed.mean(axis=1) / CALM_MPS, 1.0)
     unit = (size * calm * np.sqrt(2) * ALIKE_S)[:, None]
     travelled_m = unit * smooth[:, 1:]

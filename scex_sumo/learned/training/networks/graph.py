@@ -233,24 +233,33 @@ class PlanHeadModule(nn.Module):
         return torch.cumsum(torch.stack([ahead, velocity[..., 1]], -1), 2) * STEP_S
 
 
-class GraphPredictorNet(nn.Module):
+class PairModule(nn.Module):
+    """Vectors of pairs of a vehicle and a path, which both networks without an image begin with."""
+
+    def __init__(self, sizes: Architecture) -> None:
+        super().__init__()
+        self.sizes = replace(sizes, free=False)
+        self.scene, self.path_scale = SceneModule(sizes), ScalerModule(sizes.path_columns)
+        self.path = mlp(sizes.path_columns, 2 * sizes.hidden, sizes.hidden)
+
+    def pairs(self, scene: SceneBatch, path: PathBatch) -> Tensor:
+        """Return (n, inner) of n pairs."""
+        way = torch.relu(self.path(self.path_scale(path.features)))
+        return torch.cat([self.scene(scene, path.node), way], 1)
+
+
+class GraphPredictorNet(PairModule):
     """Network of the Graph Predictor, as `GraphNet`."""
 
     kind = "graph"
 
     def __init__(self, sizes: Architecture) -> None:
-        super().__init__()
-        self.sizes = sizes
-        self.scene = SceneModule(sizes)
-        self.path_scale = ScalerModule(sizes.path_columns)
-        self.path = mlp(sizes.path_columns, 2 * sizes.hidden, sizes.hidden)
-        self.head = PlanHeadModule(replace(sizes, free=False))
+        super().__init__(sizes)
+        self.head = PlanHeadModule(self.sizes)
 
     def forward(self, scene: SceneBatch, path: PathBatch) -> ModeTensors:
         """Return modes of n pairs."""
-        way = torch.relu(self.path(self.path_scale(path.features)))
-        h = torch.cat([self.scene(scene, path.node), way], 1)
-        modes: ModeTensors = self.head(h, path.features)
+        modes: ModeTensors = self.head(self.pairs(scene, path), path.features)
         return modes
 
 
@@ -288,7 +297,7 @@ class JointHead(nn.Module):
         return TokenTensors(choice[:, :-1], choice[:, -1], self.acceleration, self.sideways, whole)
 
 
-class JointPredictorNet(nn.Module):
+class JointPredictorNet(PairModule):
     """Network from scene graph, history and path ahead to the motion of the next 0.5 s.
 
     A second head, with plans of 3 s, is for training alone.
@@ -297,17 +306,13 @@ class JointPredictorNet(nn.Module):
     kind = "joint"
 
     def __init__(self, sizes: Architecture) -> None:
-        super().__init__()
-        self.sizes = replace(sizes, free=False)
-        self.scene, self.path_scale = SceneModule(sizes), ScalerModule(sizes.path_columns)
-        self.path = mlp(sizes.path_columns, 2 * sizes.hidden, sizes.hidden)
+        super().__init__(sizes)
         self.head = JointHead(sizes)
         self.whole = PlanHeadModule(self.sizes)
 
     def forward(self, scene: SceneBatch, path: PathBatch) -> TokenTensors:
         """Return tokens of n pairs."""
-        way = torch.relu(self.path(self.path_scale(path.features)))
-        h = torch.cat([self.scene(scene, path.node), way], 1)
+        h = self.pairs(scene, path)
         tokens: TokenTensors = self.head(h, self.whole(h, path.features))
         return tokens
 
@@ -345,18 +350,12 @@ def token_errors(tokens: TokenTensors, s: Tensor, d: Tensor, start: Tensor) -> T
     return -log_softmax(tokens.logits, 1).gather(1, wanted[:, None])[:, 0]
 
 
-def likely_modes(tokens: TokenTensors, offset: Tensor, guesses: int) -> ModeTensors:
-    """Return the expected motion and the likeliest ones, each kept for 3 s, from (n,) offsets in m."""
+def expected_mode(tokens: TokenTensors, offset: Tensor) -> ModeTensors:
+    """Return the expected motion, kept for 3 s, as the only mode, from (n,) offsets in m."""
     likely = torch.softmax(tokens.logits, 1).view(-1, len(tokens.acceleration), len(tokens.sideways))
-    logits, best = tokens.logits.topk(guesses, 1)
-    along, aside = tokens.acceleration[best // likely.shape[2]], tokens.sideways[best % likely.shape[2]]
-    expected = likely.sum(2) @ tokens.acceleration, likely.sum(1) @ tokens.sideways
-    along, aside = torch.cat([expected[0][:, None], along], 1), torch.cat([expected[1][:, None], aside], 1)
+    along, aside = likely.sum(2) @ tokens.acceleration, likely.sum(1) @ tokens.sideways
     time = STEP_S * torch.arange(1, PLAN_STEPS + 1, device=along.device)
+    acceleration, beside = along[:, None].expand(-1, PLAN_STEPS), offset[:, None] + aside[:, None] * time
     return ModeTensors(
-        torch.cat([torch.full_like(logits[:, :1], -torch.inf), logits], 1),
-        along[..., None].expand(-1, -1, PLAN_STEPS),
-        offset[:, None, None] + aside[..., None] * time,
-        tokens.path_logit,
-        None,
+        torch.zeros_like(along[:, None]), acceleration[:, None], beside[:, None], tokens.path_logit, None
     )
