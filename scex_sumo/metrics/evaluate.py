@@ -18,9 +18,9 @@ from scex_sumo.metrics.pairs.near import near_pairs
 from scex_sumo.metrics.pairs.scenes import Entries, Near, Samples, Scenes, TrackPairs
 from scex_sumo.metrics.registry import METRICS, Metric, columns_of, metrics_named
 
-BATCH_PAIR_STEPS = 1 << 18  # near pair-steps of a batch
-ALL_PAIR_STEPS = 1 << 20  # pair-steps of a batch
-SHARED_PAIR_STEPS = 1 << 20  # near ones of the futures whose equal tracks are evaluated once; 0: never
+BATCH_PAIR_STEPS = 1 << 20  # near pair-steps of a batch
+ALL_PAIR_STEPS = 1 << 21  # pair-steps of a batch
+SHARED_PAIR_STEPS = 1 << 22  # near ones of the futures whose equal tracks are evaluated once; 0: never
 MAX_DIFFERENT = 0.9  # share of different pairs above which the search for equal ones does not pay
 
 
