@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.cleaning.motion import smooth
+from scex_sumo.converters.cleaning.smoothing import smooth
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.evaluation.split import Part, Split, split_moments

@@ -9,13 +9,8 @@ from pathlib import Path
 
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.cleaning.align import (
-    MIN_SHARE_ON_LANES,
-    evidence,
-    explain_mismatch,
-    on_closed_lanes,
-    on_lanes,
-)
+from scex_sumo.converters.cleaning.align import evidence, on_lanes, thinned
+from scex_sumo.converters.cleaning.place import MIN_SHARE_ON_LANES, explain_mismatch, on_closed_lanes
 from scex_sumo.converters.cleaning.plausibility import Check, doubts, refuse_implausible
 from scex_sumo.converters.datasets.moment import Moment, find_moments
 from scex_sumo.converters.datasets.recordings import (
@@ -103,9 +98,11 @@ def load_recording(
     samples = evidence(table.vehicles)
     share = on_lanes(samples, road)
     if share < MIN_SHARE_ON_LANES:
+        few = thinned(samples, most=400)
+        closed = on_closed_lanes(few.x, few.y, few.psi_rad, road)
         raise TrackError(
             f"{table.path}: only {share:.0%} of where its vehicles drive is on lanes of {map_path}; "
-            f"{on_closed_lanes(samples, road) or explain_mismatch(samples, road)}"
+            f"{closed or explain_mismatch(samples, road)}"
         )
     notes = (*doubts(checks), *doubts_of_place(samples, road, track_path))
     return LoadedRecording(

@@ -22,9 +22,9 @@ from PIL import Image
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.colors import OTHER_RGB, Rgb
 from scex_sumo.base.errors import UsageError
+from scex_sumo.converters.net.reading import AREA, BORDER, STOP, SURFACE, RoadLine, road_lines
 from scex_sumo.exporters.request import Request
 from scex_sumo.geometry.rectangles import outlines
-from scex_sumo.lanelet2sumo.drawing import AREA, BORDER, STOP, SURFACE, RoadLine, road_lines
 from scex_sumo.page.figures.drawing import STYLE
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 from scex_sumo.views.futures import colors_of

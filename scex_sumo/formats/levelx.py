@@ -21,8 +21,8 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.lanelet.file import read_map_file
-from scex_sumo.converters.lanelet.origin import Place, distance_m, on_earth
-from scex_sumo.converters.lanelet.projection import to_degrees
+from scex_sumo.converters.lanelet.origin import Place, on_earth
+from scex_sumo.converters.lanelet.projection import distance_m, to_degrees
 from scex_sumo.converters.naming import (
     in_arrow,
     map_name,

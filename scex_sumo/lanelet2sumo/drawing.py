@@ -1,18 +1,13 @@
-"""Drawing of a road: polygons of an additional file for sumo-gui, and the lines of a net and such a file."""
+"""Drawing of a road: polygons of an additional file for sumo-gui."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import NamedTuple
-from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr as quoted
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.errors import MapError
-from scex_sumo.converters.net.sumo_net import net_file
-from scex_sumo.converters.net.text import LANE_WIDTH_M, points_of, shape_text
-from scex_sumo.converters.xml import net_root
+from scex_sumo.converters.net.text import shape_text
 from scex_sumo.geometry.polylines import cut, length_of
 from scex_sumo.road import Marking, Road
 
@@ -88,47 +83,3 @@ def _poly(name: str, kind: str, style: _Style, line: FloatArray, *, fill: bool =
     look = f'color="{style.color}" fill="{fill:d}" layer="{style.layer}"'
     look += "" if fill else f' lineWidth="{style.width:.2f}"'
     return f'    <poly id="{name}" type={quoted(kind)} {look} shape="{shape_text(line)}"/>'
-
-
-_BORDERS = {"curbstone", "road_border", "guard_rail", "fence", "wall"}
-
-SURFACE, AREA, MARKING, BORDER, STOP = range(5)
-"""How a line of the road is drawn; surfaces are as wide as said, areas are filled."""
-
-
-class RoadLine(NamedTuple):
-    """Line of a road: points (P, 2) in m, and the width of a surface, else 0."""
-
-    kind: int
-    width_m: float
-    points: FloatArray
-
-
-def road_lines(net: Path, box: tuple[float, float, float, float]) -> list[RoadLine]:
-    """Return the road lines that touch a box; none of a missing file.
-
-    Args:
-        net: NET.net.xml, with NET.add.xml beside it.
-        box: least and largest x, least and largest y, m.
-    """
-    lines = []
-    if net.is_file():
-        root = net_root(net)
-        try:
-            for lane in root.iter("lane"):
-                width = float(lane.get("width", LANE_WIDTH_M))
-                lines.append(RoadLine(SURFACE, width, points_of(lane.get("shape", ""))))
-            for junction in root.iter("junction"):
-                lines.append(RoadLine(AREA, 0.0, points_of(junction.get("shape", ""))))
-        except ValueError as error:
-            raise MapError(f"{net}: cannot be read ({error}); build the net again with netconvert") from None
-    extras = net_file(net, ".add.xml")
-    if extras.is_file():
-        for poly in ElementTree.parse(extras).getroot().iter("poly"):
-            kind = poly.get("type", "")
-            if poly.get("fill") == "0":
-                style = BORDER if kind in _BORDERS else STOP if kind == "stop_line" else MARKING
-                lines.append(RoadLine(style, 0.0, points_of(poly.get("shape", ""))))
-    low, high = box[::2], box[1::2]
-    points = ((line, line.points) for line in lines if len(line.points) > 1)
-    return [line for line, p in points if (p.min(0) <= high).all() and (p.max(0) >= low).all()]

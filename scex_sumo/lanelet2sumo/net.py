@@ -5,14 +5,17 @@ The net is written directly, not by netconvert, to keep the map's shapes and coo
 
 from __future__ import annotations
 
+import heapq
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
+from typing import TypeAlias
 
 from scex_sumo.base.errors import MapError, listed
 from scex_sumo.converters.net.reading import allowed_content, lane_places, read_ends
-from scex_sumo.converters.net.sumo_net import WrittenNet, lane_table
+from scex_sumo.converters.net.sumo_net import LaneTable, WrittenNet
 from scex_sumo.converters.xml import net_root
 from scex_sumo.geometry.polylines import length_of
 from scex_sumo.lanelet2sumo.drawing import extras_text
@@ -28,6 +31,8 @@ from scex_sumo.roads.conflicts import Conflict, conflicts
 
 SHORTEST_M = 0.01
 JOINED_M = 0.3  # between consecutive bus or bicycle lanes
+
+_TableRow: TypeAlias = tuple[int, str]  # lanelet, SUMO lane
 
 
 def write_net(road: Road, signals: Path | None = None) -> WrittenNet:
@@ -61,7 +66,7 @@ def write_net(road: Road, signals: Path | None = None) -> WrittenNet:
     places = [(lane.name, lane.starts) for lane in driven]
     places += [(x.name, tuple((i, float(k)) for i, _ in x.starts)) for k, x in enumerate(walked)]  # in order
     ends = {c.internal.name: (c.from_edge, c.to_edge) for c in layout.connections}
-    table = lane_table(places, ends, road.lanes)
+    table = _lane_table(places, ends, road.lanes)
     why = "not possible in SUMO, because the lanes lie in different edges"
     loss = MapLoss(kind="lane changes", why=why, elements=tuple(f"{a} to {b}" for a, b in lost))
     return WrittenNet(
@@ -110,7 +115,7 @@ def copy_net(road: Road) -> WrittenNet:
     assert road.net is not None
     root = net_root(road.net)
     places = lane_places(root)
-    table = lane_table(places, read_ends(root), {lane for _, under in places for lane, _ in under})
+    table = _lane_table(places, read_ends(root), {lane for _, under in places for lane, _ in under})
     lit = [light.get("id", "") for light in root.iter("tlLogic") if light.find("condition") is not None]
     note = f"traffic lights with conditions: {listed(lit)}; in the futures their phases ignore the conditions"
     content = allowed_content(road.net)[0].decode()
@@ -121,3 +126,54 @@ def copy_net(road: Road) -> WrittenNet:
         ends=table.ends,
         notes=(note,) if lit else (),
     )
+
+
+def _lane_table(
+    places: Iterable[tuple[str, Sequence[tuple[int, float]]]],
+    ends: dict[str, tuple[str, str]],
+    known: Container[int],
+) -> LaneTable:
+    """Build the lane table, with rows in driving order along lanelets and along internal lanes.
+
+    ``places`` has each SUMO lane with (lanelet, arc length in m where it begins there), in driving order.
+    Lanelets that are not ``known`` are left out.
+    """
+    along: dict[int, list[tuple[float, str]]] = {}
+    within: dict[_TableRow, set[_TableRow]] = {}
+    for sumo_lane, stretches in places:
+        keys = [(lanelet, sumo_lane) for lanelet, _ in stretches if lanelet in known]
+        for k, key in enumerate(keys):
+            within.setdefault(key, set()).update(keys[:k])
+        for lanelet, start in stretches:
+            if lanelet in known:
+                along.setdefault(lanelet, []).append((start, sumo_lane))
+    before: dict[_TableRow, set[_TableRow]] = {key: set() for key in within}
+    for lanelet, stations in along.items():
+        rows = [(lanelet, sumo_lane) for _, sumo_lane in sorted(stations)]
+        for earlier, later in pairwise(rows):
+            before[later].add(earlier)
+    return LaneTable(_sorted(within, before), ends)
+
+
+def _sorted(
+    within: Mapping[_TableRow, set[_TableRow]], before: Mapping[_TableRow, set[_TableRow]]
+) -> list[_TableRow]:
+    """Sort keys behind those ``within`` and ``before`` name for them; in circles ``before`` may be broken."""
+    waiting = {key: within[key] | before[key] for key in within}
+    following: dict[_TableRow, list[_TableRow]] = {}
+    for key, others in waiting.items():
+        for other in others:
+            following.setdefault(other, []).append(key)
+    ready = sorted(key for key, others in waiting.items() if not others)
+    result: list[_TableRow] = []
+    while waiting:
+        free = (row for row in waiting if waiting.keys().isdisjoint(within[row]))
+        key = heapq.heappop(ready) if ready else min(free)
+        if waiting.pop(key, None) is None:
+            continue
+        result.append(key)
+        for later in filter(waiting.__contains__, following.get(key, ())):
+            waiting[later].discard(key)
+            if not waiting[later]:
+                heapq.heappush(ready, later)
+    return result

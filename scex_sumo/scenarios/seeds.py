@@ -54,12 +54,15 @@ def read_seed(
         >>> scex.read_seed(scex.example_path("roundabout"), time=4.0).vehicles
         14
     """
-    from scex_sumo.converters.datasets.find import map_and_tracks
     from scex_sumo.converters.datasets.interaction import find_tracks
     from scex_sumo.converters.datasets.recordings import recorded_scene
     from scex_sumo.converters.maps import read_map
 
-    map_path, given = map_and_tracks(Path(map_path), None if tracks is None else Path(tracks))
+    map_path, given = Path(map_path), None if tracks is None else Path(tracks)
+    if given is not None or map_path.is_dir():
+        from scex_sumo.converters.datasets.find import map_and_tracks
+
+        map_path, given = map_and_tracks(map_path, given)
     try:
         track_path = find_tracks(map_path) if given is None else given
     except TrackError:

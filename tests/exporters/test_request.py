@@ -9,7 +9,7 @@ import pytest
 from pyarrow import csv
 
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.converters.datasets.interaction import marked_vehicles
+from scex_sumo.converters.datasets.cases import marked_vehicles
 from scex_sumo.exporters.request import EXPORTERS, Request
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.scenarios import example_path

@@ -6,7 +6,7 @@ Measured before repairs, over strides of one second, which the noise of single s
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -53,35 +53,31 @@ SOME_LOST, MOST_LOST = 0.1, 0.5  # shares of the vehicles
 Verdict = Literal["", "repaired", "warning", "error"]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Check:
     """One row of the table.
 
     Attributes:
         value: what was measured; ``-`` if the recording has too little for it.
         usual: what is plausible.
-        verdict: ``repaired``: the reader does so; ``error``: a run would mean nothing.
         problem: what is wrong, the likely cause and the remedy; empty if plausible.
+        severity: the verdict if there is a problem.
         pairs: track ids of vehicles that are recorded twice; the problem is only theirs.
-        explains: whether this is the true cause of velocities that contradict the motion.
+        explains: whether the problem is the true cause of velocities that contradict the motion.
     """
 
     name: str
     value: str
     usual: str
-    verdict: Verdict = ""
     problem: str = ""
+    severity: Verdict = "warning"
     pairs: tuple[tuple[str, str], ...] = ()
     explains: bool = False
 
-
-def _check(
-    name: str, value: str, usual: str, problem: str = "", verdict: Verdict = "warning", explains: bool = False
-) -> Check:
-    """Return a check with a verdict if there is a problem."""
-    found: Verdict = verdict if problem else ""
-    explains = explains and bool(problem)
-    return Check(name=name, value=value, usual=usual, verdict=found, problem=problem, explains=explains)
+    @property
+    def verdict(self) -> Verdict:
+        """``repaired``: the reader does so; ``error``: a run would mean nothing; empty without a problem."""
+        return self.severity if self.problem else ""
 
 
 def refuse_implausible(name: object, checks: Sequence[Check], remedy: str) -> None:
@@ -96,7 +92,7 @@ def lost_vehicles(before: TrackTable, after: TrackTable) -> Check:
     share = lost / max(vehicles, 1)
     problem = f"repairs leave out {lost} of {vehicles} vehicles: mend the tracks" if share > SOME_LOST else ""
     name, usual = "vehicles left out by repairs", f"up to {SOME_LOST:.0%}"
-    return _check(name, f"{share:.0%}", usual, problem, "error" if share > MOST_LOST else "warning")
+    return Check(name, f"{share:.0%}", usual, problem, "error" if share > MOST_LOST else "warning")
 
 
 def doubts(checks: Sequence[Check], present: Iterable[object] = ()) -> tuple[str, ...]:
@@ -113,7 +109,7 @@ def doubts(checks: Sequence[Check], present: Iterable[object] = ()) -> tuple[str
 
 def without_explained(findings: Sequence[str], checks: Sequence[Check]) -> tuple[str, ...]:
     """Leave out phrases about repaired velocities if a check names the true cause."""
-    explained = any(check.explains for check in checks)
+    explained = any(check.explains and check.problem for check in checks)
     return tuple(said for said in findings if not (explained and said.startswith("velocities of")))
 
 
@@ -186,18 +182,18 @@ def _speeds(strides: _Strides) -> Check:
     moved, said = (np.bincount(track, np.hypot(*way.T), tracks) for way in (strides.moved, strides.said))
     judged = np.maximum(moved, said) > PATH_M
     if not judged.any():
-        return _check(name, "-", usual)
+        return Check(name, "-", usual)
     factor = float(np.median(moved[judged] / np.maximum(said[judged], 1e-3)))
     if 1 / FACTOR <= factor <= FACTOR:
-        return _check(name, f"{factor:.2f}", usual)
+        return Check(name, f"{factor:.2f}", usual)
     if abs(factor * strides.step_s / STEP_S - 1.0) < STEP_FITS:
         problem = (
             f"time stamps are probably wrong: velocities and positions fit if a step lasts {STEP_S:g} s, not "
             f"{strides.step_s:g} s; multiply the stamps by {factor:.3g}"
         )
-        return _check(name, f"{factor:.2f}", usual, problem, explains=True)
+        return Check(name, f"{factor:.2f}", usual, problem, explains=True)
     problem = f"velocities do not fit the positions ({factor:.2f} x), which are taken"
-    return _check(name, f"{factor:.2f}", usual, problem, "repaired")
+    return Check(name, f"{factor:.2f}", usual, problem, "repaired")
 
 
 def _limits(strides: _Strides, road: Road) -> Check:
@@ -214,7 +210,7 @@ def _limits(strides: _Strides, road: Road) -> Check:
         "or limits, are probably wrong"
     )
     name, value = "speed / speed limit, median", "-" if few else f"{share:.2f}"
-    return _check(name, value, f"up to {LIMITS:g}", problem if share > LIMITS else "")
+    return Check(name, value, f"up to {LIMITS:g}", problem if share > LIMITS else "")
 
 
 _TURNS: Mapping[str, Callable[[FloatArray], FloatArray]] = {
@@ -232,18 +228,18 @@ def _headings(strides: _Strides) -> Check:
     name, usual = "driving with heading over 45° off", f"up to {SOME_TURNED:.0%}"
     driving = strides.speed > FORWARD_MPS
     if driving.sum() < MIN_STRIDES:
-        return _check(name, "-", usual)
+        return Check(name, "-", usual)
     psi, course = strides.rows.psi_rad[strides.middle][driving], strides.course[driving]
     turned = float((np.abs(wrap(psi - course)) > SIDEWAYS_RAD).mean())
     if turned > MOST_TURNED:
         off = {cause: float(np.median(np.abs(wrap(right(psi) - course)))) for cause, right in _TURNS.items()}
         cause = min(off, key=lambda words: off[words])
         if off[cause] < FITS_RAD:
-            return _check(name, f"{turned:.0%}", usual, f"headings {cause}", "error")
+            return Check(name, f"{turned:.0%}", usual, f"headings {cause}", "error")
     problem = (
         f"headings of {turned:.0%} of the driving contradict the motion: of slow vehicles they stay wrong"
     )
-    return _check(name, f"{turned:.0%}", usual, problem if turned > SOME_TURNED else "")
+    return Check(name, f"{turned:.0%}", usual, problem if turned > SOME_TURNED else "")
 
 
 def _accelerations(strides: _Strides) -> Check:
@@ -257,7 +253,7 @@ def _accelerations(strides: _Strides) -> Check:
         "positions, are probably wrong"
     )
     name, value = "acceleration, 99 % within, m/s²", "-" if few else f"{most:.1f}"
-    return _check(name, value, f"up to {TYRES_MPS2:g}", problem if most > TYRES_MPS2 else "")
+    return Check(name, value, f"up to {TYRES_MPS2:g}", problem if most > TYRES_MPS2 else "")
 
 
 def _noise(rows: TrackRows) -> Check:
@@ -267,7 +263,7 @@ def _noise(rows: TrackRows) -> Check:
         "distances than the traffic had; take the tracks of a better tracker"
     )
     name, usual = "noise of positions, m", f"up to {NOISE_M:g}"
-    return _check(name, f"{noise:.2f}", usual, problem if noise > NOISE_M else "", explains=True)
+    return Check(name, f"{noise:.2f}", usual, problem if noise > NOISE_M else "", explains=True)
 
 
 def _sizes(rows: TrackRows) -> Check:
@@ -289,7 +285,7 @@ def _sizes(rows: TrackRows) -> Check:
             )
     low, high, thin, wide = SIZES_M[main]
     usual = f"{low:g} to {high:g} x {thin:g} to {wide:g}"
-    return _check("sizes, m, median", value, usual, ", ".join(problems), "error")
+    return Check("sizes, m, median", value, usual, ", ".join(problems), "error")
 
 
 def _why(kind: str, length: float, width: float) -> str:
@@ -317,8 +313,8 @@ def _doubles(rows: TrackRows) -> Check:
         here, there = (rows.timestamp_ms[at[rows.track[at] == k]] for k in (a, b))
         if count >= max(DOUBLED_TIMES, DOUBLED_SHARE * len(np.intersect1d(here, there))):
             doubled.append((str(number_of(rows.labels[a])), str(number_of(rows.labels[b]))))
-    check = _check("vehicles within another one", str(len(doubled)), "0", twice(doubled))
-    return replace(check, pairs=tuple(doubled))
+    name = "vehicles within another one"
+    return Check(name, str(len(doubled)), "0", twice(doubled), pairs=tuple(doubled))
 
 
 def _near_pairs(rows: TrackRows, at: IntArray) -> IntArray:

@@ -3,20 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
 from pathlib import Path
 
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.lanelet.origin import META_DATA
-from scex_sumo.converters.naming import (
-    all_plain_or_packed,
-    in_arrow,
-    map_name,
-    open_binary,
-    open_text,
-    plain_or_packed,
-    unpacked_name,
-)
+from scex_sumo.converters.naming import all_plain_or_packed, map_name, plain_or_packed, unpacked_name
 from scex_sumo.converters.registries import (
     Dataset,
     Recording,
@@ -68,14 +59,6 @@ def beside_tracks(map_path: str | Path) -> int:
     return len(files) - 1 if tracks in files else 0
 
 
-def tracks_of_map(map_path: Path) -> list[Path]:
-    """All track files where the layouts have those of a map."""
-    name, above = map_name(map_path), map_path.parent.parent
-    beside = [map_path.with_name(f"{name}.csv"), *(above / s / f"{name}_{s}.csv" for s in ("train", "val"))]
-    files = all_plain_or_packed(above / "recorded_trackfiles" / name, TRACKS)
-    return [*files, *(file for file in map(plain_or_packed, beside) if file is not None)]
-
-
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
     for path in files:
         map_path = _map_of(path) if unpacked_name(path).endswith(".csv") else None
@@ -110,35 +93,3 @@ def _siblings(path: Path) -> Sequence[Path]:
 INTERACTION = Dataset(
     is_mine=lambda path: True, read=with_notes(read_tracks), recordings=_recordings, siblings=_siblings
 )
-
-
-MARKS = {"to_predict": "track_to_predict", "interesting": "interesting_agent"}
-"""Marks of vehicles in the files of the INTERPRET challenge, and their columns."""
-
-
-def marked_vehicles(tracks: Path, case: str) -> dict[str, list[str]]:
-    """Return the marked vehicles of a case by `MARKS`; nothing if the file has no marks."""
-    with open_text(tracks, errors="replace") as file:
-        header = file.readline(65536).strip().split(",")
-    if not {*MARKS.values(), "case_id", "track_id"} <= set(header):
-        return {}
-    rows = _marks(tracks, tracks.stat().st_mtime_ns)
-    return {name: sorted({track for of, track in rows[name] if of == float(case)}) for name in MARKS}
-
-
-@lru_cache(maxsize=1)
-def _marks(tracks: Path, _changed_ns: int) -> dict[str, set[tuple[float, str]]]:
-    """Return case and track id of all rows with each mark."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-    from pyarrow import csv
-
-    types = {"case_id": pa.float64(), "track_id": pa.string(), **dict.fromkeys(MARKS.values(), pa.float64())}
-    with open_binary(tracks) as file:
-        options = csv.ConvertOptions(include_columns=[*types], column_types=types)
-        table = csv.read_csv(in_arrow(file), convert_options=options)
-    marked = {name: table.filter(pc.equal(table[column], 1.0)).to_pylist() for name, column in MARKS.items()}
-    return {
-        name: {(row["case_id"], row["track_id"].partition(".")[0]) for row in rows}
-        for name, rows in marked.items()
-    }

@@ -13,13 +13,7 @@ import numpy as np
 
 from scex_sumo.base.errors import ScexError, listed
 from scex_sumo.base.progress import Progress
-from scex_sumo.converters.cleaning.align import (
-    Evidence,
-    align_tracks,
-    doubt_place,
-    evidence,
-    explain_off_lanes,
-)
+from scex_sumo.converters.cleaning.align import align_tracks, evidence, on_lanes
 from scex_sumo.converters.cleaning.plausibility import (
     Check,
     doubts,
@@ -39,6 +33,8 @@ from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, other_rate
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import off_road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
+
+MOST_ON_LANES = 0.95  # share of the driving on lanes from which a map's place is in no doubt
 
 
 def recorded_scene(
@@ -75,6 +71,8 @@ def recorded_scene(
     samples, off = evidence(table.vehicles), off_road(road, scene)
     # Over half of the vehicles beside the lanes need ``force``; a scene with all of them there is refused.
     if len(off) == scene.vehicles or (2 * len(off) > scene.vehicles and not force):
+        from scex_sumo.converters.cleaning.place import explain_off_lanes
+
         raise explain_off_lanes(scene, off, samples, road, simulated=dataset_of(track_path).simulated)
     scene = with_warnings(scene, off, (*implausible, *doubts_of_place(samples, road, track_path)))
     return table.complete(replace(scene, road=road))
@@ -108,10 +106,14 @@ def window_with_history(window: Window) -> Window:
     )
 
 
-def doubts_of_place(samples: Evidence, road: Road, tracks: Path) -> tuple[str, ...]:
+def doubts_of_place(samples: TrackRows, road: Road, tracks: Path) -> tuple[str, ...]:
     """Return a warning if a map is likely at a wrong place, from where vehicles drive."""
     dataset = dataset_of(tracks)
-    doubt = None if dataset.within is not None or dataset.simulated else doubt_place(samples, road)
+    if dataset.within is not None or dataset.simulated or on_lanes(samples, road) > MOST_ON_LANES:
+        return ()
+    from scex_sumo.converters.cleaning.place import doubt_place
+
+    doubt = doubt_place(samples, road)
     return (doubt,) if doubt else ()
 
 
@@ -180,7 +182,7 @@ def repaired(
     return table, (*findings, *before, *after)
 
 
-def _siblings(paths: Sequence[Path]) -> Iterator[tuple[str, Evidence]]:
+def _siblings(paths: Sequence[Path]) -> Iterator[tuple[str, TrackRows]]:
     if len(paths) > 1:
         return
     for file in sorted(dataset_of(paths[0]).siblings(paths[0])):
@@ -190,7 +192,7 @@ def _siblings(paths: Sequence[Path]) -> Iterator[tuple[str, Evidence]]:
 
 
 @lru_cache(maxsize=128)
-def _evidence(path: Path, _changed_ns: int) -> Evidence:
+def _evidence(path: Path, _changed_ns: int) -> TrackRows:
     return evidence(repaired(*read_recorded([path]), dataset_of(path))[0].vehicles)
 
 

@@ -12,9 +12,8 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.cleaning.plausibility import doubts, lost_vehicles
 from scex_sumo.converters.cleaning.repair import repair_tracks
-from scex_sumo.converters.datasets.interaction import marked_vehicles
 from scex_sumo.converters.datasets.moment import CASE_FRAME, STAMP_MS, busiest, find_moments
-from scex_sumo.converters.naming import number, unique_names
+from scex_sumo.converters.naming import unique_names
 from scex_sumo.converters.tracks.check import MISSING
 from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, ahead_speed, number_of, other_rate
 from scex_sumo.geometry.polylines import wrap
@@ -48,6 +47,8 @@ def take_scene(
         raise TrackError(f"{table.path}: no motor vehicle among the tracks ({why}); give others")
     case_id, warnings = "", tuple[str, ...]()
     if table.has_cases:
+        from scex_sumo.converters.datasets.cases import choose_case
+
         index = choose_case(table, case, time_s)
         case_id = table.cases[index]
         table = table.case(index)
@@ -126,6 +127,8 @@ def _build(
     ids = [number_of(rows.labels[k]) for k in cars.track[keep]]
     source = {"kind": "tracks", "tracks": str(table.path.absolute()), "time_s": moment_ms / 1000.0}
     if case_id:
+        from scex_sumo.converters.datasets.cases import marked_vehicles
+
         source |= {"case": case_id, **marked_vehicles(table.path, case_id)}
     return SeedScene(
         name=_moment_name(name, case_id, moment_ms),
@@ -198,26 +201,6 @@ def _moment_name(name: str, case_id: str, moment_ms: float) -> str:
     if not (case_id and when == "1.0"):
         name += f"_t{when}"
     return re.sub(r"[^A-Za-z0-9._+-]+", "-", name)
-
-
-def choose_case(table: TrackTable, case: str | float | None, time_s: float | None) -> int:
-    """Index of the case by its id; else the first one if a time is given; else the busiest one."""
-    if case is None:
-        if time_s is not None:
-            return int(table.vehicles.case.min())
-        candidates = find_moments(table)
-        if not candidates:
-            raise TrackError(
-                f"{table.path}: no case has a vehicle in frame {CASE_FRAME}; choose with --case ID --time S"
-            )
-        return table.cases.index(busiest(candidates).case)
-    if str(case) in table.cases:
-        return table.cases.index(str(case))
-    for index, name in enumerate(table.cases):
-        if number(name) == number(str(case)):
-            return index
-    examples = ", ".join(table.cases[:3]) + (", ..." if len(table.cases) > 3 else "")
-    raise TrackError(f"{table.path}: no case {case}; it has {len(table.cases)} cases: {examples}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

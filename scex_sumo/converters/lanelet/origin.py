@@ -5,21 +5,15 @@ from __future__ import annotations
 import csv
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 from scex_sumo.base.errors import MapError, UsageError
 from scex_sumo.converters.naming import map_name, number
 from scex_sumo.converters.registries import dataset_of
 
-if TYPE_CHECKING:
-    from scex_sumo.converters.lanelet.file import MapFile
-
 Place: TypeAlias = tuple[float, float]  # latitude and longitude, degrees
-METRES_PER_DEGREE = 111_195.0  # of latitude, on the sphere of 6371 km
 
 META_DATA = "meta_data.csv"
-STRAY_M = 50_000.0  # a recorded site spans a few km
-NEAR_ZERO_M = 50_000.0  # INTERACTION maps lie about 1 km off 0,0 at sea; no real road does
 
 
 def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = None) -> Place | None:
@@ -40,30 +34,6 @@ def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = No
         tracks = Path(tracks_path)
         folders.insert(0, tracks if tracks.is_dir() else tracks.parent)
     return next((o for x in folders if (o := _read_meta_data(x / META_DATA)) is not None), None)
-
-
-def map_origin(map_file: MapFile, *, own_corner: bool) -> Place:
-    """Return the origin by the map's coordinates: 0, 0 for local ones and near 0, 0 (INTERACTION).
-
-    Args:
-        own_corner: for others, return the south-west corner instead of an error; no tracks need to match.
-    """
-    centre = map_file.middle
-    if map_file.local or distance_m(centre, (0.0, 0.0)) < NEAR_ZERO_M:
-        return 0.0, 0.0
-    if own_corner:
-        near = [n for n in map_file.nodes.values() if distance_m((n.lat, n.lon), centre) <= STRAY_M]
-        return min(n.lat for n in near), min(n.lon for n in near)
-    raise MapError(
-        f"{map_file.path}: the origin of its coordinates is not known: no {META_DATA} with originLat, "
-        "originLon beside the tracks or the map; give --origin LAT,LON, as the recording's makers state it"
-    )
-
-
-def distance_m(a: Place, b: Place) -> float:
-    """Return the rough distance of two places, m; enough to tell near from far."""
-    east = (a[1] - b[1]) * math.cos(math.radians((a[0] + b[0]) / 2))
-    return math.hypot(a[0] - b[0], east) * METRES_PER_DEGREE
 
 
 def parse_origin(text: str) -> Place:

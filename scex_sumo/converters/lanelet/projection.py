@@ -1,13 +1,17 @@
-"""UTM projection of latitude and longitude to metres and back, as Lanelet2 computes it."""
+"""UTM projection of latitude and longitude to metres and back, as Lanelet2 computes it; distances."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.road import Georeference
+
+METRES_PER_DEGREE = 111_195.0  # of latitude, on the sphere of 6371 km
+STRAY_M = 50_000.0  # a recorded site spans a few km
 
 
 def to_local(degrees: FloatArray, origin: tuple[float, float]) -> FloatArray:
@@ -57,3 +61,9 @@ def _projector(origin: tuple[float, float], use_offset: bool = True) -> Any:
     from lanelet2.projection import UtmProjector
 
     return UtmProjector(Origin(*map(float, origin)), use_offset, False)
+
+
+def distance_m(a: tuple[float, float], b: tuple[float, float]) -> float:
+    """Return the rough distance of two places, m; enough to tell near from far."""
+    east = (a[1] - b[1]) * math.cos(math.radians((a[0] + b[0]) / 2))
+    return math.hypot(a[0] - b[0], east) * METRES_PER_DEGREE

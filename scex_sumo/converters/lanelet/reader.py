@@ -33,8 +33,8 @@ from scex_sumo.converters.lanelet.lanes import (
     related_lanes,
     unknown_subtypes,
 )
-from scex_sumo.converters.lanelet.origin import Place, distance_m, map_origin, recorded_origin
-from scex_sumo.converters.lanelet.projection import georeference
+from scex_sumo.converters.lanelet.origin import META_DATA, Place, recorded_origin
+from scex_sumo.converters.lanelet.projection import STRAY_M, distance_m, georeference
 from scex_sumo.converters.lanelet.regulations import attach, regulations
 from scex_sumo.converters.lanelet.repair import repair
 from scex_sumo.converters.naming import map_name
@@ -44,6 +44,7 @@ from scex_sumo.roads.side import DEAD_ENDS, dead_ends, side_of
 
 _NO_MARKING = {"", "virtual", "traffic_sign", "traffic_light"}
 MAX_FROM_ORIGIN_M = 100_000.0
+NEAR_ZERO_M = 50_000.0  # INTERACTION maps lie about 1 km off 0,0 at sea; no real road does
 _LOAD_ERROR = re.compile(
     r"Error (?:parsing primitive|reading primitive with id) (-?\d+)(?: from file)?: (.*)"
 )
@@ -148,6 +149,24 @@ def _origin(path: Path, map_file: MapFile, origin: Place | None, own_corner: boo
             "give the origin of its coordinates: --origin LAT,LON"
         )
     return origin
+
+
+def map_origin(map_file: MapFile, *, own_corner: bool) -> Place:
+    """Return the origin by the map's coordinates: 0, 0 for local ones and near 0, 0 (INTERACTION).
+
+    Args:
+        own_corner: for others, return the south-west corner instead of an error; no tracks need to match.
+    """
+    centre = map_file.middle
+    if map_file.local or distance_m(centre, (0.0, 0.0)) < NEAR_ZERO_M:
+        return 0.0, 0.0
+    if own_corner:
+        near = [n for n in map_file.nodes.values() if distance_m((n.lat, n.lon), centre) <= STRAY_M]
+        return min(n.lat for n in near), min(n.lon for n in near)
+    raise MapError(
+        f"{map_file.path}: the origin of its coordinates is not known: no {META_DATA} with originLat, "
+        "originLon beside the tracks or the map; give --origin LAT,LON, as the recording's makers state it"
+    )
 
 
 def _load(

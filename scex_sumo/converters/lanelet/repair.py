@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from scex_sumo.converters.lanelet.file import Findings, MapFile, MapPoint, Member, Relation, Way, free_ids
-from scex_sumo.converters.lanelet.origin import STRAY_M, distance_m
+from scex_sumo.converters.lanelet.projection import STRAY_M, distance_m
 
 SIDES = ("left", "right")
 

@@ -1,4 +1,4 @@
-"""SUMO nets read from files: what is allowed of them, lanelets under their lanes, lane tables."""
+"""SUMO nets read from files: what is allowed of them, lanelets under their lanes, lane tables, road lines."""
 
 from __future__ import annotations
 
@@ -7,15 +7,24 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, MapError, ScexError, listed
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.net.allowed import prune
 from scex_sumo.converters.net.sumo_net import HEADER, LaneTable, SumoNet, net_file
-from scex_sumo.converters.net.text import BEYOND, CHANGED_M, JOINT_M, KEY, LaneletPart, points_of
+from scex_sumo.converters.net.text import (
+    BEYOND,
+    CHANGED_M,
+    JOINT_M,
+    KEY,
+    LANE_WIDTH_M,
+    LaneletPart,
+    points_of,
+)
 from scex_sumo.converters.xml import is_utf8, net_root, unpacked, xml_root
 from scex_sumo.geometry.polylines import length_of
 
@@ -141,3 +150,47 @@ def lane_places(root: ElementTree.Element) -> list[tuple[str, list[tuple[int, fl
     if named:
         return [(name, under) for name in named if (under := lanelet_places(named, name))]
     return [(name, [(k + 1, 0.0)]) for k, name in enumerate(lane_names(root))]
+
+
+_BORDERS = {"curbstone", "road_border", "guard_rail", "fence", "wall"}
+
+SURFACE, AREA, MARKING, BORDER, STOP = range(5)
+"""How a line of the road is drawn; surfaces are as wide as said, areas are filled."""
+
+
+class RoadLine(NamedTuple):
+    """Line of a road: points (P, 2) in m, and the width of a surface, else 0."""
+
+    kind: int
+    width_m: float
+    points: FloatArray
+
+
+def road_lines(net: Path, box: tuple[float, float, float, float]) -> list[RoadLine]:
+    """Return the road lines that touch a box; none of a missing file.
+
+    Args:
+        net: NET.net.xml, with NET.add.xml beside it.
+        box: least and largest x, least and largest y, m.
+    """
+    lines = []
+    if net.is_file():
+        root = net_root(net)
+        try:
+            for lane in root.iter("lane"):
+                width = float(lane.get("width", LANE_WIDTH_M))
+                lines.append(RoadLine(SURFACE, width, points_of(lane.get("shape", ""))))
+            for junction in root.iter("junction"):
+                lines.append(RoadLine(AREA, 0.0, points_of(junction.get("shape", ""))))
+        except ValueError as error:
+            raise MapError(f"{net}: cannot be read ({error}); build the net again with netconvert") from None
+    extras = net_file(net, ".add.xml")
+    if extras.is_file():
+        for poly in ElementTree.parse(extras).getroot().iter("poly"):
+            kind = poly.get("type", "")
+            if poly.get("fill") == "0":
+                style = BORDER if kind in _BORDERS else STOP if kind == "stop_line" else MARKING
+                lines.append(RoadLine(style, 0.0, points_of(poly.get("shape", ""))))
+    low, high = box[::2], box[1::2]
+    points = ((line, line.points) for line in lines if len(line.points) > 1)
+    return [line for line, p in points if (p.min(0) <= high).all() and (p.max(0) >= low).all()]

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import csv
-import heapq
 import io
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
-from typing import TypeAlias
 
 from scex_sumo.road import MapLoss
 
@@ -67,8 +64,6 @@ def net_file(net_path: Path, suffix: str) -> Path:
     """Return the path beside NET.net.xml with another ending: NET + suffix."""
     return net_path.with_name(net_path.name.removesuffix(".xml").removesuffix(".net") + suffix)
 
-
-_Row: TypeAlias = tuple[int, str]  # lanelet, SUMO lane
 
 HEADER = ["lanelet_id", "lane_id"]
 
@@ -136,52 +131,3 @@ class LaneTable:
         writer.writerow(HEADER)
         writer.writerows(self.rows)
         return buffer.getvalue()
-
-
-def lane_table(
-    places: Iterable[tuple[str, Sequence[tuple[int, float]]]],
-    ends: dict[str, tuple[str, str]],
-    known: Container[int],
-) -> LaneTable:
-    """Build the lane table, with rows in driving order along lanelets and along internal lanes.
-
-    ``places`` has each SUMO lane with (lanelet, arc length in m where it begins there), in driving order.
-    Lanelets that are not ``known`` are left out.
-    """
-    along: dict[int, list[tuple[float, str]]] = {}
-    within: dict[_Row, set[_Row]] = {}
-    for sumo_lane, stretches in places:
-        keys = [(lanelet, sumo_lane) for lanelet, _ in stretches if lanelet in known]
-        for k, key in enumerate(keys):
-            within.setdefault(key, set()).update(keys[:k])
-        for lanelet, start in stretches:
-            if lanelet in known:
-                along.setdefault(lanelet, []).append((start, sumo_lane))
-    before: dict[_Row, set[_Row]] = {key: set() for key in within}
-    for lanelet, stations in along.items():
-        rows = [(lanelet, sumo_lane) for _, sumo_lane in sorted(stations)]
-        for earlier, later in pairwise(rows):
-            before[later].add(earlier)
-    return LaneTable(_sorted(within, before), ends)
-
-
-def _sorted(within: Mapping[_Row, set[_Row]], before: Mapping[_Row, set[_Row]]) -> list[_Row]:
-    """Sort keys behind those ``within`` and ``before`` name for them; in circles ``before`` may be broken."""
-    waiting = {key: within[key] | before[key] for key in within}
-    following: dict[_Row, list[_Row]] = {}
-    for key, others in waiting.items():
-        for other in others:
-            following.setdefault(other, []).append(key)
-    ready = sorted(key for key, others in waiting.items() if not others)
-    result: list[_Row] = []
-    while waiting:
-        free = (row for row in waiting if waiting.keys().isdisjoint(within[row]))
-        key = heapq.heappop(ready) if ready else min(free)
-        if waiting.pop(key, None) is None:
-            continue
-        result.append(key)
-        for later in filter(waiting.__contains__, following.get(key, ())):
-            waiting[later].discard(key)
-            if not waiting[later]:
-                heapq.heappush(ready, later)
-    return result

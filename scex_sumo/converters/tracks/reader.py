@@ -20,9 +20,6 @@ from scex_sumo.converters.tracks.check import (
     MISSING,
     SHAPE_COLUMNS,
     column_names,
-    explain_bad_values,
-    explain_header,
-    explain_parse_error,
     first_line,
     repeated,
 )
@@ -224,6 +221,8 @@ def read_columns(path: Path, *, shapes: bool = True) -> tuple[dict[str, Any], li
                 ),
             )
     except (pa.ArrowInvalid, pa.ArrowKeyError) as error:
+        from scex_sumo.converters.tracks.explain import explain_parse_error
+
         raise explain_parse_error(path, header, numbers, str(error)) from None
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise TrackError(f"{path}: cannot be unpacked ({error}); fetch the file again") from None
@@ -254,6 +253,8 @@ def _header(path: Path, *, shapes: bool = True) -> tuple[list[str], int]:
         line = ""
     header = column_names(line)
     if "\r" in line or repeated(header) or not set(needed) <= set(header):
+        from scex_sumo.converters.tracks.explain import explain_header
+
         raise explain_header(path, needed)
     return header, before
 
@@ -280,6 +281,8 @@ def _checked(path: Path, header: list[str], columns: dict[str, Any]) -> tuple[di
     if missing.mean() > MAX_MISSING:
         wrong |= missing
     if wrong.any():
+        from scex_sumo.converters.tracks.explain import explain_bad_values
+
         raise explain_bad_values(path, header, int(np.argmax(wrong)), MOTOR_TYPES)
     # A comparison with nan is False, too.
     if "frame_id" not in columns or not (np.abs(columns["frame_id"]) <= MAX_FRAME).all():

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.colors import model_colors
-from scex_sumo.lanelet2sumo.drawing import road_lines
+from scex_sumo.converters.net.reading import road_lines
 from scex_sumo.metrics.events import MEASURED
 from scex_sumo.page.figures.charts import samples_of_both, ticks, value_range
 from scex_sumo.page.packing import UNITS, coded_motion, quantized

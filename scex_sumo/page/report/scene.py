@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.lanelet2sumo.drawing import AREA, MARKING, SURFACE, RoadLine
+from scex_sumo.converters.net.reading import AREA, MARKING, SURFACE, RoadLine
 from scex_sumo.page.html import Html, element, joined
 from scex_sumo.page.packing import UNITS, coded_motion, quantized, smallest
 from scex_sumo.results.run import Run

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scex_sumo.converters.cleaning.align import Evidence, doubt_place, explain_mismatch
+from scex_sumo.converters.cleaning.place import doubt_place, explain_mismatch
+from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackRows
 from scex_sumo.road import Road
 from tests.converters.sumo_roads import arc, lane, road
 
@@ -19,12 +20,15 @@ def bend() -> Road:
     return road([lane(1, arc((0, 0), 30.0, 0.0, 270.0), to=(2,)), lane(2, [(0, -30), (120, -30)])])
 
 
-def driven(a_road: Road, tracks: int = 5) -> Evidence:
+def driven(a_road: Road, tracks: int = 5) -> TrackRows:
     """Poses a few metres apart along the road's lanes."""
     lines = [one.centreline for one in a_road.lanes.values()]
     points = np.concatenate([line[:-1] for line in lines])
     headings = np.concatenate([np.arctan2(*np.diff(line, axis=0).T[::-1]) for line in lines])
-    return Evidence(x=points[:, 0], y=points[:, 1], heading=headings, track=np.arange(len(points)) % tracks)
+    whole, some = np.zeros(len(points), np.int64), np.ones(len(points))
+    columns = dict.fromkeys(FLOAT_COLUMNS, some) | {"x": points[:, 0], "y": points[:, 1], "psi_rad": headings}
+    columns |= {"case": whole, "segment": whole, "frame_id": whole, "track": np.arange(len(points)) % tracks}
+    return TrackRows(labels=tuple(map(str, range(tracks))), types=("car",) * tracks, **columns)
 
 
 def test_tracks_that_a_shift_brings_onto_lanes_have_a_wrong_origin(bend: Road) -> None:

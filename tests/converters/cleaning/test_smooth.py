@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.cleaning.motion import JERK_DENSITY, smooth
+from scex_sumo.converters.cleaning.smoothing import JERK_DENSITY, smooth
 
 UNEVEN = np.cumsum(np.random.default_rng(1).uniform(0.05, 0.2, 40))
 

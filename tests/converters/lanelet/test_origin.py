@@ -11,9 +11,9 @@ import pytest
 
 from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.file import read_map_file
-from scex_sumo.converters.lanelet.origin import map_origin, recorded_origin
+from scex_sumo.converters.lanelet.origin import recorded_origin
 from scex_sumo.converters.lanelet.projection import to_local
-from scex_sumo.converters.lanelet.reader import read_road
+from scex_sumo.converters.lanelet.reader import map_origin, read_road
 from tests.converters.maps import draw_map, straight
 
 KARLSRUHE = (49.01, 8.43)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.lanelet2sumo.drawing import SURFACE
+from scex_sumo.converters.net.reading import SURFACE
 from scex_sumo.page.report.contents import report_contents
 from scex_sumo.page.report.report import write_report
 from scex_sumo.page.report.scene import packed_tracks
