@@ -41,8 +41,9 @@ from scex_sumo.converters.registries import (
     with_notes,
 )
 from scex_sumo.converters.tracks.check import MAX_VALUES
-from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, fill_sizes, with_unknown_vehicles
+from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, fill_sizes
 from scex_sumo.converters.tracks.rows import FORWARD_MPS, TrackTable
+from scex_sumo.converters.tracks.unknown import with_unknown_vehicles
 from scex_sumo.formats.recognition import LEVELX_META, LEVELX_TRACKS, is_highd_map, is_levelx, levelx_file
 from scex_sumo.formats.samples.boxes import one_line
 from scex_sumo.formats.samples.build import track_table

@@ -12,7 +12,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import SimulationError
-from scex_sumo.converters.net.text import points_of
+from scex_sumo.converters.net.sumo_net import points_of
 from scex_sumo.geometry.polylines import length_of, project
 from scex_sumo.lanelet2sumo.reader import NetContent, read_net
 

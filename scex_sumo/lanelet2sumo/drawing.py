@@ -7,7 +7,7 @@ from typing import NamedTuple
 from xml.sax.saxutils import quoteattr as quoted
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.text import shape_text
+from scex_sumo.converters.net.sumo_net import shape_text
 from scex_sumo.geometry.polylines import cut, length_of
 from scex_sumo.road import Marking, Road
 

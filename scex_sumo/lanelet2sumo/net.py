@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import TypeAlias
 
 from scex_sumo.base.errors import MapError, listed
-from scex_sumo.converters.net.reading import allowed_content, lane_places, read_ends
+from scex_sumo.converters.net.parts import lane_places
+from scex_sumo.converters.net.reading import allowed_content, read_ends
 from scex_sumo.converters.net.sumo_net import LaneTable, WrittenNet
 from scex_sumo.converters.xml import net_root
 from scex_sumo.geometry.polylines import length_of

@@ -18,7 +18,7 @@ import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import MapError
-from scex_sumo.converters.net.text import LANE_WIDTH_M, points_of
+from scex_sumo.converters.net.sumo_net import LANE_WIDTH_M, points_of
 from scex_sumo.converters.xml import change_words, net_root
 from scex_sumo.road import Road
 

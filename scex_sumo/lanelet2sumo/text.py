@@ -9,7 +9,8 @@ from typing import TypeAlias
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.text import DECIMALS, KEY, parts_text, shape_text
+from scex_sumo.converters.net.parts import KEY, parts_text
+from scex_sumo.converters.net.sumo_net import DECIMALS, shape_text
 from scex_sumo.geometry.bounds import mean_line
 from scex_sumo.geometry.polylines import samples
 from scex_sumo.lanelet2sumo.plan.elements import (

@@ -13,8 +13,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.owned import owner_cache
-from scex_sumo.converters.net.sumo_net import RECORDED, LaneTable, SumoNet
-from scex_sumo.converters.net.text import points_of
+from scex_sumo.converters.net.sumo_net import RECORDED, LaneTable, SumoNet, points_of
 from scex_sumo.converters.registries import signals_of
 from scex_sumo.converters.xml import net_root, unpacked
 from scex_sumo.geometry.polylines import heading, turn, without_repeats

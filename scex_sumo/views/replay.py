@@ -21,7 +21,7 @@ import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.colors import OTHER_RGB, Rgb
-from scex_sumo.converters.net.text import points_of
+from scex_sumo.converters.net.sumo_net import points_of
 from scex_sumo.converters.tracks.road_users import PEOPLE, obstacle_kinds, road_user
 from scex_sumo.converters.xml import net_root
 from scex_sumo.scene import STEP_S, SeedScene

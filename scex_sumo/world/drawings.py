@@ -12,7 +12,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.colors import OTHER_RGB, Rgb, model_colors
-from scex_sumo.converters.net.text import shape_text
+from scex_sumo.converters.net.sumo_net import shape_text
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 from scex_sumo.world.tiles import WINDOW_ASPECT, TileLayout, TileTemplate, tile_id
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.owned import owner_cache
-from scex_sumo.converters.net.text import LANE_WIDTH_M, points_of
+from scex_sumo.converters.net.sumo_net import LANE_WIDTH_M, points_of
 from scex_sumo.converters.tracks.road_users import obstacle_kinds, road_user
 from scex_sumo.intention import Walk
 from scex_sumo.scene import HISTORY_STEPS, REPLAYED, Obstacles, SeedScene, States

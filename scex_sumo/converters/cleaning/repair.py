@@ -7,16 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import listed
 from scex_sumo.converters.cleaning.motion import renew_motion, repair_headings
-from scex_sumo.converters.tracks.rows import FORWARD_MPS, STANDING_MPS, TrackRows, TrackTable, segments_of
+from scex_sumo.converters.tracks.rows import FORWARD_MPS, STANDING_MPS, TrackRows, TrackTable, numbered_again
 
 JUMP_M = 3.0  # a shorter step is no jump
 JUMP_EXCESS_M = 1.5  # a jump is so much longer than the usual step there
 MIN_PIECE = 5  # samples of a piece between jumps
-APART_M = 3.0  # samples farther apart are two road users, or one of them is wrong
-FIT_M = 1.5  # a sample this close to the middle between its neighbours in time fits them
 # A tracker warms up if two of a track's first five steps have the same position at a rising speed.
 FROZEN_STEPS, WARM_UP_RISE_MPS = 2, 0.5
 WARM_UP_S = 2.0  # dropped then
@@ -70,55 +68,12 @@ def _repair(
 
 
 def _drop_duplicates(rows: TrackRows) -> tuple[TrackRows, list[str]]:
-    """Keep one sample per track and time stamp.
-
-    The sample nearest to the middle of those before and after is kept. Samples far apart belong to two road
-    users if none fits: all are then left out while stamps are doubled.
-    """
     again = np.append(False, (np.diff(rows.track) == 0) & (np.diff(rows.timestamp_ms) == 0))
     if not again.any():
         return rows, []
-    first = np.flatnonzero(~again)
-    group: IntArray = np.cumsum(~again) - 1
-    last = np.append(first[1:], len(rows)) - 1
-    off, lonely = _off_middle(rows, group, first, last)
-    spread = np.zeros(len(first))
-    np.maximum.at(spread, group, np.hypot(rows.x - rows.x[first[group]], rows.y - rows.y[first[group]]))
-    best = np.lexsort((off, group))[first]
-    kept = np.where(lonely, best, first)
-    unclear = (spread > APART_M) & ~(lonely & (off[kept] < FIT_M))
-    doubled, track = last > first, rows.track[first]
-    run = np.cumsum(np.append(0, (np.diff(track) != 0) | (doubled[1:] != doubled[:-1])))
-    shared = np.isin(run, run[unclear]) & doubled
-    keep = np.zeros(len(rows), bool)
-    keep[kept[~shared]] = True
-    phrases = []
-    dropped = int((again & ~shared[group]).sum())
-    if dropped:
-        phrases.append(f"{dropped} duplicate samples dropped (same track, same time stamp)")
-    if shared.any():
-        labels = [rows.labels[k] for k in np.unique(rows.track[first[shared]])]
-        phrases.append(
-            f"{shared.sum()} time stamps left out where two road users share one track id: {listed(labels)}"
-        )
-    return _numbered_again(rows.take(keep)), phrases
+    from scex_sumo.converters.cleaning.duplicates import without_duplicates
 
-
-def _off_middle(
-    rows: TrackRows, group: IntArray, first: IntArray, last: IntArray
-) -> tuple[FloatArray, BoolArray]:
-    size = last - first + 1
-    track = rows.track[first]
-    joined = np.diff(track) == 0
-    has_before, has_after = np.append(False, joined), np.append(joined, False)
-    before, after = np.maximum(first - 1, 0), np.minimum(last + 1, len(rows) - 1)
-    count = has_before.astype(float) + has_after
-    around = np.array([has_before * xy[before] + has_after * xy[after] for xy in (rows.x, rows.y)])
-    x, y = (around / np.maximum(count, 1.0))[:, group]
-    off = np.hypot(rows.x - x, rows.y - y)
-    single_before = ~has_before | (np.roll(size, 1) == 1)
-    single_after = ~has_after | (np.roll(size, -1) == 1)
-    return np.where(count[group] > 0.0, off, np.inf), single_before & single_after
+    return without_duplicates(rows, again)
 
 
 def _cut_jumps(rows: TrackRows) -> tuple[TrackRows, list[str]]:
@@ -150,13 +105,7 @@ def _cut_jumps(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     if cut.any():
         tracks = len(np.unique(rows.track[cut]))
         phrases.append(f"{tracks} tracks cut at jumps over {JUMP_M:g} m")
-    return _numbered_again(rows.with_columns(segment=segment).take(~drop)), phrases
-
-
-def _numbered_again(rows: TrackRows) -> TrackRows:
-    """Number segments from 0 on after rows were left out; gaps that are too long now begin new ones."""
-    new = (np.diff(rows.segment) != 0) | (np.diff(segments_of(rows.track, rows.timestamp_ms)) != 0)
-    return rows.with_columns(segment=np.append(0, np.cumsum(new)).astype(np.int64)[: len(rows)])
+    return numbered_again(rows.with_columns(segment=segment).take(~drop)), phrases
 
 
 def _jumps(rows: TrackRows) -> BoolArray:

@@ -1,13 +1,13 @@
-"""SUMO nets read from files: what is allowed of them, lanelets under their lanes, lane tables, road lines."""
+"""SUMO nets read from files: what is allowed of them, lane tables, road lines."""
 
 from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -15,25 +15,11 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, MapError, ScexError, listed
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.net.allowed import prune
-from scex_sumo.converters.net.sumo_net import HEADER, LaneTable, SumoNet, net_file
-from scex_sumo.converters.net.text import (
-    BEYOND,
-    CHANGED_M,
-    JOINT_M,
-    KEY,
-    LANE_WIDTH_M,
-    LaneletPart,
-    points_of,
-)
+from scex_sumo.converters.net.sumo_net import HEADER, LANE_WIDTH_M, LaneTable, SumoNet, net_file, points_of
 from scex_sumo.converters.xml import is_utf8, net_root, unpacked, xml_root
-from scex_sumo.geometry.polylines import length_of
 
-GAP_M = 0.1  # between road beyond the border and a lane
-_DRIVEN = ("normal", "", None, "internal")  # functions of edges
 _MARKUP = re.compile(rb"<\?xml-", re.IGNORECASE)
 _SCHEMA = re.compile(rb"""schemaLocation\s*=\s*["'](?!https?://sumo[./-])""", re.IGNORECASE)
-
-Named: TypeAlias = Mapping[str, tuple[LaneletPart, ...]]
 
 
 def allowed_content(path: Path) -> tuple[bytes, tuple[str, ...]]:
@@ -105,51 +91,6 @@ def read_ends(root: Element) -> dict[str, tuple[str, str]]:
     # Where a vehicle waits within a junction, netconvert cuts its internal lane in two.
     ends.update({second: ends[first] for first, second in within if first in ends})
     return ends
-
-
-def named_parts(root: ElementTree.Element) -> dict[str, tuple[LaneletPart, ...]] | None:
-    """Return the stretches under each lane of a net.
-
-    None if the net was changed since its conversion; empty if `convert` did not write it.
-    """
-    parts: dict[str, tuple[LaneletPart, ...]] = {}
-    for lane in root.iter("lane"):
-        text = next((p.get("value", "") for p in lane.iter("param") if p.get("key") == KEY), "")
-        if not text:
-            continue
-        try:
-            points = points_of(lane.get("shape", ""))
-            words = [part.split(",") for part in text.split()]
-            stretches = tuple(LaneletPart(int(lanelet), *map(float, rest)) for lanelet, *rest in words)
-            allowed = CHANGED_M + GAP_M * any(s.lanelet == BEYOND for s in stretches)
-            changed = abs(length_of(points) - sum(s.end - s.start for s in stretches)) > allowed
-        except (ValueError, IndexError, TypeError):
-            changed = True
-        if changed:
-            return None
-        parts[lane.get("id", "")] = stretches
-    return parts
-
-
-def lanelet_places(named: Named, name: str) -> list[tuple[int, float]]:
-    """Return a lane's lanelets and the arc lengths where it begins on them, m, without mere joints."""
-    stretches = [s for s in named[name] if s.lanelet != BEYOND]
-    long = [s for s in stretches if s.end - s.start > JOINT_M * 1.001]
-    return list({s.lanelet: s.start for s in reversed(long or stretches)}.items())[::-1]
-
-
-def lane_names(root: ElementTree.Element) -> list[str]:
-    """Return SUMO's lanes of a net that become lanes of its road, in the order of the file."""
-    edges = (edge for edge in root.iter("edge") if edge.get("function") in _DRIVEN)
-    return [lane.get("id", "") for edge in edges for lane in edge.iter("lane")]
-
-
-def lane_places(root: ElementTree.Element) -> list[tuple[str, list[tuple[int, float]]]]:
-    """Return each lane of a net with (lane of its road under it, arc length in m where it begins there)."""
-    named = named_parts(root)
-    if named:
-        return [(name, under) for name in named if (under := lanelet_places(named, name))]
-    return [(name, [(k + 1, 0.0)]) for k, name in enumerate(lane_names(root))]
 
 
 _BORDERS = {"curbstone", "road_border", "guard_rail", "fence", "wall"}

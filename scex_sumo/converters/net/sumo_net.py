@@ -1,4 +1,4 @@
-"""SUMO net of a road: its files, and its lane table."""
+"""SUMO net of a road: its files, its lane table, and the text of its shapes."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.road import MapLoss
 
 RECORDED = "recorded"  # programID of a light that replays a recording
@@ -58,6 +61,8 @@ class WrittenNet:
 
 
 OPENDRIVE = ".xodr"
+DECIMALS = 3  # millimetres: what SUMO's tools expect
+LANE_WIDTH_M = 3.2  # SUMO's own for lanes without a width
 
 
 def net_file(net_path: Path, suffix: str) -> Path:
@@ -131,3 +136,16 @@ class LaneTable:
         writer.writerow(HEADER)
         writer.writerows(self.rows)
         return buffer.getvalue()
+
+
+def shape_text(line: FloatArray, decimals: int = DECIMALS) -> str:
+    """Format a polyline as SUMO does: ``x,y x,y``."""
+    # Adding 0.0 turns a rounded -0.0 into 0.0.
+    return " ".join(
+        f"{x:.{decimals}f},{y:.{decimals}f}" for x, y in (np.round(line, decimals) + 0.0).tolist()
+    )
+
+
+def points_of(shape: str) -> FloatArray:
+    """Return the points (P, 2) of a shape; SUMO may mix points with and without a height."""
+    return np.array([point.split(",")[:2] for point in shape.split()], dtype=np.float64).reshape(-1, 2)

@@ -23,7 +23,7 @@ from scex_sumo.converters.tracks.check import (
     first_line,
     repeated,
 )
-from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, OTHER_TYPES, fill_sizes, with_unknown_vehicles
+from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, OTHER_TYPES, fill_sizes
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackRows, TrackTable, number_of, segments_of
 
 WALKERS = ("vehicle_tracks", "pedestrian_tracks")
@@ -70,6 +70,8 @@ def tracks_of(
         motor = np.array([label in vehicles for label in labels], bool)
     else:
         if not set(types) <= MOTOR_TYPES | OTHER_TYPES:
+            from scex_sumo.converters.tracks.unknown import with_unknown_vehicles
+
             sizes, speed = (columns["length"], columns["width"]), np.hypot(columns["vx"], columns["vy"])
             of_track, unknown = with_unknown_vehicles(types, of_track, columns["track"], *sizes, speed)
         motor = np.array([name in MOTOR_TYPES for name in types], bool)[of_track]

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.scene import HISTORY_STEPS, Obstacles
 
@@ -47,9 +47,6 @@ OTHER_TYPES = frozenset(
 OBSTACLE_SIZES = {"pedestrian": (0.6, 0.6), "bicycle": (1.8, 0.7), "tram": (30.0, 2.6)}
 """Length and width in m if the recording gives none; all other types get those of a bicycle."""
 
-MIN_LENGTH_M, MIN_WIDTH_M, DRIVEN_MPS = 2.5, 1.2, 4.0
-"""Least size of a vehicle of an unknown type, and a speed that one of its type reaches."""
-
 _WORDS = (
     ("motor", "motorcycle"),
     *((word, "bicycle") for word in ("bicycl", "cyclist", "bike", "scooter", "rider")),
@@ -85,40 +82,3 @@ def obstacle_kinds(others: Obstacles) -> tuple[str, ...]:
     """Return the types (O,) of obstacles; the last second decides on ``pedestrian/bicycle``."""
     past = others.states.speed[:, : HISTORY_STEPS + 1]
     return tuple(person_kind(kind, speed) for kind, speed in zip(others.types, past, strict=True))
-
-
-def with_unknown_vehicles(
-    types: list[str],
-    kind: IntArray,
-    track: IntArray,
-    length: FloatArray,
-    width: FloatArray,
-    speed: FloatArray,
-) -> tuple[IntArray, tuple[str, ...]]:
-    """Set the type of large tracks to ``vehicle`` if it is unknown and some of them drive.
-
-    Args:
-        types: the names; ``vehicle`` is added if needed.
-        kind: (K,) index of each track's type, also returned; with a phrase for each type that has vehicles.
-        length: (N,) m, nan if not known; ``width`` too.
-    """
-    unknown = np.array([name not in MOTOR_TYPES and name not in OTHER_TYPES for name in types], bool)
-    if not unknown[kind].any():
-        return kind, ()
-    large: BoolArray = np.ones(len(kind), bool)
-    np.logical_and.at(large, track, (length >= MIN_LENGTH_M) & (width >= MIN_WIDTH_M))
-    fastest = np.zeros(len(kind))
-    np.maximum.at(fastest, track, speed)
-    kind, notes = kind.copy(), []
-    for number in np.unique(kind[unknown[kind]]).tolist():
-        chosen = (kind == number) & large
-        if not (fastest[chosen] >= DRIVEN_MPS).any():
-            continue
-        if "vehicle" not in types:
-            types.append("vehicle")
-        kind[chosen] = types.index("vehicle")
-        notes.append(
-            f"unknown type {types[number][:24]!r}: {int(chosen.sum())} tracks are as large as vehicles and "
-            "drive: taken for vehicles"
-        )
-    return kind, tuple(notes)

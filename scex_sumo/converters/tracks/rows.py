@@ -188,3 +188,9 @@ def segments_of(track: IntArray, timestamp_ms: FloatArray) -> IntArray:
     # 1.5 ms: stamps are rounded to milliseconds
     new[1:] = (np.diff(track) != 0) | (np.diff(timestamp_ms) > 1000.0 * MAX_GAP_S + 1.5)
     return np.asarray(np.cumsum(new) - 1, np.int64)
+
+
+def numbered_again(rows: TrackRows) -> TrackRows:
+    """Number segments from 0 on after rows were left out; gaps that are too long now begin new ones."""
+    new = (np.diff(rows.segment) != 0) | (np.diff(segments_of(rows.track, rows.timestamp_ms)) != 0)
+    return rows.with_columns(segment=np.append(0, np.cumsum(new)).astype(np.int64)[: len(rows)])

@@ -14,8 +14,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from scex_sumo.base.sumo.car_following import RANDOM_PARAMETERS, REFUSED, WORDS, known_parameters
-from scex_sumo.converters.net.reading import lane_places, read_ends
-from scex_sumo.converters.net.text import points_of
+from scex_sumo.converters.net.parts import lane_places
+from scex_sumo.converters.net.reading import read_ends
+from scex_sumo.converters.net.sumo_net import points_of
 from scex_sumo.converters.xml import net_root
 from scex_sumo.geometry.polylines import along, length_of
 from scex_sumo.intention import MAX_BEHIND, PARKS, Intention, Stop

@@ -17,8 +17,9 @@ from scex_sumo.base.errors import MapError, listed, reason_of
 from scex_sumo.base.sumo.programs import run_program
 from scex_sumo.converters.naming import map_name, unpacked_name
 from scex_sumo.converters.net.allowed import prune
-from scex_sumo.converters.net.reading import allowed_copy, lane_names, lanelet_places, named_parts
-from scex_sumo.converters.net.text import BEYOND, LANE_WIDTH_M, LaneletPart
+from scex_sumo.converters.net.parts import BEYOND, LaneletPart, lane_names, lanelet_places, named_parts
+from scex_sumo.converters.net.reading import allowed_copy
+from scex_sumo.converters.net.sumo_net import LANE_WIDTH_M
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.converters.xml import change_words, is_left_hand, net_root
 from scex_sumo.formats.lane_maps.lane_links import overlapping

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.text import LaneletPart
+from scex_sumo.converters.net.parts import LaneletPart
 
 if TYPE_CHECKING:
     from scex_sumo.lanelet2sumo.topology.graph import Path

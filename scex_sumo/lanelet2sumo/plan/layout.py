@@ -12,7 +12,7 @@ import shapely
 from shapely import MultiPoint, Polygon, unary_union
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.converters.net.text import BEYOND, CHANGED_M, JOINT_M, LaneletPart
+from scex_sumo.converters.net.parts import BEYOND, CHANGED_M, JOINT_M, LaneletPart
 from scex_sumo.geometry.bounds import bend
 from scex_sumo.geometry.polylines import along, cut, heading, length_of, project, samples
 from scex_sumo.lanelet2sumo.plan.elements import Connection, Edge, NetLane, NetLayout, Node
