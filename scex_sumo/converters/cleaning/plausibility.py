@@ -61,7 +61,7 @@ class Check:
         value: what was measured; ``-`` if the recording has too little for it.
         usual: what is plausible.
         problem: what is wrong, the likely cause and the remedy; empty if plausible.
-        severity: the verdict if there is a problem.
+        verdict: ``repaired``: the reader does so; ``error``: a run would mean nothing; empty if plausible.
         pairs: track ids of vehicles that are recorded twice; the problem is only theirs.
         explains: whether the problem is the true cause of velocities that contradict the motion.
     """
@@ -70,14 +70,14 @@ class Check:
     value: str
     usual: str
     problem: str = ""
-    severity: Verdict = "warning"
+    verdict: Verdict = "warning"
     pairs: tuple[tuple[str, str], ...] = ()
     explains: bool = False
 
-    @property
-    def verdict(self) -> Verdict:
-        """``repaired``: the reader does so; ``error``: a run would mean nothing; empty without a problem."""
-        return self.severity if self.problem else ""
+    def __post_init__(self) -> None:
+        if not self.problem:
+            object.__setattr__(self, "verdict", "")
+            object.__setattr__(self, "explains", False)
 
 
 def refuse_implausible(name: object, checks: Sequence[Check], remedy: str) -> None:
@@ -109,7 +109,7 @@ def doubts(checks: Sequence[Check], present: Iterable[object] = ()) -> tuple[str
 
 def without_explained(findings: Sequence[str], checks: Sequence[Check]) -> tuple[str, ...]:
     """Leave out phrases about repaired velocities if a check names the true cause."""
-    explained = any(check.explains and check.problem for check in checks)
+    explained = any(check.explains for check in checks)
     return tuple(said for said in findings if not (explained and said.startswith("velocities of")))
 
 
