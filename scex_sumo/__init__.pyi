@@ -15,9 +15,9 @@ from .converters.net.sumo_net import SumoNet as SumoNet
 from .converters.registries import Recording as Recording
 from .converters.tracks.rows import TrackTable as TrackTable
 from .decision.moment import moment_pairs as moment_pairs
-from .drivers.registry import behavior as behavior
+from .drivers.decorators import behavior as behavior
+from .drivers.decorators import predictor as predictor
 from .drivers.registry import parse_models as parse_models
-from .drivers.registry import predictor as predictor
 from .evaluation.recordings import LoadedRecording as LoadedRecording
 from .evaluation.recordings import load_recording as load_recording
 from .evaluation.recordings import recording_moments as recording_moments

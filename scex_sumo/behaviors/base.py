@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Final, Literal, Protocol, TypeAlias, runtime_checkable
+from typing import Any, ClassVar, Final, Literal, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
@@ -75,6 +75,7 @@ class Driver:
     inner: Any = None  # the model that an adapter, such as the guard, wraps
     source_file: Path | None = None  # of a user's model
     weights_sha256: str | None = None  # of learned weights
+    by_sumo: ClassVar[bool] = False  # whether the world leaves its vehicles to SUMO
 
     @property
     def sight(self) -> Sight | None:
@@ -105,6 +106,11 @@ def layers(model: Any) -> Iterator[Driver]:
 def declared(model: Any) -> Driver:
     """Return what a model declares: itself, or nothing for a user's."""
     return next(layers(model), Driver())
+
+
+def driven_by_sumo(model: Any) -> bool:
+    """Return whether SUMO drives the vehicles of a model."""
+    return isinstance(model, Driver) and model.by_sumo
 
 
 def clear_of_others(model: Any) -> Any:

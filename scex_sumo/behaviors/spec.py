@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import inspect
-import pickle
-import sys
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Final
@@ -67,6 +63,8 @@ class ModelSpec:
 
     def __post_init__(self) -> None:
         if self.model is not None and not self.state:
+            from scex_sumo.behaviors.objects import state_of
+
             object.__setattr__(self, "state", state_of(self.model))
         if not (self.weight == 0 or MIN_PARAMETER <= self.weight <= MAX_PARAMETER):
             wanted = f"0 or a number from {MIN_PARAMETER:g} to {MAX_PARAMETER:g}"
@@ -128,51 +126,3 @@ def _number(spec: ModelSpec, key: str, value: str, kind: Callable[[str], Any], w
         return kind(value)
     except ValueError:
         raise UsageError(f"{spec.name}: {key}={value} is not {wanted}") from None
-
-
-def state_of(model: Any) -> str:
-    """Return the SHA-256 of an object; by value if its class is not in a file."""
-    with suppress(Exception):  # of the object's own code
-        packed = pickle.dumps(model)
-        if b"__main__" not in packed or hasattr(sys.modules["__main__"], "__file__"):
-            return hashlib.sha256(packed).hexdigest()
-    with suppress(Exception):
-        import cloudpickle
-
-        return hashlib.sha256(cloudpickle.dumps(model)).hexdigest()
-    import secrets
-
-    return secrets.token_hex(32)  # it cannot be compared, so that no result of it is resumed
-
-
-def label_of(model: Any) -> str:
-    """Return a readable name of a class, function or object, with parameters other than the defaults.
-
-    An object shows the parameters of its constructor that it keeps as attributes: numbers, texts, booleans.
-    """
-    values: dict[str, Any] = {}
-    if isinstance(model, partial):
-        name, values = label_of(model.func), model.keywords
-    elif hasattr(model, "__name__"):
-        name = str(model.__name__)
-    else:
-        name, defaults = type(model).__name__, signature_of(type(model))
-        values = {key: getattr(model, key, p.default) for key, p in defaults.items()}
-        values = {key: value for key, value in values.items() if str(value) != str(defaults[key].default)}
-    shown = {key: value for key, value in values.items() if isinstance(value, bool | int | float | str)}
-    return ":".join([name, *parameter_texts(shown)])
-
-
-def signature_of(function: Callable[..., Any]) -> Mapping[str, inspect.Parameter]:
-    """Return the parameters of a function or class; none if Python does not know them."""
-    try:
-        return inspect.signature(function).parameters
-    except (TypeError, ValueError):
-        return {}
-
-
-def parameter_texts(parameters: Mapping[str, Any]) -> tuple[str, ...]:
-    """Format parameters as ``name=default``; without a default, the name alone."""
-    words = {True: "true", False: "false"}  # as on the command line
-    written = {k: words[v] if isinstance(v, bool) else v for k, v in parameters.items()}
-    return tuple(key if value is EMPTY else f"{key}={value}" for key, value in written.items())

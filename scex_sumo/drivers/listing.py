@@ -7,7 +7,8 @@ import re
 from typing import Final, NamedTuple
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.spec import GUARD, ModelEntry, parameter_texts
+from scex_sumo.behaviors.objects import parameter_texts
+from scex_sumo.behaviors.spec import GUARD, ModelEntry
 from scex_sumo.drivers.registry import entry_of, known_names
 from scex_sumo.plug_in.inputs import Surroundings
 

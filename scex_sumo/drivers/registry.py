@@ -1,4 +1,4 @@
-"""Registry of behaviour models: names, mixes, defaults, parsing, building, users' models."""
+"""Registry of behaviour models: names, mixes, defaults, parsing, building."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.blame import own_call
@@ -21,7 +21,7 @@ from scex_sumo.behaviors.models.simple import (
     EmergencyBrakeProfile,
     Replay,
 )
-from scex_sumo.behaviors.spec import ModelEntry, label_of, maker_of, parameter_value
+from scex_sumo.behaviors.spec import ModelEntry, maker_of, parameter_value
 from scex_sumo.behaviors.spec import ModelSpec as ModelSpec
 
 DEFAULT_MODELS = "standard_driver,risky_driver,constant_velocity,emergency_brake"
@@ -38,7 +38,7 @@ MIXES: Final[Mapping[str, str]] = {
 
 _rule = partial(ModelEntry, may_fail=False, is_own=False)  # an exception is a bug of this package
 
-_CORE: Final[Mapping[str, ModelEntry]] = {
+CORE: Final[Mapping[str, ModelEntry]] = {
     "calibrated_driver": _rule(
         make=IdmDriver,
         profile=CALIBRATED,
@@ -67,8 +67,6 @@ EXTENSIONS: Final = Registry(group="scex_sumo.behaviors", kind="behavior")
 _WEIGHED: Final = re.compile(r"(.*?@ *\d*\.?\d+)(?: *(,)(.*)| *)", re.DOTALL)
 
 _registered: dict[str, ModelEntry] = {}
-T = TypeVar("T")
-F = TypeVar("F", bound=Callable[..., Any])
 
 
 def is_own(spec: ModelSpec) -> bool:
@@ -86,15 +84,15 @@ def known_names() -> list[str]:
     from scex_sumo.base.sumo.car_following import OWN_MODEL, SUMO_MODELS
 
     sumo = [f"{SUMO}:{model}" for model in (*SUMO_MODELS, OWN_MODEL)]
-    return [*_CORE, *sumo, *sorted({*_registered, *EXTENSIONS.paths} - {*_CORE, SUMO, *MIXES})]
+    return [*CORE, *sumo, *sorted({*_registered, *EXTENSIONS.paths} - {*CORE, SUMO, *MIXES})]
 
 
 def entry_of(name: str) -> ModelEntry:
     """Return the entry of a model; raise a `UsageError` if there is none, or its package is broken."""
-    if name in _CORE:
-        return _CORE[name]
+    if name in CORE:
+        return CORE[name]
     if name.startswith(f"{SUMO}:"):
-        from scex_sumo.behaviors.models.simple import SumoDriver
+        from scex_sumo.behaviors.models.sumo import SumoDriver
 
         return _rule(
             make=SumoDriver,
@@ -108,7 +106,7 @@ def entry_of(name: str) -> ModelEntry:
         return _registered[name]
     if ":" in name:
         hint = "; a model is name[:parameter=value]... or package.module:Class"
-        return _entry(import_object(name, hint=hint), name)
+        return entry_of_object(import_object(name, hint=hint), name)
     if mix := MIXES.get(name):
         raise UsageError(
             f"{name} stands for several models and takes neither parameters nor a weight; "
@@ -118,16 +116,17 @@ def entry_of(name: str) -> ModelEntry:
         names = nearest(name, [*known_names(), *MIXES])
         raise UsageError(f"unknown behavior {name!r}; nearest: {names}; 'scex-sumo models' lists all")
     try:
-        return _entry(EXTENSIONS.load(name), name)
+        return entry_of_object(EXTENSIONS.load(name), name)
     except UsageError as error:
         raise UsageError(f"{name}: {str(error).removeprefix(f'{name}: ')}") from error
 
 
 def _entry_for(spec: ModelSpec) -> ModelEntry:
-    return entry_of(spec.name) if spec.model is None else _entry(spec.model, spec.name)
+    return entry_of(spec.name) if spec.model is None else entry_of_object(spec.model, spec.name)
 
 
-def _entry(given: Any, name: str) -> ModelEntry:
+def entry_of_object(given: Any, name: str) -> ModelEntry:
+    """Return a class, function or object as a model; a `ModelEntry` itself."""
     if isinstance(given, ModelEntry):
         return given
     from scex_sumo.plug_in.user_model import user_model
@@ -198,6 +197,8 @@ def model_specs(given: Any) -> tuple[ModelSpec, ...]:
         )
     spec = given
     if not isinstance(given, ModelSpec):
+        from scex_sumo.behaviors.objects import label_of
+
         spec = ModelSpec(name=label_of(given), model=given)
     _maker(spec)  # raises for what cannot be made
     return (spec,)
@@ -225,7 +226,7 @@ def _split(text: str) -> tuple[str, list[str]] | None:
     """Return name and parameters if the model splits its own text, as a command with colons; else None."""
     name, colon, rest = text.partition(":")
     name = name.strip()
-    if not colon or name in (*_CORE, SUMO) or not name.isidentifier():
+    if not colon or name in (*CORE, SUMO) or not name.isidentifier():
         return None
     entry = _registered.get(name) or (entry_of(name) if name in EXTENSIONS.paths else None)
     return None if entry is None or entry.split is None else (name, entry.split(rest))
@@ -245,7 +246,7 @@ def _parse_one(text: str) -> ModelSpec:
     elif (
         rest
         and all(part.isidentifier() for part in (*name.split("."), rest[0]))
-        and not (name in _CORE or name in _registered or name in EXTENSIONS.paths)
+        and not (name in CORE or name in _registered or name in EXTENSIONS.paths)
     ):
         name = f"{name}:{rest.pop(0)}"
     parameters = {}
@@ -303,68 +304,3 @@ def _maker(spec: ModelSpec) -> tuple[Callable[[], Any], bool]:
     check_driver(model, given)
     path = parameter_value(spec, "path", entry, spec.parameters.get("path", "straight"))
     return partial(entry.make, model, given, path=path), False
-
-
-@checked
-def behavior(name: str) -> Callable[[T], T]:
-    """Register a behaviour model: ``@behavior("my_driver")`` on a class with ``plan`` or ``plan_one``.
-
-    See `Behavior`. Keyword arguments of the constructor are the parameters. A
-    function of a vehicle's ``history`` becomes a `Predictor`.
-
-    Raises:
-        UsageError: the name is taken or cannot be written on a command line.
-
-    Example:
-        >>> @scex.behavior("parked")
-        ... class Parked:
-        ...     def plan(self, history, road, vehicles, rng):
-        ...         now = history.now[vehicles.future, vehicles.vehicle]
-        ...         x, y, heading = (np.repeat(a[:, None], 30, axis=1) for a in (now.x, now.y, now.heading))
-        ...         return scex.Plan(x=x, y=y, heading=heading, speed=np.zeros_like(x))
-        >>> [str(model) for model in scex.parse_models("parked")]
-        ['parked']
-    """
-
-    def register(constructor: T) -> T:
-        if name in {*_CORE, SUMO, *MIXES} or EXTENSIONS.is_ours(name):
-            raise UsageError(f"behavior {name!r}: the name belongs to a built-in model; choose another one")
-        if not name or any(c in name for c in ",:@= \t\n"):
-            raise UsageError(f"behavior {name!r}: a name must not contain , : @ = or spaces")
-        if not callable(constructor):
-            raise UsageError(f"behavior {name!r}: register a class or a function that makes a model")
-        _registered[name] = _entry(constructor, name)
-        return constructor
-
-    return register
-
-
-def predictor(name: str | None = None, *, batched: bool = False, **surroundings: Any) -> Callable[[F], F]:
-    """Register a function that predicts trajectories: ``@predictor("my_driver")``.
-
-    Args:
-        name: None gives it no name except its import path.
-        batched: as in `Predictor`.
-        surroundings: fields of `Surroundings`; they become parameters of the model.
-
-    Raises:
-        UsageError: the name is taken, or the function asks for unknown inputs.
-
-    Example:
-        >>> @scex.predictor("straight")
-        ... def straight(history):
-        ...     way = 0.1 * history[:, -1, 4:] * np.arange(1, 31)
-        ...     return np.stack([way, np.zeros_like(way)], axis=-1)
-        >>> [str(model) for model in scex.parse_models("straight:radius=30")]
-        ['straight:radius=30']
-    """
-
-    def register(function: F) -> F:
-        from scex_sumo.plug_in.user_model import predictor_model
-
-        model = predictor_model(function, batched=batched, **surroundings)
-        model.make()  # raises where the function is written, not where it is used
-        function.__scex_predictor__ = model  # type: ignore[attr-defined]
-        return function if name is None else behavior(name)(function)
-
-    return register

@@ -14,9 +14,8 @@ from gymnasium.vector.utils import batch_space
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.behaviors.base import PLAN_STEPS
+from scex_sumo.behaviors.base import PLAN_STEPS, driven_by_sumo
 from scex_sumo.behaviors.driving.paths import BEHIND_M, seed_paths
-from scex_sumo.behaviors.models.simple import SumoDriver
 from scex_sumo.drivers.registry import DEFAULT_MODELS
 from scex_sumo.environment.agent import (
     MAX_OBSERVED,
@@ -121,7 +120,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         settings = RunSettings(models=models, assign=assign or {}, steps=steps, replan=replan)
         self._models = ModelSet.of(settings)
         for name, model in zip(self._models.names, self._models.built, strict=True):
-            if isinstance(model, SumoDriver):
+            if driven_by_sumo(model):
                 raise UsageError(f"models: SUMO drives the vehicles of {name}; an environment has no SUMO")
         with TemporaryFolder() as folder:
             scene, _ = ruled(scene, converted(road, Path(folder) / "road.net.xml"), settings)

@@ -17,7 +17,7 @@ import numpy as np
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.sumo.car_following import OWN_MODEL
-from scex_sumo.behaviors.models.simple import SumoDriver
+from scex_sumo.behaviors.models.sumo import SumoDriver
 from scex_sumo.converters.net.allowed import prune
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.xml import net_root

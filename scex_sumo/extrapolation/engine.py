@@ -15,7 +15,7 @@ from scex_sumo.base.errors import OwnCodeError, UsageError
 from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
-from scex_sumo.behaviors.models.simple import SumoDriver
+from scex_sumo.behaviors.base import driven_by_sumo
 from scex_sumo.converters.registries import signals_of
 from scex_sumo.drivers.registry import parse_models
 from scex_sumo.extrapolation.job import Job, batch_size, batches_of, ruled
@@ -144,7 +144,7 @@ def _folder_and_job(
 def checked_models(settings: RunSettings, options: RunOptions) -> ModelSet:
     """Build the models of a run; raise a `UsageError` for what can be known without the seed scene."""
     models = ModelSet.of(settings)
-    by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if isinstance(m, SumoDriver)]
+    by_sumo = [name for name, m in zip(models.names, models.built, strict=True) if driven_by_sumo(m)]
     if (by_sumo or options.gui) and not WORLDS.load(settings.world).has_sumo:
         what = f"{by_sumo[0]} is driven by SUMO" if by_sumo else "--gui shows SUMO"
         raise UsageError(f"--world {settings.world}: {what}, which is not there; use --world sumo")

@@ -16,7 +16,7 @@ import pyarrow as pa
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
 from scex_sumo.base.owned import owner_cache
-from scex_sumo.behaviors.models.simple import SumoDriver
+from scex_sumo.behaviors.base import driven_by_sumo
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.converters.registries import signals_of
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
@@ -256,13 +256,17 @@ def _batch(job: Job, futures: IntArray) -> Batch:
         assignment=job.assignment[futures],
         models=built,
         names=job.models.names,
-        overridden=np.array([not isinstance(model, SumoDriver) for model in built]),
+        overridden=np.array([not driven_by_sumo(model) for model in built]),
         route_draw=route_draws(futures, job.scene.vehicles, seed=seed),
         generators=[future_generator(seed, int(c)) for c in futures],
     )
 
 
 def _driven_by_sumo(job: Job, batch: Batch) -> list[SumoDriven]:
+    if batch.overridden.all():
+        return []
+    from scex_sumo.behaviors.models.sumo import SumoDriver
+
     driven = []
     scene, road = job.scene, job.road
     if road.left_hand:

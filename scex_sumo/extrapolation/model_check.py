@@ -9,8 +9,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.blame import own_error_reason
 from scex_sumo.base.errors import ScexError, UsageError
-from scex_sumo.behaviors.base import BatchBehavior
-from scex_sumo.behaviors.models.simple import SumoDriver
+from scex_sumo.behaviors.base import BatchBehavior, driven_by_sumo
 from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
 from scex_sumo.extrapolation.loop.rollout import history_at
@@ -35,7 +34,7 @@ def check_model(text: str) -> tuple[list[str], int, tuple[float, float]]:
     """
     specs = parse_models(text)
     model = build(specs[0])
-    if len(specs) > 1 or isinstance(model, SumoDriver):
+    if len(specs) > 1 or driven_by_sumo(model):
         raise UsageError(f"--check {text}: give one driver; SUMO's own and mixes have no plans to check")
     name, scene = str(specs[0]), read_seed(example_path("roundabout"))
     futures = np.arange(FUTURES)

@@ -13,8 +13,7 @@ from scex_sumo.base.arrays import IntArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.base.owned import SentOnce
-from scex_sumo.behaviors.base import BatchBehavior, Driver, layers
-from scex_sumo.behaviors.models.simple import SumoDriver
+from scex_sumo.behaviors.base import BatchBehavior, Driver, driven_by_sumo, layers
 from scex_sumo.converters.tracks.road_users import PEOPLE
 from scex_sumo.drivers.registry import ModelSpec, build, is_own, model_specs, moved_by, refuse_namesake
 from scex_sumo.extrapolation.assignments import (
@@ -50,7 +49,7 @@ class ModelSet(SentOnce):
     @property
     def world(self) -> str:
         """The simplest world for them: ``sumo`` if SUMO drives a vehicle, else ``plain``."""
-        return "sumo" if any(isinstance(model, SumoDriver) for model in self.built) else "plain"
+        return "sumo" if any(map(driven_by_sumo, self.built)) else "plain"
 
     @classmethod
     def of(cls, settings: RunSettings) -> ModelSet:

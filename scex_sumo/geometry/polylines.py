@@ -95,6 +95,15 @@ def heading(line: FloatArray, *, end: bool, reach: float = 2.0) -> float:
     return math.atan2(y1 - y0, x1 - x0)
 
 
+def curvature(points: FloatArray) -> FloatArray:
+    """Return (K, N) curvatures of paths (K, N, 2), 1/m, left positive."""
+    first = np.gradient(points, axis=1)
+    second = np.gradient(first, axis=1)
+    cross = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
+    speed = np.hypot(first[..., 0], first[..., 1])
+    return np.asarray(cross / np.maximum(speed, 1e-6) ** 3)
+
+
 def nearest(points: FloatArray, x: float, y: float) -> float:
     """Return the arc length of the point of a polyline nearest to (x, y), m."""
     return float(project(np.array([[x, y]]), points)[0][0])

@@ -134,11 +134,7 @@ class LikelyDriver(Driver):
         paths, _ = chosen_paths(history, road, vehicles, 0, redraw=redrawn)
         edges = path_edges(history.scene, paths, human_of(history.scene))
         draw = uniforms(history.route_draw[vehicles.future, vehicles.vehicle], 1, PATH)[:, 0]
-        row = paths.first[vehicles.vehicle]
-        last = row + paths.count[vehicles.vehicle] - 1
-        for _ in range(int(paths.count.max(initial=1)) - 1):
-            row = row + ((row < last) & (draw >= edges[row]))
-        return paths, row
+        return paths, paths.drawn(vehicles.vehicle, draw, edges)
 
     def _obeyed(self, view: View, road: Road) -> Obeyed | None:
         """Return what rules ask of drivers; None without rules."""

@@ -19,7 +19,6 @@ from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS, Driver, Sight
 from scex_sumo.behaviors.driving.motion import Intent, driven
 from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths
-from scex_sumo.behaviors.models.idm import follow_path
 from scex_sumo.graphs.graph import scene_graph
 from scex_sumo.learned.decoding import intent_along, plan_freely, way_of
 from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS, STANDING_MPS, PathInputs, path_inputs
@@ -29,6 +28,7 @@ from scex_sumo.learned.network.layers import exact
 from scex_sumo.learned.network.networks import KINDS, GraphImageNet, Modes, Net
 from scex_sumo.learned.network.weights import MODELS, load_weights
 from scex_sumo.learned.profiles import GraphImagePredictorProfile, GraphPredictorProfile
+from scex_sumo.plug_in.fallback import follow_path
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 

@@ -24,8 +24,10 @@ from scex_sumo.behaviors.base import (
     clear_of_others,
     declared,
 )
-from scex_sumo.behaviors.driving.motion import Intent
-from scex_sumo.behaviors.models.idm import follow_path
+from scex_sumo.behaviors.driving.motion import Intent, driven
+from scex_sumo.behaviors.driving.paths import chosen_paths, expected_way, nearest_paths
+from scex_sumo.behaviors.models.idm import CALIBRATED, IdmDriver
+from scex_sumo.geometry.polylines import wrap
 from scex_sumo.plug_in.time_limit import time_limit
 from scex_sumo.plug_in.user_model import SingleVehicle
 from scex_sumo.road import Road
@@ -33,6 +35,8 @@ from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 
 MAX_CALL_S, MAX_VEHICLE_S = 60.0, 0.1  # of a call, and of each of its vehicles in addition
 MAX_NAME = 80  # characters of a model's name in an error
+OFF_PATH_M = 5.0  # a vehicle further from all its paths goes straight on
+AGAINST_PATH_RAD = np.pi / 2  # as does one with a larger heading error
 JUMP_M = 5.0  # from the straight motion within one step: 500 m/s², beyond any vehicle
 SHARE = 0.5  # of its way by which speed and heading of a plan may contradict its positions, beyond 5 m
 RANGES = {"speed": (-20.0, 120.0), "heading": (-1e4, 1e4)}  # m/s, below 0 in reverse; rad
@@ -131,6 +135,20 @@ class Fallible(Driver):
             plan, reasons[at], bad[at] = self._ask(history, road, vehicles[at], rng)
             whole.assign(at, plan)
         return whole, reasons.tolist(), bad
+
+
+def follow_path(history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Plan:
+    """Plan 3 s for vehicles without a plan: ``calibrated_driver`` on the nearest path, or straight on."""
+    paths, straight = chosen_paths(history, road, vehicles, "straight")
+    now, arc_length = history.now[vehicles.future, vehicles.vehicle], expected_way(history, vehicles)
+    row, (_, offset, heading) = nearest_paths(
+        paths, straight, vehicles.vehicle, arc_length, now.x, now.y, now.heading
+    )
+    off = (np.abs(offset) > OFF_PATH_M) | (np.abs(wrap(now.heading - heading)) > AGAINST_PATH_RAD)
+    plan = driven(history, [IdmDriver(CALIBRATED).follow(history, vehicles, paths, row)])[0]
+    speed = np.maximum(now.speed[off], 0.0)[:, None] * np.ones(PLAN_STEPS)
+    plan.assign(off, now[off].ahead(speed * STEP_S * np.arange(1, PLAN_STEPS + 1), speed))
+    return plan
 
 
 def _blank(count: int) -> Plan:

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.errors import ScexError, UsageError
-from scex_sumo.behaviors.base import PLAN_STEPS, SingleVehicleBehavior
-from scex_sumo.behaviors.models.simple import SumoDriver
-from scex_sumo.behaviors.spec import EMPTY, ModelEntry, signature_of
+from scex_sumo.behaviors.base import PLAN_STEPS, SingleVehicleBehavior, driven_by_sumo
+from scex_sumo.behaviors.objects import signature_of
+from scex_sumo.behaviors.spec import EMPTY, ModelEntry
 from scex_sumo.plug_in.inputs import Surroundings
 from scex_sumo.plug_in.predictor import INPUTS, Predictor, name_of, wanted_inputs
 from scex_sumo.road import Road
@@ -30,7 +30,7 @@ def user_model(given: Any, name: str) -> ModelEntry:
         if hasattr(given, "__scex_predictor__"):
             return given.__scex_predictor__  # type: ignore[no-any-return]
         if hasattr(given, "plan") or hasattr(given, "plan_one"):
-            own, words = not isinstance(given, SumoDriver), _summary(given)  # SUMO's plans never fail
+            own, words = not driven_by_sumo(given), _summary(given)  # SUMO's plans never fail
             return ModelEntry(make=lambda: given, summary=words, takes_guard=own, may_fail=own, is_own=own)
         if is_predictor(given):
             return predictor_model(given)

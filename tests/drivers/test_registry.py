@@ -15,11 +15,11 @@ import pytest
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.behaviors.models.idm import IdmDriver
-from scex_sumo.behaviors.models.simple import SumoDriver
+from scex_sumo.behaviors.models.sumo import SumoDriver
+from scex_sumo.drivers.decorators import behavior
 from scex_sumo.drivers.listing import known_models
 from scex_sumo.drivers.registry import (
     ModelSpec,
-    behavior,
     build,
     entry_of,
     is_own,

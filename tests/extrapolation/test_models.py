@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import ScexError
-from scex_sumo.drivers.registry import behavior
+from scex_sumo.drivers.decorators import behavior
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.humans.guard.guarded import Guarded

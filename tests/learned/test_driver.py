@@ -11,10 +11,10 @@ import pytest
 
 from scex_sumo.base.errors import InputError
 from scex_sumo.behaviors.base import BatchBehavior
-from scex_sumo.behaviors.models.idm import follow_path
 from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.learned.driver import LearnedDriver, choice_of, loaded
 from scex_sumo.learned.inputs.surface import surface_of
+from scex_sumo.plug_in.fallback import follow_path
 from scex_sumo.scene import Plan, SceneHistory, SeedScene, States, VehicleIndex
 from tests.behaviors import roads
 from tests.learned import nets

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import ScexError
-from scex_sumo.behaviors.models.idm import IdmDriver, follow_path
+from scex_sumo.behaviors.models.idm import IdmDriver
 from scex_sumo.drivers.registry import build, entry_of, parse_models
-from scex_sumo.plug_in.fallback import Fallible, is_ours, source_file
+from scex_sumo.plug_in.fallback import Fallible, follow_path, is_ours, source_file
 from scex_sumo.plug_in.user_model import SingleVehicle
 from scex_sumo.road import Road
 from scex_sumo.scene import Plan, SceneHistory, States, VehicleIndex

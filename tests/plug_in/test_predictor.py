@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.drivers.decorators import predictor
 from scex_sumo.drivers.listing import known_models
-from scex_sumo.drivers.registry import build, parse_models, predictor
+from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.graphs.graph import SceneGraph, scene_graph
 from scex_sumo.plug_in.predictor import Predictor, completed, graph_of_future

@@ -5,7 +5,7 @@ A path depends on the vehicle's pose in the seed scene and is the same in all fu
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import chain
@@ -16,7 +16,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, least_of
 from scex_sumo.base.owned import owner_cache, recent
-from scex_sumo.geometry.polylines import Feet, Paths, along, arc_lengths, length_of, wrap
+from scex_sumo.geometry.polylines import Feet, Paths, along, arc_lengths, curvature, length_of, wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import CandidatePath, candidate_paths, centreline
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
@@ -30,13 +30,9 @@ OFFSET_SIGMA_M, HEADING_SIGMA_RAD = 0.8, 0.15
 _RECENT = 4  # sets of lines of a road: with recorded and with estimated headings, smoothed and driven
 OFF_ROAD = CandidatePath(lanes=(), s=0.0, probability=1.0, angle=0.0)
 PathChoice: TypeAlias = int | Literal["straight", "random"]
-Redraw: TypeAlias = Callable[[Road, "RouteLines"], FloatArray]
+Redraw: TypeAlias = Callable[[Road, "SeedPaths"], FloatArray]
 BASE_SIGMA_M = 1.5  # a turn of 8 m radius moves inwards by 0.14 m
 CURVATURES = (0.33, 0.25, 0.195, 0.165)  # 1/m, tried in this order; the last leaves room to correct
-SWEEPS = 400  # a right angle needs about 375 at 0.2 1/m
-SWEEPS_AT_ONCE = 10
-ENOUGH = 0.02  # part of a bend above the limit
-FREEZE_M = 15.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,20 +47,28 @@ class SeedPaths(Paths):
     on_road: BoolArray  # (V,) False off the mapped lanes, where the path is a straight line
     speed_limit: FloatArray  # (P, N) m/s; off the lanes, the vehicle's own speed
     slow_in_curves: bool  # every model slows down for curves; False on the maps that the models come with
+    # (P) centreline (M, 2) of each path, m, and (M,) the lane under each point; None off the lanes
+    centrelines: tuple[tuple[FloatArray, IntArray] | None, ...]
+    raw: FloatArray  # (P, N, 2) the same every `DS_M`, m
+    smooth: FloatArray  # (P, N, 2) as a car can drive them
 
     def choose(self, path: PathChoice, vehicle: IntArray, draw: FloatArray) -> IntArray:
         """Return (n,) path rows of vehicles (n,), by draws (n,) in [0, 1) if random; see `chosen_paths`."""
         first, count = self.first[vehicle], self.count[vehicle]
         if path == "random":
-            passed = np.zeros(len(vehicle), dtype=np.int64)
-            for k in range(int(self.count.max()) - 1):
-                row = first + np.minimum(k, count - 1)
-                passed += (k < count - 1) & (draw >= self.draw_edges[row])
-            return np.asarray(first + passed)
+            return self.drawn(vehicle, draw, self.draw_edges)
         if path == "straight":
             return np.asarray(first + self.straight[vehicle])
         index = path if path >= 0 else count + path
         return np.asarray(first + np.clip(index, 0, count - 1))
+
+    def drawn(self, vehicle: IntArray, draw: FloatArray, edges: FloatArray) -> IntArray:
+        """Return (n,) path rows of vehicles (n,), by draws (n,) and the `upper_edges` (P,) of all paths."""
+        row: IntArray = self.first[vehicle]
+        last = row + self.count[vehicle] - 1
+        for _ in range(int(self.count.max(initial=1)) - 1):
+            row = row + ((row < last) & (draw >= edges[row]))
+        return row
 
     @cached_property
     def curve_curvature(self) -> FloatArray:
@@ -104,61 +108,92 @@ def chosen_paths(
     return paths, paths.choose(path, vehicles.vehicle, history.route_draw[vehicles.future, vehicles.vehicle])
 
 
-@owner_cache
 def seed_paths(
     scene: SeedScene, road: Road, horizon_s: float = FIRST_HORIZON_S, redraw: Redraw | None = None
 ) -> SeedPaths:
     """Tabulate the candidate paths of a seed scene, on which the fastest vehicle stays for the horizon.
 
-    ``redraw`` makes other lines (P, N, 2) of candidate lines, e.g. those that people drive.
+    ``redraw`` makes other lines (P, N, 2) of the paths, e.g. those that people drive.
     """
-    lines = _route_lines(scene, road, horizon_s)
-    paths = _sampled(road, lines, redraw)
-    if not scene.intentions:
-        return paths
-    factor = [1.0 if known is None else known.speed_factor for known in scene.intentions]
-    factors = np.where([bool(lanes) for lanes in paths.lanes], np.repeat(factor, paths.count), 1.0)
-    return replace(paths, speed_limit=paths.speed_limit * factors[:, None])
-
-
-@dataclass(frozen=True, eq=False)
-class RouteLines:
-    """Centrelines of K candidate paths before they are sampled as `SeedPaths`."""
-
-    count: IntArray  # (V,) of each vehicle
-    routes: list[CandidatePath]
-    points: list[FloatArray]  # (P, 2) of each centreline, m
-    owner: list[IntArray | None]  # (P,) the lane under each point; None off the lanes
-    raw: FloatArray  # (K, N, 2) centrelines, every `DS_M`, m
-    smooth: FloatArray  # (K, N, 2) as a car can drive them
-    limit: FloatArray  # (K, N) of the speed, m/s
+    return _smoothed(scene, road, horizon_s) if redraw is None else _redrawn(scene, road, horizon_s, redraw)
 
 
 @owner_cache
-def _route_lines(scene: SeedScene, road: Road, horizon_s: float) -> RouteLines:
-    """Return the centrelines of the candidate paths of a seed scene, arguments as of `seed_paths`."""
+def _redrawn(scene: SeedScene, road: Road, horizon_s: float, redraw: Redraw) -> SeedPaths:
+    paths = _smoothed(scene, road, horizon_s)
+    x, y, heading = _table(road, paths.lanes, paths.raw, lambda: redraw(road, paths), redraw)
+    return replace(paths, x=x, y=y, heading=heading)
+
+
+@owner_cache
+def _smoothed(scene: SeedScene, road: Road, horizon_s: float) -> SeedPaths:
     now = scene.now
     ahead = max(15.0 * horizon_s, horizon_s * float(now.speed.max(initial=0.0)) + 40.0)
     choices = [routes or [OFF_ROAD] for routes in candidate_paths(road, scene)]
     routes, count = list(chain.from_iterable(choices)), np.array([len(some) for some in choices], np.int64)
-    points, owner = list[FloatArray](), list[IntArray | None]()
-    for v, route in zip(np.repeat(np.arange(len(count)), count).tolist(), routes, strict=True):
-        line = centreline(road, route.lanes, route.s, BEHIND_M, ahead) if route.lanes else None
-        points.append(_straight(scene, v, ahead) if line is None else line[0])
-        owner.append(None if line is None else line[1])
-    raw = np.stack([resample(line, int((BEHIND_M + ahead) / DS_M) + 1, DS_M) for line in points])
-    own_speed = np.repeat(now.speed, count)
-    width, limit = np.full(raw.shape[:2], 3.5), np.repeat(own_speed[:, None], raw.shape[1], axis=1)
-    for k, lane in enumerate(owner):
-        if lane is not None:
-            width[k], limit[k] = _of_lanes(road, points[k], lane, raw.shape[1])
-    smooth = drivable(raw, np.maximum(width, 1.0) / 2, DS_M)
-    return RouteLines(count, routes, points, owner, raw, smooth, limit)
+    vehicle, first = np.repeat(np.arange(len(count)), count), np.cumsum(count) - count
+    known = tuple(centreline(road, r.lanes, r.s, BEHIND_M, ahead) if r.lanes else None for r in routes)
+    lines = [
+        _straight(scene, v, ahead) if line is None else line[0]
+        for v, line in zip(vehicle.tolist(), known, strict=True)
+    ]
+    raw = np.stack([resample(line, int((BEHIND_M + ahead) / DS_M) + 1, DS_M) for line in lines])
+    width, limit = np.full(raw.shape[:2], 3.5), np.repeat(now.speed[vehicle, None], raw.shape[1], axis=1)
+    factor = np.ones(scene.vehicles)
+    if scene.intentions:
+        factor = np.array([1.0 if one is None else one.speed_factor for one in scene.intentions])
+    for k, line in enumerate(known):
+        if line is not None:
+            width[k], limit[k] = _of_lanes(road, *line, raw.shape[1])
+            limit[k] *= factor[vehicle[k]]
+    smooth, lanes = drivable(raw, np.maximum(width, 1.0) / 2, DS_M), tuple(route.lanes for route in routes)
+    x, y, heading = _table(road, lanes, raw, lambda: smooth)
+    return SeedPaths(
+        spacing=np.full(len(raw), DS_M),
+        x=x,
+        y=y,
+        heading=heading,
+        first=first,
+        count=count,
+        straight=np.array([_straightest(some) for some in choices]),
+        draw_edges=upper_edges(np.concatenate([_shares(some) for some in choices]), first, count),
+        lanes=lanes,
+        on_road=np.array([bool(some[0].lanes) for some in choices]),
+        speed_limit=limit,
+        slow_in_curves=road.sumo_lanes,
+        centrelines=known,
+        raw=raw,
+        smooth=smooth,
+    )
 
 
 @owner_cache
 def _recent_lines(road: Road) -> dict[tuple[Any, ...], FloatArray]:
     return {}
+
+
+def _table(
+    road: Road,
+    lanes: tuple[tuple[int, ...], ...],
+    raw: FloatArray,
+    draw: Callable[[], FloatArray],
+    redraw: Redraw | None = None,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return x, y and heading (P, N) of drawn lines (P, N, 2), at equal distances."""
+
+    def evenly() -> FloatArray:
+        return np.stack([resample(line, raw.shape[1], DS_M) for line in draw()])
+
+    even = recent(_recent_lines(road), (redraw, *lanes, raw.tobytes()), _RECENT, evenly)
+    step = np.gradient(even, axis=1)
+    heading = np.unwrap(np.arctan2(step[..., 1], step[..., 0]), axis=1)
+    return np.ascontiguousarray(even[..., 0]), np.ascontiguousarray(even[..., 1]), heading
+
+
+def upper_edges(weight: FloatArray, first: IntArray, count: IntArray) -> FloatArray:
+    """Return (P,) upper edges in [0, 1] of paths' shares of a vehicle's draw, by their weights (P,)."""
+    parts = (weight[begin : begin + n] for begin, n in zip(first, count, strict=True))
+    return np.concatenate([np.cumsum(part) / part.sum() for part in parts])
 
 
 def _straight(scene: SeedScene, v: int, ahead: float) -> FloatArray:
@@ -167,41 +202,13 @@ def _straight(scene: SeedScene, v: int, ahead: float) -> FloatArray:
     return np.column_stack([x + s * np.cos(heading), y + s * np.sin(heading)])
 
 
-def _sampled(road: Road, lines: RouteLines, redraw: Redraw | None) -> SeedPaths:
-    key = (redraw, *(route.lanes for route in lines.routes), lines.raw.tobytes())
-
-    def evenly() -> FloatArray:
-        driven = lines.smooth if redraw is None else redraw(road, lines)
-        return np.stack([resample(line, driven.shape[1], DS_M) for line in driven])
-
-    even = recent(_recent_lines(road), key, _RECENT, evenly)
-    step = np.gradient(even, axis=1)
-    first = np.cumsum(lines.count) - lines.count
-    parts = [slice(f, f + n) for f, n in zip(first, lines.count, strict=True)]
-    shares = np.concatenate([_shares(lines.routes[part]) for part in parts])
-    return SeedPaths(
-        spacing=np.full(len(even), DS_M),
-        x=np.ascontiguousarray(even[..., 0]),
-        y=np.ascontiguousarray(even[..., 1]),
-        heading=np.unwrap(np.arctan2(step[..., 1], step[..., 0]), axis=1),
-        first=first,
-        count=lines.count,
-        straight=np.array([_straightest(lines.routes[part]) for part in parts]),
-        draw_edges=np.concatenate([np.cumsum(shares[part]) / shares[part].sum() for part in parts]),
-        lanes=tuple(route.lanes for route in lines.routes),
-        on_road=np.array([bool(route.lanes) for route in lines.routes])[first],
-        speed_limit=lines.limit,
-        slow_in_curves=road.sumo_lanes,
-    )
-
-
-def _shares(routes: list[CandidatePath]) -> FloatArray:
+def _shares(routes: Sequence[CandidatePath]) -> FloatArray:
     """Return the share of each path of a vehicle in random draws: an intended one has all."""
     intended = np.array([float(route.intended) for route in routes])
     return intended if intended.any() else np.array([route.probability for route in routes])
 
 
-def _straightest(routes: list[CandidatePath]) -> int:
+def _straightest(routes: Sequence[CandidatePath]) -> int:
     """Return the index of the intended path, else of the straightest from the most probable lane."""
     if any(route.intended for route in routes):
         return next(k for k, route in enumerate(routes) if route.intended)
@@ -301,54 +308,12 @@ def _drivable(raw: bytes, widths: bytes, shape: tuple[int, ...], ds: float) -> F
     smooth = _within(gaussian(points, BASE_SIGMA_M / ds), points, bound)
     for limit in CURVATURES:
         rows = np.flatnonzero((np.abs(curvature(smooth)) > 1.02 * limit).any(axis=1))
-        if not len(rows):
-            continue
-        wider = _relaxed(smooth[rows], limit)
-        shift = wider - points[rows]
-        too_far = np.hypot(shift[..., 0], shift[..., 1]) > bound[rows]
-        # Where the curve would leave its lane, keep the previous one; only tight places have changed.
-        stays = _dilate(too_far, int(FREEZE_M / ds))
-        smooth[rows] = np.where(stays[..., None], smooth[rows], wider)
+        if len(rows):
+            from scex_sumo.behaviors.driving.corners import rounded
+
+            smooth[rows] = rounded(smooth[rows], points[rows], bound[rows], limit, ds)
     smooth.flags.writeable = False
     return smooth
-
-
-def _relaxed(points: FloatArray, limit: float) -> FloatArray:
-    """Move points with too tight a bend towards the middle of both neighbours, until few are left."""
-    tight = np.flatnonzero((np.abs(curvature(points)) > limit).any(axis=0))
-    window = slice(max(0, tight[0] - 80), tight[-1] + 81)
-    moved = points.copy()
-    inner = np.ones(moved[:, window].shape[:2], dtype=np.bool_)
-    inner[:, [0, -1]] = False
-    xy, moving = moved[:, window].reshape(-1, 2).T.copy(), inner.copy()
-    for _ in range(SWEEPS // SWEEPS_AT_ONCE):
-        # One sweep spreads the motion by one point.
-        at = np.flatnonzero(_dilate(moving, SWEEPS_AT_ONCE + 1))
-        beside = np.diff(at) == 1
-        xy[:, at], excess = _swept(xy[:, at], limit, inner.ravel()[at[1:-1]] & beside[1:] & beside[:-1])
-        if excess.max() < ENOUGH:
-            break
-        moving = np.zeros_like(inner)
-        moving.ravel()[at[1:-1]] = excess > 0
-    moved[:, window] = xy.T.reshape(*inner.shape, 2)
-    return moved
-
-
-def _swept(xy: FloatArray, limit: float, free: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Return points (2, n) moved by `SWEEPS_AT_ONCE` sweeps, and the last excess (n - 2,) of their bends.
-
-    ``free`` (n - 2,): points that may move, all but the first and the last.
-    """
-    eight, excess = 8.0 * free, np.zeros(free.size)
-    for _ in range(SWEEPS_AT_ONCE):
-        away = 0.5 * (xy[:, :-2] + xy[:, 2:]) - xy[:, 1:-1]
-        distance, chord = away**2, (xy[:, 2:] - xy[:, :-2]) ** 2
-        bend = eight * np.sqrt(distance[0] + distance[1]) / np.maximum(chord[0] + chord[1], 4e-6)
-        excess = 1 - limit / np.maximum(bend, limit)
-        if np.maximum.reduce(excess) < ENOUGH:
-            break
-        xy[:, 1:-1] += 0.9 * excess * away
-    return xy, excess
 
 
 def gaussian(values: FloatArray, sigma: float) -> FloatArray:
@@ -366,26 +331,11 @@ def gaussian(values: FloatArray, sigma: float) -> FloatArray:
     return result
 
 
-def curvature(points: FloatArray) -> FloatArray:
-    """Return (K, N) curvatures of paths (K, N, 2), 1/m, left positive."""
-    first = np.gradient(points, axis=1)
-    second = np.gradient(first, axis=1)
-    cross = first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
-    speed = np.hypot(first[..., 0], first[..., 1])
-    return np.asarray(cross / np.maximum(speed, 1e-6) ** 3)
-
-
 def _within(moved: FloatArray, points: FloatArray, bound: FloatArray) -> FloatArray:
     shift = moved - points
     size = np.hypot(shift[..., 0], shift[..., 1]) / bound
     # x / (1 + x^8)^(1/8) is x for small x and 1 for large x.
     return np.asarray(points + shift / (1 + np.minimum(size, 1e6)[..., None] ** 8) ** 0.125)
-
-
-def _dilate(mask: BoolArray, reach: int) -> BoolArray:
-    n = mask.shape[1]
-    total = np.cumsum(np.pad(mask, ((0, 0), (reach + 1, reach))), axis=1)
-    return np.asarray(total[:, 2 * reach + 1 :] > total[:, :n])
 
 
 def resample(points: FloatArray, count: int, ds: float) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray, clipped, distinct
 from scex_sumo.base.owned import owner_cache
-from scex_sumo.behaviors.base import PLAN_STEPS, Sight, check_path, check_positive
+from scex_sumo.behaviors.base import Sight, check_path, check_positive
 from scex_sumo.behaviors.driving.leaders import Leaders, find_leaders
 from scex_sumo.behaviors.driving.motion import (
     CURVE_TIME_S,
@@ -18,20 +18,11 @@ from scex_sumo.behaviors.driving.motion import (
     DrivesAlong,
     Intent,
     curve_speeds,
-    driven,
     own_motion,
 )
-from scex_sumo.behaviors.driving.paths import (
-    PathChoice,
-    SeedPaths,
-    chosen_paths,
-    expected_way,
-    nearest_paths,
-    path_positions,
-)
-from scex_sumo.geometry.polylines import wrap
+from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths, path_positions
 from scex_sumo.road import Road
-from scex_sumo.scene import STEP_S, Plan, SceneHistory, VehicleIndex
+from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex
 
 LINE_GAP_M = 0.5  # before a place to stop
 LINE_BRAKING = 0.7  # of the comfortable deceleration, for one
@@ -39,8 +30,6 @@ POSITIVE = {
     *("comfort_deceleration", "max_acceleration", "max_deceleration", "speed_factor", "radius"),
     "curve_deceleration",
 }
-OFF_PATH_M = 5.0  # a vehicle further from all its paths goes straight on
-AGAINST_PATH_RAD = np.pi / 2  # as does one with a larger heading error
 HABIT_STEPS = 5  # over which the acceleration before the seed scene is measured
 
 
@@ -278,17 +267,3 @@ def desired_speeds(paths: SeedPaths, speed: float, factor: float) -> FloatArray:
     wished = np.full_like(paths.speed_limit, speed) if speed > 0 else factor * paths.speed_limit
     off = np.repeat(~paths.on_road, paths.count)
     return np.where(off[:, None], paths.speed_limit, wished).ravel()
-
-
-def follow_path(history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Plan:
-    """Plan 3 s for vehicles without a plan: ``calibrated_driver`` on the nearest path, or straight on."""
-    paths, straight = chosen_paths(history, road, vehicles, "straight")
-    now, arc_length = history.now[vehicles.future, vehicles.vehicle], expected_way(history, vehicles)
-    row, (_, offset, heading) = nearest_paths(
-        paths, straight, vehicles.vehicle, arc_length, now.x, now.y, now.heading
-    )
-    off = (np.abs(offset) > OFF_PATH_M) | (np.abs(wrap(now.heading - heading)) > AGAINST_PATH_RAD)
-    plan = driven(history, [IdmDriver(CALIBRATED).follow(history, vehicles, paths, row)])[0]
-    speed = np.maximum(now.speed[off], 0.0)[:, None] * np.ones(PLAN_STEPS)
-    plan.assign(off, now[off].ahead(speed * STEP_S * np.arange(1, PLAN_STEPS + 1), speed))
-    return plan

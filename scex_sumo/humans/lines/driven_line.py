@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.behaviors.driving.paths import DS_M, RouteLines, gaussian
+from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, gaussian
 from scex_sumo.geometry.polylines import arc_lengths
 from scex_sumo.humans.observed.observations import CLEAR_M, lane_bounds
 from scex_sumo.road import Road
@@ -23,14 +23,13 @@ SWEEPS, STEP = 40, 2.0  # of the alternating direction method of multipliers, an
 ROUND_M = 1.0  # of a Gaussian filter of the knots' shifts
 
 
-def redrawn(road: Road, lines: RouteLines) -> FloatArray:
+def redrawn(road: Road, paths: SeedPaths) -> FloatArray:
     """Return the driven lines of the paths that lie on lanes, and the others as they are; see `Redraw`."""
-    driven, at = lines.smooth.copy(), DS_M * np.arange(lines.raw.shape[1], dtype=np.float64)
-    given = enumerate(zip(lines.points, lines.owner, strict=True))
-    room = {k: room_of(road, points, owner, at) for k, (points, owner) in given if owner is not None}
+    driven, at = paths.smooth.copy(), DS_M * np.arange(paths.samples, dtype=np.float64)
+    room = {k: room_of(road, *line, at) for k, line in enumerate(paths.centrelines) if line is not None}
     if room:
         known = list(room)
-        driven[known] = driven_lines(driven[known], lines.raw[known], np.stack([*room.values()]), DS_M)
+        driven[known] = driven_lines(driven[known], paths.raw[known], np.stack([*room.values()]), DS_M)
     return driven
 
 

@@ -12,7 +12,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.leaders import Leaders, find_ahead
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, curve_speeds, rear_axle
-from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
+from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths, upper_edges
 from scex_sumo.behaviors.models.idm import HABIT_STEPS, desired_speeds, idm_acceleration
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.humans.parameters import HumanParameters
@@ -318,12 +318,7 @@ def path_weights(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> 
 
 def path_edges(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> FloatArray:
     """Return (P,) upper edges in [0, 1] of paths' shares of a draw."""
-    weight = path_weights(scene, paths, human)
-    edges = np.empty_like(weight)
-    for first, count in zip(paths.first, paths.count, strict=True):
-        part = slice(first, first + count)
-        edges[part] = np.cumsum(weight[part]) / weight[part].sum()
-    return edges
+    return upper_edges(path_weights(scene, paths, human), paths.first, paths.count)
 
 
 @owner_cache

@@ -19,8 +19,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import check_output, sha256_of, write_atomic, write_output
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
-from scex_sumo.behaviors.base import layers
-from scex_sumo.behaviors.models.simple import SumoDriver
+from scex_sumo.behaviors.base import driven_by_sumo, layers
 from scex_sumo.decision.decide import RARE
 from scex_sumo.drivers.registry import ModelSpec, build, model_specs
 from scex_sumo.plug_in.time_limit import time_limit as limited
@@ -182,7 +181,7 @@ def _spec(given: Any) -> ModelSpec:
     specs = model_specs(given)
     if len(specs) != 1:
         raise UsageError(f"--under-test {given}: names {len(specs)} models; give one")
-    if isinstance(build(specs[0], fallback=True), SumoDriver):
+    if driven_by_sumo(build(specs[0], fallback=True)):
         raise UsageError(f"--under-test {given}: SUMO drives it, which a suite does not run; give a function")
     return specs[0]
 

@@ -9,7 +9,7 @@ import pytest
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths, chosen_paths, seed_paths
-from scex_sumo.behaviors.models.simple import SumoDriver
+from scex_sumo.behaviors.models.sumo import SumoDriver
 from scex_sumo.geometry.polylines import arc_lengths, nearest
 from tests.behaviors import roads
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.behaviors.models.simple import SumoDriver
+from scex_sumo.behaviors.models.sumo import SumoDriver
 from tests.behaviors import roads
 
 

@@ -10,7 +10,7 @@ import pytest
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.driving.paths import seed_paths
-from scex_sumo.behaviors.models.simple import SumoDriver
+from scex_sumo.behaviors.models.sumo import SumoDriver
 from scex_sumo.results.info import digest
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import SeedScene

@@ -13,7 +13,8 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.behaviors.models.simple import ConstantVelocity, ConstantVelocityProfile, Replay
 from scex_sumo.converters.datasets.find import find_recordings
-from scex_sumo.drivers.registry import ModelSpec, behavior, build, parse_models
+from scex_sumo.drivers.decorators import behavior
+from scex_sumo.drivers.registry import ModelSpec, build, parse_models
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
