@@ -25,7 +25,7 @@ from scex_sumo.behaviors.driving.motion import drive as along
 from scex_sumo.behaviors.driving.paths import chosen_paths, expected_way
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.drivers.registry import model_specs
-from scex_sumo.suites.catalogue import Chosen, Cutter, choose
+from scex_sumo.suites.catalogue import Chosen, choose, seed_scene
 from scex_sumo.suites.drive import drive
 from scex_sumo.suites.estimate import Design, Rate
 from scex_sumo.suites.population import Population, read_population
@@ -63,11 +63,8 @@ FUNCTIONS: Mapping[str, Any] = {
 def run(population: Population, out: Path, limit_s: float) -> None:
     """Append what the functions do in each candidate that ``out`` does not have yet."""
     known = {one["k"] for one in read(out)} if out.exists() else set()
-    began, cut, recordings = (
-        time.process_time(),
-        None,
-        {one.name: one for one in find_recordings(list(population.roots))},
-    )
+    began = time.process_time()
+    recordings = {one.name: one for one in find_recordings(list(population.roots))}
     specs = {name: given and model_specs(given)[0] for name, given in FUNCTIONS.items()}
     order = sorted(range(len(population)), key=lambda k: (population.rows[k]["recording"], k))
     with out.open("a") as file:
@@ -75,9 +72,7 @@ def run(population: Population, out: Path, limit_s: float) -> None:
             if k in known or time.process_time() - began > limit_s:
                 continue
             row = population.rows[k]
-            if cut is None or cut.name != row["recording"]:
-                cut = Cutter(recordings, row["recording"])
-            scene, found = cut.scene(row), {}
+            scene, found = seed_scene(recordings, row), {}
             for name, spec in specs.items():
                 driven = drive(scene, row["track_id"], spec, FUTURES, seed=0)
                 pair = driven.contacts_with(row["other_id"])

@@ -136,7 +136,7 @@ def assignments(
 
 def route_draws(futures: Sequence[int] | IntArray, vehicles: int, *, seed: int) -> FloatArray:
     """Return a number in [0, 1) per future and vehicle (C, V), from which models choose random routes."""
-    return np.stack([future_generator(seed, int(c), _ROUTE_STREAM).random(vehicles) for c in futures])
+    return _draws(futures, vehicles, seed, _ROUTE_STREAM)
 
 
 def listing(ids: Sequence[int]) -> str:

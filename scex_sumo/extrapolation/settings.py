@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
@@ -55,26 +55,25 @@ def complete_models(incomplete: str) -> list[str]:
     return last_of_list(incomplete, [*MIXES, *known_names()])
 
 
-def read_assign(entries: Sequence[str], option: str = "--assign") -> dict[int | str, str]:
-    """Read ``TRACK=MODEL`` entries of an option, each vehicle once; a track id, or SUMO's name."""
-    result: dict[int | str, str] = {}
+def read_assign(
+    entries: Sequence[str], option: str = "--assign", alone: bool = False
+) -> dict[int | str, str | None]:
+    """Read ``TRACK=MODEL`` entries of an option, each vehicle once; a track id, or SUMO's name.
+
+    ``TRACK`` may stand ``alone``, for a vehicle that is driven as drawn: None.
+    """
+    result: dict[int | str, str | None] = {}
     for entry in entries:
-        track, _, model = entry.partition("=")
-        if not model or not track.strip():
+        track, equals, model = entry.partition("=")
+        if not track.strip() or not (model or (alone and not equals)):
             raise UsageError(f"{option} {entry}: needs TRACK=MODEL, e.g. {option} 17=emergency_brake")
         if number_or_name(track) in result:
             raise UsageError(f"{option} {entry}: vehicle {track} is given twice; give it one model")
-        result[number_or_name(track)] = model
+        result[number_or_name(track)] = model or None
     return result
 
 
-def read_under_test(entries: Sequence[str]) -> dict[int | str, str | None]:
-    """Read ``TRACK=MODEL`` entries, or ``TRACK`` alone for a vehicle that is driven as drawn."""
-    alone = [number_or_name(entry) for entry in entries if "=" not in entry]
-    models = read_assign([entry for entry in entries if "=" in entry], "--under-test")
-    if twice := [track for track in alone if track in models]:
-        raise UsageError(f"--under-test {twice[0]}: vehicle {twice[0]} is given twice; give it once")
-    return {**models, **dict.fromkeys(alone)}
+read_under_test = partial(read_assign, option="--under-test", alone=True)
 
 
 def read_thresholds(entries: Sequence[str]) -> dict[str, float]:

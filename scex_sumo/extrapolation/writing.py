@@ -14,8 +14,8 @@ from scex_sumo.base.errors import listed
 from scex_sumo.converters.datasets.writer import write_tracks
 from scex_sumo.extrapolation.assignments import listing
 from scex_sumo.extrapolation.job import Job
+from scex_sumo.extrapolation.loop.crashes import touch_in_simulation
 from scex_sumo.extrapolation.loop.measure import Recorded, overlapping_at_first
-from scex_sumo.extrapolation.loop.uncounted import touch_in_simulation
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.design import DENSITIES, densities_table
 from scex_sumo.results.folder import HORIZONS, ResultFolder, assignments_table, tracks_table, values_table

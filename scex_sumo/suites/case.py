@@ -21,8 +21,7 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import describe
 from scex_sumo.results.participants import everybody
 from scex_sumo.road import Road
-from scex_sumo.scene import HISTORY_STEPS, STEP_S, Plan, SceneHistory, States, VehicleIndex
-from scex_sumo.studies.moments.encounters import recorded
+from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 from scex_sumo.studies.rank.stage import stage_of_motion
 from scex_sumo.suites.drive import PEOPLE, REPLAN, STEPS, Driven
 from scex_sumo.suites.suite import CASE, MAPS, lights_to_json, rules_to_json
@@ -112,9 +111,7 @@ def shown(driven: Driven, pair: Mapping[str, Any]) -> dict[str, Any]:
     other = both[0] if both[1] == driven.vehicle else both[1]
     states = driven.states[pair["future"]]
     stop = 1 + (round(pair["conflict_s"] / STEP_S) if pair["gap_m"] == 0 else STEPS)
-    (past, known), until = recorded(whole), HISTORY_STEPS + 1 + STEPS
-    motion = states[[other, driven.vehicle], :stop]
-    stage = stage_of_motion(whole, (other, driven.vehicle), motion, past[:, :until], known[:, :until])
+    stage = stage_of_motion(whole, (other, driven.vehicle), states[[other, driven.vehicle], :stop])
     return {**vars(stage), "picture": str(stage.picture)}
 
 

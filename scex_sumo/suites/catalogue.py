@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -18,14 +19,16 @@ from scex_sumo.base.files import own_folder, remove, write_atomic
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.datasets.find import find_recordings
+from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.converters.registries import Recording
 from scex_sumo.decision.typology import CONFLICTS
-from scex_sumo.evaluation.recordings import load_recording, seed_at
+from scex_sumo.evaluation.recordings import LoadedRecording, load_recording, seed_at
 from scex_sumo.exporters.request import EXPORTERS
 from scex_sumo.extrapolation.job import ruled
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.folder import OutputFolder
 from scex_sumo.results.info import versions
+from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import plain
 from scex_sumo.studies.moments.run import net_of, pack_road
@@ -153,7 +156,7 @@ def _cases(
     population: Population, chosen: Chosen, out: Path, formats: Sequence[str], seed: int, notes: list[str]
 ) -> Iterator[WrittenCase]:
     """Write the cases, one recording after the other."""
-    recordings, cut = {one.name: one for one in find_recordings(list(population.roots))}, None
+    recordings = {one.name: one for one in find_recordings(list(population.roots))}
     index, chances_of = chosen
     rows = [population.rows[k] for k in index.tolist()]
     for number in sorted(range(len(rows)), key=lambda number: (rows[number]["recording"], number)):
@@ -167,9 +170,7 @@ def _cases(
             "chance": chance,
             "stratum": CONFLICTS.index(kind),
         }
-        if cut is None or cut.name != row["recording"]:
-            cut = Cutter(recordings, row["recording"])
-        driven = drive(cut.scene(row), row["track_id"], None, FUTURES, seed=seed)
+        driven = drive(seed_scene(recordings, row), row["track_id"], None, FUTURES, seed=seed)
         about, missing = write_case(
             out / CASES / row["name"], driven, row, maps=out / MAPS, formats=formats, seed=seed
         )
@@ -196,21 +197,23 @@ def _info(population: Population, cases: Sequence[WrittenCase]) -> dict[str, Any
     }
 
 
-class Cutter:
-    """Recording that gives seed scenes."""
+def seed_scene(recordings: Mapping[str, Recording], row: Mapping[str, Any]) -> SeedScene:
+    """Return the seed scene of a candidate with its rules, without the road's own net.
 
-    def __init__(self, recordings: Mapping[str, Recording], name: str) -> None:
-        """Load one of some recordings; raise a `UsageError` if it is gone."""
-        if name not in recordings:
-            raise UsageError(f"{name}: a recording of the ranking that is not found any more; rank again")
-        self.name, self._loaded = name, load_recording(recordings[name])
-        self._net = net_of(pack_road(self._loaded.road))
-        self._bare = replace(self._loaded.road, net=None)
+    Raises:
+        UsageError: its recording is gone.
+    """
+    if (name := row["recording"]) not in recordings:
+        raise UsageError(f"{name}: a recording of the ranking that is not found any more; rank again")
+    loaded, net, bare = _loaded(recordings[name])
+    scene = seed_at(loaded, row["time_s"], case=row["case"] or None)
+    return replace(ruled(scene, net, RunSettings())[0], road=bare)
 
-    def scene(self, row: Mapping[str, Any]) -> SeedScene:
-        """Return the seed scene of a candidate with its rules, without the road's own net."""
-        scene = seed_at(self._loaded, row["time_s"], case=row["case"] or None)
-        return replace(ruled(scene, self._net, RunSettings())[0], road=self._bare)
+
+@lru_cache(maxsize=1)
+def _loaded(recording: Recording) -> tuple[LoadedRecording, SumoNet, Road]:
+    loaded = load_recording(recording)
+    return loaded, net_of(pack_road(loaded.road)), replace(loaded.road, net=None)
 
 
 LEAST: Final = 2

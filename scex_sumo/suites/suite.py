@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Final
@@ -14,7 +14,7 @@ import numpy as np
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import ResultError
 from scex_sumo.base.files import refuse_special_files, sha256_of
-from scex_sumo.base.schema import COUNT, NUMBER, PLAIN_NAME, TEXT, TRACK, listed, or_null, read_json, record
+from scex_sumo.base.schema import read_json
 from scex_sumo.converters.maps import read_map
 from scex_sumo.results.tables.states import read_scene
 from scex_sumo.road import Passage, Road, Rules, Signal
@@ -28,30 +28,11 @@ FORMAT: Final = "scex-sumo suite 5"
 CASES: Final = "cases"
 MAPS: Final = "maps"
 AGAIN: Final = "make the suite again"
-_SUITE: Final = json.loads(Path(__file__).with_name("suite.schema.json").read_bytes())
-_SEED_SCENE = {
-    **{"name": PLAIN_NAME, "track_ids": listed(TRACK, 2), "time_s": NUMBER, "location": TEXT, "map": TEXT},
-    "origin": or_null(listed(NUMBER, 2, 2)),
-}
-_LINE = listed(listed(NUMBER, 2, 2), 2)
-_PASSAGE = record(
-    {
-        **{"line": _LINE, "lanes": listed(TRACK, 1), "state": TEXT, "yields_to": listed(COUNT)},
-        "signal": {"type": "integer", "minimum": -1},
-    }
+_SUITE, _CASE, RULES = (
+    json.loads(Path(__file__).with_name(f"{name}.schema.json").read_bytes())
+    for name in ("suite", "case", "rules")
 )
-_LINES = dict.fromkeys(("stop_lines", "crosswalks"), listed(_LINE))
-RULES: Final = record({"passages": listed(_PASSAGE), **_LINES})
-LIGHTS: Final = listed(record({"letters": TEXT, "ends_s": listed(NUMBER), "start_s": NUMBER}))
-_CASE: Final = record(
-    {
-        "seed_scene": record(_SEED_SCENE, {"rules": or_null(TEXT)}),
-        "function": record({"track_id": TRACK}),
-        "other": record({"track_id": TRACK, "person": or_null(TEXT)}),
-        "drivers": record({"seed": COUNT}),
-        "lights": LIGHTS,
-    }
-)
+LIGHTS: Final = _CASE["properties"]["lights"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -179,7 +160,7 @@ def rules_of_json(content: Mapping[str, Any], lights: Sequence[Mapping[str, Any]
     Raises:
         ValueError: they do not fit each other.
     """
-    passages, tuples = content["passages"], ("lanes", "yields_to")
+    passages = content["passages"]
     others = max((k for one in passages for k in one["yields_to"]), default=-1)
     if others >= len(passages) or max((one["signal"] for one in passages), default=-1) >= len(lights):
         raise ValueError("a passage names a passage or a light that is not there")
@@ -187,15 +168,21 @@ def rules_of_json(content: Mapping[str, Any], lights: Sequence[Mapping[str, Any]
         ends = [0.0, *one["ends_s"]]
         if ends != sorted({*ends}) or len(one["letters"]) != len(one["ends_s"]):
             raise ValueError("a light has not one end for each phase, one after the other")
-    names = {kind: [field.name for field in fields(kind)] for kind in (Passage, Signal)}
-    passages = [{name: one[name] for name in names[Passage]} for one in passages]
-    signals = [{name: one[name] for name in names[Signal]} for one in lights]
     return Rules(
         passages=tuple(
-            Passage(**{**one, "line": np.array(one["line"]), **{name: tuple(one[name]) for name in tuples}})
+            Passage(
+                line=np.array(one["line"]),
+                lanes=tuple(one["lanes"]),
+                state=one["state"],
+                signal=one["signal"],
+                yields_to=tuple(one["yields_to"]),
+            )
             for one in passages
         ),
-        signals=tuple(Signal(**{**one, "ends_s": np.array(one["ends_s"])}) for one in signals),
-        stop_lines=tuple(np.array(line) for line in content["stop_lines"]),
-        crosswalks=tuple(np.array(outline) for outline in content["crosswalks"]),
+        signals=tuple(
+            Signal(letters=one["letters"], ends_s=np.array(one["ends_s"]), start_s=one["start_s"])
+            for one in lights
+        ),
+        stop_lines=tuple(map(np.array, content["stop_lines"])),
+        crosswalks=tuple(map(np.array, content["crosswalks"])),
     )

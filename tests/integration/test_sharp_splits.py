@@ -9,7 +9,7 @@ import pytest
 
 import scex_sumo
 from scex_sumo.base.sumo.programs import run_program
-from scex_sumo.extrapolation.loop.uncounted import touch_in_simulation, uncounted
+from scex_sumo.extrapolation.loop.crashes import touch_in_simulation, uncounted
 from tests.runs import extrapolate
 from tests.seeds import seed_of, standing, states_of, steady
 

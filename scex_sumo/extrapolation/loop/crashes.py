@@ -1,4 +1,4 @@
-"""Motion after a collision: a plastic impact, then both vehicles slide straight on to rest.
+"""Motion after a collision: a plastic impact, then both slide straight on to rest; contacts that are none.
 
 The impact is that of the severity in `scex_sumo.results.tables.outcomes`, along the heading of each
 vehicle: none turns or is pushed aside. It goes on as long as two that touch close in. Both decelerate as
@@ -15,12 +15,16 @@ from typing import Final
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.extrapolation.loop.uncounted import uncounted
-from scex_sumo.metrics.collisions import Contacts
+from scex_sumo.base.owned import owner_cache
+from scex_sumo.geometry.polylines import wrap
+from scex_sumo.metrics.base import SceneTracks
+from scex_sumo.metrics.collisions import CONTACT_M2, Contacts, find_collisions
 from scex_sumo.results.tables.outcomes import masses
 from scex_sumo.scene import STEP_S, SeedScene, States
 
 CRASH_MPS2: Final = 0.7 * 9.81
+_ASLANT_RAD: Final = 0.2  # vehicles on lanes of one direction are closer to parallel
+_GRAZE: Final = 0.25  # of the smaller outline; who drives through another vehicle overlaps it by more
 
 
 class Crashes:
@@ -79,3 +83,41 @@ def slide(now: States, speed: FloatArray, steps: int) -> States:
     later = np.maximum(speed[:, None] - CRASH_MPS2 * time, 0.0)
     distance_m = (speed[:, None] ** 2 - later**2) / (2 * CRASH_MPS2)
     return now.ahead(distance_m, later)
+
+
+@owner_cache
+def touch_in_simulation(scene: SeedScene) -> list[tuple[int, int]]:
+    """Return the pairs of vehicles (indices) whose bodies touch aslant as their SUMO simulation goes on.
+
+    SUMO counts along lanes, and sees no bodies: where a net's lanes split or turn sharply, these overlap
+    while nothing happens. What a simulation shows in its next 5 s is the net's, and counts in no future.
+    """
+    valid = scene.future_valid
+    if scene.source.get("kind") != "simulation" or scene.future is None or valid is None:
+        return []
+    states = States.concatenate([scene.history[:, -1:], scene.future], axis=1)
+    there = np.concatenate([np.ones_like(valid[:, :1]), np.cumprod(valid, axis=1, dtype=np.bool_)], axis=1)
+    tracks = SceneTracks(
+        states=states.map(lambda values: values.T[None]),
+        length=scene.length,
+        width=scene.width,
+        present=there.T[None],
+        step_s=STEP_S,
+        first=1,
+        types=scene.types,
+    )
+    hits = find_collisions(tracks, limit_m2=CONTACT_M2)
+    one, two = (states.heading[vehicles, hits.step] for vehicles in (hits.first, hits.second))
+    outline = scene.length * scene.width
+    smaller = np.minimum(outline[hits.first], outline[hits.second])
+    nets = (np.abs(wrap(one - two)) > _ASLANT_RAD) & (hits.overlap < _GRAZE * smaller)
+    return list(zip(hits.first[nets].tolist(), hits.second[nets].tolist(), strict=True))
+
+
+def uncounted(scene: SeedScene) -> BoolArray:
+    """Return (V, V) whether a contact of two is no collision: two people, and `touch_in_simulation`."""
+    people = np.zeros(scene.vehicles, np.bool_) if scene.people is None else scene.people
+    pairs: BoolArray = people[:, None] & people
+    for one, two in touch_in_simulation(scene):
+        pairs[one, two] = pairs[two, one] = True
+    return pairs

@@ -11,8 +11,8 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.models.simple import Replay
+from scex_sumo.extrapolation.loop.crashes import uncounted
 from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
-from scex_sumo.extrapolation.loop.uncounted import uncounted
 from scex_sumo.geometry.rectangles import Rectangles, overlap_area
 from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.collisions import CONTACT_M2, OVERLAP_M2, Collisions, find_collisions
@@ -62,7 +62,6 @@ def measure_outcome(
     *,
     metrics: Sequence[Metric] | None = None,
     counted: BoolArray | None = None,
-    limit_m2: float = CONTACT_M2,
     vehicles: Collection[int] | None = None,
     on_paths: bool = True,
 ) -> Outcome:
@@ -70,13 +69,12 @@ def measure_outcome(
 
     Args:
         counted: (T, V) steps in which a vehicle counts; None: all.
-        limit_m2: overlap above which vehicles have collided; `OVERLAP_M2` for boxes as recorded.
         vehicles: only pairs with one of these (indices) count; None: all.
         on_paths: encounters have TTC, PET and DRAC, too.
     """
     present = None if counted is None else counted[None].repeat(len(rollout.futures), axis=0)
     tracks, planned = evaluated_tracks(scene, rollout, present)
-    hits = find_collisions(tracks, limit_m2=limit_m2)
+    hits = find_collisions(tracks, limit_m2=CONTACT_M2)
     # What hits one of these later is no consequence.
     hits = hits.take(np.flatnonzero(~uncounted(scene)[hits.first, hits.second]))
     hits = _of_pairs(hits.with_consequences() if rollout.with_crashes else hits, vehicles)

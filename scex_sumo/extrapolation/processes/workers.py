@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 from scex_sumo.base.errors import SimulationError, UsageError
 
 if TYPE_CHECKING:
+    from typing_extensions import Self
+
     from scex_sumo.base.arrays import IntArray
     from scex_sumo.extrapolation.job import Job
     from scex_sumo.extrapolation.processes.pool import Pool
@@ -41,7 +43,7 @@ class Workers:
 
             self.pool = Pool(processes - 1, simulates=True)
 
-    def __enter__(self) -> Workers:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -16,7 +16,7 @@ from scex_sumo.decision.moment import human_part, pairs_of_part
 from scex_sumo.decision.typology import kinds_of
 from scex_sumo.results.tables.columns import schema
 from scex_sumo.results.tables.pairs import PAIRS as DECIDED
-from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
+from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import MomentRef, as_row
 
 PAIRS = pa.schema([*DECIDED, *schema("to_test conflict")])
@@ -30,14 +30,17 @@ ENCOUNTERS: Final = pa.schema(
 )
 
 
-def encounters_of(pairs: Sequence[tuple[MomentRef, pa.Table]], every_s: float) -> pa.Table:
+Pairs: TypeAlias = Sequence[tuple[MomentRef, pa.Table]]
+"""Moments, and their pairs as of `pairs_of_moment`."""
+
+
+def encounters_of(pairs: Pairs, every_s: float) -> pa.Table:
     """Return the encounters of a data set, see `ENCOUNTERS`.
 
     The same two in consecutive moments are one encounter: its row is that of the moment with the largest P
     whose data are not doubtful.
 
     Args:
-        pairs: moments, and their pairs as of `pairs_of_moment`.
         every_s: time between two moments.
     """
     rows = pa.concat_tables([PAIRS.empty_table(), *(table for _, table in pairs)]).combine_chunks()
@@ -91,13 +94,3 @@ def pairs_of_moment(scene: SeedScene, net: SumoNet, *, futures: int, seed: int =
     rows = table.select(["track_id", "other_id", "probability", "future"]).to_pylist()
     table = table.append_column("to_test", pa.array([is_to_be_tested(row) for row in rows], pa.bool_()))
     return table.append_column("conflict", pa.array(kinds_of(scene, rows, part), pa.string()))
-
-
-def recorded(scene: SeedScene) -> tuple[States, BoolArray]:
-    """Return the states (V, T) of a recording from 1 s before a moment on, and which of them are recorded."""
-    history = np.arange(HISTORY_STEPS, -1, -1) <= scene.recorded_steps[:, None]
-    if scene.future is None:
-        return scene.history, history
-    future = np.ones(scene.future.shape, np.bool_) if scene.future_valid is None else scene.future_valid
-    states = States.concatenate([scene.history, scene.future], axis=1)
-    return states, np.concatenate([history, future], axis=1)

@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -50,6 +50,10 @@ class MomentRef:
     vehicles: int
 
 
+Listing: TypeAlias = tuple[MomentRef, ...]
+"""The moments of one recording, in order of time."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Failure:
     """Why a moment, or a whole recording (without ``time_s``), has no result.
@@ -70,14 +74,6 @@ class Failure:
     def of(cls, ref: MomentRef, reason: str, *, died: bool = False) -> Failure:
         """Return the failure of a moment."""
         return cls(**asdict(ref), reason=one_line(reason), died=died)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Listing:
-    """The moments of one recording, in order of time."""
-
-    recording: str
-    moments: tuple[MomentRef, ...]
 
 
 def as_row(named: MomentRef | Failure) -> dict[str, Any]:
@@ -105,8 +101,8 @@ def plain(name: str) -> str:
 class StudyFolder(OutputFolder):
     """Folder of the moments of a study that have run, and of those that failed."""
 
-    trees: ClassVar[tuple[str, ...]]
-    """Folders of tables, one folder for each moment."""
+    place: ClassVar[str]
+    """Folder of the tables of a moment, from its ``ref``."""
     records: ClassVar[tuple[str, ...]] = (SEEDS,)
     """Folders of small JSON files, besides those of moments and failures."""
     kept: ClassVar[tuple[str, ...]] = ()
@@ -127,8 +123,7 @@ class StudyFolder(OutputFolder):
 
     def _prepare(self) -> None:
         """Find the moments that are whole; remove the files of others, which run again."""
-        for name in self.trees:
-            refuse_link(self.path / name)
+        refuse_link(self.path / self.place.partition("/")[0])
         for name in self._json_folders:
             own_folder(self.path / name)
             remove_unfinished(self.path / name)
@@ -150,31 +145,41 @@ class StudyFolder(OutputFolder):
     def listing(self, recording: str) -> Listing | None:
         """Return the moments of a recording; None if it is not listed, or the file is damaged."""
         rows = self._load(SEEDS, recording)
-        refs = None if rows is None else tuple(MomentRef(**from_row(row)) for row in rows)
-        return None if refs is None else Listing(recording=recording, moments=refs)
+        return None if rows is None else tuple(MomentRef(**from_row(row)) for row in rows)
 
-    def save_listing(self, listing: Listing) -> None:
+    def save_listing(self, recording: str, listing: Listing) -> None:
         """Keep the moments of a recording."""
-        self._save(SEEDS, listing.recording, [as_row(ref) for ref in listing.moments])
-
-    def save(self, ref: MomentRef, result: Any) -> None:
-        """Keep the result of a moment, unless it is there."""
-        raise NotImplementedError
+        self._save(SEEDS, recording, [as_row(ref) for ref in listing])
 
     def has(self, ref: MomentRef) -> bool:
         """Whether a moment has run."""
         return ref.moment in self._files
 
-    def _add(self, moment: str, tables: Mapping[str, pa.Table], **options: Any) -> None:
-        """Write the tables of a moment, by file; its record names them before and is whole after that."""
-        self._save(_PARTS, moment, [dict.fromkeys(tables, "")])
+    def save(self, ref: MomentRef, result: Any) -> None:
+        """Keep the result of a moment, see `_tables`, unless it is there.
+
+        Its record names the tables before they are written, and is whole after that.
+        """
+        if self.has(ref):
+            return
+        tables = {self._file(ref, name): table for name, table in self._tables(result).items()}
+        self._save(_PARTS, ref.moment, [dict.fromkeys(tables, "")])
         for name, table in tables.items():
             for parent in [*Path(name).parents][-2::-1]:
                 own_folder(self.path / parent)
+            # Of so few rows, statistics and schema would be the larger part.
+            how = {"compression": "zstd", "write_statistics": False, "store_schema": False}
             with replacing(self.path / name) as temporary:
-                pq.write_table(table, temporary, compression="zstd", write_page_checksum=True, **options)
-        self._files[moment] = {name: sha256_of(self.path / name) for name in tables}
-        self._save(_PARTS, moment, [self._files[moment]])
+                pq.write_table(table, temporary, write_page_checksum=True, **how)
+        self._files[ref.moment] = {name: sha256_of(self.path / name) for name in tables}
+        self._save(_PARTS, ref.moment, [self._files[ref.moment]])
+
+    def _tables(self, result: Any) -> Mapping[str, pa.Table]:
+        """Return the tables of a result by name."""
+        raise NotImplementedError
+
+    def _file(self, ref: MomentRef, name: str) -> str:
+        return f"{self.place.format(ref=ref)}/{name}.parquet"
 
     def _remove(self, files: Iterable[str]) -> None:
         """Remove files of the folder, but nothing behind a link."""
@@ -184,12 +189,12 @@ class StudyFolder(OutputFolder):
                 file.unlink(missing_ok=True)
                 remove_unfinished(file.parent)
 
-    def _read(self, moment: str, name: str) -> pa.Table:
-        """Read a table of a moment; raise a `ResultError` if it changed since `_prepare`."""
-        content = b""
+    def _read(self, ref: MomentRef, table: str) -> pa.Table:
+        """Read a table of a moment; raise a `ResultError` if it changed since the folder was opened."""
+        content, name = b"", self._file(ref, table)
         with contextlib.suppress(OSError):
             content = (self.path / name).read_bytes()
-        if hashlib.sha256(content).hexdigest() != self._files[moment][name]:
+        if hashlib.sha256(content).hexdigest() != self._files[ref.moment][name]:
             raise ResultError(f"{self.path / name}: was changed meanwhile; run the same command again")
         return pq.ParquetFile(pa.BufferReader(content)).read()
 

@@ -6,7 +6,7 @@ import dataclasses
 import pickle
 import weakref
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
@@ -38,12 +38,10 @@ class StudySettings:
     Attributes:
         run: of each moment.
         every: least time between two moments of a recording, s; every case is a moment.
-        weights: SHA-256 of the weights by learned model.
     """
 
     run: RunSettings = field(default_factory=lambda: RunSettings(futures=96))
     every: float = 1.0
-    weights: Mapping[str, str] = field(init=False)
 
     def __post_init__(self) -> None:
         if not self.every > 0:
@@ -55,10 +53,7 @@ class StudySettings:
                 "leave out futures='all', assign and under_test"
             )
         models = written(run.models)
-        made = built(models)
-        run = dataclasses.replace(run, models=models, world=made.world)
-        object.__setattr__(self, "run", run)
-        object.__setattr__(self, "weights", made.weights)
+        object.__setattr__(self, "run", dataclasses.replace(run, models=models, world=built(models).world))
 
     @property
     def futures(self) -> int:
@@ -82,7 +77,7 @@ class StudySettings:
             "every_s": self.every,
             "futures": self.futures,
             "models": [m if isinstance(m, str) else f"{m}@{m.weight!r} {m.state}" for m in self.models],
-            "weights": dict(self.weights),
+            "weights": built(self.models).weights,
             "steps": run.steps,
             "replan": run.replan,
             "design": run.design,
@@ -176,24 +171,19 @@ Work: TypeAlias = Callable[[Any, SeedScene], Any]
 """A function of a module: returns the result of a `MomentTask` and its seed scene with the road."""
 
 
-class MomentWorkers:
-    """Worker processes, one moment at a time each."""
+class MomentWorkers(Workers):
+    """Worker processes, one moment at a time each; this process loads recordings and writes."""
 
     def __init__(self, count: int) -> None:
         if count < 1:
             raise UsageError(f"--workers: got {count}, needs at least 1")
-        self._workers = Workers(count + 1)  # this process loads recordings and writes
+        super().__init__(count + 1)
 
-    @property
-    def deaths(self) -> list[str]:
-        """One phrase for each worker that died and was replaced."""
-        return self._workers.deaths
-
-    def run(self, work: Work, tasks: Iterable[MomentTask]) -> Iterator[Done]:
+    def run_each(self, work: Work, tasks: Iterable[MomentTask]) -> Iterator[Done]:
         """Run tasks, a few at a time; yield them with their results, or `Failure`s, as they finish."""
-        assert self._workers.pool is not None
-        pool, opened = self._workers.pool, partial(_opened, work)
-        for task, future in pool.run_each(opened, tasks, where=lambda t: f"at {t.ref.moment}"):
+        assert self.pool is not None
+        opened = partial(_opened, work)
+        for task, future in self.pool.run_each(opened, tasks, where=lambda t: f"at {t.ref.moment}"):
             try:
                 yield task, future.result()
             except OutOfTimeError as error:
@@ -205,10 +195,6 @@ class MomentWorkers:
                 died = f"its worker died {len(ends)} times ({', '.join(ends)})"
                 reason = f"{died}: out of memory, killed, or a crash"
                 yield task, Failure.of(task.ref, reason, died=True)
-
-    def close(self) -> None:
-        """End the workers."""
-        self._workers.__exit__()
 
 
 def _opened(work: Work) -> AbstractContextManager[Callable[[MomentTask, object], Any]]:

@@ -18,7 +18,7 @@ from scex_sumo.studies.moments.folder import Failure, Listing, MomentRef, StudyF
 from scex_sumo.studies.moments.run import MomentTask, MomentWorkers, StudySettings, Work, pack_road
 
 T = TypeVar("T")
-Item: TypeAlias = Listing | Failure | MomentTask
+Item: TypeAlias = tuple[str, Listing] | Failure | MomentTask
 Choose: TypeAlias = Callable[[LoadedRecording], Sequence[Moment]]
 
 MIN_VEHICLES = 2
@@ -30,7 +30,7 @@ def moment_tasks(
     listings: Mapping[str, Listing],
     settings: StudySettings,
     *,
-    wanted: Callable[[Listing], Sequence[MomentRef]],
+    wanted: Callable[[MomentRef], bool],
     choose: Choose | None = None,
 ) -> Iterator[Item]:
     """Yield the listing of each recording that had none, then its wanted tasks; failures in their place.
@@ -39,7 +39,7 @@ def moment_tasks(
     """
     for recording in recordings:
         listing = listings.get(recording.name)
-        todo = () if listing is None else wanted(listing)
+        todo = [*filter(wanted, listing or ())]
         if listing is not None and not todo:
             continue
         try:
@@ -51,8 +51,8 @@ def moment_tasks(
             if listing is None:
                 moments = choose(loaded) if choose else recording_moments(loaded, every_s=settings.every)
                 listing = list_moments(recording, moments)
-                yield listing
-                todo = wanted(listing)
+                yield recording.name, listing
+                todo = [*filter(wanted, listing)]
         except Exception as error:
             if listing is None:
                 name, location = plain(recording.name), plain(recording.site)
@@ -72,7 +72,7 @@ def moment_tasks(
 
 def list_moments(recording: Recording, moments: Sequence[Moment]) -> Listing:
     """List moments with two vehicles: in cases any, else moving, recorded from 1 s before to 3 s after."""
-    refs = [
+    return tuple(
         MomentRef(
             moment=moment_name(recording.name, m.case, m.time_s),
             location=plain(recording.site),
@@ -83,8 +83,7 @@ def list_moments(recording: Recording, moments: Sequence[Moment]) -> Listing:
         )
         for m in moments
         if (m.vehicles if m.case else m.complete) >= MIN_VEHICLES
-    ]
-    return Listing(recording=recording.name, moments=tuple(refs))
+    )
 
 
 def read_ahead(items: Iterator[T], size: int) -> Generator[T, None, None]:
@@ -128,7 +127,7 @@ class MomentRun:
     def listed(self) -> list[MomentRef]:
         """All moments, in the order of the dataset."""
         listings = (self.listings.get(recording.name) for recording in self.recordings)
-        return [ref for listing in listings if listing is not None for ref in listing.moments]
+        return [ref for listing in listings if listing is not None for ref in listing]
 
     @property
     def refs(self) -> list[MomentRef]:
@@ -140,15 +139,11 @@ class MomentRun:
         self._done = sum(not self._is_open(ref) for ref in self.listed)
         self._tick()
         items = moment_tasks(
-            self.recordings,
-            dict(self.listings),
-            self.settings,
-            wanted=lambda listing: [ref for ref in listing.moments if self._is_open(ref)],
-            choose=choose,
+            self.recordings, dict(self.listings), self.settings, wanted=self._is_open, choose=choose
         )
         # Closed wherever the workers stop: that ends the thread.
         with closing(read_ahead(items, _AHEAD)) as ahead:
-            for task, result in self.workers.run(work, self._tasks(ahead)):
+            for task, result in self.workers.run_each(work, self._tasks(ahead)):
                 if isinstance(result, Failure):
                     self._fail(result)
                 else:
@@ -158,12 +153,11 @@ class MomentRun:
 
     def tasks(self, refs: Sequence[MomentRef]) -> Iterator[MomentTask]:
         """Yield tasks that run the futures of moments."""
-        names = {ref.moment for ref in refs}
         items = moment_tasks(
             [recording for recording in self.recordings if recording.name in self.listings],
             self.listings,
             self.settings,
-            wanted=lambda listing: [ref for ref in listing.moments if ref.moment in names],
+            wanted=lambda ref: ref in refs,
         )
         return (item for item in items if isinstance(item, MomentTask))
 
@@ -172,9 +166,9 @@ class MomentRun:
             if isinstance(item, MomentTask):
                 yield item
                 continue
-            if isinstance(item, Listing):
-                self.folder.save_listing(item)
-                self.listings[item.recording] = item
+            if isinstance(item, tuple):
+                self.folder.save_listing(*item)
+                self.listings |= dict([item])
             elif item.time_s is None:
                 self.unreadable[item.recording] = item
             else:
@@ -191,7 +185,7 @@ class MomentRun:
 
     def _tick(self) -> None:
         known = len(self.listings) + len(self.unreadable)
-        moments = sum(len(listing.moments) for listing in self.listings.values())
+        moments = sum(map(len, self.listings.values()))
         expected = moments * len(self.recordings) / known if known else len(self.recordings)
         if self._progress is not None:
             self._progress(self._done, max(round(expected), self._done))

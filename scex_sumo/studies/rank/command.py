@@ -77,7 +77,7 @@ def _print_top(ranking: Ranking, top: int) -> None:
     from scex_sumo.commands.console import output_console
     from scex_sumo.page.document import print_columns
     from scex_sumo.reports.run_table import print_line
-    from scex_sumo.studies.rank.ranking_run import PRINTED_COLUMNS
+    from scex_sumo.studies.rank.page import PRINTED_COLUMNS
 
     console, rows = output_console(width=160), ranking.table.slice(0, top).to_pylist()
     rows = [row for row in rows if row["rank"] is not None]

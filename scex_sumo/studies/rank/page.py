@@ -21,7 +21,7 @@ from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.job import ruled
 from scex_sumo.extrapolation.options import RunOptions
 from scex_sumo.extrapolation.processes.workers import Workers
-from scex_sumo.page.document import Document, card, failure_card, page_table
+from scex_sumo.page.document import Column, Document, Row, card, failure_card, page_table
 from scex_sumo.page.html import Html, element
 from scex_sumo.page.report.contents import report_contents
 from scex_sumo.page.report.report import filled_report
@@ -30,12 +30,13 @@ from scex_sumo.page.timeline import Happening, place_map, shapes_legend, timelin
 from scex_sumo.reports.run_table import counted
 from scex_sumo.results.tables.encounters import Encounter
 from scex_sumo.results.tables.fallbacks import fallback_lines
-from scex_sumo.results.tables.pairs import TOLD, arrow, once_in
+from scex_sumo.results.tables.pairs import TOLD, arrow, once_in, one_in
 from scex_sumo.scene import SeedScene
+from scex_sumo.studies.moments.encounters import Pairs
 from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.moments.run import MomentTask, net_of, written
+from scex_sumo.studies.moments.study import MomentRun
 from scex_sumo.studies.rank.encounters import KEY, TRIAGE, VERDICTS, with_stress
-from scex_sumo.studies.rank.ranking_run import PAGE_COLUMNS, REPORTS, RankingRun, stress_words
 from scex_sumo.studies.rank.stage import Stage, stage_of_future
 
 _MOST: Final = 12  # recordings
@@ -46,6 +47,8 @@ _GLANCE: Final = (
     "pointer on a mark names the pair; a click leads to its card, else to its row. A drag selects a "
     "span for the table."
 )
+REPORTS = "moments"
+"""Folder of the reports of the moments that are shown."""
 HTML = "ranking.html"
 SCRIPTS = ("loop.js", "stage.js", "timeline.js", "triage.js")
 _ROWS = 1000
@@ -61,8 +64,48 @@ _KEYS = (
 )
 
 
+def stress_words(row: Row) -> str | None:
+    """Return the share of the stress test in which a pair collides; None where no futures were run."""
+    share = row["stress_p_collision"]
+    return None if share is None else f"{share:.0%}"
+
+
+PAGE_COLUMNS: Final = (
+    Column("rank", "place"),
+    Column(arrow, "pair", "words", "Hits or follows → the other one"),
+    Column("what", "what", "words"),
+    Column("how", "how it comes to it", "words"),
+    Column("location", "site", "words"),
+    Column("recording", "recording", "words"),
+    Column("time_s", "time", "seconds", "In the recording, of its most critical moment"),
+    Column("probability", "people collide", "often", "P of a contact within 3 s"),
+    Column("needed_braking", "needed braking", "tenths", "In the future that decides, m/s²"),
+    Column("time_margin", "time margin", "seconds", "In the future that decides"),
+    Column("conflict_s", "after", "seconds", "Time of the conflict after the moment"),
+    Column("stress_p_collision", "stress test", "percent", "P(collision) with the drawn models"),
+    Column("doubt", "doubt", "words"),
+    Column(lambda row: "yes" if row["to_test"] else "no", "to test", "words"),
+    Column("verdict", "verdict", "words"),
+)
+"""Columns of encounters on the page."""
+
+
+PRINTED_COLUMNS: Final = (
+    Column("rank", "rank"),
+    Column(arrow, "pair", "words"),
+    Column("what", "what", "words"),
+    Column("how", "how it comes to it", "words"),
+    Column(lambda row: f"{row['recording']} {row['case']}".rstrip(), "recording", "words"),
+    Column("time_s", "time", "seconds"),
+    Column(lambda row: one_in(row["probability"]), "people: 1 in", "text"),
+    Column(span, "range", "words"),
+    Column(stress_words, "stress", "text"),
+)
+"""Columns of encounters in the terminal."""
+
+
 def write_ranking_page(
-    run: RankingRun, ranking: pa.Table, shown: int, by: str
+    run: MomentRun, pairs: Pairs, ranking: pa.Table, shown: int, by: str
 ) -> tuple[pa.Table, dict[str, Any], list[str]]:
     """Run the futures of the moments of the top encounters; write their reports and the page.
 
@@ -70,6 +113,7 @@ def write_ranking_page(
     futures, and whose drivers failed.
 
     Args:
+        pairs: of all moments.
         ranking: the encounters in their order, ``by`` a column, of which so many are ``shown``.
     """
     top = ranking.filter(pc.is_valid(ranking["rank"])).slice(0, shown).to_pylist()
@@ -78,7 +122,7 @@ def write_ranking_page(
     tasks: dict[str, _ReportTask] = {}
     stress: dict[str, Mapping[_Pair, float]] = {}
     notes, failures = list[str](), run.unreadable | run.failures
-    pairs, stages = {ref.moment: table for ref, table in run.pairs}, dict[tuple[str, int, int], Stage]()
+    own_pairs, stages = {ref.moment: table for ref, table in pairs}, dict[tuple[str, int, int], Stage]()
     places, roads = places_of(ranking), dict[str, Html]()
     open_sites = {site: box_of(rows) for site, rows in places.items()}
 
@@ -88,9 +132,9 @@ def write_ranking_page(
             own = [row for row in top if row["seed"] == name]
             site = open_sites.pop(task.ref.location, None)
             command = _command(run, task.ref)
-            yield _ReportTask(**vars(task), command=command, pairs=pairs[name], rows=own, site=site)
+            yield _ReportTask(**vars(task), command=command, pairs=own_pairs[name], rows=own, site=site)
 
-    for task, made in run.workers.run(_reported, asked()):
+    for task, made in run.workers.run_each(_reported, asked()):
         assert isinstance(task, _ReportTask)
         tasks[task.ref.moment] = task
         if isinstance(made, Failure):
@@ -114,7 +158,7 @@ def write_ranking_page(
     page = Document("Encounters worth testing", *SCRIPTS)
     rest = f"The first {_ROWS} of {len(ranking)}; all" if len(ranking) > _ROWS else "All"
     parts = [
-        glance(run.pairs, places, roads, {f"#encounter-{row['rank']}": row for row, _, _ in cards}),
+        glance(pairs, places, roads, {f"#encounter-{row['rank']}": row for row, _, _ in cards}),
         _bar(),
         *_lists(ranking, [(row, html) for row, html, _ in cards], by),
         card(
@@ -172,7 +216,7 @@ def _reported(task: _ReportTask, scene: SeedScene) -> _Made:
     return page, stress, notes, stages, drawn
 
 
-def _command(run: RankingRun, ref: MomentRef) -> list[str]:
+def _command(run: MomentRun, ref: MomentRef) -> list[str]:
     recording = next(one for one in run.recordings if one.name == ref.recording)
     paths, models = recording.track_paths, run.settings.models
     words = ["scex-sumo", "run", str(recording.map_path)]
@@ -183,7 +227,7 @@ def _command(run: RankingRun, ref: MomentRef) -> list[str]:
     return [*words, "-o", f"out/{ref.moment}"]
 
 
-def _summary(run: RankingRun, ranking: pa.Table) -> str:
+def _summary(run: MomentRun, ranking: pa.Table) -> str:
     doubtful = len(ranking) - ranking["doubt"].null_count
     return (
         f"{counted(len(ranking), 'encounter')} in {counted(len(run.refs), 'seed scene')} of "
@@ -285,10 +329,7 @@ def box_of(rows: Sequence[Mapping[str, Any]]) -> Box:
 
 
 def glance(
-    pairs: Sequence[tuple[MomentRef, pa.Table]],
-    places: Mapping[str, Sequence[Mapping[str, Any]]],
-    roads: Mapping[str, Html],
-    cards: Cards,
+    pairs: Pairs, places: Mapping[str, Sequence[Mapping[str, Any]]], roads: Mapping[str, Html], cards: Cards
 ) -> Html:
     """Return the time lines of the most critical recordings, and maps of `places_of` that have a road."""
     lines, levels = dict[str, list[Happening]](), dict[str, list[float]]()

@@ -4,27 +4,35 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import pyarrow as pa
 import pyarrow.compute as pc
+import pyarrow.csv as pa_csv
+import pyarrow.parquet as pq
 
 from scex_sumo.base.arguments import checked
-from scex_sumo.base.errors import UsageError
+from scex_sumo.base.errors import TrackError, UsageError
+from scex_sumo.base.files import replacing
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.datasets.find import find_recordings, left_out
 from scex_sumo.converters.registries import Window
+from scex_sumo.decision.moment import FUTURES as HUMAN_FUTURES
+from scex_sumo.extrapolation.job import ruled
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.info import versions
-from scex_sumo.studies.moments.encounters import encounters_of
-from scex_sumo.studies.moments.run import MomentWorkers, StudySettings
+from scex_sumo.results.tables.columns import schema
+from scex_sumo.results.tables.pairs import any_of
+from scex_sumo.scene import SeedScene
+from scex_sumo.studies.moments.encounters import Pairs, encounters_of, pairs_of_moment
+from scex_sumo.studies.moments.folder import SEEDS, MomentRef, StudyFolder, as_row
+from scex_sumo.studies.moments.run import MomentTask, MomentWorkers, StudySettings, net_of
+from scex_sumo.studies.moments.study import MIN_VEHICLES, MomentRun
 from scex_sumo.studies.rank.encounters import RANKED, ranked, read_triage
-from scex_sumo.studies.rank.page import write_ranking_page
-from scex_sumo.studies.rank.ranking_run import RankFolder, RankingRun, moments_table, run_moment, write_table
+from scex_sumo.studies.rank.page import REPORTS, write_ranking_page
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,7 +41,7 @@ class Ranking:
 
     Attributes:
         table: one row for each encounter, see `scex_sumo.studies.rank.encounters`; doubtful ones last.
-        moments: one row for each moment, see `scex_sumo.studies.rank.ranking_run.MOMENTS`; failures last.
+        moments: one row for each moment, see `MOMENTS`; failures last.
         info: content of ``rank.json``.
 
     Example:
@@ -46,6 +54,59 @@ class Ranking:
     table: pa.Table
     moments: pa.Table
     info: Mapping[str, Any]
+
+
+def run_moment(task: MomentTask, scene: SeedScene) -> pa.Table:
+    """Return the pairs of a moment."""
+    scene, net = ruled(scene, net_of(task.road), task.settings.run)
+    return pairs_of_moment(scene, net, futures=HUMAN_FUTURES, seed=task.settings.run.seed)
+
+
+class RankFolder(StudyFolder):
+    """Folder of a ranking under way: ``pairs/location=L/seed=S/pairs.parquet``."""
+
+    info, what = "rank.json", "ranking"
+    another = "another ranking, of other recordings or with other options"
+    evidence = ("ranking.parquet", "ranking.csv", SEEDS)
+    place = "pairs/location={ref.location}/seed={ref.moment}"
+    kept = ("ranking.parquet", "ranking.csv", "moments.parquet", "moments.csv", "ranking.html", REPORTS)
+
+    def _tables(self, result: pa.Table) -> Mapping[str, pa.Table]:
+        return {"pairs": result}
+
+    def pairs(self, ref: MomentRef) -> pa.Table:
+        """Read the pairs of a moment."""
+        return self._read(ref, "pairs")
+
+
+MOMENTS: Final = schema("seed location recording case time_s human_p_collision vehicles failure")
+"""Columns of ``moments.parquet``."""
+
+
+def moments_table(run: MomentRun, pairs: Pairs) -> pa.Table:
+    """Return the moments of a ranking by P of any contact, largest first; then those that failed."""
+    failed = [*run.unreadable.values(), *(failure for _, failure in sorted(run.failures.items()))]
+    if not pairs:
+        reason = f"; the first of {len(failed)} failures: {failed[0].reason}" if failed else ""
+        raise TrackError(
+            f"none of {len(run.recordings)} recordings has a moment with {MIN_VEHICLES} moving "
+            f"vehicles that could be run{reason}; lower --every, or look at the recordings"
+        )
+    rows = []
+    for ref, table in pairs:  # P of a contact of any pair whose data are not doubtful
+        sure = table.filter(pc.is_null(table["doubt"]))["probability"].to_pylist()
+        rows.append(as_row(ref) | {"human_p_collision": any_of(sure)})
+    rows.sort(key=lambda row: (-row["human_p_collision"], row["seed"]))
+    rows += [as_row(failure) | {"failure": failure.reason} for failure in failed]
+    return pa.Table.from_pylist(rows, schema=MOMENTS)
+
+
+def write_table(path: Path, table: pa.Table) -> None:
+    """Write a table as Parquet and CSV, by a path without suffix."""
+    with replacing(path.with_name(f"{path.name}.parquet")) as file:
+        pq.write_table(table, file, compression="zstd")
+    with replacing(path.with_name(f"{path.name}.csv")) as file:
+        pa_csv.write_csv(table, file)
 
 
 @checked
@@ -105,15 +166,16 @@ def rank(
     recordings = tuple(recording.within(window) for recording in recordings_found)
     identity = settings.identity(recordings)
     with (
-        closing(MomentWorkers(workers)) as pool,
+        MomentWorkers(workers) as pool,
         RankFolder(Path(out), identity, overwrite=overwrite) as folder,
         progress_of(progress, "rank") as tick,
     ):
-        ranking = RankingRun(recordings, settings, folder, pool, tick)
+        ranking = MomentRun(recordings, settings, folder, pool, tick)
         ranking.run(run_moment)
-        moments = moments_table(ranking)
-        encounters = ranked(encounters_of(ranking.pairs, every), verdicts, by)
-        table, about, notes = write_ranking_page(ranking, encounters, top, by)
+        pairs = [(ref, folder.pairs(ref)) for ref in ranking.refs]
+        moments = moments_table(ranking, pairs)
+        encounters = ranked(encounters_of(pairs, every), verdicts, by)
+        table, about, notes = write_ranking_page(ranking, pairs, encounters, top, by)
         for name, content in (("moments", moments), ("ranking", table)):
             write_table(folder.path / name, content)
         info = {

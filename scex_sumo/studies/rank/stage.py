@@ -15,7 +15,6 @@ from scex_sumo.page.report.scene import Box, lane_lines, outline_svg, road_svg, 
 from scex_sumo.results.participants import everybody, with_everybody
 from scex_sumo.results.parts import Part
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
-from scex_sumo.studies.moments.encounters import recorded
 
 _MARGIN_M = 10.0
 _MIN_WIDTH_M = 45.0  # width of a picture
@@ -45,22 +44,17 @@ def stage_of_future(scene: SeedScene, row: Mapping[str, Any], human: Part) -> St
     at = int(np.searchsorted(human.futures, row["future"]))
     driven = with_everybody(scene, human.states[at : at + 1])[0, HISTORY_STEPS:].swapaxes(0, 1)
     last = min(round(row["conflict_s"] / STEP_S) + _BEYOND, driven.shape[1] - 1)
-    states, known = recorded(whole)
-    stop = HISTORY_STEPS + 1 + _STEPS
-    motion = driven[[other, one], : last + 1]
-    return stage_of_motion(whole, (other, one), motion, states[:, :stop], known[:, :stop])
+    return stage_of_motion(whole, (other, one), driven[[other, one], : last + 1])
 
 
-def stage_of_motion(
-    scene: SeedScene, both: tuple[int, int], motion: States, states: States, known: BoolArray
-) -> Stage:
-    """Return the stage of two vehicles, the first of which acts, with their motion (2, T) from now on.
+def stage_of_motion(scene: SeedScene, both: tuple[int, int], motion: States) -> Stage:
+    """Return the stage of two of `everybody`, the first of which acts, with their motion (2, T) from now on.
 
-    States (V, T), ``known`` or not, are shown beside it, from 1 s before the moment on; people are the last
-    ones.
+    What was recorded is shown beside it, from 1 s before the moment on.
     """
     assert scene.road is not None
     one, other = both
+    states, known = _recorded(scene)
     happens = States.concatenate([scene.history[[one, other], :-1], motion], axis=1)
     box = _box(happens[:, -_LAST:])
     begins = int(np.argmax(_inside(happens, box).all(axis=0)))  # fast vehicles have to come near first
@@ -77,6 +71,16 @@ def stage_of_motion(
     road = road_svg(lane_lines(scene.road, box))
     picture = scene_svg("the two vehicles, from above", box, road, shown)
     return Stage(picture=picture, outlines=tracks, contact=happens.shape[1] - 1)
+
+
+def _recorded(scene: SeedScene) -> tuple[States, BoolArray]:
+    """Return the states (V, T) of a recording from 1 s before a moment to 3 s after it, and what is known."""
+    known = np.arange(HISTORY_STEPS, -1, -1) <= scene.recorded_steps[:, None]
+    if scene.future is None:
+        return scene.history, known
+    future, valid = scene.future[:, :_STEPS], scene.future_valid
+    valid = np.ones(future.shape, np.bool_) if valid is None else valid[:, :_STEPS]
+    return States.concatenate([scene.history, future], axis=1), np.concatenate([known, valid], axis=1)
 
 
 def _box(happens: States) -> Box:

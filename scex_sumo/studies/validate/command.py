@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
@@ -51,20 +50,14 @@ def validate_command(
     }
 
 
-def _ratio(row: Mapping[str, Any]) -> float | None:
-    """Return the error over that of constant velocity; None where that one is 0."""
-    rival = row["constant_velocity_error_m"]
-    return row["error_of_mean_m"] / rival if rival else None
-
-
 def _print_scores(done: Validation) -> None:
     from scex_sumo.commands.console import output_console
-    from scex_sumo.page.document import Column, print_columns
+    from scex_sumo.page.document import print_columns
     from scex_sumo.reports.run_table import counted, print_line
-    from scex_sumo.studies.validate.page import collisions_in
+    from scex_sumo.studies.validate.page import EVENT_COLUMNS, POSITION_COLUMNS, collisions_in
 
     info = done.info
-    console = output_console(width=140)
+    console = output_console(width=160)
     scenes, recordings = counted(info["seeds"], "seed scene"), counted(info["recordings"], "recording")
     print(f"{scenes} of {recordings}, models {', '.join(info['models'])}")
     told = (
@@ -74,26 +67,10 @@ def _print_scores(done: Validation) -> None:
     )
     print_line(told, console)
 
-    events = [
-        Column("event", "event", "names"),
-        Column("happened", "happened", ".0%"),
-        Column("forecast", "forecast", ".0%"),
-        Column("brier", "Brier", ".3f"),
-        Column("brier_constant_velocity", "Brier: const. vel.", ".3f"),
-        Column("skill_base_rate", "skill: base rate", ".2f"),
-        Column("skill_constant_velocity", "const. vel.", ".2f"),
-    ]
-    places = [
-        Column("second", "after [s]"),
-        Column(lambda row: "yes" if row["moving"] else "no", "moving", "names"),
-        Column("vehicles", "vehicles"),
-        Column("error_of_mean_m", "error [m]", ".2f"),
-        Column("constant_velocity_error_m", "const. vel.", ".2f"),
-        Column(_ratio, "ratio", ".2f"),
-        Column("along_coverage", "along within 5-95 %", ".0%"),
-        Column("across_coverage", "across", ".0%"),
-    ]
-    about = "skill: 1 perfect, 0 as good as the base rate, constant velocity; the page has pairs and values"
-    tables = {name: done.tables[name].to_pylist() for name in ("events", "positions")}
-    print_columns(events, tables["events"], console, "events", about, breaks=(" base rate", " vel."))
-    print_columns(places, tables["positions"], console, "places, error of the futures' mean")
+    about = "better: 1 perfect, 0 no better, below 0 worse; the page has pairs and values"
+    breaks = (" velocity", " base rate", ", within", " constant")
+    titles = {"events": about, "positions": "distance of the futures from the recorded places, m"}
+    forms = {"real": ".3f", "metres": ".2f", "percent": ".0%"}
+    for (name, words), columns in zip(titles.items(), (EVENT_COLUMNS, POSITION_COLUMNS), strict=True):
+        printed = [column._replace(form=forms.get(column.form, column.form)) for column in columns]
+        print_columns(printed, done.tables[name].to_pylist(), console, name, words, breaks=breaks)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -82,16 +82,10 @@ class Forecast:
     futures: pa.Table
 
 
-def asked_of(settings: StudySettings) -> RunSettings:
-    """Return the settings of a moment's run: all metrics."""
-    return dataclasses.replace(settings.run, metrics="both")
-
-
 def validate_moment(task: MomentTask, scene: SeedScene) -> Forecast:
     """Run the futures of a task."""
-    asked = asked_of(task.settings)
-    steps, road = asked.steps, scene.road
-    assert road is not None
+    asked = task.settings.run
+    steps = asked.steps
     known = scene.future_valid
     judged = np.zeros(0, dtype=bool) if known is None else np.all(known[:, :steps], axis=1)
     if known is None or known.shape[1] < steps or not judged.any():
@@ -141,26 +135,16 @@ def _futures_table(columns: tuple[str, ...], rows: list[tuple[IntArray, FloatArr
     return pa.table(data)
 
 
-_MOMENTS = "moments"
-
-
 class ForecastFolder(StudyFolder):
-    """Folder of the forecasts of moments: ``moments/NAME/futures.parquet`` and five more tables."""
+    """Folder of the forecasts of moments: ``moments/NAME/futures.parquet`` and two more tables."""
 
-    info, what, another, trees = "validate.json", "validation", "another validation", (_MOMENTS,)
-    evidence = ("events.parquet", "pairs.parquet", "values.parquet", "positions.parquet", _MOMENTS)
+    info, what, another, place = "validate.json", "validation", "another validation", "moments/{ref.moment}"
+    evidence = ("events.parquet", "pairs.parquet", "values.parquet", "positions.parquet", "moments")
     kept = ("encounters.parquet",)
 
-    def save(self, ref: MomentRef, result: Forecast) -> None:
-        """Keep the forecast of a moment, unless it is there."""
-        if not self.has(ref):
-            self._add(ref.moment, {_file(ref, name): table for name, table in vars(result).items()})
+    def _tables(self, result: Forecast) -> Mapping[str, pa.Table]:
+        return vars(result)
 
     def read(self, ref: MomentRef) -> Forecast:
         """Read the forecast of a moment."""
-        names = (field.name for field in dataclasses.fields(Forecast))
-        return Forecast(**{name: self._read(ref.moment, _file(ref, name)) for name in names})
-
-
-def _file(ref: MomentRef, name: str) -> str:
-    return f"{_MOMENTS}/{ref.moment}/{name}.parquet"
+        return Forecast(**{one.name: self._read(ref, one.name) for one in dataclasses.fields(Forecast)})

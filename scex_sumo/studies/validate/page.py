@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.metrics.registry import known_metrics, metric_of
+from scex_sumo.metrics.registry import metric_of
 from scex_sumo.page.document import Column, Document, card, failure_card, page_table, plots
 from scex_sumo.page.figures.charts import Plane, metric_title
 from scex_sumo.page.html import Html, element
@@ -22,7 +22,7 @@ _CRPS = "Distance of the futures' distribution from the recorded value, in its u
 _MOVING = "Whether only vehicles that move count"
 _OF_MEAN = "Distance of the futures' mean from the recorded place"
 _WITHIN = "Share of the recorded ones within those of the futures"
-_EVENT_COLUMNS = (
+EVENT_COLUMNS = (
     Column("event", "event"),
     Column("happened", "happened", "percent", "Share of the moments with the event"),
     Column("forecast", "forecast", "percent", "Mean probability that the futures gave it"),
@@ -35,7 +35,7 @@ _EVENT_COLUMNS = (
     Column("skill_constant_velocity", "than constant velocity", "real", "Forecast: all go on as they do"),
 )
 _VALUE_COLUMNS = (
-    Column(lambda row: printed_name(row["column"]), "value"),
+    Column(lambda row: metric_title(row["column"], metric_of(row["column"])), "value"),
     Column("count", "cases"),
     Column("crps", "CRPS", "real", _CRPS),
     Column("crps_skill", "better than constant velocity", "real", "1: perfect, 0: no better, below: worse"),
@@ -43,7 +43,7 @@ _VALUE_COLUMNS = (
     Column("coverage_low", "from", "percent", "95 % interval of that share"),
     Column("coverage_high", "to", "percent", "95 % interval of that share"),
 )
-_POSITION_COLUMNS = (
+POSITION_COLUMNS = (
     Column("second", "after [s]"),
     Column(lambda row: "yes" if row["moving"] else "no", "moving", "text", _MOVING),
     Column("vehicles", "vehicles"),
@@ -54,7 +54,7 @@ _POSITION_COLUMNS = (
     Column("along_coverage", "along, within 5 – 95 %", "percent", _WITHIN),
     Column("across_coverage", "across, within 5 – 95 %", "percent", _WITHIN),
 )
-_PAIR_COLUMNS = (Column("event", "event of a pair"), Column("pairs", "pairs"), *_EVENT_COLUMNS[1:])
+_PAIR_COLUMNS = (Column("event", "event of a pair"), Column("pairs", "pairs"), *EVENT_COLUMNS[1:])
 
 
 def write_validation_page(
@@ -74,7 +74,7 @@ def write_validation_page(
         card(
             "Events",
             "Probability that the futures gave to recorded events.",
-            page.table("events", page_table(_EVENT_COLUMNS, events)),
+            page.table("events", page_table(EVENT_COLUMNS, events)),
         ),
         card(
             "Pairs",
@@ -97,7 +97,7 @@ def write_validation_page(
         card(
             "Positions",
             "Distance of the futures from the recorded places.",
-            page.table("positions", page_table(_POSITION_COLUMNS, rows["positions"])),
+            page.table("positions", page_table(POSITION_COLUMNS, rows["positions"])),
         ),
         *failure_card(f"{len(info['failed'])} moments that could not be judged", info["failed"]),
     ]
@@ -123,12 +123,6 @@ def collisions_in(info: Mapping[str, Any]) -> str:
     without = info["p_collision_without_overlap"]
     where = "" if without is None else f", {without:.2%} where no recorded boxes overlap"
     return f"{info['p_collision']:.2%}{where} (they do in {info['recorded_overlaps']:.2%} of the seed scenes)"
-
-
-def printed_name(column: str) -> str:
-    """Return the printed name of a metric column; other values keep their names."""
-    known = column.removesuffix("_mean") in known_metrics()
-    return metric_title(column, metric_of(column)) if known else column
 
 
 def _diagram(row: Mapping[str, Any]) -> Html:

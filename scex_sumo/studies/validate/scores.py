@@ -10,17 +10,15 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 
 _CENTRAL = 0.9  # share of the samples
+_BINS = 10
 _DRAWS = 400  # of groups
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Reliability:
-    """Reliability diagram: forecasts by B bins of equal width, without empty ones.
+    """Reliability diagram: mean forecast, share of events and number of forecasts (B,) by bins.
 
-    Attributes:
-        forecast: (B,) mean forecast.
-        observed: (B,) share of events.
-        count: (B,) forecasts.
+    The bins have equal widths; empty ones are left out.
     """
 
     forecast: FloatArray
@@ -38,13 +36,13 @@ def skill(score: float, reference: float) -> float:
     return 1.0 - score / reference if reference > 0 else float("nan")
 
 
-def reliability(forecast: FloatArray, happened: BoolArray, *, bins: int = 10) -> Reliability:
+def reliability(forecast: FloatArray, happened: BoolArray) -> Reliability:
     """Return the reliability diagram of forecasts (N,) and outcomes (N,)."""
-    bin_of = np.minimum((np.asarray(forecast) * bins).astype(np.int64), bins - 1)
-    count = np.bincount(bin_of, minlength=bins)
+    bin_of = np.minimum((np.asarray(forecast) * _BINS).astype(np.int64), _BINS - 1)
+    count = np.bincount(bin_of)
     used = count > 0
-    mean = [np.bincount(bin_of, weights=w, minlength=bins)[used] / count[used] for w in (forecast, happened)]
-    return Reliability(forecast=mean[0], observed=mean[1], count=count[used].astype(np.int64))
+    mean = [np.bincount(bin_of, weights=w)[used] / count[used] for w in (forecast, happened)]
+    return Reliability(mean[0], mean[1], count[used].astype(np.int64))
 
 
 def crps(samples: FloatArray, outcome: float) -> float:

@@ -1,4 +1,4 @@
-"""Scores of a validation as tables: events, continuous values, positions, encounters."""
+"""Scores of a validation as tables: events, pairs, continuous values, positions."""
 
 from __future__ import annotations
 
@@ -84,10 +84,6 @@ class Forecasts:
     vehicles: pa.Table
     encounters: pa.Table
 
-    def of(self, column: str) -> int:
-        """Return the index of a column."""
-        return self.columns.index(column)
-
 
 def gathered(scored: Sequence[tuple[MomentRef, Forecast]]) -> Forecasts:
     """Return the forecasts of all moments."""
@@ -126,7 +122,7 @@ def _matrix(table: pa.Table, columns: tuple[str, ...]) -> tuple[IntArray, FloatA
 
 def probability(forecasts: Forecasts, event: Event) -> tuple[FloatArray, BoolArray]:
     """Return forecasts (M,) of an event, and whether it happened."""
-    column = forecasts.of(event.column)
+    column = forecasts.columns.index(event.column)
     p = np.array([event.happened(values[:, column]).mean() for values in forecasts.futures])
     return p, event.happened(forecasts.recorded[:, column])
 
@@ -136,7 +132,7 @@ def event_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
     rows = []
     for event in EVENTS:
         p, o = probability(forecasts, event)
-        straight = event.happened(forecasts.straight[:, forecasts.of(event.column)])
+        straight = event.happened(forecasts.straight[:, forecasts.columns.index(event.column)])
         about = {"event": event.name, "paper": event.paper, "seeds": len(p)}
         rows.append(about | _scores(p, o, straight, forecasts.group))
     return rows
@@ -226,17 +222,6 @@ def _of_values(
         "coverage_low": low,
         "coverage_high": high,
     }
-
-
-def encounter_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
-    """Score the least body gap of encounters, as a row of `value_scores`; empty without any."""
-    table = forecasts.encounters
-    if not len(table):
-        return []
-    names = ("crps_m", "constant_velocity_error_m", "within", "group")
-    return [
-        {"column": "least gap of an encounter", **_of_values(*(table[name].to_pylist() for name in names))}
-    ]
 
 
 def position_scores(forecasts: Forecasts) -> list[dict[str, Any]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,6 @@ from scex_sumo.studies.moments.study import MomentRun
 from scex_sumo.studies.validate.moment import ALL, ForecastFolder, ValidationSettings, validate_moment
 from scex_sumo.studies.validate.page import write_validation_page
 from scex_sumo.studies.validate.scoring import (
-    encounter_scores,
     event_scores,
     gathered,
     pair_scores,
@@ -34,8 +32,6 @@ from scex_sumo.studies.validate.scoring import (
     value_scores,
     verdicts,
 )
-
-_AHEAD = 4  # seed scenes built before a worker asks for them
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,7 +99,7 @@ def validate(
     recordings = find_recordings(places)
     identity = settings.to_json(recordings)
     with (
-        closing(MomentWorkers(workers)) as pool,
+        MomentWorkers(workers) as pool,
         ForecastFolder(Path(out), identity, overwrite=overwrite) as folder,
         progress_of(progress, "validate") as tick,
     ):
@@ -118,7 +114,7 @@ def validate(
         rows = {
             "events": event_scores(forecasts),
             "pairs": pair_scores(forecasts),
-            "values": [*value_scores(forecasts), *encounter_scores(forecasts)],
+            "values": value_scores(forecasts),
             "positions": position_scores(forecasts),
         }
         tables = {name: pa.Table.from_pylist(part_rows) for name, part_rows in rows.items()}

@@ -1,4 +1,4 @@
-"""Forecasts of positions after 1 to 8 s and of gaps of encounters, against the recording."""
+"""Forecasts of positions after 1 to 8 s and of pairs, against the recording."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scex_sumo.metrics.events import MEASURED
 from scex_sumo.metrics.registry import metric_of
 from scex_sumo.results.tables.columns import schema
 from scex_sumo.scene import STEP_S, SeedScene, States
-from scex_sumo.studies.validate.scores import covered, crps
+from scex_sumo.studies.validate.scores import covered
 
 SECONDS = (1, 2, 3, 5, 8)
 MOVING_MPS = 0.5
@@ -25,7 +25,7 @@ _NUMBERS = ("error_of_mean_m", "mean_error_m", "least_error_m", "constant_veloci
 POSITIONS = schema("track_id moving second", _NUMBERS, "along_within across_within")
 _OUTCOMES = [f"{event.name}_{what}" for event in MEASURED for what in ("happened", "straight")]
 ENCOUNTERS = schema(
-    "first second recorded_m within crps_m constant_velocity_error_m",
+    "first second recorded_m",
     (f"{event.name}_forecast" for event in MEASURED),
     _OUTCOMES,
     **dict.fromkeys(_OUTCOMES, pa.bool_()),
@@ -72,27 +72,24 @@ def position_forecasts(scene: SeedScene, futures: States, straight: States, judg
 def gap_forecasts(
     scene: SeedScene, futures: States, straight: States, recorded: States, judged: BoolArray
 ) -> pa.Table:
-    """Return one row of `ENCOUNTERS` for the least body gap of each pair within 10 m in some future.
+    """Return one row of `ENCOUNTERS` for each pair within 10 m in some future, with its recorded least gap.
 
     `MEASURED` events of the futures (share), the recording and constant velocity count along the driven
     tracks. Arguments as of `position_forecasts`; ``recorded`` (1, T, V).
     """
     first, second = near_pairs(futures, judged)
-    forecast, happened, plain_events = (
+    forecast, happened, plain = (
         pair_events(scene, states, first, second) for states in (futures, recorded, straight)
     )
-    gaps, plain, real = (least_gap(scene, states, first, second) for states in (futures, straight, recorded))
+    gaps, real = (least_gap(scene, states, first, second) for states in (futures, recorded))
     rows = [
         {
             "first": int(scene.track_ids[first[k]]),
             "second": int(scene.track_ids[second[k]]),
             "recorded_m": float(real[0, k]),
-            "within": covered(gaps[:, k], float(real[0, k])),
-            "crps_m": crps(gaps[:, k], float(real[0, k])),
-            "constant_velocity_error_m": float(abs(plain[0, k] - real[0, k])),
             **{f"{name}_forecast": float(flags[:, k].mean()) for name, flags in forecast.items()},
             **{f"{name}_happened": bool(flags[0, k]) for name, flags in happened.items()},
-            **{f"{name}_straight": bool(flags[0, k]) for name, flags in plain_events.items()},
+            **{f"{name}_straight": bool(flags[0, k]) for name, flags in plain.items()},
         }
         for k in np.flatnonzero(gaps.min(axis=0, initial=np.inf) <= ENCOUNTER_M).tolist()
     ]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -59,7 +58,7 @@ class TestFolder(StudyFolder):
     info, what = RESULT, "test"
     another = "another test, of another suite or function"
     evidence = (_RECORDS, PAGE)
-    trees, records = (), (_RECORDS,)
+    place, records = _RECORDS, (_RECORDS,)
     kept = (PAGE, SUMMARY)
 
     def record(self, name: str) -> dict[str, Any] | None:
@@ -210,8 +209,8 @@ def _run(
     if not left:
         return records
     began = time.perf_counter()
-    with closing(MomentWorkers(workers)) as pool:
-        for task, found in pool.run(run_case, left):
+    with MomentWorkers(workers) as pool:
+        for task, found in pool.run_each(run_case, left):
             now, name = time.perf_counter(), task.ref.moment
             record = {"reason": found.reason} if isinstance(found, Failure) else dict(found)
             records[name], began = record | {"seconds": round(now - began, 2)}, now

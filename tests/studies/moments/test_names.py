@@ -37,6 +37,6 @@ def test_moments_need_vehicles_that_move_and_cases_vehicles() -> None:
         Moment(case="8", time_s=1.0, vehicles=1, complete=1),
     ]
     listing = list_moments(RECORDING, moments)
-    assert [ref.moment for ref in listing.moments] == ["k733_000_t2.0", "k733_000_case7_t1.0"]
-    assert [ref.vehicles for ref in listing.moments] == [9, 2]
-    assert {ref.location for ref in listing.moments} == {"k733"}
+    assert [ref.moment for ref in listing] == ["k733_000_t2.0", "k733_000_case7_t1.0"]
+    assert [ref.vehicles for ref in listing] == [9, 2]
+    assert {ref.location for ref in listing} == {"k733"}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections.abc import Iterator, Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from scex_sumo.road import Road
 from scex_sumo.scene import SceneHistory, SeedScene, States
 from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.moments.run import MomentTask, MomentWorkers, StudySettings, built, pack_road
-from scex_sumo.studies.rank.ranking_run import run_moment
+from scex_sumo.studies.rank.rank import run_moment
 
 SETTINGS = StudySettings(run=RunSettings(models="standard_driver,risky_driver", futures=96))
 
@@ -58,7 +57,7 @@ def task(scene: SeedScene, name: str, *, road: Any = None, **changed: Any) -> Mo
 
 @pytest.fixture
 def workers() -> Iterator[MomentWorkers]:
-    with closing(MomentWorkers(1)) as processes:
+    with MomentWorkers(1) as processes:
         yield processes
 
 
@@ -72,7 +71,7 @@ def test_what_is_wrong_with_a_seed_is_its_outcome_and_the_next_one_runs(
 ) -> None:
     away = dataclasses.replace(scene, history=dataclasses.replace(scene.history, x=scene.history.x + 5000.0))
     tasks = [task(away, "away"), task(scene, "good")]
-    found = {asked.ref.moment: what for asked, what in workers.run(run_moment, tasks)}
+    found = {asked.ref.moment: what for asked, what in workers.run_each(run_moment, tasks)}
     assert "on a mapped lane" in failure_of(found["away"]).reason
     assert isinstance(found["good"], pa.Table)
     assert not failure_of(found["away"]).died
@@ -82,7 +81,7 @@ def test_the_seed_of_a_worker_that_died_is_done_again_and_that_is_said(
     workers: MomentWorkers, scene: SeedScene, tmp_path: Path
 ) -> None:
     mark = tmp_path / "died"
-    ((_, found),) = workers.run(run_moment, [task(scene, "s", road=Deadly(unless=mark))])
+    ((_, found),) = workers.run_each(run_moment, [task(scene, "s", road=Deadly(unless=mark))])
     assert mark.exists()
     failure = failure_of(found)
     assert not failure.died  # the second worker answered: that None is no road
@@ -94,7 +93,7 @@ def test_a_seed_that_kills_its_workers_is_given_up_and_the_next_one_runs(
     workers: MomentWorkers, scene: SeedScene
 ) -> None:
     tasks = [task(scene, "bad", road=Deadly()), task(scene, "good")]
-    (bad, first), (_, second) = workers.run(run_moment, tasks)
+    (bad, first), (_, second) = workers.run_each(run_moment, tasks)
     failure = failure_of(first)
     assert (bad.ref.moment, failure.died) == ("bad", True)
     assert "died 2 times (exit status 3, exit status 3)" in failure.reason
@@ -111,7 +110,7 @@ def test_tasks_are_not_taken_before_there_is_a_worker_for_them(
             taken.append(number)
             yield task(scene, str(number))
 
-    found = workers.run(run_moment, tasks())
+    found = workers.run_each(run_moment, tasks())
     next(found)
     assert taken == [0]
     assert len(list(found)) == 2
@@ -133,6 +132,6 @@ def test_an_object_of_ones_own_script_travels_to_the_workers(scene: SeedScene) -
             return States(x=x, y=y, heading=heading, speed=np.zeros(30))
 
     run = RunSettings(models=[Standing()], futures=96)
-    with closing(MomentWorkers(1)) as workers:
-        ((_, found),) = workers.run(models_of, [task(scene, "s", run=run)])
+    with MomentWorkers(1) as workers:
+        ((_, found),) = workers.run_each(models_of, [task(scene, "s", run=run)])
     assert found == ("Standing",)

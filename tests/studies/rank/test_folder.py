@@ -8,8 +8,7 @@ import pyarrow.dataset as pds
 import pytest
 
 from scex_sumo.base.errors import ResultError
-from scex_sumo.studies.moments.folder import Listing
-from scex_sumo.studies.rank.ranking_run import RankFolder
+from scex_sumo.studies.rank.rank import RankFolder
 from tests.studies.moments.pairs import moment_ref, pairs_table
 
 PLAN = {"futures": 4, "seed": 0}
@@ -65,7 +64,7 @@ def test_a_stray_copy_of_a_record_changes_nothing(filled: Path) -> None:
 
 def test_a_listing_of_which_one_letter_was_changed_is_looked_at_again(filled: Path) -> None:
     with RankFolder(filled, PLAN) as folder:
-        folder.save_listing(Listing(recording="r", moments=(ONE,)))
+        folder.save_listing("r", (ONE,))
     (file,) = filled.glob("seeds/*.json")
     file.write_text(file.read_text().replace("one_t1.0", "one_t7.0"))
     with RankFolder(filled, PLAN) as folder:

@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
+import pyarrow as pa
 import pytest
 
 import scex_sumo
@@ -17,9 +18,10 @@ from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.registries import Recording
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.studies.moments.folder import Failure
+from scex_sumo.studies.moments.folder import Failure, MomentRef
 from scex_sumo.studies.moments.run import Done, MomentTask, StudySettings, Work
-from scex_sumo.studies.rank.ranking_run import MOMENTS, RankFolder, RankingRun, moments_table, run_moment
+from scex_sumo.studies.moments.study import MomentRun
+from scex_sumo.studies.rank.rank import MOMENTS, RankFolder, moments_table, run_moment
 from tests.studies.moments.pairs import pairs_table
 
 SETTINGS = StudySettings(run=RunSettings(models="standard_driver", futures=96), every=2.0)
@@ -38,7 +40,7 @@ class Instant:
         self.asked: list[str] = []
         self._size, self._bad, self._died, self._stop = back_to_front, bad, died, stop
 
-    def run(self, work: Work, tasks: Iterable[MomentTask]) -> Iterator[Done]:
+    def run_each(self, work: Work, tasks: Iterable[MomentTask]) -> Iterator[Done]:
         waiting = iter(tasks)
         while group := list(itertools.islice(waiting, self._size)):
             for task in reversed(group):
@@ -57,11 +59,16 @@ def recordings() -> tuple[Recording, ...]:
     return find_recordings([scex_sumo.example_path("roundabout"), scex_sumo.example_path("motorway_merge")])
 
 
-def ranked(recordings: tuple[Recording, ...], path: Path, workers: Instant) -> RankingRun:
+def ranked(recordings: tuple[Recording, ...], path: Path, workers: Instant) -> MomentRun:
     with RankFolder(path, {"plan": 1}) as folder:
-        result = RankingRun(recordings, SETTINGS, folder, workers)
+        result = MomentRun(recordings, SETTINGS, folder, workers)
         result.run(run_moment)
     return result
+
+
+def pairs_of(run: MomentRun) -> list[tuple[MomentRef, pa.Table]]:
+    assert isinstance(run.folder, RankFolder)
+    return [(ref, run.folder.pairs(ref)) for ref in run.refs]
 
 
 def contents(path: Path) -> dict[str, bytes]:
@@ -82,7 +89,7 @@ def test_moments_are_in_the_table_by_p_then_what_failed(
 ) -> None:
     bad = "roundabout_t6.1"
     found = ranked(recordings, tmp_path / "out", Instant(bad=bad))
-    table = moments_table(found)
+    table = moments_table(found, pairs_of(found))
     assert table.schema == MOMENTS
     *rows, last = table.to_pylist()
     chances = [row["human_p_collision"] for row in rows]
@@ -95,7 +102,7 @@ def test_recordings_without_a_moment_are_refused_with_the_reason(tmp_path: Path)
     (one,) = find_recordings([scex_sumo.example_path("roundabout")])
     broken = dataclasses.replace(one, name="broken", track_paths=(tmp_path / "nowhere.csv",))
     with pytest.raises(TrackError, match=r"the first of 1 failures: .*nowhere\.csv"):
-        moments_table(ranked((broken,), tmp_path / "out", Instant()))
+        moments_table(ranked((broken,), tmp_path / "out", Instant()), [])
 
 
 @pytest.mark.parametrize("size", [2, 5, 100])

@@ -8,7 +8,8 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 
-from scex_sumo.studies.rank.ranking_run import MOMENTS, stress_words, write_table
+from scex_sumo.studies.rank.page import stress_words
+from scex_sumo.studies.rank.rank import MOMENTS, write_table
 
 
 def test_a_table_is_written_twice_alike(tmp_path: Path) -> None:
