@@ -10,8 +10,6 @@ PARKS: Final = 1
 """Flag of a stop beside the lane."""
 MAX_BEHIND: Final = 3
 """Edges on which the body of a vehicle may still be."""
-SIMULATED: Final = "simulation"
-"""Parameter of a traffic light in a run's net: its programmes and saved states in the simulation, XML."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,8 @@ from scex_sumo.base.owned import SentOnce
 
 if TYPE_CHECKING:
     from scex_sumo.intention import Intention, Walk
-    from scex_sumo.road import Road, Rules
+    from scex_sumo.road import Road
+    from scex_sumo.road_rules import Rules
 
 
 STEP_S = 0.1

@@ -1,4 +1,4 @@
-"""Files and tables written whole or not at all, locks of folders, temporary folders, the cache folder."""
+"""Files written whole or not at all, locks of folders, temporary folders, the cache folder."""
 
 from __future__ import annotations
 
@@ -13,13 +13,8 @@ import tempfile
 import weakref
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from scex_sumo.base.errors import ResultError
-
-if TYPE_CHECKING:
-    import pyarrow as pa
-
 
 _WRITING = ".writing"
 
@@ -43,7 +38,7 @@ def replacing(path: Path) -> Iterator[Path]:
     temporary = path.absolute().with_name(f".{path.name}.{os.getpid()}{_WRITING}")
     try:
         if path.exists() and not path.is_file():
-            raise ResultError(f"{path}: is {_kind_of(path)}; give another name")
+            raise ResultError(f"{path}: is {kind_of(path)}; give another name")
         yield temporary
         if temporary.exists():
             with temporary.open("rb") as written:
@@ -62,79 +57,14 @@ def write_atomic(path: Path, content: bytes) -> None:
         temporary.write_bytes(content)
 
 
-def _kind_of(path: Path) -> str:
+def kind_of(path: Path) -> str:
+    """Say what is there in place of a file."""
     return "a folder" if path.is_dir() else "no regular file"
 
 
 def sha256_of(file: Path) -> str:
     """Return the SHA-256 of a file."""
     return hashlib.sha256(file.read_bytes()).hexdigest()
-
-
-@contextlib.contextmanager
-def output(path: Path, *inputs: Path | None) -> Iterator[Path]:
-    """Yield a temporary file for a file that the user named, as `replacing`; see `check_output`."""
-    target = check_output(path, *inputs)
-    with writing(path):
-        target.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(target) as temporary:
-        yield temporary
-    remember(target)
-
-
-def write_output(path: Path, content: bytes, *inputs: Path | None) -> None:
-    """Write a file that the user named, as `output`."""
-    with output(path, *inputs) as temporary:
-        temporary.write_bytes(content)
-
-
-def check_output(path: Path, *inputs: Path | None) -> Path:
-    """Return the file that a path, or the link there, leads to.
-
-    Raises:
-        ResultError: it is an input, no regular file, or one that this program did not write as it is.
-    """
-    try:
-        target = path.resolve()
-        if not path.exists():
-            return target
-        if not path.is_file():  # a pipe of /dev/stdout has no file as its target
-            raise ResultError(f"{path}: is {_kind_of(path)}; give the name of a file")
-        if any(one is not None and one.exists() and target.samefile(one) for one in inputs):
-            raise ResultError(f"{path}: is an input of this command; give another name")
-        if _fingerprint(target) not in _written():
-            raise ResultError(
-                f"{path}: exists, and not as scex-sumo wrote it; give another name, or remove it"
-            )
-    except (OSError, RuntimeError) as error:  # RuntimeError: links in a circle
-        raise ResultError(f"{path}: cannot write: {getattr(error, 'strerror', None) or error}") from None
-    return target
-
-
-def remember(*files: Path) -> None:
-    """Let files that were written where the user named them be replaced by the next command."""
-    with contextlib.suppress(OSError, ResultError):  # without a cache they are not replaced
-        written, known = cache_folder() / _WRITTEN, _written()
-        written.parent.mkdir(parents=True, exist_ok=True)
-        if len(known) > _MOST_WRITTEN:
-            write_atomic(written, "".join(f"{name}\n" for name in known[_MOST_WRITTEN // 2 :]).encode())
-        with written.open("a") as lines:
-            lines.writelines(f"{_fingerprint(file.resolve())}\n" for file in files if file.is_file())
-
-
-_WRITTEN, _MOST_WRITTEN = "written", 20_000
-
-
-def _written() -> list[str]:
-    """Return the fingerprints of files that this program wrote where the user named them."""
-    try:
-        return (cache_folder() / _WRITTEN).read_text().split()
-    except (OSError, UnicodeDecodeError):
-        return []
-
-
-def _fingerprint(file: Path) -> str:
-    return hashlib.sha256(f"{sha256_of(file)} {file}".encode(errors="surrogateescape")).hexdigest()
 
 
 def own_folder(path: Path) -> None:
@@ -284,26 +214,3 @@ def _is_alive(process: int) -> bool:
     except PermissionError:
         return True
     return True
-
-
-TABLE_SUFFIXES = (".parquet", ".csv")
-
-
-def write_table(table: pa.Table, path: Path, *inputs: Path) -> None:
-    """Write a table as Parquet or CSV, as `output`."""
-    import pyarrow.parquet as pq
-
-    with output(path, *inputs) as temporary:
-        if path.suffix == ".parquet":
-            pq.write_table(table, temporary)
-        else:
-            with temporary.open("wb") as file:
-                write_csv(table, file)
-
-
-def write_csv(table: pa.Table, file: Any) -> None:
-    """Write a table as CSV to an open binary file."""
-    from pyarrow import csv
-
-    csv.write_csv(table, file, csv.WriteOptions(quoting_style="needed"))
-    file.flush()

@@ -13,7 +13,6 @@ from importlib.abc import MetaPathFinder
 from pathlib import Path
 from typing import Any, Final
 
-from scex_sumo.base.blame import own_error_reason
 from scex_sumo.base.errors import MissingExtraError, UsageError
 
 _PACKAGE = Path(__file__).resolve().parents[1]
@@ -141,6 +140,8 @@ def import_object(path: str, *, hint: str = "") -> Any:
             f"{path}: no module {error.name} in {here} or among the installed packages{hint}"
         ) from None
     except (Exception, SystemExit) as error:
+        from scex_sumo.base.blame import own_error_reason
+
         raise UsageError(f"{path}: importing {name} {own_error_reason(error)}") from error
     if not attribute:
         return module

@@ -51,7 +51,7 @@ def print_safely() -> None:
     sys.stdout, sys.stderr = (cast(TextIO, PrintableStream(s)) for s in (sys.stdout, sys.stderr))
 
 
-def output_console(*, width: int | None = None, error: bool = False) -> Console:
+def output_console(*, width: int) -> Console:
     """Return a console for tables with printable text, of some width if the output is no terminal."""
     from rich.console import Console
     from rich.segment import Segment
@@ -61,8 +61,7 @@ def output_console(*, width: int | None = None, error: bool = False) -> Console:
             for text, style, control in super().render(*arguments, **options):
                 yield Segment(text if control else printable(text), style, control)
 
-    stream = sys.stderr if error else sys.stdout
-    stream = getattr(stream, "stream", stream)
+    stream = getattr(sys.stdout, "stream", sys.stdout)
     return PrintableConsole(file=stream, width=None if stream.isatty() else width)
 
 

@@ -13,7 +13,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, TypeAlias, TypeVar
 
-from scex_sumo.base.blame import own_call
 from scex_sumo.base.errors import MapError, UsageError
 from scex_sumo.base.importing import Registry, import_object
 from scex_sumo.converters.naming import map_name
@@ -258,6 +257,8 @@ def _checked(kind: type[Any], name: str, entry: Any, *, ours: bool) -> Any:
         if hasattr(entry, part.name):
             own[part.name] = value = getattr(entry, part.name)
             if callable(value) and not ours:
+                from scex_sumo.base.blame import own_call
+
                 need = needs.get((kind, part.name), object)
                 own[part.name] = own_call(f"{said}: {part.name}", value, need)
     return made(**own)

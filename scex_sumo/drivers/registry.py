@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any, Final
 
 from scex_sumo.base.arguments import checked
-from scex_sumo.base.blame import own_call
 from scex_sumo.base.errors import UsageError, nearest
 from scex_sumo.base.importing import Registry, import_object
 from scex_sumo.behaviors.base import BatchBehavior, Behavior, SingleVehicleBehavior
@@ -270,7 +269,11 @@ def build(spec: ModelSpec, *, fallback: bool = False) -> BatchBehavior:
     """Make the model of a spec; ``fallback``: put the fallback planner around a model that may fail."""
     entry = _entry_for(spec)
     make, guard = _maker(spec)
-    made = own_call(f"{spec.name}: making it", make, error=UsageError)() if entry.is_own else make()
+    if entry.is_own:
+        from scex_sumo.base.blame import own_call
+
+        make = own_call(f"{spec.name}: making it", make, error=UsageError)
+    made = make()
     model: BatchBehavior = made
     if not isinstance(made, BatchBehavior):
         if not isinstance(made, SingleVehicleBehavior):

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from typer import Argument, Option
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.files import TABLE_SUFFIXES, write_csv, write_table
+from scex_sumo.base.outputs import TABLE_SUFFIXES, write_csv, write_table
 from scex_sumo.commands.console import warn
 from scex_sumo.commands.options import complete_metrics
 

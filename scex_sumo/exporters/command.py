@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Option
 
 from scex_sumo.base.errors import OwnCodeError, UsageError
-from scex_sumo.base.files import TemporaryFolder, check_output, remember, writing
+from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.options import last_of_list
+from scex_sumo.base.outputs import check_output, remember
 from scex_sumo.commands.options import Result
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.files import output
 from scex_sumo.base.importing import Registry
+from scex_sumo.base.outputs import output
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.results.run import Run
 from scex_sumo.road import Road

@@ -18,11 +18,11 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.sumo.car_following import OWN_MODEL
 from scex_sumo.behaviors.models.sumo import SumoDriver
-from scex_sumo.converters.net.allowed import prune
+from scex_sumo.converters.net.allowed import SIMULATED, prune
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.xml import net_root
 from scex_sumo.exporters.request import Request
-from scex_sumo.intention import MAX_BEHIND, SIMULATED, Intention, Walk
+from scex_sumo.intention import MAX_BEHIND, Intention, Walk
 from scex_sumo.results.participants import some_obstacles
 from scex_sumo.results.road import load_intentions
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene, States

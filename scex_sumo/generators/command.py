@@ -10,7 +10,7 @@ from typing import Annotated
 from typer import Option
 
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.base.files import check_output, output, write_output
+from scex_sumo.base.outputs import check_output, output, write_output
 from scex_sumo.commands.console import progress_bar, warn
 from scex_sumo.commands.options import MapPath, Origin, Overwrite, Seed
 

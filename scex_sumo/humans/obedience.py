@@ -9,7 +9,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.draws import normal_quantiles, uniforms
 from scex_sumo.humans.observed.observations import View
-from scex_sumo.road import Rules
+from scex_sumo.road_rules import Rules
 from scex_sumo.rules.holds import Manner, Obeyed, lights, obeyed
 from scex_sumo.rules.passages import Lit, traffic_on
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.cache import cached_object
 from scex_sumo.base.errors import MapError, UsageError
-from scex_sumo.base.files import check_output, sha256_of, write_atomic, write_output
+from scex_sumo.base.files import sha256_of, write_atomic
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.base.version import __version__, version_of
 from scex_sumo.converters.net.sumo_net import OPENDRIVE, RECORDED, SumoNet, WrittenNet, net_file
@@ -39,6 +39,8 @@ def convert(road: Road, net_path: str | Path, *, signals: str | Path | None = No
         >>> net.path.is_file()
         True
     """
+    from scex_sumo.base.outputs import check_output, write_output
+
     if not Path(net_path).name:
         raise UsageError(f"net_path: {str(net_path)!r} names no file")
     inputs = [Path(file) for file in (road.file, signals) if file is not None]

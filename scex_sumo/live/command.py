@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from typer import Argument, Option
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.files import check_output, remember
+from scex_sumo.base.outputs import check_output, remember
 from scex_sumo.commands.console import output_console, warn
 from scex_sumo.commands.options import OutFolder
 from scex_sumo.commands.shared import Answer

@@ -10,7 +10,7 @@ from typing import Final
 
 import pyarrow as pa
 
-from scex_sumo.base.files import write_table
+from scex_sumo.base.outputs import write_table
 from scex_sumo.live.moment import BUSIEST
 from scex_sumo.live.risk import PairRisk, Risk
 from scex_sumo.page.document import Document, card

@@ -5,14 +5,16 @@ from __future__ import annotations
 import zlib
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from scex_sumo.base.cache import UNPACKABLE, pack, unpack
 from scex_sumo.base.errors import ResultError, one_line
 from scex_sumo.base.files import write_atomic
-from scex_sumo.intention import Intention, Stop, Walk
 from scex_sumo.road import Area, Georeference, Lane, MapLoss, Marking, Regulation, Road
 from scex_sumo.scene import SeedScene
+
+if TYPE_CHECKING:
+    from scex_sumo.intention import Intention, Walk
 
 ROAD: Final = "road.bin"
 INTENTIONS: Final = "intentions.bin"
@@ -35,6 +37,8 @@ def load_road(folder: Path) -> Road:
 def save_intentions(folder: Path, scene: SeedScene) -> None:
     """Keep the intentions (V,) of a simulation's vehicles and the walks (O,) in a result folder, if any."""
     if scene.intentions:
+        from scex_sumo.intention import Stop
+
         known = tuple(one and {**vars(one), "lanes": (), "arrives": ()} for one in scene.intentions)
         walks = () if scene.obstacles is None else tuple(map(tuple, scene.obstacles.walks))
         write_atomic(folder / INTENTIONS, zlib.compress(pack((known, walks), (Stop,))))
@@ -44,6 +48,8 @@ def load_intentions(folder: Path) -> tuple[tuple[Intention | None, ...], tuple[W
     """Return what `save_intentions` kept, without lanes; (), () of a run of recorded vehicles."""
     if not (folder / INTENTIONS).is_file():
         return (), ()
+    from scex_sumo.intention import Intention, Stop, Walk
+
     try:
         known, walks = _unpacked(folder / INTENTIONS, (Stop,))
         return tuple(one and Intention(**one) for one in known), tuple(Walk(*walk) for walk in walks)

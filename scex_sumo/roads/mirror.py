@@ -12,7 +12,8 @@ from typing import TypeVar
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.owned import owner_cache
-from scex_sumo.road import Lane, Road, Rules
+from scex_sumo.road import Lane, Road
+from scex_sumo.road_rules import Rules
 from scex_sumo.scene import SceneHistory, SeedScene, States
 
 S = TypeVar("S", bound=States)

@@ -14,7 +14,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.paths import SeedPaths
 from scex_sumo.geometry.polylines import heading, turn
-from scex_sumo.road import Rules
+from scex_sumo.road_rules import Rules
 from scex_sumo.rules.passages import STANDS_MPS, Lit, ruled_ways, straight_traffic
 from scex_sumo.scene import STEP_S, SceneHistory, SeedScene
 

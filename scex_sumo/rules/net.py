@@ -18,7 +18,8 @@ from scex_sumo.converters.registries import signals_of
 from scex_sumo.converters.xml import net_root, unpacked
 from scex_sumo.geometry.polylines import heading, turn, without_repeats
 from scex_sumo.lanelet2sumo.convert import converted
-from scex_sumo.road import Passage, Road, Rules, Signal
+from scex_sumo.road import Road
+from scex_sumo.road_rules import Passage, Rules, Signal
 from scex_sumo.rules.passages import NO_SIGN, STANDS_MPS
 from scex_sumo.scene import STEP_S, SeedScene
 

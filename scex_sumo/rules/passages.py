@@ -13,7 +13,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths, path_positions
 from scex_sumo.geometry.polylines import along, length_of, samples
-from scex_sumo.road import Rules
+from scex_sumo.road_rules import Rules
 from scex_sumo.scene import SceneHistory, VehicleIndex
 
 NO_SIGN = ""  # state of links of which a map says nothing

@@ -17,7 +17,8 @@ from scex_sumo.base.files import refuse_special_files, sha256_of
 from scex_sumo.base.schema import read_json
 from scex_sumo.converters.maps import read_map
 from scex_sumo.results.tables.states import read_scene
-from scex_sumo.road import Passage, Road, Rules, Signal
+from scex_sumo.road import Road
+from scex_sumo.road_rules import Passage, Rules, Signal
 from scex_sumo.scene import SeedScene
 from scex_sumo.suites.estimate import Design
 

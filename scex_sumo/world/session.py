@@ -15,7 +15,6 @@ from typing import Any
 
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import writing
-from scex_sumo.base.sumo.programs import checked_path, program
 from scex_sumo.scene import STEP_S
 from scex_sumo.world.base import WorldRequest
 from scex_sumo.world.tiles import TILE_SLOTS, template_of, tile_id
@@ -153,7 +152,7 @@ class SumoSession:
         net, types = self._folder / "tiles.net.xml", self._folder / "types.add.xml"
         self._template.write(net, self.slots, self.layout)
         self._types.write(types)
-        additional, options = [types], ["-n", checked_path(net)]
+        additional, options = [types], ["-n", str(net)]
         if self._gui:
             from scex_sumo.world.drawings import write_window
 
@@ -171,7 +170,11 @@ class SumoSession:
             raise SimulationError("SUMO runs one simulation per process and one is open; close that world")
         if self._gui and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             raise SimulationError("sumo-gui needs a display and DISPLAY is not set; run without --gui")
-        binary = program("sumo-gui") if self._gui else "sumo"
+        binary = "sumo"
+        if self._gui:
+            from scex_sumo.base.sumo.programs import program
+
+            binary = program("sumo-gui")
         self.errors = (module.TraCIException, module.FatalTraCIError)
         with silence() as messages:
             try:

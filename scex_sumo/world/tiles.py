@@ -15,8 +15,7 @@ from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr as quoted
 
 from scex_sumo.base.errors import SimulationError, listed
-from scex_sumo.converters.net.allowed import prune
-from scex_sumo.intention import SIMULATED
+from scex_sumo.converters.net.allowed import SIMULATED, prune
 
 TILE_SLOTS = 64
 """Number of tile slots; a future i with its own tile is in slot ``i % TILE_SLOTS``."""

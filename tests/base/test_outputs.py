@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from scex_sumo.base.errors import ResultError
-from scex_sumo.base.files import check_output, replacing, write_output
+from scex_sumo.base.files import replacing
+from scex_sumo.base.outputs import check_output, write_output
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 
 from scex_sumo.drivers.registry import build, parse_models
 from scex_sumo.humans.obedience import RULE_PARAMETERS, manner_of
-from scex_sumo.road import Passage, Rules
+from scex_sumo.road_rules import Passage, Rules
 from scex_sumo.scene import States
 from tests.behaviors.roads import Vehicle, closed_loop, scene_of
 from tests.rules.test_holds import CROSSROADS, passages, shows

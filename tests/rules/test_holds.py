@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.drivers.registry import build, parse_models
-from scex_sumo.road import Passage, Rules, Signal
+from scex_sumo.road_rules import Passage, Rules, Signal
 from scex_sumo.rules.holds import precedence
 from scex_sumo.scene import Obstacles, SeedScene
 from tests.behaviors.roads import Vehicle, closed_loop, lane, road, scene_of

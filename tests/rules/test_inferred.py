@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from scex_sumo.behaviors.driving.paths import seed_paths
-from scex_sumo.road import Rules, Signal
+from scex_sumo.road_rules import Rules, Signal
 from scex_sumo.rules.inferred import drawn_lights, expected_lights
 from scex_sumo.scene import SceneHistory
 from tests.behaviors.roads import Vehicle, present, scene_of

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.schema import faults
-from scex_sumo.road import Passage, Rules, Signal
+from scex_sumo.road_rules import Passage, Rules, Signal
 from scex_sumo.suites.suite import LIGHTS, RULES, lights_to_json, rules_of_json, rules_to_json
 
 

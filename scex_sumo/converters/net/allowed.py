@@ -7,10 +7,11 @@ files.
 from __future__ import annotations
 
 from collections import Counter
+from typing import Final
 from xml.etree.ElementTree import Element
 
-from scex_sumo.intention import SIMULATED
-
+SIMULATED: Final = "simulation"
+"""Parameter of a traffic light in a run's net: its programmes and saved states in the simulation, XML."""
 _ATTRIBUTES = {
     "net": "version junctionCornerDetail junctionLinkDetail lefthand rectangularLaneCut walkingareas"
     " limitTurnSpeed checkLaneFoesAll checkLaneFoesRoundabout tlsIgnoreInternalJunctionJam spreadType"

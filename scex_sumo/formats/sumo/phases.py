@@ -12,9 +12,9 @@ from xml.etree import ElementTree
 import numpy as np
 
 from scex_sumo.base.errors import listed
+from scex_sumo.converters.net.allowed import SIMULATED
 from scex_sumo.converters.xml import net_root
 from scex_sumo.formats.sumo.imported import kept_net
-from scex_sumo.intention import SIMULATED
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, STEP_S
 

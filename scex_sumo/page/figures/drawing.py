@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError, one_line
-from scex_sumo.base.files import output
+from scex_sumo.base.outputs import output
 from scex_sumo.geometry.rectangles import outlines
 from scex_sumo.road import Road
 from scex_sumo.scene import HISTORY_STEPS, SeedScene

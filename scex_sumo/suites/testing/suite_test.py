@@ -15,7 +15,8 @@ import numpy as np
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.files import check_output, sha256_of, write_atomic, write_output
+from scex_sumo.base.files import sha256_of, write_atomic
+from scex_sumo.base.outputs import check_output, write_output
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
 from scex_sumo.behaviors.base import driven_by_sumo, layers
