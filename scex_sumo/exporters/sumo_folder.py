@@ -26,9 +26,10 @@ from scex_sumo.intention import MAX_BEHIND, Intention, Walk
 from scex_sumo.results.participants import some_obstacles
 from scex_sumo.results.road import load_intentions
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene, States
+from scex_sumo.world.base import BatchStart, SumoDriven, WorldRequest
 from scex_sumo.world.batch import obstacle_id, vehicle_ids
 from scex_sumo.world.loaded import OWN_TYPE
-from scex_sumo.world.sumo import SumoDriven, SumoWorld
+from scex_sumo.world.sumo import SumoWorld
 from scex_sumo.world.tiles import tile_prefix
 
 NET, STATE = "net.net.xml", "state.xml"
@@ -94,8 +95,9 @@ def _write_future(request: Request, future: int, folder: Path) -> Path:
     with TemporaryFolder() as temporary:
         file = Path(temporary) / NET
         file.write_bytes(ElementTree.tostring(net, encoding="utf-8", xml_declaration=True))
-        with SumoWorld(replace(request.run.net, path=file), scene, slots=[0]) as world:
-            world.begin(scene.now.repeat(1), np.zeros(1, dtype=np.int64), driven, lights)
+        net_here = replace(request.run.net, path=file)
+        with SumoWorld(WorldRequest(scene=scene, net=net_here, slots=[0])) as world:
+            world.begin(BatchStart(slots=np.zeros(1, dtype=np.int64), driven=driven), lights=lights)
             if simulated:
                 _go_through(world, states[kept, -steps:])
             for n, v in enumerate(kept):

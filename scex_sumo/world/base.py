@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Protocol
+
+import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, IntArray
 from scex_sumo.base.importing import Registry
@@ -64,8 +66,8 @@ class WorldRequest:
 
     scene: SeedScene
     net: SumoNet
-    models: Sequence[str]
     slots: Sequence[int]
+    models: Sequence[str] = ()
     gui: bool = False
 
 
@@ -75,11 +77,12 @@ class BatchStart:
 
     Attributes:
         slots: (C,) tile slots; futures share one if SUMO drives nobody and nobody watches.
-        assignment: (C, V) index into the models of the request.
+        assignment: (C, V) index into the models of the request; empty: vehicles get no colours.
+        driven: vehicles that SUMO drives; all others must be moved before each step.
     """
 
     slots: IntArray
-    assignment: IntArray
+    assignment: IntArray = field(default_factory=lambda: np.empty((0, 0), dtype=np.int64))
     driven: Sequence[SumoDriven] = ()
 
 

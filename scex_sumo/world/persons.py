@@ -10,9 +10,9 @@ to cross walk by themselves: SUMO's drivers wait for a person that comes to a cr
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
-from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 from xml.etree import ElementTree
 
 import numpy as np
@@ -39,15 +39,6 @@ _STAGE_S = 1e6
 _BEGIN_M = 0.1
 _STANDS_MPS, _WALKS_MPS = 0.3, 1.39
 REACH_M = 250.0  # between vehicles that can meet within some seconds
-
-
-class Person(NamedTuple):
-    """Person in a tile; ``place`` is a crossing's lane, `LANE` or `NOWHERE`."""
-
-    key: str
-    kind: str
-    slot: int
-    place: str
 
 
 class WalkingPlaces:
@@ -118,28 +109,27 @@ class WalkingPlaces:
         return found, x, y
 
 
-def walking_places(net_path: Path) -> WalkingPlaces:
-    """Return the walking places of a net; the last ones are reused for the same content."""
-    return _of_content(net_path.read_bytes())
-
-
 @lru_cache(maxsize=1)
-def _of_content(content: bytes) -> WalkingPlaces:
-    return WalkingPlaces(ElementTree.fromstring(content))
+def walking_places(net: bytes) -> WalkingPlaces:
+    """Return the walking places of a net by the content of its file; the last ones are reused."""
+    return WalkingPlaces(ElementTree.fromstring(net))
 
 
-class Persons:
-    """Persons of a batch in SUMO: moved ones, and those of a simulation that go on with their walk."""
+class People:
+    """Pedestrians, cyclists and replayed vehicles of a batch, for SUMO's drivers and for sumo-gui."""
 
-    def __init__(self, sumo: Any, places: WalkingPlaces) -> None:
+    def __init__(
+        self, sumo: Any, places: WalkingPlaces, scene: SeedScene, batch: RunningBatch, types: TypeBook
+    ) -> None:
         self._sumo, self.places = sumo, places
+        self._scene, self._batch, self._types = scene, batch, types
         self._place: dict[str, str] = {}
 
-    def put(self, person: Person, x: float, y: float, angle: float) -> None:
-        """Set the pose after the next step, in SUMO's frame."""
-        calls, (key, kind, slot, place) = self._sumo.person, person
+    def put(self, key: str, kind: str, slot: int, place: str, pose: Sequence[float]) -> None:
+        """Set the pose of a person after the next step; its place is as of `WalkingPlaces.find`."""
+        calls = self._sumo.person
         if self._place.get(key) != place:
-            self.remove(key)
+            self._remove(key)
             calls.add(key, tile_id(slot, self.places.edge), 0.0, typeID=kind)
             calls.appendWaitingStage(key, _STAGE_S)
             self._place[key] = place
@@ -148,9 +138,9 @@ class Persons:
             reach = _NO_MATCH_M
         elif place != LANE:
             wanted, route = tile_id(slot, place), OWN_LANE + _ANY_CLASS
-        calls.moveToXY(key, wanted, x, y, angle, route, reach)
+        calls.moveToXY(key, wanted, *pose, route, reach)
 
-    def walk(self, key: str, kind: str, slot: int, walk: Walk, at_m: float, speed_mps: float) -> None:
+    def _walk(self, key: str, kind: str, slot: int, walk: Walk, at_m: float, speed_mps: float) -> None:
         """Let SUMO walk a person from now on, from a place on its first edge."""
         if key not in self._place:
             calls, edges = self._sumo.person, [tile_id(slot, edge) for edge in walk.edges]
@@ -159,7 +149,7 @@ class Persons:
             calls.setSpeed(key, speed_mps)
             self._place[key] = WALKS
 
-    def remove(self, key: str) -> None:
+    def _remove(self, key: str) -> None:
         """Remove a person, if it is there."""
         place = self._place.pop(key, None)
         if place is not None and (place != WALKS or key in self._sumo.person.getIDList()):
@@ -168,17 +158,7 @@ class Persons:
     def remove_put(self) -> None:
         """Remove all that do not walk by themselves."""
         for key in [key for key, place in self._place.items() if place != WALKS]:
-            self.remove(key)
-
-
-class People(Persons):
-    """Pedestrians, cyclists and replayed vehicles of a batch, for SUMO's drivers and for sumo-gui."""
-
-    def __init__(
-        self, sumo: Any, places: WalkingPlaces, scene: SeedScene, batch: RunningBatch, types: TypeBook
-    ) -> None:
-        super().__init__(sumo, places)
-        self._scene, self._batch, self._types = scene, batch, types
+            self._remove(key)
 
     def put_obstacles(self, others: Obstacles, states: States, present: BoolArray) -> None:
         """Set the states (O,) after the next step, in futures with SUMO drivers or a watcher."""
@@ -196,13 +176,13 @@ class People(Persons):
                 if road_user(kinds[o]) != "pedestrian":
                     self._put_vehicle(key, o, kinds[o], slot, pose if present[o] else None)
                 elif not present[o]:
-                    self.remove(key)
+                    self._remove(key)
                 elif (at_m := starts[o]) is not None:
                     speed = float(others.states.speed[o, : HISTORY_STEPS + 1].max())  # in the last second
                     speed = speed if speed > _STANDS_MPS else _WALKS_MPS
-                    self.walk(key, types.obstacle(o) + WALKER, slot, others.walks[o], at_m, speed)
+                    self._walk(key, types.obstacle(o) + WALKER, slot, others.walks[o], at_m, speed)
                 else:
-                    self.put(Person(key, types.obstacle(o) + PERSON, slot, places[o]), *pose)
+                    self.put(key, types.obstacle(o) + PERSON, slot, places[o], pose)
 
     def _put_vehicle(
         self, key: str, o: int, kind: str, slot: int, pose: tuple[float, float, float] | None
@@ -235,7 +215,7 @@ class People(Persons):
         rows = zip(*(values.tolist() for values in (*at, places, at_x + dx, at_y + dy, angle)), strict=True)
         for future, v, place, *pose in rows:
             key, slot = batch.id_of(future, v), batch.slots[future]
-            self.put(Person(key, self._types.overridden(v) + PERSON, slot, place), *pose)
+            self.put(key, self._types.overridden(v) + PERSON, slot, place, pose)
 
 
 @owner_cache

@@ -17,8 +17,8 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.converters.tracks.road_users import road_user
-from scex_sumo.scene import STEP_S, SeedScene, States
-from scex_sumo.world.base import BatchStart, SumoDriven, World, WorldRequest
+from scex_sumo.scene import STEP_S, States
+from scex_sumo.world.base import BatchStart, SumoDriven, WorldRequest
 from scex_sumo.world.batch import (
     MATCH_M,
     NO_LANE,
@@ -30,17 +30,15 @@ from scex_sumo.world.batch import (
     vehicle_ids,
 )
 from scex_sumo.world.session import ANY_ROUTE, SumoSession, load_sumo, vehicle_calls
-from scex_sumo.world.tiles import TILE_SLOTS, tile_id
+from scex_sumo.world.tiles import tile_id
 from scex_sumo.world.vehicle_types import TypeBook, road_class
 
 if TYPE_CHECKING:
     from scex_sumo.base.colors import Rgb
-    from scex_sumo.converters.net.sumo_net import SumoNet
     from scex_sumo.world.driven import SumoDrivers
     from scex_sumo.world.persons import People
 
 _SAME_M = 0.5  # between a vehicle's start and where its simulation saved it
-__all__ = ["TILE_SLOTS", "SumoDriven", "SumoSimulator", "SumoWorld"]
 
 
 class SumoWorld:
@@ -50,38 +48,28 @@ class SumoWorld:
     then represents all with the same way, see `SharedVehicles`.
     """
 
-    def __init__(
-        self,
-        net: SumoNet,
-        scene: SeedScene,
-        *,
-        slots: Sequence[int],
-        gui: bool = False,
-        models: Sequence[str] = (),
-    ) -> None:
+    has_sumo = True
+
+    def __init__(self, request: WorldRequest) -> None:
         """Build the tiles; SUMO starts with the first batch.
 
-        Args:
-            slots: tile slots of all batches, each below ``TILE_SLOTS``.
-            gui: show sumo-gui; the last bits of positions may differ.
-            models: names in its legend.
+        ``request.gui`` shows sumo-gui; the last bits of positions may differ.
         """
-        self._scene, self._gui = scene, gui
+        self._request, self._scene, self._gui = request, request.scene, request.gui
         self._temporary = TemporaryFolder()
-        self._types = TypeBook(scene)
-        request = WorldRequest(scene=scene, net=net, models=models, slots=slots, gui=gui)
+        self._types = TypeBook(request.scene)
         self._session = SumoSession(request, self._types, Path(self._temporary.name))
-        self._length = np.asarray(scene.length, dtype=np.float64)
+        self._length = np.asarray(request.scene.length, dtype=np.float64)
         self._sumo: Any = None
         self._running: RunningBatch | None = None
         self._speeds: list[tuple[str, float, float]] = []
         self._routes = 0
         self._drivers: SumoDrivers | None = None
-        self._net = net.path
         self._persons: People | None = None
         self._walked: tuple[FloatArray, FloatArray, FloatArray] | None = None
-        kinds = np.array([road_user(kind) == "pedestrian" for kind in scene.types], dtype=np.bool_)
-        self._pedestrians = np.zeros_like(kinds) if scene.people is None else kinds & scene.people
+        kinds = np.array([road_user(kind) == "pedestrian" for kind in self._scene.types], dtype=np.bool_)
+        people = self._scene.people
+        self._pedestrians = np.zeros_like(kinds) if people is None else kinds & people
 
     def __enter__(self) -> SumoWorld:
         return self
@@ -96,51 +84,53 @@ class SumoWorld:
         self._temporary.cleanup()
 
     def begin(
-        self,
-        start: States,
-        slots: IntArray,
-        driven: Sequence[SumoDriven] = (),
-        lights: Sequence[Element] | None = None,
-    ) -> None:
-        """Set all vehicles to the start of a batch; ``read`` then equals ``start``.
+        self, batch: BatchStart, start: States | None = None, lights: Sequence[Element] | None = None
+    ) -> SumoWorld:
+        """Set all vehicles to the start of a batch; ``read`` of the world, this one, then equals it.
 
         Args:
-            start: (C, V) states of the seed scene.
-            slots: (C,) tile slots; futures without SUMO drivers may share one.
-            driven: vehicles that SUMO drives; all others must be moved before each step.
+            start: (C, V) states; None: those of the seed scene.
             lights: as a simulation saved them, in slot 0; its road users, all saved, then begin where they
                 were, though the scene has them elsewhere, e.g. in a lane change that is drawn.
         """
-        wanted = [int(slot) for slot in slots]
+        wanted, driven = [int(slot) for slot in batch.slots], batch.driven
+        start = self._scene.now.repeat(len(wanted)) if start is None else start
         for d in driven:
             self._types.enter(d.vehicle, d.model, d.parameters)
         self._running = self._drivers = None
         self._speeds.clear()
         ids, offsets = vehicle_ids(wanted, self._scene.track_ids), map(self._session.layout.offset, wanted)
         watched, people = self._gui, self._pedestrians
-        batch = RunningBatch(start, driven, ids, wanted, list(offsets), watched=watched, pedestrians=people)
-        self._running = batch
+        running = RunningBatch(start, driven, ids, wanted, list(offsets), watched=watched, pedestrians=people)
+        self._running = running
         poses = self._poses(start)
-        self._load(batch, driven, poses, lights)
+        self._load(running, driven, poses, lights)
         self._call = vehicle_calls(self._sumo)
-        self._persons = self._new_persons(batch)
+        self._persons = self._new_persons(running)
         with self._session.refusals(f"set up a batch of {len(wanted)} futures"):
-            self._add_vehicles(batch.split(poses), driven)
-            some = batch.moved if batch.loaded else batch.everybody
+            self._add_vehicles(running.split(poses), driven)
+            some = running.moved if running.loaded else running.everybody
             self._place(poses, some, start.speed, np.zeros(start.shape))
             self._walk(poses)
         if others := self._scene.obstacles:
             self.move_obstacles(*others.at(0))
-        if not batch.loaded:
-            self._advance(batch)
+        if not running.loaded:
+            self._advance(running)
         self._speeds.clear()
-        batch.held = np.where(batch.speed < 0, 0.0, batch.speed)
+        running.held = np.where(running.speed < 0, 0.0, running.speed)
         if driven:
             from scex_sumo.world.driven import SumoDrivers
 
-            self._drivers = SumoDrivers(driven, batch, self._scene, self._sumo)
+            self._drivers = SumoDrivers(driven, running, self._scene, self._sumo)
             with self._session.refusals("hand vehicles over to its drivers"):
                 self._drivers.hand_over(self._session.errors)
+        if self._gui:
+            from scex_sumo.base.colors import model_colors
+
+            colors = model_colors(self._request.models)
+            for (future, vehicle), model in np.ndenumerate(batch.assignment):
+                self.color(future, vehicle, colors[model])
+        return self
 
     def move(self, states: States, mask: BoolArray) -> None:
         """Set the next states (C, V) of the vehicles in the mask: from now on SUMO drives the others only."""
@@ -270,7 +260,9 @@ class SumoWorld:
             return None
         from scex_sumo.world.persons import People, walking_places
 
-        return People(self._sumo, walking_places(self._net), self._scene, batch, self._types)
+        return People(
+            self._sumo, walking_places(self._request.net.path.read_bytes()), self._scene, batch, self._types
+        )
 
     def _walk(self, poses: tuple[FloatArray, FloatArray, FloatArray]) -> None:
         """Set the poses (C, V) of SUMO's persons after the next step."""
@@ -322,32 +314,3 @@ class SumoWorld:
                     kind = self._scene.types[v]
                     own = road_class(kind) if self._persons is None else self._persons.places.road_class(kind)
                     self._sumo.vehicle.setVehicleClass(key, own)
-
-
-class SumoSimulator:
-    """Simulator of SUMO's worlds: one `SumoWorld`, vehicles in the colours of their models."""
-
-    has_sumo = True
-
-    def __init__(self, request: WorldRequest) -> None:
-        self._request = request
-        self._world = SumoWorld(
-            request.net, request.scene, slots=request.slots, gui=request.gui, models=request.models
-        )
-
-    def __enter__(self) -> SumoSimulator:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._world.close()
-
-    def begin(self, batch: BatchStart) -> World:
-        """Return the world, set to the seed scene."""
-        self._world.begin(self._request.scene.now.repeat(len(batch.slots)), batch.slots, batch.driven)
-        if self._request.gui:
-            from scex_sumo.base.colors import model_colors
-
-            colors = model_colors(self._request.models)
-            for (future, vehicle), model in np.ndenumerate(batch.assignment):
-                self._world.color(future, vehicle, colors[model])
-        return self._world

@@ -17,6 +17,7 @@ from matplotlib.image import imread
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.scene import SeedScene, States
 from scex_sumo.views.replay import FutureView, write_view
+from scex_sumo.world.base import BatchStart, WorldRequest
 from scex_sumo.world.sumo import SumoWorld
 from tests.seeds import seed_of, standing
 
@@ -28,20 +29,21 @@ from pathlib import Path
 from types import SimpleNamespace
 import numpy as np
 from scex_sumo.scene import States
-from scex_sumo.world.sumo import SumoDriven, SumoWorld
+from scex_sumo.world.base import BatchStart, SumoDriven, WorldRequest
+from scex_sumo.world.sumo import SumoWorld
 
 sys.path.insert(0, sys.argv[1])
 from test_gui import scene, states
 
 net = SimpleNamespace(path=Path(sys.argv[2]), extras=None)
-with SumoWorld(net, scene(), slots=[0, 1], gui=True,
-           models=["standard_driver"]) as world:
+with SumoWorld(WorldRequest(net=net, scene=scene(), slots=[0, 1], gui=True,
+           models=["standard_driver"])) as world:
     drivers = [SumoDriven(future=1, vehicle=0, model="IDM", parameters={}, edges=("w_in", "e_out"))]
     for driven in ([], drivers):
         mask = np.ones((2, 2), dtype=bool)
         for d in driven:
             mask[d.future, d.vehicle] = False
-        world.begin(states(0), np.array([0, 1]), driven)
+        world.begin(BatchStart(slots=np.array([0, 1]), driven=driven), states(0))
         world.color(0, 1, (54, 124, 196))
         for step in range(1, 11):
             world.move(states(step), mask)
@@ -122,7 +124,7 @@ def test_without_a_display_the_error_says_so(
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with (
-        SumoWorld(crossing, scene(), slots=[0], gui=True) as world,
+        SumoWorld(WorldRequest(net=crossing, scene=scene(), slots=[0], gui=True)) as world,
         pytest.raises(SimulationError, match="needs a display"),
     ):
-        world.begin(states(0)[:1], np.array([0]))
+        world.begin(BatchStart(slots=np.array([0])), states(0)[:1])

@@ -10,7 +10,9 @@ import pytest
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.scene import SeedScene, States
-from scex_sumo.world.sumo import TILE_SLOTS, SumoDriven, SumoWorld
+from scex_sumo.world.base import BatchStart, SumoDriven, WorldRequest
+from scex_sumo.world.sumo import SumoWorld
+from scex_sumo.world.tiles import TILE_SLOTS
 from tests.seeds import same_bytes, seed_of, standing, states_of
 
 
@@ -72,8 +74,8 @@ def test_what_is_read_is_what_was_planned_for_1e5_vehicle_steps_and_nobody_is_lo
             SumoDriven(future=c, vehicle=5, model="IDM", parameters={}, edges=("w_in", "e_out"))
             for c in range(TILE_SLOTS)
         ]
-    with SumoWorld(crossing, scene, slots=slots) as world:
-        world.begin(trips(0.0, phase), slots, drivers)
+    with SumoWorld(WorldRequest(net=crossing, scene=scene, slots=slots)) as world:
+        world.begin(BatchStart(slots=slots, driven=drivers), trips(0.0, phase))
         worst = difference(world.read(), trips(0.0, phase))
         for step in range(1, 159):  # 64 futures x (10 or 11) vehicles x 158 steps > 1e5
             plan = trips(0.1 * step, phase)
@@ -86,7 +88,7 @@ def test_what_is_read_is_what_was_planned_for_1e5_vehicle_steps_and_nobody_is_lo
 
 def roll(world: SumoWorld, slots: list[int], phase: FloatArray) -> States:
     """Ten steps of some futures."""
-    world.begin(trips(0.0, phase), np.array(slots))
+    world.begin(BatchStart(slots=np.array(slots)), trips(0.0, phase))
     everybody, read = np.ones((len(slots), 11), dtype=bool), []
     for step in range(1, 11):
         world.move(trips(0.1 * step, phase), everybody)
@@ -98,10 +100,10 @@ def roll(world: SumoWorld, slots: list[int], phase: FloatArray) -> States:
 def test_a_future_reads_the_same_bytes_in_its_slot_whatever_runs_beside_or_before_it(
     crossing: SimpleNamespace, scene: SeedScene
 ) -> None:
-    with SumoWorld(crossing, scene, slots=range(TILE_SLOTS)) as world:
+    with SumoWorld(WorldRequest(net=crossing, scene=scene, slots=range(TILE_SLOTS))) as world:
         roll(world, [0, 1, 2], np.array([4.0, 5.0, 6.0]))
         among = roll(world, [62, 37, 5], np.array([1.0, 2.0, 3.0]))[:, 1]
-    with SumoWorld(crossing, scene, slots=[37]) as world:
+    with SumoWorld(WorldRequest(net=crossing, scene=scene, slots=[37])) as world:
         alone = roll(world, [37], np.array([2.0]))[:, 0]
     assert same_bytes(among, alone)
 
@@ -110,7 +112,7 @@ def test_futures_without_drivers_of_sumo_share_a_tile_and_take_no_notice_of_each
     crossing: SimpleNamespace, scene: SeedScene
 ) -> None:
     phase = np.array([2.0, 2.0, 5.0])  # the first two on top of each other all the way
-    with SumoWorld(crossing, scene, slots=[0]) as world:
+    with SumoWorld(WorldRequest(net=crossing, scene=scene, slots=[0])) as world:
         together = roll(world, [0, 0, 0], phase)
         alone = [roll(world, [0], phase[[future]]) for future in range(3)]
     assert all(same_bytes(together[:, future], alone[future][:, 0]) for future in range(3))
@@ -123,9 +125,9 @@ def test_a_driver_of_sumo_in_its_tile_changes_nothing_about_vehicles_that_are_mo
     phase, moved = np.array([2.0]), np.ones((1, 11), dtype=bool)
     driver = SumoDriven(future=0, vehicle=5, model="Krauss", parameters={}, edges=("w_in", "e_out"))
     moved[0, 5] = False
-    with SumoWorld(crossing, scene, slots=[37]) as world:
+    with SumoWorld(WorldRequest(net=crossing, scene=scene, slots=[37])) as world:
         alone = roll(world, [37], phase)
-        world.begin(trips(0.0, phase), np.array([37]), [driver])
+        world.begin(BatchStart(slots=np.array([37]), driven=[driver]), trips(0.0, phase))
         for step in range(1, 11):
             world.move(trips(0.1 * step, phase), moved)
             world.step()
@@ -142,8 +144,8 @@ def test_a_vehicle_that_nobody_moves_is_an_error_with_counts(
     start = trips(0.0, np.zeros(2))
     mask = np.ones((2, 11), dtype=bool)
     mask[0, 3:5] = False
-    with SumoWorld(crossing, scene, slots=[0, 1]) as world:
-        world.begin(start, np.array([0, 1]))
+    with SumoWorld(WorldRequest(net=crossing, scene=scene, slots=[0, 1])) as world:
+        world.begin(BatchStart(slots=np.array([0, 1])), start)
         with pytest.raises(SimulationError, match="2 vehicles not moved"):
             world.move(start, mask)
 
@@ -152,14 +154,14 @@ def test_a_second_world_in_the_process_is_refused_until_the_first_is_closed(
     crossing: SimpleNamespace, scene: SeedScene
 ) -> None:
     start = trips(0.0, np.zeros(1))
-    with SumoWorld(crossing, scene, slots=[0]) as first:
-        first.begin(start, np.array([0]))
+    with SumoWorld(WorldRequest(net=crossing, scene=scene, slots=[0])) as first:
+        first.begin(BatchStart(slots=np.array([0])), start)
         with (
-            SumoWorld(crossing, scene, slots=[0]) as second,
+            SumoWorld(WorldRequest(net=crossing, scene=scene, slots=[0])) as second,
             pytest.raises(SimulationError, match="one is open"),
         ):
-            second.begin(start, np.array([0]))
+            second.begin(BatchStart(slots=np.array([0])), start)
         assert difference(first.read(), start) < 1e-9
-    with SumoWorld(crossing, scene, slots=[0]) as third:
-        third.begin(start, np.array([0]))
+    with SumoWorld(WorldRequest(net=crossing, scene=scene, slots=[0])) as third:
+        third.begin(BatchStart(slots=np.array([0])), start)
         assert difference(third.read(), start) < 1e-9

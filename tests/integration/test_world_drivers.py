@@ -23,8 +23,9 @@ from scex_sumo.base.sumo.car_following import SUMO_MODELS
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed
 from scex_sumo.scene import Obstacles, SeedScene, States
+from scex_sumo.world.base import BatchStart, SumoDriven, WorldRequest
 from scex_sumo.world.batch import RunningBatch
-from scex_sumo.world.sumo import SumoDriven, SumoWorld
+from scex_sumo.world.sumo import SumoWorld
 from tests.formats.sumo.simulations import write_grid
 from tests.runs import extrapolate
 from tests.seeds import people_of, same_bytes, seed_of, standing, states_of, steady
@@ -51,7 +52,7 @@ def drive(
     mask = np.ones(states.shape, dtype=bool)
     for d in drivers:
         mask[d.future, d.vehicle] = False
-    world.begin(states, np.array(slots), drivers)
+    world.begin(BatchStart(slots=np.array(slots), driven=drivers), states)
     read = [world.read()]
     for _ in range(steps):
         states = states.ahead(0.1 * states.speed[..., None], states.speed[..., None])[..., 0]
@@ -74,7 +75,7 @@ def test_a_driver_of_sumo_stops_behind_a_standing_vehicle_that_is_moved(
     crossing: SimpleNamespace, model: str
 ) -> None:
     seed = scene(in_north(20.0, 0.0), in_north(60.0, 8.0))
-    with SumoWorld(crossing, seed, slots=[0]) as world:
+    with SumoWorld(WorldRequest(net=crossing, scene=seed, slots=[0])) as world:
         read = drive(world, seed, [0], [driven(1, model, ("n_in", "s_out"))], 200)
     gap = np.hypot(read.x[0, 1] - read.x[0, 0], read.y[0, 1] - read.y[0, 0]) - 4.5
     assert gap[0] == pytest.approx(35.5)
@@ -89,7 +90,7 @@ def test_a_driver_of_sumo_follows_its_route_through_the_junction(crossing: Simpl
         driven(1, "Krauss", ("w_in", "e_out")),
         driven(2, "Krauss", ("w_in", "n_out")),
     ]
-    with SumoWorld(crossing, seed, slots=[0]) as world:
+    with SumoWorld(WorldRequest(net=crossing, scene=seed, slots=[0])) as world:
         read = drive(world, seed, [0], drivers, 150)
     x, y = read.x[0, :, -1], read.y[0, :, -1]
     assert y[0] < 960.0 and abs(x[0] - 1003.0) < 10.0  # right, southwards
@@ -102,7 +103,7 @@ def test_a_driver_of_sumo_gives_way_to_a_vehicle_that_is_moved(crossing: SimpleN
     # From the minor road it is 3 s to the junction.
     queue = [(962.0 + 10.0 * k, 998.4, 0.0, 4.0) for k in range(4)]
     seed = scene(in_north(25.0, 8.0), *queue)
-    with SumoWorld(crossing, seed, slots=[0]) as world:
+    with SumoWorld(WorldRequest(net=crossing, scene=seed, slots=[0])) as world:
         read = drive(world, seed, [0], [driven(0, "Krauss", ("n_in", "s_out"))], 200)
     # Its front, 2.25 m ahead of its centre, stays out of their lane, which begins at y = 1000; then it goes.
     assert np.all(read.y[0, 0, :110] - 2.25 > 1000.0)
@@ -120,7 +121,7 @@ def obstacle(x: float, y: float, heading: float = np.pi / 2) -> Obstacles:
 def test_a_driver_of_sumo_stops_for_somebody_on_the_lane(crossing: SimpleNamespace, heading: float) -> None:
     x, y, _, _ = in_north(20.0, 0.0)
     seed = scene(in_north(60.0, 8.0), obstacles=obstacle(x, y, heading))
-    with SumoWorld(crossing, seed, slots=[3]) as world:
+    with SumoWorld(WorldRequest(net=crossing, scene=seed, slots=[3])) as world:
         read = drive(world, seed, [3], [driven(0, "EIDM", ("n_in", "s_out"))], 100)
     gap = np.hypot(read.x[0, 0] - x, read.y[0, 0] - y) - 2.25
     assert read.speed[0, 0, -1] < 0.2 and 0.3 < gap[-1] < 6.0
@@ -152,11 +153,11 @@ def test_a_driver_of_sumo_does_the_same_to_the_byte_in_its_tile(
         drivers = [d for future in range(len(slots)) for d in mixed_drivers(model, future)]
         return drive(world, seed, slots, drivers, 60)
 
-    with SumoWorld(crossing, seed, slots=range(64)) as world:
+    with SumoWorld(WorldRequest(net=crossing, scene=seed, slots=range(64))) as world:
         drive(world, seed, [2, 5, 40], [], 7)
         run(world, [40, 0, 2, 1])
         among = run(world, [33, 2, 40])[2]
-    with SumoWorld(crossing, seed, slots=[40]) as world:
+    with SumoWorld(WorldRequest(net=crossing, scene=seed, slots=[40])) as world:
         alone = run(world, [40])[0]
     assert same_bytes(among, alone)
 
@@ -164,7 +165,7 @@ def test_a_driver_of_sumo_does_the_same_to_the_byte_in_its_tile(
 def test_traffic_lights_begin_anew_with_every_batch(signals: SimpleNamespace) -> None:
     seed = scene(in_north(40.0, 8.0), (950.0, 995.0, 0.32, 10.0))
     drivers = [driven(0, "Krauss", ("n_in", "s_out")), driven(1, "Krauss", STRAIGHT)]
-    with SumoWorld(signals, seed, slots=[0]) as world:
+    with SumoWorld(WorldRequest(net=signals, scene=seed, slots=[0])) as world:
         first = drive(world, seed, [0], drivers, 600)
         again = drive(world, seed, [0], drivers, 600)
     assert first.speed[0, 0].min() == 0.0  # waits at the red light
@@ -185,7 +186,10 @@ def test_a_driver_that_sumo_does_not_have_is_an_error(
     crossing: SimpleNamespace, model: str, parameters: dict[str, str], words: str
 ) -> None:
     seed = mixed()
-    with SumoWorld(crossing, seed, slots=[0]) as world, pytest.raises(UsageError, match=words):
+    with (
+        SumoWorld(WorldRequest(net=crossing, scene=seed, slots=[0])) as world,
+        pytest.raises(UsageError, match=words),
+    ):
         drive(world, seed, [0], [driven(1, model, **parameters)], 1)
 
 
@@ -225,7 +229,7 @@ def test_a_driver_of_sumo_stops_before_a_person_on_a_crossing(tmp_path: Path) ->
     x, y = (float(value) for value in lane.attrib["shape"].split()[0].split(","))
     where = start + (x - start[0]) / (end - start)[0] * (end - start)
     seed = scene((x, y + 20.0, np.pi / 2, 10.0), obstacles=obstacle(where[0], where[1], 0.0))
-    with SumoWorld(SimpleNamespace(path=net, extras=None), seed, slots=[0]) as world:
+    with SumoWorld(WorldRequest(net=SimpleNamespace(path=net, extras=None), scene=seed, slots=[0])) as world:
         read = drive(world, seed, [0], [driven(0, "EIDM", ("A0A1", "A1A2"))], 100)
         assert libsumo.person.getRoadID("t0_otherP1").startswith(":t0_A1_c")
     gap = where[1] - read.y[0, 0] - 2.25
@@ -241,7 +245,7 @@ import libsumo
 import numpy as np
 
 import scex_sumo.world.tiles as tiles
-from scex_sumo.world.persons import Person, Persons, walking_places
+from scex_sumo.world.persons import People, walking_places
 
 tiles.tile_prefix = lambda slot: ""  # the net has no tiles
 net, folder = Path(sys.argv[1]), Path(sys.argv[2])
@@ -253,17 +257,17 @@ libsumo.simulation.saveState(empty)
 root = ElementTree.parse(net)
 crossings = [edge for edge in root.iter("edge") if edge.get("function") == "crossing"]
 spots = [edge.find("lane").get("shape").split()[0].split(",") for edge in crossings]
-rng, places, most = np.random.default_rng(0), walking_places(net), 0.0
+rng, places, most = np.random.default_rng(0), walking_places(net.read_bytes()), 0.0
 for moment in range(30):
     libsumo.simulation.loadState(empty)
-    persons, pick = Persons(libsumo, places), rng.integers(len(spots), size=14)
+    persons, pick = People(libsumo, places, None, None, None), rng.integers(len(spots), size=14)
     at = np.array([[float(value) for value in spots[k][:2]] for k in pick]) + rng.normal(0, 3, (14, 2))
     heading, speed = rng.uniform(-np.pi, np.pi, 14), rng.uniform(0, 2, 14)
     for step in range(30):
         angle = np.degrees(np.pi / 2 - heading) % 360
         found, x, y = places.find(*at.T, angle)
         for k in range(14):
-            persons.put(Person(f"p{k}", "walks", 0, found[k]), float(x[k]), float(y[k]), float(angle[k]))
+            persons.put(f"p{k}", "walks", 0, found[k], (float(x[k]), float(y[k]), float(angle[k])))
         libsumo.simulation.step()
         for k in range(14):
             lane = libsumo.person.getLaneID(f"p{k}") if found[k] else ""
@@ -297,7 +301,7 @@ def test_a_vehicle_that_is_moved_onto_a_crossing_is_on_no_walking_lane_of_sumo(
     on_it = (0.5 * (x + to_x) - 2.0 * np.cos(heading), 0.5 * (y + to_y) - 2.0 * np.sin(heading), heading, 1.0)
     seed = replace(scene((0.0, 40.0, np.pi / 2, 5.0), on_it), types=("car", kind))
     lanes = []
-    with SumoWorld(SimpleNamespace(path=net, extras=None), seed, slots=[0]) as world:
+    with SumoWorld(WorldRequest(net=SimpleNamespace(path=net, extras=None), scene=seed, slots=[0])) as world:
         drive(world, seed, [0], [driven(0, "EIDM", ("A0A1", "A1A2"))], 1)
         lanes.append(libsumo.vehicle.getLaneID("t0_2"))
     assert lanes[0] and "_c" not in lanes[0] and "_w" not in lanes[0]
@@ -306,7 +310,7 @@ def test_a_vehicle_that_is_moved_onto_a_crossing_is_on_no_walking_lane_of_sumo(
 def test_a_vehicle_that_is_taken_over_has_the_speed_that_is_set(crossing: SimpleNamespace) -> None:
     """As after a collision: it slides aside of its lane, and slows down."""
     seed = scene(in_north(60.0, 8.0), (900.0, 1100.0, 0.0, 0.0))
-    with SumoWorld(crossing, seed, slots=[0]) as world:
+    with SumoWorld(WorldRequest(net=crossing, scene=seed, slots=[0])) as world:
         read = drive(world, seed, [0], [driven(0, "EIDM", ("n_in", "s_out"))], 3)[:, :, -1]
         heading = read.heading + 0.3
         for step in range(1, 6):

@@ -11,7 +11,8 @@ from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.road import Lane
 from scex_sumo.scene import States
-from scex_sumo.world.sumo import SumoDriven, SumoWorld
+from scex_sumo.world.base import BatchStart, SumoDriven, WorldRequest
+from scex_sumo.world.sumo import SumoWorld
 from tests.seeds import seed_of, standing
 
 MAPS = (
@@ -56,8 +57,8 @@ def test_vehicles_on_all_lanes_are_where_they_were_planned_and_none_is_lost(
         ahead = [lanes[v].lane_id, *lanes[v].successors[:1]]
         edges = tuple(net.lanes.edges(ahead))
         drivers.append(SumoDriven(future=1, vehicle=v, model="EIDM", parameters={}, edges=edges))
-    with SumoWorld(net, seed, slots=[0, 63]) as world:
-        world.begin(start.repeat(2), np.array([0, 63]), drivers)
+    with SumoWorld(WorldRequest(net=net, scene=seed, slots=[0, 63])) as world:
+        world.begin(BatchStart(slots=np.array([0, 63]), driven=drivers), start.repeat(2))
         before = world.read()
         assert max(np.abs(before.x - start.x).max(), np.abs(before.y - start.y).max()) < 1e-9
         for step in range(1, 31):

@@ -95,10 +95,11 @@ def test_lights_of_every_kind_go_on_as_in_the_simulation(
         lights = world._sumo.trafficlight
         return {t.removeprefix("t0_"): lights.getRedYellowGreenState(t) for t in lights.getIDList()}
 
-    def begun(world: SumoWorld, *arguments: Any) -> None:
+    def begun(world: SumoWorld, *arguments: Any) -> SumoWorld:
         shown.append([])
         begin(world, *arguments)
         shown[-1][:] = [lights_of(world)]
+        return world
 
     def watched(world: SumoWorld, batch: RunningBatch) -> None:
         advance(world, batch)
