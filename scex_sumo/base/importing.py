@@ -41,7 +41,7 @@ class Registry:
     @property
     def paths(self) -> dict[str, str]:
         """Import path by name; no other package takes a name of ours."""
-        points = _entry_points(importlib.metadata.entry_points, self.group, tuple(sys.path))
+        points = _entry_points(importlib.metadata.entry_points, tuple(sys.path)).select(group=self.group)
         named = sorted((p.name == self.last, p.name, not _of_package(p.value), p.value) for p in points)
         paths: dict[str, str] = {}
         for _, name, _, path in named:
@@ -64,16 +64,8 @@ class Registry:
         return import_object(path)
 
 
-@lru_cache(maxsize=64)
-def _entry_points(
-    read: Callable[[], Any], group: str, path: tuple[str, ...]
-) -> tuple[importlib.metadata.EntryPoint, ...]:
-    """Return the entry points of a group on a path."""
-    return tuple(_all_entry_points(read, path).select(group=group))
-
-
 @lru_cache(maxsize=4)
-def _all_entry_points(read: Callable[[], Any], _path: tuple[str, ...]) -> Any:
+def _entry_points(read: Callable[[], Any], _path: tuple[str, ...]) -> Any:
     """Return all entry points on a path; reading them takes milliseconds."""
     return read()
 

@@ -88,12 +88,6 @@ def present_names(arguments: Iterable[str]) -> list[str]:
     return [former[name] + equals + value if name in former else one for one, name, equals, value in named]
 
 
-def last_of_list(incomplete: str, names: Iterable[str]) -> list[str]:
-    """Complete the last entry of a comma-separated list."""
-    typed, comma, last = incomplete.rpartition(",")
-    return [f"{typed}{comma}{name}" for name in names if name.startswith(last)]
-
-
 def number_or_name(text: str) -> int | str:
     """Return the track id, or SUMO's name of a vehicle, that an option names."""
     word = text.strip()

@@ -1,4 +1,4 @@
-"""Options that several commands share, their meaning, and the completion of values in a shell."""
+"""Options that several commands share, and their meaning."""
 
 from __future__ import annotations
 
@@ -10,24 +10,8 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from scex_sumo.base.options import Option, last_of_list
+from scex_sumo.base.options import Option
 from scex_sumo.base.processes import AUTO, cores, read_workers
-
-
-def complete_metrics(incomplete: str) -> list[str]:
-    """Complete the last of a list of metrics."""
-    from scex_sumo.metrics.registry import known_metrics
-
-    return last_of_list(incomplete, known_metrics())
-
-
-def complete_results(incomplete: str) -> list[str]:
-    """Complete a result folder, also one in a folder that begins as typed."""
-    typed, slash, begin = incomplete.rpartition("/")
-    within = Path(typed + slash)
-    results = [file for depth in ("*", "*/*") for file in within.glob(f"{depth}/run.json")]
-    names = (file.parent.relative_to(within).as_posix() for file in results)
-    return sorted(f"{typed}{slash}{name}" for name in names if name.startswith(begin))
 
 
 def processes(text: str) -> int:
@@ -65,9 +49,7 @@ Processes = Annotated[
 ]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace another result.")]
 OutFolder = Annotated[Path, typer.Option("-o", "--out", metavar="OUT", help="Folder of the result.")]
-Result = Annotated[
-    Path, typer.Argument(metavar="OUT", help="Result folder.", autocompletion=complete_results)
-]
+Result = Annotated[Path, typer.Argument(metavar="OUT", help="Result folder.")]
 
 
 def with_options(kinds: Sequence[type]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -76,7 +58,9 @@ def with_options(kinds: Sequence[type]) -> Callable[[Callable[..., Any]], Callab
     def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
         signature = inspect.signature(command, eval_str=True)
         own = [p for p in signature.parameters.values() if p.kind is not inspect.Parameter.VAR_KEYWORD]
-        more = [parameter for kind in kinds for parameter in parameters_of(kind)]
+        hints = {kind: get_type_hints(kind) for kind in kinds}
+        options = ((kind, one) for kind in kinds for one in fields(kind) if "option" in one.metadata)
+        more = [_parameter(one, one.metadata["option"], hints[kind][one.name]) for kind, one in options]
         last = [p for p in own if p.kind is inspect.Parameter.KEYWORD_ONLY]
         first = [p for p in own if p not in last]
         command.__signature__ = signature.replace(parameters=[*first, *more, *last])  # type: ignore[attr-defined]
@@ -85,17 +69,8 @@ def with_options(kinds: Sequence[type]) -> Callable[[Callable[..., Any]], Callab
     return decorate
 
 
-def parameters_of(kind: type) -> list[inspect.Parameter]:
-    """Return a keyword parameter for each option of a dataclass, as Typer reads them."""
-    hints = get_type_hints(kind)
-    return [
-        _parameter(one, one.metadata["option"], hints[one.name])
-        for one in fields(kind)
-        if "option" in one.metadata
-    ]
-
-
 def _parameter(option_field: Field[Any], about: Option, hint: Any) -> inspect.Parameter:
+    """Return an option of a dataclass as a keyword parameter that Typer reads."""
     if about.several:
         hint, default = list[str] | None, None
     elif about.takes is not None:

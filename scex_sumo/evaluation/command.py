@@ -12,7 +12,6 @@ from typer import Argument, Option
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.outputs import TABLE_SUFFIXES, write_csv, write_table
 from scex_sumo.commands.console import warn
-from scex_sumo.commands.options import complete_metrics
 
 EXAMPLE = "scex_sumo/scenarios/data/roundabout.csv --level scene"
 
@@ -29,7 +28,6 @@ def metrics_command(
             "--preset",
             metavar="paper|path|both|conflicts|NAME,...",
             help="Metrics; default: the paper's six, or those of the run in OUT.",
-            autocompletion=complete_metrics,
         ),
     ] = None,
     out: Annotated[

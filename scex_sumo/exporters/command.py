@@ -12,7 +12,6 @@ from typer import Option
 
 from scex_sumo.base.errors import OwnCodeError, UsageError
 from scex_sumo.base.files import TemporaryFolder, writing
-from scex_sumo.base.options import last_of_list
 from scex_sumo.base.outputs import check_output, remember
 from scex_sumo.commands.options import Result
 
@@ -26,12 +25,6 @@ EXAMPLE = "out/roundabout --future 0 --to sumo -o out/simulation"
 WITHOUT_RECORDED = ("interaction", "interpret", "fcd", "sumo", "ssm", "collisions", "mp4", "gif", "video")
 """Formats of futures that a run has simulated alone."""
 WITH_RECORDED = "openscenario, commonroad, scenarionet, omega-prime, osi"
-
-
-def _complete_formats(incomplete: str) -> list[str]:
-    from scex_sumo.exporters.request import EXPORTERS
-
-    return last_of_list(incomplete, EXPORTERS.paths)
 
 
 def export_command(
@@ -48,7 +41,6 @@ def export_command(
             metavar="FORMAT",
             help="interaction, interpret, fcd, openscenario (openscenario-1.3), commonroad, scenarionet, "
             "omega-prime, osi, sumo, ssm, collisions, mp4, gif; esmini and carla get openscenario.",
-            autocompletion=_complete_formats,
         ),
     ] = "interaction",
     ego: Annotated[

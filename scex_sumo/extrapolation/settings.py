@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 import numpy as np
 
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.options import last_of_list, number_or_name, option
+from scex_sumo.base.options import number_or_name, option
 from scex_sumo.behaviors.base import PLAN_STEPS
-from scex_sumo.drivers.registry import DEFAULT_MODELS, MIXES, ModelSpec, is_own, known_names, model_specs
+from scex_sumo.drivers.registry import DEFAULT_MODELS, ModelSpec, is_own, model_specs
 from scex_sumo.metrics.registry import (
     BOTH,
     COLUMNS,
@@ -48,11 +48,6 @@ DRIVERS: Final = "Futures and drivers"
 PEOPLE: Final = "People"
 MEASURES: Final = "Metrics"
 """Groups of the options in the help."""
-
-
-def complete_models(incomplete: str) -> list[str]:
-    """Complete the last of a list of models and mixes."""
-    return last_of_list(incomplete, [*MIXES, *known_names()])
 
 
 def read_assign(
@@ -130,7 +125,6 @@ class RunSettings:
         metavar="MODEL[@WEIGHT],...",
         panel=DRIVERS,
         takes=str,
-        complete=complete_models,
     )
     assign: Mapping[Any, Driver] = option(
         "A vehicle's model; repeatable.",

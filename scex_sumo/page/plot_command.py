@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from scex_sumo.base.errors import ResultError, UsageError
-from scex_sumo.commands.options import complete_metrics, complete_results
 
 if TYPE_CHECKING:
     from scex_sumo.results.run import Run
@@ -23,17 +22,11 @@ def plot_command(
     folders: Annotated[
         list[Path],
         typer.Argument(
-            metavar="OUT...",
-            help="Result folders; several share their axes.",
-            show_default=False,
-            autocompletion=complete_results,
+            metavar="OUT...", help="Result folders; several share their axes.", show_default=False
         ),
     ],
     metric: Annotated[
-        str | None,
-        typer.Option(
-            metavar="METRIC", help="One metric only; else all of them.", autocompletion=complete_metrics
-        ),
+        str | None, typer.Option(metavar="METRIC", help="One metric only; else all of them.")
     ] = None,
     curve: Annotated[str, typer.Option(metavar="|".join(CURVES), help="What is drawn.")] = "density",
     out: Annotated[

@@ -10,15 +10,9 @@ from typing import Annotated, Any
 from typer import Option
 
 from scex_sumo.commands.console import progress_bar, resumable, warn
-from scex_sumo.extrapolation.settings import complete_models
 
 Models = Annotated[
-    str | None,
-    Option(
-        metavar="MODEL[@WEIGHT],...",
-        help="Models to draw from; see 'scex-sumo models'.",
-        autocompletion=complete_models,
-    ),
+    str | None, Option(metavar="MODEL[@WEIGHT],...", help="Models to draw from; see 'scex-sumo models'.")
 ]
 
 
