@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from threadpoolctl import threadpool_limits
 
-from scex_sumo.base.errors import OwnCodeError, UsageError
+from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder, writing
 from scex_sumo.base.progress import Progress
 from scex_sumo.base.version import __version__
@@ -76,7 +76,11 @@ def run_scene(
         )
         part = write_tables(folder, job, recorded)
         marks.append(time.perf_counter())
-        rows, failed = _with_extras(extras, job, part, workers, options) if extras else ([], [])
+        rows, failed = list[dict[str, Any]](), list[str]()
+        if extras:
+            from scex_sumo.extrapolation.extras import Work, work_of
+
+            rows, failed = work_of(extras, Work(job=job, part=part, workers=workers, options=options))
     marks.append(time.perf_counter())
     notes = [*failed, *outcome_notes(job.scene, recorded), *workers.deaths]
     info = _info(job, options.command, part, notes) | {"recorded": recorded_info(job.scene, recorded)}
@@ -88,22 +92,6 @@ def run_scene(
     run = Run(folder.path, temporary)
     run.intervals = job.intervals
     return run, job
-
-
-def _with_extras(
-    extras: Sequence[Extra], job: Job, part: Part, workers: Workers, options: RunOptions
-) -> tuple[list[dict[str, Any]], list[str]]:
-    """Let extras work; return their rows for ``run.json``, and notes on those that failed."""
-    from scex_sumo.extrapolation.extras import Work, rows_of
-
-    work = Work(job=job, part=part, workers=workers, options=options)
-    rows, failed = list[dict[str, Any]](), list[str]()
-    for extra in extras:
-        try:
-            rows += map(dataclasses.asdict, rows_of(extra, work))
-        except OwnCodeError as error:  # the run's other results stay
-            failed.append(f"warning: {error}; its rows are left out")
-    return rows, failed
 
 
 def _folder_and_job(

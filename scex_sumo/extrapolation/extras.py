@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from scex_sumo.base.blame import own_call
@@ -106,6 +106,17 @@ def rows_of(extra: Extra, work: Work) -> list[Row]:
     if wrong:
         raise OwnCodeError(f"{said} returned {type(wrong[0]).__name__}, needs rows")
     return list(rows)
+
+
+def work_of(extras: Sequence[Extra], work: Work) -> tuple[list[dict[str, Any]], list[str]]:
+    """Let extras work; return their rows for ``run.json``, and notes on those that failed."""
+    rows, failed = list[dict[str, Any]](), list[str]()
+    for extra in extras:
+        try:
+            rows += map(asdict, rows_of(extra, work))
+        except OwnCodeError as error:  # the run's other results stay
+            failed.append(f"warning: {error}; its rows are left out")
+    return rows, failed
 
 
 def extra_named(given: str | Extra) -> Extra:

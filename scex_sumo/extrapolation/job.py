@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import cast
 
@@ -162,7 +162,12 @@ def batch_runner(job: Job, slots: Sequence[int]) -> Iterator[Callable[[IntArray,
         slots: tile slots of all futures that may come.
     """
     with _simulator(job, slots) as simulator:
-        yield partial(_run_and_save, job, simulator)
+
+        def run(futures: IntArray, on_step: OnStep) -> IntArray:
+            save_part(job.folder, _run_batch(job, simulator, futures, on_step=on_step))
+            return futures
+
+        yield run
 
 
 def run_in_memory(job: Job, futures: Sequence[int]) -> Part:
@@ -182,11 +187,6 @@ def _simulator(job: Job, slots: Sequence[int]) -> Simulator:
     from scex_sumo.world.mirror import MirroredSimulator
 
     return cast("Simulator", MirroredSimulator(simulator, request))
-
-
-def _run_and_save(job: Job, simulator: Simulator, futures: IntArray, on_step: OnStep) -> IntArray:
-    save_part(job.folder, _run_batch(job, simulator, futures, on_step=on_step))
-    return futures
 
 
 def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: OnStep | None = None) -> Part:

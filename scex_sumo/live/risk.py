@@ -145,14 +145,13 @@ def _pairs(
     part: Part | None,
     futures: int,
 ) -> list[PairRisk]:
-    shares, kinds = _shares(part, futures)
-    place = {
-        int(track): (float(scene.now.x[v]), float(scene.now.y[v])) for v, track in enumerate(scene.track_ids)
-    }
+    stress = _stress(part, futures)
+    xy = zip(scene.now.x.tolist(), scene.now.y.tolist(), strict=True)
+    place = dict(zip(scene.track_ids.tolist(), xy, strict=True))
     pairs = []
     for row in people:
         key = frozenset((row["track_id"], row["other_id"]))
-        if row["probability"] < LEAST and key not in shares:
+        if row["probability"] < LEAST and key not in stress:
             continue
         hits, other = ends(row)
         x, y = place[row["track_id"]]
@@ -162,7 +161,7 @@ def _pairs(
                 other=other,
                 kind=row["what"],
                 human_like=row["probability"] if row["probability"] >= LEAST else 0.0,
-                stress=None if part is None else shares.pop(key, 0.0),
+                stress=None if part is None else stress.pop(key, {"share": 0.0})["share"],
                 how=row["how"] or "",
                 needed_braking=row["needed_braking"] or None,
                 contact_s=row["conflict_s"],
@@ -171,32 +170,31 @@ def _pairs(
                 y=y,
             )
         )
-    for key, share in shares.items():  # people do not collide in these
-        pair, kind, at_s = kinds[key]
-        (x, y), (hits, other) = place[pair[0]], (names[track] for track in pair)
+    for row in stress.values():  # people do not collide in these
+        x, y = place[row["track_id"]]
         pairs.append(
             PairRisk(
-                hits=hits, other=other, kind=kind, human_like=0.0, stress=share, contact_s=at_s, x=x, y=y
+                hits=names[row["track_id"]],
+                other=names[row["other_id"]],
+                kind=row["kind"],
+                human_like=0.0,
+                stress=row["share"],
+                contact_s=row["time_s"],
+                x=x,
+                y=y,
             )
         )
     return pairs
 
 
-def _shares(
-    part: Part | None, futures: int
-) -> tuple[dict[frozenset[int], float], dict[frozenset[int], tuple[tuple[int, int], str, float]]]:
-    """Return the share of futures in which each pair collides first, and who hits whom, how and when."""
-    shares: dict[frozenset[int], float] = {}
-    kinds: dict[frozenset[int], tuple[tuple[int, int], str, float]] = {}
-    if part is None or part.collisions is None:
-        return shares, kinds
-    hits = first_contacts(part.collisions)
-    columns = (hits[name].to_pylist() for name in ("track_id", "other_id", "kind", "time_s"))
-    for one, other, kind, time_s in zip(*columns, strict=True):
-        key = frozenset((one, other))
-        shares[key] = shares.get(key, 0.0) + 1.0 / futures
-        kinds.setdefault(key, ((one, other), kind, time_s))
-    return shares, kinds
+def _stress(part: Part | None, futures: int) -> dict[frozenset[int], dict[str, Any]]:
+    """Return by pair its first collision, with the ``share`` of futures in which the two collide first."""
+    stress: dict[frozenset[int], dict[str, Any]] = {}
+    hits = [] if part is None or part.collisions is None else first_contacts(part.collisions).to_pylist()
+    for row in hits:
+        key = frozenset((row["track_id"], row["other_id"]))
+        stress.setdefault(key, row | {"share": 0.0})["share"] += 1.0 / futures
+    return stress
 
 
 @lru_cache(maxsize=4)

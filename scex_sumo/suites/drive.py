@@ -22,7 +22,7 @@ from scex_sumo.decision.pairs import pair_table
 from scex_sumo.drivers.registry import ModelSpec, build, parse_models
 from scex_sumo.extrapolation.assignments import future_generator, route_draws
 from scex_sumo.extrapolation.loop.measure import measure_conflicts
-from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
+from scex_sumo.extrapolation.loop.rollout import Batch, roll_out
 from scex_sumo.results.participants import everybody, with_everybody
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 from scex_sumo.world.plain import PlainWorld
@@ -143,19 +143,13 @@ def drive(scene: SeedScene, track_id: int, spec: ModelSpec | None, futures: int,
     )
     world = PlainWorld(futures, scene.vehicles, length=scene.length)
     rollout = roll_out(world, scene.road, scene, batch, steps=STEPS, replan=REPLAN)
-    _refuse_replaced(rollout, index, names[-1])
+    replaced = [one for one in rollout.replaced if one.vehicle == index]
+    if replaced:
+        what = f"{len(replaced)} plans cannot be used, the first at {replaced[0].step * STEP_S:g} s"
+        raise ScexError(f"{names[-1]}: {what}: {replaced[0].reason}")
     return Driven(
         scene=scene,
         vehicle=index,
         states=with_everybody(scene, rollout.states)[:, HISTORY_STEPS:].swapaxes(1, 2),
         conflicts=measure_conflicts(scene, rollout, vehicle=index),
     )
-
-
-def _refuse_replaced(rollout: Rollout, vehicle: int, name: str) -> None:
-    own = [one for one in rollout.replaced if one.vehicle == vehicle]
-    if own:
-        first = own[0]
-        raise ScexError(
-            f"{name}: {len(own)} plans cannot be used, the first at {first.step * STEP_S:g} s: {first.reason}"
-        )

@@ -9,6 +9,7 @@ import contextlib
 import hashlib
 import json
 import re
+import time
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -28,7 +29,9 @@ from scex_sumo.base.files import (
     sha256_of,
     write_atomic,
 )
+from scex_sumo.base.version import __version__
 from scex_sumo.results.folder import OutputFolder, as_json
+from scex_sumo.results.info import versions
 
 _FAILED, _PARTS = "failed", "parts"
 SEEDS = "seeds"
@@ -103,8 +106,8 @@ class StudyFolder(OutputFolder):
 
     place: ClassVar[str]
     """Folder of the tables of a moment, from its ``ref``."""
-    records: ClassVar[tuple[str, ...]] = (SEEDS,)
-    """Folders of small JSON files, besides those of moments and failures."""
+    records: ClassVar[tuple[str, ...]] = (_FAILED, _PARTS, SEEDS)
+    """Folders of small JSON files."""
     kept: ClassVar[tuple[str, ...]] = ()
     """What else another study in the same folder removes."""
 
@@ -114,17 +117,14 @@ class StudyFolder(OutputFolder):
             for parent in (parent for name in files for parent in [*Path(name).parents][:-1]):
                 with contextlib.suppress(OSError):  # it holds something
                     (self.path / parent).rmdir()
-        for name in (*self.kept, *self._json_folders):
+        for name in (*self.kept, *self.records):
             remove(self.path / name)
-
-    @property
-    def _json_folders(self) -> tuple[str, ...]:
-        return (_FAILED, _PARTS, *self.records)
 
     def _prepare(self) -> None:
         """Find the moments that are whole; remove the files of others, which run again."""
         refuse_link(self.path / self.place.partition("/")[0])
-        for name in self._json_folders:
+        self._opened_s = time.perf_counter()
+        for name in self.records:
             own_folder(self.path / name)
             remove_unfinished(self.path / name)
         self._files = self._recorded()
@@ -141,6 +141,13 @@ class StudyFolder(OutputFolder):
         there = {name: self.path / name for name in files}
         whole = (file.is_file() and sha256_of(file) == files[name] for name, file in there.items())
         return bool(files) and all(whole)
+
+    def finished(self, info: Mapping[str, Any], command: Sequence[str] | None) -> dict[str, Any]:
+        """Finish the folder; return what its file holds: with the command, versions and seconds, too."""
+        info = {"scex_sumo": __version__, "command": list(command) if command else None, **info}
+        info |= {"versions": versions(), "seconds": round(time.perf_counter() - self._opened_s, 1)}
+        self.finish(info)
+        return info
 
     def listing(self, recording: str) -> Listing | None:
         """Return the moments of a recording; None if it is not listed, or the file is damaged."""

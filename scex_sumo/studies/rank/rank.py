@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,13 +16,11 @@ from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import TrackError, UsageError
 from scex_sumo.base.files import replacing
 from scex_sumo.base.progress import Progress, progress_of
-from scex_sumo.base.version import __version__
 from scex_sumo.converters.datasets.find import find_recordings, left_out
 from scex_sumo.converters.registries import Window
 from scex_sumo.decision.moment import FUTURES as HUMAN_FUTURES
 from scex_sumo.extrapolation.job import ruled
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.info import versions
 from scex_sumo.results.tables.columns import schema
 from scex_sumo.results.tables.pairs import any_of
 from scex_sumo.scene import SeedScene
@@ -153,7 +150,6 @@ def rank(
         >>> ranking.table["rank"][0].as_py()
         1
     """
-    started = time.perf_counter()
     settings = StudySettings(run=RunSettings(futures=futures, **run), every=every)
     if top < 1:
         raise UsageError(f"--top: got {top}, needs at least 1")
@@ -179,8 +175,6 @@ def rank(
         for name, content in (("moments", moments), ("ranking", table)):
             write_table(folder.path / name, content)
         info = {
-            "scex_sumo": __version__,
-            "command": list(command) if command else None,
             **identity,
             "roots": [str(Path(place).absolute()) for place in places],
             "seeds": len(ranking.refs),
@@ -192,8 +186,6 @@ def rank(
             "by": by,
             **about,
             "notes": [*left_out(places), *pool.deaths, *notes],
-            "versions": versions(),
-            "seconds": round(time.perf_counter() - started, 1),
         }
-        folder.finish(info)
+        info = folder.finished(info, command)
     return Ranking(folder=Path(out), table=table, moments=moments, info=info)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,10 +14,8 @@ from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import TrackError
 from scex_sumo.base.files import replacing
 from scex_sumo.base.progress import Progress, progress_of
-from scex_sumo.base.version import __version__
 from scex_sumo.converters.datasets.find import find_recordings, left_out
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.results.info import versions
 from scex_sumo.studies.moments.run import MomentWorkers
 from scex_sumo.studies.moments.study import MomentRun
 from scex_sumo.studies.validate.moment import ALL, ForecastFolder, ValidationSettings, validate_moment
@@ -91,7 +88,6 @@ def validate(
         >>> sorted(out.tables)
         ['events', 'pairs', 'positions', 'values']
     """
-    started = time.perf_counter()
     settings = ValidationSettings(
         run=RunSettings(models=models, futures=futures, steps=steps, seed=seed), every=every, part=part
     )
@@ -123,15 +119,11 @@ def validate(
                 pq.write_table(table, file)
         figures = summary(forecasts, rows["events"])
         info = {
-            "scex_sumo": __version__,
-            "command": list(command) if command else None,
             **identity,
             **figures,
             "failed": {name: failure.reason for name, failure in failures.items()},
             "notes": [*left_out(places), *pool.deaths, *verdicts(figures)],
-            "versions": versions(),
-            "seconds": round(time.perf_counter() - started, 1),
         }
         write_validation_page(folder.path, info, rows)
-        folder.finish(info)
+        info = folder.finished(info, command)
     return Validation(folder=Path(out), info=info, tables=tables)

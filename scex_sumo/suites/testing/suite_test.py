@@ -23,7 +23,6 @@ from scex_sumo.behaviors.base import driven_by_sumo, layers
 from scex_sumo.decision.decide import RARE
 from scex_sumo.drivers.registry import ModelSpec, build, model_specs
 from scex_sumo.plug_in.time_limit import time_limit as limited
-from scex_sumo.results.info import versions
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.folder import Failure, MomentRef, StudyFolder
 from scex_sumo.studies.moments.run import MomentTask, MomentWorkers, StudySettings, pack_road
@@ -59,7 +58,7 @@ class TestFolder(StudyFolder):
     info, what = RESULT, "test"
     another = "another test, of another suite or function"
     evidence = (_RECORDS, PAGE)
-    place, records = _RECORDS, (_RECORDS,)
+    place, records = _RECORDS, ("failed", "parts", _RECORDS)
     kept = (PAGE, SUMMARY)
 
     def record(self, name: str) -> dict[str, Any] | None:
@@ -127,7 +126,7 @@ def test_suite(
         >>> scex.test_suite(suite, "constant_velocity", out="cv").result["verdicts"]["failed"]
         0
     """
-    started, suite = time.perf_counter(), suite if isinstance(suite, Suite) else open_suite(suite)
+    suite = suite if isinstance(suite, Suite) else open_suite(suite)
     spec, futures = _spec(under_test), int(suite.info["futures"]) if futures is None else futures
     if futures < LEAST:
         raise UsageError(f"--futures: got {futures}, needs at least {LEAST}")
@@ -153,8 +152,6 @@ def test_suite(
         records = _run(tasks, folder, workers, tick)
         rows = with_verdicts([_about(case, records[case.name]) for case in chosen])
         result = {
-            "scex_sumo": __version__,
-            "command": list(command) if command else None,
             "function": str(spec),
             "suite": suite.folder.resolve().name,
             "suite_digest": digest,
@@ -163,14 +160,13 @@ def test_suite(
             "number": number_of(suite, rows),
             "unseen": unseen(suite, rows),
             "cases": rows,
-            "versions": versions(),
         }
         result |= {"against": compared(suite, result, older)} if older is not None else {}
         write_test_page(folder.path / PAGE, result, records)
         write_atomic(folder.path / SUMMARY, markdown_text(result).encode())
         if junit is not None:
             write_output(Path(junit), junit_text(result).encode())
-        folder.finish(result | {"seconds": round(time.perf_counter() - started, 1)})
+        result = folder.finished(result, command)
     return SuiteTest(folder=Path(out), result=result)
 
 
