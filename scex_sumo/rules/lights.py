@@ -11,7 +11,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.sumo_net import points_of
 from scex_sumo.converters.xml import is_left_hand, net_root
-from scex_sumo.rules.net import links_of, signals_of_links
+from scex_sumo.rules.links import links_of, signals_of_links
 from scex_sumo.scene import STEP_S
 
 LANE_M = 3.2  # SUMO's default width

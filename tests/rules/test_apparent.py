@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.rules.net import Link, apparent_lights
+from scex_sumo.rules.apparent import apparent_lights
+from scex_sumo.rules.links import Link
 from tests.behaviors.roads import Vehicle, scene_of
 
 EAST = tuple((x, y, 0.0, 0.0) for y in (0.0, 3.5) for x in (-8.0, -15.0))  # two queues, fronts 5.75 m before

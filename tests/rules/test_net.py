@@ -17,7 +17,9 @@ from scex_sumo.geometry.bounds import bend
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.road import Area, Road
 from scex_sumo.roads.mirror import mirrored_road
-from scex_sumo.rules.net import Link, read_rules, turns_that_wait, with_rules
+from scex_sumo.rules.apparent import turns_that_wait
+from scex_sumo.rules.links import Link
+from scex_sumo.rules.net import read_rules, with_rules
 from tests.behaviors.roads import scene_of, straight
 from tests.converters.maps import write_map
 from tests.lanelet2sumo.judge.adversarial import intersection

@@ -1,0 +1,128 @@
+"""Links of a SUMO net through its junctions, with their right of way and their lights."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from scex_sumo.base.arrays import FloatArray
+from scex_sumo.converters.net.sumo_net import RECORDED, LaneTable, points_of
+from scex_sumo.geometry.polylines import heading, without_repeats
+from scex_sumo.road_rules import Passage, Signal
+from scex_sumo.scene import STEP_S
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """Link of a net from a lane to a lane, with its light (light, index) and the rows to which it yields."""
+
+    line: FloatArray
+    lanes: tuple[str, ...]
+    junction: str
+    row: int
+    yields: frozenset[int]
+    state: str
+    light: tuple[str, int] | None
+
+    @property
+    def headings(self) -> tuple[float, float]:
+        """Headings at its beginning and its end, rad."""
+        return heading(self.line, end=False), heading(self.line, end=True)
+
+
+def links_of(root: Element) -> list[Link]:
+    """Return the links of a net that lead through junctions."""
+    shapes = {lane.get("id", ""): points_of(lane.get("shape", "")) for lane in root.iter("lane")}
+    following = {
+        f"{c.get('from')}_{c.get('fromLane')}": c.get("via")
+        for c in root.iter("connection")
+        if c.get("from", "").startswith(":")
+    }
+    rows, links = dict(_rows(root)), []
+    for c in root.iter("connection"):
+        if c.get("from", "").startswith(":") or not c.get("via"):
+            continue
+        chain: list[str] = []
+        lane = c.get("via")
+        while lane and lane in shapes and lane not in chain:
+            chain.append(lane)
+            lane = following.get(lane)
+        request = next((rows[lane] for lane in chain if lane in rows), None)
+        line = without_repeats(np.vstack([shapes[lane] for lane in chain])) if chain else np.empty((0, 2))
+        if request is None or len(line) < 2:
+            continue
+        light = (c.get("tl", ""), int(c.get("linkIndex", -1))) if c.get("tl") else None
+        ends = (f"{c.get('from')}_{c.get('fromLane')}", f"{c.get('to')}_{c.get('toLane')}")
+        links.append(Link(line, (ends[0], *chain, ends[1]), *request, c.get("state", ""), light))
+    return links
+
+
+def _rows(root: Element) -> Iterator[tuple[str, tuple[str, int, frozenset[int]]]]:
+    """Yield each internal lane with its junction, its row, and the rows to which it gives way."""
+    for junction in root.iter("junction"):
+        if junction.get("type") != "internal":
+            name, lanes = junction.get("id", ""), junction.get("intLanes", "").split()
+            bits = {r.get("index"): r.get("response", "")[::-1] for r in junction.iter("request")}
+            for row, lane in enumerate(lanes):
+                yields = (k for k, bit in enumerate(bits.get(str(row), "")) if bit == "1")
+                yield lane, (name, row, frozenset(yields))
+
+
+def by_junction(links: Sequence[Link]) -> dict[str, list[Link]]:
+    """Return the links of each junction."""
+    found: dict[str, list[Link]] = {}
+    for link in links:
+        found.setdefault(link.junction, []).append(link)
+    return found
+
+
+def signals_of_links(
+    root: Element, links: Sequence[Link], *, known: bool
+) -> tuple[dict[tuple[str, int], Signal], list[str]]:
+    """Return the signal of each (light, link index), and notes."""
+    notes: list[str] = []
+    programmes: dict[str, Element] = {}
+    for programme in root.iter("tlLogic"):
+        programmes.setdefault(programme.get("id", ""), programme)
+    used: dict[str, set[int]] = {}
+    for link in links:
+        if link.light is not None:
+            used.setdefault(link.light[0], set()).add(link.light[1])
+    signals: dict[tuple[str, int], Signal] = {}
+    for name, indices in used.items():
+        logic = programmes.get(name, Element("tlLogic"))
+        phases = [(float(p.get("duration", 0)), p.get("state", "")) for p in logic.iter("phase")]
+        phases = [phase for phase in phases if phase[0] > 0]
+        fits = bool(phases) and all(len(state) > max(indices) for _, state in phases)
+        if not fits:
+            notes.append(f"traffic light {name}: its phases do not fit its {len(indices)} links; not obeyed")
+        offset = float(logic.get("offset", 0) or 0)
+        for index in indices:
+            if fits and (known or logic.get("programID") == RECORDED):
+                letters = "".join(state[index] for _, state in phases)
+                ends = np.cumsum([duration for duration, _ in phases])
+                # A future begins at 0.1 s of its simulation.
+                signals[name, index] = Signal(ends_s=ends, letters=letters, start_s=STEP_S - offset)
+            elif fits:
+                signals[name, index] = Signal()
+    return signals, notes
+
+
+def passages_of(
+    links: Sequence[Link], first: int, signals: Mapping[tuple[str, int], Signal], lanes: LaneTable
+) -> Iterator[Passage]:
+    """Yield the passage of each link of a junction; ``first``: the number of the first one."""
+    places = {link.row: first + k for k, link in enumerate(links)}
+    numbers = {key: k for k, key in enumerate(signals)}
+    for link in links:
+        under = dict.fromkeys(lanelet for lane in link.lanes for lanelet in lanes.lanelets(lane))
+        yield Passage(
+            line=link.line,
+            lanes=tuple(under),
+            state=link.state,
+            signal=-1 if link.light is None else numbers.get(link.light, -1),
+            yields_to=tuple(places[row] for row in sorted(link.yields) if row in places),
+        )
