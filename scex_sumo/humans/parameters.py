@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.files import sha256_of
 from scex_sumo.behaviors.models.idm import CALIBRATED, IdmProfile
 
 SUMO_ACCELERATION_MPS2, SUMO_BRAKING_MPS2 = 2.6, 4.5  # of SUMO's default type
@@ -194,8 +193,3 @@ def simulated(human: HumanParameters) -> HumanParameters:
 def human_parameters() -> HumanParameters:
     """Return the shipped parameters."""
     return HumanParameters.read(SHIPPED)
-
-
-def parameters_digest() -> str:
-    """Return the SHA-256 of the shipped parameters."""
-    return sha256_of(SHIPPED)

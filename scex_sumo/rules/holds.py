@@ -155,7 +155,7 @@ def _at_lights(me: _Drivers, ways: RuledWays, lit: Lit) -> tuple[FloatArray, Flo
     stops |= red & ~early & (needed <= hardest)
     stops &= me.of("lights", driver) != 0
     # A stop sign holds everyone once.
-    state = np.array(ways.state, dtype="U1")[entry]
+    state = ways.state[entry]
     sign = lit.of("stop", *light) | ((light[1] < 0) & np.isin(state, ["s", "w"]))
     waited = (me.stood[driver] & (gap < AT_LINE_M)) | me.goes_on(driver, gap)
     sign &= ~waited & (needed <= me.of("priority_mps2", driver))

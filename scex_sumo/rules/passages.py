@@ -33,7 +33,7 @@ class RuledWays:
 
     row: IntArray  # (E,) path
     signal: IntArray  # (E,) -1 without
-    state: tuple[str, ...]  # (E,) of the link
+    state: np.ndarray[tuple[int], np.dtype[np.str_]]  # (E,) of the link
     stop: FloatArray  # (E,) arc length on the path where a vehicle stops, m
     end: FloatArray  # (E,) where the passage ends, m
     first: IntArray  # (P + 1,) entries of path p are ``first[p]`` to ``first[p + 1]``
@@ -45,7 +45,11 @@ class RuledWays:
     merges: BoolArray  # (K,) whether they lead to one lane
     vehicle: IntArray  # (P,) vehicle of each path
     walks: FloatArray  # (W, 4) path, begin and end of each crosswalk on it, m, and index of the crosswalk
-    unsigned: BoolArray  # (E,) whether the map says nothing of the passages
+
+    @property
+    def unsigned(self) -> BoolArray:
+        """(E,) whether the map says nothing of the passages."""
+        return np.asarray(self.state == NO_SIGN)
 
 
 @owner_cache
@@ -66,12 +70,10 @@ def ruled_ways(paths: SeedPaths, rules: Rules) -> RuledWays:
     own, other, spans = _pairs(rules, passage, begin, rows)
     yields = [set(p.yields_to) for p in rules.passages]
     mutual = [passage[a] in yields[passage[b]] for a, b in zip(own, other, strict=True)]
-    state = tuple(rules.passages[k].state for k in passage.tolist())
     return RuledWays(
         row=rows,
         signal=np.array([rules.passages[k].signal for k in passage.tolist()], dtype=np.int64),
-        state=state,
-        unsigned=np.array([word == NO_SIGN for word in state], dtype=np.bool_),
+        state=np.array([rules.passages[k].state for k in passage.tolist()], dtype="U1"),
         stop=stop,
         end=end,
         first=np.searchsorted(rows, np.arange(len(table) + 1)),

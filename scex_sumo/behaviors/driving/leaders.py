@@ -10,7 +10,8 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows, least_of
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
-from scex_sumo.geometry.polylines import COARSE
+from scex_sumo.geometry.polylines import COARSE, Feet
+from scex_sumo.geometry.rectangles import half_extents
 from scex_sumo.scene import SceneHistory, States, VehicleIndex
 
 LATER_WEIGHT = 0.1  # m² per m along the path; the nearest coarse sample is up to 4 m² off
@@ -48,6 +49,26 @@ class Ahead(Rows):
         result.gap[driver], result.speed[driver] = self.gap[chosen], self.speed[chosen]
         result.index[driver] = self.other[chosen]
         return result
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OnPaths(Rows):
+    """Boxes of k vehicles on paths."""
+
+    s: FloatArray  # (k,) arc length of the centre, m
+    offset: FloatArray  # (k,) of the centre from the path, m, left positive
+    cos: FloatArray  # (k,) of its heading against the path's; so ``sin``
+    sin: FloatArray
+    along: FloatArray  # (k,) half extent along the path, m
+    across: FloatArray  # (k,) half extent across it, m
+
+    @classmethod
+    def of(cls, feet: Feet, heading: FloatArray, length: FloatArray, width: FloatArray) -> OnPaths:
+        """Place boxes with headings (k,), rad, and sizes (k,), m, whose centres have these foot points."""
+        s, offset, direction = feet
+        cos, sin = np.cos(heading - direction), np.sin(heading - direction)
+        along, across = half_extents(cos, sin, length, width)
+        return cls(s=s, offset=offset, cos=cos, sin=sin, along=along, across=across)
 
 
 def find_leaders(
@@ -137,23 +158,20 @@ def _ahead_of(
     bodies = float(width.max(initial=0.0)) / 2 + margin + others.longest / 2
     reach = max(float(clearance.max(initial=0.0)), bodies) + float(np.abs(aside).max(initial=0.0))
     i, j, guess = _first_guess(paths, row, s_centre, ox, oy, near, radius, reach + COARSE * DS_M)
-    s, offset, path_heading = paths.refine(row[i], guess, ox[i, j], oy[i, j], 3)
-    offset = offset - aside[i]
-    turn = others.states.heading[vehicles.future[i], j] - path_heading
-    cos, sin = np.cos(turn), np.sin(turn)
-    half_length, half_width = others.length[j] / 2, others.width[j] / 2
-    extent = np.abs(cos) * half_length + np.abs(sin) * half_width
-    body = np.abs(offset) - np.abs(sin) * half_length - np.abs(cos) * half_width
-    speed = others.states.speed[vehicles.future[i], j]
-    inside, ahead = body <= width[i] / 2 + margin, s - s_centre[i]
-    gap = ahead - extent - length[i] / 2
-    follows = (gap > 0) & (cos >= -0.5)
+    feet = paths.refine(row[i], guess, ox[i, j], oy[i, j], 3)
+    heading, speed = (a[vehicles.future[i], j] for a in (others.states.heading, others.states.speed))
+    box = OnPaths.of(feet, heading, others.length[j], others.width[j])
+    offset, ahead = box.offset - aside[i], box.s - s_centre[i]
+    body = np.abs(offset) - box.across
+    inside, gap = body <= width[i] / 2 + margin, ahead - box.along - length[i] / 2
+    follows = (gap > 0) & (box.cos >= -0.5)
     counts = np.where(follows, (np.abs(offset) <= clearance[j]) | inside, inside & (ahead > 0))
     # Bodies have to pass each other by half of both widths, on the side where it is going.
-    across = speed * sin
+    across = speed * box.sin
     to_go = np.abs(offset) - body + width[i] / 2 - np.sign(across) * offset
     leaves = np.maximum(to_go, 0.0) / np.maximum(np.abs(across), MIN_ACROSS_MPS)
-    return Ahead(driver=i, other=j, gap=gap, speed=speed * cos, cos=cos, leaves=leaves).take(counts)
+    found = Ahead(driver=i, other=j, gap=gap, speed=speed * box.cos, cos=box.cos, leaves=leaves)
+    return found.take(counts)
 
 
 def _first_guess(

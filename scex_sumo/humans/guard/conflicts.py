@@ -10,7 +10,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows, between
 from scex_sumo.behaviors.driving.leaders import Everyone
-from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
+from scex_sumo.geometry.rectangles import Rectangles, half_extents, rectangle_distance
 from scex_sumo.humans.guard.corridors import SAMPLE_S, SAMPLES, PlannedWays, expected, onto_ways
 from scex_sumo.humans.guard.side_clearance import box_distances
 from scex_sumo.humans.parameters import HumanParameters
@@ -286,11 +286,10 @@ def _blocked(view: _View, i: IntArray, j: IntArray) -> tuple[IntArray, IntArray,
     s, offset, line_cos, line_sin = onto_ways(paths, i, motion.x, motion.y)
     ahead, left = np.cos(motion.heading), np.sin(motion.heading)
     cos, sin = ahead * line_cos + left * line_sin, left * line_cos - ahead * line_sin
-    half_length, half_width = others.length[j] / 2, others.width[j] / 2
-    length, width = view.history.scene.length[vehicle], view.history.scene.width[vehicle]
-    extent = np.abs(cos) * half_length + np.abs(sin) * half_width + length / 2
-    body = np.abs(offset) - np.abs(sin) * half_length - np.abs(cos) * half_width - width / 2
-    low, high = s - extent, s + extent
+    along, across = half_extents(cos, sin, others.length[j], others.width[j])
+    reach = along + view.history.scene.length[vehicle] / 2
+    body = np.abs(offset) - across - view.history.scene.width[vehicle] / 2
+    low, high = s - reach, s + reach
     # Alongside or head-on, the full margin would stop vehicles that pass within their lanes.
     beside = (low[0] < 0) & (high[0] > 0)
     margin = np.where(beside | (cos < TOWARDS), human.alongside_margin_m, human.conflict_margin_m)

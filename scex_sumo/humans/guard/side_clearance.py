@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, IntArray, Rows
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache
-from scex_sumo.behaviors.driving.leaders import everyone
+from scex_sumo.behaviors.driving.leaders import OnPaths, everyone
 from scex_sumo.behaviors.driving.paths import SeedPaths
-from scex_sumo.geometry.polylines import wrap
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
-from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
+from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
 
 NEAR_M = 25.0  # between centres of vehicles that can get beside each other within a plan
 MARGIN_M = 0.4  # between two boxes
@@ -22,33 +19,6 @@ STRAIGHTENS_S, STRAIGHTENS_M = 1.0, 6.0  # after this time, at least this way, a
 OWN_DRIFT_S = 0.3  # the vehicle stops its own drift sooner
 ASIDE_SPEED = 0.8  # m/s, lateral, towards a narrower place ahead
 ASIDE_M, ASIDE_S = 0.5, 1.0  # largest shift, and its time constant, away from a box that is too near
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Boxes(Rows):
-    s: FloatArray  # arc length of the centre, m
-    offset: FloatArray  # of the centre from the path, m, left positive
-    sine: FloatArray  # of the angle to the path
-    ahead: FloatArray  # speed along the path, m/s
-    along: FloatArray  # half extent along the path, m
-    across: FloatArray  # half extent across it, m
-
-    @classmethod
-    def of(
-        cls, paths: SeedPaths, row: IntArray, near: FloatArray, states: States, size: tuple[FloatArray, ...]
-    ) -> _Boxes:
-        """Project boxes of lengths and widths onto paths, near arc lengths."""
-        (length, width), (s, offset, direction) = size, paths.foot_points(row, states.x, states.y, near)
-        turned = wrap(states.heading - direction)
-        cos, sin = np.abs(np.cos(turned)), np.abs(np.sin(turned))
-        return cls(
-            s=s,
-            offset=offset,
-            sine=np.sin(turned),
-            ahead=np.maximum(states.speed, 0.0) * np.cos(turned),
-            along=(cos * length + sin * width) / 2,
-            across=(cos * width + sin * length) / 2,
-        )
 
 
 def offsets_beside(
@@ -77,19 +47,21 @@ def offsets_beside(
     near[np.arange(len(vehicles)), vehicles.vehicle] = False
     i, j = np.nonzero(near)
     mine, theirs = ((everybody.length[k], everybody.width[k]) for k in (vehicles.vehicle, j))
-    own = _Boxes.of(paths, row, s, now, mine).take(i)
-    other = _Boxes.of(paths, row[i], s[i], everybody.states[vehicles.future[i], j], theirs)
+    own = OnPaths.of(paths.foot_points(row, now.x, now.y, s), now.heading, *mine).take(i)
+    states = everybody.states[vehicles.future[i], j]
+    other = OnPaths.of(paths.foot_points(row[i], states.x, states.y, s[i]), states.heading, *theirs)
+    own_speed, speed = np.maximum(now.speed[i], 0.0) * own.cos, np.maximum(states.speed, 0.0) * other.cos
     t: FloatArray = STEP_S * np.arange(travelled_m.shape[1], dtype=np.float64)
-    ahead = (other.s - own.s)[:, None] + other.ahead[:, None] * t - travelled_m[i]
+    ahead = (other.s - own.s)[:, None] + speed[:, None] * t - travelled_m[i]
     along, apart = own.along + other.along, np.abs(other.offset - own.offset)
     beside = (np.abs(ahead[:, 0]) < along) | (apart > own.across + other.across)
-    beside &= (np.abs(other.sine) < ALONG) & (np.abs(ahead) < along[:, None] + AHEAD_M).any(axis=1)
+    beside &= (np.abs(other.sin) < ALONG) & (np.abs(ahead) < along[:, None] + AHEAD_M).any(axis=1)
     k = np.flatnonzero(beside)
     i, j, own, other, ahead, apart = i[k], j[k], own.take(k), other.take(k), ahead[k], apart[k]
     side = np.where(other.offset > own.offset, 1.0, -1.0)
     alone = everybody.obstacle[j] & (passing is not None)
     kept = np.where(alone, passing or 0.0, margin)[:, None]
-    free = apart[:, None] - _taken(own, other, side, theirs[1][k], t) - kept
+    free = apart[:, None] - _taken(own, other, own_speed[k], speed[k], side, theirs[1][k], t) - kept
     counts = np.abs(ahead) < (own.along + other.along)[:, None] + AHEAD_M
     own_share = np.where(alone, 1.0, 0.5)[:, None]
     room = reached(np.where(counts, np.maximum(own_share * free, -ASIDE_M), np.inf))
@@ -101,13 +73,20 @@ def offsets_beside(
     return least, most
 
 
-def _taken(own: _Boxes, other: _Boxes, side: FloatArray, width: FloatArray, t: FloatArray) -> FloatArray:
+def _taken(
+    own: OnPaths,
+    other: OnPaths,
+    own_speed: FloatArray,
+    speed: FloatArray,
+    side: FloatArray,
+    width: FloatArray,
+    t: FloatArray,
+) -> FloatArray:
     """Return (p, H + 1) distances across the path that the boxes occupy between their centres, m."""
-    ahead = np.abs(other.ahead)
-    straightens = np.maximum(STRAIGHTENS_S * ahead, STRAIGHTENS_M)
-    left = np.exp(-ahead[:, None] * t / straightens[:, None])
-    drift = np.maximum(-side * other.sine, 0.0) * straightens
-    own_drift = np.maximum(side * own.ahead * own.sine, 0.0) * OWN_DRIFT_S
+    straightens = np.maximum(STRAIGHTENS_S * np.abs(speed), STRAIGHTENS_M)
+    left = np.exp(-np.abs(speed)[:, None] * t / straightens[:, None])
+    drift = np.maximum(-side * other.sin, 0.0) * straightens
+    own_drift = np.maximum(side * own_speed * own.sin, 0.0) * OWN_DRIFT_S
     turned, straight = other.across[:, None], (width / 2 + drift)[:, None]
     return np.asarray((own.across + own_drift)[:, None] + straight + (turned - straight) * left)
 

@@ -13,6 +13,7 @@ import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import TrackError, UsageError
+from scex_sumo.base.files import sha256_of
 from scex_sumo.converters.datasets.moment import Moment
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.converters.registries import Recording
@@ -22,7 +23,7 @@ from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
 from scex_sumo.extrapolation.loop.measure import measure_recorded, recorded_steps_of
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
-from scex_sumo.humans.parameters import parameters_digest
+from scex_sumo.humans.parameters import SHIPPED
 from scex_sumo.results.parts import Part
 from scex_sumo.results.tables.outcomes import collided
 from scex_sumo.scene import STEP_S, SeedScene
@@ -46,7 +47,7 @@ class ValidationSettings(StudySettings):
 
     def to_json(self, recordings: Sequence[Recording]) -> dict[str, Any]:
         """Return the values that identify the validation of some recordings."""
-        return {**self.identity(recordings), "part": self.part, "population": parameters_digest()}
+        return {**self.identity(recordings), "part": self.part, "population": sha256_of(SHIPPED)}
 
     def moments(self, loaded: LoadedRecording) -> Sequence[Moment]:
         """Return the moments of the part of a recording, at least ``every`` seconds apart."""
