@@ -161,17 +161,6 @@ def separated(*pose: FloatArray) -> BoolArray:
     return apart
 
 
-def half_extents(
-    cos: FloatArray, sin: FloatArray, length: FloatArray, width: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return how far rectangles reach along and across a direction from their centres, m.
-
-    ``cos``, ``sin``: of the angle of their length to it; ``length``, ``width``: whole, m; all broadcast.
-    """
-    cos, sin = np.abs(cos), np.abs(sin)
-    return (cos * length + sin * width) / 2, (cos * width + sin * length) / 2
-
-
 def seen_from(now: States, states: States) -> FloatArray:
     """Return states (n..., k...) in the frames of vehicles (n...,): x ahead, y to the left.
 

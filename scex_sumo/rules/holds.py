@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.behaviors.driving.leaders import everyone
 from scex_sumo.behaviors.driving.paths import SeedPaths, seed_paths
 from scex_sumo.road import Road
 from scex_sumo.rules.passages import (
@@ -22,7 +21,6 @@ from scex_sumo.rules.passages import (
     Lit,
     RuledWays,
     Traffic,
-    crosswalk_areas,
     ruled_ways,
     straight_traffic,
 )
@@ -43,7 +41,6 @@ LONG_RED_S, HARDEST_MPS2 = 3.0, 9.0  # nobody hopes to pass so long after red be
 CLEAR_S = 1.0  # between a vehicle that leaves a conflict and the next one
 PERMITTED_S, CROSSING_S, MERGING_S = 4.5, 6.5, 5.0  # critical headways
 MUST_YIELD, HAS_RED = "must yield", "has red"  # words of `precedence`
-WALKER_M, WALKER_S = 1.0, (0.0, 1.0, 2.0)  # around a crosswalk; times ahead at which walkers count
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -223,29 +220,14 @@ def _time(distance_m: FloatArray, v: FloatArray, most: FloatArray) -> FloatArray
     return np.where(v > 1.0, distance_m / np.maximum(most, 0.1), starting)
 
 
-def _used_crosswalks(history: SceneHistory, asked: IntArray) -> BoolArray:
-    """Return whether somebody is on crosswalks (C, W), or steps on them; False for those not asked for."""
-    import shapely
-
-    rules, around = history.scene.rules, everyone(history)
-    assert rules is not None
-    now = around.states[:, around.obstacle]
-    time = np.array(WALKER_S)[:, None, None]
-    x = now.x + time * now.speed * np.cos(now.heading)
-    y = now.y + time * now.speed * np.sin(now.heading)
-    used = np.zeros((len(now.x), len(rules.crosswalks)), dtype=np.bool_)
-    for k in asked:
-        later = shapely.contains_xy(crosswalk_areas(rules)[k].buffer(WALKER_M), x, y).any(axis=0)
-        used[:, k] = (later & around.present[:, around.obstacle]).any(axis=1)
-    return used
-
-
 def _at_crosswalks(me: _Drivers, ways: RuledWays, history: SceneHistory) -> FloatArray:
     """Return the ways (n,) to stop for people on crosswalks, or who step on them."""
     scene = history.scene
     if not len(ways.walks) or (scene.obstacles is None and scene.people is None):
         return np.full(len(me.row), np.inf)
-    used = _used_crosswalks(history, np.unique(ways.walks[:, 3].astype(int)))
+    from scex_sumo.rules.crosswalks import used_crosswalks
+
+    used = used_crosswalks(history, np.unique(ways.walks[:, 3].astype(int)))
     walks = ways.walks[np.asarray(used.any(axis=0))[ways.walks[:, 3].astype(int)]]
     first = np.searchsorted(walks[:, 0], np.arange(len(ways.first)))
     driver, walk = _spread(first[me.row], first[me.row + 1] - first[me.row])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -70,6 +69,11 @@ def ruled_ways(paths: SeedPaths, rules: Rules) -> RuledWays:
     own, other, spans = _pairs(rules, passage, begin, rows)
     yields = [set(p.yields_to) for p in rules.passages]
     mutual = [passage[a] in yields[passage[b]] for a, b in zip(own, other, strict=True)]
+    walks = list[tuple[float, float, float, float]]()
+    if rules.crosswalks:
+        from scex_sumo.rules.crosswalks import walks_on
+
+        walks += walks_on(table[:, :, :2], rules)
     return RuledWays(
         row=rows,
         signal=np.array([rules.passages[k].signal for k in passage.tolist()], dtype=np.int64),
@@ -84,7 +88,7 @@ def ruled_ways(paths: SeedPaths, rules: Rules) -> RuledWays:
         mutual=np.array(mutual, dtype=np.bool_),
         merges=(end[own] - spans[:, 1] < STEP_M) & (end[other] - spans[:, 3] < STEP_M),
         vehicle=np.repeat(np.arange(len(paths.count)), paths.count),
-        walks=np.array([*_walks(table[:, :, :2], rules)]).reshape(-1, 4),
+        walks=np.array(walks).reshape(-1, 4),
     )
 
 
@@ -151,25 +155,6 @@ def _span(one: FloatArray, other: FloatArray) -> FloatArray | None:
         return None
     here, there = np.flatnonzero(near.any(axis=1)), np.flatnonzero(near.any(axis=0))
     return np.array([s[here[0]], s[here[-1]], t[there[0]], t[there[-1]]])
-
-
-@owner_cache
-def crosswalk_areas(rules: Rules) -> tuple[shapely.Geometry, ...]:
-    """Return the areas of the crosswalks."""
-    return tuple(shapely.make_valid(shapely.Polygon(outline)) for outline in rules.crosswalks)
-
-
-def _walks(points: FloatArray, rules: Rules) -> Iterator[tuple[float, float, float, float]]:
-    """Yield path, begin and end of each crosswalk on a path, and the index of the crosswalk."""
-    if not rules.crosswalks:
-        return
-    areas = crosswalk_areas(rules)
-    tree = shapely.STRtree(areas)
-    for row, line in enumerate(points):
-        for k in np.sort(tree.query(shapely.LineString(line), "intersects")).tolist():
-            inside = np.flatnonzero(shapely.contains_xy(areas[k], line))
-            if len(inside):
-                yield row, DS_M * float(inside[0]), DS_M * float(inside[-1]), k
 
 
 @dataclass(frozen=True, eq=False)

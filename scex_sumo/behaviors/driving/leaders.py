@@ -11,7 +11,6 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows, least_o
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
 from scex_sumo.geometry.polylines import COARSE, Feet
-from scex_sumo.geometry.rectangles import half_extents
 from scex_sumo.scene import SceneHistory, States, VehicleIndex
 
 LATER_WEIGHT = 0.1  # m² per m along the path; the nearest coarse sample is up to 4 m² off
@@ -69,6 +68,17 @@ class OnPaths(Rows):
         cos, sin = np.cos(heading - direction), np.sin(heading - direction)
         along, across = half_extents(cos, sin, length, width)
         return cls(s=s, offset=offset, cos=cos, sin=sin, along=along, across=across)
+
+
+def half_extents(
+    cos: FloatArray, sin: FloatArray, length: FloatArray, width: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return how far rectangles reach along and across a direction from their centres, m.
+
+    ``cos``, ``sin``: of the angle of their length to it; ``length``, ``width``: whole, m; all broadcast.
+    """
+    cos, sin = np.abs(cos), np.abs(sin)
+    return (cos * length + sin * width) / 2, (cos * width + sin * length) / 2
 
 
 def find_leaders(

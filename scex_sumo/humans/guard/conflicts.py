@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows, between
-from scex_sumo.behaviors.driving.leaders import Everyone
-from scex_sumo.geometry.rectangles import Rectangles, half_extents, rectangle_distance
+from scex_sumo.behaviors.driving.leaders import Everyone, half_extents
+from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.humans.guard.corridors import SAMPLE_S, SAMPLES, PlannedWays, expected, onto_ways
 from scex_sumo.humans.guard.side_clearance import box_distances
 from scex_sumo.humans.parameters import HumanParameters
