@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.errors import MapError, TrackError
-from scex_sumo.converters.registries import Dataset, MapFormat, Recording
+from scex_sumo.converters.registries import Dataset, MapFormat, Recording, with_notes
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.recognition import AV2_BOXES, AV2_MAP, AV2_POSES, is_argoverse, is_argoverse_map
@@ -75,13 +75,12 @@ def _points(points: Sequence[Mapping[str, float]]) -> list[list[float]]:
     return [[point["x"], point["y"], point.get("z", 0.0)] for point in points]
 
 
-def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
-    path = paths[0]
+def _read(path: Path) -> TrackTable:
     with one_line(TrackError, path, "recording of Argoverse 2"):
         return _scenario(path) if path.suffix == ".parquet" else _log(path)
 
 
-def _scenario(path: Path) -> tuple[TrackTable, tuple[str, ...]]:
+def _scenario(path: Path) -> TrackTable:
     import pyarrow.parquet as pq
 
     if (rows := pq.read_metadata(path.absolute()).num_rows) * len(_COLUMNS) > MAX_ITEMS:
@@ -91,7 +90,7 @@ def _scenario(path: Path) -> tuple[TrackTable, tuple[str, ...]]:
     return box_table(path, names, _kinds(names, kinds), values, ego="AV")
 
 
-def _log(path: Path) -> tuple[TrackTable, tuple[str, ...]]:
+def _log(path: Path) -> TrackTable:
     from pyarrow import feather
 
     if not path.exists():
@@ -124,16 +123,9 @@ def _log(path: Path) -> tuple[TrackTable, tuple[str, ...]]:
 
 
 def _columns(table: Any, names: Sequence[str]) -> list[Any]:
-    import pyarrow as pa
-
     checked(table)
-    columns: list[Any] = []
-    for column in map(table.__getitem__, names):
-        if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
-            columns.append([str(value) for value in column.to_pylist()])
-        else:
-            columns.append(column.to_numpy(zero_copy_only=False).astype(np.float64))
-    return columns
+    columns = (table[name].to_numpy(zero_copy_only=False) for name in names)
+    return [[*map(str, x)] if x.dtype == object else x.astype(np.float64) for x in columns]
 
 
 def _kinds(names: Sequence[str], kinds: Sequence[str]) -> dict[str, str]:
@@ -183,7 +175,7 @@ ARGOVERSE_MAP = MapFormat(
 )
 ARGOVERSE = Dataset(
     is_mine=is_argoverse,
-    read=_read,
+    read=with_notes(_read),
     recordings=_recordings,
     name=lambda path, files: _name(path),
     within=within_map,

@@ -5,14 +5,13 @@ from __future__ import annotations
 import csv
 import itertools
 import math
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.naming import open_binary
-from scex_sumo.converters.registries import Dataset
+from scex_sumo.converters.registries import Dataset, with_notes
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.recognition import is_esmini_log
 from scex_sumo.formats.samples.boxes import box_table, one_line
@@ -26,11 +25,11 @@ _COLUMNS = (
 _WALKER_M = 1.2  # a box that is longer is that of a vehicle
 
 
-def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
+def _read(path: Path) -> TrackTable:
     """Read a log: one row for each time, with the columns of entity k after ``#k``."""
     names: list[str] = []
     values: list[tuple[float, ...]] = []
-    with one_line(TrackError, paths[0], "log of esmini"), open_binary(paths[0]) as file:
+    with one_line(TrackError, path, "log of esmini"), open_binary(path) as file:
         lines = iter(file.read().decode("utf-8").splitlines())
         head = next((line for line in lines if _TIME in line), "").split(",")
         column = {name.strip(): k for k, name in enumerate(head)}
@@ -45,7 +44,7 @@ def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable
                 values.append((time_ms, *centre, speed * c, speed * s, heading, length, width))
         lengths = {name: row[6] for name, row in zip(names, values, strict=True)}
         kinds = {name: "car" if length > _WALKER_M else "pedestrian" for name, length in lengths.items()}
-        return box_table(paths[0], names, kinds, np.array(values).reshape(-1, 8))
+        return box_table(path, names, kinds, np.array(values).reshape(-1, 8))
 
 
-ESMINI = Dataset(is_mine=is_esmini_log, read=_read, within=within_map)
+ESMINI = Dataset(is_mine=is_esmini_log, read=with_notes(_read), within=within_map)

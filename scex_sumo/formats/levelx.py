@@ -12,7 +12,9 @@ import re
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.lanelet.file import read_map_file
 from scex_sumo.converters.lanelet.origin import Place, on_earth
 from scex_sumo.converters.lanelet.projection import distance_m, to_degrees
+from scex_sumo.converters.lanelet.tags import GERMANY
 from scex_sumo.converters.naming import (
     in_arrow,
     map_name,
@@ -44,15 +47,17 @@ from scex_sumo.converters.tracks.check import MAX_VALUES
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, fill_sizes
 from scex_sumo.converters.tracks.rows import FORWARD_MPS, TrackTable
 from scex_sumo.converters.tracks.unknown import with_unknown_vehicles
+from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.recognition import LEVELX_META, LEVELX_TRACKS, is_highd_map, is_levelx, levelx_file
 from scex_sumo.formats.samples.boxes import one_line
 from scex_sumo.formats.samples.build import track_table
 from scex_sumo.geometry.polylines import wrap
-from scex_sumo.road import Lane, Road
+from scex_sumo.road import Road
 
 LOCATION_M = 100_000.0  # an origin farther from the recording's location is a mistake, or of another zone
 _IND = {"id": "trackId", "frame": "frame", "x": "xCenter", "y": "yCenter", "psi_rad": "heading"}
 _IND |= {"width": "width", "length": "length", "vx": "xVelocity", "vy": "yVelocity"}
+_UPPER, _LOWER = "upperLaneMarkings", "lowerLaneMarkings"  # of highD, which has no place
 _HIGHD = ("id", "frame", "x", "y", "width", "height", "xVelocity", "yVelocity")
 _MAX = dict.fromkeys(("id", "trackId"), 2**63) | {"frame": 1e9}
 _MAX |= dict.fromkeys(("x", "y", "xCenter", "yCenter"), MAX_VALUES["x"])
@@ -61,8 +66,6 @@ FILMED_M = 420.0
 """Length of road in a highD picture, as published; x runs from 0 to there."""
 BEYOND_M = 150.0
 """Straight extension at both ends: 180 km/h drives so far in 3 s."""
-NO_LIMIT_MPS = 130.0 / 3.6
-"""If ``speedLimit`` is -1: the advised speed on German motorways without a limit."""
 _POINT_M = 10.0
 
 
@@ -77,7 +80,7 @@ def read_levelx(path: str | Path) -> TrackTable:
     if not 0.0 < rate_hz <= 1000.0:
         where = levelx_file(path, "recordingMeta")
         raise TrackError(f"{where}: frameRate is {meta.get('frameRate')!r}; frames per second expected")
-    highd = has_lane_markings(meta)
+    highd = _LOWER in meta
     columns = _read_columns(path, _HIGHD if highd else tuple(_IND.values()))
     of_track = _track_meta(levelx_file(path, "tracksMeta"), "id" if highd else "trackId")
     if highd:
@@ -115,11 +118,6 @@ def read_meta(path: Path) -> dict[str, str]:
     return rows[0]
 
 
-def has_lane_markings(meta: dict[str, str]) -> bool:
-    """Whether meta data are highD's, which has lane markings and no place."""
-    return "lowerLaneMarkings" in meta
-
-
 def _read_rows(path: Path) -> list[dict[str, str]]:
     try:
         with open_text(path) as file:
@@ -139,7 +137,7 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
             meta = read_meta(meta_path)
         except TrackError:
             meta = {}  # reported when the recording is loaded
-        map_path = meta_path if has_lane_markings(meta) else _nearest_map(path, meta)
+        map_path = meta_path if _LOWER in meta else _nearest_map(path, meta)
         name, site = recording_name(map_path, (path,)), place_name(map_path)
         yield Recording(name=name, site=site, dataset="levelx", map_path=map_path, track_paths=(path,))
 
@@ -148,9 +146,8 @@ def _nearest_map(path: Path, meta: dict[str, str]) -> Path:
     folders = [folder / "maps" for folder in (path.parent, path.parent.parent)]
     maps = sorted(x for folder in folders for end in ("osm", "osm.gz") for x in folder.rglob(f"*.{end}"))
     unknown = folders[-1] / f"location{meta.get('locationId', '')}.osm"
-    try:
-        place = float(meta["latLocation"]), float(meta["lonLocation"])
-    except (KeyError, ValueError):
+    place = number(meta.get("latLocation")), number(meta.get("lonLocation"))
+    if not on_earth(*place):
         return maps[0] if len(maps) == 1 else unknown
     distances = {file: distance_m(_middle(file, file.stat().st_mtime_ns), place) for file in maps}
     return min(distances, key=lambda file: (distances[file], file), default=unknown)
@@ -267,63 +264,49 @@ def _read_road(path: Path, **_: object) -> Road:
     """Build lanes, with highD's own ``laneId``, from ``upperLaneMarkings`` and ``lowerLaneMarkings``."""
     with one_line(MapError, path, "map of highD"):
         meta = read_meta(path)
-    if not has_lane_markings(meta):
+    if _LOWER not in meta:
         raise MapError(f"{path}: no lane markings in it, so no road; give a Lanelet2 map (.osm)")
-    upper, lower = (_markings(path, meta, f"{side}LaneMarkings") for side in ("upper", "lower"))
-    try:
-        limit = float(meta.get("speedLimit") or -1.0)
-    except ValueError:
-        raise MapError(f"{path}: speedLimit is {meta['speedLimit']!r}; a number expected, in m/s") from None
-    speed = limit if limit > 0.0 else NO_LIMIT_MPS
-    lanes = _carriageway(upper, first_id=2, leftwards=True, speed_mps=speed)
-    lanes |= _carriageway(lower, first_id=len(upper) + 2, leftwards=False, speed_mps=speed)
+    upper, lower = (_markings(path, meta, name) for name in (_UPPER, _LOWER))
+    limit = number(meta.get("speedLimit") or "-1")
+    if math.isnan(limit):
+        raise MapError(f"{path}: speedLimit is {meta['speedLimit']!r}; a number expected, in m/s")
+    drawn = DrawnMap(path=path, moved=False)
+    drawn.lanes += _carriageway(upper, first_id=2, leftwards=True, speed_mps=limit)
+    drawn.lanes += _carriageway(lower, first_id=len(upper) + 2, leftwards=False, speed_mps=limit)
+    road = drawn_road(drawn, name=_name(path), country=GERMANY)
     note = f"straight lanes by highD's markings, {BEYOND_M:g} m longer than filmed at both ends"
-    note += "" if limit > 0.0 else "; no speed limit: 130 km/h"
-    return Road(name=_name(path), lanes=lanes, notes=(note,))
+    return replace(road, notes=(*road.notes, note))
 
 
 def _markings(path: Path, meta: dict[str, str], name: str) -> FloatArray:
     text = meta.get(name, "")
-    try:
-        values = np.array([float(part) for part in text.split(";") if part.strip()])
-    except ValueError:
-        values = np.array([math.nan])
+    values = np.array([number(part) for part in text.split(";") if part.strip()])
     if len(values) < 2 or not np.isfinite(values).all() or not (np.diff(values) > 1.0).all():
         raise MapError(f"{path}: {name} is {text!r}; rising numbers more than 1 m apart expected")
     return values
 
 
 def _carriageway(
-    markings: FloatArray, *, first_id: int, leftwards: bool, speed_mps: float
-) -> dict[int, Lane]:
+    markings: FloatArray, *, first_id: int, leftwards: bool, speed_mps: float | None
+) -> Iterator[DrawnLane]:
     x = np.linspace(-BEYOND_M, FILMED_M + BEYOND_M, round((FILMED_M + 2 * BEYOND_M) / _POINT_M) + 1)
     x = x[::-1] if leftwards else x
-    count = len(markings) - 1
-    lanes = {}
-    for k in range(count):
-        top, bottom = -markings[k], -markings[k + 1]
+    for k, (top, bottom) in enumerate(pairwise(-markings), start=first_id):
         # For a vehicle that drives to the left, left is downwards in the picture.
-        left, right = (bottom, top) if leftwards else (top, bottom)
-        above, below = (first_id + k - 1 if k else None), (first_id + k + 1 if k + 1 < count else None)
-        on_left, on_right = (below, above) if leftwards else (above, below)
-        middle, left_bound, right_bound = (
-            np.stack((x, np.full(len(x), y)), axis=1) for y in ((top + bottom) / 2.0, left, right)
-        )
-        lanes[first_id + k] = Lane(
-            lane_id=first_id + k,
-            centreline=middle,
-            left_bound=left_bound,
-            right_bound=right_bound,
-            width_m=float(top - bottom),
-            speed_limit_mps=speed_mps,
+        ys, beside = ((top + bottom) / 2.0, top, bottom), ([k - 1], [k + 1])
+        centre, *bounds = (np.stack((x, np.full(len(x), y)), axis=1) for y in ys)
+        yield DrawnLane(
+            name=k,
+            centre=centre,
+            left=bounds[leftwards],
+            right=bounds[not leftwards],
             subtype="highway",
             location="nonurban",
-            left=on_left,
-            right=on_right,
-            adjacent_left=on_left,
-            adjacent_right=on_right,
+            limit_mps=speed_mps,
+            successors=(),
+            left_neighbours=beside[leftwards],
+            right_neighbours=beside[not leftwards],
         )
-    return lanes
 
 
 HIGHD = MapFormat(is_mine=is_highd_map, read=_read_road, tracks=_tracks, name=_name)

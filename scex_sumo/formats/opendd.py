@@ -18,7 +18,7 @@ import shapely
 
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.lanelet.tags import GERMANY
-from scex_sumo.converters.registries import Dataset, MapFormat, Recording
+from scex_sumo.converters.registries import Dataset, MapFormat, Recording, with_notes
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.recognition import is_opendd, is_opendd_map
@@ -74,8 +74,7 @@ def _read_road(path: Path, **_: Any) -> Road:
         return drawn_road(_drawn(path), name=_name(path), country=GERMANY, projection=UTM32)
 
 
-def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
-    path = paths[0]
+def _read(path: Path) -> TrackTable:
     with one_line(TrackError, path, "recording of openDD"):
         rows = _rows(path.parent, path.name, _COLUMNS)
         names = [str(row[0]) for row in rows]
@@ -125,7 +124,7 @@ OPENDD_MAP = MapFormat(
 )
 OPENDD = Dataset(
     is_mine=is_opendd,
-    read=_read,
+    read=with_notes(_read),
     recordings=_recordings,
     files=lambda path: (path / next(iter(_tables(path)), "rdb") if path.suffix == ".sqlite" else path,),
     name=lambda path, files: files[0].name,

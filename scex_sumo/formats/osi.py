@@ -16,7 +16,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.naming import map_name
-from scex_sumo.converters.registries import Dataset, MapFormat, Recording
+from scex_sumo.converters.registries import Dataset, MapFormat, Recording, with_notes
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.converters.xml import unpacked, xml_root
 from scex_sumo.formats.lane_maps.lane_map import FAR_M, DrawnMap, drawn_road
@@ -58,14 +58,12 @@ def _damage(error: type[MapError] | type[TrackError], path: Path) -> Iterator[No
     with one_line(error, path, "trace of OSI"):
         try:
             yield
-        except OSError as why:
-            if why.errno != errno.EINVAL:  # the reader seeks its summary before the beginning
+        except (OSError, McapError, EOFError, struct.error) as why:
+            is_cut = getattr(why, "errno", 0) == errno.EINVAL or isinstance(why, RecordLengthLimitExceeded)
+            if isinstance(why, OSError) and not is_cut:
                 raise
-            raise ValueError(_CUT) from None
-        except RecordLengthLimitExceeded:  # the reader looks for its summary at the end
-            raise ValueError(_CUT) from None
-        except (McapError, EOFError, struct.error) as why:
-            raise ValueError(str(why) or _CUT) from None
+            # In a file that is cut, the reader looks for its summary before the beginning, or at the end.
+            raise ValueError(_CUT if is_cut else str(why) or _CUT) from None
 
 
 def _messages(path: Path, kind: str) -> Iterator[Any]:
@@ -141,8 +139,7 @@ def _lane_map(path: Path) -> DrawnMap:
     return osi_map(path, next((truth for truth in truths if truth.lane), osi_library().GroundTruth()))
 
 
-def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
-    path = paths[0]
+def _read(path: Path) -> TrackTable:
     with _damage(TrackError, path):
         names, kinds, values, ego = _boxes(path)
         if np.abs(values[:, 1:3]).max(initial=0.0) > FAR_M and not _opendrive(path) and not _map_beside(path):
@@ -158,15 +155,13 @@ def _read_signals(layout: NetLayout, road: Road, path: Path) -> tuple[Programme 
             states = light_states(truths, lanes_of)
             runs = {ids[lane]: run for lane, run in states.items() if lane in ids}
             return lane_programme(layout, road, runs, path.name) if runs else (None, [])
-        drawn, shown = (
-            opendrive_map(path, xml_root(path, text, "export the map again")),
-            light_states(truths, signals_of),
-        )
-        ids = drawn.lane_ids()
+        drawn = opendrive_map(path, xml_root(path, text, "export the map again"))
+        ids, shown = drawn.lane_ids(), light_states(truths, signals_of)
         runs = {ids[lane]: shown[signal] for lane, signal in drawn.signals.items() if signal in shown}
-    if not runs and _has_lights(path):
-        raise MapError(f"{path.name}: its lights name no signals of the map's lights")
-    return lane_programme(layout, road, runs, path.name) if runs else (None, [])
+        first = islice(() if runs else _messages(path, TOPICS["ground_truth"]), FIRST)
+        if any(truth.traffic_light for truth in first):
+            raise MapError(f"{path.name}: its lights name no signals of the map's lights")
+        return lane_programme(layout, road, runs, path.name) if runs else (None, [])
 
 
 def _opendrive_of(road: Road, path: Path) -> bytes | None:
@@ -174,11 +169,6 @@ def _opendrive_of(road: Road, path: Path) -> bytes | None:
     if road.file is not None and is_opendrive(road.file):
         return unpacked(road.file)
     return map_text(path)
-
-
-def _has_lights(path: Path) -> bool:
-    with _damage(MapError, path):
-        return any(truth.traffic_light for truth in islice(_messages(path, TOPICS["ground_truth"]), FIRST))
 
 
 def _boxes(path: Path) -> tuple[list[str], dict[str, str], FloatArray, str]:
@@ -234,4 +224,6 @@ def _recordings(files: Sequence[Path]) -> Iterator[Recording]:
 OSI_MAP = MapFormat(
     is_mine=is_osi, read=_read_road, tracks=lambda path: path, asks_for="--tracks TRACE", opendrive=map_text
 )
-OSI = Dataset(is_mine=is_osi, read=_read, recordings=_recordings, within=within_map, signals=_read_signals)
+OSI = Dataset(
+    is_mine=is_osi, read=with_notes(_read), recordings=_recordings, within=within_map, signals=_read_signals
+)

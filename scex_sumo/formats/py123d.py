@@ -7,7 +7,7 @@ A log is a folder with ``sync.arrow``. Its map is ``map.arrow`` beside it, or
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.base.importing import extra_for
-from scex_sumo.converters.registries import Dataset, MapFormat, own_maps
+from scex_sumo.converters.registries import Dataset, MapFormat, own_maps, with_notes
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.recognition import PY123D_LOG, is_py123d, is_py123d_map
@@ -62,15 +62,13 @@ def _msgpack() -> Any:
 def _table(path: Path) -> Any:
     import pyarrow as pa
 
-    with pa.OSFile(str(path), "rb") as source:
-        return checked(pa.ipc.open_file(source).read_all())
+    return checked(pa.ipc.open_file(pa.OSFile(str(path), "rb")).read_all())
 
 
 def _meta(path: Path) -> dict[str, Any]:
     import pyarrow as pa
 
-    with pa.OSFile(str(path), "rb") as source:
-        schema = pa.ipc.open_file(source).schema
+    schema = pa.ipc.open_file(pa.OSFile(str(path), "rb")).schema
     packed = (schema.metadata or {}).get(b"metadata")
     if packed is None:
         raise ValueError(f"{path.name} has no metadata")
@@ -232,8 +230,7 @@ def _lights(path: Path) -> dict[int, list[tuple[float, str]]]:
     return runs
 
 
-def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
-    path = paths[0]
+def _read(path: Path) -> TrackTable:
     with one_line(TrackError, path, "log of 123D"):
         names, kinds, values = _boxes(path)
         values[:, 1:3] -= _drawn(path).frame
@@ -261,7 +258,7 @@ PY123D_MAP = MapFormat(
 )
 PY123D = Dataset(
     is_mine=is_py123d,
-    read=_read,
+    read=with_notes(_read),
     recordings=own_maps("py123d", _name),
     files=lambda path: (path / PY123D_LOG if path.is_dir() else path,),
     name=lambda path, files: _name(files[0]),

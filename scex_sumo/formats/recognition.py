@@ -79,23 +79,15 @@ def is_commonroad_recording(path: Path) -> bool:
 
 def commonroad_chains(paths: Iterable[Path]) -> list[tuple[Path, ...]]:
     """CommonRoad files by recording: single files, then consecutive chunks ``SCENE_FIRST_T-LAST``."""
-    alone: list[tuple[Path, ...]] = []
-    chunks = []
-    for path in sorted(paths):
-        span = chunk_span(path)
-        if span is None:
-            alone.append((path,))
-        else:
-            chunks.append((path.parent, *span, path))
-    joined: list[list[Path]] = []
+    spans = {path: chunk_span(path) for path in sorted(paths)}
+    joined: list[tuple[Path, ...]] = [(path,) for path, span in spans.items() if span is None]
     expected = None
-    for folder, scene, first, last, path in sorted(chunks):
-        if expected == (folder, scene, first):
-            joined[-1].append(path)
-        else:
-            joined.append([path])
+    chunks = sorted((path.parent, span, path) for path, span in spans.items() if span is not None)
+    for folder, (scene, first, last), path in chunks:
+        before = joined.pop() if expected == (folder, scene, first) else ()
+        joined.append((*before, path))
         expected = folder, scene, last + 1
-    return alone + [tuple(files) for files in joined]
+    return joined
 
 
 def chunk_span(path: Path) -> tuple[str, int, int] | None:

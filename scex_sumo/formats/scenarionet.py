@@ -10,7 +10,7 @@ import io
 import math
 import pickle
 import pickletools
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -21,7 +21,7 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, MapError, TrackError, reason_of
 from scex_sumo.converters.naming import map_name, open_binary
-from scex_sumo.converters.registries import Dataset, MapFormat, own_maps
+from scex_sumo.converters.registries import Dataset, MapFormat, own_maps, with_notes
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road, polyline
@@ -294,18 +294,11 @@ def _lit(scenario: Mapping[str, Any]) -> Iterator[tuple[str, list[str], Any]]:
         if "lane" in state:  # older files: for each time
             lane = next((one for one in np.ravel(state["lane"]) if one), name)
         place = state.get("stop_point", [None])[0] if place is None else place
-        yield str(lane), [str(word) for word in state["object_state"]], place if _is_place(place) else None
+        place = place if len(polyline([place])) else None
+        yield str(lane), [str(word) for word in state["object_state"]], place
 
 
-def _is_place(place: Any) -> bool:
-    try:
-        return bool(np.isfinite(np.asarray(place, np.float64)[:2]).all()) and len(place) > 1
-    except (TypeError, ValueError, IndexError):
-        return False
-
-
-def _read(paths: Sequence[Path], *, net: Path | None = None) -> tuple[TrackTable, tuple[str, ...]]:
-    path = paths[0]
+def _read(path: Path) -> TrackTable:
     with one_line(TrackError, path, "tracks of ScenarioNet"):
         scenario = read_scenario(path)
         names, kinds, values = _boxes(path, scenario)
@@ -378,7 +371,7 @@ def _name(path: Path) -> str:
 SCENARIONET_MAP = MapFormat(is_mine=is_scenarionet, read=_read_road, tracks=lambda path: path, name=_name)
 SCENARIONET = Dataset(
     is_mine=is_scenarionet,
-    read=_read,
+    read=with_notes(_read),
     recordings=own_maps("scenarionet", _name),
     name=lambda path, files: _name(files[0]),
     within=within_map,

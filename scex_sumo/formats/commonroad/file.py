@@ -18,7 +18,6 @@ from scex_sumo.base.errors import MapError
 from scex_sumo.converters.naming import number
 from scex_sumo.converters.xml import xml_root
 from scex_sumo.formats.lane_maps.lane_map import DrawnMap
-from scex_sumo.geometry.polylines import arc_lengths
 
 VERSIONS = ("2018b", "2020a")
 MAX_ID = 2**52  # other tools keep ids as floats; those of opposite lanes are greater
@@ -58,15 +57,6 @@ class CommonRoadFile(DrawnMap):
         return (lat, lon) if abs(lat) <= 90 and abs(lon) <= 180 else None
 
 
-def open_commonroad(path: str | Path) -> CommonRoadFile:
-    """Open a CommonRoad map, ``.xml`` or ``.xml.gz``."""
-    path = Path(path)
-    root = parse_commonroad(path)
-    if root.find("lanelet") is None:
-        raise MapError(f"{path}: a CommonRoad file without lanelets; name one with a road network")
-    return CommonRoadFile(path=path, root=root, moved=False)
-
-
 def parse_commonroad(path: Path) -> ElementTree.Element:
     """Root of a CommonRoad file."""
     root = xml_root(path, remedy="name a CommonRoad .xml file")
@@ -96,7 +86,7 @@ def coordinate(text: str | None) -> float:
 
 
 def bounds_of(xml: ElementTree.Element, i: int, file: CommonRoadFile) -> tuple[FloatArray, FloatArray] | None:
-    """Return the bounds of a lanelet, with equally many points; None, and a note, if they are not usable."""
+    """Return the bounds of a lanelet; None, and a note, if they are not usable."""
     elements = [xml.find(name) for name in ("leftBound", "rightBound")]
     lines = [points_of(element) for element in elements if element is not None]
     if len(lines) < 2:
@@ -109,19 +99,7 @@ def bounds_of(xml: ElementTree.Element, i: int, file: CommonRoadFile) -> tuple[F
         file.note("lanelets left out, a bound is shorter than two points", i)
         return None
     width = min(line.shape[1] for line in lines)
-    left, right = (line[:, :width] for line in lines)
-    if len(left) == len(right):
-        return left, right
-    file.note("lanelets with unequally many points on their bounds, points put in between", i)
-    # Each bound gets a point at the same share of its length as each point of the other one.
-    arcs = [arc_lengths(line) for line in (left, right)]
-    shares = [arc / arc[-1] for arc in arcs]
-    every = np.unique(np.concatenate(shares))
-    left, right = (
-        np.stack([np.interp(every, share, line[:, k]) for k in range(width)], axis=1)
-        for share, line in zip(shares, (left, right), strict=True)
-    )
-    return left, right
+    return lines[0][:, :width], lines[1][:, :width]
 
 
 def points_of(line: ElementTree.Element) -> FloatArray:

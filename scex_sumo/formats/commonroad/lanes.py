@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -15,7 +15,7 @@ from scex_sumo.formats.commonroad.file import CommonRoadFile, bounds_of, element
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane
 from scex_sumo.geometry.bounds import bounds_cross
 from scex_sumo.geometry.polylines import without_repeats
-from scex_sumo.road import Area, Lane, Marking, Regulation
+from scex_sumo.road import Lane, Regulation
 
 CARS = {"vehicle", "car"}
 _LINKS = ("successor", "predecessor", "adjacentLeft", "adjacentRight")
@@ -62,8 +62,7 @@ JOINT_M = 0.1  # two lanes follow each other if both bounds meet within this dis
 MAX_LIMIT_MPS = 70.0  # no limit is above 250 km/h; greater numbers are km/h by mistake
 
 
-@dataclass(frozen=True, kw_only=True)
-class Sign:
+class Sign(NamedTuple):
     """Element of a traffic sign.
 
     Attributes:
@@ -152,7 +151,7 @@ class _Reader:
         ours = frozenset(ref for parent in parents for ref in self._refs("trafficSignRef", parent))
         return Lanelet(
             name=self._id,
-            centre=0.5 * (left + right),
+            centre=0.5 * (left + right) if len(left) == len(right) else None,
             left=left,
             right=right,
             kind=kind_by_types(types, {*users, *both_ways}),
@@ -276,8 +275,8 @@ def _priority_rules(file: CommonRoadFile, driven: Lanelets, signs: Signs) -> Ite
             )
 
 
-def drawn_markings(lanelets: Lanelets) -> tuple[Marking, ...]:
-    """Lines to draw, with new ids; a line that two lanelets share is drawn once."""
+def drawn_lines(lanelets: Lanelets) -> list[tuple[str, str, FloatArray]]:
+    """Lines to draw, as of `DrawnMap`; a line that two lanelets share is drawn once."""
     lines: dict[bytes, tuple[str, str, FloatArray]] = {}
     for lanelet in lanelets.values():
         for line, marking in zip((lanelet.left, lanelet.right), lanelet.markings, strict=True):
@@ -287,19 +286,7 @@ def drawn_markings(lanelets: Lanelets) -> tuple[Marking, ...]:
     for lanelet in lanelets.values():
         if lanelet.stop_line is not None:
             lines.setdefault(lanelet.stop_line.tobytes(), ("stop_line", "", lanelet.stop_line))
-    return tuple(
-        Marking(line_id=k, kind=kind, subtype=subtype, points=points)
-        for k, (kind, subtype, points) in enumerate(lines.values(), start=1)
-    )
-
-
-def drawn_areas(lanes: Mapping[int, Lane]) -> tuple[Area, ...]:
-    """Regions to draw: lanelets without cars."""
-    return tuple(
-        Area(area_id=i, kind=lane.subtype, outline=lane.outline)
-        for i, lane in lanes.items()
-        if lane.kind != "vehicle"
-    )
+    return [*lines.values()]
 
 
 def with_opposite(lanelets: Lanelets) -> dict[int, Lanelet]:
@@ -312,7 +299,7 @@ def with_opposite(lanelets: Lanelets) -> dict[int, Lanelet]:
                 one,
                 name=turned[i],
                 reverse_of=i,
-                centre=one.centre[::-1],
+                centre=None if one.centre is None else one.centre[::-1],
                 left=one.right[::-1],
                 right=one.left[::-1],
                 successors=(),

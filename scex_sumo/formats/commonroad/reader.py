@@ -10,22 +10,16 @@ from pathlib import Path
 from typing import TypeAlias
 from xml.etree import ElementTree
 
+from scex_sumo.base.errors import MapError
 from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.lanelet.tags import LEFT_HAND, drives_left_at
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import MapFormat
-from scex_sumo.formats.commonroad.file import CommonRoadFile, open_commonroad
-from scex_sumo.formats.commonroad.lanes import (
-    Sign,
-    drawn_areas,
-    drawn_markings,
-    read_lanelets,
-    rules_of,
-    with_opposite,
-)
+from scex_sumo.formats.commonroad.file import CommonRoadFile, parse_commonroad
+from scex_sumo.formats.commonroad.lanes import Sign, drawn_lines, read_lanelets, rules_of, with_opposite
 from scex_sumo.formats.lane_maps.lane_map import drawn_road
 from scex_sumo.formats.recognition import is_commonroad
-from scex_sumo.road import Road
+from scex_sumo.road import Area, Road
 
 ReadSign: TypeAlias = Callable[[ElementTree.Element, str], str]
 
@@ -40,21 +34,25 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
     ``origin``: None for the file's location; coordinates stay.
     """
     name_of_sign, words = _library()
-    file = open_commonroad(path)
+    file = CommonRoadFile(path=Path(path), root=parse_commonroad(Path(path)), moved=False)
+    if file.root.find("lanelet") is None:
+        raise MapError(f"{path}: a CommonRoad file without lanelets; name one with a road network")
     with _quiet():
         signs = _signs(file, name_of_sign)
     lanelets = read_lanelets(file, words, signs)
     file.lanes += with_opposite(lanelets).values()
+    file.lines = drawn_lines(lanelets)
     known = file.country not in ("", "ZAM")
     file.left_hand = (
         file.country in LEFT_HAND if known else drives_left_at(file.origin) if file.origin else None
     )
     road = drawn_road(file, name=map_name(path))
+    others = (lane for lane in road.lanes.values() if lane.kind != "vehicle")  # drawn as regions
     return replace(
         road,
         regulations=rules_of(file, lanelets, road.lanes, signs),
-        markings=drawn_markings(lanelets),
-        areas=drawn_areas(road.lanes),
+        markings=road.markings if file.lines else (),
+        areas=tuple(Area(area_id=x.lane_id, kind=x.subtype, outline=x.outline) for x in others),
         origin=origin or file.origin or (0.0, 0.0),
     )
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import itertools
 import math
 import re
-import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +18,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.lanelet.file import list_ids
-from scex_sumo.converters.naming import map_name, open_binary
+from scex_sumo.converters.naming import beginning, map_name
 from scex_sumo.converters.registries import Dataset, Recording, recording_name
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, FORWARD_MPS, TrackRows, TrackTable
 from scex_sumo.formats.commonroad.file import coordinate, element_id, parse_commonroad
@@ -78,8 +77,11 @@ def read_commonroad_tracks(path: str | Path) -> tuple[TrackTable, tuple[str, ...
     first = min(track.states[0, 0] for track in moving)
     last = max(track.states[-1, 0] for track in moving)
     steps = np.arange(first, last + 1)
-    standing = [replace(track, states=_held(track.states[0], steps)) for track in standing]
-    return _table(path, [*moving, *standing], step_s), (f"{left_out}: left out",) if left_out else ()
+    for track in standing:
+        states = np.broadcast_to([*track.states[0, :4], 0.0], (len(steps), 5)).copy()
+        states[:, 0] = steps
+        moving.append(replace(track, states=states))
+    return _table(path, moving, step_s), (f"{left_out}: left out",) if left_out else ()
 
 
 def repair_commonroad(table: TrackTable) -> tuple[TrackTable, tuple[str, ...]]:
@@ -170,13 +172,6 @@ def _size(shape: ElementTree.Element | None) -> tuple[float, float] | None:
     return size if all(math.isfinite(side) and side > 0.0 for side in size) else None
 
 
-def _held(state: FloatArray, steps: FloatArray) -> FloatArray:
-    states = np.tile(state, (len(steps), 1))
-    states[:, 0] = steps
-    states[:, 4] = 0.0
-    return states
-
-
 def _table(path: Path, tracks: list[_Track], step_s: float) -> TrackTable:
     filled = [_filled(track.states, step_s) for track in tracks]
     flat, counts = np.concatenate(filled), [len(states) for states in filled]
@@ -258,11 +253,8 @@ def _name(map_path: Path, files: Sequence[Path]) -> str:
 
 
 def _is_scenario(path: Path) -> bool:
-    try:
-        with open_binary(path) as file:
-            return b"<commonRoad" in file.read(4096)
-    except (OSError, EOFError, zlib.error):
-        return True
+    start = beginning(path)
+    return b"<commonRoad" in start or (not start and path.stat().st_size > 0)  # a damaged file is reported
 
 
 def _siblings(path: Path) -> list[Path]:
@@ -274,26 +266,19 @@ def _siblings(path: Path) -> list[Path]:
 def _stitch(parts: list[tuple[TrackTable, tuple[str, ...]]]) -> tuple[TrackTable, tuple[str, ...]]:
     tables = [table for table, _ in parts]
     step_s = tables[0].step_s
-    offsets_ms = [0.0]
     for before, table in itertools.pairwise(tables):
         if abs(table.step_s - step_s) > 1e-9:
             raise TrackError(
                 f"{table.path}: its time step is {table.step_s:g} s, that of {before.path.name} "
                 f"{step_s:g} s; they are no chunks of one recording"
             )
-        end = chunk_span(table.path)
-        assert end is not None
-        offsets_ms.append(1000.0 * step_s * (end[1] - _first_step(tables[0])))
+    begins = [span[1] for table in tables if (span := chunk_span(table.path))]
+    first = 0 if begins[0] == 1 else begins[0]
+    offsets_ms = [0.0, *(1000.0 * step_s * (begin - first) for begin in begins[1:])]
     findings = tuple(f"{table.path.name}: {phrase}" for table, phrases in parts for phrase in phrases)
     vehicles = _joined([table.vehicles for table in tables], offsets_ms)
     others = _joined([table.others for table in tables], offsets_ms)
     return replace(tables[0], path=tables[0].path.parent, vehicles=vehicles, others=others), findings
-
-
-def _first_step(table: TrackTable) -> int:
-    span = chunk_span(table.path)
-    assert span is not None
-    return 0 if span[1] == 1 else span[1]
 
 
 def _joined(parts: list[TrackRows], offsets_ms: list[float]) -> TrackRows:

@@ -19,8 +19,7 @@ from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.converters.xml import unpacked, xml_root
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
-from scex_sumo.formats.opendrive.reference import number
-from scex_sumo.formats.opendrive.roads import KINDS, DrawnRoad, Name
+from scex_sumo.formats.opendrive.roads import KINDS, DrawnRoad, Name, number
 from scex_sumo.formats.recognition import is_opendrive
 from scex_sumo.formats.samples.boxes import one_line
 from scex_sumo.road import Road

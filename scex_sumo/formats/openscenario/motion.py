@@ -10,7 +10,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.formats.opendrive.reference import ReferenceLine, number
+from scex_sumo.formats.opendrive.roads import ReferenceLine, number
 from scex_sumo.formats.opendrive.ways import Places, Pose, Way
 from scex_sumo.geometry.polylines import distances
 from scex_sumo.geometry.rectangles import Rectangles

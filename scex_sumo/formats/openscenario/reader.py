@@ -84,9 +84,9 @@ def _read(
                 notes += [f"the scenario is known until {known_s:g} s: {why}"] if str(why) else []
                 break
         kinds = {numbers[mover.name]: mover.kind for mover in story.movers.values()}
-        table, more = box_table(path, labels, kinds, np.array(values).reshape(-1, 8))
+        table = box_table(path, labels, kinds, np.array(values).reshape(-1, 8))
         table = replace(table, complete=partial(_completed, {label: name for name, label in numbers.items()}))
-        return table, (*notes, *more)
+        return table, (*notes, *table.notes)
 
 
 def _document(path: Path) -> Element:

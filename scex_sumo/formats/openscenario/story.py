@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TypeAlias
 from xml.etree.ElementTree import Element
 
-from scex_sumo.formats.opendrive.reference import number
+from scex_sumo.formats.opendrive.roads import number
 from scex_sumo.formats.opendrive.ways import Places, Pose
 from scex_sumo.formats.openscenario import motion
 from scex_sumo.formats.openscenario.motion import Action, Mover, Target, UnknownMotion, chosen

@@ -82,13 +82,11 @@ def joined_rows(*parts: TrackRows) -> TrackRows:
     """Join the tracks of several parts of one recording, the parts one after the other."""
     tracks = np.cumsum([0, *(part.tracks for part in parts)])
     segments = np.cumsum([0, *(int(part.segment.max(initial=-1)) + 1 for part in parts)])
-    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ROW_COLUMNS}
-    columns["segment"] = np.concatenate(
-        [part.segment + first for part, first in zip(parts, segments, strict=False)]
-    )
+    shifts = zip(parts, tracks, segments, strict=False)
+    moved = [part.with_columns(track=part.track + k, segment=part.segment + n) for part, k, n in shifts]
+    names = ("track", *ROW_COLUMNS)
     return TrackRows(
-        **columns,
-        track=np.concatenate([part.track + first for part, first in zip(parts, tracks, strict=False)]),
+        **{name: np.concatenate([getattr(part, name) for part in moved]) for name in names},
         labels=tuple(label for part in parts for label in part.labels),
         types=tuple(kind for part in parts for kind in part.types),
     )

@@ -73,7 +73,7 @@ def _road(path: Path) -> Road:
     sumo_lanes = {numbers[name]: net.getLane(name) for name in numbers}
     lanes = {i: _lane(i, lane, numbers) for i, lane in sumo_lanes.items()}
     left_hand = is_left_hand(root)
-    lanes = _beside(lanes, sumo_lanes, numbers, forbidden, lefthand=left_hand)
+    lanes = _beside(lanes, numbers, forbidden, lefthand=left_hand)
     lines = {i: _line(lane, heights=True) for i, lane in sumo_lanes.items()}
     within = {i for i, lane in lanes.items() if lane.subtype.startswith(":")}
     if named:
@@ -223,30 +223,16 @@ def _line(lane: Any, *, heights: bool = False) -> FloatArray:
 
 
 def _beside(
-    lanes: Mapping[int, Lane],
-    sumo_lanes: Mapping[int, Any],
-    numbers: Mapping[str, int],
-    forbidden: set[tuple[str, int]],
-    *,
-    lefthand: bool,
+    lanes: Mapping[int, Lane], numbers: Mapping[str, int], forbidden: set[tuple[str, int]], *, lefthand: bool
 ) -> dict[int, Lane]:
     left = -1 if lefthand else 1  # lane 0 is next to the kerb
     result = {}
     for i, lane in lanes.items():
-        sumo_lane = sumo_lanes[i]
-        edge, index = sumo_lane.getEdge(), sumo_lane.getIndex()
-        near: dict[int, int | None] = {}
-        for side in (1, -1):
-            at = index + side
-            there = edge.getLanes()[at] if 0 <= at < edge.getLaneNumber() else None
-            number = None if there is None else numbers.get(there.getID())
-            near[side] = number if number is not None and lanes[number].kind == lane.kind else None
-        free = {
-            side: None
-            if (sumo_lane.getID(), side) in forbidden or edge.getFunction() == "internal"
-            else near[side]
-            for side in near
-        }
+        edge, _, index = lane.subtype.rpartition("_")
+        there = {side: numbers.get(f"{edge}_{int(index) + side}") for side in (left, -left)}
+        near = {side: j if j and lanes[j].kind == lane.kind else None for side, j in there.items()}
+        closed = {side for side in near if edge.startswith(":") or (lane.subtype, side) in forbidden}
+        free = {side: None if side in closed else near[side] for side in near}
         result[i] = replace(
             lane, left=free[left], right=free[-left], adjacent_left=near[left], adjacent_right=near[-left]
         )

@@ -74,11 +74,6 @@ class Recorded:
     notes: tuple[str, ...] = ()
     lateral_m: float = 0.0
 
-    @property
-    def end_s(self) -> float:
-        """Time of the last step."""
-        return self.absent[-1][0]
-
     def tracks(self, path: Path) -> tuple[TrackTable, tuple[str, ...]]:
         """Return the tracks, and one phrase for each guess; at least one frame must hold a vehicle."""
         names, rows = [], []
@@ -98,7 +93,7 @@ class Recorded:
 def _completed(recorded: Recorded, path: Path, names: Mapping[str, str], scene: SeedScene) -> SeedScene:
     """Complete a seed scene: lights in their phases, names of vehicles, notes on absent ones."""
     time_s, notes = scene.time_s, list[str]()
-    end_s = min(recorded.end_s, time_s + FUTURE_STEPS * STEP_S)
+    end_s = min(recorded.absent[-1][0], time_s + FUTURE_STEPS * STEP_S)
     state = recorded.states.get(round(time_s, 3))
     lights = saved_lights(state or b"")
     road, on_lights = with_lights(scene.road, recorded.lights, recorded.programmes, time_s, end_s, lights)

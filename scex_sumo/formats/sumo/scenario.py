@@ -22,9 +22,9 @@ from scex_sumo.base.errors import MapError, SimulationError, TrackError, one_lin
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.progress import Progress
 from scex_sumo.base.sumo.programs import checked_path, environment, program, sumo_home
-from scex_sumo.converters.naming import beginning, map_name
+from scex_sumo.converters.naming import beginning, map_name, number
 from scex_sumo.converters.net.reading import allowed_content
-from scex_sumo.converters.registries import Dataset, MapFormat, own_maps
+from scex_sumo.converters.registries import Dataset, MapFormat, Window, own_maps
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.converters.xml import is_utf8, unpacked, xml_elements, xml_root
 from scex_sumo.extrapolation.processes.pool import in_other_process
@@ -45,8 +45,6 @@ WITHOUT_END_S = 600.0  # simulated if neither a time is given nor the configurat
 _TOP = 100_000  # bytes of a saved state that hold its options
 _KEPT = ("step-length", "lateral-resolution", "default.carfollowmodel")
 QUIET = ("--no-step-log", "true", "--duration-log.disable", "true", "--xml-validation", "never")
-
-Window = tuple[float | None, float | None]
 
 SCALE = "scale"
 NET, ROUTES, ADDITIONAL, STATE = "net-file", "route-files", "additional-files", "load-state"
@@ -176,17 +174,15 @@ def _check_scale(file: Path, value: str) -> None:
 def _check_flow(file: Path, flow: Mapping[str, str]) -> None:
     """Raise a `MapError` for a flow whose departures SUMO would not finish to make within a step."""
 
-    def number(name: str, otherwise: float = math.nan) -> float:
-        try:
-            return float(flow[name].strip().removeprefix("exp(").removesuffix(")"))
-        except (KeyError, ValueError):
-            return otherwise  # SUMO knows other words, and says what is wrong
+    def given(name: str, otherwise: float = math.nan) -> float:
+        value = number(flow.get(name, "").strip().removeprefix("exp(").removesuffix(")"))
+        return otherwise if math.isnan(value) else value  # SUMO knows other words, and says what is wrong
 
-    rates = [number(name) / 3600 for name in ("vehsPerHour", "personsPerHour", "perHour")]
+    rates = [given(name) / 3600 for name in ("vehsPerHour", "personsPerHour", "perHour")]
     if (period := flow.get("period")) is not None:
-        rates.append(number("period") if "exp" in period else 1 / max(number("period"), 1e-300))
+        rates.append(given("period") if "exp" in period else 1 / max(given("period"), 1e-300))
     else:
-        rates.append(number("number") / max(number("end", 86_400.0) - number("begin", 0.0), 1.0))
+        rates.append(given("number") / max(given("end", 86_400.0) - given("begin", 0.0), 1.0))
     if any(rate > MAX_FLOW_HZ for rate in rates):
         raise MapError(
             f"{file}: flow {flow.get('id', '')} has {np.nanmax(rates):.3g} departures a second, at most "
