@@ -1,4 +1,4 @@
-"""CommonRoad file: its XML, its lanelets as plain data, and notes about defects.
+"""CommonRoad file: its XML, its lanelets as plain data, notes about defects; only here: commonroad-io.
 
 Broken parts are mended or left out: commonroad-io stops at the first broken element; the standard library
 keeps the sound ones.
@@ -6,18 +6,24 @@ keeps the sound ones.
 
 from __future__ import annotations
 
+import logging
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple, TypeAlias
 from xml.etree import ElementTree
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError
+from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.naming import number
 from scex_sumo.converters.xml import xml_root
 from scex_sumo.formats.lane_maps.lane_map import DrawnMap
+
+ReadSign: TypeAlias = Callable[[ElementTree.Element, str], str]
 
 VERSIONS = ("2018b", "2020a")
 MAX_ID = 2**52  # other tools keep ids as floats; those of opposite lanes are greater
@@ -26,6 +32,19 @@ _ROOTS = {
     "net": "it is a SUMO net already",
     "OpenDRIVE": "it is OpenDRIVE; rename it to .xodr",
 }
+
+
+class Sign(NamedTuple):
+    """Element of a traffic sign.
+
+    Attributes:
+        name: CommonRoad's name, the same in every country, e.g. ``YIELD``, ``MAX_SPEED``.
+        written: as the file has it, e.g. ``205``.
+    """
+
+    name: str
+    written: str
+    values: tuple[str, ...] = ()
 
 
 @dataclass(kw_only=True, eq=False)
@@ -109,3 +128,48 @@ def points_of(line: ElementTree.Element) -> FloatArray:
     return np.array([[coordinate(p.findtext(name)) for name in names] for p in points]).reshape(
         -1, len(names)
     )
+
+
+def library() -> tuple[ReadSign, dict[str, set[str]]]:
+    """Return commonroad-io's reader of the name of a sign, by element and country, and its words by tag."""
+    with extra_for("CommonRoad maps need commonroad-io", "formats"):
+        from commonroad.common.common_lanelet import LaneletType, LineMarking, RoadUser
+        from commonroad.common.reader.file_reader_xml import TrafficSignElementFactory
+        from commonroad.scenario.traffic_sign import SupportedTrafficSignCountry
+
+    def sign(element: ElementTree.Element, country: str) -> str:
+        known = {c.value for c in SupportedTrafficSignCountry}
+        # Zamunda is CommonRoad's country of no country; its signs are Germany's.
+        where = SupportedTrafficSignCountry(country if country in known else "ZAM")
+        read = TrafficSignElementFactory.create_from_xml_node(element, where)
+        return str(read.traffic_sign_element_id.name)
+
+    users = {user.value for user in RoadUser}
+    return sign, {
+        "laneletType": {word.value for word in LaneletType},
+        "lineMarking": {word.value for word in LineMarking},
+        "userOneWay": users,
+        "userBidirectional": users,
+    }
+
+
+def signs_of(file: CommonRoadFile, name_of_sign: ReadSign) -> dict[int, tuple[Sign, ...]]:
+    """Return the elements of each sign of a file; the library is quiet about those that it does not know."""
+    signs: dict[int, tuple[Sign, ...]] = {}
+    logger = logging.getLogger("commonroad")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        for i, element in file.elements("trafficSign").items():
+            read = []
+            for part in element.findall("trafficSignElement"):
+                written = (part.findtext("trafficSignID") or "").strip()
+                name = name_of_sign(part, file.country) if written else "UNKNOWN"
+                values = tuple((value.text or "").strip() for value in part.findall("additionalValue"))
+                if name == "UNKNOWN":
+                    file.note("signs that commonroad-io does not know, left out", i)
+                read.append(Sign(name=name, written=written, values=values))
+            signs[i] = tuple(read)
+    finally:
+        logger.setLevel(level)
+    return signs
