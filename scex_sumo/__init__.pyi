@@ -37,9 +37,9 @@ from .graphs.graph import scene_graph as scene_graph
 from .lanelet2sumo.convert import convert as convert
 from .live.watch import Watch as Watch
 from .live.watch import watch as watch
+from .metrics.own import metric as metric
 from .metrics.pairs.scenes import Samples as Samples
 from .metrics.pairs.scenes import Scenes as Scenes
-from .metrics.registry import metric as metric
 from .page.figures.figure import plot as plot
 from .plug_in.inputs import Surroundings as Surroundings
 from .plug_in.predictor import Predictor as Predictor

@@ -23,7 +23,7 @@ from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.xml import net_root
 from scex_sumo.exporters.request import Request
 from scex_sumo.intention import MAX_BEHIND, Intention, Walk
-from scex_sumo.results.participants import some_obstacles
+from scex_sumo.results.obstacles import some_obstacles
 from scex_sumo.results.road import load_intentions
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, Obstacles, SeedScene, States
 from scex_sumo.world.base import BatchStart, SumoDriven, WorldRequest

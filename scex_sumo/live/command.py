@@ -91,7 +91,7 @@ class _Teller:
 
     def __call__(self, risk: Risk) -> None:
         from scex_sumo.live.folder import write_risks
-        from scex_sumo.reports.run_table import print_line
+        from scex_sumo.reports.console_table import print_line
 
         self.risks.append(risk)
         print_line(self._line(risk), self._console)

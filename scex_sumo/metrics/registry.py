@@ -8,14 +8,12 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import inspect
-import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, Literal, TypeVar
+from typing import Any, Final, Literal
 
-from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import UsageError, nearest
 from scex_sumo.base.importing import Registry, import_object
 from scex_sumo.metrics.events import EVENTS
@@ -157,7 +155,7 @@ COLLISION: Final = "collision"
 """Column that is no metric: 1 if two vehicles of a future collide, else 0."""
 
 # sets, and other columns of tables
-_TAKEN: Final = (*SETS, "future", "case_id", COLLISION, "all")
+TAKEN: Final = (*SETS, "future", "case_id", COLLISION, "all")
 
 _registered: dict[str, Metric] = {}
 _COLLISIONS = {COLLISION: Metric.described({"name": COLLISION, "critical": "max", "threshold": 1.0})}
@@ -243,58 +241,4 @@ def describe_metrics(metrics: Sequence[Metric]) -> list[dict[str, Any]]:
 
 def described_metrics(descriptions: Iterable[Mapping[str, Any]]) -> dict[str, Metric]:
     """Return by name the metrics of ``run.json``, whose functions this process may not have."""
-    return {each["name"]: Metric.described(each) for each in descriptions if each["name"] not in _TAKEN}
-
-
-F = TypeVar("F", bound=Callable[[Scenes], Samples | Entries])
-
-
-@checked
-def metric(
-    name: str,
-    *,
-    critical: Literal["min", "max"],
-    unit: str = "",
-    threshold: float | None = None,
-    label: str | None = None,
-    inverse: bool = False,
-    finite: bool = False,
-) -> Callable[[F], F]:
-    """Register a function of `Scenes` that returns `Samples` as a metric: ``@metric("my_metric", ...)``.
-
-    Args:
-        critical: ``min`` if small values are critical, else ``max``.
-        unit: of the function's values.
-        threshold: value from which a future is critical.
-        inverse: aggregate 1 / value; ``critical`` and ``threshold`` refer to it.
-        finite: leave infinite values out of the aggregates.
-
-    Raises:
-        UsageError: the name is taken or cannot be written on a command line, or the side is unknown.
-
-    Example:
-        >>> scene = scex.read_seed(scex.example_path("roundabout"))
-        >>> @scex.metric("slowest", critical="min", unit="m/s")
-        ... def slowest(scenes):
-        ...     first, second = scenes.pairs
-        ...     return scenes.unordered(np.minimum(scenes.speed[first], scenes.speed[second]))
-        >>> scex.extrapolate(scene, futures=2, metrics=["slowest"]).metrics.column_names
-        ['future', 'slowest', 'slowest_mean', 'collision']
-    """
-    if name in METRICS or name in _TAKEN:
-        raise UsageError(f"metric {name!r}: the name is taken; choose another one")
-    if not name or name.endswith("_mean") or any(c in name for c in ",:@=. \t\n"):
-        raise UsageError(f"metric {name!r}: a name must not contain , : @ = . or spaces, nor end with _mean")
-    if critical not in ("min", "max"):
-        raise UsageError(f"metric {name!r}: critical={critical!r}; choose min or max")
-    if threshold is not None and not math.isfinite(threshold):
-        raise UsageError(f"metric {name!r}: threshold {threshold} is not a finite number")
-
-    def register(function: F) -> F:
-        more: dict[str, Any] = {"inverse": inverse, "finite": finite, "threshold": threshold}
-        registered = _of(name, unit, critical, function, label or "", **more)
-        _registered[name] = registered
-        function.__scex_metric__ = registered  # type: ignore[attr-defined]
-        return function
-
-    return register
+    return {each["name"]: Metric.described(each) for each in descriptions if each["name"] not in TAKEN}

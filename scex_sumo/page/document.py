@@ -1,30 +1,27 @@
-"""Page of elements: cards, charts, sortable tables; tables described once for pages and terminals."""
+"""Page of elements: cards, charts, sortable tables."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from string import Template
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any
 
 from numpy.typing import NDArray
-from rich.console import Console
 
 from scex_sumo.base.files import write_atomic
 from scex_sumo.base.version import __version__
 from scex_sumo.page.html import Html, asset, element, joined
 from scex_sumo.page.packing import pack
-from scex_sumo.reports.run_table import Head, console_table, print_table
+from scex_sumo.reports.words import Head
 
-Row: TypeAlias = Mapping[str, Any]
 Table = Mapping[str, Any]
 """``columns`` and ``rows`` of a table, as ``assets/table.js`` shows them."""
 _SCRIPTS = ("data.js", "dom.js", "table.js")  # of every page, in their order
-_FAILURES_SHOWN = 20
 NO_SCRIPT = element(
     "noscript",
     element("p.card", "The tables are made by the JavaScript inside of this file; it asks for nothing."),
@@ -102,53 +99,3 @@ def _column(title: str, form: str, hint: str, cells: Sequence[Any]) -> dict[str,
     names = form == "text" and any(isinstance(cell, str) and cell[:1].isalpha() for cell in cells)
     down = form in ("real", "percent", "often", "tenths")
     return column | {"as": form, "down": down} | ({"kind": "names"} if names else {})
-
-
-class Column(NamedTuple):
-    """Column of a table: cells by key or function of a row; title, form and hint as of `Head`."""
-
-    cell: str | Callable[[Row], Any]
-    title: str
-    form: str = "text"
-    hint: str = ""
-
-    def of(self, row: Row) -> Any:
-        """Return the cell of a row."""
-        return self.cell(row) if callable(self.cell) else row[self.cell]
-
-
-def page_table(columns: Sequence[Column], rows: Iterable[Row]) -> Table:
-    """Return a sortable table of a page."""
-    return table([column[1:] for column in columns], _cells(columns, rows))
-
-
-def print_columns(
-    columns: Sequence[Column],
-    rows: Iterable[Row],
-    console: Console,
-    title: str,
-    caption: str | None = None,
-    *,
-    breaks: Sequence[str] = (),
-) -> None:
-    """Print rows as a table; ``breaks`` as of `print_table`."""
-    cells = _cells(columns, rows)
-    table = console_table(title, [column[1:] for column in columns], cells, caption=caption)
-    print_table(table, console, breaks=breaks)
-
-
-def _cells(columns: Sequence[Column], rows: Iterable[Row]) -> list[list[Any]]:
-    return [[column.of(row) for column in columns] for row in rows]
-
-
-def failure_card(title: str, reasons: Mapping[str, str]) -> list[Html]:
-    """Return the card of failed moments, those of one reason together; none without a failure."""
-    by_reason: dict[str, list[str]] = {}
-    for name, reason in reasons.items():
-        by_reason.setdefault(reason, []).append(name)
-    most = sorted(by_reason.items(), key=lambda item: -len(item[1]))[:_FAILURES_SHOWN]
-    items = [
-        element("li", f"{reason} ({len(names)}: {', '.join(names[:3])}{', ...' if names[3:] else ''})")
-        for reason, names in most
-    ]
-    return [card(title, element("ul", *items))] if items else []

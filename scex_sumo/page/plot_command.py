@@ -86,7 +86,7 @@ def _metrics(run: Run) -> str:
 
 def _print_probabilities(runs: Sequence[Run], labels: Sequence[str]) -> None:
     from scex_sumo.commands.console import output_console
-    from scex_sumo.reports.run_table import console_table, print_table
+    from scex_sumo.reports.console_table import console_table, print_table
 
     rows: list[Sequence[str]] = [["futures", *(str(run.futures) for run in runs)]]
     rows.append(["collision", *(run.collision.percent for run in runs)])

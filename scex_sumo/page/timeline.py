@@ -11,7 +11,8 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.page.figures.charts import Plane, tick_seconds
 from scex_sumo.page.html import Html, element, joined
-from scex_sumo.page.report.scene import Box, scene_svg
+from scex_sumo.page.picture import scene_svg
+from scex_sumo.page.report.scene import Box
 from scex_sumo.results.tables.pairs import arrow, once_in, one_in
 
 _FLOOR: Final = 1e-7  # P below which nothing is drawn

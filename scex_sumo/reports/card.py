@@ -14,7 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from scex_sumo.reports.encounter_rows import driven_as, worst_stress
-from scex_sumo.reports.run_table import MAIN, counted, extra_rows, participants, row_cell
+from scex_sumo.reports.words import MAIN, counted, extra_rows, participants, row_cell
 from scex_sumo.results.decision import DISAGREE, DOUBTFUL, NOTHING, TEST, VERDICTS
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.cut_sets import cut_set_words

@@ -7,11 +7,36 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from scex_sumo.drivers.registry import MIXES
+from scex_sumo.metrics.events import EVENTS, MEASURED
+from scex_sumo.reports.words import Head
 from scex_sumo.results.run import Run
-from scex_sumo.results.tables.encounters import Encounter, criticality, event_of, in_words, precedence_words
+from scex_sumo.results.tables.encounters import (
+    QUESTIONS,
+    Encounter,
+    criticality,
+    event_of,
+    in_words,
+    precedence_words,
+)
+from scex_sumo.results.tables.pairs import arrow
 
 STRESS_TEST: Final = "stress test"
 HUMAN_LIKE: Final = "human-like"
+
+_SHARE = "Share of the futures; a click on a row shows the typical one"
+HEADS: Final[tuple[Head, ...]] = (
+    ("pair", "names", "A vehicle hits or follows → another"),
+    ("place", "names", ""),
+    ("futures", "names", "Stress test: driven as the models of the run; human-like: as people were recorded"),
+    (EVENTS["collision"].title, "percent", _SHARE),
+    ("95 %", "text", "Interval of P(collision)"),
+    *((event.title, "percent", f"{event.question}. {_SHARE}") for event in MEASURED),
+    ("any", "percent", f"Any of these. {_SHARE}"),
+    ("gap", "metres", "Least gap in the typical future; up to 10 m"),
+    ("after", "seconds", "Time of the encounter in the typical future"),
+    ("driven by", "words", "Models in the typical future"),
+)
+"""Columns of encounters in the terminal and on the page."""
 
 _PAIRED = (("track_id", "other_id"), ("name", "other_name"), ("model", "other_model"))
 _SWAP = {a: b for pair in _PAIRED for a, b in (pair, pair[::-1])}
@@ -75,6 +100,22 @@ def meetings(run: Run) -> list[Meeting]:
     for number, meeting in enumerate(encounters):
         first.setdefault(meeting.pair, number)
     return sorted(encounters, key=lambda meeting: first[meeting.pair])
+
+
+def encounter_cells(meeting: Meeting) -> list[Any]:
+    """Return the cells of an encounter under `HEADS`; probabilities with their intervals."""
+    row, (collision, *others) = meeting.row, [meeting.probability(name) for name in QUESTIONS]
+    return [
+        arrow(row),
+        ", ".join(filter(None, (row["place"], "doubtful" if meeting.doubt else None))) or None,
+        meeting.futures,
+        collision,
+        f"{collision.range} %",
+        *others,
+        row["gap"],
+        round(row["time_s"], 1),
+        f"{row['model']}, {row['other_model']}",
+    ]
 
 
 def named_as(lead: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:

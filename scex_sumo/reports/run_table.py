@@ -2,36 +2,26 @@
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Final, TypeAlias
+from collections.abc import Callable, Sequence
+from typing import Final
 
 import numpy as np
-from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from scex_sumo.base.errors import listed
 from scex_sumo.metrics.registry import PAPER_METRICS, critical_columns
+from scex_sumo.reports.console_table import console_table, print_line, print_table
 from scex_sumo.reports.encounter_rows import STRESS_TEST, driven_as, meetings, worst_stress
+from scex_sumo.reports.words import MAIN, Head, counted, extra_rows, participants, row_cell
 from scex_sumo.results.folder import horizons_of
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
 
 SEVERITY: Final = "severe injuries [‰]"
-MAIN: Final[tuple[str, ...]] = ("gap", "ttc_path", "drac", "thw", "wttc_path")
-"""Metrics of the table in its default form."""
 
-Head: TypeAlias = tuple[str, str, str]
-"""Title, format and hint of a column in the terminal and on a page.
-
-Formats: text, names and words (left-aligned), real, percent, seconds, metres; in a terminal also ``.2f``.
-"""
-_FORMS = {"real": "{:.2f}", "percent": "{:.1%}", "seconds": "{:.1f} s", "metres": "{:.1f} m"}
 
 _WORST = 3  # lines of encounters
-_MIN_FOLDED = 12  # characters of a folded column
 
 
 def print_details(run: Run, console: Console, *, every: bool = False) -> None:
@@ -57,54 +47,6 @@ def stress_lines(run: Run) -> list[str]:
 def expected_injuries(run: Run) -> float:
     """Return the expected number of severe injuries (MAIS 3+) in a future."""
     return float(np.sum(np.asarray(run.encounters["expected_mais3"])))
-
-
-def print_line(text: str, console: Console) -> None:
-    """Print a sentence; only terminals break it, between words."""
-    indent = len(text) - len(text.lstrip())
-    wide = console.size.width if console.is_terminal else len(text) + 1
-    wrapped = textwrap.wrap(text, wide, subsequent_indent=" " * (indent + 2), break_on_hyphens=False)
-    console.print(Text("\n".join(wrapped)), soft_wrap=True)
-
-
-def console_table(
-    title: str, heads: Sequence[Head], rows: Iterable[Sequence[Any] | None], *, caption: str | None = None
-) -> Table:
-    """Return a table for the terminal; None and NaN are dashes, words may fold, a row None begins a part."""
-    table = Table(title=title, title_justify="left", caption=caption, caption_justify="left")
-    for name, form, _ in heads:
-        left, words = form in ("names", "words"), form == "words"
-        style: dict[str, Any] = {"overflow": "fold"} if words else {"no_wrap": True}
-        table.add_column(Text(name), justify="left" if left else "right", **style)
-    forms = [f"{{:{form}}}" if form[:1] == "." else _FORMS.get(form, "{}") for _, form, _ in heads]
-    for row in rows:
-        if row is None:
-            table.add_section()
-        else:
-            cells = zip(forms, row, strict=True)
-            table.add_row(*(Text("–" if c is None or c != c else form.format(c)) for form, c in cells))
-    return table
-
-
-def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -> None:
-    """Print a table; a narrow terminal gets no frame, and no cell is cut off.
-
-    Args:
-        table: only columns with overflow ``fold`` may take several lines.
-        console: becomes as wide as the table needs.
-        breaks: parts of headers that begin a new line on a narrow terminal.
-    """
-    unlimited = console.options.update(max_width=1000)
-    if console.measure(table, options=unlimited).maximum > console.width:
-        table.box, table.padding, table.pad_edge = None, (0, 1, 0, 0), False
-        for column in table.columns:
-            for part in breaks:
-                column.header = str(column.header).replace(part, f"\n{part.strip()}")
-        folded = [c for c in table.columns if c.overflow == "fold"]
-        spare = sum(max(0, *(cell_len(str(cell)) for cell in c.cells)) - _MIN_FOLDED for c in folded)
-        needed = console.measure(table, options=unlimited).maximum
-        console.width = max(console.width, needed - max(0, spare))
-    console.print(table)
 
 
 def summary_table(run: Run, *, every: bool = False) -> Table:
@@ -154,22 +96,6 @@ def summary_table(run: Run, *, every: bool = False) -> Table:
     return console_table(title, named, rows, caption=caption)
 
 
-def row_cell(value: float | str | None) -> str:
-    """Return the value of a row of an extra as it is printed."""
-    return value if isinstance(value, str) else "–" if value is None else f"{value:.3g}"
-
-
-def extra_rows(run: Run) -> dict[str, list[float | str | None]]:
-    """Return the rows of the extras by title: the value in the stress test, then in the reference."""
-    sets = [run] if run.reference is None else [run, run.reference]
-    rows_of = [{row["name"]: row for row in one.info.get("rows", ())} for one in sets]
-    titles = {name: f" [{row['unit']}]" if row["unit"] else "" for name, row in rows_of[0].items()}
-    return {
-        f"{name}{unit}": [rows.get(name, {}).get("value") for rows in rows_of]
-        for name, unit in titles.items()
-    }
-
-
 def shown_columns(run: Run, *, every: bool) -> tuple[list[str], list[str]]:
     """Return the metrics of the table, and with ``every`` the paper's six below them."""
     columns = critical_columns(run.columns)
@@ -214,20 +140,6 @@ def _recorded_overlaps(run: Run) -> str:
         return counted(len(recorded["overlaps"]), "overlap")
     touch = "drac" in run.columns and np.isinf(run.recorded_value("drac") or 0.0)
     return "contact" if touch else "none"
-
-
-def participants(scene: Mapping[str, Any]) -> str:
-    """Return how many vehicles and people of a seed scene, as ``run.json`` has it, take part, and how."""
-    people = len(scene.get("people", ()))
-    words = counted(scene["vehicles"] - people, "vehicle")
-    words += f" and {people} {'person' if people == 1 else 'people'}" if people else ""
-    replayed = [counted(count, kind) for kind, count in (scene.get("replayed") or {}).items()]
-    return f"{words} ({', '.join(replayed)} as recorded)" if replayed else words
-
-
-def counted(count: int, noun: str) -> str:
-    """Return a number with its noun, e.g. ``2 vehicles``."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
 def _number(value: float | None) -> str:

@@ -10,16 +10,9 @@ from rich.console import Console
 from rich.table import Table
 
 from scex_sumo.metrics.registry import COLLISION, critical_columns
-from scex_sumo.reports.run_table import (
-    MAIN,
-    SEVERITY,
-    Head,
-    console_table,
-    counted,
-    print_line,
-    print_table,
-    shown_columns,
-)
+from scex_sumo.reports.console_table import console_table, print_line, print_table
+from scex_sumo.reports.run_table import SEVERITY, shown_columns
+from scex_sumo.reports.words import MAIN, Head, counted
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import criticality, event_of, share_of
 from scex_sumo.results.under_test import Difference, UnderTest

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -11,14 +11,12 @@ import numpy as np
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import number_or_name
-from scex_sumo.intention import Walk
-from scex_sumo.scene import HISTORY_STEPS, REPLAYED, STEP_S, Obstacles, SeedScene, States
+from scex_sumo.results.obstacles import replaying
+from scex_sumo.scene import STEP_S, SeedScene
 
 NEAR_M: Final = 50.0
 """At constant speed, vehicles that come no nearer to those inside are replayed."""
 
-REPLAYED_STEPS: Final = 50
-"""Steps of replayed vehicles whose future is not recorded."""
 
 ALL_SIMULATED: Final = 100
 """Vehicles of a scene that are simulated wherever the region is."""
@@ -126,40 +124,3 @@ def region_of(given: str | int) -> Region:
             f"--region {given}: needs X,Y,R in m, or a vehicle, e.g. --region 1010,985,40"
         ) from None
     return Region(circle=(x, y, radius))
-
-
-def replaying(scene: SeedScene, kept: Sequence[int]) -> SeedScene:
-    """Return a scene with some of its vehicles, the others as obstacles that move as recorded.
-
-    Without a recorded future they go on straight at constant speed.
-    """
-    rest = np.setdiff1d(np.arange(scene.vehicles), kept)
-    others, future, now = scene.obstacles, scene.future, scene.now
-    if future is None:
-        steps = REPLAYED_STEPS if others is None else others.states.shape[1] - HISTORY_STEPS - 1
-        travelled_m = now.speed[:, None] * STEP_S * np.arange(1, steps + 1)
-        future = now.ahead(travelled_m, np.repeat(now.speed[:, None], steps, axis=1))
-    valid = np.ones(future.shape, dtype=np.bool_) if scene.future_valid is None else scene.future_valid
-    known = np.ones((len(rest), HISTORY_STEPS + 1), dtype=np.bool_)
-    added = Obstacles(
-        ids=tuple(str(track) for track in scene.track_ids[rest]),
-        types=(REPLAYED,) * len(rest),
-        length=scene.length[rest],
-        width=scene.width[rest],
-        states=States.concatenate([scene.history[rest], future[rest]], axis=1),
-        present=np.concatenate([known, valid[rest]], axis=1),
-    )
-    kept_scene = scene.reordered(kept, name=scene.name)
-    return replace(kept_scene, obstacles=added if others is None else _both(others, added))
-
-
-def _both(one: Obstacles, other: Obstacles) -> Obstacles:
-    return Obstacles(
-        ids=one.ids + other.ids,
-        types=one.types + other.types,
-        length=np.concatenate([one.length, other.length]),
-        width=np.concatenate([one.width, other.width]),
-        states=States.concatenate([one.states, other.states], axis=0),
-        present=np.concatenate([one.present, other.present]),
-        walks=one.walks and (*one.walks, *[Walk()] * len(other.ids)),
-    )

@@ -10,7 +10,7 @@ import numpy as np
 from scex_sumo.decision.of_run import human_like_answer
 from scex_sumo.metrics.registry import critical_columns
 from scex_sumo.reports.encounter_rows import meetings, worst_stress
-from scex_sumo.reports.run_table import extra_rows
+from scex_sumo.reports.words import extra_rows
 from scex_sumo.results.run import Run
 
 if TYPE_CHECKING:

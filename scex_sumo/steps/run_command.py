@@ -66,7 +66,6 @@ def _answer(run: Run) -> dict[str, Any]:
 
 def _tell(run: Run, *, details: bool, every: bool) -> None:
     from scex_sumo.reports.card import print_card, print_closing
-    from scex_sumo.reports.run_table import print_details
 
     warn([*run.info["net_notes"], *run.info["run_notes"]])
     console = output_console(width=80)
@@ -76,6 +75,8 @@ def _tell(run: Run, *, details: bool, every: bool) -> None:
         print_under_test(run, console, every=every)
     print_card(run, console)
     if details or every:
+        from scex_sumo.reports.run_table import print_details
+
         print_details(run, output_console(width=110), every=every)
     for what, path in {"result": run.folder, **run.written}.items():
         if what != "result" or "report" not in run.written:

@@ -44,8 +44,8 @@ def catalogue_command(
 
 def _print_coverage(suite: Suite) -> None:
     from scex_sumo.commands.console import output_console
-    from scex_sumo.page.document import print_columns
-    from scex_sumo.reports.run_table import print_line
+    from scex_sumo.page.columns import print_columns
+    from scex_sumo.reports.console_table import print_line
     from scex_sumo.suites.page import COVERAGE, population_words
 
     console = output_console(width=120)

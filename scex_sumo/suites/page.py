@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from scex_sumo.page.document import Column, Document, Table, card, page_table
+from scex_sumo.page.columns import Column, page_table
+from scex_sumo.page.document import Document, Table, card
 from scex_sumo.page.html import Html, element
-from scex_sumo.reports.run_table import counted
+from scex_sumo.reports.words import counted
 from scex_sumo.results.tables.pairs import once_in
 
 SCRIPTS: Final = ("loop.js", "stage.js", "cases.js")

@@ -11,7 +11,8 @@ import pytest
 
 from scex_sumo.base.errors import UsageError
 from scex_sumo.reports.run_table import summary_table
-from scex_sumo.results.region import AROUND_M, Region, region_of, replaying
+from scex_sumo.results.obstacles import replaying
+from scex_sumo.results.region import AROUND_M, Region, region_of
 from scex_sumo.results.run import Run
 from scex_sumo.scenarios import example_path
 from scex_sumo.scenarios.seeds import read_seed

@@ -9,7 +9,7 @@ import pytest
 
 import scex_sumo
 from scex_sumo.base.sumo.programs import run_program
-from scex_sumo.results.region import replaying
+from scex_sumo.results.obstacles import replaying
 from tests.runs import extrapolate
 
 NODES = '<nodes><node id="A" x="0" y="0"/><node id="M" x="100" y="0"/><node id="B" x="200" y="0"/></nodes>'

@@ -8,7 +8,7 @@ from typing import Any
 from scex_sumo.page.document import Document, card, plots, table
 from scex_sumo.page.figures.charts import Plane
 from scex_sumo.page.html import element
-from scex_sumo.page.report.scene import lane_lines, outline_svg, road_svg, scene_svg
+from scex_sumo.page.picture import lane_lines, outline_svg, road_svg, scene_svg
 from tests.converters.plain_net import lane
 from tests.converters.sumo_roads import road
 from tests.page.conftest import is_foreign

@@ -16,8 +16,10 @@ from rich.table import Table
 import scex_sumo
 from scex_sumo.metrics.registry import SETS
 from scex_sumo.page.report.tables import encounter_table
+from scex_sumo.reports.console_table import print_table
 from scex_sumo.reports.encounter_rows import meetings, worst_stress
-from scex_sumo.reports.run_table import MAIN, print_table, shown_columns, stress_lines, summary_table
+from scex_sumo.reports.run_table import shown_columns, stress_lines, summary_table
+from scex_sumo.reports.words import MAIN
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.results.tables.encounters import QUESTIONS, SCHEMA
 from tests.runs import extrapolate

@@ -18,9 +18,9 @@ from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError
 from scex_sumo.metrics.registry import COLLISION, critical_columns
-from scex_sumo.page.figures.charts import samples_of_both, value_range
+from scex_sumo.page.figures.axes import samples_of_both, value_range
 from scex_sumo.page.figures.drawing import STYLE, save
-from scex_sumo.reports.run_table import counted
+from scex_sumo.reports.words import counted
 from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Density, density
 

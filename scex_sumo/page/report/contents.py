@@ -13,7 +13,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.colors import model_colors
 from scex_sumo.converters.net.reading import road_lines
 from scex_sumo.metrics.events import MEASURED
-from scex_sumo.page.figures.charts import samples_of_both, ticks, value_range
+from scex_sumo.page.figures.axes import samples_of_both, ticks, value_range
 from scex_sumo.page.packing import UNITS, coded_motion, quantized
 from scex_sumo.page.report.scene import FAR_M, Future, packed_tracks, poses_of, road_paths
 from scex_sumo.page.report.tables import (
@@ -25,7 +25,7 @@ from scex_sumo.page.report.tables import (
     pair_events,
     pair_table,
 )
-from scex_sumo.reports.run_table import extra_rows
+from scex_sumo.reports.words import extra_rows
 from scex_sumo.results.design import half_widths
 from scex_sumo.results.run import Run
 from scex_sumo.rules.lights import light_bars

@@ -3,36 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final
 
 import numpy as np
 from rich.console import Console
 
-from scex_sumo.metrics.events import EVENTS, MEASURED
-from scex_sumo.reports.encounter_rows import Meeting
-from scex_sumo.reports.run_table import Head, console_table, counted, print_line, print_table
+from scex_sumo.metrics.events import EVENTS
+from scex_sumo.reports.console_table import console_table, print_line, print_table
+from scex_sumo.reports.encounter_rows import HEADS, Meeting, encounter_cells
+from scex_sumo.reports.words import Head, counted
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.cut_sets import cut_set_words
 from scex_sumo.results.tables.encounters import QUESTIONS, event_of
-from scex_sumo.results.tables.pairs import arrow, ends
+from scex_sumo.results.tables.pairs import ends
 from scex_sumo.statistics.density import Interval
 
-_SHARE = "Share of the futures; a click on a row shows the typical one"
-HEADS: Final[tuple[Head, ...]] = (
-    ("pair", "names", "A vehicle hits or follows → another"),
-    ("place", "names", ""),
-    ("futures", "names", "Stress test: driven as the models of the run; human-like: as people were recorded"),
-    (EVENTS["collision"].title, "percent", _SHARE),
-    ("95 %", "text", "Interval of P(collision)"),
-    *((event.title, "percent", f"{event.question}. {_SHARE}") for event in MEASURED),
-    ("any", "percent", f"Any of these. {_SHARE}"),
-    ("gap", "metres", "Least gap in the typical future; up to 10 m"),
-    ("after", "seconds", "Time of the encounter in the typical future"),
-    ("driven by", "words", "Models in the typical future"),
-)
-"""Columns of encounters in the terminal; the page has them too."""
 MOST_LINES = 20
-_ASKED = ("collision", *(event.name for event in MEASURED), "critical")
 
 
 def print_encounters(run: Run, encounters: Sequence[Meeting], console: Console) -> None:
@@ -51,22 +36,6 @@ def print_encounters(run: Run, encounters: Sequence[Meeting], console: Console) 
     cells = (encounter_cells(one) for one in encounters[:MOST_LINES])
     rows = [[cell.share if isinstance(cell, Interval) else cell for cell in row] for row in cells]
     print_table(console_table(title, heads, rows, caption=caption), console)
-
-
-def encounter_cells(meeting: Meeting) -> list[Any]:
-    """Return the cells of an encounter under `HEADS`; probabilities with their intervals."""
-    row, (collision, *others) = meeting.row, [meeting.probability(name) for name in _ASKED]
-    return [
-        arrow(row),
-        ", ".join(filter(None, (row["place"], "doubtful" if meeting.doubt else None))) or None,
-        meeting.futures,
-        collision,
-        f"{collision.range} %",
-        *others,
-        row["gap"],
-        round(row["time_s"], 1),
-        f"{row['model']}, {row['other_model']}",
-    ]
 
 
 def print_pair(meeting: Meeting, console: Console) -> None:

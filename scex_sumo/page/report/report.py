@@ -12,7 +12,7 @@ from scex_sumo.page.document import Document
 from scex_sumo.page.html import Html, element, joined
 from scex_sumo.page.report.contents import report_contents
 from scex_sumo.reports.card import title, verdict_lines
-from scex_sumo.reports.run_table import row_cell
+from scex_sumo.reports.words import row_cell
 from scex_sumo.results.decision import VERDICTS
 from scex_sumo.results.info import PAGE
 from scex_sumo.results.run import Run

@@ -11,9 +11,8 @@ import pyarrow as pa
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.page.document import table
-from scex_sumo.page.report.encounter_table import HEADS, encounter_cells
 from scex_sumo.reports.card import any_cells, decided_line, pair_lines
-from scex_sumo.reports.encounter_rows import HUMAN_LIKE, driven_as, meetings
+from scex_sumo.reports.encounter_rows import HEADS, HUMAN_LIKE, driven_as, encounter_cells, meetings
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.encounters import critical_outcomes
 from scex_sumo.results.tables.outcomes import first_contacts

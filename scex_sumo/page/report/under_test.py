@@ -8,7 +8,8 @@ import numpy as np
 
 from scex_sumo.metrics.registry import COLLISION, critical_columns
 from scex_sumo.page.document import Document, card, table
-from scex_sumo.page.figures.charts import line_legend, metric_title, ticks, value_range
+from scex_sumo.page.figures.axes import ticks, value_range
+from scex_sumo.page.figures.charts import line_legend, metric_title
 from scex_sumo.page.html import Html, element
 from scex_sumo.reports.under_test import HEADS, under_test_rows, verdict
 from scex_sumo.results.run import Run

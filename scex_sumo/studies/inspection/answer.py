@@ -11,7 +11,7 @@ from scex_sumo.commands.console import output_console
 from scex_sumo.converters.datasets.moment import Moment, busiest
 from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import LoadedRecording, load_recording
-from scex_sumo.reports.run_table import console_table
+from scex_sumo.reports.console_table import console_table
 from scex_sumo.scene import SeedScene
 
 

@@ -34,7 +34,7 @@ def inspect_command(
     from scex_sumo.converters.datasets.recordings import recording_of
     from scex_sumo.converters.lanelet.origin import parse_origin
     from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
-    from scex_sumo.reports.run_table import console_table, print_line
+    from scex_sumo.reports.console_table import console_table, print_line
     from scex_sumo.scene import STEP_S
     from scex_sumo.studies.inspection.answer import inspect_answer
 
@@ -100,7 +100,7 @@ def _shown(moments: list[Moment], marked: set[Moment]) -> list[Moment]:
 
 def _moments_table(moments: list[Moment], of: int) -> Table:
     """Return the number of vehicles by moment; moments with most complete vehicles are marked."""
-    from scex_sumo.reports.run_table import console_table
+    from scex_sumo.reports.console_table import console_table
 
     about = "complete: vehicles that move and are\nrecorded from 1 s before to 3 s after;\n*: most of them"
     about += f"\n{len(moments)} of {of} moments, --json has all" if len(moments) < of else ""
@@ -114,7 +114,7 @@ def _moments_table(moments: list[Moment], of: int) -> Table:
 
 
 def _vehicles_table(scene: SeedScene) -> Table:
-    from scex_sumo.reports.run_table import console_table
+    from scex_sumo.reports.console_table import console_table
     from scex_sumo.scene import STEP_S
 
     heads = [(head, "text", "") for head in ("track", "type")]

@@ -75,8 +75,8 @@ def rank_command(
 
 def _print_top(ranking: Ranking, top: int) -> None:
     from scex_sumo.commands.console import output_console
-    from scex_sumo.page.document import print_columns
-    from scex_sumo.reports.run_table import print_line
+    from scex_sumo.page.columns import print_columns
+    from scex_sumo.reports.console_table import print_line
     from scex_sumo.studies.rank.page import PRINTED_COLUMNS
 
     console, rows = output_console(width=160), ranking.table.slice(0, top).to_pylist()

@@ -21,13 +21,15 @@ from scex_sumo.extrapolation.engine import run_scene
 from scex_sumo.extrapolation.job import ruled
 from scex_sumo.extrapolation.options import RunOptions
 from scex_sumo.extrapolation.processes.workers import Workers
-from scex_sumo.page.document import Column, Document, Row, card, failure_card, page_table
+from scex_sumo.page.columns import Column, Row, failure_card, page_table
+from scex_sumo.page.document import Document, card
 from scex_sumo.page.html import Html, element
+from scex_sumo.page.picture import lane_lines, road_svg
 from scex_sumo.page.report.contents import report_contents
 from scex_sumo.page.report.report import filled_report
-from scex_sumo.page.report.scene import Box, lane_lines, road_svg
+from scex_sumo.page.report.scene import Box
 from scex_sumo.page.timeline import Happening, place_map, shapes_legend, timeline, usual_level
-from scex_sumo.reports.run_table import counted
+from scex_sumo.reports.words import counted
 from scex_sumo.results.tables.encounters import Encounter
 from scex_sumo.results.tables.fallbacks import fallback_lines
 from scex_sumo.results.tables.pairs import TOLD, arrow, once_in, one_in

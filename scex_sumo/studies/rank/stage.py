@@ -11,7 +11,8 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.decision.pairs import indices_of
 from scex_sumo.page.html import Html, element
-from scex_sumo.page.report.scene import Box, lane_lines, outline_svg, road_svg, scene_svg
+from scex_sumo.page.picture import lane_lines, outline_svg, road_svg, scene_svg
+from scex_sumo.page.report.scene import Box
 from scex_sumo.results.participants import everybody, with_everybody
 from scex_sumo.results.parts import Part
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States

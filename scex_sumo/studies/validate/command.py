@@ -52,8 +52,9 @@ def validate_command(
 
 def _print_scores(done: Validation) -> None:
     from scex_sumo.commands.console import output_console
-    from scex_sumo.page.document import print_columns
-    from scex_sumo.reports.run_table import counted, print_line
+    from scex_sumo.page.columns import print_columns
+    from scex_sumo.reports.console_table import print_line
+    from scex_sumo.reports.words import counted
     from scex_sumo.studies.validate.page import EVENT_COLUMNS, POSITION_COLUMNS, collisions_in
 
     info = done.info

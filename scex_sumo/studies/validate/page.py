@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.metrics.registry import metric_of
-from scex_sumo.page.document import Column, Document, card, failure_card, page_table, plots
+from scex_sumo.page.columns import Column, failure_card, page_table
+from scex_sumo.page.document import Document, card, plots
 from scex_sumo.page.figures.charts import Plane, metric_title
 from scex_sumo.page.html import Html, element
-from scex_sumo.reports.run_table import counted
+from scex_sumo.reports.words import counted
 
 HTML = "validation.html"
 _BRIER = "95 % interval of the Brier score, recordings drawn with replacement"

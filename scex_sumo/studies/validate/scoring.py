@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.metrics.events import MEASURED
 from scex_sumo.metrics.registry import COLLISION, THRESHOLDS, metric_of
-from scex_sumo.reports.run_table import counted
+from scex_sumo.reports.words import counted
 from scex_sumo.results.design import is_critical
 from scex_sumo.studies.moments.folder import MomentRef
 from scex_sumo.studies.validate.moment import CONSTANT_VELOCITY, RECORDED, Forecast

@@ -42,7 +42,7 @@ def test_command(
     """Test a driving function on a suite: better or worse than people."""
     from scex_sumo.base.errors import ScexError
     from scex_sumo.commands.console import output_console
-    from scex_sumo.reports.run_table import print_line
+    from scex_sumo.reports.console_table import print_line
     from scex_sumo.suites.testing.result import holding, read_condition, summary_lines, title
     from scex_sumo.suites.testing.suite_test import PAGE, RESULT, SUMMARY, test_suite
 

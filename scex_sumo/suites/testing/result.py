@@ -15,7 +15,8 @@ import numpy as np
 from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.base.schema import SHARE, TEXT, listed, read_json, record
 from scex_sumo.decision.decide import TEST_FROM
-from scex_sumo.page.document import Column, card
+from scex_sumo.page.columns import Column
+from scex_sumo.page.document import card
 from scex_sumo.page.html import element
 from scex_sumo.reports.under_test import chance_text
 from scex_sumo.results.tables.pairs import once_in, rounded

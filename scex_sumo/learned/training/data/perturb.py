@@ -11,7 +11,7 @@ from scex_sumo.behaviors.models.idm import IdmParameters, idm_acceleration
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.learned.inputs.surface import path_room
 from scex_sumo.learned.training.data.targets import right_paths
-from scex_sumo.results.participants import joined
+from scex_sumo.results.obstacles import joined
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Obstacles, SceneHistory, SeedScene, States, VehicleIndex
 
