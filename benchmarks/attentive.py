@@ -142,7 +142,7 @@ def case_of(site: str, scene: SeedScene) -> Case:
     assert recorded is not None
     values = np.where(recorded.values.defined, recorded.values.values, np.nan)
     distance = box_distances(scene) + np.diag(np.full(scene.vehicles, np.inf))
-    overlap = recorded.overlaps.any_of(1) | (distance.min() <= 0)
+    overlap = (len(recorded.overlaps) > 0) | (distance.min() <= 0)
     real = np.concatenate([values, overlap[:, None]], axis=1)[0]
     straight = simulated(scene, "constant_velocity", range(1))
     return Case(

@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.interval_truths import LEVELS, SETS, VEHICLES, Truth, truths
 from scex_sumo.base.arrays import FloatArray, IntArray
-from scex_sumo.statistics.density import dkw_half_width, wilson
+from scex_sumo.statistics.density import dkw_half_width, wilson_of
 from scex_sumo.statistics.designs import balanced
 from scex_sumo.statistics.intervals import DesignIntervals
 
@@ -62,13 +62,13 @@ def shares(found: Sequence[Truth], draws: Sequence[IntArray], made: Sequence[Des
         np.array([[getattr(share, end) for share in row] for row in known])
         for end in ("value", "low", "high")
     )
-    ordinary = [[wilson(round(p.value * p.count), p.count) for p in row] for row in known]
+    ordinary = [[wilson_of(p.value, p.count) for p in row] for row in known]
     return Found(
         names=names.tolist(),
         holds=((low - 1e-12 <= real) & (real <= high + 1e-12)).mean(axis=0),
         width=(high - low).mean(axis=0),
         spread=2 * _NORMAL * np.sqrt(np.mean((value - real) ** 2, axis=0)),
-        ordinary=np.mean([[p.high - p.low for p in row] for row in ordinary], axis=0),
+        ordinary=np.mean([[high - low for low, high in row] for row in ordinary], axis=0),
     )
 
 

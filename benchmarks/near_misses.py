@@ -31,7 +31,7 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.results.participants import everybody
-from scex_sumo.results.tables.conflicts import conflicts_of
+from scex_sumo.results.tables.columns import rows_in
 from scex_sumo.roads.doubts import doubts_of
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene, States
 
@@ -98,7 +98,7 @@ def sample_of(scene: SeedScene, futures: int) -> Sample | None:
         scene, net = ruled(scene, net, RunSettings())
         part = human_part(scene, net, futures=futures)
     assert part.conflicts is not None
-    found = conflicts_of(part.conflicts)
+    found = rows_in(Conflicts, part.conflicts)
     found = found.take(found.two < scene.vehicles)  # without people
     one, two = _pairs(scene, whole)
     if not len(one):

@@ -11,6 +11,7 @@ import pyarrow as pa
 
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.conflicts.pairs import Conflicts
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.decision.pairs import pair_table
 from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
@@ -19,7 +20,7 @@ from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.results.participants import with_everybody
 from scex_sumo.results.parts import Part
-from scex_sumo.results.tables.conflicts import conflicts_of
+from scex_sumo.results.tables.columns import rows_in
 from scex_sumo.scene import HISTORY_STEPS, SeedScene, States
 
 STEPS: Final = 30
@@ -79,4 +80,5 @@ def pairs_of_part(scene: SeedScene, part: Part) -> pa.Table:
         row = int(np.searchsorted(part.futures, future))
         return with_everybody(scene, part.states[row : row + 1])[0, HISTORY_STEPS:].swapaxes(0, 1)
 
-    return pair_table(scene, conflicts_of(part.conflicts), futures=len(part.futures), states_of=states_of)
+    conflicts = rows_in(Conflicts, part.conflicts)
+    return pair_table(scene, conflicts, futures=len(part.futures), states_of=states_of)

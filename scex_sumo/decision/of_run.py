@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 from scex_sumo.base.files import replacing, write_atomic
 from scex_sumo.results.decision import DECISION
 from scex_sumo.results.participants import with_everybody
-from scex_sumo.results.tables.conflicts import CONFLICTS, conflicts_of
+from scex_sumo.results.tables.columns import rows_in
+from scex_sumo.results.tables.outcomes import CONFLICTS
 from scex_sumo.results.tables.pairs import PAIRS_FILE, any_of
 from scex_sumo.scene import HISTORY_STEPS, LOGGED_HISTORY, SeedScene, States
 
@@ -25,6 +26,7 @@ LISTED: Final = 1e-9
 
 def decide_run(run: Run, scene: SeedScene) -> None:
     """Write the pairs and the verdict of a run with human-like futures, see docs/decision.md."""
+    from scex_sumo.conflicts.pairs import Conflicts
     from scex_sumo.decision.pairs import pair_table
 
     human = run.reference
@@ -35,7 +37,7 @@ def decide_run(run: Run, scene: SeedScene) -> None:
         driven = human.states(future)[:, LOGGED_HISTORY:].swapaxes(0, 1).repeat(1)
         return with_everybody(scene, driven)[0, HISTORY_STEPS:].swapaxes(0, 1)
 
-    conflicts = conflicts_of(human.table(CONFLICTS))
+    conflicts = rows_in(Conflicts, human.table(CONFLICTS))
     table = pair_table(scene, conflicts, futures=human.futures, states_of=states_of)
     write_decision(run.folder, table, futures=human.futures)
 

@@ -7,6 +7,7 @@ One function gives the number that the headline, the list, the page, ``rank``, `
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -85,11 +86,10 @@ class _Told:
     def __init__(
         self, whole: SeedScene, conflicts: Conflicts, rule: Law, states_of: Callable[[int], States]
     ) -> None:
-        self._whole, self._conflicts, self._states_of = whole, conflicts, states_of
+        self._whole, self._conflicts, self._states_of = whole, conflicts, cache(states_of)
         self._parts = np.array(rule.parts(conflicts, whole.types))  # (3, P)
         self._names = _names(whole)
         self._people = whole.people if whole.people is not None else np.zeros(whole.vehicles, np.bool_)
-        self._states: dict[int, States] = {}
 
     def row(self, at: int, probability: float) -> dict[str, Any]:
         """Return the columns of `PAIRS` that one future tells, but for its place, and both indices."""
@@ -115,15 +115,15 @@ class _Told:
             "time_margin": float(conflicts.margin[at]) if np.isfinite(conflicts.margin[at]) else None,
             "gap_m": float(conflicts.gap[at]),
             "conflict_s": STEP_S * step,
+            "what": kind,
         }
         if probability < TOLD:
-            return {**row, "what": kind}
-        states = self._of(future)
+            return row
+        states = self._states_of(future)
         both = states[[own, other], min(step, states.shape[1] - 1)]
         vx, vy = (np.diff(both.speed * turn(both.heading))[0] for turn in (np.cos, np.sin))
         return {
             **row,
-            "what": kind,
             "how": how(states[[own, other]], axis, row, kind, (self._names[own], self._names[other])),
             "speed_mps": float(np.hypot(vx, vy)),
             "x": float(both.x[0]),
@@ -147,11 +147,6 @@ class _Told:
         if margin >= gap:
             return "margin", later, int(conflicts.margin_step[at])
         return "gap", True, int(conflicts.gap_step[at])
-
-    def _of(self, future: int) -> States:
-        if future not in self._states:
-            self._states[future] = self._states_of(future)
-        return self._states[future]
 
 
 def indices_of(whole: SeedScene, track_ids: Sequence[int]) -> IntArray:

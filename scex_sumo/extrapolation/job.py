@@ -26,10 +26,10 @@ from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.metrics.evaluate import evaluate
 from scex_sumo.results.design import design_intervals
-from scex_sumo.results.folder import horizons_table
+from scex_sumo.results.folder import horizons_of
 from scex_sumo.results.parts import Part, joined_parts, save_part
-from scex_sumo.results.tables.conflicts import conflicts_table
-from scex_sumo.results.tables.outcomes import collisions_table, encounter_rows, worst_table
+from scex_sumo.results.tables.columns import rows_table
+from scex_sumo.results.tables.outcomes import SMALL, collisions_table, worst_table
 from scex_sumo.road import Road
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene
 from scex_sumo.statistics.intervals import DesignIntervals
@@ -205,7 +205,12 @@ def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: On
         vehicles=settings.vehicles_that_count(job.scene),
         on_paths=job.on_paths,
     )
-    values, hits = outcome.values, outcome.collisions
+    found = measure_conflicts(job.scene, rollout) if job.conflicts else None
+    values, hits, horizons = outcome.values, outcome.collisions, None
+    if horizons_of(settings.steps):
+        from scex_sumo.results.tables.horizons import horizons_table
+
+        horizons = horizons_table(values, settings.measured, futures, settings.steps)
     ids = job.scene.track_ids
     return Part(
         futures=futures,
@@ -220,9 +225,9 @@ def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: On
         collisions=collisions_table(
             hits, outcome.severity, futures=futures, track_ids=ids, first=LOGGED_HISTORY
         ),
-        encounters=encounter_rows(outcome.encounters, futures),
-        horizons=horizons_table(values, settings.measured, futures, settings.steps),
-        conflicts=conflicts_table(measure_conflicts(job.scene, rollout), futures) if job.conflicts else None,
+        encounters=rows_table(outcome.encounters, futures, **SMALL),
+        horizons=horizons,
+        conflicts=rows_table(found, futures, future=np.int32) if found is not None else None,
     )
 
 

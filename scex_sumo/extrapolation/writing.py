@@ -16,15 +16,16 @@ from scex_sumo.extrapolation.assignments import listing
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.loop.crashes import touch_in_simulation
 from scex_sumo.extrapolation.loop.measure import Recorded, overlapping_at_first
+from scex_sumo.metrics.encounters import Encounters
 from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.results.design import DENSITIES, densities_table
-from scex_sumo.results.folder import HORIZONS, ResultFolder, assignments_table, tracks_table, values_table
-from scex_sumo.results.parts import Part, joined_parts
+from scex_sumo.results.folder import ResultFolder, assignments_table, tracks_table, values_table
+from scex_sumo.results.parts import TABLES, Part, joined_parts
 from scex_sumo.results.road import save_intentions, save_road
 from scex_sumo.results.run import PAIR_OUTCOMES, UNDER_TEST
-from scex_sumo.results.tables.conflicts import CONFLICTS
+from scex_sumo.results.tables.columns import rows_in
 from scex_sumo.results.tables.encounters import ENCOUNTERS, encounters_table, outcomes_table
-from scex_sumo.results.tables.outcomes import COLLISIONS, collided, encounters_of_rows
+from scex_sumo.results.tables.outcomes import collided
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene
 
 ROWS_AT_ONCE = 1 << 18  # of tracks, in a row group of Parquet
@@ -46,9 +47,7 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None) -> P
     assert part.collisions is not None and part.encounters is not None
     hit = collided(part.collisions, part.futures)
     folder.write_table("metrics.parquet", metrics.append_column(COLLISION, pa.array(hit)))
-    folder.write_table("worst.parquet", part.worst)
-    folder.write_table(COLLISIONS, part.collisions)
-    met = encounters_of_rows(part.encounters)
+    met = rows_in(Encounters, part.encounters)
     folder.write_table(
         ENCOUNTERS,
         encounters_table(
@@ -61,15 +60,12 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None) -> P
         ),
     )
     folder.write_table(PAIR_OUTCOMES, outcomes_table(met, job.scene.track_ids))
-    if part.horizons is not None:
-        folder.write_table(HORIZONS, part.horizons)
-    if part.conflicts is not None:
-        folder.write_table(CONFLICTS, part.conflicts)
     if part.tested is not None:
         values, defined = part.tested
         folder.write_table(UNDER_TEST, values_table(columns, values, defined > 0, part.futures))
-    if part.fallbacks is not None:
-        folder.write_table("fallbacks.parquet", part.fallbacks)
+    for name in TABLES:
+        if name != "encounters" and (table := getattr(part, name)) is not None:
+            folder.write_table(f"{name}.parquet", table)
     folder.write_table("assignments.parquet", assignments_table(job.scene, job.assignment, job.models.names))
     folder.write_table(DENSITIES, densities_table(metrics, columns, intervals))
     if recorded is not None:

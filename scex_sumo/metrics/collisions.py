@@ -77,12 +77,6 @@ class Collisions(Rows):
         """Return (N,) kinds in words."""
         return np.array(KINDS)[self.kind]
 
-    def any_of(self, futures: int) -> BoolArray:
-        """Return (C,) whether a future has a collision."""
-        hit = np.zeros(futures, dtype=bool)
-        hit[self.future] = True
-        return hit
-
 
 def find_collisions(tracks: SceneTracks, *, limit_m2: float = OVERLAP_M2) -> Collisions:
     """Find the first collision of every pair in every future.
@@ -183,18 +177,15 @@ class Moves:
 
     def _ends(self, vehicle: IntArray) -> _Ends:
         states, last = self.tracks.states, self.tracks.states.shape[1] - 1
-        now, then = (self.future, self.step, vehicle), (self.future, np.minimum(self.step + 1, last), vehicle)
-        x, y, heading = states.x[now], states.y[now], states.heading[now]
-        half_length, half_width = (
-            (size[vehicle] if size.ndim == 1 else size[self.future, vehicle]) / 2
+        now = states[self.future, self.step, vehicle]
+        then = states[self.future, np.minimum(self.step + 1, last), vehicle]
+        length, width = (
+            size[vehicle] if size.ndim == 1 else size[self.future, vehicle]
             for size in (self.tracks.length, self.tracks.width)
         )
-        return _Ends(
-            start=Rectangles(x=x, y=y, heading=heading, half_length=half_length, half_width=half_width),
-            dx=states.x[then] - x,
-            dy=states.y[then] - y,
-            turn=wrap(states.heading[then] - heading),
-        )
+        turn = wrap(then.heading - now.heading)
+        start = Rectangles.of(now, length, width)
+        return _Ends(start=start, dx=then.x - now.x, dy=then.y - now.y, turn=turn)
 
     def poses(self, share: FloatArray) -> tuple[Rectangles, Rectangles]:
         """Return (N,) outlines of both vehicles."""

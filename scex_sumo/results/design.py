@@ -12,7 +12,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, numbers_in
 from scex_sumo.base.errors import ResultError
 from scex_sumo.metrics.registry import Metric
 from scex_sumo.results.tables.columns import schema
-from scex_sumo.statistics.density import Density, mixed_density
+from scex_sumo.statistics.density import Density, density
 from scex_sumo.statistics.intervals import DesignIntervals
 
 
@@ -69,7 +69,9 @@ DENSITIES_SCHEMA = schema("metric x pdf cdf low high atom")
 
 def metric_density(values: FloatArray, half_width: float) -> Density:
     """Return density and cumulative density of a metric (C,), NaN where undefined, with its 95 % band."""
-    return mixed_density(values[~np.isnan(values)], half_width=half_width)
+    known = values[~np.isnan(values)]
+    folds = bool(known.min(initial=0.0) >= 0)
+    return density(known, reflect=folds, atoms=True, half_width=half_width)
 
 
 def half_widths(metrics: pa.Table, columns: Sequence[str], intervals: DesignIntervals) -> dict[str, float]:

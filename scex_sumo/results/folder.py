@@ -30,9 +30,6 @@ from scex_sumo.base.files import (
     unlock,
     write_atomic,
 )
-from scex_sumo.metrics.evaluate import ScenarioValues
-from scex_sumo.metrics.extrema import SceneValues, scene_mean
-from scex_sumo.metrics.registry import Metric
 from scex_sumo.results.decision import DECISION
 from scex_sumo.results.info import BASELINE, PAGE, REFERENCE
 from scex_sumo.results.parts import PARTS, Part, Parts, remove_broken
@@ -292,22 +289,3 @@ FIRST_STEPS: Final = 30
 def horizons_of(steps: int) -> tuple[float, ...]:
     """Return the times, s, by which futures of some steps are told, too."""
     return tuple(t for t in HORIZONS_S if t < STEP_S * steps - 1e-9) if steps > FIRST_STEPS else ()
-
-
-def horizons_table(
-    values: ScenarioValues, metrics: Sequence[Metric], futures: IntArray, steps: int
-) -> pa.Table | None:
-    """Tabulate the metric columns by ``future`` and ``until_s``; None for short futures."""
-    tables = []
-    for until_s in horizons_of(steps):
-        columns, defined = [], []
-        for metric in metrics:
-            scene, first = values.scene[metric.name], slice(0, round(until_s / STEP_S))
-            early = SceneValues(value=scene.value[:, first], defined=scene.defined[:, first])
-            sign = 1.0 if metric.critical == "min" else -1.0
-            least = np.where(early.defined, sign * early.value, np.inf).min(axis=1)
-            columns += [sign * least, scene_mean(early, harmonic=metric.harmonic)]
-            defined += [early.defined.any(axis=1)] * 2
-        table = values_table(values.columns, np.stack(columns, axis=1), np.stack(defined, axis=1), futures)
-        tables.append(table.add_column(1, "until_s", pa.array(np.full(len(futures), until_s))))
-    return pa.concat_tables(tables) if tables else None

@@ -32,7 +32,7 @@ class Part:
         defined: (C, M) False where a metric is defined in no scene of the future.
         worst: rows of ``worst.parquet``; so ``fallbacks``, ``collisions``.
         tested: (2, C, M) values, and 1 where defined, of the vehicles under test alone; None without any.
-        encounters: rows of `encounter_rows`.
+        encounters: rows of `Encounters` in `SMALL` types.
         horizons: rows of ``horizons.parquet``; None for short futures.
         conflicts: rows of ``conflicts.parquet``; None unless asked for.
     """

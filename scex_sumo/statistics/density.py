@@ -104,18 +104,26 @@ class Interval:
 
 
 def density(
-    samples: ArrayLike, bandwidth: float = BANDWIDTH, *, x: ArrayLike | None = None, reflect: bool = False
+    samples: ArrayLike,
+    bandwidth: float = BANDWIDTH,
+    *,
+    x: ArrayLike | None = None,
+    reflect: bool = False,
+    atoms: bool = False,
+    half_width: float | None = None,
 ) -> Density:
     """Return the Gaussian kernel density with an absolute bandwidth.
 
-    f(x) = sum of phi((x - x_i) / h) / (n h), F(x) = mean of Phi((x - x_i) / h). The band is F +- the
-    Dvoretzky-Kiefer-Wolfowitz half-width, which holds for the smoothed truth, too.
+    f(x) = sum of phi((x - x_i) / h) / (n h), F(x) = mean of Phi((x - x_i) / h). The default band is F +- the
+    Dvoretzky-Kiefer-Wolfowitz half-width of independent draws, which holds for the smoothed truth, too.
 
     Args:
         samples: (n,) values; inf allowed.
         bandwidth: h, in the unit of the samples.
         x: where to evaluate, ascending; by default a grid of h / 4 around the samples.
         reflect: fold the density below 0 back.
+        atoms: leave values that many samples share out of the density, see `split_atoms`.
+        half_width: of the band.
     """
     values = checked(samples, "density")
     if not (np.isfinite(bandwidth) and bandwidth > 0):
@@ -124,23 +132,26 @@ def density(
         raise InputError("density: no samples; the metric is defined in no future")
     if reflect and values.min() < 0:
         raise InputError(f"density: reflection at 0 of a negative sample, {values.min()}; turn it off")
-    finite = values[np.isfinite(values)]
-    grid = common_grid(finite, bandwidth) if x is None else np.asarray(x, dtype=np.float64)
-    if reflect and x is None:
-        grid = grid[grid >= 0]
+    shared, rest = split_atoms(values) if atoms else ((), values)
+    grid = np.asarray(x, dtype=np.float64)
+    if x is None:
+        grid = common_grid(values[np.isfinite(values)], bandwidth)
+        grid = np.union1d(grid, [atom.value for atom in shared])
+        grid = grid[grid >= 0] if reflect else grid
+    finite, count = rest[np.isfinite(rest)], max(rest.size, 1)
     pdf, below = _kernel_sums(finite, grid, bandwidth)
-    below += np.count_nonzero(values == -np.inf)
+    below += np.count_nonzero(rest == -np.inf)
     if reflect:
         mirrored_pdf, mirrored_below = _kernel_sums(-finite, grid, bandwidth)
         pdf = np.where(grid >= 0, pdf + mirrored_pdf, 0.0)
         below = np.where(grid >= 0, below + mirrored_below - finite.size, 0.0)
-    cdf = below / values.size
-    band = _band(cdf, dkw_half_width(values.size))
-    return Density(x=grid, pdf=pdf / (values.size * bandwidth), cdf=cdf, band=band)
-
-
-def _band(cdf: FloatArray, half_width: float) -> tuple[FloatArray, FloatArray]:
-    return np.maximum(cdf - half_width, 0.0), np.minimum(cdf + half_width, 1.0)
+    weight = rest.size / values.size
+    pdf, cdf = weight * (pdf / (count * bandwidth)), weight * (below / count)
+    for atom in shared:
+        cdf = cdf + np.where(grid >= atom.value, atom.share, 0.0)
+    width = dkw_half_width(values.size) if half_width is None else half_width
+    band = np.maximum(cdf - width, 0.0), np.minimum(cdf + width, 1.0)
+    return Density(x=grid, pdf=pdf, cdf=np.minimum(cdf, 1.0), band=band, atoms=shared)
 
 
 def dkw_half_width(count: int) -> float:
@@ -149,14 +160,6 @@ def dkw_half_width(count: int) -> float:
     Source: Dvoretzky, Kiefer, Wolfowitz 1956, with the constant of Massart 1990.
     """
     return float(np.sqrt(np.log(2 / (1 - CONFIDENCE)) / (2 * count)))
-
-
-def wilson(successes: int, count: int) -> Interval:
-    """Return the share of successes with its score interval (Wilson 1927); NaN in 0 to 1 for no trials."""
-    if count == 0:
-        return Interval(value=float("nan"), low=0.0, high=1.0, count=0)
-    low, high = wilson_of(successes / count, count)
-    return Interval(value=successes / count, low=low, high=high, count=count)
 
 
 def wilson_of(share: float, number: float) -> tuple[float, float]:
@@ -231,27 +234,3 @@ def split_atoms(samples: ArrayLike) -> tuple[tuple[Atom, ...], FloatArray]:
     many = (counts > max(MIN_SHARE * values.size, 1)) & np.isfinite(at)
     each = zip(at[many].tolist(), (counts[many] / values.size).tolist(), strict=True)
     return tuple(Atom(value=v, share=s) for v, s in each), values[~np.isin(values, at[many])]
-
-
-def mixed_density(samples: ArrayLike, half_width: float | None = None) -> Density:
-    """Return atoms and the kernel density of the rest; below 0 it is folded back if no sample is negative.
-
-    Args:
-        half_width: of the band; None for that of independent draws.
-    """
-    values = checked(samples, "density")
-    if values.size == 0:
-        raise InputError("density: no samples; the metric is defined in no future")
-    atoms, rest = split_atoms(values)
-    folded = bool(values.min() >= 0)
-    finite = values[np.isfinite(values)]
-    grid = np.union1d(common_grid(finite, BANDWIDTH), [atom.value for atom in atoms])
-    grid = grid[grid >= 0] if folded else grid
-    pdf, cdf = np.zeros(grid.size), np.zeros(grid.size)
-    if rest.size:
-        smooth, weight = density(rest, x=grid, reflect=folded), rest.size / values.size
-        pdf, cdf = weight * smooth.pdf, weight * smooth.cdf
-    for atom in atoms:
-        cdf = cdf + np.where(grid >= atom.value, atom.share, 0.0)
-    band = _band(cdf, dkw_half_width(values.size) if half_width is None else half_width)
-    return Density(x=grid, pdf=pdf, cdf=np.minimum(cdf, 1.0), band=band, atoms=atoms)

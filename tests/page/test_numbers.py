@@ -14,7 +14,8 @@ from shapely.affinity import rotate, translate
 
 from scex_sumo.page.html import asset
 from scex_sumo.page.packing import pack
-from scex_sumo.statistics.density import density, split_atoms, wilson
+from scex_sumo.statistics.density import density, split_atoms
+from tests.statistics.shares import wilson
 
 NODE = shutil.which("node")
 pytestmark = pytest.mark.skipif(NODE is None, reason="no node: apt-get install nodejs")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scex_sumo.statistics.density import mixed_density, split_atoms
+from scex_sumo.statistics.density import density, split_atoms
 
 
 def test_a_value_of_more_than_two_percent_is_an_atom() -> None:
@@ -18,7 +18,7 @@ def test_a_value_of_more_than_two_percent_is_an_atom() -> None:
 def test_atoms_and_the_density_of_the_rest_make_one() -> None:
     rng = np.random.default_rng(0)
     values = np.concatenate([np.zeros(200), rng.exponential(0.2, 300)])
-    found = mixed_density(values)
+    found = density(values, reflect=True, atoms=True)
     x, pdf = found.x, found.pdf
     assert x[0] == 0.0
     assert float(np.sum((pdf[1:] + pdf[:-1]) / 2 * np.diff(x))) == pytest.approx(0.6, abs=1e-3)

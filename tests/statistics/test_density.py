@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from scex_sumo.base.errors import InputError
-from scex_sumo.statistics.density import density, dkw_half_width, wilson
+from scex_sumo.statistics.density import density, dkw_half_width
+from tests.statistics.shares import wilson
 
 SAMPLES = np.random.default_rng(0).gamma(2.0, 3.0, 385)
 values = st.lists(st.floats(-1e3, 1e3, width=32), min_size=2, max_size=30)

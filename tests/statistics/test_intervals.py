@@ -9,9 +9,10 @@ import pytest
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import InputError
-from scex_sumo.statistics.density import dkw_half_width, wilson, wilson_of
+from scex_sumo.statistics.density import dkw_half_width, wilson_of
 from scex_sumo.statistics.designs import balanced
 from scex_sumo.statistics.intervals import DesignIntervals
+from tests.statistics.shares import wilson
 
 LEVELS, VEHICLES = 4, 5
 SHARES = [np.full(LEVELS, 1 / LEVELS)] * VEHICLES

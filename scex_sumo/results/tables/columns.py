@@ -1,10 +1,17 @@
-"""Columns of all tables: their types by name."""
+"""Columns of all tables: their types by name; rows of arrays as tables and back."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import fields
+from typing import Any, TypeVar
 
+import numpy as np
 import pyarrow as pa
+
+from scex_sumo.base.arrays import IntArray, Rows
+
+R = TypeVar("R", bound=Rows)
 
 _WHOLE = "future futures step track_id other_id track_a track_b first second moments rank vehicles"
 _TEXTS = """
@@ -28,3 +35,22 @@ def schema(*names: str | Iterable[str], **others: pa.DataType) -> pa.Schema:
     """
     words = [word for part in names for word in (part.split() if isinstance(part, str) else part)]
     return pa.schema([(word, (_TYPES | others).get(word, pa.float64())) for word in words])
+
+
+def rows_table(rows: Rows, futures: IntArray, **types: Any) -> pa.Table:
+    """Return rows as a table, with the number of the future.
+
+    Args:
+        rows: with an index ``future``.
+        futures: (C,) numbers.
+        types: of columns that are smaller in a file.
+    """
+    columns = {field.name: getattr(rows, field.name) for field in fields(rows)}
+    columns["future"] = np.asarray(futures)[columns["future"]]
+    return pa.table({name: values.astype(types.get(name, values.dtype)) for name, values in columns.items()})
+
+
+def rows_in(kind: type[R], table: pa.Table) -> R:
+    """Return the rows of `rows_table`; ``future`` is the number of the future."""
+    columns = {field.name: np.asarray(table[field.name]) for field in fields(kind)}
+    return kind(**{k: v.astype(np.int64) if v.dtype.kind == "i" else v for k, v in columns.items()})

@@ -13,7 +13,7 @@ collision types (Caesar et al. 2021).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -26,7 +26,6 @@ from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.geometry.rectangles import Rectangles
 from scex_sumo.metrics.base import SceneTracks
 from scex_sumo.metrics.collisions import KINDS, SIDES, Collisions, Moves
-from scex_sumo.metrics.encounters import Encounters
 from scex_sumo.metrics.evaluate import ScenarioValues
 from scex_sumo.results.tables.columns import schema
 from scex_sumo.road import Road
@@ -219,7 +218,6 @@ def _with_before(road: Road, lane: int) -> tuple[int, ...]:
     return (lane, *road.lanes[lane].predecessors) if lane in road.lanes else ()
 
 
-COLLISIONS: Final = "collisions.parquet"
 COLLISIONS_SCHEMA: Final = schema(
     "future step time_s track_id other_id kind side other_side relative_speed overlap x y",
     "delta_v delta_v_other p_mais3 p_mais3_other fault consequence",
@@ -228,7 +226,11 @@ COLLISIONS_SCHEMA: Final = schema(
 ``fault`` are those of `Severity`; ``p_mais3`` is null for types that the curve does not cover. A
 ``consequence`` is a contact of a vehicle that had collided before; no probability counts it."""
 
-_SMALL = {"first": np.int32, "second": np.int32, "kind": np.int8, "towards": np.int8}
+SMALL: Final = {"first": np.int32, "second": np.int32, "kind": np.int8, "towards": np.int8}
+"""Types of encounters in the parts of a run."""
+
+CONFLICTS: Final = "conflicts.parquet"
+"""One row for each pair and human-like future; vehicles by index into `everybody` of the seed scene."""
 
 
 def collisions_table(
@@ -238,28 +240,20 @@ def collisions_table(
 
     In a rear-end collision ``track_id`` hits ``other_id``.
     """
-    sides = np.array(SIDES)
-    columns = {
+    sides, ids = np.array(SIDES), np.asarray(track_ids)
+    columns = vars(hits) | {
         "future": np.asarray(futures)[hits.future],
         "step": hits.step - first + 1,
-        "time_s": hits.time_s,
-        "track_id": np.asarray(track_ids)[hits.first],
-        "other_id": np.asarray(track_ids)[hits.second],
+        "track_id": ids[hits.first],
+        "other_id": ids[hits.second],
         "kind": hits.kinds(),
         "side": sides[hits.first_side],
         "other_side": sides[hits.second_side],
-        "relative_speed": hits.relative_speed,
-        "overlap": hits.overlap,
-        "x": hits.x,
-        "y": hits.y,
-        **{
-            name: pa.array(getattr(severity, name), from_pandas=True)  # NaN is null
-            for name in ("delta_v", "delta_v_other", "p_mais3", "p_mais3_other")
-        },
+        **{name: pa.array(v, from_pandas=True) for name, v in vars(severity).items()},  # NaN is null
         "fault": pa.array(severity.faults(), pa.string()),
-        "consequence": hits.consequence,
     }
-    return pa.table({name: pa.array(values) for name, values in columns.items()}, schema=COLLISIONS_SCHEMA)
+    arrays = {name: pa.array(columns[name]) for name in COLLISIONS_SCHEMA.names}
+    return pa.table(arrays, schema=COLLISIONS_SCHEMA)
 
 
 def first_contacts(collisions: pa.Table) -> pa.Table:
@@ -271,19 +265,6 @@ def collided(table: pa.Table, futures: IntArray) -> BoolArray:
     """Return (C,) whether futures have a collision in the table."""
     hit: BoolArray = np.isin(futures, np.asarray(table["future"]))
     return hit
-
-
-def encounter_rows(encounters: Encounters, futures: IntArray) -> pa.Table:
-    """Tabulate the encounters of a batch in small types, with the future's number."""
-    columns = {f.name: getattr(encounters, f.name) for f in fields(encounters)}
-    columns["future"] = np.asarray(futures, dtype=np.int64)[encounters.future]
-    return pa.table({name: values.astype(_SMALL.get(name, values.dtype)) for name, values in columns.items()})
-
-
-def encounters_of_rows(table: pa.Table) -> Encounters:
-    """Return the encounters of a table of `encounter_rows`."""
-    columns: dict[str, Any] = {f.name: np.asarray(table[f.name]) for f in fields(Encounters)}
-    return Encounters(**columns | {name: columns[name].astype(np.int64) for name in _SMALL})
 
 
 def worst_table(values: ScenarioValues, *, futures: IntArray, track_ids: IntArray) -> pa.Table:

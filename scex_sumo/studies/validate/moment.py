@@ -103,7 +103,7 @@ def validate_moment(task: MomentTask, scene: SeedScene) -> Forecast:
     happened = np.where(recorded.values.defined, recorded.values.values, np.nan)
     rows = [
         (np.arange(count), _values(futures), collided(futures.collisions, futures.futures)),
-        (np.array([RECORDED]), happened, recorded.overlaps.any_of(1)),
+        (np.array([RECORDED]), happened, np.array([len(recorded.overlaps) > 0])),
         (np.array([CONSTANT_VELOCITY]), _values(straight), collided(straight.collisions, straight.futures)),
     ]
     return Forecast(

@@ -12,9 +12,9 @@ from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.collisions import find_collisions
 from scex_sumo.results.tables.encounters import SCHEMA, encounters_table, in_words, precedence_words
 from scex_sumo.scene import States
-from scex_sumo.statistics.density import wilson
 from scex_sumo.statistics.intervals import DesignIntervals
 from tests.metrics.scenes import find_encounters
+from tests.statistics.shares import wilson
 
 TRACKS = np.array([17, 23, 99])
 MODELS = np.array(["constant_velocity", "emergency_brake"])
