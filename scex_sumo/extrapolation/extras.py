@@ -65,7 +65,7 @@ class Work:
         """States of all futures at all steps, (futures, steps, vehicles), read from the result folder."""
         from scex_sumo.results.parts import Parts
 
-        return Parts(self.job.folder).states()
+        return Parts(self.job.folder).read(0, len(self.part.futures)).states
 
     @property
     def is_reference(self) -> bool:

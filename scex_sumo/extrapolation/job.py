@@ -246,12 +246,12 @@ def _fallbacks(rollout: Rollout, batch: Batch, track_ids: IntArray) -> pa.Table 
 
 
 def _tested(job: Job, rollout: Rollout) -> FloatArray | None:
-    """Return (2, C, M) values of the vehicles under test alone, and 1 where defined."""
+    """Return (C, 2, M) values of the vehicles under test alone, and 1 where defined."""
     tested = np.flatnonzero(np.isin(job.scene.track_ids, list(job.models.tested))).tolist()
     if not tested:
         return None
     own = evaluate(*evaluated_tracks(job.scene, rollout), metrics=job.settings.measured, vehicles=tested)
-    return np.stack([own.values, own.defined.astype(np.float64)])
+    return np.stack([own.values, own.defined.astype(np.float64)], axis=1)
 
 
 def _batch(job: Job, futures: IntArray) -> Batch:

@@ -61,7 +61,7 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None) -> P
     )
     folder.write_table(PAIR_OUTCOMES, outcomes_table(met, job.scene.track_ids))
     if part.tested is not None:
-        values, defined = part.tested
+        values, defined = part.tested.swapaxes(0, 1)
         folder.write_table(UNDER_TEST, values_table(columns, values, defined > 0, part.futures))
     for name in TABLES:
         if name != "encounters" and (table := getattr(part, name)) is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -19,9 +20,8 @@ from scex_sumo.results.run import Run
 from scex_sumo.statistics.density import Interval
 
 SEVERITY: Final = "severe injuries [‰]"
-
-
 _WORST = 3  # lines of encounters
+_DASHES = ("–",) * 3
 
 
 def print_details(run: Run, console: Console, *, every: bool = False) -> None:
@@ -57,38 +57,30 @@ def summary_table(run: Run, *, every: bool = False) -> Table:
     if region := run.info.get("region"):
         inside = counted(len(region["vehicles"]), "vehicle")
         title += f"\nonly pairs with one of {inside} {region['words']}"
+    sets = [run] if likely is None else [likely, run]
     shares = ("P(critical)",) if likely is None else ("human-like", "stress test")
     heads = ("metric", "recorded", "median", "critical if", *shares, "95 %", "defined")
     rows: list[Sequence[str] | None] = []
 
-    def add(
-        name: str, human: str, *cells: str, before: Sequence[str] = ("–",) * 3, defined: str = "all"
-    ) -> None:
-        rows.append((name, *before, *(() if likely is None else (human,)), *cells, defined))
+    def add(name: str, cells: Callable[[Run], tuple[str, str]], *before: str, defined: str = "all") -> None:
+        shares, intervals = zip(*map(cells, sets), strict=True)
+        rows.append((name, *(before or _DASHES), *shares, intervals[-1], defined))
 
-    def collisions(name: str, recorded: str, share: Callable[[Run], Interval]) -> None:
-        human = "" if likely is None else _shares(share(likely))[0]
-        add(name, human, *_shares(share(run)), before=(recorded, "–", "any"))
-
-    collisions("collision", _recorded_overlaps(run), lambda one: one.collision)
+    add("collision", lambda one: _shares(one.collision), _recorded_overlaps(run), "–", "any")
     for until_s in horizons_of(int(run.info.get("steps", 0))):
-        collisions(f"collision by {until_s:g} s", "–", lambda one, by=until_s: one.p_collision_by(by))  # type: ignore[misc]
-    injuries = ["" if one is None else f"{1000 * expected_injuries(one):.2f}" for one in (run, likely)]
-    add(SEVERITY, injuries[1], injuries[0], "–")
+        add(f"collision by {until_s:g} s", partial(_early, until_s=until_s), "–", "–", "any")
+    add(SEVERITY, lambda one: (f"{1000 * expected_injuries(one):.2f}", "–"))
     for name, values in extra_rows(run).items():
-        add(name, row_cell(values[-1]), row_cell(values[0]), "–")
+        rows.append((name, *_DASHES, *map(row_cell, values[::-1]), "–", "all"))
     for part in shown_columns(run, every=every):
         rows.append(None)
         for column in part:
             threshold, recorded = run.thresholds.get(column), run.recorded_value(column)
             limit = "–" if threshold is None else f"{run.metric(column).sign} {threshold:.3g}"
-            before = (
-                _number(recorded if recorded is None or np.isfinite(recorded) else None),
-                _median(run, column),
-            )
-            human, cells = _critical(likely, column)[0], _critical(run, column)
-            defined = _defined(run, column, likely)
-            add(run.metric(column).titled(), human, *cells, before=(*before, limit), defined=defined)
+            finite = recorded if recorded is None or np.isfinite(recorded) else None
+            before = _number(finite), _median(run, column), limit
+            name, critical = run.metric(column).titled(), partial(_critical, column=column)
+            add(name, critical, *before, defined=_defined(sets[::-1], column))
     all_drawn = "the futures are all assignments: only routes are drawn"
     interval = all_drawn if run.intervals.whole else "95 %: confidence interval of the stress test"
     caption = f"median: of each future's worst value; {interval}"
@@ -106,9 +98,13 @@ def shown_columns(run: Run, *, every: bool) -> tuple[list[str], list[str]]:
     return main, [column for column in columns if column in PAPER_METRICS]
 
 
-def _critical(run: Run | None, column: str) -> tuple[str, str]:
+def _early(run: Run, until_s: float) -> tuple[str, str]:
+    return _shares(run.p_collision_by(until_s))
+
+
+def _critical(run: Run, column: str) -> tuple[str, str]:
     """Return the critical share and its interval; dashes where nothing is defined."""
-    if run is None or column not in run.thresholds or not len(run.samples(column)):
+    if column not in run.thresholds or not len(run.samples(column)):
         return "–", "–"
     return _shares(run.p_critical(column))
 
@@ -121,9 +117,9 @@ def _median(run: Run, column: str) -> str:
     return "collides" if extreme and run.collision.value >= 0.5 else _number(median)
 
 
-def _defined(run: Run, column: str, likely: Run | None) -> str:
+def _defined(sets: Sequence[Run], column: str) -> str:
     """Return in how many futures of each set a metric is defined."""
-    counts = [(len(one.samples(column)), one.futures) for one in (run, likely) if one is not None]
+    counts = [(len(one.samples(column)), one.futures) for one in sets]
     return "all" if all(n == of for n, of in counts) else "\n".join(f"{n}/{of}" for n, of in counts)
 
 

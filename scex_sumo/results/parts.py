@@ -18,6 +18,7 @@ from scex_sumo.scene import States
 
 PARTS = ".parts"
 TABLES = ("worst", "fallbacks", "collisions", "encounters", "horizons", "conflicts")
+_ARRAYS = ("futures", "values", "defined", "tested")
 _STATES = ("x", "y", "heading", "speed")
 
 
@@ -31,7 +32,7 @@ class Part:
         values: (C, M) metric values.
         defined: (C, M) False where a metric is defined in no scene of the future.
         worst: rows of ``worst.parquet``; so ``fallbacks``, ``collisions``.
-        tested: (2, C, M) values, and 1 where defined, of the vehicles under test alone; None without any.
+        tested: (C, 2, M) values, and 1 where defined, of the vehicles under test alone; None without any.
         encounters: rows of `Encounters` in `SMALL` types.
         horizons: rows of ``horizons.parquet``; None for short futures.
         conflicts: rows of ``conflicts.parquet``; None unless asked for.
@@ -56,12 +57,12 @@ def save_part(folder: Path, part: Part) -> None:
     """Save a batch of futures in a result folder."""
     name = f"{int(part.futures[0]):08d}-{int(part.futures[-1]):08d}.npz"
     target = folder / PARTS / name
-    tables = {name: table for name in TABLES if (table := getattr(part, name)) is not None}
-    some: dict[str, Any] = {} if part.tested is None else {"tested": part.tested}
-    some |= {name: _packed(table) for name, table in tables.items()}
-    some |= {name: getattr(part.states, name) for name in _STATES}
+    known = {name: values for name in (*_ARRAYS, *TABLES) if (values := getattr(part, name)) is not None}
+    arrays: dict[str, Any] = {
+        name: _packed(values) if name in TABLES else values for name, values in known.items()
+    }
     with replacing(target) as temporary, temporary.open("wb") as file:
-        np.savez(file, futures=part.futures, values=part.values, defined=part.defined, **some)
+        np.savez(file, **arrays, **vars(part.states))
 
 
 def remove_broken(folder: Path) -> None:
@@ -106,43 +107,31 @@ class Parts:
         self._file = np.repeat([index for _, index in rows], [len(futures) for futures, _ in rows])[first]
         self._row = np.concatenate([np.empty(0, np.int64), *(np.arange(len(c)) for c, _ in rows)])[first]
 
-    def states(self) -> States:
-        """Return the states of all finished futures, (C, T, V)."""
-        return States(**self._taken(slice(None), _STATES))
-
     def read(self, first: int, stop: int) -> Part:
         """Return futures ``first`` to ``stop - 1`` in order; they must be there."""
         part = slice(*np.searchsorted(self.futures, (first, stop)))
-        some = self._taken(part, (*_STATES, "values", "defined", "tested"))
-        found: dict[str, list[pa.Table]] = {name: [] for name in TABLES}
-        for file in np.unique(self._file[part]):
-            mine = pa.array(self.futures[part][self._file[part] == file])
-            with np.load(self._files[file]) as data:
-                for name in found.keys() & data.keys():
-                    table = _unpacked(data[name])
-                    found[name].append(table.filter(pc.is_in(table["future"], value_set=mine)))
-        tables: dict[str, Any] = {name: _in_order(parts) if parts else None for name, parts in found.items()}
-        if tables["fallbacks"] is not None and not tables["fallbacks"].num_rows:
-            tables["fallbacks"] = None
-        arrays: dict[str, Any] = {"states": States(**{name: some.pop(name) for name in _STATES}), **some}
-        return Part(futures=self.futures[part], **arrays, **tables)
-
-    def _taken(self, part: slice, names: Sequence[str]) -> dict[str, NDArray[Any]]:
-        """Return the arrays of some futures; one file at a time."""
         files, rows = self._file[part], self._row[part]
-        whole: dict[str, NDArray[Any]] = {}
-        for file in np.unique(files):
-            here = np.flatnonzero(files == file)
-            with np.load(self._files[file]) as data:
-                for name in (name for name in names if name in data):
-                    values = np.moveaxis(data[name], _AXIS.get(name, 0), 0)
-                    if name not in whole:
-                        whole[name] = np.empty((len(rows), *values.shape[1:]), values.dtype)
-                    whole[name][here] = values[rows[here]]
-        return {name: np.moveaxis(values, 0, _AXIS.get(name, 0)) for name, values in whole.items()}
+        whole = joined_parts([_loaded(self._files[file], rows[files == file]) for file in np.unique(files)])
+        order = np.argsort(whole.futures)
+        columns = {field.name: getattr(whole, field.name) for field in fields(Part)}
+        if whole.fallbacks is not None and not whole.fallbacks.num_rows:
+            columns["fallbacks"] = None
+        for name, values in columns.items():
+            if values is not None:
+                columns[name] = _in_order(values) if name in TABLES else values[order]
+        return Part(**columns)
 
 
-_AXIS = {"tested": 1}  # the futures's axis, where it is not the first
+def _loaded(file: Path, rows: IntArray) -> Part:
+    with np.load(file) as data:
+        some: dict[str, Any] = {name: data[name][rows] for name in _ARRAYS if name in data}
+        some["states"] = States(**{name: data[name][rows] for name in _STATES})
+        mine = pa.array(some["futures"])
+        for name in TABLES:
+            if name in data:
+                table = _unpacked(data[name])
+                some[name] = table.filter(pc.is_in(table["future"], value_set=mine))
+    return Part(**some)
 
 
 def joined_parts(parts: Sequence[Part]) -> Part:
@@ -154,14 +143,12 @@ def joined_parts(parts: Sequence[Part]) -> Part:
             return None
         if name in TABLES:
             return pa.concat_tables(there)
-        join = States.concatenate if name == "states" else np.concatenate
-        return join(there, axis=_AXIS.get(name, 0))
+        return (States.concatenate if name == "states" else np.concatenate)(there, axis=0)
 
     return Part(**{field.name: joined(field.name) for field in fields(Part)})
 
 
-def _in_order(tables: Sequence[pa.Table]) -> pa.Table:
-    """Join tables, with rows ordered by future, and metric if they have it."""
-    whole = pa.concat_tables(tables)
-    keys = [np.asarray(whole[name]) for name in ("metric", "future") if name in whole.column_names]
-    return whole.take(np.lexsort(keys))
+def _in_order(table: pa.Table) -> pa.Table:
+    """Return the rows ordered by future, and metric if they have it."""
+    keys = [np.asarray(table[name]) for name in ("metric", "future") if name in table.column_names]
+    return table.take(np.lexsort(keys))

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from scex_sumo.decision.of_run import human_like_answer
 from scex_sumo.metrics.registry import critical_columns
 from scex_sumo.reports.encounter_rows import meetings, worst_stress
 from scex_sumo.reports.words import extra_rows
 from scex_sumo.results.run import Run
+from scex_sumo.results.tables.pairs import PAIRS_FILE, any_of
 
 if TYPE_CHECKING:
     from scex_sumo.statistics.density import Interval
+
+LISTED: Final = 1e-9
+"""P from which JSON has a pair."""
 
 
 def run_answer(run: Run) -> dict[str, Any]:
@@ -39,7 +42,19 @@ def run_answer(run: Run) -> dict[str, Any]:
             for one in worst_stress(run)
         ],
         "encounters": [one.named_row for one in meetings(run)],
-        "human_like": human_like_answer(run),
+        "human_like": _human_like(run),
+    }
+
+
+def _human_like(run: Run) -> dict[str, Any] | None:
+    """Return the pairs for JSON, and P of a contact of any two without doubt; None without a reference."""
+    if not (run.folder / PAIRS_FILE).is_file():
+        return None
+    rows = run.table(PAIRS_FILE).to_pylist()
+    return {
+        "futures": run.reference.futures if run.reference is not None else None,
+        "any": any_of(row["probability"] for row in rows if not row["doubt"]),
+        "pairs": [row for row in rows if row["probability"] >= LISTED],
     }
 
 

@@ -37,7 +37,7 @@ def part_of(futures: list[int], steps: int = 3, vehicles: int = 2) -> Part:
 def test_futures_are_read_some_at_a_time_in_order_from_parts_that_interlock(tmp_path: Path) -> None:
     folder = ResultFolder(tmp_path / "out", {"seed": 1})
     for numbers in ([0, 2, 6], [1, 4], [3, 5]):
-        tested = np.stack([np.full((len(numbers), 12), 1.0), part_of(numbers).values])
+        tested = np.stack([np.full((len(numbers), 12), 1.0), part_of(numbers).values], axis=1)
         save_part(folder.path, dataclasses.replace(part_of(numbers), tested=tested))
     pieces = list(folder.in_order(7, size=3))
     assert [piece.futures.tolist() for piece in pieces] == [[0, 1, 2], [3, 4, 5], [6]]
@@ -46,7 +46,7 @@ def test_futures_are_read_some_at_a_time_in_order_from_parts_that_interlock(tmp_
     whole = joined_parts(pieces)
     assert whole.values[:, 0].tolist() == [0, 1, 2, 3, 4, 5, 6]
     assert whole.tested is not None
-    assert whole.tested[:, :, 0].tolist() == [[1] * 7, [0, 1, 2, 3, 4, 5, 6]]
+    assert whole.tested[:, :, 0].T.tolist() == [[1] * 7, [0, 1, 2, 3, 4, 5, 6]]
 
 
 def test_a_table_written_in_pieces_is_there_whole_or_not_at_all(tmp_path: Path) -> None:

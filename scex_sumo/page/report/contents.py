@@ -21,7 +21,6 @@ from scex_sumo.page.report.tables import (
     collided_futures,
     encounter_table,
     event_table,
-    metric_values,
     pair_events,
     pair_table,
 )
@@ -58,7 +57,7 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
         "owner": tracks.owner,
         "which": tracks.which,
         "levels": levels,
-        "values": np.concatenate([metric_values(one.metrics, run.columns) for one in both], axis=1),
+        "values": np.array([np.concatenate([one.values(c) for one in both]) for c in run.columns]),
         "events": pair_events(both, info["encounters"]["pairs"], track_ids),
         **_recorded_arrays(scene, tracks.start, int(run.info["steps"])),
     }
@@ -149,9 +148,7 @@ def _lights(run: Run) -> list[tuple[list[list[float]], str]]:
 def metric_words(run: Run, column: str) -> dict[str, Any]:
     """Return name, unit, side, thresholds, range, number of values and frequent values of a metric column."""
     metric = run.metric(column)
-    has_recorded = run.recorded is not None and column in run.recorded.column_names
-    recorded = run.recorded_value(column) if has_recorded else None
-    threshold = run.thresholds.get(column)
+    recorded, threshold = run.recorded_value(column), run.thresholds.get(column)
     side, tenth = metric.side, _WORST_SHARE if metric.side == "left" else 1 - _WORST_SHARE
     samples = np.sort(run.samples(column))
     view = value_range(samples_of_both(run, column), recorded, threshold)

@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import IntArray
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.page.document import table
 from scex_sumo.reports.card import any_cells, decided_line, pair_lines
@@ -47,10 +46,9 @@ def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dic
         groups.setdefault((metric, vehicles, step, float(f"{value:.3g}")), []).append(row["future"])
 
     for row in run.worst.to_pylist():
-        if row["metric"] in number:
-            step = row["timestamp_ms"] // 100 - LOGGED_HISTORY
-            if np.isfinite(row["value"]) or sides[number[row["metric"]]] == "right":
-                add(number[row["metric"]], row, step, row["value"])
+        metric, step = number[row["metric"]], row["timestamp_ms"] // 100 - LOGGED_HISTORY
+        if np.isfinite(row["value"]) or sides[metric] == "right":
+            add(metric, row, step, row["value"])
     for row in run.collisions.to_pylist():
         add(_COLLISION, row, row["step"], row["relative_speed"])
     signs = [1 if side == "left" else -1 for side in sides] + [-1]  # the last sign: collisions
@@ -184,16 +182,6 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
             }
         )
     return {"columns": columns, "rows": rows, "pairs": list(pairs)}
-
-
-def metric_values(table: pa.Table, columns: Sequence[str]) -> FloatArray:
-    """Return (M, C) columns of a table, NaN where undefined or missing."""
-    missing = np.full(table.num_rows, np.nan)
-    parts = [
-        table[name].to_numpy(zero_copy_only=False) if name in table.column_names else missing
-        for name in columns
-    ]
-    return np.stack([np.asarray(part, dtype=np.float64) for part in parts])
 
 
 def _short(cell: Any) -> Any:
