@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -40,21 +41,23 @@ def extrema(metric: Metric, samples: Samples | Entries, scenes: Scenes) -> tuple
             value = 1.0 / value
     cost = sign * value  # the smallest is the most critical
     if isinstance(samples, Entries):
-        least = _least_of_entries(samples.where, cost, scenes, finite=metric.finite)
+        least, defined, infinite, origin = _least_of_entries(
+            samples.where, cost, scenes, finite=metric.finite
+        )
     else:
-        least = _least_of_samples(samples, cost, finite=metric.finite)
-    scene_value = np.where(least.defined, sign * least.cost, np.nan)
-    scene_value = np.where(least.infinite & ~least.defined, np.inf, scene_value)
-    future, future_defined = np.arange(len(scene_value)), np.any(least.defined, axis=1)
+        least, defined, infinite, origin = _least_of_samples(samples, cost, finite=metric.finite)
+    scene_value = np.where(defined, sign * least, np.nan)
+    scene_value = np.where(infinite & ~defined, np.inf, scene_value)
+    future, future_defined = np.arange(len(scene_value)), np.any(defined, axis=1)
     row, other = (samples.row, samples.other) if isinstance(samples, Samples) else scenes.ordered_pairs
-    if least.cost.shape[1] == 0 or len(row) == 0:
+    if least.shape[1] == 0 or len(row) == 0:
         nobody = np.zeros(len(future), dtype=np.int64)
         second = None if other is None else nobody
         nowhere = np.full(len(future), np.nan)
         worst = Worst(value=nowhere, defined=future_defined, step=nobody, vehicle=nobody, other=second)
-        return SceneValues(value=scene_value, defined=least.defined), worst
-    step = _first_smallest(least.cost, least.defined)
-    entry = least.origin(step)
+        return SceneValues(value=scene_value, defined=defined), worst
+    step = _first_smallest(least, defined)
+    entry = origin(step)
     worst = Worst(
         value=np.where(future_defined, scene_value[future, step], np.nan),
         defined=future_defined,
@@ -62,21 +65,12 @@ def extrema(metric: Metric, samples: Samples | Entries, scenes: Scenes) -> tuple
         vehicle=row[entry],
         other=None if other is None else other[entry],
     )
-    return SceneValues(value=scene_value, defined=least.defined), worst
+    return SceneValues(value=scene_value, defined=defined), worst
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Least:
-    """Least costs of scenes.
-
-    Attributes:
-        origin: returns (C,) first row with the least cost, given a step of each future.
-    """
-
-    cost: FloatArray  # (C, T); inf where undefined, and inf is a value
-    defined: BoolArray
-    infinite: BoolArray  # (C, T) where infinite values were left out
-    origin: Callable[[IntArray], IntArray]
+_Least: TypeAlias = tuple[FloatArray, BoolArray, BoolArray, Callable[[IntArray], IntArray]]
+"""(C, T) least costs of scenes, inf where undefined; where they are defined; where infinite values were left
+out; a function that returns (C,) the first row with the least cost, given a step of each future."""
 
 
 def _least_of_samples(samples: Samples, cost: FloatArray, *, finite: bool) -> _Least:
@@ -89,7 +83,7 @@ def _least_of_samples(samples: Samples, cost: FloatArray, *, finite: bool) -> _L
         return _first_smallest(cost[:, future, step].T, defined[:, future, step].T)
 
     least = cost.min(axis=0, initial=np.inf)
-    return _Least(cost=least, defined=np.any(defined, axis=0), infinite=infinite, origin=origin)
+    return least, np.any(defined, axis=0), infinite, origin
 
 
 def _least_of_entries(where: IntArray, cost: FloatArray, scenes: Scenes, *, finite: bool) -> _Least:
@@ -113,7 +107,7 @@ def _least_of_entries(where: IntArray, cost: FloatArray, scenes: Scenes, *, fini
         return np.where(rows < len(scenes.ordered_pairs[0]), rows, 0)
 
     least_cost, is_defined, is_infinite = (a.reshape(futures, steps) for a in (least, defined, infinite))
-    return _Least(cost=least_cost, defined=is_defined, infinite=is_infinite, origin=origin)
+    return least_cost, is_defined, is_infinite, origin
 
 
 def _first_smallest(cost: FloatArray, defined: BoolArray) -> IntArray:

@@ -34,7 +34,7 @@ from scex_sumo.results.decision import DECISION
 from scex_sumo.results.info import BASELINE, PAGE, REFERENCE
 from scex_sumo.results.parts import PARTS, Part, Parts, remove_broken
 from scex_sumo.results.road import INTENTIONS, ROAD
-from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene
+from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
 
 PENDING = "incomplete.json"
 _COPY = ".incomplete.json"  # used if `PENDING` is damaged
@@ -221,34 +221,24 @@ def tracks_table(scene: SeedScene, part: Part) -> pa.Table:
     States of vehicles that have arrived are null.
     """
     count, steps, vehicles = part.states.shape
-    past = scene.history[:, -LOGGED_HISTORY:]
-    frames = LOGGED_HISTORY + steps
-
-    def column(history: FloatArray, simulated: FloatArray) -> FloatArray:
-        whole = np.empty((count, vehicles, frames))
-        whole[:, :, :LOGGED_HISTORY] = history
-        whole[:, :, LOGGED_HISTORY:] = simulated.transpose(0, 2, 1)
-        return whole.reshape(-1)
-
-    heading = column(past.heading, part.states.heading)
-    speed = column(past.speed, part.states.speed)
+    frames, past = LOGGED_HISTORY + steps, scene.history[:, -LOGGED_HISTORY:].repeat(count)
+    whole = States.concatenate([past, part.states.swapaxes(1, 2)], axis=2).map(np.ravel)
     motion = {
-        "x": column(past.x, part.states.x),
-        "y": column(past.y, part.states.y),
-        "vx": speed * np.cos(heading),
-        "vy": speed * np.sin(heading),
-        "psi_rad": heading,
+        "x": whole.x,
+        "y": whole.y,
+        "vx": whole.speed * np.cos(whole.heading),
+        "vy": whole.speed * np.sin(whole.heading),
+        "psi_rad": whole.heading,
     }
     frame = np.tile(np.arange(1, frames + 1, dtype=np.int64), count * vehicles)
     per_vehicle = np.tile(np.repeat(np.arange(vehicles, dtype=np.int32), frames), count)
-    types = pa.DictionaryArray.from_arrays(pa.array(per_vehicle), pa.array(list(scene.types), pa.string()))
     return pa.table(
         {
             "case_id": np.repeat(part.futures, vehicles * frames),
             "track_id": np.asarray(scene.track_ids)[per_vehicle],
             "frame_id": frame,
             "timestamp_ms": frame * 100,
-            "agent_type": types.cast(pa.string()),
+            "agent_type": pa.array(scene.types, pa.string()).take(pa.array(per_vehicle)),
             **{name: pa.array(values, from_pandas=True) for name, values in motion.items()},  # NaN is null
             "length": scene.length[per_vehicle],
             "width": scene.width[per_vehicle],
@@ -269,14 +259,11 @@ def values_table(
 def assignments_table(scene: SeedScene, assignment: IntArray, names: Sequence[str]) -> pa.Table:
     """Return ``assignments.parquet`` from indices (C, V) into ``names``."""
     count, vehicles = assignment.shape
-    models = pa.DictionaryArray.from_arrays(
-        pa.array(assignment.reshape(-1)), pa.array(list(names), pa.string())
-    )
     return pa.table(
         {
             "future": np.repeat(np.arange(count, dtype=np.int64), vehicles),
             "track_id": np.tile(np.asarray(scene.track_ids), count),
-            "model": models.cast(pa.string()),
+            "model": pa.array(names, pa.string()).take(pa.array(assignment.reshape(-1))),
         }
     )
 
