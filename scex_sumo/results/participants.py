@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.converters.tracks.road_users import PEOPLE, road_user
 from scex_sumo.scene import HISTORY_STEPS, Obstacles, SeedScene, States
@@ -19,18 +19,14 @@ MAX_PEOPLE: Final = 100
 def with_people(scene: SeedScene, vru: str) -> SeedScene:
     """Return the scene in which people do what the option ``--vru`` says; a scene with people stays."""
     others = scene.obstacles
-    if others is None or scene.people is not None:
-        return scene
-    if vru == "replay":
+    if others is None or scene.people is not None or vru == "replay":
         return scene
     from scex_sumo.results.obstacles import some_obstacles, taking_part
 
-    people = np.array([road_user(kind) in PEOPLE for kind in others.types])
     if vru == "none":
-        return replace(scene, obstacles=some_obstacles(others, ~people))
-    taking, notes = _taking(others) & people, list[str]()
-    if (more := int(taking.sum()) - MAX_PEOPLE) > 0:
-        taking = _nearest(scene, others, taking)
+        return replace(scene, obstacles=some_obstacles(others, ~_people(others)))
+    (taking, more), notes = _taking(scene, others), list[str]()
+    if more:
         notes.append(f"{more} of {MAX_PEOPLE + more} people, those farthest from vehicles, are replayed")
     if (people_now := some_obstacles(others, taking)) is None:
         return scene
@@ -56,30 +52,26 @@ def with_everybody(scene: SeedScene, states: States) -> States:
     past = whole.history.swapaxes(0, 1).repeat(futures)
     others = scene.obstacles
     if others is not None and whole is not scene:
-        people = np.array([road_user(kind) in PEOPLE for kind in others.types])
-        taking = np.flatnonzero(_nearest(scene, others, _taking(others) & people))
+        taking = np.flatnonzero(_taking(scene, others)[0])
         beside = States.stack([others.at(step)[0][taking] for step in range(1, steps + 1)], axis=0)
         states = States.concatenate([states, beside.repeat(futures)], axis=2)
     return States.concatenate([past, states], axis=1)
 
 
-def _taking(others: Obstacles) -> BoolArray:
-    """Return which obstacles (O,) are there at the moment, with known states."""
-    there = others.states[:, : HISTORY_STEPS + 1]
-    known = np.isfinite([there.x, there.y, there.heading, there.speed]).all(axis=(0, 2))
-    return np.asarray(others.present[:, HISTORY_STEPS] & known)
+def _people(others: Obstacles) -> BoolArray:
+    return np.array([road_user(kind) in PEOPLE for kind in others.types], dtype=np.bool_)
 
 
-def _nearest(scene: SeedScene, others: Obstacles, taking: BoolArray) -> BoolArray:
-    """Return the `MAX_PEOPLE` obstacles of some (O,) that are nearest to a vehicle."""
-    if taking.sum() <= MAX_PEOPLE:
-        return taking
-    far = _distance(scene, others)
+def _taking(scene: SeedScene, others: Obstacles) -> tuple[BoolArray, int]:
+    """Return which obstacles (O,) are people that take part, and how many more there are.
+
+    They are there at the moment, with known states: the `MAX_PEOPLE` that are nearest to a vehicle.
+    """
+    before, now = others.states[:, : HISTORY_STEPS + 1], others.states[:, HISTORY_STEPS]
+    known = np.isfinite([before.x, before.y, before.heading, before.speed]).all(axis=(0, 2))
+    taking: BoolArray = others.present[:, HISTORY_STEPS] & known & _people(others)
+    if (more := int(taking.sum()) - MAX_PEOPLE) <= 0:
+        return taking, 0
+    far = np.hypot(now.x[:, None] - scene.now.x, now.y[:, None] - scene.now.y).min(axis=1, initial=np.inf)
     far[~taking] = np.inf
-    return np.isin(np.arange(len(far)), np.argsort(far, kind="stable")[:MAX_PEOPLE])
-
-
-def _distance(scene: SeedScene, others: Obstacles) -> FloatArray:
-    now, there = scene.now, others.states[:, HISTORY_STEPS]
-    apart = np.hypot(there.x[:, None] - now.x, there.y[:, None] - now.y)
-    return np.asarray(apart.min(axis=1, initial=np.inf))
+    return np.isin(np.arange(len(far)), np.argsort(far, kind="stable")[:MAX_PEOPLE]), more

@@ -12,14 +12,14 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr as quoted
 
 import numpy as np
 import shapely
 
-from scex_sumo.base.arrays import BoolArray, FloatArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.colors import OTHER_RGB, Rgb
 from scex_sumo.converters.net.sumo_net import points_of
 from scex_sumo.converters.tracks.road_users import PEOPLE, obstacle_kinds, road_user
@@ -167,39 +167,32 @@ def _choose_ids(
 
 
 def _groups(scene: SeedScene, tiled: TiledFuture) -> list[FcdTracks]:
-    steps = tiled.future.states.shape[1]
-    vehicles = FcdTracks(
-        ids=[tiled.id(name) for name in scene.names],
-        types=[_type_id(model, scene.types[v], v) for v, model in enumerate(tiled.future.models)],
-        walks=_walks(scene.types),
-        length=scene.length,
-        states=tiled.future.states,
-        present=np.isfinite(tiled.future.states.x),
-        tile=tiled.slot,
-        offset=tiled.offset,
-    )
-    others = scene.obstacles
+    def group(
+        names: Sequence[str], models: Sequence[str], kinds: Sequence[str], length: FloatArray, **tracks: Any
+    ) -> FcdTracks:
+        return FcdTracks(
+            ids=[tiled.id(name) for name in names],
+            types=[_type_id(model, kinds[n], n) for n, model in enumerate(models)],
+            walks=np.array([road_user(kind) == "pedestrian" for kind in kinds], dtype=np.bool_),
+            length=length,
+            tile=tiled.slot,
+            offset=tiled.offset,
+            **tracks,
+        )
+
+    states, models, others = tiled.future.states, tiled.future.models, scene.obstacles
+    present = np.isfinite(states.x)
+    vehicles = group(scene.names, models, scene.types, scene.length, states=states, present=present)
     if others is None:
         return [vehicles]
     # Frame 1 of a future is the second of the eleven past states of a seed scene.
-    columns = np.minimum(np.arange(1, steps + 1), others.states.shape[1] - 1)
-    there = others.present[:, columns]
-    obstacles = FcdTracks(
-        ids=[tiled.id(f"P{name}") for name in others.ids],
-        types=[_type_id("other", kind, o) for o, kind in enumerate(obstacle_kinds(others))],
-        walks=_walks(obstacle_kinds(others)),
-        length=others.length,
-        states=others.states[:, columns],
-        present=np.logical_or.accumulate(there, axis=1)  # without gaps
-        & np.logical_or.accumulate(there[:, ::-1], axis=1)[:, ::-1],
-        tile=tiled.slot,
-        offset=tiled.offset,
-    )
-    return [vehicles, obstacles]
-
-
-def _walks(kinds: Sequence[str]) -> BoolArray:
-    return np.array([road_user(kind) == "pedestrian" for kind in kinds], dtype=np.bool_)
+    columns = np.minimum(np.arange(1, states.shape[1] + 1), others.states.shape[1] - 1)
+    there, names, other = others.present[:, columns], [f"P{name}" for name in others.ids], ["other"]
+    present = np.logical_or.accumulate(there, axis=1)  # without gaps
+    present &= np.logical_or.accumulate(there[:, ::-1], axis=1)[:, ::-1]
+    tracks = {"states": others.states[:, columns], "present": present}
+    kinds = obstacle_kinds(others)
+    return [vehicles, group(names, other * len(names), kinds, others.length, **tracks)]
 
 
 def _type_id(model: str, kind: str, number: int) -> str:

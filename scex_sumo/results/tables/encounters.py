@@ -82,7 +82,8 @@ def encounters_table(
     vehicles = len(track_ids)
     pairs, which = np.unique(encounters.first * vehicles + encounters.second, return_inverse=True)
     which = which.reshape(-1)
-    answers = answers_of(encounters)
+    answers = {name: encounters.happens(event) for name, event in EVENTS.items()}  # a collision is each
+    answers["critical"] = np.any(list(answers.values()), axis=0)
     shares = {
         name: intervals.all_shares(
             _by_future(which, encounters.future, answers[name], len(pairs), intervals.count)
@@ -133,12 +134,6 @@ def _injured(collisions: pa.Table | None, futures: int) -> dict[frozenset[int], 
         risk = (hit["p_mais3"] or 0.0) + (hit["p_mais3_other"] or 0.0)
         injured[pair] = injured.get(pair, 0.0) + risk / futures
     return injured
-
-
-def answers_of(encounters: Encounters) -> dict[str, BoolArray]:
-    """Return (N,) whether each encounter is critical, by question; a collision is so in each."""
-    answers = {name: encounters.happens(event) for name, event in EVENTS.items()}
-    return {**answers, "critical": np.any(list(answers.values()), axis=0)}
 
 
 def _by_future(which: IntArray, future: IntArray, answer: BoolArray, pairs: int, futures: int) -> BoolArray:
