@@ -28,12 +28,7 @@ def write_future(run: Run, number: int) -> Path:
 def write_first(run: Run) -> Path:
     """Write the future of the verdict's pair, else of the worst pair, else any; return the file to open."""
     decision, human = run.decision, run.reference
-    if (
-        decision is not None
-        and human is not None
-        and decision.pair is not None
-        and decision.future is not None
-    ):
+    if decision and human and decision.pair and decision.future is not None:
         step = round((decision.time_s or 0.0) / STEP_S)
         words = (decision.how or decision.what or "").replace("; ", " · ")  # SUMO takes no semicolon
         return _write(human, [_event_view(human, decision.future, decision.pair, step, words)])

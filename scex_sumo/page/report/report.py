@@ -51,7 +51,7 @@ def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> byt
         warnings=_note_card("Warnings", warnings),
         answer=_answer(run),
         pairs=_pairs(info, verdict),
-        rows=joined(*_rows(info)),
+        rows=joined(*(_row(name, values) for name, values in info["rows"].items())),
         recorded="" if info["has_recorded"] else " hidden",
         notes=notes,
         foot=f"scex-sumo {info['version']} · {info['command']}",
@@ -60,11 +60,9 @@ def filled_report(run: Run, info: dict[str, Any], arrays: dict[str, Any]) -> byt
 
 def _answer(run: Run) -> Html:
     first, *more = (line.plain for line in verdict_lines(run, wide=_WIDE))
-    decision = run.decision
-    word = VERDICTS[decision.kind].upper() if decision is not None else ""
-    head = element(
-        "p", element(f"b.{decision.kind if decision is not None else ''}", word), first[len(word) :]
-    )
+    kind = "" if run.decision is None else run.decision.kind
+    word = VERDICTS[kind].upper() if kind else ""
+    head = element("p", element(f"b.{kind}", word), first[len(word) :])
     return element("section", head, *(element("p.soft", line) for line in more), id="answer")
 
 
@@ -75,14 +73,11 @@ def _pairs(info: Mapping[str, Any], verdict: str) -> Html:
     return element("div.card", element("div.scroll", id="pairs"), *tested, look)
 
 
-def _rows(info: Mapping[str, Any]) -> list[Html]:
-    return [element("p.soft", _row(name, values)) for name, values in info["rows"].items()]
-
-
-def _row(name: str, values: Sequence[float | str | None]) -> str:
+def _row(name: str, values: Sequence[float | str | None]) -> Html:
     """Return the row of an extra: its value in the stress test, then in the human-like futures."""
     kinds = zip(values, ("stress test", "human-like"), strict=False)
-    return f"{name}: {', '.join(f'{row_cell(value)} {kind}' for value, kind in kinds if value is not None)}"
+    words = ", ".join(f"{row_cell(value)} {kind}" for value, kind in kinds if value is not None)
+    return element("p.soft", f"{name}: {words}")
 
 
 def _note_card(name: str, notes: Sequence[str]) -> Html:
