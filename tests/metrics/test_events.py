@@ -22,10 +22,10 @@ events.MEASURED = (*events.MEASURED, near)
 
 import numpy as np
 from scex_sumo.metrics.events import EVENTS
-from scex_sumo.page.report.tables import BITS
-from scex_sumo.page.report.encounter_table import HEADS
+
+from scex_sumo.reports.encounter_rows import HEADS
 from scex_sumo.results.tables.encounters import QUESTIONS, encounters_table, event_of, outcomes_table
-from scex_sumo.results.tables.encounters import critical_outcomes
+from scex_sumo.results.tables.encounters import BITS, critical_outcomes
 from scex_sumo.studies.validate.vehicles import ENCOUNTERS
 from tests.results.tables.test_encounters import LEVELS, MODELS, TRACKS, futures
 from tests.metrics.scenes import find_encounters

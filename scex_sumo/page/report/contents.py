@@ -16,17 +16,11 @@ from scex_sumo.metrics.events import MEASURED
 from scex_sumo.page.figures.axes import samples_of_both, ticks, value_range
 from scex_sumo.page.packing import UNITS, coded_motion, quantized
 from scex_sumo.page.report.scene import FAR_M, Future, packed_tracks, poses_of, road_paths
-from scex_sumo.page.report.tables import (
-    BITS,
-    collided_futures,
-    encounter_table,
-    event_table,
-    pair_events,
-    pair_table,
-)
+from scex_sumo.page.report.tables import collided_futures, encounter_table, event_table, pair_table
 from scex_sumo.reports.words import extra_rows
 from scex_sumo.results.design import half_widths
 from scex_sumo.results.run import Run
+from scex_sumo.results.tables.encounters import BITS, pair_events
 from scex_sumo.rules.lights import light_bars
 from scex_sumo.scene import HISTORY_STEPS, STEP_S, SeedScene
 from scex_sumo.statistics.density import BANDWIDTH, split_atoms
@@ -50,6 +44,7 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
     for metric in metrics:
         metric |= {"band": bands[metric["column"]]}
     info = _words(run, scene, track_ids, models, metrics)
+    pairs = [(track_ids[a], track_ids[b]) for a, b in info["encounters"]["pairs"]]
     tracks = packed_tracks(_futures(both, info))
     arrays: dict[str, Any] = {
         "start": tracks.start,
@@ -58,7 +53,7 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
         "which": tracks.which,
         "levels": levels,
         "values": np.array([np.concatenate([one.values(c) for one in both]) for c in run.columns]),
-        "events": pair_events(both, info["encounters"]["pairs"], track_ids),
+        "events": np.concatenate([pair_events(one, pairs) for one in both], axis=1),
         **_recorded_arrays(scene, tracks.start, int(run.info["steps"])),
     }
     left, right, low, high = tracks.box

@@ -7,19 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from scex_sumo.base.arrays import IntArray
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.page.document import table
 from scex_sumo.reports.card import any_cells, decided_line, pair_lines
 from scex_sumo.reports.encounter_rows import HEADS, HUMAN_LIKE, driven_as, encounter_cells, meetings
 from scex_sumo.results.run import Run
-from scex_sumo.results.tables.encounters import critical_outcomes
-from scex_sumo.results.tables.outcomes import first_contacts
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 from scex_sumo.statistics.density import Interval
-
-BITS = {name: 1 << number for number, name in enumerate(EVENTS)}
-"""Bit of each event in `pair_events`."""
 
 _SELECTED = {event.title: name for name, event in EVENTS.items()}
 _SELECTED |= {"95 %": "range", "gap": "gap", "after": "after"}
@@ -85,30 +79,6 @@ def collided_futures(both: Sequence[Run]) -> list[int]:
     for first, run in zip(firsts, both, strict=False):
         collided |= {first + row["future"] for row in run.collisions.to_pylist()}
     return sorted(collided)
-
-
-def pair_events(both: Sequence[Run], pairs: Sequence[tuple[int, int]], track_ids: Sequence[int]) -> IntArray:
-    """Return (P, C) what happens to pairs of vehicles in the futures of all sets.
-
-    Bits: those of `BITS`; a collision has all.
-    """
-    number = np.full((len(track_ids), len(track_ids)), -1)
-    for index, (one, other) in enumerate(pairs):
-        number[[one, other], [other, one]] = index
-    where = {int(track): index for index, track in enumerate(track_ids)}
-    parts = [np.zeros((len(pairs), run.futures), dtype=np.int64) for run in both]
-    for run, events in zip(both, parts, strict=True):
-        if not len(pairs):
-            continue
-        hits = first_contacts(run.collisions)
-        tables = [(hits, ("track_id", "other_id"), np.full(hits.num_rows, sum(BITS.values())))]
-        critical = critical_outcomes(met := run.pair_outcomes)
-        bits = np.sum([BITS[name] * happens for name, happens in critical.items()], axis=0)
-        tables.append((met, ("track_a", "track_b"), bits))
-        for rows, names, values in tables:
-            at = number[tuple([where[t] for t in rows[name].to_pylist()] for name in names)]
-            events[at[at >= 0], np.asarray(rows["future"])[at >= 0]] |= values[at >= 0]
-    return np.concatenate(parts, axis=1)
 
 
 def pair_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:

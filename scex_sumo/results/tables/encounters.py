@@ -29,6 +29,9 @@ ENCOUNTERS: Final = "encounters.parquet"
 QUESTIONS: Final = (*EVENTS, "critical")
 """Probabilities of a pair, each with ``_low`` and ``_high``; ``critical`` is any of the others."""
 
+BITS: Final = {name: 1 << number for number, name in enumerate(EVENTS)}
+"""Bit of each event in `pair_events`; a collision has all."""
+
 SCHEMA: Final = schema(
     "track_id other_id name other_name",
     (name + end for name in QUESTIONS for end in ("", "_low", "_high")),
@@ -284,16 +287,30 @@ class Encounter:
 
     def happens(self, event: str) -> BoolArray:
         """Return (C,) whether an event, or any (``critical``), happens in each drawn future."""
-        hits, outcomes = first_contacts(self.run.collisions), self.run.pair_outcomes
-        struck = np.sort([np.asarray(hits["track_id"]), np.asarray(hits["other_id"])], axis=0)
-        future = [np.asarray(hits["future"])[(np.array(self.pair) == struck.T).all(axis=1)]]
-        a, b = (np.asarray(outcomes[name]) for name in ("track_a", "track_b"))
-        own = (a == self.pair[0]) & (b == self.pair[1])
-        for name, critical in critical_outcomes(outcomes).items():
-            if event in (name, "critical"):
-                future.append(np.asarray(outcomes["future"])[own & critical])
-        happens: BoolArray = np.isin(np.arange(self.run.futures), np.concatenate(future))
-        return happens
+        bits = sum(BITS.values()) if event == "critical" else BITS.get(event, BITS["collision"])
+        return np.asarray(pair_events(self.run, [self.pair])[0] & bits > 0)
+
+
+def pair_events(run: Any, pairs: Sequence[tuple[int, int]]) -> IntArray:
+    """Return (P, C) what happens to pairs of track ids in the futures of a `Run`, in `BITS`."""
+    events = np.zeros((len(pairs), run.futures), dtype=np.int64)
+    if not pairs:
+        return events
+    ids = np.sort(run.info["seed_scene"]["track_ids"])
+    number = np.full((len(ids), len(ids)), -1)
+    for index, pair in enumerate(pairs):
+        one, other = np.searchsorted(ids, pair)
+        number[[one, other], [other, one]] = index
+    hits, met = first_contacts(run.collisions), run.pair_outcomes
+    all_bits = np.full(hits.num_rows, sum(BITS.values()))
+    bits = np.sum([BITS[name] * happens for name, happens in critical_outcomes(met).items()], axis=0)
+    for rows, names, values in (
+        (hits, ("track_id", "other_id"), all_bits),
+        (met, ("track_a", "track_b"), bits),
+    ):
+        at = number[tuple(np.searchsorted(ids, np.asarray(rows[name])) for name in names)]
+        events[at[at >= 0], np.asarray(rows["future"])[at >= 0]] |= values[at >= 0]
+    return events
 
 
 def critical_outcomes(outcomes: pa.Table) -> dict[str, BoolArray]:
