@@ -13,10 +13,11 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.colors import model_colors
 from scex_sumo.converters.net.reading import road_lines
 from scex_sumo.metrics.events import MEASURED
+from scex_sumo.metrics.registry import COLLISION
 from scex_sumo.page.figures.axes import samples_of_both, ticks, value_range
 from scex_sumo.page.packing import UNITS, coded_motion, quantized
 from scex_sumo.page.report.scene import FAR_M, Future, packed_tracks, poses_of, road_paths
-from scex_sumo.page.report.tables import collided_futures, encounter_table, event_table, pair_table
+from scex_sumo.page.report.tables import encounter_table, event_table, pair_table
 from scex_sumo.reports.words import extra_rows
 from scex_sumo.results.design import half_widths
 from scex_sumo.results.run import Run
@@ -39,10 +40,8 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
     coded = coded.combine_chunks().dictionary_encode()
     levels = np.asarray(coded.indices, dtype=np.int64).reshape(-1, len(track_ids))
     models = coded.dictionary.to_pylist()
-    metrics = [metric_words(run, column) for column in run.columns]
     bands = half_widths(run.metrics, run.columns, run.intervals)
-    for metric in metrics:
-        metric |= {"band": bands[metric["column"]]}
+    metrics = [metric_words(run, column) | {"band": bands[column]} for column in run.columns]
     info = _words(run, scene, track_ids, models, metrics)
     pairs = [(track_ids[a], track_ids[b]) for a, b in info["encounters"]["pairs"]]
     tracks = packed_tracks(_futures(both, info))
@@ -73,23 +72,24 @@ def _futures(both: list[Run], info: dict[str, Any]) -> list[Future]:
 def _words(
     run: Run, scene: SeedScene, track_ids: list[int], models: list[str], metrics: list[dict[str, Any]]
 ) -> dict[str, Any]:
-    scene_info = run.info["seed_scene"]
+    scene_info, human = run.info["seed_scene"], run.reference
     command = run.info.get("command") or []
+    notes = [
+        *scene_info.get("notes", ()),
+        *(n for k in ("net_notes", "run_notes") for n in run.info.get(k, ())),
+    ]
+    collided = np.concatenate([one.values(COLLISION) for one in (run, human) if one is not None])
     return {
         "name": scene_info["name"],
         "time_s": scene_info.get("time_s"),
         "futures": run.futures,
-        "human": 0 if run.reference is None else run.reference.futures,
+        "human": 0 if human is None else human.futures,
         "steps": int(run.info["steps"]),
         "folder": str(run.folder),
         "command": shlex.join([str(word) for word in command]),
         "version": run.info.get("scex_sumo", ""),
         "under_test": [run.name_of(t) for t in sorted(map(int, run.info.get("under_test") or {}))],
-        "notes": [
-            *scene_info.get("notes", []),
-            *run.info.get("net_notes", []),
-            *run.info.get("run_notes", []),
-        ],
+        "notes": notes,
         "track_ids": [run.name_of(track) for track in track_ids],
         "types": list(scene.types),
         "sizes": np.stack([scene.length, scene.width], axis=1).round(2).tolist(),
@@ -98,7 +98,7 @@ def _words(
         "metrics": metrics,
         "ticks": [(value, f"{words} s") for value, words in ticks(0, int(run.info["steps"]) * STEP_S)],
         "bandwidth": BANDWIDTH,
-        "collided": collided_futures([run] if run.reference is None else [run, run.reference]),
+        "collided": np.flatnonzero(collided).tolist(),
         "pairs": pair_table(run, track_ids),
         "encounters": encounter_table(run, track_ids),
         "bits": BITS,

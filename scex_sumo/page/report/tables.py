@@ -73,14 +73,6 @@ def _event(
     }
 
 
-def collided_futures(both: Sequence[Run]) -> list[int]:
-    """Return the futures of all sets with a collision, those of the second set after the first."""
-    firsts, collided = np.cumsum([0, *(run.futures for run in both)]).tolist(), set[int]()
-    for first, run in zip(firsts, both, strict=False):
-        collided |= {first + row["future"] for row in run.collisions.to_pylist()}
-    return sorted(collided)
-
-
 def pair_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     """Return the pairs of the answer, see `scex_sumo.reports.card`; ``first`` is the row that is shown first.
 
