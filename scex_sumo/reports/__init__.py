@@ -1,1 +1,1 @@
-"""Reports: figures and terminal tables; the only package with matplotlib."""
+"""Reports: the answer of a run as a card, and tables for the terminal."""
