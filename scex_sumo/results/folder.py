@@ -9,7 +9,7 @@ import contextlib
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Final, TypeVar
 
@@ -38,6 +38,10 @@ from scex_sumo.scene import LOGGED_HISTORY, STEP_S, SeedScene, States
 
 PENDING = "incomplete.json"
 _COPY = ".incomplete.json"  # used if `PENDING` is damaged
+_TABLES = """
+    tracks plans metrics assignments recorded densities worst fallbacks collisions encounters pair_outcomes
+    under_test horizons conflicts pairs
+"""
 _Folder = TypeVar("_Folder", bound="OutputFolder")
 
 
@@ -54,6 +58,9 @@ class OutputFolder:
     """Words for the result, and for a result with another configuration."""
     evidence: ClassVar[tuple[str, ...]] = ()
     """Files that together show that a folder is ours if ``info`` is damaged."""
+    files: ClassVar[tuple[str, ...]] = ()
+    folders: ClassVar[tuple[str, ...]] = ()
+    """What it may hold: another result in the same folder removes it."""
 
     def __init__(self, path: Path, configuration: Mapping[str, Any], *, overwrite: bool = False) -> None:
         """Lock a folder and make it ready to be written; ``overwrite`` replaces another result.
@@ -95,7 +102,8 @@ class OutputFolder:
             if not overwrite:
                 raise ResultError(f"{self.path}: holds {self.another}; {remedy}")
         elif there:
-            if not overwrite and not self._is_ours():
+            ours = self.evidence and all((self.path / name).exists() for name in self.evidence)
+            if not overwrite and not ours:
                 raise ResultError(f"{self.path / there[0]}: cannot be read; {remedy}")
         elif any(self.path.iterdir()):
             raise ResultError(
@@ -105,16 +113,19 @@ class OutputFolder:
         for name in names:
             (self.path / name).unlink(missing_ok=True)
 
-    def _is_ours(self) -> bool:
-        return bool(self.evidence) and all((self.path / name).exists() for name in self.evidence)
-
     def _clear(self) -> None:
         """Remove what was written before, and nothing else."""
-        raise NotImplementedError
+        self.remove((*self.files, *self.folders))
 
     def _prepare(self) -> None:
         """Make the folder ready to be written."""
-        raise NotImplementedError
+        for name in self.folders:
+            own_folder(self.path / name)
+
+    def remove(self, names: Iterable[str]) -> None:
+        """Remove files and folders."""
+        for name in names:
+            remove(self.path / name)
 
     def finish(self, info: Mapping[str, Any], *, allow_nan: bool = True) -> None:
         """Write the file of the contents: from now on the folder is a result."""
@@ -145,19 +156,17 @@ class ResultFolder(OutputFolder):
 
     info, what, another = "run.json", "result", "the result of another run"
     evidence = ("metrics.parquet", "assignments.parquet", "tracks.parquet", "seed.csv")
-
-    def _clear(self) -> None:
-        self.remove((*_FILES, PARTS, "sumo"))
+    files = (
+        "seed.csv",
+        *(ROAD, INTENTIONS, BASELINE, REFERENCE, DECISION, PAGE),
+        *(f"{curve}{ending}" for curve in ("density", "cumulative") for ending in (".svg", ".png", ".pdf")),
+        *(f"{name}.parquet" for name in _TABLES.split()),
+    )
+    folders = (PARTS, "sumo")
 
     def _prepare(self) -> None:
-        for name in (PARTS, "sumo"):
-            own_folder(self.path / name)
+        super()._prepare()
         remove_broken(self.path)
-
-    def remove(self, names: Sequence[str]) -> None:
-        """Remove files and folders."""
-        for name in names:
-            remove(self.path / name)
 
     def in_order(self, futures: int, *, size: int) -> Iterator[Part]:
         """Yield all futures in order, some at a time; raise a `ResultError` if some are missing."""
@@ -199,20 +208,6 @@ class ResultFolder(OutputFolder):
         super().finish(info, allow_nan=allow_nan)
         shutil.rmtree(self.path / PARTS, ignore_errors=True)
         self.close()
-
-
-_FILES = (
-    "seed.csv",
-    *(ROAD, INTENTIONS, BASELINE, REFERENCE, DECISION, PAGE),
-    *(f"{curve}{ending}" for curve in ("density", "cumulative") for ending in (".svg", ".png", ".pdf")),
-    *(
-        f"{name}.parquet"
-        for name in (
-            *("tracks", "plans", "metrics", "assignments", "recorded", "densities", "worst", "fallbacks"),
-            *("collisions", "encounters", "pair_outcomes", "under_test", "horizons", "conflicts", "pairs"),
-        )
-    ),
-)
 
 
 def tracks_table(scene: SeedScene, part: Part) -> pa.Table:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import UsageError
-from scex_sumo.base.files import own_folder, remove, write_atomic
+from scex_sumo.base.files import write_atomic
 from scex_sumo.base.progress import Progress, progress_of
 from scex_sumo.base.version import __version__
 from scex_sumo.converters.datasets.find import find_recordings
@@ -53,20 +53,11 @@ The driver behaviour, weights and files around them were made by scex-sumo {vers
 
 
 class SuiteFolder(OutputFolder):
-    """Folder of a suite while it is made."""
+    """Folder of a suite while it is made; of an interrupted one nothing is kept but its ranking."""
 
     info, what = SUITE, "suite"
     another = "another suite, of other encounters or with other options"
-    evidence = (CASES, MAPS)
-
-    def _clear(self) -> None:
-        for name in (CASES, MAPS):
-            remove(self.path / name)
-
-    def _prepare(self) -> None:
-        """Nothing is kept of an interrupted suite but its ranking."""
-        for name in (CASES, MAPS):
-            own_folder(self.path / name)
+    evidence = folders = (CASES, MAPS)
 
 
 WrittenCase: TypeAlias = tuple[Mapping[str, Any], CaseCard]

@@ -87,12 +87,11 @@ def encounters_table(
     which = which.reshape(-1)
     answers = {name: encounters.happens(event) for name, event in EVENTS.items()}  # a collision is each
     answers["critical"] = np.any(list(answers.values()), axis=0)
-    shares = {
-        name: intervals.all_shares(
-            _by_future(which, encounters.future, answers[name], len(pairs), intervals.count)
-        )
-        for name in QUESTIONS
-    }
+    shares = {}
+    for name, answer in answers.items():
+        full = np.zeros((intervals.count, len(pairs)), dtype=np.bool_)  # False where a pair does not meet
+        full[encounters.future[answer], which[answer]] = True
+        shares[name] = intervals.all_shares(full)
     order = np.argsort(which, kind="stable")
     ends = np.searchsorted(which[order], np.arange(len(pairs) + 1))
     injured = _injured(collisions, len(models))
@@ -137,13 +136,6 @@ def _injured(collisions: pa.Table | None, futures: int) -> dict[frozenset[int], 
         risk = (hit["p_mais3"] or 0.0) + (hit["p_mais3_other"] or 0.0)
         injured[pair] = injured.get(pair, 0.0) + risk / futures
     return injured
-
-
-def _by_future(which: IntArray, future: IntArray, answer: BoolArray, pairs: int, futures: int) -> BoolArray:
-    """Return (C, pairs) answers, False where a pair does not meet."""
-    full = np.zeros((futures, pairs), dtype=bool)
-    full[future[answer], which[answer]] = True
-    return full
 
 
 def criticality(row: Mapping[str, Any]) -> tuple[float, float, float]:
