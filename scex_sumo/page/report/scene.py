@@ -1,4 +1,4 @@
-"""Road as SVG paths, tracks of all futures as integers, and a picture of both."""
+"""Road as SVG paths, and tracks of all futures as integers."""
 
 from __future__ import annotations
 
