@@ -34,15 +34,14 @@ from scex_sumo.behaviors.driving.paths import seed_paths
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.converters.registries import Recording
 from scex_sumo.drivers.registry import ModelSpec, build
-from scex_sumo.evaluation.recordings import load_recording
 from scex_sumo.evaluation.split import Split
 from scex_sumo.humans.guard.guarded import Guarded
 from scex_sumo.learned.training.closed_loop import REPLAN
 from scex_sumo.learned.training.data.dataset import (
     Dataset,
     SampleOptions,
+    loaded_sites,
     make_dataset,
-    moments_apart,
     part_scenes,
 )
 from scex_sumo.learned.training.data.samples import TrainingSamples
@@ -96,9 +95,8 @@ def train(dataset: Dataset, kind: Kind, seed: int, steps: int, file: Path) -> No
 
 def test_scenes(recordings: Sequence[Recording], site: str) -> list[measures.TestScene]:
     """Return the scenes of a site's test part."""
-    here = [load_recording(recording) for recording in recordings if recording.site == site]
     split = Split(kept_test=tuple(r.name for r in recordings if part_of(r.name) == "test"))
-    every_s = moments_apart(here, TEST_MOMENTS)
+    ((_, here, every_s),) = loaded_sites([r for r in recordings if r.site == site], TEST_MOMENTS)
     return [
         measures.TestScene(site=site, scene=scene, road=loaded.road)
         for loaded in here

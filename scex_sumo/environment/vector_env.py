@@ -197,14 +197,12 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
     def _check_vehicles(self, tracks: Sequence[int], assign: Mapping[int, str] | None) -> None:
         if assign is not None and not isinstance(assign, Mapping):
             raise UsageError(f"assign: got {type(assign).__name__}, needs a mapping from track id to model")
-        named = {"agent": [self.agent], "assign": list(assign or {})}
-        for argument, some in named.items():
-            for track in some:
-                if track not in tracks:
-                    raise UsageError(
-                        f"{argument}: no vehicle {track} in the seed scene; its vehicles: {listing(tracks)}"
-                    )
-        if self.agent in named["assign"]:
+        for argument, track in [("agent", self.agent), *(("assign", track) for track in assign or ())]:
+            if track not in tracks:
+                raise UsageError(
+                    f"{argument}: no vehicle {track} in the seed scene; its vehicles: {listing(tracks)}"
+                )
+        if self.agent in (assign or ()):
             raise UsageError(f"assign: vehicle {self.agent} is the agent")
 
     def _begin(self, seed: int) -> None:

@@ -64,8 +64,10 @@ class Split:
         return None
 
 
-def split_moments(moments: Sequence[Moment], split: Split) -> dict[Part, list[Moment]]:
-    """Split the moments of one recording into parts.
+def split_moments(
+    moments: Sequence[Moment], split: Split, name: str | None = None
+) -> dict[Part, list[Moment]]:
+    """Split the moments of one recording into parts; with its ``name``, a short one is in one part.
 
     Cases are split by order, one left out between two parts, because neighbours may overlap in time.
     """
@@ -80,8 +82,9 @@ def split_moments(moments: Sequence[Moment], split: Split) -> dict[Part, list[Mo
         parts["test"] = list(moments[test:])
         return parts
     first_s, last_s = moments[0].time_s, moments[-1].time_s
+    whole = None if name is None else split.whole_part(name, last_s - first_s)
     for moment in moments:
-        part = split.part(moment.time_s, first_s, last_s)
+        part = whole or split.part(moment.time_s, first_s, last_s)
         if part is not None:
             parts[part].append(moment)
     return parts

@@ -175,7 +175,8 @@ def _road_features(road: Road, paths: Paths, lane: IntArray, s: FloatArray) -> F
     stops |= {i for r in road.regulations if r.kind in ("stop", "yield") for i in r.lanes}
     lights = {i for r in road.regulations if r.kind == "traffic_light" for i in r.lanes}
     ends = [np.array(sorted(number[i] for i in of if i in number), np.int64) for of in (stops, lights)]
-    meetings = [_own_meetings(relations, k) for k in range(len(lanes))]
+    ways = [m[..., 0][m[..., 0] < total] for m, total in zip(relations.meeting, length, strict=True)]
+    meetings = [np.unique([round(way, 1) for way in own.tolist()]) for own in ways]
     meet_lane, meet_s = np.repeat(np.arange(len(lanes)), [len(m) for m in meetings]), np.concatenate(meetings)
     heading = _poses(paths, lane, s)[2]
     turned = [_poses(paths, lane, s + d)[2] for d in (*TURN_M, -TURN_M[0], -5.0, 5.0)]
@@ -229,11 +230,6 @@ def _beside(table: list[int]) -> IntArray:
         while (at := table[at]) >= 0 and count[k] < 4:
             count[k] += 1
     return count
-
-
-def _own_meetings(relations: LaneRelations, lane: int) -> FloatArray:
-    ways = relations.meeting[lane, :, :, 0]
-    return np.array(sorted({round(w, 1) for w in ways[ways < relations.length[lane]].tolist()}))
 
 
 def _flow(before: list[list[int]], after: list[list[int]]) -> FloatArray:

@@ -218,20 +218,20 @@ def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
     pairs = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     _, modes = driver.predict(history, road, pairs, paths, np.arange(len(vehicle)))
     logit = np.nan_to_num(rounded(modes.path_logit), nan=-np.inf) + driver.path_prior(scene, paths)
-    ends = np.cumsum(paths.count)
-    best = [int(f + np.argmax(logit[f:e])) for f, e in zip(paths.first, ends, strict=True)]
-    weight = np.exp(rounded(modes.logits) - rounded(modes.logits).max(1, keepdims=True))
-    upper = np.cumsum(weight, 1) / weight.sum(1, keepdims=True)
-    return _Choice(np.array(best, dtype=np.int64), _cumulated(logit, paths), upper)
-
-
-def _cumulated(logit: FloatArray, paths: SeedPaths) -> FloatArray:
-    upper = np.ones((len(paths.count), int(paths.count.max(initial=1))))
+    best, upper = paths.first.copy(), np.ones((scene.vehicles, int(paths.count.max(initial=1))))
     for v, (first, count) in enumerate(zip(paths.first, paths.count, strict=True)):
         part = logit[first : first + count]
+        best[v] += np.argmax(part)
         weight = np.exp(part - part.max()) if np.isfinite(part).any() else np.ones(count)
         upper[v, : count - 1] = (np.cumsum(weight) / weight.sum())[:-1]
-    return upper
+    weight = _weights(modes)
+    return _Choice(best, upper, np.cumsum(weight, 1) / weight.sum(1, keepdims=True))
+
+
+def _weights(modes: Modes) -> FloatArray:
+    """Return (n, M) weights of modes, 1 of the likeliest of a path."""
+    logits = rounded(modes.logits)
+    return np.asarray(np.exp(logits - logits.max(1, keepdims=True)))
 
 
 def _stays(inputs: PathInputs, modes: Modes, *, waits: bool) -> BoolArray:
@@ -243,9 +243,8 @@ def _stays(inputs: PathInputs, modes: Modes, *, waits: bool) -> BoolArray:
     stands = speed < STANDING_MPS
     if not stands.any():
         return stands
-    weight = np.exp(rounded(modes.logits) - rounded(modes.logits).max(1, keepdims=True))
-    count = modes.acceleration.shape[1]
-    travelled_m = [way_of(speed, rounded(modes.acceleration[:, k]))[:, -1] for k in range(count)]
+    weight, accelerations = _weights(modes), rounded(modes.acceleration).swapaxes(0, 1)
+    travelled_m = [way_of(speed, acceleration)[:, -1] for acceleration in accelerations]
     starts = np.sum(weight * (np.stack(travelled_m, 1) > START_M), 1) / weight.sum(1)
     stays = rounded(starts) < START_LIKELY
     moving_leader = (inputs.features[:, LEADER] > 0) & (inputs.features[:, LEADER_SPEED] > STANDING_MPS)

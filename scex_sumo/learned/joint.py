@@ -19,7 +19,7 @@ from scex_sumo.humans.observed.observations import path_weights
 from scex_sumo.humans.observed.seed_state import estimated_history
 from scex_sumo.humans.parameters import human_parameters
 from scex_sumo.learned.decoding import intent_along
-from scex_sumo.learned.driver import LearnedDriver, drawn, rounded
+from scex_sumo.learned.driver import LEADER, LEADER_SPEED, SPEED, LearnedDriver, drawn, rounded
 from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS, PathInputs
 from scex_sumo.learned.network.architecture import TOKEN_STEPS
 from scex_sumo.learned.network.networks import Tokens
@@ -39,9 +39,7 @@ SLOW_MPS, STARTS_MPS2 = 0.5, 2.0  # a slower vehicle leaves the others first; wi
 CLEAR_S = 0.5  # between two vehicles at a crossing
 APART_M, TOUCH_M = 0.1, 1.0  # between boxes at the end of a motion; between those that are compared
 TOKEN_S = TOKEN_STEPS * STEP_S
-SPEED, LEADER, GAP, LEADER_SPEED = (
-    PATH_COLUMNS.index(name) for name in ("speed", "leader", "leader_gap", "leader_speed")
-)
+GAP = PATH_COLUMNS.index("leader_gap")
 AGREEMENT = 0.9  # correlation of a vehicle's draw with that of its leader, if the gap is below:
 FOLLOWS_M = 20.0
 QUEUE = 4  # vehicles through which a draw is passed on

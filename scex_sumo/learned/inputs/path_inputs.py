@@ -85,12 +85,14 @@ def path_inputs(
     past = history.states[vehicles.future, vehicles.vehicle]
     here = paths.at(row, s)
     error = wrap(now.heading - path_heading)
+    trend = past.speed @ TREND
+    line = past.speed.mean(axis=1, keepdims=True) + trend[:, None] * (PAST_S - PAST_S.mean())
     motion = np.column_stack(
         [
             now.speed,
             past.speed.mean(axis=1),
             acceleration,
-            past.speed @ TREND,
+            trend,
             yaw_rate,
             offset,
             error,
@@ -98,7 +100,7 @@ def path_inputs(
             np.minimum(sides, 10.0),
             np.clip(room.end[row] - s, 0.0, FURTHEST_M),
             past.speed @ np.column_stack([*STEADIER.values()]) - now.speed[:, None],
-            _unsteady(past.speed),
+            np.abs(past.speed - line).mean(axis=1),
             (past.speed < STANDING_MPS).mean(axis=1),
         ]
     )
@@ -126,11 +128,6 @@ def _road_ahead(
     limit = paths.speed_limit.ravel()[paths.sample_at(rows, at)].reshape(n, k)
     places = now.ahead_and_left(px, py)
     return np.concatenate([*places, heading - reference[:, None], curvature, limit], axis=1)
-
-
-def _unsteady(speed: FloatArray) -> FloatArray:
-    line = speed.mean(axis=1, keepdims=True) + (speed @ TREND)[:, None] * (PAST_S - PAST_S.mean())
-    return np.asarray(np.abs(speed - line).mean(axis=1))
 
 
 def _others(

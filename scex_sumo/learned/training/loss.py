@@ -62,19 +62,20 @@ def loss(
     """Return the loss of a batch, and its parts for the log."""
     share, total = batch.share, batch.share.sum().clamp(min=1e-6)
     if isinstance(modes, TokenTensors):
+        motion = _mean(token_errors(modes, batch.s, batch.d, batch.start), share, total)
         parts = {
-            "motion": weights.motion
-            * _mean(token_errors(modes, batch.s, batch.d, batch.start), share, total),
+            "motion": weights.motion * motion,
             "path": weights.path * _path_entropy(modes.path_logit, batch),
             "whole": weights.whole * loss(modes.whole, batch, weights)[0],
         }
         return _whole(parts)
     travelled_m = displacement(batch.start[:, 0], modes.acceleration)
     off = trajectory_errors(travelled_m - batch.s[:, None], modes.offset - batch.d[:, None], weights)
+    wanted = torch.softmax(-off.detach() / weights.sharp_m, 1)
     parts = {
         "expected": weights.expected * _mean(off[:, 0], share, total),
         "winner": weights.winner * _mean(_winner(off, weights), share, total),
-        "mode": weights.mode * _mean(_mode_entropy(modes.logits, off, weights), share, total),
+        "mode": weights.mode * _mean(-(wanted * log_softmax(modes.logits, 1)).sum(1), share, total),
         "path": weights.path * _path_entropy(modes.path_logit, batch),
         "smooth": _mean(_roughness(modes, weights), share, total),
     }
@@ -97,11 +98,6 @@ def _mean(values: Tensor, share: Tensor, total: Tensor) -> Tensor:
 def _winner(off: Tensor, weights: LossWeights) -> Tensor:
     nearest = off.min(1).values
     return (1 - weights.relaxed) * nearest + weights.relaxed * off.mean(1)
-
-
-def _mode_entropy(logits: Tensor, off: Tensor, weights: LossWeights) -> Tensor:
-    wanted = torch.softmax(-off.detach() / weights.sharp_m, 1)
-    return -(wanted * log_softmax(logits, 1)).sum(1)
 
 
 def _path_entropy(logit: Tensor, batch: Batch) -> Tensor:

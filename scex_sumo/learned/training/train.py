@@ -105,16 +105,16 @@ class Trainer:
         self.drift = drift if options.rounds else None
         torch.manual_seed(options.seed)
         self.net: Net = NETWORKS[options.kind](Architecture(**options.sizes))
-        fit_scales(self.net, dataset.train)
-        if isinstance(self.net, JointPredictorNet):
-            train, right = dataset.train, dataset.train.right
-            self.net.fit_tokens(train.s[right], train.d[right], train.start[right])
+        self._fit_inputs()
         self.net.to(self.device)
         self.mean = deepcopy(self.net).requires_grad_(False)
         roughen(self.net, options)
-        self.optimizer = torch.optim.AdamW(
-            weight_groups(self.net, options.decay), lr=options.rate, betas=(0.9, 0.98)
-        )
+        parameters = {
+            wide: [p for p in self.net.parameters() if (p.dim() >= 2) == wide] for wide in (True, False)
+        }
+        # only matrices decay
+        groups = [{"params": p, "weight_decay": options.decay * wide} for wide, p in parameters.items()]
+        self.optimizer = torch.optim.AdamW(groups, lr=options.rate, betas=(0.9, 0.98))
         self.site_weight = site_weights(dataset, options.balance)
         self.images = Images(dataset.roads, self.device) if options.kind == "hybrid" else None
         self.train = Batches(dataset.train, self.site_weight, self.device)
@@ -122,6 +122,16 @@ class Trainer:
         self.drifted: list[TrainingSamples] = []  # of the rounds in closed loop
         self.epoch, self.best_loss, self.best_epoch, self.seconds = 0, math.inf, 0, 0.0
         self.best = {k: v.clone() for k, v in self.mean.state_dict().items()}
+
+    def _fit_inputs(self) -> None:
+        """Fit means and spreads of all inputs, and the classes of recorded motions."""
+        net, train = self.net, self.dataset.train
+        net.scene.node_scale.fit(torch.as_tensor(train.node))
+        net.scene.history_scale.fit(torch.as_tensor(train.history).flatten(1))
+        net.scene.edge_scale.fit(torch.as_tensor(train.edge))
+        net.path_scale.fit(torch.as_tensor(train.feature))
+        if isinstance(net, JointPredictorNet):
+            net.fit_tokens(*(values[train.right] for values in (train.s, train.d, train.start)))
 
     def run(self, report: Callable[[Progress], None], tick: Callable[[int, int], None] | None = None) -> None:
         """Train until epochs, time or patience end; ``tick`` gets the number of batches done, and of all."""
@@ -153,30 +163,30 @@ class Trainer:
             save_net(file, self.mean, {})
             samples = self.drift(file, number)
             file.unlink()
-            if samples is not None:
-                self.drifted.append(samples)
-                self._use_drifted()
+            self._use_drifted([] if samples is None else [samples])
         self.best_loss = math.inf  # the best so far has not learned to come back
 
-    def _use_drifted(self) -> None:
-        whole = TrainingSamples.concatenate([self.dataset.train, *self.drifted])
-        self.train = Batches(whole, self.site_weight, self.device)
+    def _use_drifted(self, more: list[TrainingSamples]) -> None:
+        self.drifted += more
+        if more:
+            whole = TrainingSamples.concatenate([self.dataset.train, *self.drifted])
+            self.train = Batches(whole, self.site_weight, self.device)
 
     def _epoch(self, tick: Callable[[int, int], None] | None) -> dict[str, float]:
         """Train one epoch; all draws follow from seed and epoch alone, so that runs resume."""
         options = self.options
         rng = np.random.default_rng([options.seed, self.epoch])
         torch.manual_seed(options.seed * 100_003 + self.epoch)
-        groups = self._groups(rng)
-        sums: dict[str, float] = {}
+        groups, sums = self._groups(rng), dict[str, float]()
         self.net.train()
         for number, graphs in enumerate(groups):
             done = (self.epoch + number / len(groups)) / options.epochs
+            rise, fall = min(1.0, done * options.epochs + 0.02), 0.5 * (1 + math.cos(math.pi * done))
             for group in self.optimizer.param_groups:
-                group["lr"] = learning_rate(options, done)
+                group["lr"] = options.rate * rise * fall
             batch = unlinked(self.train.take(graphs), options.unlinked)
-            mirror = bool(rng.random() < options.mirror)
-            batch = mirrored(batch) if mirror else batch
+            if mirror := bool(rng.random() < options.mirror):
+                batch = mirrored(batch)
             modes = self._predict(self.net, batch, rng, mirror=mirror)
             whole, parts = loss(modes, batch, options.weights)
             self.optimizer.zero_grad(set_to_none=True)
@@ -244,10 +254,8 @@ class Trainer:
         for name in _NUMBERS:
             setattr(self, name, state[name])
         self.best = {k: v.to(self.device) for k, v in state["best"].items()}
-        for columns in state["drifted"]:
-            self.drifted.append(TrainingSamples(**{name: v.numpy() for name, v in columns.items()}))
-        if self.drifted:
-            self._use_drifted()
+        drifted = ({name: v.numpy() for name, v in columns.items()} for columns in state["drifted"])
+        self._use_drifted([TrainingSamples(**columns) for columns in drifted])
         return True
 
     def identity(self) -> dict[str, Any]:
@@ -297,19 +305,6 @@ def site_weights(dataset: Dataset, balance: float) -> FloatArray:
     return np.asarray(np.where(seen, (count[seen].mean() / np.maximum(count, 1)) ** balance, 1.0))
 
 
-def learning_rate(options: TrainOptions, done: float) -> float:
-    """Return the learning rate after a share of the training."""
-    rise = min(1.0, (done * options.epochs + 0.02) / 1.0)
-    return options.rate * rise * 0.5 * (1 + math.cos(math.pi * done))
-
-
-def weight_groups(net: nn.Module, decay: float) -> list[dict[str, Any]]:
-    """Return parameters for the optimizer; only matrices decay."""
-    matrices = [p for p in net.parameters() if p.dim() >= 2]
-    others = [p for p in net.parameters() if p.dim() < 2]
-    return [{"params": matrices, "weight_decay": decay}, {"params": others, "weight_decay": 0.0}]
-
-
 def roughen(net: Net, options: TrainOptions) -> None:
     """Add dropout after every ReLU and noise on scaled inputs, in training only."""
 
@@ -333,11 +328,3 @@ def unlinked(batch: Batch, share: float) -> Batch:
     keep = torch.rand(batch.scene.edge.shape[0], device=batch.scene.edge.device) >= share
     scene = batch.scene._replace(edge_index=batch.scene.edge_index[:, keep], edge=batch.scene.edge[keep])
     return replace(batch, scene=scene)
-
-
-def fit_scales(net: Net, samples: TrainingSamples) -> None:
-    """Fit means and spreads of all inputs."""
-    net.scene.node_scale.fit(torch.as_tensor(samples.node))
-    net.scene.history_scale.fit(torch.as_tensor(samples.history).flatten(1))
-    net.scene.edge_scale.fit(torch.as_tensor(samples.edge))
-    net.path_scale.fit(torch.as_tensor(samples.feature))

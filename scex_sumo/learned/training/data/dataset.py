@@ -16,7 +16,6 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.cache import cached_object
 from scex_sumo.base.errors import MapError, SimulationError, TrackError
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.converters.datasets.moment import Moment
 from scex_sumo.converters.maps import read_map
 from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import LoadedRecording, load_recording, recording_moments, seed_at
@@ -126,23 +125,19 @@ def map_shift(road: Road, other: Road) -> FloatArray:
 def loaded_sites(
     recordings: Sequence[Recording], moments: int
 ) -> Iterator[tuple[str, list[LoadedRecording], float]]:
-    """Yield each site, its recordings, and the time between two of its moments, s; see `moments_apart`."""
+    """Yield each site, its recordings, and the time in s between two of its moments, if it has so many."""
     for site in sorted({recording.site for recording in recordings}):
         here = [load_recording(recording) for recording in recordings if recording.site == site]
-        yield site, here, moments_apart(here, moments)
-
-
-def moments_apart(here: Sequence[LoadedRecording], moments: int) -> float:
-    """Return the time between two of a site's moments, of which its recordings have so many, s."""
-    stamps = [[m.time_s for m in recording_moments(loaded, every_s=1.0) if not m.case] for loaded in here]
-    return max(MIN_APART_S, sum(times[-1] - times[0] for times in stamps if times) / moments)
+        stamps = [[m.time_s for m in recording_moments(one, every_s=1.0) if not m.case] for one in here]
+        whole_s = sum(times[-1] - times[0] for times in stamps if times)
+        yield site, here, max(MIN_APART_S, whole_s / moments)
 
 
 def part_scenes(loaded: LoadedRecording, part: Part, *, split: Split, every_s: float) -> list[SeedScene]:
     """Return the seed scenes of one part of a recording that have a vehicle to learn from."""
     every = recording_moments(loaded, every_s=STEP_S)
     last, scenes = -np.inf, []
-    for moment in _moments_of(every, part, split, loaded.recording.name):
+    for moment in split_moments(every, split, loaded.recording.name)[part]:
         if not moment.case and moment.time_s - last < every_s - 1e-6:
             continue
         last = moment.time_s
@@ -151,13 +146,6 @@ def part_scenes(loaded: LoadedRecording, part: Part, *, split: Split, every_s: f
         if len(learnable(scene)):
             scenes.append(scene)
     return scenes
-
-
-def _moments_of(every: list[Moment], part: Part, split: Split, name: str) -> list[Moment]:
-    whole = None if not every or every[0].case else split.whole_part(name, every[-1].time_s - every[0].time_s)
-    if whole is None:
-        return split_moments(every, split)[part]
-    return every if whole == part else []
 
 
 def _check_finite(loaded: LoadedRecording, scene: SeedScene) -> None:
