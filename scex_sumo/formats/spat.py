@@ -46,6 +46,7 @@ ALIGNED = math.radians(35.0)
 CLOSING_S = 3.0  # yellow between the end of the recording and its beginning
 AHEAD_M = 90.0  # how far beyond the light the exit lane of the KML is looked for
 
+_Place: TypeAlias = tuple[str, int]  # edge, and lane of it
 Run: TypeAlias = Sequence[tuple[float, str]]  # times in s, and SUMO's letter from then on
 
 
@@ -66,9 +67,14 @@ def recorded_programme(layout: NetLayout, road: Road, signals: Path) -> tuple[Pr
         raise MapError(f"{signals}: no KML of the intersection beside it; put it into the same folder")
     moves = _read_movements(beside[0], road.origin)
     groups: dict[str, int] = {}
-    ways = _Ways(layout)
+    shapes = {(edge.name, k): lane.shape for edge in layout.edges for k, lane in enumerate(edge.lanes)}
+    leaving: dict[_Place, list[Connection]] = {}
     for c in layout.connections:
-        matching = [move.group for move in moves if move.group in runs and _belongs(ways, c, move)]
+        leaving.setdefault((c.from_edge, c.from_lane), []).append(c)
+    for c in layout.connections:
+        near = [x for x in moves if x.group in runs and _begins(shapes[c.from_edge, c.from_lane], c, x)]
+        ahead = _ahead(shapes, leaving, c) if near else []
+        matching = [x.group for x in near if any(_leads_along(shape, x.sink) for shape in ahead)]
         if matching:
             groups[c.internal.name] = matching[0]
     if not groups:
@@ -190,38 +196,27 @@ def _links(source: str, data: Mapping[str | None, str]) -> list[tuple[str, str, 
     ]
 
 
-class _Ways:
-    def __init__(self, layout: NetLayout) -> None:
-        self.shapes = {
-            (edge.name, k): lane.shape for edge in layout.edges for k, lane in enumerate(edge.lanes)
-        }
-        self._leaving: dict[tuple[str, int], list[Connection]] = {}
-        for c in layout.connections:
-            self._leaving.setdefault((c.from_edge, c.from_lane), []).append(c)
-
-    def ahead(self, connection: Connection, reach_m: float) -> list[FloatArray]:
-        shapes, stack, seen = [], [(connection, reach_m)], {connection.internal.name}
-        while stack:
-            c, left = stack.pop()
-            shape = self.shapes[c.to_edge, c.to_lane]
-            shapes.append(shape)
-            left -= c.internal.length + length_of(shape)
-            for following in self._leaving.get((c.to_edge, c.to_lane), ()):
-                if left > 0 and following.internal.name not in seen:
-                    seen.add(following.internal.name)
-                    stack.append((following, left))
-        return shapes
+def _ahead(
+    shapes: Mapping[_Place, FloatArray], leaving: Mapping[_Place, list[Connection]], connection: Connection
+) -> list[FloatArray]:
+    found, stack, seen = [], [(connection, AHEAD_M)], {connection.internal.name}
+    while stack:
+        c, left = stack.pop()
+        found.append(shape := shapes[c.to_edge, c.to_lane])
+        left -= c.internal.length + length_of(shape)
+        for following in leaving.get((c.to_edge, c.to_lane), ()):
+            if left > 0 and following.internal.name not in seen:
+                seen.add(following.internal.name)
+                stack.append((following, left))
+    return found
 
 
-def _belongs(ways: _Ways, connection: Connection, move: _Movement) -> bool:
+def _begins(before: FloatArray, connection: Connection, move: _Movement) -> bool:
     stop, leaving = move.source[0], turn(math.pi, heading(move.source, end=False, reach=10.0))
-    before = ways.shapes[connection.from_edge, connection.from_lane]
     (x, y), angle = stop - before[-1], heading(before, end=True)
     c, s = math.cos(angle), math.sin(angle)
     beside = abs(c * x + s * y) > NEAR_M or abs(c * y - s * x) > BESIDE_M
-    if beside or abs(turn(leaving, connection.entry)) > ALIGNED:
-        return False
-    return any(_leads_along(shape, move.sink) for shape in ways.ahead(connection, AHEAD_M))
+    return not (beside or abs(turn(leaving, connection.entry)) > ALIGNED)
 
 
 def _leads_along(shape: FloatArray, sink: FloatArray) -> bool:

@@ -47,8 +47,7 @@ class _Track:
     label: int
     kind: str
     motor: bool
-    length: float
-    width: float
+    size: tuple[float, float]
     states: FloatArray
 
 
@@ -121,7 +120,7 @@ def _tracks(root: ElementTree.Element) -> tuple[list[_Track], list[_Track], list
             continue
         word = _TYPES.get(kind, kind.lower())
         motor = dynamic and word in _MOTOR
-        track = _Track(label=number, kind=word, motor=motor, length=size[0], width=size[1], states=states)
+        track = _Track(label=number, kind=word, motor=motor, size=size, states=states)
         (moving if dynamic else standing)[number] = track
     return [moving[i] for i in sorted(moving)], [standing[i] for i in sorted(standing)], broken
 
@@ -174,7 +173,9 @@ def _size(shape: ElementTree.Element | None) -> tuple[float, float] | None:
 
 def _table(path: Path, tracks: list[_Track], step_s: float) -> TrackTable:
     filled = [_filled(track.states, step_s) for track in tracks]
-    flat, counts = np.concatenate(filled), [len(states) for states in filled]
+    counts = [len(states) for states in filled]
+    time, x, y, heading, speed = np.concatenate(filled).T
+    length, width = np.repeat([track.size for track in tracks], counts, axis=0).T
     return track_table(
         path,
         np.repeat([track.motor for track in tracks], counts),
@@ -182,15 +183,15 @@ def _table(path: Path, tracks: list[_Track], step_s: float) -> TrackTable:
         [str(track.label) for track in tracks],
         [track.kind for track in tracks],
         step_s=step_s,
-        frame_id=np.rint(flat[:, 0]).astype(np.int64),
-        timestamp_ms=1000.0 * step_s * flat[:, 0],
-        x=flat[:, 1],
-        y=flat[:, 2],
-        vx=flat[:, 4] * np.cos(flat[:, 3]),
-        vy=flat[:, 4] * np.sin(flat[:, 3]),
-        psi_rad=wrap(flat[:, 3]),
-        length=np.repeat([track.length for track in tracks], counts).astype(np.float64),
-        width=np.repeat([track.width for track in tracks], counts).astype(np.float64),
+        frame_id=np.rint(time).astype(np.int64),
+        timestamp_ms=1000.0 * step_s * time,
+        x=x,
+        y=y,
+        vx=speed * np.cos(heading),
+        vy=speed * np.sin(heading),
+        psi_rad=wrap(heading),
+        length=length,
+        width=width,
     )
 
 

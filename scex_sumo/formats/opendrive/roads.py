@@ -22,10 +22,8 @@ Name: TypeAlias = tuple[str, int, int]  # road, piece, lane
 MIN_WIDTH_M = 1.0  # narrower lanes are not there yet, or no longer
 APART_M = 1.0  # between places where a road's lanes change
 KINDS = {
-    **dict.fromkeys(
-        ("driving", "entry", "exit", "offRamp", "onRamp", "connectingRamp", "slipLane"), "vehicle"
-    ),
-    **dict.fromkeys(("bidirectional", "HOV"), "vehicle"),
+    **dict.fromkeys(("driving", "entry", "exit", "offRamp", "onRamp", "connectingRamp"), "vehicle"),
+    **dict.fromkeys(("slipLane", "bidirectional", "HOV"), "vehicle"),
     **dict.fromkeys(("bus", "taxi"), "bus"),
     "biking": "bicycle",
     **dict.fromkeys(("sidewalk", "walking"), "pedestrian"),
