@@ -15,7 +15,7 @@ from scex_sumo.base.errors import MapError, UsageError
 from scex_sumo.base.files import sha256_of, write_atomic
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.base.version import __version__, version_of
-from scex_sumo.converters.net.sumo_net import OPENDRIVE, RECORDED, SumoNet, WrittenNet, net_file
+from scex_sumo.converters.net.sumo_net import OPENDRIVE, RECORDED, LaneTable, SumoNet, WrittenNet, net_file
 from scex_sumo.converters.registries import map_format
 from scex_sumo.road import MapLoss, Road
 from scex_sumo.scene import STEP_S
@@ -90,7 +90,7 @@ def _cached(road: Road, signals: Path | None, *digest: str) -> WrittenNet:
         return _written(road, signals)
     made_of = (__version__, version_of("shapely"), road, *digest)
     key = hashlib.sha256(pickle.dumps(made_of)).digest()
-    return cached_object("nets", key, partial(_written, road, signals), (WrittenNet, MapLoss))
+    return cached_object("nets", key, partial(_written, road, signals), (WrittenNet, LaneTable, MapLoss))
 
 
 def _written(road: Road, signals: Path | None = None) -> WrittenNet:

@@ -73,8 +73,7 @@ def write_net(road: Road, signals: Path | None = None) -> WrittenNet:
     return WrittenNet(
         content=net_text(layout, lights, road.georeference, walks),
         drawing=extras_text(road),
-        rows=table.rows,
-        ends=table.ends,
+        lanes=table,
         notes=tuple(notes),
         losses=(*road.losses, *([loss] if lost else ())),
     )
@@ -120,13 +119,7 @@ def copy_net(road: Road) -> WrittenNet:
     lit = [light.get("id", "") for light in root.iter("tlLogic") if light.find("condition") is not None]
     note = f"traffic lights with conditions: {listed(lit)}; in the futures their phases ignore the conditions"
     content = allowed_content(road.net)[0].decode()
-    return WrittenNet(
-        content=content,
-        drawing=extras_text(road),
-        rows=table.rows,
-        ends=table.ends,
-        notes=(note,) if lit else (),
-    )
+    return WrittenNet(content=content, drawing=extras_text(road), lanes=table, notes=(note,) if lit else ())
 
 
 def _lane_table(
@@ -153,7 +146,7 @@ def _lane_table(
         rows = [(lanelet, sumo_lane) for _, sumo_lane in sorted(stations)]
         for earlier, later in pairwise(rows):
             before[later].add(earlier)
-    return LaneTable(_sorted(within, before), ends)
+    return LaneTable(tuple(_sorted(within, before)), ends)
 
 
 def _sorted(

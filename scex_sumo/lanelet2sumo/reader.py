@@ -127,13 +127,6 @@ class NetContent:
         lanes = {i: replace(lane, shape=lane.shape - offset) for i, lane in self.lanes.items()}
         return replace(self, lanes=lanes, offset=offset)
 
-    def mirrored(self) -> NetContent:
-        """Return the mirror image: the lanes of a net with traffic on the left count from the right."""
-        from scex_sumo.roads.mirror import mirrored_line
-
-        lanes = {i: replace(lane, shape=mirrored_line(lane.shape)) for i, lane in self.lanes.items()}
-        return replace(self, lanes=lanes)
-
 
 def read_net(path: Path) -> NetContent:
     """Read a SUMO net, in its own coordinates."""

@@ -11,9 +11,8 @@ from pathlib import Path
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import MapError, TrackError, listed, warn_notes
 from scex_sumo.base.files import identity_in
-from scex_sumo.converters.datasets.interaction import TRACKS
+from scex_sumo.converters.datasets.interaction import laid_out
 from scex_sumo.converters.naming import (
-    all_plain_or_packed,
     map_name,
     plain_or_packed,
     refuse_unreadable,
@@ -131,17 +130,12 @@ def _below(roots: Sequence[str | Path]) -> tuple[list[Path], list[Path]]:
             raise TrackError(f"{root}: no such file or folder; give a dataset's folder")
         if root.is_dir():
             files += _walk(root, results)
+        elif unpacked_name(root).endswith(".osm"):
+            beside = plain_or_packed(root.with_name(f"{map_name(root)}.csv"))
+            files += [*laid_out(root.parent.parent, map_name(root)), *([beside] if beside else [])]
         else:
-            files += _tracks_of_map(root) if unpacked_name(root).endswith(".osm") else [root]
+            files.append(root)
     return list({os.path.realpath(path): path for path in reversed(files)}.values()), results
-
-
-def _tracks_of_map(map_path: Path) -> list[Path]:
-    """Return all track files where the layouts have those of a map."""
-    name, above = map_name(map_path), map_path.parent.parent
-    beside = [map_path.with_name(f"{name}.csv"), *(above / s / f"{name}_{s}.csv" for s in ("train", "val"))]
-    files = all_plain_or_packed(above / "recorded_trackfiles" / name, TRACKS)
-    return [*files, *(file for file in map(plain_or_packed, beside) if file is not None)]
 
 
 def _walk(root: Path, results: list[Path]) -> Iterator[Path]:

@@ -38,18 +38,25 @@ def find_tracks(map_path: str | Path) -> Path:
     if (own := map_format(path).tracks(path)) is not None:
         return own
     for folder in (path.parent.resolve().parent if not path.parent.name else path.parent.parent, path.parent):
-        recordings = folder / "recorded_trackfiles" / name
-        if files := all_plain_or_packed(recordings, TRACKS):
+        if files := laid_out(folder, name):
             return files[0]
-        splits = [folder / split / f"{name}_{split}.csv" for split in ("train", "val")]
-        if there := [file for file in map(plain_or_packed, splits) if file is not None]:
-            return there[0]
-        looked += [recordings / TRACKS, *splits]
+        looked += [folder / place for place in _layouts(name)]
     places = ", ".join(str(place) for place in looked[:4])
     raise TrackError(
         f"{path}: no tracks found; looked for {places}; give {map_format(path).asks_for}, or --synthetic N "
         "for N vehicles placed by SUMO"
     )
+
+
+def _layouts(name: str) -> list[str]:
+    return [f"recorded_trackfiles/{name}/{TRACKS}", *(f"{x}/{name}_{x}.csv" for x in ("train", "val"))]
+
+
+def laid_out(folder: Path, name: str) -> list[Path]:
+    """Return the track files of a map where INTERACTION's layouts have them in a folder."""
+    recordings, *splits = (folder / place for place in _layouts(name))
+    files = all_plain_or_packed(recordings.parent, TRACKS)
+    return [*files, *(file for file in map(plain_or_packed, splits) if file is not None)]
 
 
 def beside_tracks(map_path: str | Path) -> int:

@@ -73,9 +73,9 @@ def read_lane_table(path: Path) -> LaneTable:
         reader = csv.reader(file)
         if next(reader, None) != HEADER:
             raise InputError(f"{path}: not a lane table; its first line must be {','.join(HEADER)}")
-        rows = [(int(lanelet), sumo_lane) for lanelet, sumo_lane in reader]
+        rows = tuple((int(lanelet), sumo_lane) for lanelet, sumo_lane in reader)
     net = path.with_name(path.name.removesuffix(".lanes.csv") + ".net.xml")
-    return LaneTable(rows, read_ends(net_root(net)) if net.is_file() else None)
+    return LaneTable(rows, read_ends(net_root(net)) if net.is_file() else {})
 
 
 def read_ends(root: Element) -> dict[str, tuple[str, str]]:

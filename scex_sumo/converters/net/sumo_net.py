@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -38,26 +38,13 @@ class SumoNet:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WrittenNet:
-    """Files of a net before they are written.
-
-    Attributes:
-        content: of NET.net.xml.
-        drawing: content of NET.add.xml.
-        rows: of the lane table.
-        ends: edges before and after each internal SUMO lane.
-    """
+    """Net before its files are written: content of NET.net.xml and of NET.add.xml, and the lane table."""
 
     content: str
     drawing: str
-    rows: tuple[tuple[int, str], ...]
-    ends: Mapping[str, tuple[str, str]]
+    lanes: LaneTable
     notes: tuple[str, ...] = ()
     losses: tuple[MapLoss, ...] = ()
-
-    @cached_property
-    def lanes(self) -> LaneTable:
-        """The lane table."""
-        return LaneTable(self.rows, self.ends)
 
 
 OPENDRIVE = ".xodr"
@@ -73,6 +60,7 @@ def net_file(net_path: Path, suffix: str) -> Path:
 HEADER = ["lanelet_id", "lane_id"]
 
 
+@dataclass(frozen=True, eq=False)
 class LaneTable:
     """Lane table: lanelets to SUMO lanes and back, internal lanes included, in driving order.
 
@@ -83,16 +71,22 @@ class LaneTable:
         ends: edges before and after each internal SUMO lane.
     """
 
-    def __init__(
-        self, rows: Iterable[tuple[int, str]], ends: Mapping[str, tuple[str, str]] | None = None
-    ) -> None:
-        self.rows = tuple(rows)
-        self.ends = dict(ends or {})
-        self._of: dict[int, list[str]] = {}
-        self._on: dict[str, list[int]] = {}
+    rows: tuple[tuple[int, str], ...]
+    ends: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+
+    @cached_property
+    def _of(self) -> dict[int, list[str]]:
+        of: dict[int, list[str]] = {}
         for lanelet, sumo_lane in self.rows:
-            self._of.setdefault(lanelet, []).append(sumo_lane)
-            self._on.setdefault(sumo_lane, []).append(lanelet)
+            of.setdefault(lanelet, []).append(sumo_lane)
+        return of
+
+    @cached_property
+    def _on(self) -> dict[str, list[int]]:
+        on: dict[str, list[int]] = {}
+        for lanelet, sumo_lane in self.rows:
+            on.setdefault(sumo_lane, []).append(lanelet)
+        return on
 
     def sumo_lanes(self, lanelet_id: int) -> tuple[str, ...]:
         """Return the SUMO lanes of a lanelet, in driving order; empty if the net does not hold it."""

@@ -17,31 +17,19 @@ RUNNING_MPS: Final = 3.0
 PEOPLE: Final = ("pedestrian", "bicycle")
 """Road users that may take part in a scene, in the words of `road_user`."""
 
-MOTOR_TYPES = frozenset(
-    (
-        *("car", "truck", "bus", "van", "motorcycle", "motorbike", "trailer", "taxi", "vehicle", "truck_bus"),
-        *("ambulance", "automobile", "coach", "hgv", "lorry", "minibus", "pickup", "police", "suv"),
-    )
-)
+_MOTOR = """
+    car truck bus van motorcycle motorbike trailer taxi vehicle truck_bus ambulance automobile coach hgv lorry
+    minibus pickup police suv
+"""
+MOTOR_TYPES = frozenset(_MOTOR.split())
 """Types that become vehicles of a seed scene. An unknown type does so too if it is as large as a vehicle and
 drives; all others are obstacles."""
 
-OTHER_TYPES = frozenset(
-    (
-        *("animal", "bicycle", "bicyclist", "bike", "cyclist", "escooter", "human", "pedestrian"),
-        *(
-            "pedestrian/bicycle",
-            "parked",
-            "person",
-            "replayed",
-            "rider",
-            "scooter",
-            "train",
-            "tram",
-            "wheelchair",
-        ),
-    )
-)
+_OTHER = """
+    animal bicycle bicyclist bike cyclist escooter human pedestrian pedestrian/bicycle parked person replayed
+    rider scooter train tram wheelchair
+"""
+OTHER_TYPES = frozenset(_OTHER.split())
 """Types that never become vehicles, however large and fast."""
 
 OBSTACLE_SIZES = {"pedestrian": (0.6, 0.6), "bicycle": (1.8, 0.7), "tram": (30.0, 2.6)}

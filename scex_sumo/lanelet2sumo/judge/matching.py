@@ -6,7 +6,6 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 import shapely
@@ -14,9 +13,8 @@ import shapely
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.sumo_net import LaneTable
 from scex_sumo.geometry.polylines import samples
-from scex_sumo.lanelet2sumo.reader import NetContent, SumoLane, read_net
+from scex_sumo.lanelet2sumo.reader import NetContent, SumoLane
 from scex_sumo.road import Lane, Road
-from scex_sumo.roads.mirror import mirrored_road
 
 SAMPLE_M = 0.5
 ENDS_NEAR_M = 2.5  # from a lanelet's end to a SUMO lane beside it
@@ -82,14 +80,6 @@ def _first(stretches: Iterable[Stretch]) -> set[Stretch]:
 
 def _precedes(one: Stretch, other: Stretch) -> bool:
     return other.start_m >= one.end_m - JOIN_M and not one.start_m >= other.end_m - JOIN_M
-
-
-def match_mirrored(net_path: Path, road: Road, lanes: LaneTable) -> Matching:
-    """Put the SUMO lanes of a net beside their lanelets; traffic on the left is seen in the mirror."""
-    net = read_net(net_path).in_map(road)
-    if road.left_hand:
-        net, road = net.mirrored(), mirrored_road(road)
-    return match_lanelets(net, road, lanes)
 
 
 def match_lanelets(net: NetContent, road: Road, lanes: LaneTable) -> Matching:

@@ -10,8 +10,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from scex_sumo.converters.net.sumo_net import LaneTable
-from scex_sumo.lanelet2sumo.judge.matching import Shapes, match_mirrored
+from scex_sumo.lanelet2sumo.judge.matching import Shapes, match_lanelets
 from scex_sumo.lanelet2sumo.judge.priority import RightOfWay
+from scex_sumo.lanelet2sumo.reader import read_net
 from scex_sumo.road import Road
 from scex_sumo.roads.conflicts import conflicts
 
@@ -108,7 +109,7 @@ class FidelityReport:
 
 def check_net(net_path: Path, road: Road, lanes: LaneTable) -> FidelityReport:
     """Judge a converted net against its road; what the road itself lost of the map counts as missing."""
-    matching = match_mirrored(net_path, road, lanes)
+    matching = match_lanelets(read_net(net_path).in_map(road), road, lanes)
     meeting = {c.lanes for c in conflicts(matching.road.vehicle_lanes) if c.kind != "diverge"}
     figures: Figures = {"net": net_path.name, "map": road.name}
     figures |= measured(SHAPES, Shapes(matching)) | measured(RIGHTS, RightOfWay(matching, meeting))

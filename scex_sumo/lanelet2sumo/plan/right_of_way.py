@@ -203,8 +203,5 @@ def _oncoming_share(lanes: Mapping[int, Lane], lines: shapely.STRtree, cycle: li
 
 
 def _roundness(lanes: Mapping[int, Lane], cycle: list[int]) -> float:
-    points = np.vstack([lanes[i].centreline for i in cycle])
-    closed = np.vstack([points, points[:1]])
-    x, y = (closed - closed.mean(axis=0)).T
-    area = abs(float(np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]))) / 2
-    return 4 * math.pi * area / max(length_of(closed), 1e-9) ** 2
+    ring = shapely.Polygon(np.vstack([lanes[i].centreline for i in cycle]))
+    return float(4 * math.pi * ring.area / max(ring.length, 1e-9) ** 2)

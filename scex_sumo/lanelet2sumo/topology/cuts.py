@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from scex_sumo.lanelet2sumo.topology.graph import Chains, Piece, Topology
+from scex_sumo.lanelet2sumo.topology.graph import Piece, Topology
 from scex_sumo.lanelet2sumo.topology.rows import STUB_M, Row, Zone, build_rows, lay_zones
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import Conflict
@@ -40,7 +40,7 @@ def cut_lanes(
 
 
 def _fill_gaps(topology: Topology) -> list[Row]:
-    chains, node = Chains(topology.rows, topology.lanes), topology.node
+    chains, node = Topology(topology.rows, topology.lanes), topology.node
     for _, r, k in sorted(_gaps(chains)):
         row = chains.rows[r]
         if row.size(k) > NARROW_M and node(r, k) != node(r, k + 1):
@@ -65,7 +65,7 @@ def _split_loops(topology: Topology) -> list[Row]:
     return result
 
 
-def _gaps(chains: Chains) -> Iterator[tuple[float, int, int]]:
+def _gaps(chains: Topology) -> Iterator[tuple[float, int, int]]:
     for r, row in enumerate(chains.rows):
         for k, inside in enumerate(row.inside):
             pieces = [(r, k, at) for at in range(len(row.lanes))]
@@ -81,7 +81,7 @@ def _open_knots(rows: Sequence[Row], lanes: Mapping[int, Lane]) -> list[Row]:
 
     These are pieces where traffic merges and forks again, and double ways between the same two road pieces.
     """
-    chains = Chains(rows, lanes)
+    chains = Topology(rows, lanes)
     for _ in range(sum(row.pieces for row in rows)):
         knot = _knot(chains)
         twins = [] if knot else _double_way(chains)
@@ -94,7 +94,7 @@ def _open_knots(rows: Sequence[Row], lanes: Mapping[int, Lane]) -> list[Row]:
     return chains.rows
 
 
-def _knot(chains: Chains) -> tuple[int, int] | None:
+def _knot(chains: Topology) -> tuple[int, int] | None:
     def rank(cut: tuple[int, int]) -> tuple[bool, float, int, int]:
         lanes = range(len(chains.rows[cut[0]].lanes))
         merging = any(len(chains.before((*cut, at))) > 1 for at in lanes)
@@ -103,7 +103,7 @@ def _knot(chains: Chains) -> tuple[int, int] | None:
     return max({piece[:2] for piece in chains.unsound(chains.pieces())}, key=rank, default=None)
 
 
-def _double_way(chains: Chains) -> list[tuple[int, int]]:
+def _double_way(chains: Topology) -> list[tuple[int, int]]:
     for start in chains.pieces(road=True):
         ways: dict[Piece, tuple[Piece, ...]] = {}
         for end, way in chains.ways_from(start):

@@ -59,13 +59,57 @@ class Path:
         return (self.start, *self.inside, self.end)
 
 
-class Chains:
-    """Rows as chains of pieces, which may be cut further."""
+_Steps: TypeAlias = Mapping[Piece, Sequence[Piece]]
 
-    def __init__(self, rows: Sequence[Row], lanes: Mapping[int, Lane]) -> None:
+
+def _roads_behind(steps: _Steps, back: _Steps) -> dict[Piece, set[Piece]]:
+    roads = {piece: {p for p in onward if p not in steps} for piece, onward in steps.items()}
+    stack = [piece for piece, behind in roads.items() if behind]
+    while stack:
+        piece = stack.pop()
+        for other in back[piece]:
+            if other in roads and len(roads[other]) < 2 and not roads[piece] <= roads[other]:
+                roads[other] |= roads[piece]
+                stack.append(other)
+    return roads
+
+
+def reached(nodes: Iterable[Node], steps: Mapping[Node, Iterable[Node]]) -> set[Node]:
+    """Return the nodes, and what one gets to from them; nodes without steps of their own are left out."""
+    seen: set[Node] = set()
+    stack = [*nodes]
+    while stack:
+        node = stack.pop()
+        if node not in seen and node in steps:
+            seen.add(node)
+            stack += steps[node]
+    return seen
+
+
+def endless(after: Mapping[Node, Collection[Node]]) -> set[Node]:
+    """Return the nodes of a graph on its rings, and those that lead to them."""
+    order = TopologicalSorter({node: [n for n in onward if n in after] for node, onward in after.items()})
+    with suppress(CycleError):
+        order.prepare()
+    ends = set[Node]()
+    while ready := order.get_ready():
+        ends.update(ready)
+        order.done(*ready)
+    return {*after} - ends
+
+
+class Topology:
+    """Graph of rows as chains of pieces, which may be cut further."""
+
+    def __init__(
+        self, rows: Sequence[Row], lanes: Mapping[int, Lane], zones: Sequence[Conflict | Zone] = ()
+    ) -> None:
+        """Build the graph; nodes are those of the rows as they are given, joined where ``zones`` lie."""
         self.rows = list(rows)
         self.lanes = lanes
         self.where = {i: (r, k) for r, row in enumerate(rows) for k, i in enumerate(row.lanes)}
+        self._nodes: Groups[Cut] = Groups()
+        self._join_cuts(zones)
 
     def is_inside(self, piece: Piece) -> bool:
         """Return whether a piece lies in a junction."""
@@ -129,56 +173,6 @@ class Chains:
         knots = [p for p in after if len(out[p]) > 1 and len(into[p]) > 1]
         rings = {piece for piece in endless(after) if piece in reached(after[piece], after)}
         return reached(knots, after) | reached(knots, before) | rings
-
-
-_Steps: TypeAlias = Mapping[Piece, Sequence[Piece]]
-
-
-def _roads_behind(steps: _Steps, back: _Steps) -> dict[Piece, set[Piece]]:
-    roads = {piece: {p for p in onward if p not in steps} for piece, onward in steps.items()}
-    stack = [piece for piece, behind in roads.items() if behind]
-    while stack:
-        piece = stack.pop()
-        for other in back[piece]:
-            if other in roads and len(roads[other]) < 2 and not roads[piece] <= roads[other]:
-                roads[other] |= roads[piece]
-                stack.append(other)
-    return roads
-
-
-def reached(nodes: Iterable[Node], steps: Mapping[Node, Iterable[Node]]) -> set[Node]:
-    """Return the nodes, and what one gets to from them; nodes without steps of their own are left out."""
-    seen: set[Node] = set()
-    stack = [*nodes]
-    while stack:
-        node = stack.pop()
-        if node not in seen and node in steps:
-            seen.add(node)
-            stack += steps[node]
-    return seen
-
-
-def endless(after: Mapping[Node, Collection[Node]]) -> set[Node]:
-    """Return the nodes of a graph on its rings, and those that lead to them."""
-    order = TopologicalSorter({node: [n for n in onward if n in after] for node, onward in after.items()})
-    with suppress(CycleError):
-        order.prepare()
-    ends = set[Node]()
-    while ready := order.get_ready():
-        ends.update(ready)
-        order.done(*ready)
-    return {*after} - ends
-
-
-class Topology(Chains):
-    """Graph of cut rows."""
-
-    def __init__(
-        self, rows: Sequence[Row], lanes: Mapping[int, Lane], zones: Sequence[Conflict | Zone]
-    ) -> None:
-        super().__init__(rows, lanes)
-        self._nodes: Groups[Cut] = Groups()
-        self._join_cuts(zones)
 
     def lane(self, piece: Piece) -> Lane:
         """Return the lane of a piece."""

@@ -11,9 +11,8 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.sumo_net import LaneTable
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.lanelet2sumo.judge.matching import COVERED, sample_line
-from scex_sumo.lanelet2sumo.reader import read_net
 from scex_sumo.road import Lane, Road
-from scex_sumo.roads.mirror import mirrored_road
+from tests.lanelet2sumo.judge.mirrored import read_mirrored
 
 # From a lanelet to a SUMO lane; larger radii are for other converters' nets,
 # and tried only for lanelets that the smaller ones leave uncovered.
@@ -29,9 +28,7 @@ def sample_headings(points: FloatArray) -> FloatArray:
 
 def lanes_by_geometry(net_path: Path, road: Road) -> LaneTable:
     """Find the SUMO lanes of every lanelet by geometry."""
-    net = read_net(net_path).in_map(road)
-    if road.left_hand:
-        net, road = net.mirrored(), mirrored_road(road)
+    net, road = read_mirrored(net_path, road)
     names = [name for name, lane in net.lanes.items() if lane.line.length >= CONNECTOR_M]
     points = [sample_line(net.lanes[name].shape) for name in names]
     directions = [sample_headings(p) for p in points]
@@ -45,7 +42,7 @@ def lanes_by_geometry(net_path: Path, road: Road) -> LaneTable:
             if _covered(lane, [points[k] for k in chosen], radius):
                 break
         pairs += [(lane_id, names[k]) for k in chosen]
-    return LaneTable(pairs)
+    return LaneTable(tuple(pairs))
 
 
 def _follows(lane: Lane, points: FloatArray, directions: FloatArray, radius: float) -> bool:

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from scex_sumo.converters.net.sumo_net import LaneTable
 from scex_sumo.lanelet2sumo.judge import report as judge
-from scex_sumo.lanelet2sumo.judge.matching import match_mirrored
 from scex_sumo.lanelet2sumo.judge.report import RIGHTS, FidelityReport, Figure, Figures, measured
 from scex_sumo.road import Road
 from tests.lanelet2sumo.judge.by_geometry import lanes_by_geometry
+from tests.lanelet2sumo.judge.mirrored import match_mirrored
 from tests.lanelet2sumo.judge.outlines import Outlines
 from tests.lanelet2sumo.judge.topology import Moves
 from tests.lanelet2sumo.judge.whole_right_of_way import WholeRightOfWay

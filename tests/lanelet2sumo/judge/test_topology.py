@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from scex_sumo.lanelet2sumo.convert import convert
-from scex_sumo.lanelet2sumo.judge.matching import match_mirrored
 from tests.converters.sumo_roads import arc, lane, road
+from tests.lanelet2sumo.judge.mirrored import match_mirrored
 from tests.lanelet2sumo.judge.topology import Moves
 
 
