@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.cleaning.smoothing import smooth
 from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
@@ -37,10 +36,10 @@ def recorded(
             if not times or moment.time_s >= times[-1] + every_s - 1e-6:
                 times.append(moment.time_s)
         for time_s in times[:: max(1, -(-len(times) // most))]:
-            try:
-                yield seed_at(loaded, time_s, min_history=min_history)
-            except TrackError:  # nobody has been recorded for long enough
-                continue
+            scene = seed_at(loaded, time_s)
+            long = np.flatnonzero(scene.recorded_steps >= min_history).tolist()
+            if len(long):
+                yield scene.reordered(long, name=scene.name)
 
 
 # Files of NGSIM are too short to be cut by time: these are kept for tests, the others are fitted to.

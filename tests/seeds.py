@@ -9,7 +9,16 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.road import Lane, Road
-from scex_sumo.scene import STEP_S, Obstacles, Plan, SceneHistory, SeedScene, States, VehicleIndex
+from scex_sumo.scene import (
+    HISTORY_STEPS,
+    STEP_S,
+    Obstacles,
+    Plan,
+    SceneHistory,
+    SeedScene,
+    States,
+    VehicleIndex,
+)
 
 PAST_S = STEP_S * np.arange(-10, 1)
 Vehicle = tuple[float, float, float, float]  # x, y, heading, speed
@@ -70,6 +79,11 @@ def people_of(states: States, *types: str, length: Any = 0.6, width: Any = 0.6, 
         "present": np.ones(states.shape, dtype=bool),
     }
     return Obstacles(**{**usual, "states": states, **fields})
+
+
+def long_recorded(scene: SeedScene) -> SeedScene:
+    """A seed scene without the vehicles that were recorded for less than a second before it."""
+    return scene.reordered(np.flatnonzero(scene.recorded_steps >= HISTORY_STEPS).tolist(), name=scene.name)
 
 
 def lane_along(lane_id: int, points: Any, *, width: float = 3.5, **fields: Any) -> Lane:

@@ -111,15 +111,12 @@ def load_recording(
 
 
 @checked
-def seed_at(
-    loaded: LoadedRecording, time_s: float, *, case: str | None = None, min_history: int = 0
-) -> SeedScene:
+def seed_at(loaded: LoadedRecording, time_s: float, *, case: str | None = None) -> SeedScene:
     """Cut out the seed scene of one moment, the same as `scex_sumo.read_seed` gives for that file and time.
 
     Args:
         time_s: the moment in the recording's clock.
         case: id of a case, if the file holds cases; None takes the first one.
-        min_history: vehicles with fewer recorded previous steps are left out (0 to 10).
 
     Raises:
         TrackError: no vehicle at that moment, or an unknown case.
@@ -136,7 +133,6 @@ def seed_at(
         location=place_name(loaded.recording.map_path),
         case=case,
         time_s=time_s,
-        min_history=min_history,
     )
     twice = [note for note in doubts(loaded.checks, scene.track_ids) if note not in loaded.notes]
     scene = with_warnings(scene, off_road(loaded.road, scene), (*twice, *loaded.notes))

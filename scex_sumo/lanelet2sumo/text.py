@@ -47,13 +47,10 @@ def net_text(
     lanes = [lane for edge in layout.edges for lane in edge.lanes] + [walk.lane for walk in walks.sidewalks]
     points = np.vstack([lane.shape for lane in lanes])
     nodes = sorted(layout.nodes, key=lambda node: node.name)
-    head = (
+    lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         "",
         ROOT.format(' walkingareas="true"' * bool(walks.areas)),
-    )
-    lines = [
-        *head,
         _location(np.concatenate([points.min(axis=0), points.max(axis=0)]), place),
         *_edges(layout, nodes, walks),
         *_programmes(programmes),

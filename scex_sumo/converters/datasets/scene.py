@@ -31,7 +31,6 @@ def take_scene(
     location: str,
     case: str | float | None = None,
     time_s: float | None = None,
-    min_history: int = 0,
     repair: bool = True,
 ) -> SeedScene:
     """Take the seed scene of one moment; see `recorded_scene`.
@@ -61,7 +60,7 @@ def take_scene(
             f"{table.path}: no case_id column, so no case {case}; choose the moment with --time S"
         )
     moment_ms = _choose_moment(table, case_id, time_s, [one for one in findings if "known until" in one])
-    scene = _build(table, name, location, case_id, moment_ms, min_history, findings)
+    scene = _build(table, name, location, case_id, moment_ms, findings)
     return replace(scene, notes=(*scene.notes, *warnings))
 
 
@@ -100,31 +99,17 @@ def _choose_moment(table: TrackTable, case_id: str, time_s: float | None, ends: 
 
 
 def _build(
-    table: TrackTable,
-    name: str,
-    location: str,
-    case_id: str,
-    moment_ms: float,
-    min_history: int,
-    findings: tuple[str, ...],
+    table: TrackTable, name: str, location: str, case_id: str, moment_ms: float, findings: tuple[str, ...]
 ) -> SeedScene:
     steps_ms = 1000.0 * STEP_S * np.arange(-HISTORY_STEPS, FUTURE_STEPS + 1)
     grid_ms: FloatArray = (moment_ms + steps_ms).astype(np.float64)
     rows = table.vehicles
     cars = sample_tracks(rows, moment_ms, grid_ms)
     steps = cars.recorded[:, :HISTORY_STEPS].sum(axis=1).astype(np.int64)
-    keep = steps >= min_history
-    if not keep.any():
-        raise TrackError(
-            f"{table.path}: none of {len(keep)} vehicles at {moment_ms / 1000:g} s has {min_history} "
-            "recorded previous steps; choose a later moment or a smaller min_history"
-        )
-    notes = _notes(table, cars, steps[keep], moment_ms, findings)
-    if not keep.all():
-        notes.append(f"{int((~keep).sum())} vehicles with less than {min_history} previous steps left out")
-    valid = cars.recorded[keep, HISTORY_STEPS + 1 :]
-    states = cars.states[keep]
-    ids = [number_of(rows.labels[k]) for k in cars.track[keep]]
+    if not len(steps):
+        raise TrackError(f"{table.path}: no vehicle at {moment_ms / 1000:g} s; choose another moment")
+    valid, states = cars.recorded[:, HISTORY_STEPS + 1 :], cars.states
+    ids = [number_of(rows.labels[k]) for k in cars.track]
     source = {"kind": "tracks", "tracks": str(table.path.absolute()), "time_s": moment_ms / 1000.0}
     if case_id:
         from scex_sumo.converters.datasets.cases import marked_vehicles
@@ -135,15 +120,15 @@ def _build(
         location=location,
         time_s=moment_ms / 1000.0,
         track_ids=np.array(ids, np.int64),
-        types=tuple(_plain_word(rows.types[k].lower()) for k in cars.track[keep]),
-        length=cars.length[keep],
-        width=cars.width[keep],
+        types=tuple(_plain_word(rows.types[k].lower()) for k in cars.track),
+        length=cars.length,
+        width=cars.width,
         history=states[:, : HISTORY_STEPS + 1],
-        recorded_steps=steps[keep],
+        recorded_steps=steps,
         future=states[:, HISTORY_STEPS + 1 :] if valid.any() else None,
         future_valid=valid if valid.any() else None,
         obstacles=_obstacles(table.others, moment_ms, grid_ms, vehicles=ids),
-        notes=tuple(notes),
+        notes=tuple(_notes(table, cars, steps, moment_ms, findings)),
         source=source,
     )
 

@@ -69,7 +69,7 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
             meetings.name((i, s))
         for s in (0.0, length_of(lane.centreline)):
             for j in (ids[k] for k in grounds.query(_tip(lane, s))):
-                if i != j and (at := _meets(lane, s, walked[j], whole=_marked(walked[j]))) is not None:
+                if i != j and (at := _meets(lane, s, walked[j])) is not None:
                     meetings.join((i, s), (j, at))
     places = {root: k for k, root in enumerate(sorted({meetings.name(s) for s in list(meetings.above)}))}
     ways = []
@@ -114,7 +114,7 @@ def _tip(lane: Lane, s: float) -> shapely.Geometry:
     return shapely.MultiPoint([lane.left_bound[at], lane.right_bound[at], lane.centreline[at]]).envelope
 
 
-def _meets(lane: Lane, s: float, other: Lane, *, whole: bool) -> float | None:
+def _meets(lane: Lane, s: float, other: Lane) -> float | None:
     """Arc length at which a footway's end joins another footway, or None."""
     at = -1 if s else 0
     length = length_of(other.centreline)
@@ -128,7 +128,7 @@ def _meets(lane: Lane, s: float, other: Lane, *, whole: bool) -> float | None:
     station = float(nearest(other.centreline, *tip))
     if station < END_M or station > length - END_M:
         return 0.0 if station < length / 2 else length
-    return None if whole else round(station)
+    return None if _marked(other) else round(station)
 
 
 def _marked(lane: Lane) -> bool:

@@ -26,7 +26,7 @@ from scex_sumo.plug_in.fallback import Fallible
 from scex_sumo.road import Road
 from scex_sumo.scene import Obstacles, Plan, SceneHistory, SeedScene, States, VehicleIndex
 from tests.behaviors import roads
-from tests.seeds import people_of, same_bytes, steady
+from tests.seeds import long_recorded, people_of, same_bytes, steady
 
 HUMAN = human_parameters()
 GENTLE = 3.5  # m/s²
@@ -329,7 +329,7 @@ def test_recorded_people_do_not_trigger_hard_braking(data: Path) -> None:
     seconds = triggered = 0.0
     loaded = load_recording(find_recordings([data / "mona" / "MONA-West"])[0])
     for moment in recording_moments(loaded, every_s=40.0)[1:-1]:
-        hard, count = hard_braking(seed_at(loaded, moment.time_s, min_history=10))
+        hard, count = hard_braking(long_recorded(seed_at(loaded, moment.time_s)))
         triggered += hard / 2
         seconds += count / 2
     assert seconds > 30

@@ -13,6 +13,7 @@ from scex_sumo.geometry.polylines import wrap
 from scex_sumo.humans.observed.seed_state import estimated_history, estimated_scene
 from scex_sumo.scene import SeedScene, States
 from tests.behaviors import roads
+from tests.seeds import long_recorded
 
 
 def turning(speed: float = 10.0, yaw_rate: float = 0.3) -> SeedScene:
@@ -109,7 +110,7 @@ def test_jittered_copies_of_clean_recordings_come_back(data: Path) -> None:
     loaded = load_recording(recording)
     errors: dict[str, list[np.ndarray]] = {"before": [], "after": []}
     for number, time_s in enumerate(np.arange(20.0, 220.0, 10.0)):
-        scene = seed_at(loaded, float(time_s), min_history=10)
+        scene = long_recorded(seed_at(loaded, float(time_s)))
         noisy = jittered(scene, number)
         for name, one in (("before", noisy), ("after", estimated_scene(noisy, noisy.road))):
             off = np.rad2deg(wrap(one.now.heading - scene.now.heading)), one.now.speed - scene.now.speed
