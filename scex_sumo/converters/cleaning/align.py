@@ -7,12 +7,12 @@ a wrong origin, a map of another site, or lanes that are closed to cars: see `pl
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
-from scex_sumo.converters.tracks.rows import ROW_COLUMNS, TrackRows, TrackTable
+from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, joined_rows
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
@@ -64,7 +64,7 @@ def align_tracks(
             if sum(part.tracks for _, part in parts) >= ENOUGH_TRACKS:
                 break
             parts.append(sibling)
-    pooled = thinned(_pooled([part for _, part in sorted(parts, key=lambda named: named[0])]))
+    pooled = thinned(joined_rows(*(part for _, part in sorted(parts, key=lambda named: named[0]))))
     if len(pooled) < MIN_SAMPLES or pooled.tracks < MIN_TRACKS:
         return table, ()
     bins = np.bincount(np.floor(pooled.psi_rad / (np.pi / 8.0)).astype(np.int64) % 16, minlength=16)
@@ -85,13 +85,3 @@ def align_tracks(
     )
     vehicles, rest = fit.moved(table.vehicles), fit.moved(table.others)
     return replace(table, vehicles=vehicles, others=rest), (finding,)
-
-
-def _pooled(parts: Sequence[TrackRows]) -> TrackRows:
-    begins = np.cumsum([0, *(part.tracks for part in parts)])
-    return TrackRows(
-        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in ROW_COLUMNS},
-        track=np.concatenate([part.track + n for part, n in zip(parts, begins[:-1], strict=True)]),
-        labels=tuple(label for part in parts for label in part.labels),
-        types=tuple(kind for part in parts for kind in part.types),
-    )

@@ -194,3 +194,17 @@ def numbered_again(rows: TrackRows) -> TrackRows:
     """Number segments from 0 on after rows were left out; gaps that are too long now begin new ones."""
     new = (np.diff(rows.segment) != 0) | (np.diff(segments_of(rows.track, rows.timestamp_ms)) != 0)
     return rows.with_columns(segment=np.append(0, np.cumsum(new)).astype(np.int64)[: len(rows)])
+
+
+def joined_rows(*parts: TrackRows) -> TrackRows:
+    """Join the tracks of several parts, the parts one after the other."""
+    tracks = np.cumsum([0, *(part.tracks for part in parts)])
+    segments = np.cumsum([0, *(int(part.segment.max(initial=-1)) + 1 for part in parts)])
+    shifts = zip(parts, tracks, segments, strict=False)
+    moved = [part.with_columns(track=part.track + k, segment=part.segment + n) for part, k, n in shifts]
+    names = ("track", *ROW_COLUMNS)
+    return TrackRows(
+        **{name: np.concatenate([getattr(part, name) for part in moved]) for name in names},
+        labels=tuple(label for part in parts for label in part.labels),
+        types=tuple(kind for part in parts for kind in part.types),
+    )

@@ -10,7 +10,7 @@ import numpy as np
 
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.converters.tracks.rows import ROW_COLUMNS, TrackRows, TrackTable, segments_of
+from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, segments_of
 from scex_sumo.scene import STEP_S
 
 
@@ -76,17 +76,3 @@ def track_table(
         for keep in (motor, ~motor)
     )
     return TrackTable(path=path, cases=("",), vehicles=vehicles, others=others, step_s=step_s, notes=notes)
-
-
-def joined_rows(*parts: TrackRows) -> TrackRows:
-    """Join the tracks of several parts of one recording, the parts one after the other."""
-    tracks = np.cumsum([0, *(part.tracks for part in parts)])
-    segments = np.cumsum([0, *(int(part.segment.max(initial=-1)) + 1 for part in parts)])
-    shifts = zip(parts, tracks, segments, strict=False)
-    moved = [part.with_columns(track=part.track + k, segment=part.segment + n) for part, k, n in shifts]
-    names = ("track", *ROW_COLUMNS)
-    return TrackRows(
-        **{name: np.concatenate([getattr(part, name) for part in moved]) for name in names},
-        labels=tuple(label for part in parts for label in part.labels),
-        types=tuple(kind for part in parts for kind in part.types),
-    )

@@ -9,8 +9,7 @@ import shapely
 
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import listed
-from scex_sumo.converters.tracks.rows import TrackRows, TrackTable
-from scex_sumo.formats.samples.build import joined_rows
+from scex_sumo.converters.tracks.rows import TrackRows, TrackTable, joined_rows
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
 
