@@ -79,13 +79,16 @@ def checked(table: Any) -> Any:
 def box_table(
     path: Path, names: Sequence[str], kinds: Mapping[str, str], values: FloatArray, *, ego: str = ""
 ) -> TrackTable:
-    """Build a recording from boxes in any order, its time from 0, with a note for each guess.
+    """Build a recording from boxes in any order.
 
     Args:
         names: (N,) track of each box.
         kinds: type of each track; those that `SIZES` does not have are left out.
         values: (N, 8) as `FLOAT_COLUMNS`; nan for unknown velocities and sizes.
         ego: name of the recording vehicle.
+
+    Returns:
+        The recording, its time from 0, with a note for each guess.
 
     Raises:
         TrackError: a value is missing or out of range, or no vehicle is left.
@@ -118,8 +121,8 @@ def box_table(
     step_s = float(np.median(steps)) / 1000.0 if len(steps) else STEP_S
     columns = dict(zip(FLOAT_COLUMNS, values.T.copy(), strict=True))
     columns["psi_rad"] = np.asarray(wrap(columns["psi_rad"]))
-    columns |= {"step_s": step_s, "notes": tuple(notes)}
-    return track_table(path, motors[track], track, numbers, words, **columns)
+    said = tuple(notes)
+    return track_table(path, motors[track], track, numbers, words, step_s=step_s, notes=said, **columns)
 
 
 def yaw_of(qw: Any, qx: Any, qy: Any, qz: Any) -> Any:

@@ -51,6 +51,12 @@ def crossing(**east: Any) -> list[Lanelet]:
     return [straight(1, 0, 0, 100, **east), north]
 
 
+def test_bounds_with_unequally_many_points_have_their_middle_by_length(tmp_path: Path) -> None:
+    lane = read(tmp_path, [Lanelet(5, [(0, 9), (10, 9), (50, 9)], [(0, 6), (50, 6)])]).lanes[5]
+    assert_array_equal(lane.centreline, [(0, 7.5), (10, 7.5), (50, 7.5)])
+    assert len(lane.right_bound) == 2
+
+
 def test_a_lanelet_keeps_its_bounds_and_its_centre_lies_between_them(tmp_path: Path) -> None:
     left, right = [(0, 4), (10, 4), (30, 8)], [(0, 0), (12, 0), (32, 4)]
     lane = read(tmp_path, [Lanelet(7, left, right)]).lanes[7]

@@ -118,6 +118,7 @@ def test_highds_lanes_lead_the_right_way_and_may_be_changed(tmp_path: Path) -> N
     assert (lower.left, lower.right, road.lanes[6].left, road.lanes[6].right) == (None, 6, 5, 7)
     assert upper.speed_limit_mps == pytest.approx(130 / 3.6)
     assert "no speed limit" in road.notes[0]
+    assert [mark.kind for mark in road.markings].count("road_border") == 4  # two of each carriageway
 
 
 @pytest.mark.parametrize(
