@@ -11,7 +11,7 @@ import traceback
 import warnings
 from collections.abc import Sequence
 from types import FrameType
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -19,7 +19,7 @@ from scex_sumo.base.errors import ScexError, ScexWarning, UsageError, last_words
 from scex_sumo.base.options import present_names
 from scex_sumo.commands import console
 from scex_sumo.commands.console import print_safely, tell
-from scex_sumo.commands.shared import COMMANDS, Command, CommandGroup, with_shared
+from scex_sumo.commands.shared import COMMANDS, Command, with_shared
 
 
 def _version(wanted: bool) -> None:
@@ -41,17 +41,23 @@ def command_line(arguments: Sequence[str] = ()) -> typer.Typer:
 
     Loading one command takes milliseconds, loading all of them a second.
     """
+    names = COMMANDS.paths
+    alone = bool(arguments) and arguments[0] in names
+    group: Any = None
+    if not alone:
+        from scex_sumo.commands.help import CommandGroup
+
+        group = CommandGroup
     app = typer.Typer(
         name="scex-sumo",
-        cls=CommandGroup,
+        cls=group,
         help="Hundreds of futures of one moment of traffic, and how critical it can become.",
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_root)
-    names = COMMANDS.paths
-    if arguments and arguments[0] in names:
+    if alone:
         _add(app, arguments[0])
         return app
     for name in names:

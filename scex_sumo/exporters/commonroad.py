@@ -17,7 +17,7 @@ from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.exporters.light_cycles import Cycles, LightCycle, light_cycles, with_lights
 from scex_sumo.exporters.request import RECORDED, Participant, Request
-from scex_sumo.geometry.polylines import along, arc_lengths
+from scex_sumo.geometry.bounds import point_by_point
 from scex_sumo.road import Lane, Road
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S, States
 
@@ -202,16 +202,6 @@ def road_elements(
     return elements, {int(part.get("id", "0")) for e in elements for part in (e, *e.iter("incoming"))}
 
 
-def point_by_point(left: FloatArray, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return two borders with equally many points, all of their own included."""
-    if len(left) == len(right):
-        return left, right
-    arcs = [arc_lengths(line) for line in (left, right)]
-    share = np.unique(np.concatenate([arc / max(arc[-1], 1e-9) for arc in arcs]).round(9))
-    a, b = (along(line, share * arc[-1]) for line, arc in zip((left, right), arcs, strict=True))
-    return np.asarray(a), np.asarray(b)
-
-
 def _signals(road: Road, numbers: Mapping[int, int], cycles: Cycles, seed_step: int) -> _Signals:
     signals, free = _Signals(), max(numbers.values()) + 1
     driven = [i for i in numbers if road.lanes[i].kind == "vehicle"]
@@ -326,7 +316,9 @@ def _sign(number: int, kind: str, lane: Lane, value: str | None = None) -> ET.El
 
 def _lanelet(lane: Lane, numbers: Mapping[int, int], signals: _Signals, *, both: bool) -> ET.Element:
     element = ET.Element("lanelet", id=str(numbers[lane.lane_id]))
-    left, right = point_by_point(lane.left_bound, lane.right_bound)
+    left, right = lane.left_bound, lane.right_bound
+    if len(left) != len(right):
+        left, right = point_by_point([left, right])
     sides = (("left", left, lane.left, lane.adjacent_left), ("right", right, lane.right, lane.adjacent_right))
     for side, points, free, near in sides:
         bound = add(element, f"{side}Bound")

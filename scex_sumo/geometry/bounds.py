@@ -9,15 +9,19 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.geometry.polylines import along, arc_lengths, length_of, turn
+from scex_sumo.geometry.polylines import along, arc_lengths, turn
 
 
 def mean_line(lines: Sequence[FloatArray]) -> FloatArray:
     """Average lines side by side at equal fractions of their lengths."""
-    if len(lines) == 1:
-        return lines[0]
-    share = np.unique(np.concatenate([arc_lengths(line) / length_of(line) for line in lines]).round(9))
-    return np.asarray(np.mean([along(line, share * length_of(line)) for line in lines], axis=0))
+    return lines[0] if len(lines) == 1 else np.asarray(np.mean(point_by_point(lines), axis=0))
+
+
+def point_by_point(lines: Sequence[FloatArray]) -> list[FloatArray]:
+    """Return lines with points at equal fractions of their lengths, all of their own included."""
+    arcs = [arc_lengths(line) for line in lines]
+    share = np.unique(np.concatenate([arc / max(arc[-1], 1e-9) for arc in arcs]).round(9))
+    return [along(line, share * arc[-1]) for line, arc in zip(lines, arcs, strict=True)]
 
 
 def bend(shape: FloatArray) -> float:

@@ -18,7 +18,7 @@ import time
 from dataclasses import asdict
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, Final
+from typing import IO, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,9 +120,6 @@ class _Program:
         assert self._process.stdin is not None and self._process.stdout is not None
         self._in, self._out = self._process.stdin, self._process.stdout
         os.set_blocking(self._in.fileno(), False)  # a program that does not read must not stop the run
-        self._ready, self._selector = selectors.DefaultSelector(), selectors.DefaultSelector()
-        self._ready.register(self._in, selectors.EVENT_WRITE)
-        self._selector.register(self._out, selectors.EVENT_READ)
         brief = command if len(command) <= MAX_COMMAND else f"{command[:MAX_COMMAND]}..."
         words = f"waiting up to {START_S:g} s for the program {brief}"
         waits = threading.Timer(QUIET_S, partial(print, words, file=sys.stderr))
@@ -144,14 +141,14 @@ class _Program:
         left = memoryview(f"{line}\n".encode())
         try:
             while left:
-                if not _wait(self._ready, until):
+                if not _wait(self._in, selectors.EVENT_WRITE, until):
                     raise late
                 left = left[os.write(self._in.fileno(), left) :]
         except OSError:
             raise ScexError(f"the program has ended{self._status()}") from None
         read, part = bytearray(), b""
         while b"\n" not in part:
-            if not _wait(self._selector, until):
+            if not _wait(self._out, selectors.EVENT_READ, until):
                 raise late
             part = os.read(self._out.fileno(), _PIPE)
             if not part:
@@ -174,15 +171,13 @@ class _Program:
             return ""
 
     def end(self) -> None:
-        self._ready.close()
-        self._selector.close()
         self._end.communicate()
         self._process.wait()
         self._in.close()
         self._out.close()
 
     def __del__(self) -> None:
-        if hasattr(self, "_selector") and not self._out.closed:
+        if hasattr(self, "_out") and not self._out.closed:
             self.end()
 
 
@@ -193,9 +188,10 @@ def _end_with_us(group: int) -> subprocess.Popen[bytes]:
     return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=null, stderr=null, start_new_session=True)
 
 
-def _wait(selector: selectors.BaseSelector, until: float) -> bool:
-    left = until - time.monotonic()
-    return left > 0 and bool(selector.select(left))
+def _wait(pipe: IO[bytes], event: int, until: float) -> bool:
+    with selectors.DefaultSelector() as selector:
+        selector.register(pipe, event)
+        return (left := until - time.monotonic()) > 0 and bool(selector.select(left))
 
 
 def _setup(road: Road) -> str:

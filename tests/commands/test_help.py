@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from scex_sumo.commands.shared import COMMANDS, GROUPS, copyable
+from scex_sumo.commands.help import GROUPS, copyable
+from scex_sumo.commands.shared import COMMANDS
 from scex_sumo.drivers.listing import known_models
 from tests.command import scex
 
