@@ -15,12 +15,9 @@ from scex_sumo.converters.lanelet.projection import to_local, utm_zone
 from scex_sumo.converters.net.sumo_net import OPENDRIVE, net_file
 from scex_sumo.converters.xml import xml_root
 from scex_sumo.exporters.light_cycles import with_lights
-from scex_sumo.exporters.opendrive.network import Piece, RoadLink, connections, road_network
+from scex_sumo.exporters.opendrive.network import Piece, connections, road_network
 from scex_sumo.exporters.opendrive.reference import Curve
-from scex_sumo.exporters.opendrive.ribbons import Ribbon
-from scex_sumo.exporters.opendrive.rules import exact as _exact
-from scex_sumo.exporters.opendrive.rules import metres as _m
-from scex_sumo.exporters.opendrive.rules import placed_crosswalks, placed_signals, priorities
+from scex_sumo.exporters.opendrive.rules import add, metres, placed_crosswalks, placed_signals, priorities
 from scex_sumo.exporters.request import Request
 from scex_sumo.formats.opendrive.lanes import opendrive_map
 from scex_sumo.road import Lane, Road
@@ -89,12 +86,12 @@ def opendrive(road: Road) -> OpenDrive:
     """
     pieces = road_network(road.lanes)
     root = ET.Element("OpenDRIVE")
-    root.append(_header(road))
+    _add_header(root, road)
     objects, signals = placed_crosswalks(road, pieces), placed_signals(road, pieces)
     for piece in pieces:
-        of_piece = [signal.element for signal in signals if signal.road == piece.number]
-        root.append(_road(piece, road.lanes, objects.get(piece.number, ()), of_piece))
-    root.extend(_junctions(pieces, priorities(road, pieces)))
+        element = _add_road(root, piece, road.lanes)
+        element.extend(part[piece.number] for part in (objects, signals.of_roads) if piece.number in part)
+    _add_junctions(root, pieces, priorities(road, pieces))
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode", xml_declaration=False)
     return OpenDrive(
@@ -106,23 +103,19 @@ def opendrive(road: Road) -> OpenDrive:
             for n, i in enumerate(piece.ribbon.group)
         },
         inside=frozenset(i for piece in pieces if piece.junction is not None for i in piece.ribbon.group),
-        lights={one.lane: (one.element.get("id", ""), one.place) for one in signals if one.is_light},
+        lights=signals.lights,
     )
 
 
-def _header(road: Road) -> ET.Element:
+def _add_header(root: ET.Element, road: Road) -> None:
     places = np.vstack([line for lane in road.lanes.values() for line in (lane.left_bound, lane.right_bound)])
     west, south = places.min(axis=0)
     east, north = places.max(axis=0)
-    box = {"north": _m(north), "south": _m(south), "east": _m(east), "west": _m(west)}
-    header = ET.Element(
-        "header",
-        {"revMajor": "1", "revMinor": "7", "name": road.name, "version": "1.00", **box},
-        vendor=f"scex-sumo {__version__}",
-    )
+    box = {"north": metres(north), "south": metres(south), "east": metres(east), "west": metres(west)}
+    about = {"revMajor": 1, "revMinor": 7, "name": road.name, "version": "1.00", **box}
+    header = add(root, "header", **about, vendor=f"scex-sumo {__version__}")
     if road.origin != (0.0, 0.0):
-        ET.SubElement(header, "geoReference").text = projection_text(road.origin)
-    return header
+        add(header, "geoReference").text = projection_text(road.origin)
 
 
 def projection_text(origin: tuple[float, float]) -> str:
@@ -135,33 +128,22 @@ def projection_text(origin: tuple[float, float]) -> str:
     )
 
 
-def _road(
-    piece: Piece, lanes: Mapping[int, Lane], objects: Sequence[ET.Element], signals: Sequence[ET.Element]
-) -> ET.Element:
+def _add_road(root: ET.Element, piece: Piece, lanes: Mapping[int, Lane]) -> ET.Element:
     members = piece.ribbon.group
-    road = ET.Element(
-        "road",
-        name=" ".join(map(str, members)),
-        length=_exact(piece.ribbon.length),
-        id=str(piece.number),
-        junction=str(-1 if piece.junction is None else piece.junction),
-        rule="RHT",
-    )
-    link = ET.SubElement(road, "link")
+    about = {"name": " ".join(map(str, members)), "length": piece.ribbon.length, "id": piece.number}
+    road = add(root, "road", **about, junction=-1 if piece.junction is None else piece.junction, rule="RHT")
+    link = add(road, "link")
     for tag, other, contact in (("predecessor", piece.before, "end"), ("successor", piece.after, "start")):
         if other is not None and other.junction is not None:
-            ET.SubElement(link, tag, elementType="junction", elementId=str(other.junction))
+            add(link, tag, elementType="junction", elementId=other.junction)
         elif other is not None:
-            ET.SubElement(link, tag, elementType="road", elementId=str(other.road), contactPoint=contact)
+            add(link, tag, elementType="road", elementId=other.road, contactPoint=contact)
     fastest = max(lanes[i].speed_limit_mps for i in members)
     kind = "rural" if lanes[members[0]].location == "nonurban" else "town"
-    ET.SubElement(ET.SubElement(road, "type", s="0", type=kind), "speed", max=_m(fastest), unit="m/s")
-    _plan_view(ET.SubElement(road, "planView"), piece.ribbon.curve)
-    ET.SubElement(ET.SubElement(road, "elevationProfile"), "elevation", s="0", a="0", b="0", c="0", d="0")
-    _lanes(ET.SubElement(road, "lanes"), piece, lanes)
-    for tag, elements in (("objects", objects), ("signals", signals)):
-        if elements:
-            ET.SubElement(road, tag).extend(elements)
+    add(add(road, "type", s=0, type=kind), "speed", max=metres(fastest), unit="m/s")
+    _plan_view(add(road, "planView"), piece.ribbon.curve)
+    add(add(road, "elevationProfile"), "elevation", s=0, a=0, b=0, c=0, d=0)
+    _lanes(add(road, "lanes"), piece, lanes)
     return road
 
 
@@ -174,47 +156,36 @@ def _plan_view(view: ET.Element, curve: Curve) -> None:
         start = np.array([1.0, 0.0])
         square = (3 * end / size - 2 * start - slope) / size
         cube = (start + slope - 2 * end / size) / size**2
-        geometry = ET.SubElement(
-            view,
-            "geometry",
-            s=_exact(curve.s[k]),
-            x=_exact(curve.points[k, 0]),
-            y=_exact(curve.points[k, 1]),
-            hdg=_exact(headings[k]),
-            length=_exact(size),
-        )
+        x, y = curve.points[k]
+        geometry = add(view, "geometry", s=curve.s[k], x=x, y=y, hdg=headings[k], length=size)
         powers = {"a": (0.0, 0.0), "b": (1.0, 0.0), "c": square, "d": cube}
-        cubic = {f"{power}{axis}": _exact(v[n]) for n, axis in enumerate("UV") for power, v in powers.items()}
-        ET.SubElement(geometry, "paramPoly3", cubic, pRange="arcLength")
+        cubic = {f"{power}{axis}": v[n] for n, axis in enumerate("UV") for power, v in powers.items()}
+        add(geometry, "paramPoly3", **cubic, pRange="arcLength")
 
 
 def _lanes(element: ET.Element, piece: Piece, lanes: Mapping[int, Lane]) -> None:
     ribbon = piece.ribbon
     _lines(element, "laneOffset", ribbon.s, ribbon.offsets[:, 0], "s")
-    part = ET.SubElement(element, "laneSection", s="0")
-    middle = ET.SubElement(ET.SubElement(part, "center"), "lane", id="0", type="none", level="false")
-    ET.SubElement(middle, "link")
+    part = add(element, "laneSection", s=0)
+    middle = add(add(part, "center"), "lane", id=0, type="none", level="false")
+    add(middle, "link")
     _mark(middle, crossed=False)
-    right = ET.SubElement(part, "right")
+    right = add(part, "right")
     for n, i in enumerate(ribbon.group):
-        right.append(_lane(ribbon, n, lanes[i], _linked(piece.before, -n - 1), _linked(piece.after, -n - 1)))
+        _add_lane(right, piece, n, lanes[i])
 
 
-def _lane(ribbon: Ribbon, n: int, lane: Lane, before: Sequence[int], after: Sequence[int]) -> ET.Element:
-    element = ET.Element("lane", id=str(-n - 1), type=_TYPES.get(lane.kind, "none"), level="false")
-    link = ET.SubElement(element, "link")
-    for tag, others in (("predecessor", before), ("successor", after)):
-        for other in others:
-            ET.SubElement(link, tag, id=str(other))
+def _add_lane(right: ET.Element, piece: Piece, n: int, lane: Lane) -> None:
+    element = add(right, "lane", id=-n - 1, type=_TYPES.get(lane.kind, "none"), level="false")
+    link, ribbon = add(element, "link"), piece.ribbon
+    for tag, road in (("predecessor", piece.before), ("successor", piece.after)):
+        for this, other in () if road is None else road.lanes:
+            if this == -n - 1:
+                add(link, tag, id=other)
     _lines(element, "width", ribbon.s, ribbon.offsets[:, n] - ribbon.offsets[:, n + 1], "sOffset")
     _mark(element, crossed=lane.right is not None and n + 1 < len(ribbon.group))
-    ET.SubElement(element, "speed", sOffset="0", max=_m(lane.speed_limit_mps), unit="m/s")
-    ET.SubElement(element, "userData", code=LANE_CODE, value=str(lane.lane_id))
-    return element
-
-
-def _linked(link: RoadLink | None, lane: int) -> list[int]:
-    return [] if link is None else [other for this, other in link.lanes if this == lane]
+    add(element, "speed", sOffset=0, max=metres(lane.speed_limit_mps), unit="m/s")
+    add(element, "userData", code=LANE_CODE, value=lane.lane_id)
 
 
 def _lines(parent: ET.Element, tag: str, s: FloatArray, values: FloatArray, at: str) -> None:
@@ -226,42 +197,26 @@ def _lines(parent: ET.Element, tag: str, s: FloatArray, values: FloatArray, at: 
             if abs(expected - value) < 1e-5 and abs(written[2] - rise) < 1e-6:
                 continue
         written = (start, value, rise)
-        ET.SubElement(parent, tag, {at: _exact(start), "a": _exact(value), "b": _exact(rise)}, c="0", d="0")
+        add(parent, tag, **{at: start, "a": value, "b": rise}, c=0, d=0)
 
 
 def _mark(lane: ET.Element, *, crossed: bool) -> None:
-    ET.SubElement(
-        lane,
-        "roadMark",
-        sOffset="0",
-        type="broken" if crossed else "solid",
-        weight="standard",
-        color="standard",
-        material="standard",
-        width=_m(_MARK_M),
-        laneChange="both" if crossed else "none",
-    )
+    kind, change = ("broken", "both") if crossed else ("solid", "none")
+    look = dict.fromkeys(("weight", "color", "material"), "standard")
+    add(lane, "roadMark", sOffset=0, type=kind, **look, width=_MARK_M, laneChange=change)
 
 
-def _junctions(pieces: Sequence[Piece], first: Iterable[tuple[int, int, int]]) -> list[ET.Element]:
+def _add_junctions(root: ET.Element, pieces: Sequence[Piece], first: Iterable[tuple[int, int, int]]) -> None:
     junctions: dict[int, ET.Element] = {}
     for number, incoming, connecting in connections(pieces):
         if number not in junctions:
-            name = f"junction {number}"
-            junctions[number] = ET.Element("junction", name=name, id=str(number), type="default")
+            junctions[number] = add(root, "junction", name=f"junction {number}", id=number, type="default")
+        roads = {"incomingRoad": incoming.number, "connectingRoad": connecting.number}
         junction = junctions[number]
-        connection = ET.SubElement(
-            junction,
-            "connection",
-            id=str(len(junction)),
-            incomingRoad=str(incoming.number),
-            connectingRoad=str(connecting.number),
-            contactPoint="start",
-        )
+        connection = add(junction, "connection", id=len(junction), **roads, contactPoint="start")
         assert connecting.before is not None
         for lane, other in connecting.before.lanes:
-            ET.SubElement(connection, "laneLink", {"from": str(other), "to": str(lane)})
+            add(connection, "laneLink", **{"from": other, "to": lane})
     for number, high, low in first:
         if number in junctions:
-            ET.SubElement(junctions[number], "priority", high=str(high), low=str(low))
-    return list(junctions.values())
+            add(junctions[number], "priority", high=high, low=low)

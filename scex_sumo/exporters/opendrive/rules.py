@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -25,9 +25,11 @@ def metres(value: float) -> str:
     return f"{value:.4f}".rstrip("0").rstrip(".")
 
 
-def exact(value: float) -> str:
-    """Return a number with ten digits."""
-    return f"{value:.10g}"
+def add(parent: ET.Element, tag: str, **attributes: object) -> ET.Element:
+    """Append an element, and return it; floats have ten digits."""
+    values = attributes.items()
+    texts = {key: f"{value:.10g}" if isinstance(value, float) else str(value) for key, value in values}
+    return ET.SubElement(parent, tag, texts)
 
 
 def priorities(road: Road, pieces: Sequence[Piece]) -> list[tuple[int, int, int]]:
@@ -43,9 +45,9 @@ def priorities(road: Road, pieces: Sequence[Piece]) -> list[tuple[int, int, int]
     return [(j, high, low) for j, high, low in dict.fromkeys(rows) if j is not None and high != low]
 
 
-def placed_crosswalks(road: Road, pieces: Sequence[Piece]) -> dict[int, list[ET.Element]]:
-    """Return the crosswalks of each road, by its number: an outline at the road that is nearest."""
-    objects: dict[int, list[ET.Element]] = {}
+def placed_crosswalks(road: Road, pieces: Sequence[Piece]) -> dict[int, ET.Element]:
+    """Return the ``objects`` of each road, by its number: crosswalks, each at the road that is nearest."""
+    objects: dict[int, ET.Element] = {}
     driven = [p for p in pieces if any(i in road.vehicle_lanes for i in p.ribbon.group)]
     for area in road.areas if driven else ():
         if area.kind != "crosswalk":
@@ -53,86 +55,53 @@ def placed_crosswalks(road: Road, pieces: Sequence[Piece]) -> dict[int, list[ET.
         middle = shapely.Polygon(area.outline).centroid
         piece, s, gap = _nearest(driven, np.array([middle.x, middle.y]))
         if gap < _FAR_M:
-            objects.setdefault(piece.number, []).append(_crosswalk(area, piece, s))
+            _add_crosswalk(objects.setdefault(piece.number, ET.Element("objects")), area, piece, s)
     return objects
 
 
-def _crosswalk(area: Area, piece: Piece, s: float) -> ET.Element:
+def _add_crosswalk(objects: ET.Element, area: Area, piece: Piece, s: float) -> None:
     place, along = (rows[0] for rows in piece.ribbon.curve.at(np.array([s])))
-    element = ET.Element(
-        "object",
-        type="crosswalk",
-        id=str(area.area_id),
-        name=f"crosswalk {area.area_id}",
-        s=exact(s),
-        t="0",
-        zOffset="0",
-        orientation="none",
-        hdg="0",
-        pitch="0",
-        roll="0",
-    )
-    outlines = ET.SubElement(element, "outlines")
-    outline = ET.SubElement(outlines, "outline", id="0", closed="true", outer="true")
+    here = {"s": s, "t": 0, "zOffset": 0, "orientation": "none", "hdg": 0, "pitch": 0, "roll": 0}
+    name = f"crosswalk {area.area_id}"
+    element = add(objects, "object", type="crosswalk", id=area.area_id, name=name, **here)
+    outline = add(add(element, "outlines"), "outline", id=0, closed="true", outer="true")
     for x, y in area.outline - place:
         u, v = x * along[0] + y * along[1], y * along[0] - x * along[1]
-        ET.SubElement(outline, "cornerLocal", u=metres(u), v=metres(v), z="0", height="0")
-    return element
+        add(outline, "cornerLocal", u=metres(u), v=metres(v), z=0, height=0)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Signal:
-    """Light, sign or stop line of a lane, at a place of a road.
+class Signals(NamedTuple):
+    """Lights, signs and stop lines, each at a place of a road.
 
     Attributes:
-        road: number of the road; its element has the number of the signal.
-        place: (2,) m.
+        of_roads: the element ``signals`` of roads, by number.
+        lights: number and place (2,), m, of the traffic light of lanes.
     """
 
-    lane: int
-    road: int
-    element: ET.Element
-    place: FloatArray
-
-    @property
-    def is_light(self) -> bool:
-        """Whether it is a traffic light."""
-        return self.element.get("dynamic") == "yes"
+    of_roads: dict[int, ET.Element]
+    lights: dict[int, tuple[str, FloatArray]]
 
 
-def placed_signals(road: Road, pieces: Sequence[Piece]) -> list[Signal]:
-    """Return lights, signs and stop lines."""
+def placed_signals(road: Road, pieces: Sequence[Piece]) -> Signals:
+    """Return lights, signs and stop lines, at places of roads."""
     wanted = [(*one, rule) for rule in road.regulations for one in _wanted(rule) if one[0] in road.lanes]
     first = {(i, kind): rule for i, kind, rule in reversed(wanted)}
     order = dict.fromkeys((i, kind) for i, kind, _ in wanted)
-    return [_signal(pieces, road.lanes[i], kind, first[i, kind], n + 1) for n, (i, kind) in enumerate(order)]
-
-
-def _signal(
-    pieces: Sequence[Piece], lane: Lane, kind: tuple[str, str], rule: Regulation, number: int
-) -> Signal:
-    piece, s = _where(pieces, lane, rule)
-    n = piece.ribbon.group.index(lane.lane_id)
-    t = float(np.interp(s, piece.ribbon.s, piece.ribbon.offsets[:, n + 1]))
-    signal = ET.Element(
-        "signal",
-        s=exact(s),
-        t=exact(t),
-        id=str(number),
-        name=f"{rule.kind} {rule.element_id}",
-        dynamic="yes" if kind is _LIGHT else "no",
-        orientation="+",
-        zOffset=str(SIGNAL_HEIGHT_M),
-        country=kind[1],
-        type=kind[0],
-        subtype="-1",
-        height="0.7",
-        width="0.7",
-    )
-    ET.SubElement(signal, "validity", fromLane=str(-n - 1), toLane=str(-n - 1))
-    place, along = (rows[0] for rows in piece.ribbon.curve.at(np.array([s])))
-    across = np.array([-along[1], along[0]])
-    return Signal(lane=lane.lane_id, road=piece.number, element=signal, place=place + t * across)
+    signals = Signals({}, {})
+    for number, (i, kind) in enumerate(order, start=1):
+        rule, dynamic = first[i, kind], "yes" if kind is _LIGHT else "no"
+        piece, s = _where(pieces, road.lanes[i], rule)
+        n = piece.ribbon.group.index(i)
+        t = float(np.interp(s, piece.ribbon.s, piece.ribbon.offsets[:, n + 1]))
+        here = {"s": s, "t": t, "id": number, "name": f"{rule.kind} {rule.element_id}", "dynamic": dynamic}
+        size = {"subtype": -1, "height": 0.7, "width": 0.7}
+        look = {"orientation": "+", "zOffset": SIGNAL_HEIGHT_M, "country": kind[1], "type": kind[0], **size}
+        parent = signals.of_roads.setdefault(piece.number, ET.Element("signals"))
+        add(add(parent, "signal", **here, **look), "validity", fromLane=-n - 1, toLane=-n - 1)
+        if kind is _LIGHT:
+            place, along = (rows[0] for rows in piece.ribbon.curve.at(np.array([s])))
+            signals.lights.setdefault(i, (str(number), place + t * np.array([-along[1], along[0]])))
+    return signals
 
 
 def _wanted(rule: Regulation) -> list[tuple[int, tuple[str, str]]]:
