@@ -8,8 +8,6 @@ from typing import Any, Final
 
 from typer.core import TyperGroup
 
-from scex_sumo.commands.shared import OF_EVERY_COMMAND
-
 GROUPS: Final = {
     "One moment": ("run", "report", "view", "encounters", "plot"),
     "Recordings": ("inspect", "rank", "catalogue", "validate", "metrics"),
@@ -38,14 +36,14 @@ class CommandGroup(TyperGroup):
                     formatter.write_dl(records)
 
 
-def write_options(params: Iterable[Any], ctx: Any, formatter: Any) -> None:
-    """Write arguments and options by their groups."""
+def write_options(params: Iterable[Any], shared: str, ctx: Any, formatter: Any) -> None:
+    """Write arguments and options by their groups; ``--help`` is in that of the shared options."""
     groups: dict[str, list[tuple[str, str]]] = {}
     for param in params:
         record = param.get_help_record(ctx)
         if record is not None:
             panel = getattr(param, "rich_help_panel", None) or "Options"
-            panel = OF_EVERY_COMMAND if param.name == "help" else panel
+            panel = shared if param.name == "help" else panel
             group = "Arguments" if param.param_type_name == "argument" else panel
             groups.setdefault(group, []).append(record)
     for name, records in groups.items():

@@ -36,7 +36,7 @@ class Command(TyperCommand):
         """Write arguments and options by their groups."""
         from scex_sumo.commands.help import write_options
 
-        write_options(self.get_params(ctx), ctx, formatter)
+        write_options(self.get_params(ctx), OF_EVERY_COMMAND, ctx, formatter)
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Write the example on lines that can be copied."""
