@@ -1,4 +1,4 @@
-"""Command line in a process that starts in milliseconds, forked off a server that has imported the package.
+"""Command line and scripts in a process that starts in milliseconds, forked off a server with the package.
 
 Tests of the start itself, of signals and of limits start Python anew.
 """
@@ -14,6 +14,7 @@ import tempfile
 from collections.abc import Mapping
 from multiprocessing.context import ForkServerContext
 from pathlib import Path
+from types import ModuleType
 
 PRELOADED = (
     "libsumo",
@@ -58,15 +59,16 @@ class Started:
     def __init__(
         self,
         words: list[str],
-        cwd: Path | None,
-        path: Path | None,
-        env: Mapping[str, str] | None,
-        vehicles: int | None,
+        cwd: Path | None = None,
+        path: Path | None = None,
+        env: Mapping[str, str] | None = None,
+        vehicles: int | None = None,
+        code: str | None = None,
     ) -> None:
         self._words, self._folder = words, tempfile.TemporaryDirectory()
         self._files = [Path(self._folder.name, name) for name in ("stdout", "stderr")]
         environment = dict(os.environ if env is None else env)
-        given = (words, self._files, cwd or Path.cwd(), path, environment, vehicles)
+        given = (words, self._files, cwd or Path.cwd(), path, environment, vehicles, code)
         self._process = forkserver().Process(target=_run, args=given)
         self._process.start()
         self.kill = self._process.kill
@@ -113,6 +115,13 @@ def scex(
     return started(*arguments, cwd=cwd, path=path, env=env, vehicles=vehicles).wait(timeout)
 
 
+def script(
+    code: str, *arguments: object, cwd: Path | None = None, env: Mapping[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Run Python code to its end as ``python -c`` does; its workers are those of the package."""
+    return Started([*map(str, arguments)], cwd, env=env, code=code).wait()
+
+
 def _run(
     words: list[str],
     files: list[Path],
@@ -120,6 +129,7 @@ def _run(
     path: Path | None,
     environment: dict[str, str],
     vehicles: int | None,
+    code: str | None,
 ) -> None:
     gc.freeze()  # what was imported before stays
     for number, file in enumerate(files, start=1):
@@ -128,6 +138,12 @@ def _run(
     os.environ.clear()
     os.environ.update(environment)
     os.chdir(cwd)
+    tempfile.tempdir = None  # as the environment says
+    if code is not None:
+        sys.argv, sys.modules["__main__"] = ["-c", *words], ModuleType("__main__")
+        sys.path.insert(0, "")
+        exec(compile(code, "<string>", "exec"), vars(sys.modules["__main__"]))
+        return
     if path is not None:
         sys.path.insert(0, str(path))
     sys.argv = ["scex-sumo", *words]

@@ -313,8 +313,7 @@ def test_a_result_with_a_colon_in_its_relative_name_is_read_and_evaluated(tmp_pa
 def test_a_comma_in_the_folder_for_temporary_files_is_one_line(tmp_path: Path) -> None:
     folder = tmp_path / "a,b"
     folder.mkdir()
-    command = [sys.executable, "-m", "scex_sumo", "run", str(ROUNDABOUT), "--futures", "2", "-o", "out"]
     environment = {**os.environ, "TMPDIR": str(folder)}
-    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment, check=False)
+    done = scex("run", ROUNDABOUT, "--futures", 2, "-o", "out", cwd=tmp_path, env=environment)
     assert done.returncode == 1
     assert "SUMO splits paths at commas; set TMPDIR to one without" in done.stderr.splitlines()[-1]

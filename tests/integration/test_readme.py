@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import re
 import shlex
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pyarrow as pa
@@ -19,6 +17,7 @@ from pyarrow import parquet
 import scex_sumo as scex
 from scex_sumo.base.sumo.programs import environment, program
 from tests.command import scex as scex_sumo
+from tests.command import script
 from tests.conftest import shared_data
 from tests.formats import test_argoverse, test_scenarionet
 from tests.formats.levelx.levelx_files import Mover, write_highd
@@ -73,18 +72,15 @@ def test_the_make_targets_exist() -> None:
 
 
 def test_the_commands_run_and_the_driver_drives(clone: Path) -> None:
-    driver, script = blocks("python")
+    driver, code = blocks("python")
     (clone / "my_driver.py").write_text(driver)
     commands = [line for line in "\n".join(blocks("sh")).splitlines() if line.startswith("scex-sumo ")]
     first, second = commands
     assert first.endswith("-o out/roundabout")  # the next test runs it in full
     command(second, clone, "--futures", "3", "--no-report")
     assert "my_driver:Coasting" in (clone / "out" / "coasting" / "run.json").read_text()
-    short = script.replace("futures=385", "futures=5")
-    done = subprocess.run(
-        [sys.executable, "-c", short], cwd=clone, capture_output=True, text=True, timeout=120, check=False,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
+    short = code.replace("futures=385", "futures=5")
+    done = script(short, cwd=clone)
     assert done.returncode == 0, done.stderr
     assert "wttc_mean" in done.stdout and (clone / "out" / "python" / "run.json").is_file()
 

@@ -6,8 +6,6 @@ the junction at x = 992, and goes on at y = 998.4 beyond it; the speed limit is 
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -26,6 +24,7 @@ from scex_sumo.scene import Obstacles, SeedScene, States
 from scex_sumo.world.base import BatchStart, SumoDriven, WorldRequest
 from scex_sumo.world.batch import RunningBatch
 from scex_sumo.world.sumo import SumoWorld
+from tests.command import script
 from tests.formats.sumo.simulations import write_grid
 from tests.runs import extrapolate
 from tests.seeds import people_of, same_bytes, seed_of, standing, states_of, steady
@@ -283,9 +282,7 @@ print("walked")
 def test_many_people_that_walk_over_crossings_do_not_crash_sumo(tmp_path: Path) -> None:
     """On their own with ``moveToXY`` alone, libsumo 1.28 crashes after the second of these moments."""
     net = write_grid(tmp_path).net
-    done = subprocess.run(
-        [sys.executable, "-c", WALK, str(net), str(tmp_path)], capture_output=True, text=True, check=False
-    )
+    done = script(WALK, net, tmp_path)
     assert (done.returncode, done.stdout) == (0, "walked\n"), done.stderr
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +9,7 @@ import pytest
 
 from scex_sumo.converters.lanelet.projection import georeference
 from scex_sumo.lanelet2sumo.convert import convert
+from tests.command import script
 from tests.converters.sumo_roads import NetFile, lane, road
 from tests.lanelet2sumo.judge.report import check_net
 
@@ -33,9 +32,7 @@ def test_sumo_finds_the_origin_of_a_net_on_earth(name: str, tmp_path: Path) -> N
     place = PLACES[name]
     drawn = replace(road([lane(1, [(-5, 0), (80, 0)])]), origin=place, georeference=georeference(place))
     net = convert(drawn, tmp_path / "place.net.xml")
-    command = [sys.executable, "-c", CONVERT, str(net.path)]
-    said = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
-    lon, lat = map(float, said.split())
+    lon, lat = map(float, script(CONVERT, net.path).stdout.split())
     assert (lat, lon) == pytest.approx(place, abs=1e-8)  # a millimetre
     assert check_net(net.path, drawn, net.lanes).problems() == []
 

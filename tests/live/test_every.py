@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import pytest
 
-from scex_sumo.base.sumo.programs import program
-from tests.formats.sumo.simulations import Simulation, write_grid
-
-QUIET = ["--no-step-log", "--no-warnings", "--xml-validation", "never"]
+from tests.command import script
+from tests.formats.sumo.simulations import Simulation, start_words, write_grid
 
 
 @pytest.fixture(scope="module")
@@ -19,8 +14,7 @@ def grid(tmp_path_factory: pytest.TempPathFactory) -> Simulation:
 
 
 def ran(grid: Simulation, code: str) -> str:
-    command = [sys.executable, "-c", f"START = {[program('sumo'), '-c', 'mine.sumocfg', *QUIET]}\n{code}"]
-    done = subprocess.run(command, cwd=grid.config.parent, capture_output=True, text=True)
+    done = script(f"START = {start_words()}\n{code}", cwd=grid.config.parent)
     assert not done.returncode, done.stderr
     return done.stdout
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import pickle
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from scex_sumo.live.risk import PairRisk, Question, Risk, assess
+from tests.command import script
 from tests.formats.sumo.simulations import start_words, write_grid
 
 PAIR = PairRisk(hits="a", other="b", kind="crossing", human_like=0.1, stress=0.5)
@@ -41,7 +40,7 @@ pickle.dump((watch.moment(), sumo.vehicle.getIDList()), open("moment", "wb"))
 
 def test_a_moment_travels_and_its_pairs_have_sumos_names(tmp_path: Path) -> None:
     write_grid(tmp_path)
-    subprocess.run([sys.executable, "-c", MOMENT.format(start=start_words())], cwd=tmp_path, check=True)
+    script(MOMENT.format(start=start_words()), cwd=tmp_path).check_returncode()
     moment, names = pickle.loads((tmp_path / "moment").read_bytes())
     found = assess(moment, Question(futures=4))
     assert found.time_s == 31.1 and set(found.vehicles) <= set(names) and found.pairs

@@ -5,13 +5,12 @@ from __future__ import annotations
 import importlib.util
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from scex_sumo.base.sumo.programs import program
+from tests.command import script
 from tests.formats.sumo.simulations import Simulation, in_sumo, start_words, write_grid
 
 PAGE = Path(__file__).parents[2] / "docs" / "sumo.md"
@@ -49,9 +48,7 @@ def test_a_simulation_goes_on_after_its_futures(grid: Simulation, module: str) -
     example = example.replace("import libsumo", f"import {module}").replace('"sumo"', repr(program("sumo")))
     example = example.replace("extrapolate(", "extrapolate(reference=None, ")
     code = example.replace("])", QUIET, 1) + CHECKED
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", code], cwd=grid.config.parent, capture_output=True, text=True
-    )
+    done = script(f"import warnings\nwarnings.simplefilter('ignore')\n{code}", cwd=grid.config.parent)
     assert not done.returncode, done.stderr
     assert "None" not in done.stdout
     until, after = json.loads((grid.config.parent / "after.json").read_text())
@@ -61,12 +58,7 @@ def test_a_simulation_goes_on_after_its_futures(grid: Simulation, module: str) -
 
 @with_libtraci
 def test_a_watch_keeps_to_its_connection_of_libtraci(grid: Simulation) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", TWO.format(start=start_words())],
-        cwd=grid.config.parent,
-        capture_output=True,
-        text=True,
-    )
+    done = script(TWO.format(start=start_words()), cwd=grid.config.parent)
     assert not done.returncode, done.stderr
 
 
@@ -123,9 +115,7 @@ assert states(True) == states(False)
 def test_a_watched_simulation_may_lose_vehicles_and_keeps_its_subscriptions(
     grid: Simulation, module: str
 ) -> None:
-    code = REMOVED.format(module=module, start=start_words())
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, cwd=grid.config.parent, capture_output=True, text=True)
+    done = script(REMOVED.format(module=module, start=start_words()), cwd=grid.config.parent)
     assert not done.returncode, done.stderr
 
 
@@ -175,8 +165,7 @@ said(lambda: scex.watch(sumo))
 
 
 def test_wrong_use_of_a_watch_is_an_error_in_one_line(grid: Simulation) -> None:
-    command = [sys.executable, "-c", WRONG]
-    done = subprocess.run(command, cwd=grid.config.parent, capture_output=True, text=True)
+    done = script(WRONG, cwd=grid.config.parent)
     assert not done.returncode, done.stderr
     words = (
         "cannot read the simulation: A network was not yet constructed",
@@ -235,6 +224,5 @@ class Process(scex.Extra):
 
 def test_further_extrapolations_of_a_watch_have_the_same_warm_process(grid: Simulation) -> None:
     (grid.config.parent / "mine.py").write_text(PROCESS)
-    command = [sys.executable, "-c", WARM]
-    done = subprocess.run(command, cwd=grid.config.parent, capture_output=True, text=True)
+    done = script(WARM, cwd=grid.config.parent)
     assert not done.returncode, done.stderr

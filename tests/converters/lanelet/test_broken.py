@@ -6,8 +6,6 @@ Maps that crash Lanelet2 are read in a process of their own, so that a crash sho
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +17,7 @@ from scex_sumo.base.errors import MapError
 from scex_sumo.converters.lanelet.reader import read_road
 from scex_sumo.lanelet2sumo.convert import convert
 from scex_sumo.road import Road
+from tests.command import script
 from tests.converters.maps import Line, draw_map, rule, straight
 from tests.lanelet2sumo.judge.report import check_net
 
@@ -39,8 +38,7 @@ for path in sys.argv[1:]:
 
 def read_apart(*paths: Path) -> str:
     """Read maps in another process; fails where that process dies."""
-    command = [sys.executable, "-c", READ, *map(str, paths)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = script(READ, *paths)
     assert done.returncode == 0, f"exit {done.returncode} after {done.stdout[-300:]!r}: {done.stderr[-600:]}"
     return done.stdout
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import copy
 import random
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+from tests.command import script
 from tests.converters.maps import DASHED, ROAD, Lanelet, Line, area, draw_map, rule, straight
 
 MAPS = 150
@@ -155,8 +154,7 @@ DAMAGE: list[Callable[[ET.Element, random.Random], None]] = [
 
 def test_damaged_maps_give_a_sound_road_or_a_clear_error(tmp_path: Path) -> None:
     paths = write_damaged(tmp_path)
-    command = [sys.executable, "-c", READ, *map(str, paths)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    done = script(READ, *paths)
     assert done.returncode == 0, f"exit {done.returncode} after {done.stdout[-200:]!r}: {done.stderr[-900:]}"
     # Damage is mostly light: reading most of the maps is part of the claim.
     assert int(done.stdout.rsplit(None, 1)[-1]) > 0.8 * MAPS

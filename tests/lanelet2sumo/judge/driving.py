@@ -11,6 +11,7 @@ from typing import TypeAlias
 from xml.etree import ElementTree
 
 import numpy as np
+import pyarrow.parquet as pq
 import shapely
 from scipy.spatial import cKDTree
 
@@ -28,7 +29,7 @@ RUN_UP_M = 20.0  # braking distance at 50 km/h
 STEP_S = 0.1
 LOOK_S = 0.2  # footprints are compared this often
 WAIT_S = 300.0  # SUMO's own: a vehicle that stands longer is teleported
-SHRINK_M = 0.02  # positions are written in centimetres
+SHRINK_M = 0.02  # so much may boxes overlap
 DRAIN_S = 900.0  # for the last vehicles to arrive, a deadlock included
 LIMIT_S = 300.0  # wall clock
 COUNTED = ("collision", "eleport", "emergency braking", "Suspicious right_before_left junction")
@@ -64,7 +65,7 @@ class Driving:
             (folder / "demand.rou.xml").write_text(demand, encoding="utf-8")
             (folder / NET).symlink_to(net_path.resolve())
             said = _simulate(net_path, folder, vehicles * headway_s + DRAIN_S)
-            self.overlaps = _overlaps(folder / "fcd.xml")
+            self.overlaps = _overlaps(folder / "fcd.parquet")
             counts = ElementTree.parse(folder / "statistics.xml").getroot()
             trips = ElementTree.parse(folder / "trips.xml").getroot().findall("tripinfo")
         self.warnings = [line for line in said if not any(word in line for word in COUNTED)]
@@ -100,7 +101,7 @@ def _simulate(net_path: Path, folder: Path, end_s: float) -> tuple[str, ...]:
     options = (
         f"--net-file {NET} --route-files demand.rou.xml --end {end_s} --step-length {STEP_S} --seed {SEED}"
         f" --time-to-teleport {WAIT_S} --collision.action warn --collision.check-junctions true"
-        f" --fcd-output fcd.xml --fcd-output.attributes id,x,y,angle,lane --device.fcd.period {LOOK_S}"
+        f" --fcd-output fcd.parquet --fcd-output.attributes id,x,y,angle,lane --device.fcd.period {LOOK_S}"
         " --tripinfo-output trips.xml --statistic-output statistics.xml --xml-validation never --no-step-log"
     )
     size = net_path.stat().st_size
@@ -111,13 +112,10 @@ def _simulate(net_path: Path, folder: Path, end_s: float) -> tuple[str, ...]:
 
 
 def _overlaps(fcd: Path) -> list[Overlap]:
-    cars: list[tuple[float, dict[str, str]]] = []
-    for _, element in ElementTree.iterparse(fcd):
-        if element.tag == "timestep":
-            cars += [(float(element.attrib["time"]), dict(car.attrib)) for car in element]
-            element.clear()
-    time_s = np.array([time for time, _ in cars])
-    poses = np.array([[float(car[key]) for key in ("x", "y", "angle")] for _, car in cars]).reshape(-1, 3)
+    cars = pq.read_table(fcd).drop_null()  # a step without cars has a row too
+    time_s = cars["timestep_time"].to_numpy()
+    poses = np.column_stack([cars[f"vehicle_{name}"].to_numpy() for name in ("x", "y", "angle")])
+    names, lanes = (cars[f"vehicle_{name}"].to_pylist() for name in ("id", "lane"))
     reach = float(np.hypot(LENGTH_M, WIDTH_M))
     places = np.column_stack([poses[:, :2], 1e6 * time_s])  # only cars of one time are near each other
     first, second = np.sort(cKDTree(places).query_pairs(2 * reach, output_type="ndarray"), axis=1).T
@@ -125,9 +123,9 @@ def _overlaps(fcd: Path) -> list[Overlap]:
     touch = np.flatnonzero(shapely.intersects(boxes[first], boxes[second]))
     overlaps: dict[tuple[str, str], Overlap] = {}
     for k in touch[np.argsort(first[touch])].tolist():
-        time, one, other = time_s[first[k]], cars[first[k]][1], cars[second[k]][1]
-        overlap = (one["id"], one["lane"], other["id"], other["lane"], float(time))
-        overlaps.setdefault((one["id"], other["id"]), overlap)
+        one, other = first[k], second[k]
+        overlap = (names[one], lanes[one], names[other], lanes[other], float(time_s[one]))
+        overlaps.setdefault((names[one], names[other]), overlap)
     return list(overlaps.values())
 
 

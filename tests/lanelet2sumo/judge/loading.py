@@ -8,20 +8,19 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-import subprocess
 import warnings
 from collections import Counter
 from functools import partial
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.sumo.programs import program, run_program
+from scex_sumo.base.sumo.programs import run_program
 from scex_sumo.converters.net.sumo_net import LaneTable
+from scex_sumo.extrapolation.processes.pool import in_other_process
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.lanelet2sumo.judge.matching import Matching, match_lanelets, sample_line
 from scex_sumo.lanelet2sumo.judge.report import FidelityReport, Figure, measured
@@ -35,8 +34,6 @@ PROBE_HIT_SHARE = 0.99
 PROBE_END_M = 0.3  # at its very ends a lanelet and its neighbours in line share their points
 MATCH_THRESHOLD_M = 100.0  # SUMO's own; below 20 m it finds worse lanes at times
 SAME_PLACE_M = 0.05  # branches of a fork lie on each other at first; either is the mapped lane there
-RETRY_S = 0.05
-RETRIES = 1200
 
 
 class Loading:
@@ -117,40 +114,30 @@ def _probe_points(road: Road) -> tuple[FloatArray, list[int], FloatArray]:
 
 
 def _ask_sumo(net: NetContent, points: FloatArray, directions: FloatArray) -> list[str]:
-    import sumolib
-    import traci
-
     edge = next((lane.edge_id for lane in net.car_lanes.values() if not lane.internal), None)
     if edge is None:
         return [""] * len(points)
-    port = sumolib.miscutils.getFreeSocketPort()
-    command = [program("sumo"), "-n", net.path.name, "--no-step-log", "--no-warnings", "--step-length", "0.1"]
-    command += ["--collision.action", "none", "--remote-port", str(port)]
-    nowhere, folder = subprocess.DEVNULL, net.path.parent
-    with subprocess.Popen(command, stdout=nowhere, stderr=nowhere, cwd=folder) as server:
-        try:
-            with contextlib.redirect_stdout(io.StringIO()):  # traci prints each attempt to reach its server
-                connection = traci.connect(port, RETRIES, proc=server, waitBetweenRetries=RETRY_S)
-            lanes = _drop_cars(connection, edge, points + net.offset, directions)
-            connection.close()
-        finally:
-            server.kill()  # no-op where it has ended
-    return lanes
+    asked = partial(_drop_cars, str(net.path.resolve()), edge, points + net.offset, directions)
+    return in_other_process(asked, where="in the judge", died="SUMO died where cars were put")
 
 
-def _drop_cars(connection: Any, edge: str, points: FloatArray, directions: FloatArray) -> list[str]:
+def _drop_cars(path: str, edge: str, points: FloatArray, directions: FloatArray) -> list[str]:
+    import libsumo
+
+    options = "--no-step-log", "--no-warnings", "--step-length", "0.1", "--collision.action", "none"
+    libsumo.start(["sumo", "-n", path, *options])
     lanes = []
-    connection.route.add("r", [edge])
+    libsumo.route.add("r", [edge])
     for number, ((x, y), direction) in enumerate(zip(points.tolist(), directions, strict=True)):
         name = str(number)
         angle = 90.0 - float(np.rad2deg(direction))  # SUMO: 0 = north, clockwise
-        connection.vehicle.add(name, "r")
-        connection.vehicle.moveToXY(name, "", -1, x, y, angle, 2, MATCH_THRESHOLD_M)
-        connection.simulationStep()
-        alive = name in connection.vehicle.getIDList()
-        lanes.append(connection.vehicle.getLaneID(name) if alive else "")
+        libsumo.vehicle.add(name, "r")
+        libsumo.vehicle.moveToXY(name, "", -1, x, y, angle, 2, MATCH_THRESHOLD_M)
+        libsumo.simulationStep()
+        alive = name in libsumo.vehicle.getIDList()
+        lanes.append(libsumo.vehicle.getLaneID(name) if alive else "")
         if alive:
-            connection.vehicle.remove(name)
+            libsumo.vehicle.remove(name)
     return lanes
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +17,7 @@ from scex_sumo.reports.run_table import summary_table
 from scex_sumo.results.folder import ResultFolder, tracks_table, values_table
 from scex_sumo.results.run import Run, open_run
 from scex_sumo.results.tables.encounters import SCHEMA
+from tests.command import script
 from tests.results.test_folder import part_of
 from tests.seeds import straight_seed
 
@@ -147,5 +146,5 @@ def test_pictures_leave_the_users_matplotlib_alone(run: Run, tmp_path: Path) -> 
         "figure.plot([open_run(Path(sys.argv[1]))], Path(sys.argv[2]))\n"
         "assert matplotlib.get_backend() == 'svg' and 'matplotlib.pyplot' not in sys.modules\n"
     )
-    subprocess.run([sys.executable, "-c", code, str(run.folder), str(tmp_path / "densities.png")], check=True)
+    script(code, run.folder, tmp_path / "densities.png").check_returncode()
     assert (tmp_path / "densities.png").exists()
