@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,8 @@ _BISECTIONS = 40
 _REAR_END, _HEAD_ON = np.pi / 6, np.pi * 5 / 6
 _PAIRS_AT_ONCE = 1 << 12
 _SAME_TIME_S = 1e-9
+# outlines at the start of moves, way in x and y, m, and turn, rad
+_Ends: TypeAlias = tuple[Rectangles, FloatArray, FloatArray, FloatArray]
 _NEAR_M = 6.0  # way of a vehicle until `Contacts` looks for near pairs again
 
 
@@ -172,7 +174,7 @@ class Moves:
 
     @cached_property
     def ends(self) -> tuple[_Ends, _Ends]:
-        """Both ends of the moves of either vehicle."""
+        """Outlines of either vehicle at the start of the moves, and how far it goes and turns."""
         return self._ends(self.first), self._ends(self.second)
 
     def _ends(self, vehicle: IntArray) -> _Ends:
@@ -183,13 +185,17 @@ class Moves:
             size[vehicle] if size.ndim == 1 else size[self.future, vehicle]
             for size in (self.tracks.length, self.tracks.width)
         )
-        turn = wrap(then.heading - now.heading)
-        start = Rectangles.of(now, length, width)
-        return _Ends(start=start, dx=then.x - now.x, dy=then.y - now.y, turn=turn)
+        start, turn = Rectangles.of(now, length, width), wrap(then.heading - now.heading)
+        return start, then.x - now.x, then.y - now.y, turn
 
     def poses(self, share: FloatArray) -> tuple[Rectangles, Rectangles]:
         """Return (N,) outlines of both vehicles."""
-        one, two = (ends.at(share) for ends in self.ends)
+        one, two = (
+            replace(
+                start, x=start.x + share * dx, y=start.y + share * dy, heading=start.heading + share * turn
+            )
+            for start, dx, dy, turn in self.ends
+        )
         return one, two
 
     def speed(self, vehicle: IntArray, share: FloatArray) -> FloatArray:
@@ -208,36 +214,18 @@ class Moves:
 
     def radii(self) -> tuple[FloatArray, FloatArray]:
         """Return (N,) radii of the circles around either vehicle, m."""
-        one, two = (np.hypot(ends.start.half_length, ends.start.half_width) for ends in self.ends)
+        one, two = (np.hypot(start.half_length, start.half_width) for start, *_ in self.ends)
         return one, two
 
     def way(self) -> tuple[FloatArray, FloatArray]:
         """Bound (N,) the change of a touching pair's gap, and the way of any corner, m."""
-        one, two = self.ends
-        radii, turns = self.radii(), [np.abs(ends.turn) for ends in self.ends]
-        shift = np.hypot(two.dx - one.dx, two.dy - one.dy)
+        (_, dx, dy, _), (_, other_dx, other_dy, _) = self.ends
+        radii, turns = self.radii(), [np.abs(turn) for *_, turn in self.ends]
+        shift = np.hypot(other_dx - dx, other_dy - dy)
         # If the circles around both meet, the centres are no farther apart than both radii and the way.
         arm = radii[0] + radii[1] + shift
         gap_way = shift + (arm + radii[1]) * turns[0] + (arm + radii[0]) * turns[1]
         return gap_way, shift + radii[0] * turns[0] + radii[1] * turns[1]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Ends:
-    """Motion of N vehicles during one step: outlines at its start, and how far they go and turn."""
-
-    start: Rectangles
-    dx: FloatArray
-    dy: FloatArray
-    turn: FloatArray
-
-    def at(self, share: FloatArray) -> Rectangles:
-        return replace(
-            self.start,
-            x=self.start.x + share * self.dx,
-            y=self.start.y + share * self.dy,
-            heading=self.start.heading + share * self.turn,
-        )
 
 
 def near_moves(tracks: SceneTracks, start: int) -> Moves:

@@ -203,22 +203,20 @@ def _type_id(model: str, kind: str, number: int) -> str:
 
 
 def _types(scene: SeedScene, futures: Sequence[FutureView], colors: Mapping[str, Rgb]) -> str:
-    lines = []
-    for v in range(scene.vehicles):
-        size = scene.types[v], float(scene.length[v]), float(scene.width[v])
-        for model in sorted({future.models[v] for future in futures}):
-            lines.append(_type(model, v, size, colors[model]))
+    def line(model: str, number: int, kind: str, length: float, width: float, rgb: Rgb) -> str:
+        own_class = user if (user := road_user(kind)) in PEOPLE else "ignoring"
+        size = kind, float(length), float(width)
+        return given_type(_type_id(model, kind, number), *size, rgb, own_class=own_class)
+
+    lines = [
+        line(model, v, scene.types[v], scene.length[v], scene.width[v], colors[model])
+        for v in range(scene.vehicles)
+        for model in sorted({future.models[v] for future in futures})
+    ]
     if (others := scene.obstacles) is not None:
-        for o, kind in enumerate(obstacle_kinds(others)):
-            size = kind, float(others.length[o]), float(others.width[o])
-            lines.append(_type("other", o, size, OTHER_RGB))
+        sizes = zip(obstacle_kinds(others), others.length, others.width, strict=True)
+        lines += [line("other", o, *size, OTHER_RGB) for o, size in enumerate(sizes)]
     return "".join(lines)
-
-
-def _type(model: str, number: int, size: tuple[str, float, float], rgb: Rgb) -> str:
-    user = road_user(size[0])
-    own_class = user if user in PEOPLE else "ignoring"
-    return given_type(_type_id(model, size[0], number), *size, rgb, own_class=own_class)
 
 
 def _write_configuration(
