@@ -187,16 +187,6 @@ def dataset_of(path: Path) -> Dataset:
     return next(recognised(Dataset, path))
 
 
-def signal_reader(path: Path) -> Signals:
-    """Return what reads the phases in a file."""
-    if (found := dataset_of(path).signals) is not None:
-        return found
-    raise MapError(
-        f"{path}: not a recording of signal phases; give a CSV with the column signal_group_id, or a file of "
-        f"a dataset that has phases, of {', '.join(DATASETS.paths)}"
-    )
-
-
 def signals_of(scene: SeedScene) -> Path | None:
     """Return the recording of signal phases that belongs to a scene's own recording; None if there is none.
 

@@ -39,40 +39,20 @@ def xml_root(
     """Parse a file, packed or not, or its content."""
     content = unpacked(path) if content is None else content
     try:
-        with _as_value_error():
-            _refuse_declarations(io.BytesIO(content))
+        with as_value_error():
+            refuse_declarations(io.BytesIO(content))
             root = ElementTree.fromstring(content)
         level, depth = [root], 1
         while level := [child for element in level for child in element]:
-            depth = _checked(depth + 1)
+            depth = checked_depth(depth + 1)
     except (LookupError, ValueError) as error:
         raise MapError(f"{path}: {error}; {remedy}") from None
     return root
 
 
-def xml_elements(path: Path) -> Iterator[tuple[str, Element]]:
-    """Yield each element of a file at its ``start`` and ``end``; those below the root are gone after it.
+def refuse_declarations(file: BinaryIO) -> None:
+    """Raise a `ValueError` if a file declares a type."""
 
-    Raises:
-        ValueError, LookupError, OSError, EOFError, zlib.error: it is damaged, or not read.
-    """
-    above: list[Element] = []
-    with _as_value_error():
-        with open_binary(path) as file:
-            _refuse_declarations(file)
-        with open_binary(path) as file:
-            for event, element in ElementTree.iterparse(file, events=("start", "end")):
-                if event == "start":
-                    above.append(element)
-                    _checked(len(above))
-                yield event, element
-                if event == "end":
-                    above.pop()
-                    if len(above) == 1:
-                        above[0].clear()
-
-
-def _refuse_declarations(file: BinaryIO) -> None:
     def begun(*_: object) -> None:  # after the root element begins, nothing can be declared
         raise StopIteration
 
@@ -85,14 +65,16 @@ def _refuse_declarations(file: BinaryIO) -> None:
         parser.ParseFile(file)
 
 
-def _checked(depth: int) -> int:
+def checked_depth(depth: int) -> int:
+    """Return a depth of elements; raise a `ValueError` if it is too large."""
     if depth > MAX_DEPTH:
         raise ValueError(f"has more than {MAX_DEPTH} elements within each other")
     return depth
 
 
 @contextlib.contextmanager
-def _as_value_error() -> Iterator[None]:
+def as_value_error() -> Iterator[None]:
+    """Turn errors of the parser in the block into a `ValueError`."""
     try:
         yield
     except (ElementTree.ParseError, expat.ExpatError) as error:

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
+from scex_sumo.converters.naming import open_binary
 from scex_sumo.converters.registries import Dataset
 from scex_sumo.converters.tracks.check import MAX_VALUES
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackTable
-from scex_sumo.converters.xml import xml_elements
+from scex_sumo.converters.xml import as_value_error, checked_depth, refuse_declarations
 from scex_sumo.formats.recognition import is_fcd
 from scex_sumo.formats.samples.build import track_table
 from scex_sumo.geometry.polylines import wrap
@@ -140,6 +143,28 @@ def _xml(path: Path) -> tuple[list[str], list[str], FloatArray]:
     except (OSError, EOFError, zlib.error, ValueError, LookupError) as error:
         raise TrackError(f"{path}: cannot be read as SUMO's fcd-output: {error}") from None
     return names, kinds, np.array(rows, dtype=np.float64).reshape(-1, len(_COLUMNS))
+
+
+def xml_elements(path: Path) -> Iterator[tuple[str, Element]]:
+    """Yield each element of a file at its ``start`` and ``end``; those below the root are gone after it.
+
+    Raises:
+        ValueError, LookupError, OSError, EOFError, zlib.error: it is damaged, or not read.
+    """
+    above: list[Element] = []
+    with as_value_error():
+        with open_binary(path) as file:
+            refuse_declarations(file)
+        with open_binary(path) as file:
+            for event, element in ElementTree.iterparse(file, events=("start", "end")):
+                if event == "start":
+                    above.append(element)
+                    checked_depth(len(above))
+                yield event, element
+                if event == "end":
+                    above.pop()
+                    if len(above) == 1:
+                        above[0].clear()
 
 
 def _parquet(path: Path) -> tuple[list[str], list[str], FloatArray]:

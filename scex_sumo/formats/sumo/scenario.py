@@ -26,9 +26,10 @@ from scex_sumo.converters.naming import beginning, map_name, number
 from scex_sumo.converters.net.reading import allowed_content
 from scex_sumo.converters.registries import Dataset, MapFormat, Window, own_maps
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.converters.xml import is_utf8, unpacked, xml_elements, xml_root
+from scex_sumo.converters.xml import is_utf8, unpacked, xml_root
 from scex_sumo.extrapolation.processes.pool import in_other_process
 from scex_sumo.formats.recognition import is_simulation, is_state
+from scex_sumo.formats.sumo.fcd import xml_elements
 from scex_sumo.formats.sumo.intentions import INTENTIONS_S
 from scex_sumo.formats.sumo.net import read_sumo_road
 from scex_sumo.formats.sumo.recorder import Recorded, Recorder

@@ -9,7 +9,8 @@ from itertools import takewhile
 from pathlib import Path
 from typing import TypeAlias
 
-from scex_sumo.converters.registries import signal_reader
+from scex_sumo.base.errors import MapError
+from scex_sumo.converters.registries import DATASETS, dataset_of
 from scex_sumo.geometry.polylines import length_of, project, turn
 from scex_sumo.lanelet2sumo.plan.elements import Connection, Crossing, NetLayout, Programme, Walks
 from scex_sumo.lanelet2sumo.topology.graph import Groups
@@ -35,7 +36,12 @@ def plan_lights(
     """Return the programmes of all lights, recorded ones (``signals``) first, and notes."""
     recorded, notes = None, list[str]()
     if signals is not None:
-        recorded, notes = signal_reader(signals)(layout, road, signals)
+        if (read := dataset_of(signals).signals) is None:
+            raise MapError(
+                f"{signals}: not a recording of signal phases; give a CSV with the column signal_group_id, "
+                f"or a file of a dataset that has phases, of {', '.join(DATASETS.paths)}"
+            )
+        recorded, notes = read(layout, road, signals)
     taken = {c.internal.name for c in recorded.connections} if recorded is not None else set()
     fixed = fixed_programmes(layout, lanes, road.regulations, conflicts)
     free = (p for p in fixed if taken.isdisjoint(c.internal.name for c in p.connections))
