@@ -83,11 +83,11 @@ def reason_of(error: BaseException) -> str:
     return message if isinstance(error, ScexError) else f"{type(error).__name__}: {message}"
 
 
-def listed(names: Iterable[object]) -> str:
-    """List the first five names, and how many more there are."""
+def listed(names: Iterable[object], most: int = 5) -> str:
+    """List the first names, and how many more there are."""
     words = [str(name) for name in names]
-    more = f" and {len(words) - 5} more" if len(words) > 5 else ""
-    return ", ".join(words[:5]) + more
+    more = f" and {len(words) - most} more" if len(words) > most else ""
+    return ", ".join(words[:most]) + more
 
 
 def nearest(name: str, names: Iterable[str]) -> str:

@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.errors import UsageError
+from scex_sumo.base.errors import UsageError, listed
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.behaviors.base import PLAN_STEPS, driven_by_sumo
 from scex_sumo.behaviors.driving.paths import BEHIND_M, seed_paths
@@ -31,7 +31,7 @@ from scex_sumo.environment.agent import (
     planned,
     whole_number,
 )
-from scex_sumo.extrapolation.assignments import future_generator, listing, random_assignments, route_draws
+from scex_sumo.extrapolation.assignments import future_generator, random_assignments, route_draws
 from scex_sumo.extrapolation.job import ruled
 from scex_sumo.extrapolation.loop.crashes import Crashes, slide
 from scex_sumo.extrapolation.loop.rollout import checked_plan, groups_of, history_at
@@ -200,7 +200,8 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         for argument, track in [("agent", self.agent), *(("assign", track) for track in assign or ())]:
             if track not in tracks:
                 raise UsageError(
-                    f"{argument}: no vehicle {track} in the seed scene; its vehicles: {listing(tracks)}"
+                    f"{argument}: no vehicle {track} in the seed scene; its vehicles: "
+                    f"{listed(tracks, most=12)}"
                 )
         if self.agent in (assign or ()):
             raise UsageError(f"assign: vehicle {self.agent} is the agent")

@@ -10,10 +10,9 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.cache import cached_bytes
-from scex_sumo.base.errors import UsageError
+from scex_sumo.base.errors import UsageError, listed
 
 MAX_COMBINATIONS = 10_000
-_LISTED = 12  # ids in a message
 _ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM, _, _PEOPLE_STREAM = range(6)
 
 
@@ -119,7 +118,8 @@ def assignments(
     fixed = dict(fixed or {})
     unknown = sorted(set(fixed) - set(ids))
     if unknown:
-        raise UsageError(f"--assign: no vehicle {unknown[0]} in the seed scene; its vehicles: {listing(ids)}")
+        known = f"in the seed scene; its vehicles: {listed(ids, most=12)}"
+        raise UsageError(f"--assign: no vehicle {unknown[0]} {known}")
     if futures is None:
         drawn = [i for i, weight in enumerate(weights) if weight > 0]
         picked = all_assignments([1 if t in fixed else len(drawn) for t in ids])
@@ -137,9 +137,3 @@ def assignments(
 def route_draws(futures: Sequence[int] | IntArray, vehicles: int, *, seed: int) -> FloatArray:
     """Return a number in [0, 1) per future and vehicle (C, V), from which models choose random routes."""
     return _draws(futures, vehicles, seed, _ROUTE_STREAM)
-
-
-def listing(ids: Sequence[int]) -> str:
-    """Return ids as text: the first few, and how many there are."""
-    shown = ", ".join(str(i) for i in ids[:_LISTED])
-    return shown if len(ids) <= _LISTED else f"{shown}, ... ({len(ids)} in all)"

@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from threadpoolctl import threadpool_limits
 
@@ -34,9 +34,6 @@ from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
 from scex_sumo.world.base import WORLDS
 
-if TYPE_CHECKING:
-    from scex_sumo.extrapolation.extras import Extra
-
 
 def run_scene(
     scene: SeedScene,
@@ -44,11 +41,10 @@ def run_scene(
     *,
     workers: Workers,
     options: RunOptions,
-    extras: Sequence[Extra] = (),
     models: ModelSet | None = None,
     stale: Sequence[str] = (),
 ) -> tuple[Run, Job]:
-    """Simulate and measure the futures of a seed scene that has a road, then let the extras work.
+    """Simulate and measure the futures of a seed scene that has a road, then let its extras work.
 
     Args:
         models: what `checked_models` returned for these settings; None builds them.
@@ -77,10 +73,10 @@ def run_scene(
         part = write_tables(folder, job, recorded)
         marks.append(time.perf_counter())
         rows, failed = list[dict[str, Any]](), list[str]()
-        if extras:
+        if options.extra:
             from scex_sumo.extrapolation.extras import Work, work_of
 
-            rows, failed = work_of(extras, Work(job=job, part=part, workers=workers, options=options))
+            rows, failed = work_of(options.extra, Work(job=job, part=part, workers=workers, options=options))
     marks.append(time.perf_counter())
     notes = [*failed, *outcome_notes(job.scene, recorded), *workers.deaths]
     info = _info(job, options.command, part, notes) | {"recorded": recorded_info(job.scene, recorded)}

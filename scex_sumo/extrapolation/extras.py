@@ -10,11 +10,10 @@ from scex_sumo.base.blame import own_call
 from scex_sumo.base.errors import OwnCodeError, UsageError
 from scex_sumo.base.importing import Registry
 from scex_sumo.base.options import Option, options_of
-from scex_sumo.extrapolation.options import RunOptions
-from scex_sumo.extrapolation.processes.workers import Workers
 
 if TYPE_CHECKING:
     from scex_sumo.extrapolation.job import Job
+    from scex_sumo.extrapolation.processes.workers import Workers
     from scex_sumo.results.parts import Part
     from scex_sumo.scene import States
 
@@ -45,6 +44,7 @@ class Work:
 
     Attributes:
         part: all futures, with their first step only.
+        options: the `RunOptions`.
 
     Example:
         >>> class Standing(scex.Extra):
@@ -58,7 +58,7 @@ class Work:
     job: Job
     part: Part
     workers: Workers
-    options: RunOptions
+    options: Any
 
     @property
     def states(self) -> States:
@@ -70,7 +70,7 @@ class Work:
     @property
     def is_reference(self) -> bool:
         """Whether these are the human-like futures beside a run."""
-        return self.options.is_reference
+        return bool(self.options.is_reference)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,19 +10,13 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import IntArray
-from scex_sumo.base.errors import UsageError
+from scex_sumo.base.errors import UsageError, listed
 from scex_sumo.base.files import sha256_of
 from scex_sumo.base.owned import SentOnce
 from scex_sumo.behaviors.base import BatchBehavior, Driver, driven_by_sumo, layers
 from scex_sumo.converters.tracks.road_users import PEOPLE
 from scex_sumo.drivers.registry import ModelSpec, build, is_own, model_specs, moved_by, refuse_namesake
-from scex_sumo.extrapolation.assignments import (
-    assignments,
-    future_generator,
-    listing,
-    people_assignments,
-    route_draws,
-)
+from scex_sumo.extrapolation.assignments import assignments, future_generator, people_assignments, route_draws
 from scex_sumo.extrapolation.loop.rollout import history_at
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.scene import SeedScene, VehicleIndex
@@ -116,7 +110,7 @@ class ModelSet(SentOnce):
         if unknown:
             raise UsageError(
                 f"--assign or --under-test: no vehicle {unknown[0]} in the seed scene; "
-                f"its vehicles: {listing(ids)}"
+                f"its vehicles: {listed(ids, most=12)}"
             )
         people = self._drawing(scene)
         if futures is None and any(len(self.people[scene.types[k]]) > 1 for k in people):

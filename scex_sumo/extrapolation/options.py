@@ -76,6 +76,10 @@ class RunOptions:
             raise UsageError(f"-o {self.out}: is a file; name a folder")
         if isinstance(self.workers, str):
             read_workers(self.workers)
+        if self.extra:
+            from scex_sumo.extrapolation.extras import extra_named
+
+            object.__setattr__(self, "extra", tuple(map(extra_named, self.extra)))
 
     @property
     def human(self) -> str | None:

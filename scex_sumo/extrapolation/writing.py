@@ -12,7 +12,6 @@ import pyarrow as pa
 
 from scex_sumo.base.errors import listed
 from scex_sumo.converters.datasets.writer import write_tracks
-from scex_sumo.extrapolation.assignments import listing
 from scex_sumo.extrapolation.job import Job
 from scex_sumo.extrapolation.loop.crashes import touch_in_simulation
 from scex_sumo.extrapolation.loop.measure import Recorded, overlapping_at_first
@@ -94,7 +93,7 @@ def outcome_notes(scene: SeedScene, recorded: Recorded | None) -> list[str]:
         again = sorted({ids[b] for _, b in copies})
         notes.append(
             f"warning: {len(again)} of {len(ids)} vehicles lie on another one and look like its copies: "
-            f"{listing(again)}; leave them out of the tracks"
+            f"{listed(again, most=12)}; leave them out of the tracks"
         )
     pairs = [f"{ids[a]} and {ids[b]}" for a, b in overlaps if (a, b) not in copies]
     if pairs:
@@ -128,7 +127,7 @@ def outcome_notes(scene: SeedScene, recorded: Recorded | None) -> list[str]:
     if gone:
         notes.append(
             f"recorded: {len(gone)} of {len(ids)} vehicles leave within the time of a future; only the "
-            f"recorded column misses them from then on: {listing([int(track) for track in gone])}"
+            f"recorded column misses them from then on: {listed(gone, most=12)}"
         )
     return notes
 

@@ -17,7 +17,7 @@ from scex_sumo.extrapolation.processes.workers import Workers
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
-from scex_sumo.steps.moment import extras_of, run_moment
+from scex_sumo.steps.moment import run_moment
 from scex_sumo.world.session import one_at_a_time
 
 if TYPE_CHECKING:
@@ -111,9 +111,8 @@ def _run(
         check_argument(one.name, options[one.name], str(one.type))
     settings = RunSettings(**values) if settings is None else dataclasses.replace(settings, **values)
     how = RunOptions(bar=partial(progress_of, progress), **others)
-    extras = extras_of(how)
     with one_at_a_time, Workers(how.processes(settings)) as pool:
-        return run_moment(scene, settings, workers=pool, options=how, extras=extras)
+        return run_moment(scene, settings, workers=pool, options=how)
 
 
 def _python_message(message: str) -> str:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Final
 
 from scex_sumo.extrapolation.engine import checked_models, run_scene
 from scex_sumo.extrapolation.job import Job
@@ -17,9 +16,6 @@ from scex_sumo.results.info import BASELINE, PAGE, REFERENCE
 from scex_sumo.results.run import Run
 from scex_sumo.results.tables.pairs import PAIRS_FILE
 from scex_sumo.scene import SeedScene
-
-if TYPE_CHECKING:
-    from scex_sumo.extrapolation.extras import Extra
 
 REFERENCE_FUTURES: Final = 32
 """With more, P of the most probable pair varies as much from seed to seed."""
@@ -34,7 +30,6 @@ def run_moment(
     *,
     workers: Workers,
     options: RunOptions,
-    extras: Sequence[Extra] = (),
     models: ModelSet | None = None,
 ) -> Run:
     """Simulate and measure the futures of a seed scene that has a road; then take the steps below.
@@ -52,15 +47,13 @@ def run_moment(
     off = [] if is_tested else [BASELINE]
     off += [] if human is not None else [REFERENCE, PAIRS_FILE, DECISION]
     off += [] if options.report else [PAGE]
-    run, job = run_scene(
-        scene, settings, workers=workers, options=options, extras=extras, models=models, stale=off
-    )
+    run, job = run_scene(scene, settings, workers=workers, options=options, models=models, stale=off)
     if is_tested:
         _run_baseline(job, workers, options)
     if human is not None:
         from scex_sumo.decision.of_run import decide_run
 
-        _run_reference(job, human, workers, options, extras)
+        _run_reference(job, human, workers, options)
         decide_run(run, job.scene)
     if options.report:
         from scex_sumo.page.report.report import write_report
@@ -68,15 +61,6 @@ def run_moment(
         with options.bar("page"):
             run.written["report"] = write_report(run, job.scene)
     return run
-
-
-def extras_of(options: RunOptions) -> list[Any]:
-    """Return the objects of `RunOptions.extra`; raise a `UsageError` if there is no such one."""
-    if not options.extra:
-        return []
-    from scex_sumo.extrapolation.extras import extra_named
-
-    return [extra_named(one) for one in options.extra]
 
 
 def _run_baseline(job: Job, workers: Workers, options: RunOptions) -> None:
@@ -87,20 +71,17 @@ def _run_baseline(job: Job, workers: Workers, options: RunOptions) -> None:
         under_test=dict.fromkeys(job.settings.under_test),
     )
     folder, bar = job.folder / BASELINE, lambda label: options.bar("baseline futures")
-    own = dataclasses.replace(options, gui=False, out=folder, overwrite=True, bar=bar)
+    own = dataclasses.replace(options, gui=False, out=folder, overwrite=True, bar=bar, extra=())
     run_scene(job.scene, settings, workers=workers, options=own)
 
 
-def _run_reference(
-    job: Job, models: str, workers: Workers, options: RunOptions, extras: Sequence[Extra]
-) -> None:
+def _run_reference(job: Job, models: str, workers: Workers, options: RunOptions) -> None:
     """Run the reference with all workers; a finished one is kept."""
     own = dataclasses.replace(
         options,
         out=job.folder / REFERENCE,
         bar=lambda label: options.bar("human-like futures"),
         gui=False,
-        extra=(),
         overwrite=True,
         is_reference=True,
     )
@@ -108,7 +89,7 @@ def _run_reference(
     settings = dataclasses.replace(job.settings, models=models, assign={}, under_test={}, futures=futures)
     drivers = ModelSet.of(settings)
     wanted = dataclasses.replace(settings, world=drivers.world)
-    run_scene(job.scene, wanted, workers=workers, options=own, extras=extras, models=drivers)
+    run_scene(job.scene, wanted, workers=workers, options=own, models=drivers)
 
 
 def reference_futures(futures: int, steps: int) -> int:

@@ -44,14 +44,14 @@ def run_command(map_path: MapPath, *, details: Details = False, **given: Any) ->
     options = RunOptions(bar=progress_bar, command=["scex-sumo", *sys.argv[1:]], **values[2])
     with Workers(options.processes(settings)) as pool:
         from scex_sumo.extrapolation.engine import checked_models  # while workers start
-        from scex_sumo.steps.moment import extras_of, run_moment
+        from scex_sumo.steps.moment import run_moment
 
-        extras, models = extras_of(options), checked_models(settings, options)
+        models = checked_models(settings, options)
         scene = seed_scene(map_path, source, seed=settings.seed, cache=options.cache)
         folder = Path(options.out) if options.out is not None else Path("out") / scene.name
         options = replace(options, out=folder)
         with resumable("futures", folder):
-            run = run_moment(scene, settings, workers=pool, options=options, extras=extras, models=models)
+            run = run_moment(scene, settings, workers=pool, options=options, models=models)
     _tell(run, details=details, every=given["metrics"] is not None)
     if options.gui:
         COMMANDS.load("view")(run.folder)

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from scex_sumo.converters.datasets.moment import Moment
-    from scex_sumo.evaluation.recordings import LoadedRecording
     from scex_sumo.scene import SeedScene
 
 EVERY_S = 1.0
@@ -74,20 +73,16 @@ def inspect_command(
                 chosen = ["--case", moment.case] if moment.case else ["--time", f"{moment.time_s:g}"]
                 print(f"{name}: {shlex.join([*words, *chosen])}")
         return partial(inspect_answer, loaded, moments, None)
-    scene = seed_at(loaded, _time_of(loaded, case) if time is None else time, case=case)
+    if time is None:
+        times = {moment.case: moment.time_s for moment in moments}
+        if case not in times:
+            raise UsageError(f"--case {case}: no such case; known: {', '.join(list(times)[:8])}, ...")
+        time = times[case]
+    scene = seed_at(loaded, time, case=case)
     console.print(_vehicles_table(scene))
     chosen = ["--case", case] if case else ["--time", f"{scene.time_s:g}"]
     print(f"run it: {shlex.join([*words, *chosen])}")
     return partial(inspect_answer, loaded, moments, scene)
-
-
-def _time_of(loaded: LoadedRecording, case: str | None) -> float:
-    from scex_sumo.evaluation.recordings import recording_moments
-
-    times = {moment.case: moment.time_s for moment in recording_moments(loaded, every_s=EVERY_S)}
-    if case not in times:
-        raise UsageError(f"--case {case}: no such case; known: {', '.join(list(times)[:8])}, ...")
-    return times[case]
 
 
 def _shown(moments: list[Moment], marked: set[Moment]) -> list[Moment]:

@@ -75,7 +75,6 @@ class Forecasts:
     the recording.
     """
 
-    refs: Sequence[MomentRef]
     columns: tuple[str, ...]
     futures: Sequence[FloatArray]
     recorded: FloatArray
@@ -95,23 +94,18 @@ def gathered(scored: Sequence[tuple[MomentRef, Forecast]]) -> Forecasts:
     def row(number: int) -> FloatArray:
         return np.stack([values[future == number][0] for future, values in parts])
 
-    def rows(tables: Sequence[pa.Table]) -> pa.Table:
-        marked = [
-            t.append_column("group", pa.array(np.full(len(t), g)))
-            for t, g in zip(tables, group, strict=True)
-            if len(t)
-        ]
-        return pa.concat_tables(marked) if marked else pa.table({})
-
+    pairs = [one.encounters for _, one in scored]
+    marked = [
+        t.append_column("group", pa.array(np.full(len(t), g))) for t, g in zip(pairs, group, strict=True)
+    ]
     return Forecasts(
-        refs=[ref for ref, _ in scored],
         columns=columns,
         futures=[values[future >= 0] for future, values in parts],
         recorded=row(RECORDED),
         straight=row(CONSTANT_VELOCITY),
         group=group,
-        vehicles=rows([forecast.vehicles for _, forecast in scored]),
-        encounters=rows([forecast.encounters for _, forecast in scored]),
+        vehicles=pa.concat_tables([one.vehicles for _, one in scored]),
+        encounters=pa.concat_tables(marked),
     )
 
 
@@ -144,8 +138,7 @@ def pair_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
     Pairs whose recorded boxes touch are left out: these boxes are inexact.
     """
     table = forecasts.encounters
-    if len(table):
-        table = table.filter(pc.greater(table["recorded_m"], 0.0))
+    table = table.filter(pc.greater(table["recorded_m"], 0.0))
     if not len(table):
         return []
 
@@ -253,7 +246,7 @@ def summary(forecasts: Forecasts, events: Sequence[dict[str, Any]]) -> dict[str,
     papers = [row for row in events if row["paper"]]
     p, overlap = probability(forecasts, next(event for event in EVENTS if event.column == COLLISION))
     return {
-        "seeds": len(forecasts.refs),
+        "seeds": len(forecasts.group),
         "recordings": len(set(forecasts.group.tolist())),
         "mean_brier": float(np.mean([row["brier"] for row in papers])),
         "mean_brier_base_rate": float(np.mean([row["uncertainty"] for row in papers])),
