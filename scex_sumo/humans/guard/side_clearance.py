@@ -99,11 +99,6 @@ def reached(room: FloatArray) -> FloatArray:
 
 @owner_cache
 def box_distances(scene: SeedScene) -> FloatArray:
-    """(V, V) distance of the vehicles' boxes in a seed scene, m; inf if the centres are 25 m apart."""
-    now, length, width = scene.now, scene.length, scene.width
-    dx, dy = now.x - now.x[:, None], now.y - now.y[:, None]
-    i, j = np.nonzero(np.hypot(dx, dy) < NEAR_M)
-    one, two = (Rectangles.of(now[side], length[side], width[side]) for side in (i, j))
-    distance = np.full(dx.shape, np.inf)
-    distance[i, j] = rectangle_distance(one, two)
-    return distance
+    """(V, V) distance of the vehicles' boxes in a seed scene, m."""
+    now, length, width = scene.now[:, None], scene.length[:, None], scene.width[:, None]
+    return rectangle_distance(Rectangles.of(now, length, width), Rectangles.of(scene.now, length.T, width.T))

@@ -199,6 +199,10 @@ def observations_of(scene: SeedScene, paths: SeedPaths, human: HumanParameters) 
     size = np.minimum(np.abs(shown.acceleration[vehicle]), human.max_size_mps2)
     scatter = np.minimum(shown.scatter[vehicle], human.max_scatter_mps2)
     curves = curve_speeds(paths, idm.curve_acceleration, idm.curve_deceleration)
+    places = s, s + human.lateral_s * speed
+    bends = np.stack([paths.bend_at(row, place) for place in places], axis=1)
+    nowhere = np.zeros((len(row), 2))
+    room = [nowhere if scene.road is None else room_at(scene.road, paths, place) for place in places]
     return PathObservations(
         leader=leaders.index,
         gap=gap,
@@ -207,8 +211,8 @@ def observations_of(scene: SeedScene, paths: SeedPaths, human: HumanParameters) 
         curve=curves[paths.sample_at(row, s + speed * CURVE_TIME_S)],
         headway=kept_headway(gap, speed, human),
         lateral=lateral,
-        bends=_bends(view),
-        room=np.stack([_room(view, 0.0), _room(view, human.lateral_s)], axis=1),
+        bends=np.clip(bends, -human.max_bend, human.max_bend),
+        room=np.stack(room, axis=1),
         mean_features=_mean_features(view, leaders, gap, near),
         spread_features=np.column_stack([scatter, size, near.astype(np.float64)]),
     )
@@ -231,19 +235,6 @@ def _mean_features(view: View, leaders: Leaders, gap: FloatArray, near: BoolArra
     )
     limited = (np.clip(v, *most) for v, most in zip(features, human.mean_ranges, strict=True))
     return np.column_stack([np.ones_like(speed), *limited])
-
-
-def _bends(view: View) -> FloatArray:
-    """Return (P, 2); see `PathObservations`."""
-    distance_m = view.human.lateral_s * view.shown.speed[view.vehicles.vehicle]
-    there = np.stack([view.paths.bend_at(view.row, s) for s in (view.s, view.s + distance_m)], axis=1)
-    return np.clip(there, -view.human.max_bend, view.human.max_bend)
-
-
-def _room(view: View, after_s: float) -> FloatArray:
-    """Return (P, 2) room to the left and right of paths after a time at the present speed, m."""
-    road, distance_m = view.scene.road, after_s * view.shown.speed[view.vehicles.vehicle]
-    return np.zeros((len(distance_m), 2)) if road is None else room_at(road, view.paths, view.s + distance_m)
 
 
 def braking_for_turns(
