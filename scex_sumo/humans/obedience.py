@@ -8,6 +8,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.draws import normal_quantiles, uniforms
+from scex_sumo.behaviors.driving.paths import OnPath
 from scex_sumo.humans.observed.observations import View
 from scex_sumo.road_rules import Rules
 from scex_sumo.rules.holds import Manner, Obeyed, lights, obeyed
@@ -64,15 +65,15 @@ def manner_of(draw: FloatArray, spread: float) -> Manner:
 
 def obedience(view: View, rows: IntArray, spread: float) -> Obeyed:
     """Return where drivers have to stop, and where lights are green; ``rows`` (C, V): paths of all."""
-    history, vehicles, paths, row, _, human = view
+    history, vehicles, human = view.history, view.vehicles, view.human
     rules = history.scene.rules
     assert rules is not None
     manner = manner_of(history.route_draw[vehicles.future, vehicles.vehicle], spread)
     if np.isfinite(human.yellow_mps2):
         yellow_s = np.where(np.isinf(manner.yellow_s), np.inf, 0.0)
         manner = replace(manner, yellow_mps2=human.yellow_mps2, yellow_s=yellow_s)
-    traffic = traffic_on(history, paths, rows)
-    return obeyed(history, vehicles, paths, row, traffic, manner, _lights(view, rules, spread))
+    traffic = traffic_on(history, view.paths, rows)
+    return obeyed(OnPath(*view[:4]), traffic, manner, _lights(view, rules, spread))
 
 
 def _lights(view: View, rules: Rules, spread: float) -> Lit:

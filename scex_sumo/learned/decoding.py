@@ -6,7 +6,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.behaviors.driving.motion import JOIN_ANGLE_RAD, REAR_AXLE_SHARE, Intent, map_plan
-from scex_sumo.behaviors.driving.paths import SeedPaths, path_positions
+from scex_sumo.behaviors.driving.paths import OnPath, SeedPaths, path_positions
 from scex_sumo.humans.guard.side_clearance import offsets_beside, reached
 from scex_sumo.learned.inputs.surface import path_room
 from scex_sumo.road import Road
@@ -43,7 +43,7 @@ def intent_along(
     half = (history.scene.width[vehicles.vehicle] / 2 + EDGE_MARGIN_M)[:, None]
     least, most = _consistent(half - reached(right), reached(left) - half)
     if clear:
-        right, left = offsets_beside(history, vehicles, paths, row, s, travelled_m)
+        right, left = offsets_beside(OnPath(history, vehicles, paths, row), s, travelled_m)
         least, most = _consistent(np.maximum(least, right), np.minimum(most, left))
     # Bounding again would let offsets jump by centimetres, and steering follows their second derivative.
     wanted = _smoothed(np.clip(wanted, least, most))

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.behaviors.driving.paths import SeedPaths, seed_paths
+from scex_sumo.behaviors.driving.paths import OnPath, SeedPaths, seed_paths
 from scex_sumo.road import Road
 from scex_sumo.rules.passages import (
     NO_SIGN,
@@ -79,17 +79,9 @@ class Obeyed(NamedTuple):
     released: BoolArray
 
 
-def obeyed(
-    history: SceneHistory,
-    vehicles: VehicleIndex,
-    paths: SeedPaths,
-    row: IntArray,
-    traffic: Traffic,
-    manner: Manner,
-    lit: Lit,
-) -> Obeyed:
-    """Return what the rules of the scene ask of drivers on paths (n,), with traffic of all and lights now."""
-    rules = history.scene.rules
+def obeyed(on: OnPath, traffic: Traffic, manner: Manner, lit: Lit) -> Obeyed:
+    """Return what the rules of the scene ask of n drivers, with traffic of all and lights now."""
+    (history, vehicles, paths, row), rules = on, on.history.scene.rules
     assert rules is not None
     ways, me = ruled_ways(paths, rules), _Drivers(vehicles, row, traffic, manner)
     gap, opened = _at_lights(me, ways, lit)

@@ -14,7 +14,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.behaviors.base import check_positive
 from scex_sumo.behaviors.driving.leaders import find_leaders
 from scex_sumo.behaviors.driving.motion import Intent
-from scex_sumo.behaviors.driving.paths import chosen_paths, path_positions
+from scex_sumo.behaviors.driving.paths import OnPath, chosen_paths, path_positions
 from scex_sumo.behaviors.models.idm import IdmDriver, IdmProfile
 from scex_sumo.behaviors.spec import ModelEntry
 from scex_sumo.road import Road
@@ -82,7 +82,8 @@ class RuledDriver(IdmDriver):
             from scex_sumo.rules.passages import straight_traffic
 
             manner, traffic = _manner(drivers, groups), straight_traffic(history, paths)
-            hold = obeyed(history, vehicles, paths, row, traffic, manner, lights(history, paths)).hold
+            on = OnPath(history, vehicles, paths, row)
+            hold = obeyed(on, traffic, manner, lights(history, paths)).hold
         if hold is not None and path == "straight":
             s = traffic.arc_length[vehicles.future, vehicles.vehicle]
         else:
@@ -93,7 +94,7 @@ class RuledDriver(IdmDriver):
         for driver, group in zip(drivers, groups, strict=True):
             k = slice(end, end := end + len(group))
             held = None if hold is None else hold[k]
-            intent = driver.behind(leaders.take(k), history, group, paths, row[k], held)
+            intent = driver.behind(leaders.take(k), OnPath(history, group, paths, row[k]), held)
             if sideways := driver.profile.sideways:
                 from scex_sumo.rules.sideways import offsets
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows, least_of
 from scex_sumo.base.owned import owner_cache
-from scex_sumo.behaviors.driving.paths import DS_M, SeedPaths
+from scex_sumo.behaviors.driving.paths import DS_M, OnPath, SeedPaths
 from scex_sumo.geometry.polylines import COARSE, Feet
 from scex_sumo.scene import SceneHistory, States, VehicleIndex
 
@@ -51,7 +51,7 @@ class Ahead(Rows):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class OnPaths(Rows):
+class BoxesOnPaths(Rows):
     """Boxes of k vehicles on paths."""
 
     s: FloatArray  # (k,) arc length of the centre, m
@@ -62,7 +62,7 @@ class OnPaths(Rows):
     across: FloatArray  # (k,) half extent across it, m
 
     @classmethod
-    def of(cls, feet: Feet, heading: FloatArray, length: FloatArray, width: FloatArray) -> OnPaths:
+    def of(cls, feet: Feet, heading: FloatArray, length: FloatArray, width: FloatArray) -> BoxesOnPaths:
         """Place boxes with headings (k,), rad, and sizes (k,), m, whose centres have these foot points."""
         s, offset, direction = feet
         cos, sin = np.cos(heading - direction), np.sin(heading - direction)
@@ -140,25 +140,22 @@ def find_ahead(
     size, parts = max(1, MAX_PAIRS // max(1, others.length.size)), []
     for begin in range(0, max(1, len(vehicles)), size):
         k = slice(begin, begin + size)
-        some = vehicles[k], paths, row[k], s_centre[k], aside[k]
-        parts.append(_ahead_of(history, others, *some, clear, radius, margin))
+        on = OnPath(history, vehicles[k], paths, row[k])
+        parts.append(_ahead_of(on, others, s_centre[k], aside[k], clear, radius, margin))
         parts[-1].driver[:] += begin
     return Ahead.join(parts)
 
 
 def _ahead_of(
-    history: SceneHistory,
+    on: OnPath,
     others: Everyone,
-    vehicles: VehicleIndex,
-    paths: SeedPaths,
-    row: IntArray,
     s_centre: FloatArray,
     aside: FloatArray,
     clearance: FloatArray,
     radius: float,
     margin: float,
 ) -> Ahead:
-    now = history.now[vehicles.future, vehicles.vehicle]
+    (history, vehicles, paths, row), now = on, on.now
     length, width = history.scene.length[vehicles.vehicle], history.scene.width[vehicles.vehicle]
     ox, oy = others.states.x[vehicles.future], others.states.y[vehicles.future]  # (n, M)
     near = (ox - now.x[:, None]) ** 2 + (oy - now.y[:, None]) ** 2 <= radius**2
@@ -170,7 +167,7 @@ def _ahead_of(
     i, j, guess = _first_guess(paths, row, s_centre, ox, oy, near, radius, reach + COARSE * DS_M)
     feet = paths.refine(row[i], guess, ox[i, j], oy[i, j], 3)
     heading, speed = (a[vehicles.future[i], j] for a in (others.states.heading, others.states.speed))
-    box = OnPaths.of(feet, heading, others.length[j], others.width[j])
+    box = BoxesOnPaths.of(feet, heading, others.length[j], others.width[j])
     offset, ahead = box.offset - aside[i], box.s - s_centre[i]
     body = np.abs(offset) - box.across
     inside, gap = body <= width[i] / 2 + margin, ahead - box.along - length[i] / 2

@@ -19,7 +19,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray, IntArray, clipped
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS, Driver, Sight
-from scex_sumo.behaviors.driving.paths import DS_M, PathChoice, SeedPaths, chosen_paths, expected_way
+from scex_sumo.behaviors.driving.paths import DS_M, OnPath, PathChoice, SeedPaths, chosen_paths, expected_way
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
@@ -52,17 +52,10 @@ def rear_axle(states: States, length: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def _present_bend(
-    history: SceneHistory,
-    vehicles: VehicleIndex,
-    paths: SeedPaths,
-    row: IntArray,
-    s: FloatArray,
-    heading: FloatArray,
-    v: FloatArray,
-    aside: FloatArray | None,
+    on: OnPath, s: FloatArray, heading: FloatArray, v: FloatArray, aside: FloatArray | None
 ) -> FloatArray:
     """Return (n,) curvatures of the vehicles' motion minus those of their lines, 1/m."""
-    now = history.now[vehicles.future, vehicles.vehicle]
+    (history, vehicles, paths, row), now = on, on.now
     before = history.states[vehicles.future, vehicles.vehicle, -2 if history.step > 0 else -6]
     length = history.scene.length[vehicles.vehicle]
     (x, y), (px, py) = rear_axle(now, length), rear_axle(before, length)
@@ -109,7 +102,8 @@ def drive(
     length = history.scene.length[vehicles.vehicle]
     if paths.slow_in_curves:
         accelerate = _slowing_for_curves(accelerate, paths, row, REAR_AXLE_SHARE * length)
-    now = history.now[vehicles.future, vehicles.vehicle]
+    on = OnPath(history, vehicles, paths, row)
+    now = on.now
     begin = now if start is None else start
     x, y = rear_axle(begin, length)
     s, _, path_heading = paths.foot_points(row, x, y, expected_way(history, vehicles))
@@ -119,7 +113,7 @@ def drive(
     there = (begin.x == now.x) & (begin.y == now.y)
     wanted = None if aside is None else np.ascontiguousarray(aside.T)
     beside = wanted[0] if wanted is not None and parallel else None
-    bend = np.where(there, _present_bend(history, vehicles, paths, row, s, path_heading, v, beside), 0.0)
+    bend = np.where(there, _present_bend(on, s, path_heading, v, beside), 0.0)
     s0, out = s, np.empty((4, steps, len(vehicles)))
     for step in range(steps):
         a = accelerate(step, v, s - s0, s)

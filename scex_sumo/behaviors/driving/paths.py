@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import chain
 from math import ceil
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from scex_sumo.base.owned import owner_cache, recent
 from scex_sumo.geometry.polylines import Feet, Paths, along, arc_lengths, curvature, length_of, wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.routes import CandidatePath, candidate_paths, centreline
-from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
+from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, States, VehicleIndex
 
 DS_M = 0.5
 BEHIND_M = 20.0  # behind the centre, for the rear axle and vehicles behind
@@ -77,6 +77,20 @@ class SeedPaths(Paths):
         padded, width = np.pad(k, ((0, 0), (reach, reach)), mode="edge"), 2 * reach + 1
         total = np.cumsum(np.pad(padded, ((0, 0), (1, 0))), axis=1)
         return np.asarray((total[:, width:] - total[:, :-width]) / width)
+
+
+class OnPath(NamedTuple):
+    """n vehicles, each on a path."""
+
+    history: SceneHistory
+    vehicles: VehicleIndex
+    paths: SeedPaths
+    row: IntArray  # (n,) path of each vehicle in ``paths``
+
+    @property
+    def now(self) -> States:
+        """(n,) present states."""
+        return self.history.now[self.vehicles.future, self.vehicles.vehicle]
 
 
 def chosen_paths(

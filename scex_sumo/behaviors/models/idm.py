@@ -20,7 +20,7 @@ from scex_sumo.behaviors.driving.motion import (
     curve_speeds,
     own_motion,
 )
-from scex_sumo.behaviors.driving.paths import PathChoice, SeedPaths, chosen_paths, path_positions
+from scex_sumo.behaviors.driving.paths import OnPath, PathChoice, SeedPaths, chosen_paths, path_positions
 from scex_sumo.road import Road
 from scex_sumo.scene import STEP_S, SceneHistory, VehicleIndex
 
@@ -166,38 +166,21 @@ class IdmDriver(DrivesAlong):
         s, _, _ = path_positions(history, vehicles, paths, row)
         near = {"clearance": self.profile.clearance, "radius": self.profile.radius}
         leaders = find_leaders(history, vehicles, paths, row, s, **near)
-        return self.behind(leaders, history, vehicles, paths, row)
+        return self.behind(leaders, OnPath(history, vehicles, paths, row))
 
-    def behind(
-        self,
-        leaders: Leaders,
-        history: SceneHistory,
-        vehicles: VehicleIndex,
-        paths: SeedPaths,
-        row: IntArray,
-        hold: FloatArray | None = None,
-    ) -> Intent:
+    def behind(self, leaders: Leaders, on: OnPath, hold: FloatArray | None = None) -> Intent:
         """Return the drive behind leaders; ``hold`` (n,): ways to places to stop, m, inf without."""
         # Vehicles with the same leader at the same gap drive the same; many futures differ elsewhere only.
         holds = [] if hold is None else [hold]
-        situation = np.stack([row, leaders.gap, leaders.speed, *holds], axis=1)
-        first, kind = distinct(np.concatenate([own_motion(history, vehicles), situation], axis=1))
-        some, row = vehicles[first], row[first]
-        held = None if hold is None else hold[first]
-        accelerate = self._accelerate(history, some, paths, row, leaders.take(first), held)
-        return Intent(some, paths, row, accelerate, kind)
+        situation = np.stack([on.row, leaders.gap, leaders.speed, *holds], axis=1)
+        first, kind = distinct(np.concatenate([own_motion(on.history, on.vehicles), situation], axis=1))
+        some = on._replace(vehicles=on.vehicles[first], row=on.row[first])
+        accelerate = self._accelerate(some, leaders.take(first), None if hold is None else hold[first])
+        return Intent(some.vehicles, some.paths, some.row, accelerate, kind)
 
-    def _accelerate(
-        self,
-        history: SceneHistory,
-        vehicles: VehicleIndex,
-        paths: SeedPaths,
-        row: IntArray,
-        leaders: Leaders,
-        hold: FloatArray | None,
-    ) -> Accelerate:
+    def _accelerate(self, on: OnPath, leaders: Leaders, hold: FloatArray | None) -> Accelerate:
         """Return accelerations behind leaders of constant speed, and before places to stop."""
-        profile = self.profile
+        profile, (history, vehicles, paths, row) = self.profile, on
         wished = desired_speeds(paths, profile.speed, profile.speed_factor)
         comfort = profile.curve_acceleration, profile.curve_deceleration
         curves = curve_speeds(paths, *comfort) if profile.curve_acceleration > 0 else None

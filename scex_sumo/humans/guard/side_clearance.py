@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.owned import owner_cache
-from scex_sumo.behaviors.driving.leaders import OnPaths, everyone
-from scex_sumo.behaviors.driving.paths import SeedPaths
+from scex_sumo.behaviors.driving.leaders import BoxesOnPaths, everyone
+from scex_sumo.behaviors.driving.paths import OnPath
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
-from scex_sumo.scene import STEP_S, SceneHistory, SeedScene, VehicleIndex
+from scex_sumo.scene import STEP_S, SeedScene
 
 NEAR_M = 25.0  # between centres of vehicles that can get beside each other within a plan
 MARGIN_M = 0.4  # between two boxes
@@ -22,10 +22,7 @@ ASIDE_M, ASIDE_S = 0.5, 1.0  # largest shift, and its time constant, away from a
 
 
 def offsets_beside(
-    history: SceneHistory,
-    vehicles: VehicleIndex,
-    paths: SeedPaths,
-    row: IntArray,
+    on: OnPath,
     s: FloatArray,
     travelled_m: FloatArray,
     *,
@@ -37,19 +34,20 @@ def offsets_beside(
     Two boxes share the space between them; others keep their speed and straighten up.
 
     Args:
-        s: (n,) arc length of the centre now on paths ``row``, m; ``travelled_m``: (n, H + 1) further way.
+        s: (n,) arc length of the centre now on the paths, m; ``travelled_m``: (n, H + 1) further way.
         margin: between two boxes, m; ``passing``: to people, who share nothing; None: as to vehicles.
     """
-    everybody = everyone(history)
-    now, others = history.now[vehicles.future, vehicles.vehicle], everybody.states[vehicles.future]
+    history, vehicles, paths, row = on
+    everybody, now = everyone(history), on.now
+    others = everybody.states[vehicles.future]
     near = np.hypot(others.x - now.x[:, None], others.y - now.y[:, None]) < NEAR_M
     near &= everybody.present[vehicles.future]
     near[np.arange(len(vehicles)), vehicles.vehicle] = False
     i, j = np.nonzero(near)
     mine, theirs = ((everybody.length[k], everybody.width[k]) for k in (vehicles.vehicle, j))
-    own = OnPaths.of(paths.foot_points(row, now.x, now.y, s), now.heading, *mine).take(i)
+    own = BoxesOnPaths.of(paths.foot_points(row, now.x, now.y, s), now.heading, *mine).take(i)
     states = everybody.states[vehicles.future[i], j]
-    other = OnPaths.of(paths.foot_points(row[i], states.x, states.y, s[i]), states.heading, *theirs)
+    other = BoxesOnPaths.of(paths.foot_points(row[i], states.x, states.y, s[i]), states.heading, *theirs)
     own_speed, speed = np.maximum(now.speed[i], 0.0) * own.cos, np.maximum(states.speed, 0.0) * other.cos
     t: FloatArray = STEP_S * np.arange(travelled_m.shape[1], dtype=np.float64)
     ahead = (other.s - own.s)[:, None] + speed[:, None] * t - travelled_m[i]
@@ -74,8 +72,8 @@ def offsets_beside(
 
 
 def _taken(
-    own: OnPaths,
-    other: OnPaths,
+    own: BoxesOnPaths,
+    other: BoxesOnPaths,
     own_speed: FloatArray,
     speed: FloatArray,
     side: FloatArray,
