@@ -10,11 +10,9 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray
 from scex_sumo.base.errors import listed
 from scex_sumo.converters.cleaning.motion import renew_motion, repair_headings
-from scex_sumo.converters.tracks.rows import FORWARD_MPS, STANDING_MPS, TrackRows, TrackTable, numbered_again
+from scex_sumo.converters.tracks.rows import FORWARD_MPS, JUMP_M, STANDING_MPS, TrackRows, TrackTable
 
-JUMP_M = 3.0  # a shorter step is no jump
 JUMP_EXCESS_M = 1.5  # a jump is so much longer than the usual step there
-MIN_PIECE = 5  # samples of a piece between jumps
 # A tracker warms up if two of a track's first five steps have the same position at a rising speed.
 FROZEN_STEPS, WARM_UP_RISE_MPS = 2, 0.5
 WARM_UP_S = 2.0  # dropped then
@@ -71,41 +69,18 @@ def _drop_duplicates(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     again = np.append(False, (np.diff(rows.track) == 0) & (np.diff(rows.timestamp_ms) == 0))
     if not again.any():
         return rows, []
-    from scex_sumo.converters.cleaning.duplicates import without_duplicates
+    from scex_sumo.converters.cleaning.samples import without_duplicates
 
     return without_duplicates(rows, again)
 
 
 def _cut_jumps(rows: TrackRows) -> tuple[TrackRows, list[str]]:
-    """Leave out samples at jumps, else cut the track there."""
     jump = _jumps(rows)
     if not jump.any():
         return rows, []
-    joined = np.append(np.diff(rows.segment) == 0, [False, False])  # the last one is before the first row
-    drop, cut = np.zeros((2, len(rows)), bool)
-    for i in np.flatnonzero(jump):  # step from row i to row i + 1
-        if drop[i]:
-            continue
-        if joined[i + 1] and jump[i + 1]:
-            drop[i + 1] = True
-        elif not joined[i - 1]:
-            drop[i] = True
-        elif not joined[i + 1]:
-            drop[i + 1] = True
-        else:
-            cut[i + 1] = True
-    segment = rows.segment + np.cumsum(cut)
-    size = np.bincount(segment[~drop], minlength=segment[-1] + 1)
-    touched = np.isin(rows.segment, rows.segment[cut])
-    drop |= touched & (size[segment] < MIN_PIECE)
-    cut &= ~drop & np.append(False, ~drop[:-1])
-    phrases = []
-    if drop.any():
-        phrases.append(f"{int(drop.sum())} samples at jumps over {JUMP_M:g} m dropped")
-    if cut.any():
-        tracks = len(np.unique(rows.track[cut]))
-        phrases.append(f"{tracks} tracks cut at jumps over {JUMP_M:g} m")
-    return numbered_again(rows.with_columns(segment=segment).take(~drop)), phrases
+    from scex_sumo.converters.cleaning.samples import without_jumps
+
+    return without_jumps(rows, jump)
 
 
 def _jumps(rows: TrackRows) -> BoolArray:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.errors import InputError, MapError, ScexError, listed
-from scex_sumo.base.files import TemporaryFolder
+from scex_sumo.base.errors import InputError, MapError, listed
 from scex_sumo.converters.net.allowed import prune
 from scex_sumo.converters.net.sumo_net import HEADER, LANE_WIDTH_M, LaneTable, SumoNet, net_file, points_of
 from scex_sumo.converters.xml import is_utf8, net_root, unpacked, xml_root
@@ -34,19 +31,6 @@ def allowed_content(path: Path) -> tuple[bytes, tuple[str, ...]]:
     if left_out or not plain:
         content = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
     return content, left_out
-
-
-@contextmanager
-def allowed_copy(path: Path) -> Iterator[Path]:
-    """Give SUMO a temporary copy of what is allowed in a net; errors name the net itself."""
-    content, _ = allowed_content(path)
-    with TemporaryFolder() as folder:
-        copy = Path(folder) / "allowed.net.xml"
-        copy.write_bytes(content)
-        try:
-            yield copy
-        except ScexError as error:
-            raise type(error)(str(error).replace(str(copy), str(path))) from None
 
 
 def refuse_outputs(path: Path) -> None:

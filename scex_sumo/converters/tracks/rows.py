@@ -19,6 +19,7 @@ MAX_GAP_S = 0.5
 """A longer gap splits a track into two segments: nothing is interpolated or smoothed across it."""
 
 STANDING_MPS = 0.5  # slower road users stand: trackers let standing vehicles drift this fast
+JUMP_M = 3.0  # a shorter step between two samples is no jump
 FORWARD_MPS = 3.0  # faster than this a vehicle does not drive backwards or sideways
 
 

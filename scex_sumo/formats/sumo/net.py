@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import count, pairwise
 from pathlib import Path
@@ -13,12 +14,13 @@ from xml.sax import SAXException
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.base.errors import MapError, listed, reason_of
+from scex_sumo.base.errors import MapError, ScexError, listed, reason_of
+from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.base.sumo.programs import run_program
 from scex_sumo.converters.naming import map_name, unpacked_name
 from scex_sumo.converters.net.allowed import prune
 from scex_sumo.converters.net.parts import BEYOND, LaneletPart, lane_names, lanelet_places, named_parts
-from scex_sumo.converters.net.reading import allowed_copy
+from scex_sumo.converters.net.reading import allowed_content
 from scex_sumo.converters.net.sumo_net import LANE_WIDTH_M
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.converters.xml import change_words, is_left_hand, net_root
@@ -57,11 +59,24 @@ def read_sumo_road(path: str | Path, **_: object) -> Road:
 
 def _try(path: Path) -> None:
     """Load a net in SUMO in another process, because some inconsistent nets crash libsumo."""
-    with allowed_copy(path) as net:
+    with _allowed_copy(path) as net:
         options = ("--net-file", net.name, "--end", "0", "--xml-validation", "never")
         said = run_program("sumo", *options, folder=net.parent, file_bytes=net.stat().st_size)
     if ends := [line.removeprefix("Error: ") for line in said if line.startswith("Error: sumo ")]:
         raise MapError(f"{path}: {ends[0]} when it loads this net; build it again with netconvert")
+
+
+@contextmanager
+def _allowed_copy(path: Path) -> Iterator[Path]:
+    """Give SUMO a temporary copy of what is allowed in a net; errors name the net itself."""
+    content, _ = allowed_content(path)
+    with TemporaryFolder() as folder:
+        copy = Path(folder) / "allowed.net.xml"
+        copy.write_bytes(content)
+        try:
+            yield copy
+        except ScexError as error:
+            raise type(error)(str(error).replace(str(copy), str(path))) from None
 
 
 def _road(path: Path) -> Road:

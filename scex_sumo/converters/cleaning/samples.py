@@ -1,4 +1,4 @@
-"""Duplicate samples of a recording: several of one track at one time stamp."""
+"""Samples of a recording that do not belong there: several at one time stamp, and those at jumps."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import listed
-from scex_sumo.converters.tracks.rows import TrackRows, numbered_again
+from scex_sumo.converters.tracks.rows import JUMP_M, TrackRows, numbered_again
 
+MIN_PIECE = 5  # samples of a piece between jumps
 APART_M = 3.0  # samples farther apart are two road users, or one of them is wrong
 FIT_M = 1.5  # a sample this close to the middle between its neighbours in time fits them
 
@@ -59,3 +60,32 @@ def _off_middle(
     single_before = ~has_before | (np.roll(size, 1) == 1)
     single_after = ~has_after | (np.roll(size, -1) == 1)
     return np.where(count[group] > 0.0, off, np.inf), single_before & single_after
+
+
+def without_jumps(rows: TrackRows, jump: BoolArray) -> tuple[TrackRows, list[str]]:
+    """Leave out samples at jumps, else cut the track there; ``jump`` (N - 1,): whether a step is one."""
+    joined = np.append(np.diff(rows.segment) == 0, [False, False])  # the last one is before the first row
+    drop, cut = np.zeros((2, len(rows)), bool)
+    for i in np.flatnonzero(jump):  # step from row i to row i + 1
+        if drop[i]:
+            continue
+        if joined[i + 1] and jump[i + 1]:
+            drop[i + 1] = True
+        elif not joined[i - 1]:
+            drop[i] = True
+        elif not joined[i + 1]:
+            drop[i + 1] = True
+        else:
+            cut[i + 1] = True
+    segment = rows.segment + np.cumsum(cut)
+    size = np.bincount(segment[~drop], minlength=segment[-1] + 1)
+    touched = np.isin(rows.segment, rows.segment[cut])
+    drop |= touched & (size[segment] < MIN_PIECE)
+    cut &= ~drop & np.append(False, ~drop[:-1])
+    phrases = []
+    if drop.any():
+        phrases.append(f"{int(drop.sum())} samples at jumps over {JUMP_M:g} m dropped")
+    if cut.any():
+        tracks = len(np.unique(rows.track[cut]))
+        phrases.append(f"{tracks} tracks cut at jumps over {JUMP_M:g} m")
+    return numbered_again(rows.with_columns(segment=segment).take(~drop)), phrases
