@@ -24,6 +24,7 @@ from scex_sumo.extrapolation.loop.measure import measure_recorded, recorded_step
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.humans.parameters import SHIPPED
+from scex_sumo.results.folder import values_table
 from scex_sumo.results.parts import Part
 from scex_sumo.results.tables.outcomes import collided
 from scex_sumo.scene import STEP_S, SeedScene
@@ -128,12 +129,8 @@ def _values(part: Part) -> FloatArray:
 
 
 def _futures_table(columns: tuple[str, ...], rows: list[tuple[IntArray, FloatArray, BoolArray]]) -> pa.Table:
-    values = np.concatenate([part[1] for part in rows])
-    data = {"future": pa.array(np.concatenate([part[0] for part in rows]), pa.int32())}
-    for index, name in enumerate(columns):
-        data[name] = pa.array(values[:, index], mask=np.isnan(values[:, index]))
-    data["collision"] = pa.array(np.concatenate([part[2] for part in rows]))
-    return pa.table(data)
+    futures, values, hit = (np.concatenate(parts) for parts in zip(*rows, strict=True))
+    return values_table(columns, values, ~np.isnan(values), futures).append_column("collision", pa.array(hit))
 
 
 class ForecastFolder(StudyFolder):
