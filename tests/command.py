@@ -15,12 +15,12 @@ from collections.abc import Mapping
 from multiprocessing.context import ForkServerContext
 from pathlib import Path
 from types import ModuleType
+from unittest import mock
 
 PRELOADED = (
     "libsumo",
     "matplotlib.backends.backend_agg",
     "matplotlib.figure",
-    "pandas",
     "scex_sumo.cli",
     "scex_sumo.steps.seed",
     "scex_sumo.converters.datasets.recordings",
@@ -113,6 +113,18 @@ def scex(
 ) -> subprocess.CompletedProcess[str]:
     """Run ``scex-sumo`` to its end; see `started` and `Started.wait`."""
     return started(*arguments, cwd=cwd, path=path, env=env, vehicles=vehicles).wait(timeout)
+
+
+def status(*arguments: object) -> int:
+    """Run ``scex-sumo`` in this process and return its status; what it prints pytest may capture."""
+    from scex_sumo.cli import main
+
+    with mock.patch.object(sys, "argv", ["scex-sumo", *map(str, arguments)]):
+        try:
+            main()
+        except SystemExit as stop:
+            return int(stop.code or 0)
+    return 0
 
 
 def script(

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 from pyarrow import csv
 
-from scex_sumo.cli import main
+from tests.command import status
 
 HEADER = "case_id,track_id,frame_id,timestamp_ms,agent_type,x,y,vx,vy,psi_rad,length,width"
 
@@ -28,29 +28,18 @@ def tracks(tmp_path: Path) -> Path:
     return path
 
 
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: str | Path) -> int:
-    monkeypatch.setattr("sys.argv", ["scex-sumo", "metrics", *map(str, arguments)])
-    try:
-        main()
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
-
-
-def test_a_result_folder_is_evaluated_after_its_history(
-    tracks: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_result_folder_is_evaluated_after_its_history(tracks: Path, tmp_path: Path) -> None:
     """Ten of the twelve frames are history: what is left is 20 m and 19 m."""
     folder = tmp_path / "result"
     folder.mkdir()
     pq.write_table(csv.read_csv(tracks), folder / "tracks.parquet")
-    assert call(monkeypatch, folder, "-o", tmp_path / "out.parquet") == 0
+    assert status("metrics", folder, "-o", tmp_path / "out.parquet") == 0
     table = pq.read_table(tmp_path / "out.parquet")
     assert table["distance_mean"].to_pylist() == [pytest.approx(19.5)]
 
 
 @pytest.mark.parametrize(
-    ("arguments", "status", "message"),
+    ("arguments", "expected", "message"),
     [
         (["--level", "pairs"], 2, "unknown level 'pairs'; known: pair, scene, scenario"),
         (["--preset", "best"], 2, "unknown metric 'best'; nearest: "),
@@ -59,20 +48,15 @@ def test_a_result_folder_is_evaluated_after_its_history(
     ],
 )
 def test_mistakes_are_told_in_one_line(
-    arguments: list[str],
-    status: int,
-    message: str,
-    tracks: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    arguments: list[str], expected: int, message: str, tracks: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert call(monkeypatch, tracks, *arguments) == status
+    assert status("metrics", tracks, *arguments) == expected
     error = capsys.readouterr().err
     assert message in error and error.count("\n") == 1
 
 
 def test_files_that_cannot_be_read_are_named(
-    tmp_path: Path, tracks: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, tracks: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "broken.parquet").write_text("no parquet")
     (tmp_path / "empty").mkdir()
@@ -88,6 +72,6 @@ def test_files_that_cannot_be_read_are_named(
         ("holes.parquet", "column vx has missing values"),
         ("names.parquet", "track_id 'car1' of a vehicle is not an integer"),
     ):
-        assert call(monkeypatch, tmp_path / name) == 1
+        assert status("metrics", tmp_path / name) == 1
         error = capsys.readouterr().err
         assert message in error and error.count("\n") == 1

@@ -15,8 +15,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from scex_sumo import example_path, read_seed
-from scex_sumo.cli import main
 from scex_sumo.results.run import Run
+from tests.command import status
 from tests.runs import extrapolate
 
 EVIL = "from pathlib import Path\nPath(__file__).with_name('executed').touch()\ndef risk(scenes): ...\n"
@@ -52,30 +52,17 @@ def foreign(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return out
 
 
-def status(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
-    monkeypatch.setattr("sys.argv", ["scex-sumo", *map(str, words)])
-    try:
-        main()
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
-
-
 @pytest.mark.parametrize("command", READERS)
 @pytest.mark.parametrize("described", [False, True])
 def test_a_column_named_like_a_module_is_never_imported(
-    foreign: Path,
-    command: str,
-    described: bool,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    foreign: Path, command: str, described: bool, capsys: pytest.CaptureFixture[str]
 ) -> None:
     if described:
         info: dict[str, Any] = json.loads((foreign / "run.json").read_text())
         info["metrics"] = [{"name": "evil:risk", "critical": "max", "function": "evil:risk", "label": "risk"}]
         (foreign / "run.json").write_text(json.dumps(info))
     shutil.copytree(foreign, foreign.with_name("other"))
-    code = status(monkeypatch, command, *READERS[command](foreign))
+    code = status(command, *READERS[command](foreign))
     said = capsys.readouterr()
     assert not (foreign.parent / "executed").exists() and "evil" not in sys.modules
     assert "Traceback" not in said.err
@@ -86,8 +73,8 @@ def test_a_column_named_like_a_module_is_never_imported(
 
 
 def test_a_column_that_nothing_describes_is_named_with_its_file(
-    foreign: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    foreign: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert status(monkeypatch, "report", foreign) == 1
+    assert status("report", foreign) == 1
     said = capsys.readouterr().err
     assert f"{foreign / 'metrics.parquet'}: column 'evil:risk' is no metric that run.json describes" in said
