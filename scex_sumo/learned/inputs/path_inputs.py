@@ -81,8 +81,9 @@ def path_inputs(
     left, right = room.at(row, s)
     half = history.scene.width[vehicles.vehicle] / 2
     sides = np.maximum(np.column_stack([left, right]) - half[:, None], 0.0)
-    acceleration, yaw_rate = rates(history, vehicles)
     past = history.states[vehicles.future, vehicles.vehicle]
+    before, duration = past[:, -1 - RATE_STEPS], RATE_STEPS * STEP_S
+    yaw_rate = wrap(now.heading - before.heading) / duration
     here = paths.at(row, s)
     error = wrap(now.heading - path_heading)
     trend = past.speed @ TREND
@@ -91,7 +92,7 @@ def path_inputs(
         [
             now.speed,
             past.speed.mean(axis=1),
-            acceleration,
+            (now.speed - before.speed) / duration,
             trend,
             yaw_rate,
             offset,
@@ -109,13 +110,6 @@ def path_inputs(
     first = vehicles.future * history.scene.vehicles  # node of the future's first vehicle
     is_vehicle = (leader >= 0) & (leader < history.scene.vehicles)
     return PathInputs(first + vehicles.vehicle, features, np.where(is_vehicle, first + leader, -1))
-
-
-def rates(history: SceneHistory, vehicles: VehicleIndex) -> tuple[FloatArray, FloatArray]:
-    """Return (n,) accelerations, m/s², and (n,) yaw rates, rad/s, over the last 0.3 s."""
-    past, duration = history.states[vehicles.future, vehicles.vehicle], RATE_STEPS * STEP_S
-    now, before = past[:, -1], past[:, -1 - RATE_STEPS]
-    return (now.speed - before.speed) / duration, wrap(now.heading - before.heading) / duration
 
 
 def _road_ahead(

@@ -70,8 +70,7 @@ def drifted_samples(
     stop = add_obstacles(scene, road, learnable(scene, max(DRIFT_STEPS)), rng)
     drifted = []
     for start, blocked in [(off, None), *([] if stop is None else [stop])]:
-        held = start.vehicles - scene.vehicles
-        driven = drive_all(start, road, model, steps=max(DRIFT_STEPS), held=held, replan=replan)
+        driven = _drive_all(start, road, model, start.vehicles - scene.vehicles, replan)
         whole = States.concatenate([start.history.repeat(1), driven.swapaxes(1, 2)], 2)
         for step in DRIFT_STEPS:
             window = whole[:, :, step : step + HISTORY_STEPS + 1]
@@ -80,9 +79,7 @@ def drifted_samples(
     return drifted
 
 
-def drive_all(
-    scene: SeedScene, road: Road, model: BatchBehavior, *, steps: int, held: int = 0, replan: int = REPLAN
-) -> States:
+def _drive_all(scene: SeedScene, road: Road, model: BatchBehavior, held: int, replan: int) -> States:
     """Let one model drive all vehicles, (1, steps, V); the last ``held`` ones keep their velocity."""
     mine = (np.arange(scene.vehicles) >= scene.vehicles - held).astype(np.int64)
     batch = Batch(
@@ -94,5 +91,5 @@ def drive_all(
         route_draw=np.random.default_rng(0).random((1, scene.vehicles)),
         generators=[np.random.default_rng([0, 0])],
     )
-    world = PlainWorld(1, scene.vehicles)
+    world, steps = PlainWorld(1, scene.vehicles), max(DRIFT_STEPS)
     return roll_out(world, road, scene, batch, steps=steps, replan=replan, crash=False).states

@@ -74,6 +74,7 @@ def make_dataset(
     parts: dict[Part, list[TrainingSamples]] = {"train": [], "validation": []}
     digest, total = hashlib.sha256(), len(recordings) + len(maps)
     done, told = count(), tick or (lambda done, total: None)
+    cached = partial(cached_object, parts=(TrainingSamples,))
     for number, (site, here, every_s) in enumerate(loaded_sites(recordings, options.moments)):
         for loaded in here:
             told(next(done), total)
@@ -84,7 +85,7 @@ def make_dataset(
             shift = map_shift(roads.setdefault(site, loaded.road), loaded.road)
             for part, samples_of in parts.items():
                 make = partial(_make, loaded, options, part, every_s)
-                samples = _cached(f"{recording.name}-{part}", key, make)
+                samples = cached(f"samples/{recording.name}-{part}", key.encode(), make)
                 samples_of += [samples.at(number, shift)] if samples else []
     if not parts["train"] or not parts["validation"]:
         short = "training" if not parts["train"] else "validation"
@@ -98,7 +99,8 @@ def make_dataset(
         road, name = read_map(map_path, own_corner=True), f"{map_path.name}, simulated"
         key = _digest((map_path,), options)
         digest.update(key.encode())
-        samples = _cached(f"{road.name}-simulated", key, partial(_make_simulated, road, options))
+        make = partial(_make_simulated, road, options)
+        samples = cached(f"samples/{road.name}-simulated", key.encode(), make)
         if samples is None:
             raise SimulationError(f"{map_path}: no vehicle drives 4 s on it in SUMO; give a larger map")
         parts["train"].append(samples.at(len(sites), np.zeros(2)))
@@ -158,10 +160,6 @@ def _check_finite(loaded: LoadedRecording, scene: SeedScene) -> None:
                     f"{loaded.recording.name}: track {scene.track_ids[np.argmax(bad)]} has no finite {name} "
                     f"around {scene.time_s:g} s; repair the recording or leave it out"
                 )
-
-
-def _cached(name: str, key: str, make: Callable[[], TrainingSamples | None]) -> TrainingSamples | None:
-    return cached_object(f"samples/{name}", key.encode(), make, (TrainingSamples,))
 
 
 def _make(
