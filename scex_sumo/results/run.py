@@ -63,10 +63,8 @@ class Run:
 
     def __repr__(self) -> str:
         name, decision = self.info["seed_scene"]["name"], self.decision
-        collision, said = self.collision.percent, "" if decision is None else f". {decision.sentence}"
-        return (
-            f"Run({str(self.folder)!r}: {self.futures} futures of {name}, a collision in {collision}{said})"
-        )
+        said = self.collision.percent + ("" if decision is None else f". {decision.sentence}")
+        return f"Run({str(self.folder)!r}: {self.futures} futures of {name}, a collision in {said})"
 
     def _repr_html_(self) -> str:
         """Return the page in a frame, whose sandbox keeps its script from the notebook."""
@@ -316,9 +314,8 @@ class Run:
                 f"{column}: has no threshold; those that have: {', '.join(self.thresholds)}; "
                 "give one as threshold="
             )
-        return self.intervals.share(
-            is_critical(self.values(column, until_s=until_s), self.metric(column), limit)
-        )
+        values = self.values(column, until_s=until_s)
+        return self.intervals.share(is_critical(values, self.metric(column), limit))
 
     def recorded_value(self, column: str) -> float | None:
         """Return the value of a metric in the recorded future, or None."""

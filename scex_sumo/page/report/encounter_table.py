@@ -44,25 +44,21 @@ def print_pair(meeting: Meeting, console: Console) -> None:
     print_line(meeting.words(), console)
     rows = []
     for name in QUESTIONS:
-        share, words = (
-            meeting.probability(name),
-            EVENTS[name].question if name in EVENTS else "any of these",
-        )
-        rows.append((words, share.share, f"{share.range} %"))
+        share, event = meeting.probability(name), EVENTS.get(name)
+        rows.append((event.question if event else "any of these", share.share, f"{share.range} %"))
     heads = [("question", "names", ""), ("share", "text", ""), ("interval", "text", "")]
     title = f"share of {run.futures} {meeting.futures} futures, 95 % interval"
     caption = "a collision counts as TTC, PET and DRAC"
     print_table(console_table(title, heads, rows, caption=caption), console)
-    event = event_of(row)[1]
+    what = event_of(row)[1]
     for words in cut_set_words(row):
-        print_line(f"{event} {words}", console)
+        print_line(f"{what} {words}", console)
     gaps = ["> 10" if row[f"gap_p{p}"] is None else f"{row[f'gap_p{p}']:.1f}" for p in ("05", "50", "95")]
-    print_line(
-        f"least gap in m: {gaps[0]} in 5 %, {gaps[1]} in 50 %, {gaps[2]} in 95 % of the futures", console
-    )
+    words = "least gap in m: {} in 5 %, {} in 50 %, {} in 95 % of the futures"
+    print_line(words.format(*gaps), console)
     if row["lifts"]:
         names: tuple[Head, ...] = (("vehicle", "names", ""), ("model", "names", ""))
-        heads = [*names, ("futures", "text", ""), (event, "text", ""), ("lift", "real", "")]
+        heads = [*names, ("futures", "text", ""), (what, "text", ""), ("lift", "real", "")]
         title, caption = "by the model of one vehicle", "lift: share of these futures over that of all"
         names_of = dict(zip((row["track_id"], row["other_id"]), ends(row), strict=True))
         lifts = [[names_of[track], *values] for track, *values in map(dict.values, row["lifts"])]

@@ -296,10 +296,8 @@ def pair_events(run: Any, pairs: Sequence[tuple[int, int]]) -> IntArray:
     hits, met = first_contacts(run.collisions), run.pair_outcomes
     all_bits = np.full(hits.num_rows, sum(BITS.values()))
     bits = np.sum([BITS[name] * happens for name, happens in critical_outcomes(met).items()], axis=0)
-    for rows, names, values in (
-        (hits, ("track_id", "other_id"), all_bits),
-        (met, ("track_a", "track_b"), bits),
-    ):
+    of_hits, of_met = (hits, ("track_id", "other_id"), all_bits), (met, ("track_a", "track_b"), bits)
+    for rows, names, values in (of_hits, of_met):
         at = number[tuple(np.searchsorted(ids, np.asarray(rows[name])) for name in names)]
         events[at[at >= 0], np.asarray(rows["future"])[at >= 0]] |= values[at >= 0]
     return events
