@@ -229,8 +229,7 @@ def _signals(road: Road, numbers: Mapping[int, int], cycles: Cycles, seed_step: 
             signals.elements.append(_sign(free, kind, road.lanes[lanes[0]]))
             signals.refer(lanes, tag, free)
             free += 1
-    lights = [element for element in signals.elements if element.tag == "trafficLight"]
-    signals.elements = [element for element in signals.elements if element.tag != "trafficLight"] + lights
+    signals.elements.sort(key=lambda element: element.tag == "trafficLight")  # the format wants signs first
     return signals
 
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 from xml.sax.saxutils import quoteattr as quoted
 
-from scex_sumo.base.colors import OTHER_RGB
 from scex_sumo.converters.tracks.road_users import obstacle_kinds, road_user
 from scex_sumo.scene import SeedScene
+
+if TYPE_CHECKING:
+    from scex_sumo.base.colors import Rgb
 
 _GUI_SHAPES = {"van": "delivery", "car": "passenger", "tram": "rail/railcar"}
 _Driver: TypeAlias = tuple[str, tuple[tuple[str, str], ...], str]  # model, parameters, SUMO's class
@@ -38,7 +40,7 @@ def given_type(
     kind: str,
     length: float,
     width: float,
-    rgb: tuple[int, int, int] | None = None,
+    rgb: Rgb | None = None,
     *,
     own_class: str = "ignoring",
     speed_mps: float = 200.0,
@@ -119,14 +121,18 @@ class TypeBook:
     def write(self, path: Path) -> None:
         """Write SUMO's additional file."""
         lines = {}
-        for sizes, rgb in ((self._vehicles, None), (self._obstacles, OTHER_RGB)):
-            for size in sizes:
-                name = _type_name(*size)
-                lines[name] = given_type(name, *size, rgb)
-                if road_user(size[0]) == "pedestrian":
-                    towards: dict[str, Any] = {"own_class": "passenger", "speed_mps": _TOWARDS_MPS}
-                    lines[name + PERSON] = given_type(name + PERSON, *size, rgb, **towards)
-                    lines[name + WALKER] = given_type(name + WALKER, *size, rgb, own_class="pedestrian")
+        colored: list[tuple[tuple[str, float, float], Rgb | None]] = [(size, None) for size in self._vehicles]
+        if self._obstacles:
+            from scex_sumo.base.colors import OTHER_RGB
+
+            colored += [(size, OTHER_RGB) for size in self._obstacles]
+        for size, rgb in colored:
+            name = _type_name(*size)
+            lines[name] = given_type(name, *size, rgb)
+            if road_user(size[0]) == "pedestrian":
+                towards: dict[str, Any] = {"own_class": "passenger", "speed_mps": _TOWARDS_MPS}
+                lines[name + PERSON] = given_type(name + PERSON, *size, rgb, **towards)
+                lines[name + WALKER] = given_type(name + WALKER, *size, rgb, own_class="pedestrian")
         for (model, parameters, own), index in self._drivers.items():
             for size in self._vehicles:
                 name = f"{_type_name(*size)}_{model}{index}"
