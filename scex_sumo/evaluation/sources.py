@@ -96,7 +96,8 @@ def read_parquet(path: Path, *, arrivals: bool = False) -> TrackTable:
                 f"{path}: track_id {name[:24]!r} of a vehicle is not an integer; number the vehicles"
             )
     columns["agent_type"] = kind, [name.lower() for name in types]
-    tracks = tracks_of(path, [(columns, [])])
+    # The order of vehicles decides the last bits of metrics.
+    tracks = tracks_of(path, [(columns, [])], by_text=True)
     stamps = np.diff(tracks.vehicles.timestamp_ms)[np.diff(tracks.vehicles.track) == 0]
     if (stamps <= 0.0).any():
         raise TrackError(f"{path}: {int((stamps <= 0.0).sum())} rows at a time that their track already has")

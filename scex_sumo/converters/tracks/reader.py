@@ -58,9 +58,16 @@ def read_tracks(
 
 
 def tracks_of(
-    path: Path, read: Sequence[tuple[dict[str, Any], list[str]]], vehicles: Collection[str] | None = None
+    path: Path,
+    read: Sequence[tuple[dict[str, Any], list[str]]],
+    vehicles: Collection[str] | None = None,
+    *,
+    by_text: bool = False,
 ) -> TrackTable:
-    """Return the tracks of parts of a recording, as of `read_columns`; ``vehicles`` as of `read_tracks`."""
+    """Return the tracks of parts of a recording, as of `read_columns`; ``vehicles`` as of `read_tracks`.
+
+    ``by_text``: tracks are in the order of their ids as texts, not as numbers.
+    """
     columns, cases, labels, types = _merge([part for part, _ in read])
     counts = np.zeros((len(labels), len(types)), np.int64)
     np.add.at(counts, (columns["track"], columns["agent_type"]), 1)
@@ -78,7 +85,7 @@ def tracks_of(
     again = _number(path, columns, labels, [types[k] for k in of_track], motor)
     is_vehicle = motor[columns["track"]]
     rows, others = (
-        _rows(columns, keep, cases, labels, types, of_track) for keep in (is_vehicle, ~is_vehicle)
+        _rows(columns, keep, cases, labels, types, of_track, by_text) for keep in (is_vehicle, ~is_vehicle)
     )
     return TrackTable(
         path=path,
@@ -166,13 +173,14 @@ def _rows(
     labels: list[str],
     types: list[str],
     type_of_track: IntArray,
+    by_text: bool,
 ) -> TrackRows:
     case = np.array(_ranks(cases), np.int64)[columns["case"][keep]]
     track = columns["track"][keep]
     stamps = columns["timestamp_ms"][keep]
     frames = columns["frame_id"][keep]
-    label_rank = np.array(_ranks(labels), np.int64)[track]
-    order = np.lexsort((frames, stamps, track, label_rank, case))
+    label_rank = np.unique(labels, return_inverse=True)[1] if by_text else np.array(_ranks(labels), np.int64)
+    order = np.lexsort((frames, stamps, track, label_rank[track], case))
     track, case = track[order], case[order]
     first = np.ones(len(track), bool)
     first[1:] = np.diff(track) != 0
