@@ -14,7 +14,8 @@ from scex_sumo.road_rules import Rules
 from scex_sumo.rules.holds import Manner, Obeyed, lights, obeyed
 from scex_sumo.rules.passages import Lit, traffic_on
 
-OBEYS, LIGHTS, CHANGES, RELEASE = 80_000, 80_001, 80_002, 81_000  # salts; each plan has its own release
+GIVES_WAY, LIGHTS, CHANGES, STOPS = 80_000, 80_001, 80_002, 80_003  # salts of draws
+RELEASE = 81_000  # the same; each plan has its own
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +48,8 @@ def _logit(share: FloatArray) -> FloatArray:
 
 def manner_of(draw: FloatArray, spread: float) -> Manner:
     """Draw how drivers obey, by (n,) draws; with ``spread`` 0 the median driver, which violates nothing."""
-    given, (yellow, red, priority, gap) = RULE_PARAMETERS, uniforms(draw, 4, OBEYS).T
+    given, (yellow, red) = RULE_PARAMETERS, uniforms(draw, 2, STOPS).T
+    _, _, priority, gap = uniforms(draw, 4, GIVES_WAY).T  # the first two are those of late responses
     runs = (red < given.runs_red) & (spread > 0)
     waits_s = given.yellow_s + min(spread, 1.0) * given.yellow_scale_s * _logit(yellow)
     return Manner(

@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scex_sumo.base.draws import uniforms
 from scex_sumo.drivers.registry import build, parse_models
+from scex_sumo.humans import attention
 from scex_sumo.humans.obedience import RULE_PARAMETERS, manner_of
 from scex_sumo.road_rules import Passage, Rules
 from scex_sumo.scene import States
@@ -29,6 +31,16 @@ def test_a_tenth_stops_at_yellow_2_5_s_before_the_line_and_nobody_drives_3_5_s_b
     waits = np.asarray(manner_of(DRAWS, 1.0).yellow_s)
     assert np.mean(waits < 2.5) == pytest.approx(0.1, abs=0.02)
     assert np.mean(waits < 3.5) > 1 - 2 * RULE_PARAMETERS.runs_red
+
+
+def test_drivers_that_respond_late_run_red_no_more_often_than_others() -> None:
+    late = uniforms(DRAWS, 2, attention._SALT)
+    manner = manner_of(DRAWS, 1.0)
+    runs, waits = np.asarray(manner.red_delay_s) > 0, np.asarray(manner.yellow_s)
+    unseen = late[:, 1] < 0.01
+    assert runs[unseen].mean() < 5 * RULE_PARAMETERS.runs_red
+    correlation = np.corrcoef(late[~runs].T, waits[~runs])[:2, 2]
+    assert np.abs(correlation).max() < 0.03
 
 
 def test_the_expected_driver_violates_nothing() -> None:
