@@ -40,6 +40,7 @@ _KINDS = {
 _LANE_KINDS = {"VEHICLE": "vehicle", "BIKE": "bicycle", "BUS": "bus"}
 _MOTION = ("position_x", "position_y", "velocity_x", "velocity_y", "heading")
 _COLUMNS = ("track_id", "object_type", "timestep", *_MOTION)
+_WORDS = {"track_id", "object_type", "track_uuid", "category"}  # columns of text, of scenarios and logs
 
 
 def _read_road(path: Path, **_: Any) -> Road:
@@ -124,8 +125,8 @@ def _log(path: Path) -> TrackTable:
 
 def _columns(table: Any, names: Sequence[str]) -> list[Any]:
     checked(table)
-    columns = (table[name].to_numpy(zero_copy_only=False) for name in names)
-    return [[*map(str, x)] if x.dtype == object else x.astype(np.float64) for x in columns]
+    columns = {name: table[name].to_numpy(zero_copy_only=False) for name in names}
+    return [[*map(str, x)] if name in _WORDS else x.astype(np.float64) for name, x in columns.items()]
 
 
 def _kinds(names: Sequence[str], kinds: Sequence[str]) -> dict[str, str]:

@@ -179,6 +179,10 @@ def test_tracks_without_a_column_or_with_a_bad_value_are_one_line(scenario: Path
     with pytest.raises(TrackError, match=f"no {name} in it"):
         read_recorded([path])
     if name.startswith(("position", "heading")):
+        empty = {**table, name: pa.nulls(len(table[name]))}
+        pa.parquet.write_table(pa.table(empty), path)
+        with pytest.raises(TrackError, match="of track 11 is missing"):
+            read_recorded([path])
         table[name][7] = np.inf
         pa.parquet.write_table(pa.table(table), path)
         with pytest.raises(TrackError, match="of track 11 is inf"):
