@@ -267,7 +267,7 @@ def _read_road(path: Path, **_: object) -> Road:
     if _LOWER not in meta:
         raise MapError(f"{path}: no lane markings in it, so no road; give a Lanelet2 map (.osm)")
     upper, lower = (_markings(path, meta, name) for name in (_UPPER, _LOWER))
-    limit = number(meta.get("speedLimit") or "-1")
+    limit = number(meta.get("speedLimit") or "-1")  # -1: none
     if math.isnan(limit):
         raise MapError(f"{path}: speedLimit is {meta['speedLimit']!r}; a number expected, in m/s")
     drawn = DrawnMap(path=path, moved=False)
@@ -287,25 +287,28 @@ def _markings(path: Path, meta: dict[str, str], name: str) -> FloatArray:
 
 
 def _carriageway(
-    markings: FloatArray, *, first_id: int, leftwards: bool, speed_mps: float | None
+    markings: FloatArray, *, first_id: int, leftwards: bool, speed_mps: float
 ) -> Iterator[DrawnLane]:
     x = np.linspace(-BEYOND_M, FILMED_M + BEYOND_M, round((FILMED_M + 2 * BEYOND_M) / _POINT_M) + 1)
     x = x[::-1] if leftwards else x
     for k, (top, bottom) in enumerate(pairwise(-markings), start=first_id):
+        sides = [(top, k - 1), (bottom, k + 1)]
         # For a vehicle that drives to the left, left is downwards in the picture.
-        ys, beside = ((top + bottom) / 2.0, top, bottom), ([k - 1], [k + 1])
-        centre, *bounds = (np.stack((x, np.full(len(x), y)), axis=1) for y in ys)
+        (left, on_left), (right, on_right) = sides[::-1] if leftwards else sides
+        middle, left_bound, right_bound = (
+            np.stack((x, np.full(len(x), y)), axis=1) for y in ((top + bottom) / 2.0, left, right)
+        )
         yield DrawnLane(
             name=k,
-            centre=centre,
-            left=bounds[leftwards],
-            right=bounds[not leftwards],
+            centre=middle,
+            left=left_bound,
+            right=right_bound,
             subtype="highway",
             location="nonurban",
             limit_mps=speed_mps,
             successors=(),
-            left_neighbours=beside[leftwards],
-            right_neighbours=beside[not leftwards],
+            left_neighbours=[on_left],
+            right_neighbours=[on_right],
         )
 
 

@@ -58,12 +58,14 @@ def _damage(error: type[MapError] | type[TrackError], path: Path) -> Iterator[No
     with one_line(error, path, "trace of OSI"):
         try:
             yield
-        except (OSError, McapError, EOFError, struct.error) as why:
-            is_cut = getattr(why, "errno", 0) == errno.EINVAL or isinstance(why, RecordLengthLimitExceeded)
-            if isinstance(why, OSError) and not is_cut:
+        except OSError as why:
+            if why.errno != errno.EINVAL:  # the reader seeks its summary before the beginning
                 raise
-            # In a file that is cut, the reader looks for its summary before the beginning, or at the end.
-            raise ValueError(_CUT if is_cut else str(why) or _CUT) from None
+            raise ValueError(_CUT) from None
+        except RecordLengthLimitExceeded:  # the reader looks for its summary at the end
+            raise ValueError(_CUT) from None
+        except (McapError, EOFError, struct.error) as why:
+            raise ValueError(str(why) or _CUT) from None
 
 
 def _messages(path: Path, kind: str) -> Iterator[Any]:
@@ -158,10 +160,11 @@ def _read_signals(layout: NetLayout, road: Road, path: Path) -> tuple[Programme 
         drawn = opendrive_map(path, xml_root(path, text, "export the map again"))
         ids, shown = drawn.lane_ids(), light_states(truths, signals_of)
         runs = {ids[lane]: shown[signal] for lane, signal in drawn.signals.items() if signal in shown}
-        first = islice(() if runs else _messages(path, TOPICS["ground_truth"]), FIRST)
-        if any(truth.traffic_light for truth in first):
+        if runs:
+            return lane_programme(layout, road, runs, path.name)
+        if any(truth.traffic_light for truth in islice(_messages(path, TOPICS["ground_truth"]), FIRST)):
             raise MapError(f"{path.name}: its lights name no signals of the map's lights")
-        return lane_programme(layout, road, runs, path.name) if runs else (None, [])
+        return None, []
 
 
 def _opendrive_of(road: Road, path: Path) -> bytes | None:

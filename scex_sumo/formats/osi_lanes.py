@@ -17,7 +17,8 @@ _DRIVING, _NONDRIVING, _INTERSECTION, _BIKING = 2, 3, 4, 3
 _LINES = {
     3: ("line_thin", "solid"),
     4: ("line_thin", "dashed"),
-    **dict.fromkeys((6, 12), ("road_border", "")),
+    6: ("road_border", ""),
+    12: ("road_border", ""),
 }
 """Kind and subtype of a marking by OSI's type of boundary; other ones are not drawn."""
 _CLOSED = (3, *range(6, 16))  # types of boundaries over which no vehicle changes lanes

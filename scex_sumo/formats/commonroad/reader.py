@@ -355,7 +355,7 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
     return replace(
         road,
         regulations=rules_of(file, lanelets, road.lanes, signs),
-        markings=road.markings if file.lines else (),
+        markings=road.markings if file.lines else (),  # else borders that the file does not draw
         areas=tuple(Area(area_id=x.lane_id, kind=x.subtype, outline=x.outline) for x in others),
         origin=origin or file.origin or (0.0, 0.0),
     )

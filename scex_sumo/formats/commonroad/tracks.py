@@ -78,8 +78,8 @@ def read_commonroad_tracks(path: str | Path) -> tuple[TrackTable, tuple[str, ...
     last = max(track.states[-1, 0] for track in moving)
     steps = np.arange(first, last + 1)
     for track in standing:
-        states = np.broadcast_to([*track.states[0, :4], 0.0], (len(steps), 5)).copy()
-        states[:, 0] = steps
+        states = np.tile(track.states[0], (len(steps), 1))
+        states[:, 0], states[:, 4] = steps, 0.0
         moving.append(replace(track, states=states))
     return _table(path, moving, step_s), (f"{left_out}: left out",) if left_out else ()
 
