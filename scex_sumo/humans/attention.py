@@ -21,7 +21,7 @@ from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.behaviors.driving.leaders import Leaders
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, SLOPE_SPEED, Accelerate, rear_axle
-from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, OnPath, SeedPaths
+from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths
 from scex_sumo.conflicts.braking import (
     HORIZON_S,
     DrivenPaths,
@@ -149,7 +149,7 @@ def kept_clear(aside: FloatArray, view: View) -> FloatArray:
     time = STEP_S * np.arange(aside.shape[1])
     travelled_m = np.maximum(history.now[vehicles.future, vehicles.vehicle].speed, 0.0)[:, None] * time
     margin, passing, steepest = view.human.beside_gap_m, view.human.passing_gap_m, view.human.max_slope
-    least, most = offsets_beside(OnPath(*view[:4]), s, travelled_m, margin=margin, passing=passing)
+    least, most = offsets_beside(view.on_path, s, travelled_m, margin=margin, passing=passing)
     narrow = least > most
     middle = np.where(narrow, least, 0.0) / 2 + np.where(narrow, most, 0.0) / 2
     least, most = np.where(narrow, middle, least), np.where(narrow, middle, most)

@@ -8,7 +8,6 @@ import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.draws import normal_quantiles, uniforms
-from scex_sumo.behaviors.driving.paths import OnPath
 from scex_sumo.humans.observed.observations import View
 from scex_sumo.road_rules import Rules
 from scex_sumo.rules.holds import Manner, Obeyed, lights, obeyed
@@ -75,7 +74,7 @@ def obedience(view: View, rows: IntArray, spread: float) -> Obeyed:
         yellow_s = np.where(np.isinf(manner.yellow_s), np.inf, 0.0)
         manner = replace(manner, yellow_mps2=human.yellow_mps2, yellow_s=yellow_s)
     traffic = traffic_on(history, view.paths, rows)
-    return obeyed(OnPath(*view[:4]), traffic, manner, _lights(view, rules, spread))
+    return obeyed(view.on_path, traffic, manner, _lights(view, rules, spread))
 
 
 def _lights(view: View, rules: Rules, spread: float) -> Lit:

@@ -81,7 +81,8 @@ class Obeyed(NamedTuple):
 
 def obeyed(on: OnPath, traffic: Traffic, manner: Manner, lit: Lit) -> Obeyed:
     """Return what the rules of the scene ask of n drivers, with traffic of all and lights now."""
-    (history, vehicles, paths, row), rules = on, on.history.scene.rules
+    history, vehicles, paths, row = on
+    rules = history.scene.rules
     assert rules is not None
     ways, me = ruled_ways(paths, rules), _Drivers(vehicles, row, traffic, manner)
     gap, opened = _at_lights(me, ways, lit)

@@ -155,7 +155,8 @@ def _ahead_of(
     radius: float,
     margin: float,
 ) -> Ahead:
-    (history, vehicles, paths, row), now = on, on.now
+    history, vehicles, paths, row = on
+    now = on.now
     length, width = history.scene.length[vehicles.vehicle], history.scene.width[vehicles.vehicle]
     ox, oy = others.states.x[vehicles.future], others.states.y[vehicles.future]  # (n, M)
     near = (ox - now.x[:, None]) ** 2 + (oy - now.y[:, None]) ** 2 <= radius**2

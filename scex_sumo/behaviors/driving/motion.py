@@ -55,7 +55,8 @@ def _present_bend(
     on: OnPath, s: FloatArray, heading: FloatArray, v: FloatArray, aside: FloatArray | None
 ) -> FloatArray:
     """Return (n,) curvatures of the vehicles' motion minus those of their lines, 1/m."""
-    (history, vehicles, paths, row), now = on, on.now
+    history, vehicles, paths, row = on
+    now = on.now
     before = history.states[vehicles.future, vehicles.vehicle, -2 if history.step > 0 else -6]
     length = history.scene.length[vehicles.vehicle]
     (x, y), (px, py) = rear_axle(now, length), rear_axle(before, length)

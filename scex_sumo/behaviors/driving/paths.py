@@ -193,7 +193,10 @@ def _table(
     draw: Callable[[], FloatArray],
     redraw: Redraw | None = None,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return x, y and heading (P, N) of drawn lines (P, N, 2), at equal distances."""
+    """Return x, y and heading (P, N) of drawn lines (P, N, 2), at equal distances.
+
+    Lines of the same lanes and centrelines are drawn once for each ``redraw``.
+    """
 
     def evenly() -> FloatArray:
         return np.stack([resample(line, raw.shape[1], DS_M) for line in draw()])

@@ -180,7 +180,8 @@ class IdmDriver(DrivesAlong):
 
     def _accelerate(self, on: OnPath, leaders: Leaders, hold: FloatArray | None) -> Accelerate:
         """Return accelerations behind leaders of constant speed, and before places to stop."""
-        profile, (history, vehicles, paths, row) = self.profile, on
+        history, vehicles, paths, row = on
+        profile = self.profile
         wished = desired_speeds(paths, profile.speed, profile.speed_factor)
         comfort = profile.curve_acceleration, profile.curve_deceleration
         curves = curve_speeds(paths, *comfort) if profile.curve_acceleration > 0 else None

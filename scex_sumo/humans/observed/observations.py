@@ -12,7 +12,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.leaders import Leaders, find_ahead
 from scex_sumo.behaviors.driving.motion import CURVE_TIME_S, curve_speeds, rear_axle
-from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, SeedPaths, upper_edges
+from scex_sumo.behaviors.driving.paths import BEHIND_M, DS_M, OnPath, SeedPaths, upper_edges
 from scex_sumo.behaviors.models.idm import HABIT_STEPS, desired_speeds, idm_acceleration
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.humans.parameters import HumanParameters
@@ -75,6 +75,11 @@ class View(NamedTuple):
     def scene(self) -> SeedScene:
         """Return the seed scene."""
         return self.history.scene
+
+    @property
+    def on_path(self) -> OnPath:
+        """Return the vehicles and their paths."""
+        return OnPath(self.history, self.vehicles, self.paths, self.row)
 
     @property
     def observed(self) -> PathObservations:
