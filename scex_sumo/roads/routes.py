@@ -43,8 +43,9 @@ class CandidatePath:
 def routes(road: Road, lane_id: int, s: float, horizon_m: float) -> tuple[tuple[int, ...], ...]:
     """Return the lane sequences from arc length ``s`` on a lane over a distance, at most `MAX_ROUTES`.
 
-    A route follows successors, else changes to a neighbour if allowed, left first. It ends at the horizon or
-    at the end of the road. The order is that of the lane ids.
+    A route follows successors, else changes to a neighbour if allowed, left first. It ends at the horizon, at
+    the end of the road, or at a fork that would make too many; nearer forks come first. The order is that of
+    the lane ids.
     """
     return _with_forks(road, ((lane_id,),), s, horizon_m, MAX_ROUTES)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.geometry.polylines import length_of
-from scex_sumo.road import Road
+from scex_sumo.road import Lane, Road
 from scex_sumo.roads.routes import candidate_paths, centreline, routes
 from tests.behaviors import roads
 
@@ -28,6 +28,20 @@ def test_a_roundabout_leads_round_and_out_at_every_exit() -> None:
     # Half a ring is 37.7 m: in 80 m the exit is passed once and reached again.
     assert routes(circle, 1, 0.0, 80.0) == ((1, 2, 1), (1, 3))
     assert (1, 2, 1, 3) in routes(circle, 1, 0.0, 120.0)
+
+
+def test_of_too_many_routes_the_nearest_forks_are_told_apart_and_the_last_ones_are_not() -> None:
+    """Lanes of 15 m that fork six times in 100 m: 64 routes, of which 32 would lie on the left."""
+
+    def tree(number: int, forks: int) -> list[Lane]:
+        ahead = (2 * number, 2 * number + 1) if forks else ()
+        begin = 15.0 * number.bit_length()
+        own = roads.lane(number, [(begin, number), (begin + 15.0, number)], successors=ahead)
+        return [own, *(lane for after in ahead for lane in tree(after, forks - 1))]
+
+    found = routes(roads.road(*tree(1, 6)), 1, 0.0, 100.0)
+    assert [route[-1] for route in found] == [*range(32, 64)]
+    assert {len(route) for route in found} == {6}
 
 
 def test_where_a_lane_ends_the_route_goes_on_beside_it_if_changing_is_allowed() -> None:
