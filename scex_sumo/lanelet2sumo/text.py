@@ -23,7 +23,7 @@ from scex_sumo.lanelet2sumo.plan.elements import (
     Walks,
 )
 from scex_sumo.road import Georeference
-from scex_sumo.roads.conflicts import CLEARANCE_M, STEP_M, Samples, lines_cross, opposed, project_near
+from scex_sumo.roads.conflicts import CLEARANCE_M, STEP_M, LineSamples, lines_cross, opposed, project_near
 
 # Traffic light and link index by internal lane or crossing.
 Lights: TypeAlias = Mapping[str, tuple[str, int]]
@@ -246,7 +246,7 @@ def _conflict_stretches(node: Node) -> Iterator[tuple[Connection, Connection, _S
                 yield links[i], links[j], spans[i, j]
 
 
-def _unseen(a: Connection, b: Connection, on_a: Samples, on_b: Samples) -> tuple[_Span, _Span] | None:
+def _unseen(a: Connection, b: Connection, on_a: LineSamples, on_b: LineSamples) -> tuple[_Span, _Span] | None:
     if (a.to_edge, a.to_lane) == (b.to_edge, b.to_lane):
         return None  # SUMO knows how to merge
     span = _close(a.internal, b.internal, *on_a)

@@ -18,7 +18,7 @@ CLEARANCE_M = 2.4  # of centrelines; a wide car and a car do not pass each other
 STEP_M = 0.25
 SLACK_M = 1e-3  # of boxes, against rounding
 END_M = 0.1  # nearer to an end point lines do not cross
-Samples: TypeAlias = tuple[FloatArray, FloatArray]
+LineSamples: TypeAlias = tuple[FloatArray, FloatArray]
 """Places every `STEP_M` on a polyline, or nearer: arc lengths (N,) and points (N, 2), m."""
 
 
@@ -106,7 +106,7 @@ def _neighbours(a: Lane, b: Lane) -> bool:
     return b.lane_id in (a.left, a.right, a.adjacent_left, a.adjacent_right)
 
 
-def _stretches(a: Lane, b: Lane, on_a: Samples, on_b: Samples) -> list[Conflict]:
+def _stretches(a: Lane, b: Lane, on_a: LineSamples, on_b: LineSamples) -> list[Conflict]:
     clearance = min(CLEARANCE_M, 0.45 * (a.width_m + b.width_m))
     (s, points), (t, others) = on_a, on_b
     foot_b, gap_a = project_near(points, b.centreline, clearance)
