@@ -36,25 +36,35 @@ def choose_case(table: TrackTable, case: str | float | None, time_s: float | Non
 
 def marked_vehicles(tracks: Path, case: str) -> dict[str, list[str]]:
     """Return the marked vehicles of a case by `MARKS`; nothing if the file has no marks."""
-    with open_text(tracks, errors="replace") as file:
-        header = file.readline(65536).strip().split(",")
-    if not {*MARKS.values(), "case_id", "track_id"} <= set(header):
+    if not {*MARKS.values(), "case_id", "track_id"} <= set(_header(tracks)):
         return {}
     rows = _marks(tracks, tracks.stat().st_mtime_ns)
-    return {name: sorted({track for of, track in rows[name] if of == float(case)}) for name in MARKS}
+    return {name: sorted({track for of, track in rows[name] if of == case}) for name in MARKS}
+
+
+def _header(tracks: Path) -> list[str]:
+    with open_text(tracks, errors="replace") as file:
+        return file.readline(65536).strip().split(",")
 
 
 @lru_cache(maxsize=1)
-def _marks(tracks: Path, _changed_ns: int) -> dict[str, set[tuple[float, str]]]:
-    """Return case and track id of all rows with each mark."""
+def _marks(tracks: Path, _changed_ns: int) -> dict[str, set[tuple[str, str]]]:
+    """Return case and track id of all rows with each mark; `TrackError` if a mark is no number."""
     import pyarrow as pa
     import pyarrow.compute as pc
     from pyarrow import csv
 
-    types = {"case_id": pa.float64(), "track_id": pa.string(), **dict.fromkeys(MARKS.values(), pa.float64())}
-    with open_binary(tracks) as file:
-        options = csv.ConvertOptions(include_columns=[*types], column_types=types)
-        table = csv.read_csv(in_arrow(file), convert_options=options)
+    words, marks = ("case_id", "track_id"), tuple(MARKS.values())
+    types = dict.fromkeys(words, pa.string()) | dict.fromkeys(marks, pa.float64())
+    options = csv.ConvertOptions(include_columns=[*types], column_types=types)
+    try:
+        with open_binary(tracks) as file:
+            table = csv.read_csv(in_arrow(file), convert_options=options)
+    except pa.ArrowInvalid as error:
+        from scex_sumo.converters.tracks.explain import explain_parse_error
+
+        raise explain_parse_error(tracks, _header(tracks), marks, str(error)) from None
+    table = table.set_column(0, "case_id", pc.utf8_trim_whitespace(table["case_id"]))
     marked = {name: table.filter(pc.equal(table[column], 1.0)).to_pylist() for name, column in MARKS.items()}
     return {
         name: {(row["case_id"], row["track_id"].partition(".")[0]) for row in rows}

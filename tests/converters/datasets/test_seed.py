@@ -93,6 +93,24 @@ def test_a_wrong_case_or_a_moment_without_vehicles_is_an_error_that_helps(
     assert "\n" not in str(error.value)
 
 
+def _marked(tmp_path: Path, marks: tuple[str, str]) -> SeedScene:
+    columns = [*CASE_COLUMNS, "track_to_predict", "interesting_agent"]
+    rows = in_case("a", straight(1, track_to_predict="0", interesting_agent="0"))
+    rows += in_case("a", straight(2, y=4.0, **dict(zip(columns[-2:], marks, strict=True))))
+    tracks = write_rows(tmp_path / "marks.csv", rows, columns)
+    return recorded_scene(tmp_path / "town.osm", tracks=tracks, time_s=1.0)
+
+
+def test_vehicles_of_a_case_are_marked_whatever_its_name(tmp_path: Path) -> None:
+    source = _marked(tmp_path, ("1.0", "")).source
+    assert (source["case"], source["to_predict"], source["interesting"]) == ("a", ["2"], [])
+
+
+def test_a_mark_that_is_no_number_is_an_error_with_its_line(tmp_path: Path) -> None:
+    with pytest.raises(TrackError, match=r"line 43: track_to_predict is 'yes', not a number; repair"):
+        _marked(tmp_path, ("yes", "0"))
+
+
 def _turn(t: float) -> tuple[float, float]:
     """A circle of 20 m at 8 m/s whose heading passes through pi after 2 s."""
     phi = np.pi + 0.4 * (t - 2.0)
