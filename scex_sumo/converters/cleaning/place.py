@@ -11,8 +11,7 @@ from scex_sumo.base.errors import TrackError, listed
 from scex_sumo.converters.cleaning.align import on_lanes, thinned
 from scex_sumo.converters.cleaning.fit import fit_to_lanes
 from scex_sumo.converters.tracks.rows import TrackRows
-from scex_sumo.geometry.polylines import samples as samples_of
-from scex_sumo.geometry.polylines import wrap
+from scex_sumo.geometry.polylines import along, arc_lengths, wrap
 from scex_sumo.road import Road
 from scex_sumo.roads.matching import match
 from scex_sumo.scene import SeedScene
@@ -112,8 +111,11 @@ def _best_shift(samples: TrackRows, road: Road) -> tuple[float, float] | None:
 
     lanes = []
     for line in (lane.centreline for lane in road.vehicle_lanes.values() if len(lane.centreline) > 1):
-        points = samples_of(line, CELL_M / 2.0)[1]
-        lanes.append(np.column_stack((points[:-1], np.arctan2(*np.diff(points, axis=0).T[::-1]))))
+        arc = arc_lengths(line)
+        s = np.arange(0.0, arc[-1], CELL_M / 2.0)
+        segment = np.clip(np.searchsorted(arc, s, side="right") - 1, 0, len(line) - 2)
+        heading = np.arctan2(*np.diff(line, axis=0)[segment].T[::-1])
+        lanes.append(np.column_stack((along(line, s), heading)))
     if not lanes:
         return None
     lane_points = np.concatenate(lanes)

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import scex_sumo as scex
+from scex_sumo.converters.cleaning.align import evidence
+from scex_sumo.converters.cleaning.fit import Alignment
 from scex_sumo.converters.cleaning.place import doubt_place, explain_mismatch
+from scex_sumo.converters.lanelet.reader import read_road
+from scex_sumo.converters.tracks.reader import read_tracks
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackRows
 from scex_sumo.road import Road
 from tests.converters.sumo_roads import arc, lane, road
@@ -57,3 +63,10 @@ def test_tracks_that_no_shift_brings_onto_lanes_are_of_another_map(bend: Road) -
     star = [lane(k, [(0, 0), (90 * np.cos(k), 90 * np.sin(k))]) for k in range(1, 7)]
     dense = [replace(one, centreline=np.linspace(*one.centreline, 46)) for one in star]
     assert "the tracks belong to another map" in explain_mismatch(driven(road(dense)), bend)
+
+
+def test_a_turn_of_a_few_degrees_hides_no_wrong_origin() -> None:
+    example = scex.example_path("roundabout")
+    there = evidence(read_tracks(example.with_suffix(".csv")).vehicles)
+    away = Alignment(centre=(0.0, 0.0), turn=math.radians(5.0)).moved(there)
+    assert "of its driving is on lanes; give --origin LAT,LON" in explain_mismatch(away, read_road(example))
