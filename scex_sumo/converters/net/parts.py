@@ -23,9 +23,7 @@ _DRIVEN = ("normal", "", None, "internal")  # functions of edges
 
 @dataclass(frozen=True)
 class LaneletPart:
-    """A stretch of a lanelet (or `BEYOND`) under a lane, in m along the lanelet; width and limit are the
-    lanelet's.
-    """
+    """A stretch of a lanelet (or `BEYOND`) under a lane, in m along it; width and limit are the lanelet's."""
 
     lanelet: int
     start: float
