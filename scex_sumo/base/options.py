@@ -25,7 +25,6 @@ class Option:
         takes: type that the command line takes, None if the option is not given; None for the field's type.
         several: the option is repeatable; the command line takes a list of texts.
         read: turns the text or texts into the value; None keeps it.
-        complete: completes a value in a shell.
     """
 
     help: str
@@ -35,7 +34,6 @@ class Option:
     takes: type | None = None
     several: bool = False
     read: Callable[[Any], Any] | None = None
-    complete: Callable[[str], list[str]] | None = None
 
 
 def option(help: str, default: Any = MISSING, *, factory: Any = MISSING, **how: Any) -> Any:

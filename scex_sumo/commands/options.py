@@ -78,13 +78,7 @@ def _parameter(option_field: Field[Any], about: Option, hint: Any) -> inspect.Pa
     else:
         default = None if option_field.default is MISSING else option_field.default
     names = about.names or ((f"--{option_field.name.replace('_', '-')}",) if hint is not bool else ())
-    option = typer.Option(
-        *names,
-        metavar=about.metavar,
-        help=about.help,
-        autocompletion=about.complete,
-        rich_help_panel=about.panel,
-    )
+    option = typer.Option(*names, metavar=about.metavar, help=about.help, rich_help_panel=about.panel)
     return inspect.Parameter(
         option_field.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[hint, option]
     )
