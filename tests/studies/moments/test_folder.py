@@ -55,7 +55,7 @@ def test_a_part_under_the_name_of_another_moment_runs_again(filled: Path) -> Non
         assert not folder.has(moment_ref("four_t1.0"))
 
 
-def test_a_part_that_changes_while_a_ranks_is_named(filled: Path) -> None:
+def test_a_part_that_changes_while_a_ranking_runs_is_named(filled: Path) -> None:
     with RankFolder(filled, PLAN) as folder:
         pq.write_table(pairs_table((2, 3)), part_of(filled))
         with pytest.raises(ResultError, match="was changed meanwhile; run the same command again"):
