@@ -52,6 +52,12 @@ def test_a_narrow_terminal_gets_every_cell_whole_and_broken_headers(width: int) 
     ]
 
 
+def test_a_narrow_terminal_gets_the_units_of_headers() -> None:
+    made = Table("after [s]")
+    made.add_row("1")
+    assert printed(made, 3) == ["after [s]", "1"]
+
+
 def result(folder: Path, values: dict[str, list[float | None]], **about: object) -> Path:
     """Write a result folder with metrics, independent draws, and thresholds of four metrics."""
     folder.mkdir(exist_ok=True)

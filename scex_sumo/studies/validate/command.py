@@ -50,6 +50,10 @@ def validate_command(
     }
 
 
+_PAGE_ONLY = ("uncertainty", "brier_low", "brier_high", "mean_error_m", "least_error_m")
+"""Cells that the page has: without them, the tables fit into 80 columns."""
+
+
 def _print_scores(done: Validation) -> None:
     from scex_sumo.commands.console import output_console
     from scex_sumo.page.columns import print_columns
@@ -58,7 +62,7 @@ def _print_scores(done: Validation) -> None:
     from scex_sumo.studies.validate.page import EVENT_COLUMNS, POSITION_COLUMNS, collisions_in
 
     info = done.info
-    console = output_console(width=160)
+    console = output_console(width=140)
     scenes, recordings = counted(info["seeds"], "seed scene"), counted(info["recordings"], "recording")
     print(f"{scenes} of {recordings}, models {', '.join(info['models'])}")
     told = (
@@ -68,10 +72,11 @@ def _print_scores(done: Validation) -> None:
     )
     print_line(told, console)
 
-    about = "better: 1 perfect, 0 no better, below 0 worse; the page has pairs and values"
-    breaks = (" velocity", " base rate", ", within", " constant")
+    about = "better: 1 perfect, 0 no better, below 0 worse; the page has more, pairs and values"
+    breaks = (" velocity", " base rate", " within", " constant")
     titles = {"events": about, "positions": "distance of the futures from the recorded places, m"}
     forms = {"real": ".3f", "metres": ".2f", "percent": ".0%"}
     for (name, words), columns in zip(titles.items(), (EVENT_COLUMNS, POSITION_COLUMNS), strict=True):
-        printed = [column._replace(form=forms.get(column.form, column.form)) for column in columns]
+        shown = [column for column in columns if column.cell not in _PAGE_ONLY]
+        printed = [column._replace(form=forms.get(column.form, column.form)) for column in shown]
         print_columns(printed, done.tables[name].to_pylist(), console, name, words, breaks=breaks)

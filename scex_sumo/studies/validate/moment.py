@@ -30,7 +30,7 @@ from scex_sumo.results.tables.outcomes import collided
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.studies.moments.folder import MomentRef, StudyFolder
 from scex_sumo.studies.moments.run import MomentTask, StudySettings, built, net_of
-from scex_sumo.studies.validate.vehicles import gap_forecasts, position_forecasts
+from scex_sumo.studies.validate.vehicles import ENCOUNTERS, POSITIONS, gap_forecasts, position_forecasts
 
 ALL = "all"
 
@@ -48,7 +48,13 @@ class ValidationSettings(StudySettings):
 
     def to_json(self, recordings: Sequence[Recording]) -> dict[str, Any]:
         """Return the values that identify the validation of some recordings."""
-        return {**self.identity(recordings), "part": self.part, "population": sha256_of(SHIPPED)}
+        columns = [*POSITIONS.names, *ENCOUNTERS.names]  # moments of other tables cannot be joined
+        return {
+            **self.identity(recordings),
+            "part": self.part,
+            "population": sha256_of(SHIPPED),
+            "columns": columns,
+        }
 
     def moments(self, loaded: LoadedRecording) -> Sequence[Moment]:
         """Return the moments of the part of a recording, at least ``every`` seconds apart."""

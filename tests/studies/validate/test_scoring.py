@@ -8,11 +8,13 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from rich.console import Console
 
 from scex_sumo.base.errors import ResultError
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.metrics.events import MEASURED
 from scex_sumo.studies.moments.folder import Failure, MomentRef
+from scex_sumo.studies.validate.command import _print_scores
 from scex_sumo.studies.validate.moment import (
     CONSTANT_VELOCITY,
     RECORDED,
@@ -32,6 +34,7 @@ from scex_sumo.studies.validate.scoring import (
     value_scores,
     verdicts,
 )
+from scex_sumo.studies.validate.validate import Validation
 from scex_sumo.studies.validate.vehicles import ENCOUNTERS
 
 
@@ -139,6 +142,32 @@ def test_the_page_is_one_file_with_all_tables(tmp_path) -> None:  # type: ignore
         and "<p>2 seed scenes: too few</p>" in page
         and "://" not in page
     )
+
+
+def test_the_tables_fit_into_80_columns(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("scex_sumo.commands.console.output_console", lambda *, width: Console(width=80))
+    found = gathered(FOUND)
+    rows = {"events": event_scores(found), "positions": position_scores(found)}
+    info = {"models": ["likely"], **summary(found, rows["events"])}
+    tables = {name: pa.Table.from_pylist(part) for name, part in rows.items()}
+    _print_scores(Validation(folder=tmp_path, info=info, tables=tables))
+    lines = capsys.readouterr().out.splitlines()
+    tabled = lines[lines.index(next(line for line in lines if line.startswith("events"))) :]
+    assert max(map(len, tabled)) <= 80
+    assert any(line.startswith("after [s] ") for line in tabled)
+
+
+def test_moments_with_other_columns_are_of_another_validation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with ForecastFolder(tmp_path, settings(4).to_json([])) as folder:
+        folder.save(*FOUND[0])
+    fewer = ENCOUNTERS.remove(len(ENCOUNTERS) - 1)
+    monkeypatch.setattr("scex_sumo.studies.validate.moment.ENCOUNTERS", fewer)
+    with pytest.raises(ResultError, match="holds another validation; give another folder"):
+        ForecastFolder(tmp_path, settings(4).to_json([]))
 
 
 def test_few_seed_scenes_and_forecasts_worse_than_constant_velocity_are_told() -> None:
