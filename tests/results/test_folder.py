@@ -114,6 +114,13 @@ def test_a_part_that_a_power_loss_left_broken_is_run_again(tmp_path: Path, damag
     assert len(list(broken.parent.iterdir())) == 1
 
 
+def test_a_part_with_the_tested_vehicles_in_another_order_of_axes_is_run_again(tmp_path: Path) -> None:
+    ResultFolder(tmp_path / "out", {"seed": 1})
+    save_part(tmp_path / "out", dataclasses.replace(part_of([0, 1, 2]), tested=np.zeros((2, 3, 12))))
+    ResultFolder(tmp_path / "out", {"seed": 1})
+    assert not len(Parts(tmp_path / "out").futures)
+
+
 def test_another_runs_result_is_not_overwritten_unasked(tmp_path: Path) -> None:
     ResultFolder(tmp_path / "out", {"seed": 1}).finish({})
     with pytest.raises(ResultError, match="another run; give another folder"):
