@@ -123,7 +123,7 @@ def extra_named(given: str | Extra) -> Extra:
     """Return an extra by its name or import path and options, ``package.module:Class[:option=value]...``.
 
     Raises:
-        UsageError: there is no such extra, or it has no such option.
+        UsageError: there is no such extra, it has no such option, or its class raises.
     """
     if not isinstance(given, str):
         return given
@@ -141,7 +141,8 @@ def extra_named(given: str | Extra) -> Extra:
                 f"--extra {given}: {entry!r} is no option of it; it has {', '.join(known) or 'none'}"
             )
         values[key] = _value(known[key], getattr(kind, key, None), text, given)
-    return kind(**values)
+    made: Extra = own_call(f"extra {name}", kind, error=UsageError)(**values)
+    return made
 
 
 def _value(option: Option, default: Any, text: str, given: str) -> Any:

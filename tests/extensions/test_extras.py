@@ -28,6 +28,11 @@ class Speeding(scex.Extra):
         speed = work.states.speed[:, -1]
         return [scex.Row(name="fast vehicles", value=100 * float(np.mean(speed > self.fast)), unit="%")]
 '''
+BROKEN = """
+class Broken(scex.Extra):
+    def __init__(self):
+        raise ValueError("no camera")
+"""
 RUN = ("run", example_path("urban_intersection"), "--futures", 4, "--steps", 5, "--models", "rules")
 
 
@@ -51,7 +56,7 @@ def test_an_extra_of_another_package_has_an_option_and_a_row_everywhere(tmp_path
 
 
 def test_an_extra_by_its_import_path_needs_no_package(tmp_path: Path) -> None:
-    (tmp_path / "mine.py").write_text(CODE)
+    (tmp_path / "mine.py").write_text(f"{CODE}\n{BROKEN}")
     options = (*ALONE, "--no-report")
     done = scex(tmp_path, *command(tmp_path, "--extra", "mine:Speeding:fast=50", *options), cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -61,6 +66,7 @@ def test_an_extra_by_its_import_path_needs_no_package(tmp_path: Path) -> None:
         ("mine:Speeding:fast=x", "'x' is no number"),
         ("mine:np", "is no class derived from scex_sumo.Extra"),
         ("mine:Nothing", "has no Nothing"),
+        ("mine:Broken", "extra mine:Broken raised ValueError: no camera (mine.py, line "),
     ):
         done = scex(tmp_path, *command(tmp_path, "--extra", given), cwd=tmp_path)
         assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr, done.stderr
