@@ -185,6 +185,27 @@ def test_real_cases_have_values(data: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("stamps_ms", "step_s"),
+    [
+        ([0, 1000, 2000, 3000, 4000], 1.0),
+        ([0, 450, 1000, 1450, 2000, 2550], 0.51),
+        ([0, 33, 67, 100, 133, 167, 200], 1 / 30),
+        ([0, 100, 200, 900, 1000, 1100, 2100], 0.1),  # two gaps
+        ([0, 100, 300, 400, 600], 0.1),  # as many steps twice as long
+    ],
+)
+def test_the_step_of_tracks_from_parquet_is_their_usual_one(
+    stamps_ms: list[int], step_s: float, tmp_path: Path
+) -> None:
+    count = len(stamps_ms)
+    write_csv(tmp_path / "whole.csv", [row(1, f, 1.0 * f, 0.0, 10.0) for f in range(1, count + 1)])
+    table = csv.read_csv(tmp_path / "whole.csv").append_column("case_id", pa.array(["1"] * count))
+    at = table.column_names.index("timestamp_ms")
+    pq.write_table(table.set_column(at, "timestamp_ms", pa.array(stamps_ms)), tmp_path / "t.parquet")
+    assert read_source(tmp_path / "t.parquet")[0].step_s == pytest.approx(step_s)
+
+
+@pytest.mark.parametrize(
     ("column", "value", "message"),
     [
         ("width", 1e200, "column width has values beyond 10000; repair them"),

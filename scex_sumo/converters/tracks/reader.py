@@ -125,13 +125,15 @@ def _number(
 
 
 def _usual_step(rows: TrackRows) -> float:
-    within = np.diff(rows.segment) == 0
-    steps = np.diff(rows.timestamp_ms)[within]
+    # Of whole tracks, not of segments: tracks from Parquet may have samples further apart than a gap.
+    steps = np.diff(rows.timestamp_ms)[np.diff(rows.track) == 0]
     steps = steps[steps > 0]
     if not len(steps):
         return 0.1
+    # The lower median is itself a step, so that at least one is near it.
+    usual = np.quantile(steps, 0.5, method="lower")
     # 30 Hz in whole milliseconds is 33, 33, 34: the mean of the steps without the gaps
-    return float(np.mean(steps[np.abs(steps / np.median(steps) - 1.0) < 0.2])) / 1000.0
+    return float(np.mean(steps[np.abs(steps / usual - 1.0) < 0.2])) / 1000.0
 
 
 def _sort_key(label: str) -> tuple[bool, float, str]:
