@@ -207,7 +207,8 @@ def test_yaw_rate_and_acceleration_are_those_of_the_last_half_second() -> None:
 
 def walkers(*places: tuple[float, float], here: bool = True) -> Obstacles:
     states = steady(*((x, y, 0.0, 0.0) for x, y in places))
-    return people_of(states, length=0.5, width=0.5, present=np.full(states.shape, here))
+    kinds = ("pedestrian",) * len(places)
+    return people_of(states, *kinds, length=0.5, width=0.5, present=np.full(states.shape, here))
 
 
 def test_the_nearest_walker_in_the_corridor_ahead_is_a_feature_of_the_driver() -> None:
