@@ -17,6 +17,7 @@ from typing import Any, Final, Literal
 from scex_sumo.base.errors import UsageError, nearest
 from scex_sumo.base.importing import Registry, import_object
 from scex_sumo.metrics.events import EVENTS
+from scex_sumo.metrics.formulas.conflicts import needed_braking, time_margin
 from scex_sumo.metrics.formulas.crossing import gap_time, pet
 from scex_sumo.metrics.formulas.distance import distance, gap, least_gap
 from scex_sumo.metrics.formulas.following import drac, pttc, pttc_path, thw, ttc, ttc_path
@@ -99,18 +100,6 @@ def _no_formula(scenes: Scenes) -> Samples | Entries:
     raise UsageError("metrics: this metric is known from a result only; register its function to evaluate it")
 
 
-def _needed_braking(scenes: Scenes) -> Samples:
-    from scex_sumo.metrics.formulas.conflicts import needed_braking  # few runs need the module
-
-    return needed_braking(scenes)
-
-
-def _time_margin(scenes: Scenes) -> Samples:
-    from scex_sumo.metrics.formulas.conflicts import time_margin
-
-    return time_margin(scenes)
-
-
 def _of(name: str, unit: str, side: Any, formula: Any, label: str = "", **more: Any) -> Metric:
     return Metric(name=name, unit=unit, critical=side, evaluate=formula, label=label, **more)
 
@@ -135,8 +124,8 @@ _ON_PATHS = (
     _of("pet", "s", "min", pet, "PET", threshold=_PET),
 )
 _OF_CONFLICTS = (
-    _of("needed_braking", "m/s²", "max", _needed_braking, "needed braking", pairwise=True, threshold=_DRAC),
-    _of("time_margin", "s", "min", _time_margin, "time margin", pairwise=True, threshold=_PET),
+    _of("needed_braking", "m/s²", "max", needed_braking, "needed braking", pairwise=True, threshold=_DRAC),
+    _of("time_margin", "s", "min", time_margin, "time margin", pairwise=True, threshold=_PET),
 )
 METRICS: Final[Mapping[str, Metric]] = {
     each.name: each for each in (*_BY_HEADING, *_ON_PATHS, *_OF_CONFLICTS)

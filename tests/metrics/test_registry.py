@@ -165,6 +165,12 @@ def test_a_result_is_judged_and_drawn_where_the_metric_is_not_registered(
         evaluate(vehicles(1.0, 2.0), None, metrics=[run.metric("speed_gap")])
 
 
+@pytest.mark.parametrize("name", METRICS)
+def test_a_result_says_which_formula_a_metric_of_ours_has(name: str) -> None:
+    place, function = str(METRICS[name].description()["function"]).split(":")
+    assert place.startswith("scex_sumo.metrics.formulas.") and not function.startswith("_")
+
+
 def test_a_metric_of_one_result_is_none_of_another(tmp_path: Path) -> None:
     """Two results have a metric of one name; large values are critical in one, small ones in the other."""
     runs = []

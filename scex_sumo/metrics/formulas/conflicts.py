@@ -5,12 +5,15 @@ Undefined where a vehicle of the pair is absent in some step. The numbers are th
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.conflicts.braking import DrivenPaths, Shared, shared_stretches
-from scex_sumo.conflicts.pairs import EVERY, braking_at, time_margins, ways_of
 from scex_sumo.metrics.pairs.scenes import Samples, Scenes
+
+if TYPE_CHECKING:
+    from scex_sumo.conflicts.braking import DrivenPaths, Shared
 
 
 def needed_braking(scenes: Scenes) -> Samples:
@@ -19,6 +22,8 @@ def needed_braking(scenes: Scenes) -> Samples:
     The other one goes on: it brakes to rest, or accelerates for 1 s; two that face each other both brake.
     20 where none helps; undefined where none is needed. Every second step, from the first on.
     """
+    from scex_sumo.conflicts.pairs import EVERY, braking_at
+
     ways, own, other = scenes.once(_touching)
     first, steps = scenes.tracks.first, np.arange(scenes.tracks.first, scenes.tracks.states.shape[1], EVERY)
     value: FloatArray = np.zeros((len(own.own), scenes.tracks.steps))
@@ -31,6 +36,8 @@ def time_margin(scenes: Scenes) -> Samples:
 
     Headings there are 30° or more apart. It stands at the step in which the later one enters.
     """
+    from scex_sumo.conflicts.pairs import time_margins
+
     ways, own, _ = scenes.once(_touching)
     margins = time_margins(ways, own.own, own.other, now=scenes.tracks.first)
     value: FloatArray = np.full((len(own.own), scenes.tracks.steps), np.inf)
@@ -41,6 +48,9 @@ def time_margin(scenes: Scenes) -> Samples:
 
 def _touching(scenes: Scenes) -> tuple[DrivenPaths, Shared, Shared]:
     """Return the ways of all vehicles in all futures, and the stretches that two of a future share."""
+    from scex_sumo.conflicts.braking import shared_stretches
+    from scex_sumo.conflicts.pairs import ways_of
+
     tracks, plan = scenes.tracks, scenes.planned
     futures, _, vehicles = tracks.states.shape
     there: BoolArray = np.ones((futures, vehicles), np.bool_)
