@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 import scex_sumo
-from scex_sumo.base.errors import UsageError
-from scex_sumo.results.run import Run
+from scex_sumo.base.errors import ResultError, UsageError
+from scex_sumo.results.run import Run, open_run
 from scex_sumo.results.tables.encounters import QUESTIONS
 from tests.integration.test_cli import ALONE, ROUNDABOUT, refused, scex
 from tests.runs import extrapolate
@@ -50,6 +53,21 @@ def test_outcomes_of_each_pair_and_future_give_the_shares_of_the_encounters(run:
             assert share.value >= encounter.collision.value  # a collision counts as each event
     with pytest.raises(UsageError, match="unknown event"):
         encounter.probability("hit")
+
+
+def test_what_happens_to_a_vehicle_that_the_run_does_not_have_is_no_other_pairs(
+    run: Run, tmp_path: Path
+) -> None:
+    edited = open_run(shutil.copytree(run.folder, tmp_path / "out"))
+    known = edited.info["seed_scene"]["track_ids"]
+    unknown = next(track for track in range(min(known), max(known) + 2) if track not in known)
+    outcomes = edited.pair_outcomes
+    tracks = pa.array([unknown, *outcomes["track_b"].to_pylist()[1:]])
+    at = outcomes.column_names.index("track_b")
+    pq.write_table(outcomes.set_column(at, "track_b", tracks), edited.folder / "pair_outcomes.parquet")
+    first = edited.encounters.to_pylist()[0]
+    with pytest.raises(ResultError, match="a pair has a vehicle that run"):
+        open_run(edited.folder).encounter(first["track_id"], first["other_id"]).happens("critical")
 
 
 def test_encounters_are_listed_and_a_pair_is_told_in_full(run: Run) -> None:

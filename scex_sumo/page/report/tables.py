@@ -40,8 +40,8 @@ def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dic
         groups.setdefault((metric, vehicles, step, float(f"{value:.3g}")), []).append(row["future"])
 
     for row in run.worst.to_pylist():
-        metric, step = number[row["metric"]], row["timestamp_ms"] // 100 - LOGGED_HISTORY
-        if np.isfinite(row["value"]) or sides[metric] == "right":
+        metric, step = number.get(row["metric"]), row["timestamp_ms"] // 100 - LOGGED_HISTORY
+        if metric is not None and (np.isfinite(row["value"]) or sides[metric] == "right"):
             add(metric, row, step, row["value"])
     for row in run.collisions.to_pylist():
         add(_COLLISION, row, row["step"], row["relative_speed"])

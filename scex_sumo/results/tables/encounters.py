@@ -11,7 +11,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from scex_sumo.base.arrays import BoolArray, IntArray
-from scex_sumo.base.errors import UsageError
+from scex_sumo.base.errors import ResultError, UsageError
 from scex_sumo.metrics.collisions import KINDS
 from scex_sumo.metrics.encounters import Encounters
 from scex_sumo.metrics.events import EVENTS, MEASURED
@@ -284,21 +284,34 @@ class Encounter:
 
 
 def pair_events(run: Any, pairs: Sequence[tuple[int, int]]) -> IntArray:
-    """Return (P, C) what happens to pairs of track ids in the futures of a `Run`, in `BITS`."""
+    """Return (P, C) what happens to pairs of track ids in the futures of a `Run`, in `BITS`.
+
+    Raises:
+        ResultError: a table has a vehicle that the run does not have.
+    """
     events = np.zeros((len(pairs), run.futures), dtype=np.int64)
     if not pairs:
         return events
     ids = np.sort(run.info["seed_scene"]["track_ids"])
+
+    def places(tracks: Any) -> IntArray:
+        at: IntArray = np.searchsorted(ids, tracks)
+        if not np.array_equal(ids.take(at, mode="clip"), tracks):
+            raise ResultError(
+                f"{run.folder}: a pair has a vehicle that run.json has not; it was edited: run again"
+            )
+        return at
+
     number = np.full((len(ids), len(ids)), -1)
     for index, pair in enumerate(pairs):
-        one, other = np.searchsorted(ids, pair)
+        one, other = places(pair)
         number[[one, other], [other, one]] = index
     hits, met = first_contacts(run.collisions), run.pair_outcomes
     all_bits = np.full(hits.num_rows, sum(BITS.values()))
     bits = np.sum([BITS[name] * happens for name, happens in critical_outcomes(met).items()], axis=0)
     of_hits, of_met = (hits, ("track_id", "other_id"), all_bits), (met, ("track_a", "track_b"), bits)
     for rows, names, values in (of_hits, of_met):
-        at = number[tuple(np.searchsorted(ids, np.asarray(rows[name])) for name in names)]
+        at = number[tuple(places(np.asarray(rows[name])) for name in names)]
         events[at[at >= 0], np.asarray(rows["future"])[at >= 0]] |= values[at >= 0]
     return events
 

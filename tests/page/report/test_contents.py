@@ -10,6 +10,7 @@ from base64 import b64encode
 from pathlib import Path
 
 import numpy as np
+import pyarrow.parquet as pq
 
 from scex_sumo.converters.net.reading import SURFACE
 from scex_sumo.page.report.contents import report_contents
@@ -61,6 +62,15 @@ def test_equal_trajectories_are_stored_once(run: Run) -> None:
     rows = {(v, arrays["motion"][:, u].tobytes()) for u, v in enumerate(owner)}
     assert len(rows) == len(owner) < arrays["which"].size / 2
     assert (np.bincount(owner) == arrays["which"].max(axis=0) + 1).all()
+
+
+def test_a_metric_whose_column_somebody_took_out_has_no_events(run: Run, tmp_path: Path) -> None:
+    part = shutil.copytree(run.folder, tmp_path / "part")
+    pq.write_table(run.metrics.drop_columns(["distance"]), part / "metrics.parquet")
+    whole, less = (report_contents(one)[0] for one in (run, open_run(part)))
+    assert [metric["column"] for metric in less["metrics"]] == run.columns[1:]
+    distances = sum(row["metric"] == 0 for row in whole["events"]["rows"])
+    assert 0 < distances == len(whole["events"]["rows"]) - len(less["events"]["rows"])
 
 
 def test_values_models_and_worst_events_are_those_of_the_tables(run: Run) -> None:
