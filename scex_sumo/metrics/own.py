@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, Literal, TypeVar
+from typing import Literal, TypeVar
 
 from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import UsageError
@@ -57,9 +57,16 @@ def metric(
         raise UsageError(f"metric {name!r}: threshold {threshold} is not a finite number")
 
     def register(function: F) -> F:
-        how: dict[str, Any] = {"critical": critical, "inverse": inverse, "finite": finite}
-        how |= {"unit": unit, "threshold": threshold, "label": label or ""}
-        registered = Metric(name=name, evaluate=function, **how)
+        registered = Metric(
+            name=name,
+            critical=critical,
+            evaluate=function,
+            unit=unit,
+            inverse=inverse,
+            finite=finite,
+            threshold=threshold,
+            label=label or "",
+        )
         registry._registered[name] = registered
         function.__scex_metric__ = registered  # type: ignore[attr-defined]
         return function

@@ -113,7 +113,7 @@ def shapes_legend(kinds: Iterable[str], *, usual: bool = False) -> Html:
 
 
 def place_map(name: str, box: Box, road: Html, happenings: Sequence[Happening]) -> Html:
-    """Return a map with the places of conflicts, on a road as of `scex_sumo.page.report.scene.road_svg`."""
+    """Return a map with the places of conflicts, on a road as of `scex_sumo.page.picture.road_svg`."""
     size = (box[1] - box[0]) / _MARKS_M
     scale = f"scale({size:.2f} {-size:.2f})"
     marks = [one.mark("M0,0", f"translate({one.x:.1f} {one.y:.1f}) {scale}") for one in happenings]

@@ -74,10 +74,7 @@ def _words(
 ) -> dict[str, Any]:
     scene_info, human = run.info["seed_scene"], run.reference
     command = run.info.get("command") or []
-    notes = [
-        *scene_info.get("notes", ()),
-        *(n for k in ("net_notes", "run_notes") for n in run.info.get(k, ())),
-    ]
+    notes = [*scene_info.get("notes", ()), *run.info.get("net_notes", ()), *run.info.get("run_notes", ())]
     collided = np.concatenate([one.values(COLLISION) for one in (run, human) if one is not None])
     return {
         "name": scene_info["name"],
