@@ -41,7 +41,7 @@ class Registry:
     @property
     def paths(self) -> dict[str, str]:
         """Import path by name; no other package takes a name of ours."""
-        points = _entry_points(importlib.metadata.entry_points, tuple(sys.path)).select(group=self.group)
+        points = _of_group(importlib.metadata.entry_points, self.group, tuple(sys.path))
         named = sorted((p.name == self.last, p.name, not _of_package(p.value), p.value) for p in points)
         paths: dict[str, str] = {}
         for _, name, _, path in named:
@@ -62,6 +62,14 @@ class Registry:
         if path is None:
             raise UsageError(f"unknown {self.kind} {name!r}; known: {', '.join(paths)}")
         return import_object(path)
+
+
+@lru_cache(maxsize=64)
+def _of_group(
+    read: Callable[[], Any], group: str, path: tuple[str, ...]
+) -> tuple[importlib.metadata.EntryPoint, ...]:
+    """Return the entry points of a group on a path; a run asks a hundred times."""
+    return tuple(_entry_points(read, path).select(group=group))
 
 
 @lru_cache(maxsize=4)

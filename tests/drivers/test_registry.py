@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from scex_sumo.base.errors import UsageError
+from scex_sumo.base.importing import Registry
 from scex_sumo.behaviors.base import BatchBehavior
 from scex_sumo.behaviors.models.idm import IdmDriver
 from scex_sumo.behaviors.models.sumo import SumoDriver
@@ -176,6 +177,21 @@ def test_another_package_adds_a_model_by_an_entry_point(monkeypatch: pytest.Monk
     # Any callable may stand there; this one makes no model, which is noticed when it is built.
     with pytest.raises(UsageError, match="installed: ConstantVelocityProfile has neither plan nor plan_one"):
         build(spec)
+
+
+def test_entry_points_of_a_group_are_selected_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = list[str]()
+
+    class Points:
+        def select(self, *, group: str) -> list[importlib.metadata.EntryPoint]:
+            asked.append(group)
+            return []
+
+    points = Points()
+    monkeypatch.setattr(importlib.metadata, "entry_points", lambda: points)
+    kinds = [Registry(group=f"scex_sumo.{name}", kind=name) for name in ("behaviors", "worlds")]
+    assert [kind.paths for kind in kinds * 3] == [{}] * 6
+    assert asked == ["scex_sumo.behaviors", "scex_sumo.worlds"]
 
 
 @pytest.mark.usefixtures("registered_models")
