@@ -18,7 +18,8 @@ from scex_sumo.metrics.pairs.near import near_pairs
 from scex_sumo.metrics.pairs.scenes import Entries, Near, Samples, Scenes, TrackPairs
 from scex_sumo.metrics.registry import METRICS, Metric, columns_of, metrics_named
 
-BATCH_PAIR_STEPS = 1 << 20  # near pair-steps of a batch
+BATCH_PAIR_STEPS = 1 << 18  # pair-steps of a batch in which all pairs are near
+NEAR_PAIR_STEPS = 1 << 20  # near ones of a batch of others
 ALL_PAIR_STEPS = 1 << 21  # pair-steps of a batch
 SHARED_PAIR_STEPS = 1 << 22  # near ones of the futures whose equal tracks are evaluated once; 0: never
 MAX_DIFFERENT = 0.9  # share of different pairs above which the search for equal ones does not pay
@@ -91,7 +92,7 @@ def scene_batches(tracks: SceneTracks, planned: PlannedPaths | None) -> Iterator
         max(limit // max(tracks.steps * pairs, 1), 1)
         for limit, pairs in (
             (SHARED_PAIR_STEPS, some_pairs),
-            (BATCH_PAIR_STEPS, some_pairs),
+            (BATCH_PAIR_STEPS if near is None else NEAR_PAIR_STEPS, some_pairs),
             (ALL_PAIR_STEPS, every),
         )
     )
