@@ -71,24 +71,24 @@ def own_call(
     """
 
     def made_by(*arguments: Any, **options: Any) -> Any:
-        made = function(*arguments, **options)
-        return list(made) if needs is list else made
+        result = function(*arguments, **options)
+        return list(result) if needs is list else result
 
     @functools.wraps(function)
     def call(*arguments: Any, **options: Any) -> Any:
         try:
-            made = again = made_by(*arguments, **options)
+            result = again = made_by(*arguments, **options)
             if _twice.get():
                 again = made_by(*arguments, **options)
         except ScexError:
             raise
         except (Exception, SystemExit) as cause:
             raise error(f"{said} {own_error_reason(cause)}") from cause
-        if made is not again and not alike(made, again):
+        if result is not again and not alike(result, again):
             raise error(f"{said} returned something else when called again: draw nothing, keep nothing")
-        if not isinstance(made, needs):
-            raise error(f"{said} returned {type(made).__name__}, needs {needs.__name__}")
-        return made
+        if not isinstance(result, needs):
+            raise error(f"{said} returned {type(result).__name__}, needs {needs.__name__}")
+        return result
 
     return call
 

@@ -36,23 +36,23 @@ def cached_bytes(kind: str, made_of: bytes, make: Callable[[], bytes]) -> bytes:
         if content[:_DIGEST] == hashlib.sha256(content[_DIGEST:]).digest():  # whole
             os.utime(file)
             return content[_DIGEST:]
-    made = make()
+    content_made = make()
     with contextlib.suppress(OSError, ResultError):  # a full disk stops no run
         file.parent.mkdir(parents=True, exist_ok=True)
-        write_atomic(file, hashlib.sha256(made).digest() + made)
+        write_atomic(file, hashlib.sha256(content_made).digest() + content_made)
         for old in sorted(file.parent.iterdir(), key=lambda old: old.stat().st_mtime)[:-MAX_FILES]:
             old.unlink(missing_ok=True)
-    return made
+    return content_made
 
 
 def cached_object(kind: str, made_of: bytes, make: Callable[[], Made], parts: tuple[type, ...]) -> Made:
     """Return the cached result of ``make``: dataclasses ``parts`` of arrays, texts and numbers."""
     packed = cached_bytes(kind, made_of, lambda: pack(make(), parts))
     try:
-        made: Made = unpack(packed, parts)
+        unpacked: Made = unpack(packed, parts)
     except UNPACKABLE:
         return make()
-    return made
+    return unpacked
 
 
 UNPACKABLE = (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError)

@@ -34,26 +34,26 @@ _BLOCK = 8  # nodes that are looked at together first
 
 
 def needed_braking(
-    ways: DrivenPaths, shared: Shared, acceleration: FloatArray, steps: IntArray
+    paths: DrivenPaths, shared: Shared, acceleration: FloatArray, steps: IntArray
 ) -> FloatArray:
     """Return (n, S) needed braking of the own vehicles at steps (S,) of T, m/s²; 0 where none is needed.
 
     ``acceleration``: (R, T) of all vehicles, m/s².
     """
     needed = np.zeros((len(shared.own), len(steps)))
-    row, at = np.nonzero(_in_reach(ways, shared, acceleration, steps))
-    needed[row, at] = _needed(ways, shared, acceleration, row, steps[at])
+    row, at = np.nonzero(_in_reach(paths, shared, acceleration, steps))
+    needed[row, at] = _needed(paths, shared, acceleration, row, steps[at])
     return needed
 
 
 def _needed(
-    ways: DrivenPaths, shared: Shared, acceleration: FloatArray, row: IntArray, step: IntArray
+    paths: DrivenPaths, shared: Shared, acceleration: FloatArray, row: IntArray, step: IntArray
 ) -> FloatArray:
     """Return the needed braking (m,) of the own vehicles of rows (m,) at steps (m,)."""
     own, other = (shared.own[row], step), (shared.other[row], step)
-    speed = ways.states.speed[own][:, None]
-    gone = ways.arc[other][:, None] + distance(ways.states.speed[other], acceleration[other])
-    enter, leave = (values - ways.arc[own][:, None] for values in _blocked(ways, shared, row, gone))
+    speed = paths.states.speed[own][:, None]
+    gone = paths.arc[other][:, None] + distance(paths.states.speed[other], acceleration[other])
+    enter, leave = (values - paths.arc[own][:, None] for values in _blocked(paths, shared, row, gone))
     unbraked = speed * _TIMES_S
     contact = (unbraked >= enter) & (unbraked <= leave)  # False where nothing is blocked
     since = np.logical_or.accumulate(contact, axis=-1)
@@ -68,30 +68,30 @@ def _needed(
     return np.asarray(np.where(led & since[..., -1], MOST_MPS2, needed))
 
 
-def _in_reach(ways: DrivenPaths, shared: Shared, acceleration: FloatArray, steps: IntArray) -> BoolArray:
+def _in_reach(paths: DrivenPaths, shared: Shared, acceleration: FloatArray, steps: IntArray) -> BoolArray:
     """Return whether (n, S) both may reach the shared stretch in time; one that reverses may always."""
     own, other = (shared.own[:, None], steps), (shared.other[:, None], steps)
-    reverses = np.minimum(ways.states.speed[own], ways.states.speed[other]) < 0
+    reverses = np.minimum(paths.states.speed[own], paths.states.speed[other]) < 0
     known = ~np.isnan(shared.enter)
     first, last = np.argmax(known, axis=1), NODES - 1 - np.argmax(known[:, ::-1], axis=1)
-    spacing = ways.spacing[shared.other][:, None]
-    after = ways.arc[other] + distance(ways.states.speed[other], acceleration[other], _TIMES_S[-1:])[..., 0]
+    spacing = paths.spacing[shared.other][:, None]
+    after = paths.arc[other] + distance(paths.states.speed[other], acceleration[other], _TIMES_S[-1:])[..., 0]
     begin, end = (first[:, None] - 1) * spacing - _SLACK_M, (last[:, None] + 1) * spacing + _SLACK_M
-    meets = (after >= begin) & (ways.arc[other] <= end)
+    meets = (after >= begin) & (paths.arc[other] <= end)
     enter = np.fmin.reduce(shared.enter, axis=1)[:, None] - _SLACK_M
     leave = np.fmax.reduce(shared.leave, axis=1)[:, None] + _SLACK_M
-    reached = ways.arc[own] + ways.states.speed[own] * HORIZON_S
-    return np.asarray(reverses | (meets & (reached >= enter) & (ways.arc[own] <= leave)))
+    reached = paths.arc[own] + paths.states.speed[own] * HORIZON_S
+    return np.asarray(reverses | (meets & (reached >= enter) & (paths.arc[own] <= leave)))
 
 
-def both_braking(ways: DrivenPaths, shared: Shared, steps: IntArray) -> FloatArray:
+def both_braking(paths: DrivenPaths, shared: Shared, steps: IntArray) -> FloatArray:
     """Return (n, S) deceleration of both vehicles with which two that face each other stop in time, m/s².
 
     0 where the other one is not on the way ahead, `MOST_MPS2` where they touch already.
     """
     own, other = (shared.own[:, None], steps), (shared.other[:, None], steps)
-    enter = _blocked(ways, shared, np.arange(len(shared.own)), ways.arc[other])[0] - ways.arc[own]
-    speed = ways.states.speed
+    enter = _blocked(paths, shared, np.arange(len(shared.own)), paths.arc[other])[0] - paths.arc[own]
+    speed = paths.states.speed
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = (speed[own] ** 2 + speed[other] ** 2) / (2 * enter)
     needed = np.where(enter > 0, np.minimum(needed, MOST_MPS2), MOST_MPS2)
@@ -119,10 +119,10 @@ def distance(speed: FloatArray, acceleration: FloatArray, times_s: FloatArray = 
 
 
 def _blocked(
-    ways: DrivenPaths, shared: Shared, row: IntArray, arc: FloatArray
+    paths: DrivenPaths, shared: Shared, row: IntArray, arc: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the stretches (m, K) of rows (m,) that are blocked while the others are at an arc length, m."""
-    node = np.clip(arc / ways.spacing[shared.other[row]][:, None], 0, NODES - 1)
+    node = np.clip(arc / paths.spacing[shared.other[row]][:, None], 0, NODES - 1)
     below = np.minimum(node.astype(np.int64), NODES - 2)
     share, flat = node - below, NODES * row[:, None] + below
     ends = []
@@ -210,48 +210,48 @@ class Shared(Rows):
     enter: FloatArray
     leave: FloatArray  # that of the last contact, m
 
-    def least_angle(self, ways: DrivenPaths) -> FloatArray:
+    def least_angle(self, paths: DrivenPaths) -> FloatArray:
         """Return the least angle (n,) of both headings where the ways touch, rad."""
-        node = np.nan_to_num(np.rint(self.enter / ways.spacing[self.own][:, None])).astype(np.int64)
-        own = ways.heading[self.own[:, None], np.clip(node, 0, NODES - 1)]
-        angle = np.abs(wrap(own - ways.heading[self.other]))
+        node = np.nan_to_num(np.rint(self.enter / paths.spacing[self.own][:, None])).astype(np.int64)
+        own = paths.heading[self.own[:, None], np.clip(node, 0, NODES - 1)]
+        angle = np.abs(wrap(own - paths.heading[self.other]))
         return np.asarray(np.where(np.isnan(self.enter), np.inf, angle).min(axis=1, initial=np.inf))
 
 
-def shared_stretches(ways: DrivenPaths, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
+def shared_stretches(paths: DrivenPaths, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
     """Return the shared stretches of pairs of ways (rows, (P,) each): of the first and the second ones.
 
     Pairs that share nothing are left out.
     """
-    low, high = ways.box[:2], ways.box[2:]
+    low, high = paths.box[:2], paths.box[2:]
     meet = ((low[:, one] <= high[:, two]) & (low[:, two] <= high[:, one])).all(axis=0)
     one, two = one[meet], two[meet]
     parts: tuple[list[Shared], list[Shared]] = ([], [])
     for start in range(0, max(len(one), 1), _AT_ONCE):
         part = slice(start, start + _AT_ONCE)
-        for found, some in zip(_of_some(ways, one[part], two[part]), parts, strict=True):
-            some.append(found)
+        for shared, some in zip(_of_some(paths, one[part], two[part]), parts, strict=True):
+            some.append(shared)
     return Shared.join(parts[0]), Shared.join(parts[1])
 
 
-def _of_some(ways: DrivenPaths, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
-    pair, at, other = _near_nodes(ways, one, two)
-    gaps = separation(ways.outlines(one[pair], at), ways.outlines(two[pair], other))
+def _of_some(paths: DrivenPaths, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
+    pair, at, other = _near_nodes(paths, one, two)
+    gaps = separation(paths.outlines(one[pair], at), paths.outlines(two[pair], other))
     touch = np.unique(pair[gaps <= 0])
     kept = np.isin(pair, touch)
     hit = np.zeros((len(touch), NODES, NODES), dtype=np.bool_)
     hit[np.searchsorted(touch, pair[kept]), at[kept], other[kept]] = gaps[kept] <= 0
     one, two = one[touch], two[touch]
-    return _stretches(ways, one, two, hit.swapaxes(1, 2)), _stretches(ways, two, one, hit)
+    return _stretches(paths, one, two, hit.swapaxes(1, 2)), _stretches(paths, two, one, hit)
 
 
-def _near_nodes(ways: DrivenPaths, one: IntArray, two: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+def _near_nodes(paths: DrivenPaths, one: IntArray, two: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     """Return pair and both nodes where outlines may touch, and the nodes next to these."""
-    half = np.hypot(ways.length, ways.width) / 2
-    reach = half[one] + half[two] + np.maximum(ways.spacing[one], ways.spacing[two])
+    half = np.hypot(paths.length, paths.width) / 2
+    reach = half[one] + half[two] + np.maximum(paths.spacing[one], paths.spacing[two])
     coarse = _BLOCK // 2 + _BLOCK * np.arange(NODES // _BLOCK)
-    wide = reach + (ways.spacing[one] + ways.spacing[two]) * _BLOCK / 2
-    x, y = ways.x, ways.y
+    wide = reach + (paths.spacing[one] + paths.spacing[two]) * _BLOCK / 2
+    x, y = paths.x, paths.y
     dx = x[one][:, coarse, None] - x[two][:, None, coarse]
     dy = y[one][:, coarse, None] - y[two][:, None, coarse]
     pair, i, j = np.nonzero(dx * dx + dy * dy < (wide * wide)[:, None, None])
@@ -263,7 +263,7 @@ def _near_nodes(ways: DrivenPaths, one: IntArray, two: IntArray) -> tuple[IntArr
     return pair[row], first[row, a], second[row, b]
 
 
-def _stretches(ways: DrivenPaths, own: IntArray, other: IntArray, hit: BoolArray) -> Shared:
+def _stretches(paths: DrivenPaths, own: IntArray, other: IntArray, hit: BoolArray) -> Shared:
     """Return where ways are blocked, by whether outlines touch (n, other's node, own node)."""
     pair, node = np.nonzero(hit.any(axis=2))
     inside = hit[pair, node]
@@ -273,12 +273,12 @@ def _stretches(ways: DrivenPaths, own: IntArray, other: IntArray, hit: BoolArray
         """Return arc lengths (n, N) between a node with contact and the next one, where contact ends."""
         beyond = np.clip(touching + step, 0, NODES - 1)
         share = shares_of_contact(
-            ways.outlines(own[pair], touching),
-            ways.outlines(own[pair], beyond),
-            ways.outlines(other[pair], node),
+            paths.outlines(own[pair], touching),
+            paths.outlines(own[pair], beyond),
+            paths.outlines(other[pair], node),
         )
         arc = np.full((len(own), NODES), np.nan)
-        arc[pair, node] = ways.spacing[own[pair]] * (
+        arc[pair, node] = paths.spacing[own[pair]] * (
             touching + step * np.where(beyond == touching, 0.0, share)
         )
         return arc

@@ -96,7 +96,7 @@ def find_conflicts(
         Rows by future and pair: of pairs within `NEAR_M` at the moment, and where their ways touch.
     """
     futures, _, vehicles = states.shape
-    ways = ways_of(states, np.tile(length, futures), np.tile(width, futures), planned)
+    paths = ways_of(states, np.tile(length, futures), np.tile(width, futures), planned)
     one, two = np.triu_indices(vehicles, 1)
     if people is not None:
         both = people[one] & people[two]
@@ -105,7 +105,7 @@ def find_conflicts(
         has_it = (one == vehicle) | (two == vehicle)
         one, two = one[has_it], two[has_it]
     first = vehicles * np.arange(futures)
-    own, other = shared_stretches(ways, (first + one[:, None]).ravel(), (first + two[:, None]).ravel())
+    own, other = shared_stretches(paths, (first + one[:, None]).ravel(), (first + two[:, None]).ravel())
     apart = np.hypot(*(v[0, now, one] - v[0, now, two] for v in (states.x, states.y)))
     number = np.full((vehicles, vehicles), -1)
     number[one, two] = np.arange(len(one))
@@ -115,7 +115,7 @@ def find_conflicts(
     kept = np.flatnonzero(rows)
     future, pair = np.divmod(kept, max(len(one), 1))
     place = np.searchsorted(kept, touch)
-    return _filled(ways, (own, other), place, (future, one[pair], two[pair]), vehicles, now)
+    return _filled(paths, (own, other), place, (future, one[pair], two[pair]), vehicles, now)
 
 
 def ways_of(states: States, length: FloatArray, width: FloatArray, planned: FloatArray | None) -> DrivenPaths:
@@ -127,7 +127,7 @@ def ways_of(states: States, length: FloatArray, width: FloatArray, planned: Floa
 
 
 def _filled(
-    ways: DrivenPaths,
+    paths: DrivenPaths,
     shared: tuple[Shared, Shared],
     place: IntArray,
     rows: tuple[IntArray, IntArray, IntArray],
@@ -136,9 +136,9 @@ def _filled(
 ) -> Conflicts:
     """Return the conflicts of rows: future and both vehicles; ``place`` (n,) is the row of each stretch."""
     future, one, two = rows
-    braking, braking_step, brakes_one = needed_by_pairs(ways, *shared, now=now)
-    margins = time_margins(ways, shared[0].own, shared[0].other, now=now)
-    gap, gap_step = _gaps(ways, future * vehicles + one, future * vehicles + two, now)
+    braking, braking_step, brakes_one = needed_by_pairs(paths, *shared, now=now)
+    margins = time_margins(paths, shared[0].own, shared[0].other, now=now)
+    gap, gap_step = _gaps(paths, future * vehicles + one, future * vehicles + two, now)
 
     def spread(values: FloatArray | IntArray | BoolArray, empty: float) -> np.ndarray[tuple[int], np.dtype]:
         whole = np.full(len(future), empty, dtype=values.dtype)
@@ -157,19 +157,19 @@ def _filled(
         later_one=spread(margins.own_is_later, False),
         gap=gap,
         gap_step=gap_step,
-        meets_rad=spread(shared[0].least_angle(ways), np.inf),
+        meets_rad=spread(shared[0].least_angle(paths), np.inf),
     )
 
 
 def needed_by_pairs(
-    ways: DrivenPaths, own: Shared, other: Shared, *, now: int
+    paths: DrivenPaths, own: Shared, other: Shared, *, now: int
 ) -> tuple[FloatArray, IntArray, BoolArray]:
     """Return (n,) needed braking that lasts, m/s², the steps until then, whether it is the first one's.
 
     That of the moment itself counts if it has been needed for `BEFORE`.
     """
-    steps = np.arange(now - BEFORE * EVERY, ways.states.shape[1], EVERY)
-    least, of_first = braking_at(ways, own, other, steps)
+    steps = np.arange(now - BEFORE * EVERY, paths.states.shape[1], EVERY)
+    least, of_first = braking_at(paths, own, other, steps)
     since = least[:, : BEFORE + 1].min(axis=1)
     window = min(LASTS + 1, least.shape[1] - BEFORE)
     lasting = sliding_window_view(least[:, BEFORE:], window, axis=1).min(axis=-1)
@@ -181,14 +181,14 @@ def needed_by_pairs(
 
 
 def braking_at(
-    ways: DrivenPaths, own: Shared, other: Shared, steps: IntArray
+    paths: DrivenPaths, own: Shared, other: Shared, steps: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return (n, k) needed braking of pairs at steps (k,), and that of the first vehicle alone, m/s²."""
-    acceleration = recent_acceleration(ways.states.speed)
-    each = [needed_braking(ways, side, acceleration, steps) for side in (own, other)]
+    acceleration = recent_acceleration(paths.states.speed)
+    each = [needed_braking(paths, side, acceleration, steps) for side in (own, other)]
     least = least_braking(*each)
-    facing = np.minimum(own.least_angle(ways), other.least_angle(ways)) >= FACES_RAD
-    both = np.maximum(both_braking(ways, own, steps), both_braking(ways, other, steps))
+    facing = np.minimum(own.least_angle(paths), other.least_angle(paths)) >= FACES_RAD
+    both = np.maximum(both_braking(paths, own, steps), both_braking(paths, other, steps))
     return np.where(facing[:, None] & (least > 0), both, least), each[0]
 
 
@@ -204,12 +204,12 @@ def least_braking(one: FloatArray, two: FloatArray) -> FloatArray:
     return np.asarray(np.where(np.isfinite(least), least, np.where(hopeless, MOST_MPS2, 0.0)))
 
 
-def _gaps(ways: DrivenPaths, one: IntArray, two: IntArray, now: int) -> tuple[FloatArray, IntArray]:
+def _gaps(paths: DrivenPaths, one: IntArray, two: IntArray, now: int) -> tuple[FloatArray, IntArray]:
     """Return (n,) distance of the outlines when the centres are nearest, m, and the steps until then."""
-    states = ways.states[:, now:]
+    states = paths.states[:, now:]
     apart = np.hypot(states.x[one] - states.x[two], states.y[one] - states.y[two])
     step = np.argmin(apart, axis=1)
-    boxes = [Rectangles.of(states[side, step], ways.length[side], ways.width[side]) for side in (one, two)]
+    boxes = [Rectangles.of(states[side, step], paths.length[side], paths.width[side]) for side in (one, two)]
     return rectangle_distance(*boxes), step
 
 
@@ -222,22 +222,22 @@ class Margins(Rows):
     own_is_later: BoolArray  # (n,) whether that is the first vehicle
 
 
-def time_margins(ways: DrivenPaths, own: IntArray, other: IntArray, *, now: int) -> Margins:
+def time_margins(paths: DrivenPaths, own: IntArray, other: IntArray, *, now: int) -> Margins:
     """Return the least time margins of pairs of vehicles, by their rows (n,) of driven ways.
 
     The later vehicle has to enter from step ``now`` on; the earlier one may have left before.
     """
     parts = [
-        _of_some(ways, own[start : start + _AT_ONCE], other[start : start + _AT_ONCE], now)
+        _of_some(paths, own[start : start + _AT_ONCE], other[start : start + _AT_ONCE], now)
         for start in range(0, max(len(own), 1), _AT_ONCE)
     ]
     return Margins.join(parts)
 
 
-def _of_some(ways: DrivenPaths, own: IntArray, other: IntArray, now: int) -> Margins:
-    states, steps = ways.states, ways.states.shape[1]
+def _of_some(paths: DrivenPaths, own: IntArray, other: IntArray, now: int) -> Margins:
+    states, steps = paths.states, paths.states.shape[1]
     one, two = states[own][:, :, None], states[other][:, None]
-    reach = (np.hypot(ways.length, ways.width) / 2)[own] + (np.hypot(ways.length, ways.width) / 2)[other]
+    reach = (np.hypot(paths.length, paths.width) / 2)[own] + (np.hypot(paths.length, paths.width) / 2)[other]
     dx, dy = one.x - two.x, one.y - two.y
     near = dx * dx + dy * dy < (reach * reach)[:, None, None]
     step = np.arange(steps)
@@ -247,31 +247,31 @@ def _of_some(ways: DrivenPaths, own: IntArray, other: IntArray, now: int) -> Mar
         CROSSES_RAD
     )
     row, first, second = row[crosses], first[crosses], second[crosses]
-    touch = separation(_box(ways, own[row], first), _box(ways, other[row], second)) <= 0
+    touch = separation(_box(paths, own[row], first), _box(paths, other[row], second)) <= 0
     row, first, second = row[touch], first[touch], second[touch]
     margin = np.full(len(own), np.inf)
     order = np.lexsort((np.maximum(first, second), np.abs(first - second), row))
     rows, begins = np.unique(row[order], return_index=True)
     a, b = first[order][begins], second[order][begins]
-    margin[rows] = STEP_S * np.maximum(np.abs(a - b) - _between(ways, own[rows], other[rows], a, b), 0.0)
-    later, is_own = np.zeros(len(own), dtype=np.int64), np.zeros(len(own), dtype=np.bool_)
-    later[rows], is_own[rows] = np.maximum(a, b), a > b
-    return Margins(margin=margin, step=later, own_is_later=is_own)
+    margin[rows] = STEP_S * np.maximum(np.abs(a - b) - _between(paths, own[rows], other[rows], a, b), 0.0)
+    later_step, is_own = np.zeros(len(own), dtype=np.int64), np.zeros(len(own), dtype=np.bool_)
+    later_step[rows], is_own[rows] = np.maximum(a, b), a > b
+    return Margins(margin=margin, step=later_step, own_is_later=is_own)
 
 
 def _between(
-    ways: DrivenPaths, own: IntArray, other: IntArray, first: IntArray, second: IntArray
+    paths: DrivenPaths, own: IntArray, other: IntArray, first: IntArray, second: IntArray
 ) -> FloatArray:
     """Return the steps (n,), with a fraction, by which margins of whole steps are too large.
 
     The earlier vehicle leaves after its step, the later one has entered before its step.
     """
-    towards, last = np.sign(second - first), ways.states.shape[1] - 1
-    one, two = _box(ways, own, first), _box(ways, other, second)
-    leaves = shares_of_contact(one, _box(ways, own, np.clip(first + towards, 0, last)), two)
-    enters = shares_of_contact(two, _box(ways, other, np.clip(second - towards, 0, last)), one)
+    towards, last = np.sign(second - first), paths.states.shape[1] - 1
+    one, two = _box(paths, own, first), _box(paths, other, second)
+    leaves = shares_of_contact(one, _box(paths, own, np.clip(first + towards, 0, last)), two)
+    enters = shares_of_contact(two, _box(paths, other, np.clip(second - towards, 0, last)), one)
     return np.where(towards == 0, 0.0, leaves + enters)
 
 
-def _box(ways: DrivenPaths, row: IntArray, step: IntArray) -> Rectangles:
-    return Rectangles.of(ways.states[row, step], ways.length[row], ways.width[row])
+def _box(paths: DrivenPaths, row: IntArray, step: IntArray) -> Rectangles:
+    return Rectangles.of(paths.states[row, step], paths.length[row], paths.width[row])

@@ -238,10 +238,10 @@ def _read_by(kind: type[Any], entry: Any) -> Any:
 
 def _checked(kind: type[Any], name: str, entry: Any, *, ours: bool) -> Any:
     """Return a format, or a declaration of one; errors of another package's functions are one line."""
-    said, made = f"{kind.registry.kind} {name}", Declaration if isinstance(entry, Declaration) else kind
+    said, declared = f"{kind.registry.kind} {name}", Declaration if isinstance(entry, Declaration) else kind
     needs = {(MapFormat, "read"): Road, (Dataset, "read"): tuple, (Dataset, "recordings"): list}
     own: dict[str, Any] = {}
-    for part in fields(made):
+    for part in fields(declared):
         if part.default is MISSING and not hasattr(entry, part.name):
             raise UsageError(f"{said}: {entry!r} has no function {part.name}")
         if hasattr(entry, part.name):
@@ -251,4 +251,4 @@ def _checked(kind: type[Any], name: str, entry: Any, *, ours: bool) -> Any:
 
                 need = needs.get((kind, part.name), object)
                 own[part.name] = own_call(f"{said}: {part.name}", value, need)
-    return made(**own)
+    return declared(**own)

@@ -52,8 +52,8 @@ def pair_table(
     alike = np.bincount(pair, contact >= _ALIKE * contact[decides][pair], minlength=len(keys))
     collide = np.bincount(pair, conflicts.gap <= 0, minlength=len(keys)) / futures
     ranked = np.argsort(-probability, kind="stable")
-    told = _Told(whole, conflicts.take(decides[ranked]), rule, states_of)
-    rows = [told.row(k, float(p)) for k, p in enumerate(probability[ranked])]
+    sentences = _Told(whole, conflicts.take(decides[ranked]), rule, states_of)
+    rows = [sentences.row(k, float(p)) for k, p in enumerate(probability[ranked])]
     placed = [row for row in rows if "x" in row]
     if placed:
         assert whole.road is not None
@@ -139,13 +139,13 @@ class _Told:
         """Return what decides in a row, whether the first vehicle responds, and the step."""
         conflicts = self._conflicts
         braking, margin, gap = self._parts[:, at].tolist()
-        brakes, later = bool(conflicts.brakes_one[at]), bool(conflicts.later_one[at])
+        brakes, later_one = bool(conflicts.brakes_one[at]), bool(conflicts.later_one[at])
         if conflicts.gap[at] <= 0:
-            return "contact", brakes if conflicts.braking[at] > 0 else later, int(conflicts.gap_step[at])
+            return "contact", brakes if conflicts.braking[at] > 0 else later_one, int(conflicts.gap_step[at])
         if braking >= max(margin, gap):
             return "braking", brakes, int(conflicts.braking_step[at])
         if margin >= gap:
-            return "margin", later, int(conflicts.margin_step[at])
+            return "margin", later_one, int(conflicts.margin_step[at])
         return "gap", True, int(conflicts.gap_step[at])
 
 

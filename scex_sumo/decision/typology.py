@@ -56,7 +56,7 @@ def kinds_of(scene: SeedScene, rows: Sequence[Mapping[str, Any]], part: Part) ->
         rows: as of `decision.pairs.PAIRS`.
         part: the human-like futures; with plans, ways go on as planned, else straight on.
     """
-    whole, ways = everybody(scene), dict[int, DrivenPaths]()
+    whole, paths_by_vehicle = everybody(scene), dict[int, DrivenPaths]()
     place = {int(track): v for v, track in enumerate(whole.track_ids)}
     kinds: list[str | None] = []
     for row in rows:
@@ -64,9 +64,11 @@ def kinds_of(scene: SeedScene, rows: Sequence[Mapping[str, Any]], part: Part) ->
             kinds.append(None)
             continue
         future = int(row["future"])
-        if future not in ways:
-            ways[future] = _ways_of(scene, part, int(np.searchsorted(part.futures, future)))
-        kinds.append(conflict_of(whole, place[row["track_id"]], place[row["other_id"]], ways[future]))
+        if future not in paths_by_vehicle:
+            paths_by_vehicle[future] = _ways_of(scene, part, int(np.searchsorted(part.futures, future)))
+        kinds.append(
+            conflict_of(whole, place[row["track_id"]], place[row["other_id"]], paths_by_vehicle[future])
+        )
     return kinds
 
 
@@ -78,26 +80,26 @@ def _ways_of(scene: SeedScene, part: Part, row: int) -> DrivenPaths:
     return DrivenPaths.of(states, whole.length, whole.width, planned)
 
 
-def conflict_of(scene: SeedScene, one: int, other: int, ways: DrivenPaths) -> str:
+def conflict_of(scene: SeedScene, one: int, other: int, paths_by_vehicle: DrivenPaths) -> str:
     """Return the kind of the conflict of two road users by index, one of `CONFLICTS`; their order is free.
 
     Args:
         scene: with its road, and people as its last vehicles.
-        ways: (V,) of all in one future, driven from a second before the moment on.
+        paths_by_vehicle: (V,) of all in one future, driven from a second before the moment on.
     """
     both = one, other
-    ahead = [_ahead(scene, ways, v) for v in both]
+    ahead = [_ahead(scene, paths_by_vehicle, v) for v in both]
     place = _meeting_samples(*ahead)
     turn = abs(wrap(ahead[0].heading[place[0]] - ahead[1].heading[place[1]]))
-    return _person_kind(scene, both, turn) or _kind(scene, ways, both, ahead, place)
+    return _person_kind(scene, both, turn) or _kind(scene, paths_by_vehicle, both, ahead, place)
 
 
-def _ahead(scene: SeedScene, ways: DrivenPaths, v: int) -> States:
+def _ahead(scene: SeedScene, paths_by_vehicle: DrivenPaths, v: int) -> States:
     """Return the path of a road user from now on, `_SPACING_M` apart."""
-    now = ways.arc[v, HISTORY_STEPS]
-    reach = max(ways.arc[v, -1] - now, 8.0 * scene.now.speed[v], _BEYOND_M) + _BEYOND_M
+    now = paths_by_vehicle.arc[v, HISTORY_STEPS]
+    reach = max(paths_by_vehicle.arc[v, -1] - now, 8.0 * scene.now.speed[v], _BEYOND_M) + _BEYOND_M
     s = now + np.arange(0.0, reach, _SPACING_M)
-    x, y, _, _, heading, _ = ways.at(np.full(len(s), v), s)
+    x, y, _, _, heading, _ = paths_by_vehicle.at(np.full(len(s), v), s)
     return States(x=x, y=y, heading=heading, speed=np.zeros_like(s))
 
 
@@ -170,9 +172,9 @@ def _leads(scene: SeedScene, lead: int, path: States) -> bool:
 
 
 def _lead_kind(scene: SeedScene, driven: DrivenPaths, lead: int, follower: int) -> str:
-    speed, later = scene.now.speed, min(HISTORY_STEPS + _SECOND, driven.states.shape[1] - 1)
+    speed, second = scene.now.speed, min(HISTORY_STEPS + _SECOND, driven.states.shape[1] - 1)
     slows = min(
-        speed[lead] - scene.history.speed[lead, -1 - _SECOND], driven.states.speed[lead, later] - speed[lead]
+        speed[lead] - scene.history.speed[lead, -1 - _SECOND], driven.states.speed[lead, second] - speed[lead]
     )
     if speed[lead] < _STANDS_MPS:
         return LEAD_STOPPED

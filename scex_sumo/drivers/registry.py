@@ -273,17 +273,17 @@ def build(spec: ModelSpec, *, fallback: bool = False) -> BatchBehavior:
         from scex_sumo.base.blame import own_call
 
         make = own_call(f"{spec.name}: making it", make, error=UsageError)
-    made = make()
-    model: BatchBehavior = made
-    if not isinstance(made, BatchBehavior):
-        if not isinstance(made, SingleVehicleBehavior):
+    driver = make()
+    model: BatchBehavior = driver
+    if not isinstance(driver, BatchBehavior):
+        if not isinstance(driver, SingleVehicleBehavior):
             raise UsageError(
-                f"{spec.name}: {type(made).__name__} has neither plan nor plan_one; needs a class with one "
+                f"{spec.name}: {type(driver).__name__} has neither plan nor plan_one; needs a class with one "
                 "of them, or a function of history"
             )
         from scex_sumo.plug_in.user_model import SingleVehicle
 
-        model = SingleVehicle(made)
+        model = SingleVehicle(driver)
     if fallback and (entry.may_fail or entry.is_own):
         from scex_sumo.plug_in.fallback import Fallible
 

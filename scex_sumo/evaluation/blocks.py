@@ -110,10 +110,10 @@ def _windows(timed: _Timed, start: int, end: int, history: int) -> Iterator[Bloc
     seen = np.unique(step)
     begin = history
     while True:
-        later = seen[np.searchsorted(seen, begin) :]
-        if later.size == 0:
+        seen_after = seen[np.searchsorted(seen, begin) :]
+        if seen_after.size == 0:
             return
-        begin = int(later[0])
+        begin = int(seen_after[0])
         until = begin + WINDOW_STEPS
         here = np.unique(track[(step >= begin) & (step < until)])
         oldest = max(begin - back, 0)

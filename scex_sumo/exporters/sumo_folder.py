@@ -73,7 +73,9 @@ def _write_future(request: Request, future: int, folder: Path) -> Path:
     )
     edges = [tuple(request.run.net.lanes.edges(route)) for route in routes]
     on_foot = [road_user(kind) == "pedestrian" for kind in scene.types]
-    kept = [v for v, way in enumerate(edges) if way and np.isfinite(scene.now.x[v]) and not on_foot[v]]
+    kept = [
+        v for v, edge_list in enumerate(edges) if edge_list and np.isfinite(scene.now.x[v]) and not on_foot[v]
+    ]
     if not kept:
         raise UsageError(f"future {future}: no vehicle is on a mapped lane at its end; choose another one")
     left_out = [name for v, name in enumerate(scene.names) if v not in kept]
@@ -84,7 +86,7 @@ def _write_future(request: Request, future: int, folder: Path) -> Path:
         scene = replace(request.scene, obstacles=others, time_s=time_s)
     elif intentions:
         intentions = tuple(_later(one, edges[v], STEP_S * steps) for v, one in enumerate(intentions))
-        edges = [one.edges if one else way for one, way in zip(intentions, edges, strict=True)]
+        edges = [one.edges if one else edge_list for one, edge_list in zip(intentions, edges, strict=True)]
     scene = replace(scene, intentions=intentions, future=None, future_valid=None)
     scene = scene.reordered(kept, name=scene.name)
     driven = [_driven(scene, n, edges[v], simulated=simulated) for n, v in enumerate(kept)]

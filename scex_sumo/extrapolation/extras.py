@@ -141,8 +141,8 @@ def extra_named(given: str | Extra) -> Extra:
                 f"--extra {given}: {entry!r} is no option of it; it has {', '.join(known) or 'none'}"
             )
         values[key] = _value(known[key], getattr(kind, key, None), text, given)
-    made: Extra = own_call(f"extra {name}", kind, error=UsageError)(**values)
-    return made
+    extra: Extra = own_call(f"extra {name}", kind, error=UsageError)(**values)
+    return extra
 
 
 def _value(option: Option, default: Any, text: str, given: str) -> Any:

@@ -205,7 +205,7 @@ def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: On
         vehicles=settings.vehicles_that_count(job.scene),
         on_paths=job.on_paths,
     )
-    found = measure_conflicts(job.scene, rollout) if job.conflicts else None
+    conflicts = measure_conflicts(job.scene, rollout) if job.conflicts else None
     values, hits, horizons = outcome.values, outcome.collisions, None
     if horizons_of(settings.steps):
         from scex_sumo.results.tables.horizons import horizons_table
@@ -227,7 +227,7 @@ def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: On
         ),
         encounters=rows_table(outcome.encounters, futures, **SMALL),
         horizons=horizons,
-        conflicts=rows_table(found, futures, future=np.int32) if found is not None else None,
+        conflicts=rows_table(conflicts, futures, future=np.int32) if conflicts is not None else None,
     )
 
 

@@ -41,7 +41,7 @@ def check_model(text: str) -> tuple[list[str], int, tuple[float, float]]:
     draw = route_draws(futures, scene.vehicles, seed=0)
     history = history_at(scene, scene.history.repeat(FUTURES), futures, draw, step=0)
     first, vehicles, seconds = _planned(model, name, history)
-    again, _, later = _planned(model, name, history)
+    again, _, shifted = _planned(model, name, history)
     faults = _defects(first, history, vehicles)
     if (different := ~_same(first, again)).any():
         faults.append(
@@ -56,7 +56,7 @@ def check_model(text: str) -> tuple[list[str], int, tuple[float, float]]:
                 f"{_share(different)} differ in a batch of {len(part)} other futures: draw for a vehicle "
                 "from its own future's rng alone, and compute row by row"
             )
-    return faults, len(vehicles), (seconds, later)
+    return faults, len(vehicles), (seconds, shifted)
 
 
 def _planned(

@@ -183,11 +183,11 @@ def _origin(tracks_path: Path, map_path: Path) -> Place | None:
 
 def _highd(columns: dict[str, Any], of_track: dict[int, dict[str, str]], path: Path) -> dict[str, FloatArray]:
     vx, vy = columns["xVelocity"], -columns["yVelocity"]
-    ways = {i: number(row.get("drivingDirection")) for i, row in of_track.items()}
-    if not set(ways.values()) <= {1.0, 2.0}:
+    directions = {i: number(row.get("drivingDirection")) for i, row in of_track.items()}
+    if not set(directions.values()) <= {1.0, 2.0}:
         raise TrackError(f"{levelx_file(path, 'tracksMeta')}: drivingDirection is not 1 or 2 everywhere")
     # 1: the upper lanes, to the left
-    along = np.array([math.pi if ways.get(int(number)) == 1.0 else 0.0 for number in columns["id"]])
+    along = np.array([math.pi if directions.get(int(number)) == 1.0 else 0.0 for number in columns["id"]])
     fast = np.hypot(vx, vy) > FORWARD_MPS
     return {
         "id": columns["id"],

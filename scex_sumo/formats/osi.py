@@ -100,8 +100,8 @@ def _bodies(path: Path, kind: str) -> Iterator[bytes]:
 def _read_road(path: Path, **_: Any) -> Road:
     """Read the OpenDRIVE map inside a trace, else that beside it, else OSI's lanes."""
     with _damage(MapError, path):
-        if (found := _map_text(path)) is not None:
-            return opendrive_road(*found)
+        if (text := _map_text(path)) is not None:
+            return opendrive_road(*text)
         drawn = _lane_map(path)
         if not drawn.lanes:
             raise MapError(f"{path}: has no map inside, and no .xodr is beside it; put its map there")
@@ -111,8 +111,8 @@ def _read_road(path: Path, **_: Any) -> Road:
 def map_text(path: Path) -> bytes | None:
     """Return the OpenDRIVE text inside a trace, or beside it; None without one."""
     with _damage(MapError, path):
-        found = _map_text(path)
-        return None if found is None else found[1]
+        text = _map_text(path)
+        return None if text is None else text[1]
 
 
 def _map_text(path: Path) -> tuple[Path, bytes] | None:

@@ -163,7 +163,7 @@ def _read_phases(signals: Path) -> dict[int, Run]:
 def _read_movements(kml: Path, origin: tuple[float, float]) -> list[_Movement]:
     root = xml_root(kml, remedy="needs the KML of the intersection")
     lanes: dict[str, FloatArray] = {}
-    ways: list[tuple[str, str, int]] = []
+    connections: list[tuple[str, str, int]] = []
     for mark in root.findall(".//{*}Placemark"):
         line = mark.find("{*}LineString/{*}coordinates")
         data = {d.get("name"): (d.findtext("{*}value") or "") for d in mark.findall(".//{*}Data")}
@@ -172,11 +172,11 @@ def _read_movements(kml: Path, origin: tuple[float, float]) -> list[_Movement]:
         source = data["Source"].strip()
         try:
             lanes[source] = _line(line.text or "", origin)
-            ways += _links(source, data)
+            connections += _links(source, data)
         except (IndexError, ValueError, RuntimeError) as error:  # the last one: no place on Earth
             raise MapError(f"{kml}: lane {source[:40]}: {one_line(error)}; needs degrees") from None
     usable = {name for name, lane in lanes.items() if len(lane) > 1}
-    return [_Movement(lanes[a], lanes[b], group) for a, b, group in ways if {a, b} <= usable]
+    return [_Movement(lanes[a], lanes[b], group) for a, b, group in connections if {a, b} <= usable]
 
 
 def _line(text: str, origin: tuple[float, float]) -> FloatArray:
@@ -199,16 +199,16 @@ def _links(source: str, data: Mapping[str | None, str]) -> list[tuple[str, str, 
 def _ahead(
     shapes: Mapping[_Place, FloatArray], leaving: Mapping[_Place, list[Connection]], connection: Connection
 ) -> list[FloatArray]:
-    found, stack, seen = [], [(connection, AHEAD_M)], {connection.internal.name}
+    signalled, stack, seen = [], [(connection, AHEAD_M)], {connection.internal.name}
     while stack:
         c, left = stack.pop()
-        found.append(shape := shapes[c.to_edge, c.to_lane])
+        signalled.append(shape := shapes[c.to_edge, c.to_lane])
         left -= c.internal.length + length_of(shape)
         for following in leaving.get((c.to_edge, c.to_lane), ()):
             if left > 0 and following.internal.name not in seen:
                 seen.add(following.internal.name)
                 stack.append((following, left))
-    return found
+    return signalled
 
 
 def _begins(before: FloatArray, connection: Connection, move: _Movement) -> bool:

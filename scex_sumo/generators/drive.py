@@ -98,14 +98,14 @@ def record(
     every_s: tuple[float, float],
     rng: np.random.Generator,
     also: Sequence[Trip] = (),
-    told: Callable[[float, int], None] = lambda time_s, vehicle_steps: None,
+    tick: Callable[[float, int], None] = lambda time_s, vehicle_steps: None,
 ) -> Drive:
     """Record random traffic that SUMO drives over a net.
 
     Args:
         at_most: vehicles on the map at any time; others wait outside.
         every_s: as of `random_trips`.
-        told: called often with the simulated time in s and the vehicles of all steps together; may raise.
+        tick: called often with the simulated time in s and the vehicles of all steps together; may raise.
     """
     most = max(MIN_ORIGINS, at_most // 2)
     trips = random_trips(Network(net_path), until_s=duration_s, every_s=every_s, rng=rng, most_origins=most)
@@ -115,11 +115,11 @@ def record(
         write_curve_limits(net_path, net)
         write_trips(routes, trips)
         options = {"end": duration_s, "seed": int(rng.integers(2**31)), "max-num-vehicles": at_most}
-        _simulate(Path(folder), {"net-file": net, "route-files": routes, "fcd-output": fcd} | options, told)
+        _simulate(Path(folder), {"net-file": net, "route-files": routes, "fcd-output": fcd} | options, tick)
         return _read(fcd, trips, round(duration_s / STEP_S) + 1)
 
 
-def _simulate(folder: Path, options: dict[str, Any], told: Callable[[float, int], None]) -> None:
+def _simulate(folder: Path, options: dict[str, Any], tick: Callable[[float, int], None]) -> None:
     options |= {
         "fcd-output.attributes": "x,y,angle,speed",
         "precision": 6,
@@ -145,7 +145,7 @@ def _simulate(folder: Path, options: dict[str, Any], told: Callable[[float, int]
         limit_memory(sumo, options["net-file"].stat().st_size)
         try:
             for time_s, rows in _written(options["fcd-output"], sumo):
-                told(time_s, rows)
+                tick(time_s, rows)
         except BaseException:
             sumo.kill()
             raise

@@ -128,11 +128,11 @@ def _drawn(
         s = table.cell_s[cell] + distance_m - (ends[cell] - table.cell_m[cell] / 2)
         return lane, s, place_features(table, lane, s, others, vehicles=count, total_m=ends[-1], pace=pace)
 
-    ways = (np.arange(number) + rng.random()) * step_m
-    scores = model.place_scores(at(ways)[2])
+    travelled_m = (np.arange(number) + rng.random()) * step_m
+    scores = model.place_scores(at(travelled_m)[2])
     for k in range(TRIES):  # the later, the less a place's score counts
         chosen = np.argsort(-(scores / (1 + k / 2) + rng.gumbel(size=number)), kind="stable")[:AT_ONCE]
-        near = ways[chosen][:, None] + step_m * ((np.arange(PARTS) + rng.random()) / PARTS - 0.5)
+        near = travelled_m[chosen][:, None] + step_m * ((np.arange(PARTS) + rng.random()) / PARTS - 0.5)
         near = np.clip(near, 0.0, ends[-1] - 1e-6)
         lane, s, features = at(near.ravel())
         finer = model.place_scores(features).reshape(near.shape)

@@ -114,8 +114,13 @@ class LaneCells:
         """Return (n,) places on lanes, straight within a cell; without speeds."""
         cells = self.cells_at(lane, s)
         x, y, heading = self.cell_pose[:, cells]
-        way = s - self.cell_s[cells]
-        return States(x=x + way * np.cos(heading), y=y + way * np.sin(heading), heading=heading, speed=way)
+        beyond_m = s - self.cell_s[cells]
+        return States(
+            x=x + beyond_m * np.cos(heading),
+            y=y + beyond_m * np.sin(heading),
+            heading=heading,
+            speed=beyond_m,
+        )
 
     def cells_at(self, lane: IntArray, s: FloatArray) -> IntArray:
         """Return the cells of (n,) places."""
@@ -175,8 +180,8 @@ def _road_features(road: Road, paths: Paths, lane: IntArray, s: FloatArray) -> F
     stops |= {i for r in road.regulations if r.kind in ("stop", "yield") for i in r.lanes}
     lights = {i for r in road.regulations if r.kind == "traffic_light" for i in r.lanes}
     ends = [np.array(sorted(number[i] for i in of if i in number), np.int64) for of in (stops, lights)]
-    ways = [m[..., 0][m[..., 0] < total] for m, total in zip(relations.meeting, length, strict=True)]
-    meetings = [np.unique([round(way, 1) for way in own.tolist()]) for own in ways]
+    places_m = [m[..., 0][m[..., 0] < total] for m, total in zip(relations.meeting, length, strict=True)]
+    meetings = [np.unique([round(place_m, 1) for place_m in own.tolist()]) for own in places_m]
     meet_lane, meet_s = np.repeat(np.arange(len(lanes)), [len(m) for m in meetings]), np.concatenate(meetings)
     heading = _poses(paths, lane, s)[2]
     turned = [_poses(paths, lane, s + d)[2] for d in (*TURN_M, -TURN_M[0], -5.0, 5.0)]
@@ -244,13 +249,13 @@ def _flow(before: list[list[int]], after: list[list[int]]) -> FloatArray:
     return np.asarray(np.clip(flow, 0.01, 100.0))
 
 
-def _log(way: FloatArray) -> FloatArray:
-    return np.asarray(np.log1p(np.minimum(way, FAR_M)))
+def _log(distance_m: FloatArray) -> FloatArray:
+    return np.asarray(np.log1p(np.minimum(distance_m, FAR_M)))
 
 
-def _log_least(way: FloatArray) -> FloatArray:
+def _log_least(distance_m: FloatArray) -> FloatArray:
     """Return (n,) logarithms of the shortest of ways (n, m) that lead ahead."""
-    return _log(np.where(way >= 0, way, np.inf).min(axis=1, initial=np.inf))
+    return _log(np.where(distance_m >= 0, distance_m, np.inf).min(axis=1, initial=np.inf))
 
 
 def _ways(r: LaneRelations, lane: IntArray, s: FloatArray, to: IntArray, at: FloatArray) -> FloatArray:
@@ -295,10 +300,10 @@ def place_features(
     return np.column_stack([table.fixed[table.cells_at(lane, s)], *whole])
 
 
-def _nearest(way: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:
+def _nearest(distance_m: FloatArray) -> tuple[IntArray, FloatArray, BoolArray]:
     """Return number and way of the nearest of (n, m), and whether it is nearer than `FAR_M`."""
-    best = way.argmin(axis=1)
-    least = way[np.arange(len(way)), best]
+    best = distance_m.argmin(axis=1)
+    least = distance_m[np.arange(len(distance_m)), best]
     return best, least, np.isfinite(least) & (least < FAR_M)
 
 
@@ -309,12 +314,12 @@ def _along(
     half = (others.length + USUAL_LENGTH_M) / 2
     ahead, back = _ways(r, lane, s, others.lane, others.s), _ways(r, others.lane, others.s, lane, s).T
     ahead, back = np.where(ahead >= 0, ahead, np.inf), np.where(back > 0, back, np.inf)
-    leader, way, leads = _nearest(ahead)
+    leader, distance_m, leads = _nearest(ahead)
     follower, back_way, follows = _nearest(back)
     soon = ahead < 60.0
     count = np.maximum(soon.sum(axis=1), 1)
     return {
-        "gap": np.log1p(np.where(leads, np.maximum(way - half[leader], 0.0), FAR_M)),
+        "gap": np.log1p(np.where(leads, np.maximum(distance_m - half[leader], 0.0), FAR_M)),
         "leader_speed": np.where(leads, ratio[leader], 1.0),
         "leader_standing": np.where(leads, standing[leader], 0.0),
         "leader_acceleration": np.where(leads, np.nan_to_num(others.acceleration)[leader], 0.0),
@@ -331,8 +336,8 @@ def _on_sides(r: LaneRelations, lane: IntArray, s: FloatArray, others: Placed, r
     beside = r.lead[pair] + r.stretch_b[pair] * others.s - r.stretch_a[pair] * s[:, None]
     columns: Features = {}
     for name, sign in (("left", 1), ("right", -1)):
-        best, way, there = _nearest(np.where(r.side[pair] == sign, np.abs(beside), np.inf))
-        there &= way < 40.0
+        best, distance_m, there = _nearest(np.where(r.side[pair] == sign, np.abs(beside), np.inf))
+        there &= distance_m < 40.0
         lead_m = np.where(there, beside[np.arange(len(lane)), best], 40.0)
         columns[f"{name}_offset"] = np.sign(lead_m) * np.log1p(np.abs(lead_m))
         columns[f"{name}_speed"] = np.where(there, ratio[best], 1.0)
@@ -346,8 +351,10 @@ def _meeting(r: LaneRelations, lane: IntArray, s: FloatArray, others: Placed, ra
     other = r.meeting[pair][..., 1] - others.s[:, None]
     soon = np.where((own > -5) & (other > -5), np.maximum(own, 0) + np.maximum(other, 0), np.inf)
     best, _, there = _nearest(soon.reshape(n, -1))
-    ways = (np.maximum(way.reshape(n, -1)[np.arange(n), best], 0) for way in (own, other))
-    own_m, other_m = (np.where(there, way, FAR_M) for way in ways)
+    distances_m = (
+        np.maximum(distance_m.reshape(n, -1)[np.arange(n), best], 0) for distance_m in (own, other)
+    )
+    own_m, other_m = (np.where(there, distance_m, FAR_M) for distance_m in distances_m)
     return {
         "own_way": _log(own_m),
         "other_way": _log(other_m),
@@ -364,14 +371,14 @@ def _around(
     near = apart < NEAR_M[1]
     count = np.maximum(near.sum(axis=1), 1)
     front, left = here.ahead_and_left(their.x[None], their.y[None])
-    best, way, there = _nearest(np.where((front > 0) & (np.abs(left) < 1.5), front, np.inf))
-    there &= way < 60.0
+    best, distance_m, there = _nearest(np.where((front > 0) & (np.abs(left) < 1.5), front, np.inf))
+    there &= distance_m < 60.0
     return {
         "near_15": (apart < NEAR_M[0]).sum(axis=1),
         "near_40": near.sum(axis=1),
         "near_speed": np.where(near.any(axis=1), (near * ratio).sum(axis=1) / count, 1.0),
         "near_standing": (near * standing).sum(axis=1) / count,
-        "front_gap": np.log1p(np.where(there, way, 60.0)),
+        "front_gap": np.log1p(np.where(there, distance_m, 60.0)),
         "front_speed": np.where(there, ratio[best], 1.0),
     }
 
@@ -383,8 +390,8 @@ def needed_deceleration(table: LaneCells, one: Placed, two: Placed) -> FloatArra
     closing = one.speed[:, None] - two.speed
     half = (one.length[:, None] + two.length) / 2
     needed = np.zeros(closing.shape)
-    for way, closes in ((ahead, closing), (back, -closing)):
-        gap = np.where(way > 0, np.maximum(way - half, 0.1), np.inf)
+    for distance_m, closes in ((ahead, closing), (back, -closing)):
+        gap = np.where(distance_m > 0, np.maximum(distance_m - half, 0.1), np.inf)
         needed = np.maximum(needed, np.maximum(closes, 0.0) ** 2 / (2 * gap))
     return needed
 
@@ -401,8 +408,8 @@ def demands(table: LaneCells, vehicles: Placed) -> dict[str, FloatArray]:
     fixed = table.fixed[table.cells_at(vehicles.lane, vehicles.s)]
     width, right, left = (fixed[:, ROAD_COLUMNS.index(c)] for c in ("width", "from_right", "from_left"))
     beside = np.where(vehicles.offset > 0, left, right) > 0
-    way = table.relations.meeting[vehicles.lane, ..., 0] - vehicles.s[:, None, None]
-    over = (np.abs(way) < vehicles.length[:, None, None] / 2).any(axis=(1, 2))
+    distance_m = table.relations.meeting[vehicles.lane, ..., 0] - vehicles.s[:, None, None]
+    over = (np.abs(distance_m) < vehicles.length[:, None, None] / 2).any(axis=(1, 2))
     return {
         "lateral": 2 * np.abs(wrap(np.diff(heading))).max(axis=1) * vehicles.speed,
         "over_limit": vehicles.speed / table.limit[vehicles.lane],
@@ -423,10 +430,10 @@ def states_of(table: LaneCells, vehicles: Placed, steps: FloatArray) -> States:
         rest = np.where(a != 0, -v / a, -np.inf)  # when its speed is 0
     t = np.where(a > 0, np.maximum(steps, rest), np.where(a < 0, np.minimum(steps, rest), steps))
     t = np.where(v + a * steps <= 0, t, steps)
-    way = v * t + a * t**2 / 2
-    x, y, heading = table.poses(vehicles.lane, vehicles.s[:, None] + way)
+    travelled_m = v * t + a * t**2 / 2
+    x, y, heading = table.poses(vehicles.lane, vehicles.s[:, None] + travelled_m)
     # The offset grows with the heading; so a vehicle moves where it points.
-    offset = vehicles.offset[:, None] + np.tan(vehicles.turn)[:, None] * way
+    offset = vehicles.offset[:, None] + np.tan(vehicles.turn)[:, None] * travelled_m
     return States(
         x=x - offset * np.sin(heading),
         y=y + offset * np.cos(heading),

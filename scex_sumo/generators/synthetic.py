@@ -137,7 +137,7 @@ def synthetic_scene(
     most, tried, spare, simulated = 0, 0, None, 0
     begun_s, total_s = 0.0, sum(duration_s for duration_s, _ in _ATTEMPTS)
 
-    def told(time_s: float, vehicle_steps: int) -> None:
+    def tick(time_s: float, vehicle_steps: int) -> None:
         if progress is not None:
             progress(round((begun_s + time_s) / STEP_S) + 1, round(total_s / STEP_S))
         if simulated + vehicle_steps > MAX_VEHICLE_STEPS:
@@ -148,7 +148,7 @@ def synthetic_scene(
 
     for duration_s, every_s in _ATTEMPTS:
         at_most = vehicles + max(3, vehicles // 2)
-        recording = record(net, at_most=at_most, duration_s=duration_s, every_s=every_s, rng=rng, told=told)
+        recording = record(net, at_most=at_most, duration_s=duration_s, every_s=every_s, rng=rng, tick=tick)
         simulated += int(recording.present.sum())
         begun_s += duration_s
         ready = recording.steady()

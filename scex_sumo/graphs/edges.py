@@ -64,8 +64,8 @@ def scene_edges(
     t, s = target[pair], source[pair]
     joint = place.probability[on_target, t] * place.probability[on_source, s]
     lanes = place.lane[on_target, t], place.lane[on_source, s]
-    ways = place.s[on_target, t], place.s[on_source, s]
-    kinds, distance, to_crossing = _relate(lanes, ways, (length[t] / 2, length[s] / 2), relations)
+    arc_lengths = place.s[on_target, t], place.s[on_source, s]
+    kinds, distance, to_crossing = _relate(lanes, arc_lengths, (length[t] / 2, length[s] / 2), relations)
     row = np.flatnonzero(kinds >= 0)
     # Of equals the first kind, then the first match.
     row = row[least_of(pair[row], -joint[row], kinds[row])]
@@ -99,7 +99,7 @@ def _combinations(target: IntArray, source: IntArray, place: Located) -> tuple[I
 
 def _relate(
     lanes: tuple[IntArray, IntArray],
-    ways: tuple[FloatArray, FloatArray],
+    arc_lengths: tuple[FloatArray, FloatArray],
     halves: tuple[FloatArray, FloatArray],
     relations: LaneRelations,
 ) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -107,7 +107,7 @@ def _relate(
 
     Arguments are (M,) of targets and sources: lanes, arc lengths and half lengths, m.
     """
-    (lane_t, lane_s), (s_t, s_s), (half_t, half_s) = lanes, ways, halves
+    (lane_t, lane_s), (s_t, s_s), (half_t, half_s) = lanes, arc_lengths, halves
     ahead, behind = _along(lane_t, lane_s, s_s - s_t, relations)
     kind = np.where(np.minimum(ahead, behind) <= WAY_M, np.where(ahead <= behind, AHEAD, BEHIND), -1)
     distance = np.where(kind == AHEAD, ahead, np.where(kind == BEHIND, -behind, 0.0))

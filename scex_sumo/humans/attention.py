@@ -131,12 +131,12 @@ def needs(scene: SeedScene, paths: SeedPaths) -> FloatArray:
     reach = np.maximum(HORIZON_S * now.speed, 1.0)[:, None]
     at = (s[:, None] + reach * np.linspace(0.05, 1.0, _POINTS)) / DS_M
     index = row[:, None] * paths.samples + np.clip(np.rint(at), 0, paths.samples - 1).astype(np.int64)
-    ways = DrivenPaths.of(past, scene.length, scene.width, paths.table[index, :2].transpose(2, 0, 1))
+    driven = DrivenPaths.of(past, scene.length, scene.width, paths.table[index, :2].transpose(2, 0, 1))
     one, two = np.triu_indices(scene.vehicles, 1)
     acceleration = recent_acceleration(past.speed)
     steps, need = np.array([HISTORY_STEPS - _BEFORE, HISTORY_STEPS]), np.zeros(scene.vehicles)
-    for side in shared_stretches(ways, one, two):
-        np.maximum.at(need, side.own, needed_braking(ways, side, acceleration, steps).min(axis=1))
+    for side in shared_stretches(driven, one, two):
+        np.maximum.at(need, side.own, needed_braking(driven, side, acceleration, steps).min(axis=1))
     return np.where(acceleration[:, -1] > BRAKES_MPS2, need, 0.0)
 
 

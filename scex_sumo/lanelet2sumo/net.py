@@ -89,10 +89,10 @@ def _plan(
     from scex_sumo.lanelet2sumo.plan.footways import crossed_zones, footways
     from scex_sumo.lanelet2sumo.plan.pedestrians import plan_walks
 
-    ways = footways(road.lanes, lanes)
-    topology, lost = cut_lanes(lanes, clashes, crossed_zones(ways))
+    footpaths = footways(road.lanes, lanes)
+    topology, lost = cut_lanes(lanes, clashes, crossed_zones(footpaths))
     layout = plan_net(topology, road.regulations, clashes)
-    return layout, plan_walks(ways, topology, layout), lost
+    return layout, plan_walks(footpaths, topology, layout), lost
 
 
 def _side_lanes(road: Road) -> NetLayout:
@@ -144,8 +144,8 @@ def _lane_table(
     before: dict[_TableRow, set[_TableRow]] = {key: set() for key in within}
     for lanelet, stations in along.items():
         rows = [(lanelet, sumo_lane) for _, sumo_lane in sorted(stations)]
-        for earlier, later in pairwise(rows):
-            before[later].add(earlier)
+        for earlier, next_row in pairwise(rows):
+            before[next_row].add(earlier)
     return LaneTable(tuple(_sorted(within, before)), ends)
 
 
@@ -166,8 +166,8 @@ def _sorted(
         if waiting.pop(key, None) is None:
             continue
         result.append(key)
-        for later in filter(waiting.__contains__, following.get(key, ())):
-            waiting[later].discard(key)
-            if not waiting[later]:
-                heapq.heappush(ready, later)
+        for follower in filter(waiting.__contains__, following.get(key, ())):
+            waiting[follower].discard(key)
+            if not waiting[follower]:
+                heapq.heappush(ready, follower)
     return result

@@ -265,10 +265,10 @@ def _yielding(
     scene, now = history.scene, history.now
     one, two = future * scene.vehicles + i, future * scene.vehicles + j
     size, other = (scene.length[i], scene.width[i]), (scene.length[j], scene.width[j])
-    later = ((plan[one, step], plan[two, step]) for step in (TOKEN_STEPS // 2, TOKEN_STEPS - 1))
+    later_states = ((plan[one, step], plan[two, step]) for step in (TOKEN_STEPS // 2, TOKEN_STEPS - 1))
     before, *after = (
         rectangle_distance(Rectangles.of(first, *size), Rectangles.of(second, *other))
-        for first, second in ((now[future, i], now[future, j]), *later)
+        for first, second in ((now[future, i], now[future, j]), *later_states)
     )
     k = np.flatnonzero(np.min(after, axis=0) < np.minimum(before, APART_M))
     future, i, j, one, two = (a[k] for a in (future, i, j, one, two))
@@ -315,18 +315,18 @@ def _crossing(history: SceneHistory, paths: SeedPaths, row: IntArray, arc_length
     """
     scene = history.scene
     table, shape = _conflicts(paths), (-1, scene.vehicles)
-    rows, ways, speeds = row.reshape(shape), arc_length.reshape(shape), np.maximum(history.now.speed, 0.0)
+    rows, arcs, speeds = row.reshape(shape), arc_length.reshape(shape), np.maximum(history.now.speed, 0.0)
     future, k = np.nonzero((rows[:, table.vehicle] == table.row).all(axis=2))
     vehicles = table.vehicle[k]
     speed, half = speeds[future[:, None], vehicles], scene.length[vehicles] / 2
-    at = ways[future[:, None], vehicles]
+    at = arcs[future[:, None], vehicles]
     room, rest = table.span[k, :, 0] - at - half, table.span[k, :, 1] - at + half
     committed = speed**2 > 2 * SAFE_MPS2 * np.maximum(room, 0.0)
     arrival = np.where(speed > SLOW_MPS, np.maximum(room, 0.0) / np.maximum(speed, SLOW_MPS), np.inf)
     own = speed[:, 0]
     through = (np.sqrt(own**2 + 2 * STARTS_MPS2 * np.maximum(rest[:, 0], 0.0)) - own) / STARTS_MPS2
-    later = (arrival[:, 1] < arrival[:, 0]) & (arrival[:, 1] < through + CLEAR_S)
-    waits = ~committed[:, 0] & (committed[:, 1] | later) & (rest[:, 1] > 0)
+    is_later = (arrival[:, 1] < arrival[:, 0]) & (arrival[:, 1] < through + CLEAR_S)
+    waits = ~committed[:, 0] & (committed[:, 1] | is_later) & (rest[:, 1] > 0)
     behind = room[:, 0] - room[:, 1] - 2 * half[:, 1]  # to the other one's rear where the paths have merged
     follows = np.isinf(rest).all(axis=1) & (room[:, 1] < 0) & (behind > 0)
     node = future[:, None] * scene.vehicles + vehicles

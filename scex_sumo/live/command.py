@@ -142,10 +142,10 @@ def _words(risk: Risk) -> str:
     pair = risk.worst
     if pair is None:
         return "no pair collides"
-    often = once_in(pair.human_like) if pair.human_like else "hardly ever"
+    frequency = once_in(pair.human_like) if pair.human_like else "hardly ever"
     stress = "" if pair.stress is None else f", stress {pair.stress:.0%}"
     braking, needs = pair.needed_braking, ""
     if braking is not None:
         needs = f", needs {braking:.1f} m/s²" if braking < _MAX_BRAKING_MPS2 else ", braking is too late"
     kind = f" ({pair.kind})" if pair.kind else ""
-    return f"{pair.hits} → {pair.other}{kind}: {often}{stress}{needs}"
+    return f"{pair.hits} → {pair.other}{kind}: {frequency}{stress}{needs}"

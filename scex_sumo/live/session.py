@@ -46,10 +46,10 @@ class Session:
         for name in ("config", "out"):  # SUMO runs in another folder
             object.__setattr__(self, name, getattr(self, name).absolute())
 
-    def run(self, begin: Begin, told: Told) -> str | None:
+    def run(self, begin: Begin, report: Told) -> str | None:
         """Run the simulation; return why it ended early, None if it did not.
 
-        It calls ``begin`` with a watch and a callback, and ``told`` with each risk. Raises a `MapError` if a
+        It calls ``begin`` with a watch and a callback, ``report`` with each risk. Raises a `MapError` if a
         file cannot be read, a `SimulationError` if SUMO does not start.
         """
         own = user_sumo()
@@ -68,7 +68,7 @@ class Session:
                 with silence():
                     sumo.start([binary, *words])
                 try:
-                    return self._watched(sumo, begin, told)
+                    return self._watched(sumo, begin, report)
                 finally:
                     with suppress(Exception):  # it is closed
                         sumo.close()
@@ -79,7 +79,7 @@ class Session:
             finally:
                 os.chdir(before)
 
-    def _watched(self, sumo: Any, begin: Begin, told: Told) -> str | None:
+    def _watched(self, sumo: Any, begin: Begin, report: Told) -> str | None:
         failed = (sumo.TraCIException, sumo.FatalTraCIError, OSError)
         before_s = (self.begin_s or 0.0) - sumo.simulation.getDeltaT()
         if before_s > sumo.simulation.getTime():
@@ -88,7 +88,7 @@ class Session:
         painter = Painter(sumo, follow=self.follow) if self.gui else None
 
         def take(risk: Risk) -> None:
-            told(risk)
+            report(risk)
             if painter is not None:
                 painter(risk)
 

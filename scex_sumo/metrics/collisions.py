@@ -72,8 +72,8 @@ class Collisions(Rows):
         began = np.full((self.future.max(initial=-1) + 1, both.max(initial=-1) + 1), np.inf)
         for vehicle in both:
             np.minimum.at(began, (self.future, vehicle), self.time_s)
-        later = self.time_s > began[self.future, both].min(axis=0) + _SAME_TIME_S
-        return replace(self, consequence=np.asarray(later))
+        is_later = self.time_s > began[self.future, both].min(axis=0) + _SAME_TIME_S
+        return replace(self, consequence=np.asarray(is_later))
 
     def kinds(self) -> NDArray[np.str_]:
         """Return (N,) kinds in words."""
@@ -121,13 +121,13 @@ class Contacts:
 
     def in_step(self, before: States, after: States) -> tuple[IntArray, IntArray, IntArray]:
         """Return future and both vehicles of the pairs in contact between two states (C, V)."""
-        way = _way(before, after)
+        travelled_m = _way(before, after)
         if self._anchor is None or _way(self._anchor, after) > _NEAR_M:
             self._anchor = before
-            near = self._squares(before, ...) <= (self._reach + 2 * max(_NEAR_M, way)) ** 2
+            near = self._squares(before, ...) <= (self._reach + 2 * max(_NEAR_M, travelled_m)) ** 2
             self._rows = np.flatnonzero(near & np.isfinite(self._limit))
         future, pair = np.divmod(self._rows, len(self._one))
-        near = self._squares(after, (future, pair)) <= (self._reach[pair] + 2 * way) ** 2
+        near = self._squares(after, (future, pair)) <= (self._reach[pair] + 2 * travelled_m) ** 2
         future, pair = future[near], pair[near]
         tracks = SceneTracks(
             states=States.stack([before, after], axis=1), length=self._length, width=self._width, first=1
@@ -423,9 +423,9 @@ def _touched(impact: Moves, share: FloatArray) -> tuple[IntArray, IntArray]:
 
 def _grown(hits: Moves, at: FloatArray, start: int) -> FloatArray:
     largest, present = hits.overlap(at), hits.tracks.present
-    hit, later = np.nonzero(hits.step[:, None] < np.arange(start, hits.tracks.states.shape[1]))
+    hit, steps_after = np.nonzero(hits.step[:, None] < np.arange(start, hits.tracks.states.shape[1]))
     for begin in range(0, hit.size, _PAIRS_AT_ONCE):
-        rows, step = hit[begin : begin + _PAIRS_AT_ONCE], later[begin : begin + _PAIRS_AT_ONCE] + start
+        rows, step = hit[begin : begin + _PAIRS_AT_ONCE], steps_after[begin : begin + _PAIRS_AT_ONCE] + start
         part = hits.take(rows).at_step(step)
         area = part.overlap(np.zeros(rows.size))
         if present is not None:

@@ -81,14 +81,14 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_path
         cross, drac = np.zeros((2, size))
         least_pet, ttc = np.full((2, size), np.inf)
         ttc_step, towards = np.full(size, -1), np.zeros(size, dtype=np.int64)
-    kind, later = np.full(size, NO_COLLISION), np.zeros(size, dtype=np.bool_)
+    kind, is_later = np.full(size, NO_COLLISION), np.zeros(size, dtype=np.bool_)
     impact, x, y, speed = np.zeros((4, size))
     low, high = np.minimum(hits.first, hits.second), np.maximum(hits.first, hits.second)
     number = np.zeros((scenes.vehicles, scenes.vehicles), dtype=np.int64)
     number[first, second] = np.arange(len(first))
     at = number[low, high] * futures + hits.future - start
     kind[at], impact[at], speed[at] = hits.kind, hits.time_s, hits.relative_speed
-    later[at] = hits.consequence
+    is_later[at] = hits.consequence
     hit_by = (hits.first_side == 0).astype(np.int64) - (hits.second_side == 0)  # 1 if the front hits
     towards[at] = np.where(hits.first == low, hit_by, -hit_by)
     # Steps count from the first evaluated one, times from the seed moment before it.
@@ -118,7 +118,7 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_path
         x=x[rows],
         y=y[rows],
         relative_speed=speed[rows],
-        consequence=later[rows],
+        consequence=is_later[rows],
         towards=towards[rows],
     )
 

@@ -189,10 +189,10 @@ def _metric(name: str) -> Metric:
     paths = PACKAGES.paths
     if ":" not in name and name not in paths:
         raise UsageError(f"{_unknown(name)}; a metric of your own is MODULE:FUNCTION")
-    made = getattr(import_object(paths.get(name, name)), "__scex_metric__", None)
-    if not isinstance(made, Metric):
+    metric = getattr(import_object(paths.get(name, name)), "__scex_metric__", None)
+    if not isinstance(metric, Metric):
         raise UsageError(f"metrics: {name} is no metric; decorate it with @scex_sumo.metric(...)")
-    return made
+    return metric
 
 
 def _unknown(name: str) -> str:

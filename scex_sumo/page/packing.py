@@ -103,5 +103,5 @@ def _ahead(start: IntArray, changes: IntArray) -> FloatArray:
     heading, speed = np.moveaxis(start[:, None, 2:] + np.pad(changes, ((0, 0), (1, 0), (0, 0))), 2, 0)
     turned, speeds = heading * UNITS[2], speed * UNITS[3]
     velocity = np.stack([speeds * np.cos(turned), speeds * np.sin(turned)], axis=2)
-    ways: FloatArray = STEP_S / 2 * (velocity[:, :-1] + velocity[:, 1:])
-    return ways
+    travelled_m: FloatArray = STEP_S / 2 * (velocity[:, :-1] + velocity[:, 1:])
+    return travelled_m

@@ -121,7 +121,7 @@ def walked(now: States, speed: FloatArray, heading: FloatArray, wait_m: FloatArr
     need not.
     """
     v, travelled_m = np.maximum(now.speed, 0.0), np.zeros_like(now.speed)
-    speeds, ways = np.empty((2, len(v), PLAN_STEPS))
+    speeds, distances_m = np.empty((2, len(v), PLAN_STEPS))
     for step in range(PLAN_STEPS):
         left = wait_m - travelled_m
         needed = np.where(left > 0, v**2 / (2 * np.maximum(left, 1e-6)), np.inf)
@@ -130,8 +130,8 @@ def walked(now: States, speed: FloatArray, heading: FloatArray, wait_m: FloatArr
         following = np.maximum(np.where(needed >= SPEEDING_UP_MPS2 / 2, held, eased), 0.0)
         travelled_m = travelled_m + (v + following) * (STEP_S / 2)
         v = following
-        speeds[:, step], ways[:, step] = v, travelled_m
-    return Plan(**vars(replace(now, heading=wrap(heading)).ahead(ways, speeds)))
+        speeds[:, step], distances_m[:, step] = v, travelled_m
+    return Plan(**vars(replace(now, heading=wrap(heading)).ahead(distances_m, speeds)))
 
 
 def _across(history: SceneHistory, vehicles: VehicleIndex) -> FloatArray:

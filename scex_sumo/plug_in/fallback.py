@@ -182,14 +182,14 @@ def plan_defects(plan: Plan, history: SceneHistory, vehicles: VehicleIndex) -> l
         for row, step in _first(~(finite & (values >= least) & (values <= most)), reasons):
             needs = f"{values[row, step]:g} at step {step + 1}; needs {least:g} to {most:g}"
             reasons[row] = f"plan.{key} is {needs if finite[row, step] else 'not finite'}"
-    off, moved, told = _motion(plan, history, vehicles)
+    off, moved, led_m = _motion(plan, history, vehicles)
     for row, step in _first(off > JUMP_M, reasons):
         where = "starts" if step == 0 else f"jumps at step {step + 1} to"
         reasons[row] = f"plan {where} {off[row, step]:.1f} m from where the vehicle's motion leads"
-    apart = np.abs(moved - told) > np.maximum(JUMP_M, SHARE * np.maximum(np.abs(moved), np.abs(told)))
+    apart = np.abs(moved - led_m) > np.maximum(JUMP_M, SHARE * np.maximum(np.abs(moved), np.abs(led_m)))
     for row, _ in _first(apart[:, None], reasons):
-        ways = f"leads {told[row]:.1f} m ahead, its positions {moved[row]:.1f} m along plan.heading"
-        reasons[row] = f"plan.speed {ways}; needs m/s, and rad, 0 along x"
+        motion_words = f"leads {led_m[row]:.1f} m ahead, its positions {moved[row]:.1f} m along plan.heading"
+        reasons[row] = f"plan.speed {motion_words}; needs m/s, and rad, 0 along x"
     return reasons
 
 

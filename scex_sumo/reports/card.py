@@ -61,9 +61,9 @@ class PairLine:
     @property
     def caption(self) -> str:
         """What happens, and how often, in words."""
-        often = f"in {percent(self.stress or 0.0)} of the stress test"
-        often = often if self.people is None else f"people collide {once_in(self.people)}"
-        return f"{self.label}: {self.how or self.what}; {often}"
+        frequency = f"in {percent(self.stress or 0.0)} of the stress test"
+        frequency = frequency if self.people is None else f"people collide {once_in(self.people)}"
+        return f"{self.label}: {self.how or self.what}; {frequency}"
 
     @property
     def cells(self) -> tuple[str, str, str, str, str]:
@@ -195,10 +195,13 @@ def verdict_lines(run: Run, wide: int) -> list[Text]:
     decision = run.decision
     if decision is None:
         return [Text(line) for line in _wrapped(f"stress test: driven as {driven_as(run)}", wide)]
-    word, (first, _, often) = VERDICTS[decision.kind].upper(), decision.sentence.rstrip(".").partition(_OFTEN)
+    word, (first, _, frequency) = (
+        VERDICTS[decision.kind].upper(),
+        decision.sentence.rstrip(".").partition(_OFTEN),
+    )
     lines = _wrapped(f"{word}  {first.partition(': ')[2]}", wide)
-    if often:
-        short = re.sub(r"( of)? such moments| on(?=\))", "", often).replace("to test from", "test from")
+    if frequency:
+        short = re.sub(r"( of)? such moments| on(?=\))", "", frequency).replace("to test from", "test from")
         lines += _wrapped(f"  people collide {short}", wide)
     return [Text.assemble((word, _STYLES[decision.kind]), lines[0][len(word) :]), *map(Text, lines[1:])]
 
@@ -273,13 +276,13 @@ def _table(run: Run, lines: Sequence[PairLine], total: Sequence[str], wide: int)
 
 
 def _collides(run: Run) -> str:
-    found = run.collision
-    half = (found.high - found.low) / 2
+    collision = run.collision
+    half = (collision.high - collision.low) / 2
     if half < 0.005:
-        return percent(found.value)
-    if found.value < half or found.value > 1 - half:
-        return f"{100 * found.low:.0f} to {100 * found.high:.0f}{NARROW}%"
-    return f"{100 * found.value:.0f} ± {100 * half:.0f}{NARROW}%"
+        return percent(collision.value)
+    if collision.value < half or collision.value > 1 - half:
+        return f"{100 * collision.low:.0f} to {100 * collision.high:.0f}{NARROW}%"
+    return f"{100 * collision.value:.0f} ± {100 * half:.0f}{NARROW}%"
 
 
 def _wrapped(text: str, wide: int) -> list[str]:

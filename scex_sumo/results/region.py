@@ -85,9 +85,9 @@ class Region:
         there = [*self.vehicles(scene)]
         if scene.vehicles <= ALL_SIMULATED:
             return scene
-        now, ways = scene.now, np.abs(scene.now.speed) * STEP_S * steps
+        now, distances_m = scene.now, np.abs(scene.now.speed) * STEP_S * steps
         apart = np.hypot(now.x[:, None] - now.x[there], now.y[:, None] - now.y[there])
-        near = (apart - ways[:, None] - ways[there] <= NEAR_M).any(axis=1)
+        near = (apart - distances_m[:, None] - distances_m[there] <= NEAR_M).any(axis=1)
         near |= np.isin(scene.track_ids, list(always))
         if near.all():
             return scene

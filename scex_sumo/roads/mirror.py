@@ -84,7 +84,7 @@ def drawn_on(road: Road, draw: Callable[[Road], SeedScene]) -> SeedScene:
 def _mirrored_rules(rules: Rules) -> Rules:
     return replace(
         rules,
-        passages=tuple(replace(way, line=mirrored_line(way.line)) for way in rules.passages),
+        passages=tuple(replace(passage, line=mirrored_line(passage.line)) for passage in rules.passages),
         stop_lines=tuple(map(mirrored_line, rules.stop_lines)),
         crosswalks=tuple(map(mirrored_line, rules.crosswalks)),
     )

@@ -81,13 +81,13 @@ def way_round(lanes: Mapping[int, Lane], length: Mapping[int, float], start: int
     queue: list[tuple[float, tuple[int, ...]]] = [(length[start], (start,))]
     reached: set[int] = set()
     while queue:
-        far, way = heapq.heappop(queue)
-        for after in lanes[way[-1]].successors:
+        far, route = heapq.heappop(queue)
+        for after in lanes[route[-1]].successors:
             if after == start:
-                return list(way)
+                return list(route)
             if after in length and after not in reached and far + length[after] <= MAX_RING_M:
                 reached.add(after)
-                heapq.heappush(queue, (far + length[after], (*way, after)))
+                heapq.heappush(queue, (far + length[after], (*route, after)))
     return []
 
 

@@ -113,14 +113,14 @@ def _beside(
     every = np.arange(count)
     for a, b, hops in _neighbours(lanes, number):
         ratio = length[a] / length[b] if length[b] > 0 else 1.0
-        for one, other, shift, from_a, from_b, way in (
+        for one, other, shift, from_a, from_b, direction in (
             (every, b, position[:, a], 1.0, ratio, gap[:, a]),
             (a, every, position[b] * ratio, 1.0, ratio, gap[b]),
         ):
-            better = (way < nearest[one, other]) & (way <= BESIDE_M)
+            better = (direction < nearest[one, other]) & (direction <= BESIDE_M)
             for table, value in ((side, hops), (lead, shift), (stretch_a, from_a), (stretch_b, from_b)):
                 table[one, other] = np.where(better, value, table[one, other])
-            nearest[one, other] = np.where(better, way, nearest[one, other])
+            nearest[one, other] = np.where(better, direction, nearest[one, other])
     lower = np.tril_indices(count, -1)  # seen from the other vehicle
     side[lower], lead[lower] = -side.T[lower], -lead.T[lower]
     stretch_a[lower], stretch_b[lower] = stretch_b.T[lower], stretch_a.T[lower]

@@ -51,9 +51,9 @@ def _poses(lane: Lane) -> FloatArray:
     return np.column_stack([(before + after) / 2, np.arctan2(*(after - before).T[::-1])])
 
 
-def side_of(lanes: Mapping[int, Lane], *told: bool | None) -> tuple[bool, tuple[str, ...]]:
+def side_of(lanes: Mapping[int, Lane], *drives_left: bool | None) -> tuple[bool, tuple[str, ...]]:
     """Return whether traffic drives on the left, by the lanes, else as told, else not; notes if unknown."""
-    known = [side for side in (drives_on_left(lanes), *told) if side is not None]
+    known = [side for side in (drives_on_left(lanes), *drives_left) if side is not None]
     matters = any(lane.conflicts or lane.left or lane.right for lane in lanes.values())
     return (known or [False])[0], (UNKNOWN,) if matters and not known else ()
 
@@ -69,7 +69,7 @@ def dead_ends(lanes: Mapping[int, Lane]) -> list[int]:
     ]
     lines = {i: shapely.LineString(lane.centreline) for i, lane in cars.items()} if ends else {}
     ids, tree = list(lines), shapely.STRtree(list(lines.values()))
-    found = []
+    dead = []
     for lane, at_end in ends:
         sector, direction = _sector(lane, at_end=at_end)
         near = [ids[k] for k in tree.query(sector, predicate="intersects").tolist()]
@@ -80,9 +80,9 @@ def dead_ends(lanes: Mapping[int, Lane]) -> list[int]:
             s = lines[i].project(shapely.Point(shapely.shortest_line(lines[i] & sector, tip).coords[0]))
             a, b = along(lanes[i].centreline, np.array([max(s - DIRECTION_M, 0.0), s + DIRECTION_M]))
             if abs(float(wrap(math.atan2(b[1] - a[1], b[0] - a[0]) - direction))) < ALIGNED_RAD:
-                found.append(lane.lane_id)
+                dead.append(lane.lane_id)
                 break
-    return sorted(set(found))
+    return sorted(set(dead))
 
 
 def _sector(lane: Lane, *, at_end: bool) -> tuple[shapely.Polygon, float]:

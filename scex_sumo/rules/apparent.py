@@ -78,10 +78,10 @@ def _stop_line(scene: SeedScene, begin: FloatArray) -> FloatArray | None:
     now, along = scene.now, (begin[1] - begin[0]) / np.hypot(*(begin[1] - begin[0]))
     half, across = scene.length / 2, np.array([-along[1], along[0]])
     x, y = now.x + half * np.cos(now.heading) - begin[0, 0], now.y + half * np.sin(now.heading) - begin[0, 1]
-    way, aside = -(along[0] * x + along[1] * y), np.abs(across[0] * x + across[1] * y)
+    before_m, aside = -(along[0] * x + along[1] * y), np.abs(across[0] * x + across[1] * y)
     aligned = np.cos(now.heading) * along[0] + np.sin(now.heading) * along[1] > ALONG_COS
-    there = (now.speed < STANDS_MPS) & aligned & (aside < ACROSS_M) & (way > -LINE_M[0])
-    queue = np.sort(way[there])
+    there = (now.speed < STANDS_MPS) & aligned & (aside < ACROSS_M) & (before_m > -LINE_M[0])
+    queue = np.sort(before_m[there])
     if len(queue) < MIN_QUEUED or queue[0] > FIRST_M or queue[1] - queue[0] > NEXT_M:
         return None
     place = begin[0] - max(queue[0] - LINE_M[0], 0.0) * along
@@ -90,12 +90,12 @@ def _stop_line(scene: SeedScene, begin: FloatArray) -> FloatArray | None:
 
 def turns_that_wait(links: Sequence[Link]) -> list[Link]:
     """Return the links of a junction without rules, of which those across oncoming traffic yield to it."""
-    ways = {link.row: link.headings for link in links}  # not of crosswalks, to which links yield, too
+    headings = {link.row: link.headings for link in links}  # not of crosswalks, to which links yield, too
 
     def comes(row: int, link: Link) -> bool:
-        (begins, ends), (mine, my_end) = ways[row], link.headings
+        (begins, ends), (mine, my_end) = headings[row], link.headings
         opposed = abs(turn(begins, mine)) > OPPOSED_RAD
         return bool(opposed and abs(turn(begins, ends)) < TURNS_RAD < abs(turn(mine, my_end)))
 
-    oncoming = [frozenset(row for row in link.yields & ways.keys() if comes(row, link)) for link in links]
+    oncoming = [frozenset(row for row in link.yields & headings.keys() if comes(row, link)) for link in links]
     return [replace(link, state=NO_SIGN, yields=rows) for link, rows in zip(links, oncoming, strict=True)]

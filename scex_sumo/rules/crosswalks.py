@@ -44,6 +44,6 @@ def used_crosswalks(history: SceneHistory, asked: IntArray) -> BoolArray:
     y = now.y + time * now.speed * np.sin(now.heading)
     used = np.zeros((len(now.x), len(rules.crosswalks)), dtype=np.bool_)
     for k in asked:
-        later = shapely.contains_xy(crosswalk_areas(rules)[k].buffer(WALKER_M), x, y).any(axis=0)
-        used[:, k] = (later & around.present[:, around.obstacle]).any(axis=1)
+        used_later = shapely.contains_xy(crosswalk_areas(rules)[k].buffer(WALKER_M), x, y).any(axis=0)
+        used[:, k] = (used_later & around.present[:, around.obstacle]).any(axis=1)
     return used

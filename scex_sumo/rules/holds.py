@@ -84,10 +84,10 @@ def obeyed(on: OnPath, traffic: Traffic, manner: Manner, lit: Lit) -> Obeyed:
     history, vehicles, paths, row = on
     rules = history.scene.rules
     assert rules is not None
-    ways, me = ruled_ways(paths, rules), _Drivers(vehicles, row, traffic, manner)
-    gap, opened = _at_lights(me, ways, lit)
-    gap = np.minimum(gap, _giving_way(me, ways, traffic, lit))
-    gap = np.minimum(gap, _at_crosswalks(me, ways, history))
+    ruled, me = ruled_ways(paths, rules), _Drivers(vehicles, row, traffic, manner)
+    gap, opened = _at_lights(me, ruled, lit)
+    gap = np.minimum(gap, _giving_way(me, ruled, traffic, lit))
+    gap = np.minimum(gap, _at_crosswalks(me, ruled, history))
     return Obeyed(hold=gap, released=(opened < FIRST_M) & (gap > opened + AT_LINE_M))
 
 
@@ -128,10 +128,10 @@ def _spread(first: IntArray, count: IntArray) -> tuple[IntArray, IntArray]:
     return owner, np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)
 
 
-def _at_lights(me: _Drivers, ways: RuledWays, lit: Lit) -> tuple[FloatArray, FloatArray]:
+def _at_lights(me: _Drivers, ruled: RuledWays, lit: Lit) -> tuple[FloatArray, FloatArray]:
     """Return the ways (n,) to stop for lights and stop signs, and to the next open line; inf without."""
-    driver, entry = _spread(ways.first[me.row], ways.first[me.row + 1] - ways.first[me.row])
-    gap, light = ways.stop[entry] - me.front[driver], (me.vehicles.future[driver], ways.signal[entry])
+    driver, entry = _spread(ruled.first[me.row], ruled.first[me.row + 1] - ruled.first[me.row])
+    gap, light = ruled.stop[entry] - me.front[driver], (me.vehicles.future[driver], ruled.signal[entry])
     stands = me.speed[driver] < STANDS_MPS
     ahead = (gap > np.where(stands, -CREPT_M, -PASSED_M)) & (gap < REACH_M)
     needed, since = me.needed(driver, gap), lit.of("since_s", *light)
@@ -145,7 +145,7 @@ def _at_lights(me: _Drivers, ways: RuledWays, lit: Lit) -> tuple[FloatArray, Flo
     stops |= red & ~early & (needed <= hardest)
     stops &= me.of("lights", driver) != 0
     # A stop sign holds everyone once.
-    state = ways.state[entry]
+    state = ruled.state[entry]
     sign = lit.of("stop", *light) | ((light[1] < 0) & np.isin(state, ["s", "w"]))
     waited = (me.stood[driver] & (gap < AT_LINE_M)) | me.goes_on(driver, gap)
     sign &= ~waited & (needed <= me.of("priority_mps2", driver))
@@ -154,56 +154,56 @@ def _at_lights(me: _Drivers, ways: RuledWays, lit: Lit) -> tuple[FloatArray, Flo
     return me.least(driver, gap, stops & ahead), me.least(driver, gap, opened & ahead)
 
 
-def _giving_way(me: _Drivers, ways: RuledWays, traffic: Traffic, lit: Lit) -> FloatArray:
+def _giving_way(me: _Drivers, ruled: RuledWays, traffic: Traffic, lit: Lit) -> FloatArray:
     """Return the ways (n,) to stop for vehicles on passages with priority."""
-    driver, pair = _meetings(me, ways, traffic, lit)
-    entry, other, future = ways.own[pair], ways.other[pair], me.vehicles.future[driver]
-    vehicle, v, gap = ways.vehicle[ways.row[other]], me.speed[driver], _way_to_stop(me, ways, driver, pair)
+    driver, pair = _meetings(me, ruled, traffic, lit)
+    entry, other, future = ruled.own[pair], ruled.other[pair], me.vehicles.future[driver]
+    vehicle, v, gap = ruled.vehicle[ruled.row[other]], me.speed[driver], _way_to_stop(me, ruled, driver, pair)
     front, speed = traffic.front[future, vehicle], traffic.speed[future, vehicle]
-    rear, line = traffic.rear[future, vehicle], ways.stop[other] - front
+    rear, line = traffic.rear[future, vehicle], ruled.stop[other] - front
     coming = speed**2 / (2 * np.maximum(line, 0.1)) > COMING_MPS2
-    light = future, ways.signal[other]
+    light = future, ruled.signal[other]
     held = (line > -PASSED_M) & (lit.of("red", *light) | lit.of("yellow", *light)) & ~coming
-    held |= ways.unsigned[entry] & (speed < STANDS_MPS)  # it may see a red light
-    arrives = _time(ways.other_span[pair, 0] - front, speed, speed)
-    leaves = _time(ways.other_span[pair, 1] - rear, speed, speed)
+    held |= ruled.unsigned[entry] & (speed < STANDS_MPS)  # it may see a red light
+    arrives = _time(ruled.other_span[pair, 0] - front, speed, speed)
+    leaves = _time(ruled.other_span[pair, 1] - rear, speed, speed)
     going = np.maximum(v, GOING_MPS)
-    own_arrives = _time(ways.own_span[pair, 0] - me.front[driver], v, going)
+    own_arrives = _time(ruled.own_span[pair, 0] - me.front[driver], v, going)
     at_line = np.where(gap < AT_LINE_M, 0.0, _time(gap, v, going))
-    critical = np.where(ways.merges[pair], MERGING_S, CROSSING_S)
-    critical = np.where(ways.signal[entry] >= 0, PERMITTED_S, critical) * me.of("gaps", driver)
+    critical = np.where(ruled.merges[pair], MERGING_S, CROSSING_S)
+    critical = np.where(ruled.signal[entry] >= 0, PERMITTED_S, critical) * me.of("gaps", driver)
     left_before = leaves + CLEAR_S * np.minimum(me.of("gaps", driver), 1.0) < own_arrives
-    gone = ways.other_span[pair, 1] < rear
+    gone = ruled.other_span[pair, 1] < rear
     gives = ~(held | gone | left_before) & (arrives - at_line < critical)
     stood = (traffic.slowest[future, vehicle] < STANDS_MPS) & (line < AT_LINE_M)
     # Of two that must both give way, the one that stopped first goes first; of two that stand, by number.
     mine = me.stood[driver] & (gap < AT_LINE_M)
     first = np.where(mine == stood, me.vehicles.vehicle[driver] < vehicle, mine)
     first = np.where(~mine & ~stood, gap < line, first) & (line >= -PASSED_M)
-    gives &= ~(ways.mutual[pair] & first)
+    gives &= ~(ruled.mutual[pair] & first)
     gives &= me.needed(driver, gap) <= me.of("priority_mps2", driver)
     gives &= ~me.goes_on(driver, gap)
     return me.least(driver, gap, gives)
 
 
-def _meetings(me: _Drivers, ways: RuledWays, traffic: Traffic, lit: Lit) -> tuple[IntArray, IntArray]:
+def _meetings(me: _Drivers, ruled: RuledWays, traffic: Traffic, lit: Lit) -> tuple[IntArray, IntArray]:
     """Return drivers (m,) and pairs of passages (m,) in which another vehicle takes that with priority."""
-    first = np.searchsorted(ways.own, ways.first)
+    first = np.searchsorted(ruled.own, ruled.first)
     driver, pair = _spread(first[me.row], first[me.row + 1] - first[me.row])
-    row = ways.row[ways.other[pair]]
-    vehicle, gap = ways.vehicle[row], _way_to_stop(me, ways, driver, pair)
+    row = ruled.row[ruled.other[pair]]
+    vehicle, gap = ruled.vehicle[row], _way_to_stop(me, ruled, driver, pair)
     counts = (gap > -PASSED_M) & (gap < REACH_M) & (vehicle != me.vehicles.vehicle[driver])
     counts &= traffic.row[me.vehicles.future[driver], vehicle] == row
-    counts &= ~lit.of("free", me.vehicles.future[driver], ways.signal[ways.own[pair]])
+    counts &= ~lit.of("free", me.vehicles.future[driver], ruled.signal[ruled.own[pair]])
     counts &= me.of("priority", driver) != 0
     return driver[counts], pair[counts]
 
 
-def _way_to_stop(me: _Drivers, ways: RuledWays, driver: IntArray, pair: IntArray) -> FloatArray:
+def _way_to_stop(me: _Drivers, ruled: RuledWays, driver: IntArray, pair: IntArray) -> FloatArray:
     """Return (m,) ways to the lines, m; to the conflict within the junction, and where no line is told."""
-    line = ways.stop[ways.own[pair]] - me.front[driver]
-    zone = ways.own_span[pair, 0] - BEFORE_ZONE_M - me.front[driver]
-    return np.where((line <= -PASSED_M) | ways.unsigned[ways.own[pair]], zone, line)
+    line = ruled.stop[ruled.own[pair]] - me.front[driver]
+    zone = ruled.own_span[pair, 0] - BEFORE_ZONE_M - me.front[driver]
+    return np.where((line <= -PASSED_M) | ruled.unsigned[ruled.own[pair]], zone, line)
 
 
 def _time(distance_m: FloatArray, v: FloatArray, most: FloatArray) -> FloatArray:
@@ -213,16 +213,16 @@ def _time(distance_m: FloatArray, v: FloatArray, most: FloatArray) -> FloatArray
     return np.where(v > 1.0, distance_m / np.maximum(most, 0.1), starting)
 
 
-def _at_crosswalks(me: _Drivers, ways: RuledWays, history: SceneHistory) -> FloatArray:
+def _at_crosswalks(me: _Drivers, ruled: RuledWays, history: SceneHistory) -> FloatArray:
     """Return the ways (n,) to stop for people on crosswalks, or who step on them."""
     scene = history.scene
-    if not len(ways.walks) or (scene.obstacles is None and scene.people is None):
+    if not len(ruled.walks) or (scene.obstacles is None and scene.people is None):
         return np.full(len(me.row), np.inf)
     from scex_sumo.rules.crosswalks import used_crosswalks
 
-    used = used_crosswalks(history, np.unique(ways.walks[:, 3].astype(int)))
-    walks = ways.walks[np.asarray(used.any(axis=0))[ways.walks[:, 3].astype(int)]]
-    first = np.searchsorted(walks[:, 0], np.arange(len(ways.first)))
+    used = used_crosswalks(history, np.unique(ruled.walks[:, 3].astype(int)))
+    walks = ruled.walks[np.asarray(used.any(axis=0))[ruled.walks[:, 3].astype(int)]]
+    first = np.searchsorted(walks[:, 0], np.arange(len(ruled.first)))
     driver, walk = _spread(first[me.row], first[me.row + 1] - first[me.row])
     gap = walks[walk, 1] - BEFORE_ZONE_M - me.front[driver]
     stops = used[me.vehicles.future[driver], walks[walk, 3].astype(int)] & (gap > -PASSED_M)
@@ -236,22 +236,22 @@ def precedence(scene: SeedScene, road: Road) -> list[tuple[int, int, str]]:
     if rules is None:
         return []
     paths, history = seed_paths(scene, road), SceneHistory.of_scene(scene)
-    ways, traffic, lit = ruled_ways(paths, rules), straight_traffic(history, paths), lights(history, paths)
+    ruled, traffic, lit = ruled_ways(paths, rules), straight_traffic(history, paths), lights(history, paths)
     straight, tracks, rules_of = paths.first + paths.straight, scene.track_ids.tolist(), {}
-    for k, (own, other) in enumerate(zip(ways.own.tolist(), ways.other.tolist(), strict=True)):
-        one, two = (int(ways.vehicle[ways.row[entry]]) for entry in (own, other))
+    for k, (own, other) in enumerate(zip(ruled.own.tolist(), ruled.other.tolist(), strict=True)):
+        one, two = (int(ruled.vehicle[ruled.row[entry]]) for entry in (own, other))
         ahead = all(
-            straight[v] == ways.row[entry] and traffic.rear[0, v] < span[k, 1]
-            for v, entry, span in ((one, own, ways.own_span), (two, other, ways.other_span))
+            straight[v] == ruled.row[entry] and traffic.rear[0, v] < span[k, 1]
+            for v, entry, span in ((one, own, ruled.own_span), (two, other, ruled.other_span))
         )
         red = [
-            lit.red[0, ways.signal[entry]] and traffic.front[0, v] < ways.stop[entry]
+            lit.red[0, ruled.signal[entry]] and traffic.front[0, v] < ruled.stop[entry]
             for v, entry in ((one, own), (two, other))
         ]
         if not ahead or one == two or all(red):
             continue
         if red[1]:
             rules_of[two, one] = HAS_RED
-        elif red[0] or not (ways.mutual[k] or lit.free[0, ways.signal[own]]):
+        elif red[0] or not (ruled.mutual[k] or lit.free[0, ruled.signal[own]]):
             rules_of[one, two] = HAS_RED if red[0] else MUST_YIELD
     return [(tracks[one], tracks[two], what) for (one, two), what in rules_of.items()]

@@ -98,13 +98,13 @@ def clashes(rules: Rules) -> BoolArray:
 @owner_cache
 def evidence(scene: SeedScene, paths: SeedPaths, rules: Rules) -> FloatArray:
     """Return (G,) log odds of green from the vehicles of the seed scene on their straightest paths."""
-    ways, traffic = ruled_ways(paths, rules), straight_traffic(SceneHistory.of_scene(scene), paths)
+    ruled, traffic = ruled_ways(paths, rules), straight_traffic(SceneHistory.of_scene(scene), paths)
     odds = np.zeros(len(rules.signals))
     for v, row in enumerate((paths.first + paths.straight).tolist()):
         front, rear, speed = (float(a[0, v]) for a in (traffic.front, traffic.rear, traffic.speed))
-        for entry in range(int(ways.first[row]), int(ways.first[row + 1])):
-            gap, group = float(ways.stop[entry]) - front, int(ways.signal[entry])
-            if group < 0 or gap > NEAR_M or rear > ways.end[entry]:
+        for entry in range(int(ruled.first[row]), int(ruled.first[row + 1])):
+            gap, group = float(ruled.stop[entry]) - front, int(ruled.signal[entry])
+            if group < 0 or gap > NEAR_M or rear > ruled.end[entry]:
                 continue
             odds[group] += _says(gap, speed, float(traffic.gained[0, v]))
             break  # only the next passage

@@ -73,10 +73,10 @@ def _rows(root: Element) -> Iterator[tuple[str, tuple[str, int, frozenset[int]]]
 
 def by_junction(links: Sequence[Link]) -> dict[str, list[Link]]:
     """Return the links of each junction."""
-    found: dict[str, list[Link]] = {}
+    links_at: dict[str, list[Link]] = {}
     for link in links:
-        found.setdefault(link.junction, []).append(link)
-    return found
+        links_at.setdefault(link.junction, []).append(link)
+    return links_at
 
 
 def signals_of_links(

@@ -27,9 +27,9 @@ def with_rules(scene: SeedScene, net: SumoNet) -> tuple[SeedScene, tuple[str, ..
     file = _NetFile(path=net.path, digest=hashlib.sha256(unpacked(net.path)).hexdigest())
     if scene.rules is not None and scene.rules.net == file.digest:
         return scene, scene.rules.notes
-    found = _rules_of(scene, net.lanes, file)
-    rules = found if found.passages or found.crosswalks else None
-    return scene if scene.rules is rules else _ruled(scene, rules), found.notes
+    rules_read = _rules_of(scene, net.lanes, file)
+    rules = rules_read if rules_read.passages or rules_read.crosswalks else None
+    return scene if scene.rules is rules else _ruled(scene, rules), rules_read.notes
 
 
 @dataclass(frozen=True)

@@ -100,7 +100,7 @@ def _marks(rules: Rules) -> list[tuple[float, FloatArray]]:
 
 
 def _place(
-    points: FloatArray, ways: FloatArray, length: float, marks: FloatArray
+    points: FloatArray, arcs: FloatArray, length: float, marks: FloatArray
 ) -> tuple[float, float] | None:
     """Return the arc lengths where a passage (`_marks`) begins and ends on a path; None if not taken."""
     distance = np.hypot(*(points[:, None] - marks).transpose(2, 0, 1))
@@ -108,7 +108,7 @@ def _place(
     if (distance[at, range(3)] > NEAR_M).any() or not at[0] <= at[1] <= at[2]:
         return None
     step = marks[1] - marks[0]
-    if ways[at[0]] @ step < 0.5 * np.hypot(*step) or DS_M * (at[2] - at[0]) > LONGER[0] * length + LONGER[1]:
+    if arcs[at[0]] @ step < 0.5 * np.hypot(*step) or DS_M * (at[2] - at[0]) > LONGER[0] * length + LONGER[1]:
         return None
     return DS_M * float(at[0]), DS_M * float(at[2])
 

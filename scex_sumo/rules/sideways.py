@@ -35,8 +35,8 @@ def offsets(
     nearest = np.where(width > 0, nearest, np.inf)
     right = (nearest[:, 1] < nearest[:, 0]) | (width[:, 0] == 0)
     u = np.minimum(time_s / CHANGE_S, 1.0)
-    way: FloatArray = np.where(right, -width[:, 1], width[:, 0])[:, None]
-    return np.asarray(way * (u**3 * (10 - 15 * u + 6 * u**2)))
+    lane_side: FloatArray = np.where(right, -width[:, 1], width[:, 0])[:, None]
+    return np.asarray(lane_side * (u**3 * (10 - 15 * u + 6 * u**2)))
 
 
 @owner_cache

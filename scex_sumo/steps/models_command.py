@@ -45,8 +45,8 @@ def _check(name: str | None) -> None:
     if name is None:
         raise UsageError("--check: name a driver, e.g. scex-sumo models mine:Class --check")
     faults, plans, seconds = check_model(name)
-    first, later = (f"{1000 * each:.2g} ms" for each in seconds)
-    print(f"{name}: {plans} plans, {first} each, {later} the second time")
+    first, second = (f"{1000 * each:.2g} ms" for each in seconds)
+    print(f"{name}: {plans} plans, {first} each, {second} the second time")
     if faults:
         raise ScexError(f"{name}: {'; '.join(faults)}")
     print("shapes, values, motion: sound; the same plans when asked again and in another batch")

@@ -205,8 +205,8 @@ def draw_futures(shown: Sequence[TiledFuture], colors: Mapping[str, Rgb], frame:
         dx, dy = s.offset
         for v, model in enumerate(s.future.models):
             track = s.future.states[v, max(s.future.past - 1, 0) :]
-            way = zip((track.x + dx).tolist(), (track.y + dy).tolist(), strict=True)
-            shape = " ".join(f"{x:.2f},{y:.2f}" for x, y in way)
+            points = zip((track.x + dx).tolist(), (track.y + dy).tolist(), strict=True)
+            shape = " ".join(f"{x:.2f},{y:.2f}" for x, y in points)
             lines.append(_poly(s.id(f"way.{v}"), shape, colors[model], line_m=way_m))
         title = f"future {s.future.number}" + (f" · {s.future.title}" if s.future.title else "")
         x, y = frame.view[0] + dx, frame.view[3] + dy + 0.5 * frame.line_m

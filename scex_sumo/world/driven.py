@@ -37,8 +37,10 @@ class _Pose(NamedTuple):
 
     def ahead(self) -> _Pose:
         """Return the pose after one step, straight on at constant speed."""
-        heading, way = math.radians(90.0 - self.angle), self.speed * STEP_S
-        return self._replace(x=self.x + way * math.cos(heading), y=self.y + way * math.sin(heading))
+        heading, travelled_m = math.radians(90.0 - self.angle), self.speed * STEP_S
+        return self._replace(
+            x=self.x + travelled_m * math.cos(heading), y=self.y + travelled_m * math.sin(heading)
+        )
 
 
 @dataclass(kw_only=True, eq=False)

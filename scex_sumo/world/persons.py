@@ -98,15 +98,15 @@ class WalkingPlaces:
         ``angle`` in degrees, as SUMO has it.
         """
         x, y = x.copy(), y.copy()
-        points, found = shapely.points(x, y), np.full(len(x), NOWHERE, dtype=object)
-        found[self._lanes.query(points, predicate="intersects")[0]] = LANE
+        points, places = shapely.points(x, y), np.full(len(x), NOWHERE, dtype=object)
+        places[self._lanes.query(points, predicate="intersects")[0]] = LANE
         for point, crossing in self._shapes.query(points, predicate="intersects").T.tolist():
-            found[point] = self._crossings[crossing]
+            places[point] = self._crossings[crossing]
             begin, end = self._lines[crossing].interpolate([_BEGIN_M, -_BEGIN_M])
             ahead = np.radians(angle[point])
             if (end.x - begin.x) * np.sin(ahead) + (end.y - begin.y) * np.cos(ahead) < 0:
                 x[point], y[point] = begin.x, begin.y
-        return found, x, y
+        return places, x, y
 
 
 @lru_cache(maxsize=1)

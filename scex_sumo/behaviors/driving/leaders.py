@@ -178,8 +178,8 @@ def _ahead_of(
     across = speed * box.sin
     to_go = np.abs(offset) - body + width[i] / 2 - np.sign(across) * offset
     leaves = np.maximum(to_go, 0.0) / np.maximum(np.abs(across), MIN_ACROSS_MPS)
-    found = Ahead(driver=i, other=j, gap=gap, speed=speed * box.cos, cos=box.cos, leaves=leaves)
-    return found.take(counts)
+    all_ahead = Ahead(driver=i, other=j, gap=gap, speed=speed * box.cos, cos=box.cos, leaves=leaves)
+    return all_ahead.take(counts)
 
 
 def _first_guess(
@@ -200,8 +200,8 @@ def _first_guess(
     window = start[:, None] + np.arange(span)
     coarse = paths.coarse.transpose(0, 2, 1)[row[:, None], window]  # (n, span, 3)
     # A path may pass a place twice, e.g. in a roundabout: the first time counts.
-    later = LATER_WEIGHT * spacing * np.arange(span)
-    coarse[:, :, 2] += later
+    penalty_m2 = LATER_WEIGHT * spacing * np.arange(span)
+    coarse[:, :, 2] += penalty_m2
     px, py = x - paths.centre[0], y - paths.centre[1]
     for column, at in enumerate((px, py)):
         of_path = coarse[:, :, column] / -2
@@ -213,7 +213,7 @@ def _first_guess(
     points[i, place] = np.stack([px[i, j], py[i, j], np.ones(len(i))], axis=1)
     cost = (points @ coarse.transpose(0, 2, 1))[i, place]
     best = np.argmin(cost, axis=1)
-    square = cost[np.arange(len(i)), best] - later[best] + px[i, j] ** 2 + py[i, j] ** 2
+    square = cost[np.arange(len(i)), best] - penalty_m2[best] + px[i, j] ** 2 + py[i, j] ** 2
     close = square <= reach**2
     return i[close], j[close], (start[i] + best)[close] * spacing
 

@@ -87,10 +87,10 @@ def matched(
 ) -> tuple[TrackRows, FloatArray, IntArray, FloatArray]:
     """Return moved samples, and heading of the lane, index and offset of those that match one."""
     moved = alignment.moved(samples)
-    found = match(road, moved.x, moved.y, moved.psi_rad)
-    sample = found.vehicle[found.best]
-    heading = moved.psi_rad[sample] - found.heading_error[found.best]
-    return moved, heading, sample, found.offset[found.best]
+    matches = match(road, moved.x, moved.y, moved.psi_rad)
+    sample = matches.vehicle[matches.best]
+    heading = moved.psi_rad[sample] - matches.heading_error[matches.best]
+    return moved, heading, sample, matches.offset[matches.best]
 
 
 def _spread(offsets: FloatArray) -> float:

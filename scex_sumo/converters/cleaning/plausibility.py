@@ -179,7 +179,9 @@ def _strides(rows: TrackRows) -> _Strides:
 def _speeds(strides: _Strides) -> Check:
     name, usual = "speed of positions / of velocities", f"{1 / FACTOR:.2f} to {FACTOR:.2f}"
     track, tracks = strides.rows.track[strides.first], strides.rows.tracks
-    moved, said = (np.bincount(track, np.hypot(*way.T), tracks) for way in (strides.moved, strides.said))
+    moved, said = (
+        np.bincount(track, np.hypot(*vectors.T), tracks) for vectors in (strides.moved, strides.said)
+    )
     judged = np.maximum(moved, said) > PATH_M
     if not judged.any():
         return Check(name, "-", usual)

@@ -141,8 +141,8 @@ def read_map_file(path: str | Path) -> MapFile:
             continue
         name = f"{tag} {element.get('id', '')[:24] or 'without an id'}"
         try:
-            made, number = _element(element, local), _id(element, "id")
-            new = elements[tag].setdefault(number, made) is made
+            primitive, number = _element(element, local), _id(element, "id")
+            new = elements[tag].setdefault(number, primitive) is primitive
             if tag == "node" and _height_m(element) is None:
                 findings.note("nodes with a height that is no number, height 0 used", name)
             if not new:

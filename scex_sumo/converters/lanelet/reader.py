@@ -99,8 +99,8 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, own_corner: 
     losses += [MapLoss(kind="lanelets", why="left out, broken", elements=broken)] if broken else []
     losses = [replace(loss, of=len(drawn) + len(unread)) for loss in losses]
     losses += [MapLoss(kind="lights", why="without a lane", elements=tuple(lost))] if lost else []
-    told = (region in tags.LEFT_HAND) if region else None
-    side, unknown = side_of(lanes, told, tags.drives_left_at(map_file.middle))
+    by_region = (region in tags.LEFT_HAND) if region else None
+    side, unknown = side_of(lanes, by_region, tags.drives_left_at(map_file.middle))
     return Road(
         name=map_name(path),
         lanes=lanes,
@@ -250,10 +250,10 @@ def areas(map_file: MapFile, lanes: Mapping[int, Lane], lines: Points) -> tuple[
     ]
     for relation_id, relation in map_file.of_type("multipolygon").items():
         kind = relation.tags.get("subtype", "area")
-        ways = [map_file.ways[i].nodes for i in relation.refs("outer", "way") if i in map_file.ways]
+        outer_ways = [map_file.ways[i].nodes for i in relation.refs("outer", "way") if i in map_file.ways]
         outer = [i for i in relation.refs("outer", "way") if i in lines]
         places = {n: p for i in outer for n, p in zip(map_file.ways[i].nodes, lines[i], strict=False)}
-        for ring in _rings(ways):
+        for ring in _rings(outer_ways):
             outline = np.array([places[node] for node in ring[:-1] if node in places]).reshape(-1, 2)
             if len(outline) >= 3:
                 drawn.append(Area(area_id=relation_id, kind=kind, outline=outline))

@@ -115,11 +115,11 @@ class LaneTable:
         return route
 
     def _beyond(self, lanelet_ids: Sequence[int], route: list[str], *, first: bool) -> str | None:
-        end, way = (0, 1) if first else (-1, -1)
-        lanes = self.sumo_lanes(lanelet_ids[end])[::way] if lanelet_ids else ()
+        end, direction = (0, 1) if first else (-1, -1)
+        lanes = self.sumo_lanes(lanelet_ids[end])[::direction] if lanelet_ids else ()
         if not lanes or not lanes[0].startswith(":"):
             return None
-        ends = (self.ends[sumo_lane][::way] for sumo_lane in lanes if sumo_lane in self.ends)
+        ends = (self.ends[sumo_lane][::direction] for sumo_lane in lanes if sumo_lane in self.ends)
         return next((beyond for beyond, joined in ends if not route or joined == route[end]), None)
 
     @property

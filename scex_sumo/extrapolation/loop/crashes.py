@@ -80,9 +80,9 @@ def slide(now: States, speed: FloatArray, steps: int) -> States:
         speed: (n,) from which they decelerate, m/s.
     """
     time = STEP_S * np.arange(1, steps + 1)
-    later = np.maximum(speed[:, None] - CRASH_MPS2 * time, 0.0)
-    distance_m = (speed[:, None] ** 2 - later**2) / (2 * CRASH_MPS2)
-    return now.ahead(distance_m, later)
+    slowed = np.maximum(speed[:, None] - CRASH_MPS2 * time, 0.0)
+    distance_m = (speed[:, None] ** 2 - slowed**2) / (2 * CRASH_MPS2)
+    return now.ahead(distance_m, slowed)
 
 
 @owner_cache

@@ -71,12 +71,13 @@ def _intents(
     learned = {index: _intent(model, history, road, groups[index]) for index, model in models.items()}
     intents = {index: intent for index, intent in learned.items() if intent is not None}
     for drivers in alike.values():
-        found = [_situations(model, history, groups[index]) for index, model in drivers.items()]
-        few = [groups[index][first] for index, (first, _) in zip(drivers, found, strict=True)]
+        situations = [_situations(model, history, groups[index]) for index, model in drivers.items()]
+        few = [groups[index][first] for index, (first, _) in zip(drivers, situations, strict=True)]
         together = [*drivers.values()]
-        made = together[0].intend_together(together, history, road, few)
+        shared_intents = together[0].intend_together(together, history, road, few)
         intents |= {
-            index: intent.of(kind) for index, intent, (_, kind) in zip(drivers, made, found, strict=True)
+            index: intent.of(kind)
+            for index, intent, (_, kind) in zip(drivers, shared_intents, situations, strict=True)
         }
     return {index: intents[index] for index in models if index in intents}
 

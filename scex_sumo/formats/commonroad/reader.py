@@ -147,8 +147,8 @@ class _Reader:
         users, both_ways = (self._said(tag, xml) for tag in ("userOneWay", "userBidirectional"))
         stop_line, line = next(self._stop_lines(xml, left, right), (None, None))
         parents = [xml] if line is None else [xml, line]
-        found = [self._said("lineMarking", xml.find(name)) for name in ("leftBound", "rightBound")]
-        markings = tuple(next(iter(words), "unknown") for words in found)
+        texts = [self._said("lineMarking", xml.find(name)) for name in ("leftBound", "rightBound")]
+        markings = tuple(next(iter(words), "unknown") for words in texts)
         ours = frozenset(ref for parent in parents for ref in self._refs("trafficSignRef", parent))
         return Lanelet(
             name=self._id,
@@ -215,8 +215,8 @@ class _Reader:
 
 def _closed(side: str, marking: str) -> str:
     """Return how a marking closes a side to changes; the first word of ``dashed_solid`` is its left half."""
-    ways = {"dashed_solid": f"{side} leftwards", "solid_dashed": f"{side} rightwards"}
-    return side if marking in _NO_CROSSING else ways.get(marking, "")
+    closed_changes = {"dashed_solid": f"{side} leftwards", "solid_dashed": f"{side} rightwards"}
+    return side if marking in _NO_CROSSING else closed_changes.get(marking, "")
 
 
 def rules_of(

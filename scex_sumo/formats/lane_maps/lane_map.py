@@ -137,9 +137,13 @@ def drawn_road(drawn: DrawnMap, *, name: str, country: str | None = None, projec
     of = {ids[lane.name]: lane for lane in drawn.lanes}
 
     def may_change(left: int, right: int, leftwards: bool) -> bool:
-        ways = ("", " leftwards" if leftwards else " rightwards")
+        directions = ("", " leftwards" if leftwards else " rightwards")
         sides = (("right", of[left]), ("left", of[right]))
-        return not any(lane.inside or f"{side}{way}" in lane.closed for side, lane in sides for way in ways)
+        return not any(
+            lane.inside or f"{side}{direction}" in lane.closed
+            for side, lane in sides
+            for direction in directions
+        )
 
     lanes = connected(drawn, lanes, *_links(drawn, ids, lanes), may_change)
     lanes = overlapping(lanes, {i: _heights(of[i], lane, frame) for i, lane in lanes.items()})

@@ -119,17 +119,17 @@ class Mover:
         """Move by a step; one that comes to the end of the road is gone."""
         if not self.there:
             return
-        way, arc, left, speed = self._past
+        path, arc, left, speed = self._past
         length = (speed + self.speed) / 2 * step_s
         self.travelled += length
-        if way.times_s is None:
+        if path.times_s is None:
             self.arc += length
         self.before = self.pose
-        if self.way is way:
+        if self.way is path:
             gone = self.arc - arc
             slip = math.atan2(self.left - left, gone) if gone > 1e-9 else 0.0
-            self.pose = way.at(self.arc, self.left).turned(slip)
-            self.there = way.headings is not None or self.arc < way.arcs[-1]
+            self.pose = path.at(self.arc, self.left).turned(slip)
+            self.there = path.headings is not None or self.arc < path.arcs[-1]
 
 
 def chosen(element: Element, name: str, default: str, choices: Mapping[str, _T]) -> _T:
@@ -207,19 +207,19 @@ def following(mover: Mover, action: Element, other: Mover) -> Action:
     return follow
 
 
-def driving(mover: Mover, way: Way) -> Action:
+def driving(mover: Mover, path: Way) -> Action:
     """Follow a trajectory, by its times or at the own speed."""
-    mover.way, mover.arc, mover.left = way, 0.0, 0.0
-    mover.pose = mover.before = way.at(0.0)
-    times = way.times_s
+    mover.way, mover.arc, mover.left = path, 0.0, 0.0
+    mover.pose = mover.before = path.at(0.0)
+    times = path.times_s
 
     def drive(step_s: float) -> bool:
-        if mover.way is not way:  # it was put elsewhere
+        if mover.way is not path:  # it was put elsewhere
             return False
         if times is None:
-            return bool(mover.arc + mover.speed * step_s < way.arcs[-1])
-        mover.arc = float(np.interp(mover.time_s, times, way.arcs))
-        mover.speed = float(np.interp(mover.time_s, times, way.speeds))
+            return bool(mover.arc + mover.speed * step_s < path.arcs[-1])
+        mover.arc = float(np.interp(mover.time_s, times, path.arcs))
+        mover.speed = float(np.interp(mover.time_s, times, path.speeds))
         return bool(mover.time_s < times[-1] - 1e-9)
 
     return drive
@@ -242,17 +242,17 @@ def trajectory(action: Element, mover: Mover, now_s: float, pose_at: Callable[[E
         poses, times = _clothoid(line, pose_at(line))
     else:
         raise UnknownMotion(f"trajectory of {line.tag} is not read")
-    way = Way(poses[:, :2], np.unwrap(poses[:, 2]))
+    path = Way(poses[:, :2], np.unwrap(poses[:, 2]))
     timing = action.find("TimeReference/Timing")
     if timing is not None and not np.isnan(times).any():
         begin_s = now_s if timing.get("domainAbsoluteRelative") == "relative" else 0.0
-        way.times_s = begin_s + times * number(timing, "scale", "1") + number(timing, "offset", "0")
-    if len(poses) < 2 or (way.times_s is not None and (np.diff(way.times_s) <= 0).any()):
+        path.times_s = begin_s + times * number(timing, "scale", "1") + number(timing, "offset", "0")
+    if len(poses) < 2 or (path.times_s is not None and (np.diff(path.times_s) <= 0).any()):
         raise ValueError("a trajectory needs two points or more, in the order of their times")
-    if way.times_s is not None:
+    if path.times_s is not None:
         is_logged = len(mover.logged) == len(times)
-        way.speeds = np.array(mover.logged) if is_logged else np.gradient(way.arcs, way.times_s)
-    return way
+        path.speeds = np.array(mover.logged) if is_logged else np.gradient(path.arcs, path.times_s)
+    return path
 
 
 def _clothoid(line: Element, start: Pose) -> tuple[FloatArray, FloatArray]:

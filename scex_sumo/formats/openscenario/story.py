@@ -192,8 +192,8 @@ class Storyboard:
             case "LaneChangeAction":
                 return self._change_lane(mover, action)
             case "FollowTrajectoryAction":
-                way = motion.trajectory(action, mover, self.time_s, self._pose)
-                return mover.begin("across", motion.driving, way)
+                path = motion.trajectory(action, mover, self.time_s, self._pose)
+                return mover.begin("across", motion.driving, path)
             case "AssignRouteAction" | "AcquirePositionAction":
                 goals = [self._pose(one) for one in [*action.iter("Waypoint")] or [action]]
                 mover.roads = self._places.roads_of(goals)
@@ -246,9 +246,9 @@ class Storyboard:
                 pose = self._beside(position, self._mover(position).pose)
             case "RoutePosition" if position.find(".//Waypoint/Position/*") is not None:
                 goals = [self._pose(one) for one in position.iter("Waypoint")]
-                way = places.way(goals[0], places.roads_of(goals))
+                path = places.way(goals[0], places.roads_of(goals))
                 coordinates = next((one for one in position.iter() if one.get("pathS")), position)
-                pose = way.at(way.project(goals[0])[0] + number(coordinates, "pathS"))
+                pose = path.at(path.project(goals[0])[0] + number(coordinates, "pathS"))
             case kind:
                 raise UnknownMotion(f"{kind} is not read")
         if turned is not None:
@@ -262,9 +262,9 @@ class Storyboard:
             raise ValueError(f"{position.get('entityRef')} is on no lane")
         goal = self._places.known((*lane[:3], 1), int(number(position, "dLane")))
         back = math.pi if lane[3] * ds < 0 else 0.0
-        way = self._places.way(own.turned(back)._replace(lane=goal[:3]))
+        path = self._places.way(own.turned(back)._replace(lane=goal[:3]))
         left = number(position, "offset", "0") * lane[3] * (-1 if back else 1)
-        return way.at(way.project(own)[0] + abs(ds), left).turned(back)
+        return path.at(path.project(own)[0] + abs(ds), left).turned(back)
 
     def _is_on(self, trigger: Element | None, *, otherwise: bool) -> bool:
         """Return whether a trigger fires now; ``otherwise`` if there is none."""
@@ -372,10 +372,10 @@ class Storyboard:
 
 
 def _needed(element: Element, path: str) -> Element:
-    found = element.find(path)
-    if found is None:
+    child = element.find(path)
+    if child is None:
         raise ValueError(f"a {element.tag} has no {path.lstrip('./').replace('*', 'content')}")
-    return found
+    return child
 
 
 def _wanted(target: Element, mover: Mover, other: Mover) -> Target:

@@ -136,9 +136,9 @@ def _put_together(named: Mapping[str, Sequence[LaneletPart]], lanes: Mapping[str
         for stretch, (start, end) in zip(stretches, pairwise(ends.tolist()), strict=True):
             parts.setdefault(stretch.lanelet, []).append((stretch, cut(lane.centreline, start, end)))
         after = [numbers[i] for i in lane.successors]
-        ways = [*pairwise(s.lanelet for s in stretches if s.lanelet != BEYOND)]
-        ways += [(stretches[-1].lanelet, named[other][0].lanelet) for other in after if other in named]
-        for here, there in ways:
+        transitions = [*pairwise(s.lanelet for s in stretches if s.lanelet != BEYOND)]
+        transitions += [(stretches[-1].lanelet, named[other][0].lanelet) for other in after if other in named]
+        for here, there in transitions:
             if here != there:
                 following.setdefault(here, set()).add(there)
         near = [named.get(numbers.get(i or 0, "")) for i in (lane.left, lane.right)]

@@ -57,7 +57,7 @@ def road_users(state: bytes) -> dict[str, Element]:
     """
     root = _root(state)
     types = {kind.get("id", ""): kind for kind in root.iter("vType")}
-    found = {}
+    users = {}
 
     def user(element: Element, plain: Element, **place: str) -> Element:
         user = Element("user", place)
@@ -70,12 +70,12 @@ def road_users(state: bytes) -> dict[str, Element]:
         for order, name in enumerate(" ".join(e.get("value", "") for e in lane.iter("vehicles")).split()):
             if (vehicle := vehicles.get(name)) is not None:
                 place = {"lane": lane.get("id", ""), "order": str(order)}
-                found[name] = user(vehicle, _plain(vehicle), **place)
+                users[name] = user(vehicle, _plain(vehicle), **place)
     for person in root.iter("person"):
         if (walker := _walking(person)) is not None:
             name = person.get("id", "")
-            found[person_label(name, taken=name in found)] = user(person, walker)
-    return found
+            users[person_label(name, taken=name in users)] = user(person, walker)
+    return users
 
 
 def text_of(user: Element, intention: Intention | None) -> str:

@@ -108,9 +108,9 @@ def _contacts(view: _View, i: IntArray, j: IntArray) -> StopLines:
     along = np.cos(other.heading[k, first] - one.heading[k, first])
     # One that crosses in front stays at the place until it has passed; one ahead leaves it at once.
     time = np.arange((SAMPLES - 1) * steps + 1)
-    later = view.motion[future, j].map(lambda values: between(values, time / steps))
+    motion = view.motion[future, j].map(lambda values: between(values, time / steps))
     here = Rectangles.of(one[k, first][:, None], *(a[k] for a in own_size))
-    held = rectangle_distance(here, Rectangles.of(later, *(a[k] for a in size))) <= CONTACT_M
+    held = rectangle_distance(here, Rectangles.of(motion, *(a[k] for a in size))) <= CONTACT_M
     gone = ~held & (time > first[:, None])
     leave = np.where(gone.any(axis=1), gone.argmax(axis=1), np.inf)
     follows = leave <= first + steps
@@ -193,14 +193,14 @@ def _stay_apart(view: _View, i: IntArray, j: IntArray, time_s: FloatArray) -> Bo
     braking = view.braking[future, j]
     t = np.arange(0.0, SAFE_STOP_S + 1e-9, SAFE_STEP_S)
     braked = np.minimum(t, (np.maximum(two.speed, 0.0) / np.maximum(braking, 1e-9))[:, None])
-    ways = (
+    travelled = (
         np.maximum(one.speed, 0.0)[:, None] * t,
         np.maximum(two.speed, 0.0)[:, None] * braked - braking[:, None] / 2 * braked**2,
     )
     sizes = (scene.length[vehicle], scene.width[vehicle]), (others.length[j], others.width[j])
     boxes = [
         Rectangles.of(now.ahead(travelled_m, travelled_m), length[:, None], width[:, None])
-        for now, travelled_m, (length, width) in zip((one, two), ways, sizes, strict=True)
+        for now, travelled_m, (length, width) in zip((one, two), travelled, sizes, strict=True)
     ]
     distance = np.where(t <= time_s[:, None], rectangle_distance(*boxes), np.inf)
     least = np.minimum(SAFE_M, KEPT_SHARE * distance[:, 0])
@@ -268,12 +268,12 @@ def _yields(
     other_stops = gives_way & (meeting.enter >= faster / (2 * human.yielding_mps2))
     # So they never both go, although each sees the other's way a little differently.
     margin = human.order_margin_m
-    later = np.where(other_first, meeting.lead < margin + ORDER_DOUBT_M, meeting.lead < -margin)
+    is_later = np.where(other_first, meeting.lead < margin + ORDER_DOUBT_M, meeting.lead < -margin)
     needs = v**2 / np.maximum(meeting.entry, MIN_WAY_M) / 2
     other_needs = v_other / np.maximum(meeting.enter, STEP_S) / 2
     less = needs < other_needs + np.where(other_first, 1, -1) * human.order_margin_mps2
-    later = np.where((meeting.speed == 0) & gives_way, less, later)
-    yields = np.where(meeting.stops == other_stops, later, meeting.stops)
+    is_later = np.where((meeting.speed == 0) & gives_way, less, is_later)
+    yields = np.where(meeting.stops == other_stops, is_later, meeting.stops)
     return np.asarray(np.where(meeting.enter == 0, meeting.lead < 0, yields))
 
 

@@ -66,8 +66,8 @@ class RightOfWay:
 
     def missing_signals(self) -> list[int]:
         """Return the lanelets with a traffic light that nothing controls."""
-        ways = {i: (self.links.of(i), self.links.leaving(i)) for i in self.signalled}
-        return [i for i in self.signalled if not any(held and all(map(self._lit, held)) for held in ways[i])]
+        links = {i: (self.links.of(i), self.links.leaving(i)) for i in self.signalled}
+        return [i for i in self.signalled if not any(held and all(map(self._lit, held)) for held in links[i])]
 
     def _lit(self, link: SumoLink) -> bool:
         return any(link.signal_index < len(state) for state in self.net.phases.get(link.signal, ()))

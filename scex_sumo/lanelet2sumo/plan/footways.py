@@ -72,14 +72,14 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
                 if i != j and (at := _meets(lane, s, walked[j])) is not None:
                     meetings.join((i, s), (j, at))
     places = {root: k for k, root in enumerate(sorted({meetings.name(s) for s in list(meetings.above)}))}
-    ways = []
+    found_footways = []
     for i, lane in walked.items():
         stations = sorted(s for j, s in meetings.above if j == i)
         for k, (start, end) in enumerate(pairwise(stations)):
             ends = (places[meetings.name((i, start))], places[meetings.name((i, end))])
             under = [c for c in crossed[i] if start <= sum(c.walked) / 2 <= end]
             if ends[0] != ends[1]:
-                way = Footway(
+                footway = Footway(
                     name=f"w{i}" if len(stations) == 2 else f"w{i}#{k}",
                     lanelets=(i,),
                     shape=cut(lane.centreline, start, end),
@@ -88,19 +88,19 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
                     marked=_marked(lane),
                     crossed=tuple((c.lane, c.span) for c in under),
                 )
-                ways.append(way)
-    return ways
+                found_footways.append(footway)
+    return found_footways
 
 
-def crossed_zones(ways: list[Footway]) -> list[Zone]:
+def crossed_zones(footways: list[Footway]) -> list[Zone]:
     """Return one zone of vehicle lanes for each group of crosswalks that meet."""
     groups: Groups[int] = Groups()
-    crosswalks = [way for way in ways if way.crossed]
-    for way in crosswalks:
-        groups.join(*way.places)
+    crosswalks = [footway for footway in footways if footway.crossed]
+    for footway in crosswalks:
+        groups.join(*footway.places)
     crossed: dict[int, list[tuple[int, tuple[float, float]]]] = {}
-    for way in crosswalks:
-        crossed.setdefault(groups.name(way.places[0]), []).extend(way.crossed)
+    for footway in crosswalks:
+        crossed.setdefault(groups.name(footway.places[0]), []).extend(footway.crossed)
     return [Zone(*zip(*on, strict=True)) for on in crossed.values()]
 
 
@@ -184,12 +184,12 @@ def _area(lane: Lane) -> shapely.Polygon:
 
 def slant(one: shapely.LineString, other: shapely.LineString, at: shapely.Point) -> tuple[float, float]:
     """Return sine and cosine of the angle at which two lines cross."""
-    ways = []
+    directions = []
     for line in (one, other):
         s = float(line.project(at))
         a, b = (line.interpolate(max(s + step, 0.0)) for step in (-TIP_M, TIP_M))
-        ways.append(math.atan2(b.y - a.y, b.x - a.x))
-    angle = ways[1] - ways[0]
+        directions.append(math.atan2(b.y - a.y, b.x - a.x))
+    angle = directions[1] - directions[0]
     return abs(math.sin(angle)), abs(math.cos(angle))
 
 

@@ -115,8 +115,8 @@ def _stages(
     cluster: Sequence[int], against: Sequence[set[int]], links: Sequence[Sequence[Connection]]
 ) -> list[list[int]]:
     def together(i: int, j: int) -> bool:
-        ways = ((p.entry, q.entry) for p in links[i] for q in links[j])
-        return j not in against[i] or all(abs(turn(*both)) > ONCOMING for both in ways)
+        entries = ((p.entry, q.entry) for p in links[i] for q in links[j])
+        return j not in against[i] or all(abs(turn(*both)) > ONCOMING for both in entries)
 
     stages: list[list[int]] = []
     for i in cluster:

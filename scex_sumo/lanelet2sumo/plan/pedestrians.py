@@ -45,40 +45,49 @@ TRIM_M = 0.75  # what a walking area takes of each footway that ends at it
 STUB_M = 3.0  # of sidewalk at a crosswalk's free end: SUMO's people come from sidewalks
 
 
-def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -> Walks:
+def plan_walks(footways: Sequence[Footway], topology: Topology, layout: NetLayout) -> Walks:
     """Put a map's footways into the net of its vehicle lanes."""
-    met = {way.name: _across(way, topology, layout) for way in ways}
-    across = {name: found for name, found in met.items() if found is not None}
-    owners = {place: across[way.name][0] for way in ways if way.name in across for place in way.places}
-    crosswalks = [way for way in ways if way.name in across]
-    fresh = count(max((place for way in ways for place in way.places), default=0) + 1)
-    walkways = _halved([way for way in ways if way.name not in across], owners, fresh)
-    ways = [*crosswalks, *walkways, *_stubs(crosswalks, ways, fresh)]
-    ends = [place for way in ways for place in way.places]
+    met = {footway.name: _across(footway, topology, layout) for footway in footways}
+    across = {name: place_across for name, place_across in met.items() if place_across is not None}
+    owners = {
+        place: across[footway.name][0]
+        for footway in footways
+        if footway.name in across
+        for place in footway.places
+    }
+    crosswalks = [footway for footway in footways if footway.name in across]
+    fresh = count(max((place for footway in footways for place in footway.places), default=0) + 1)
+    walkways = _halved([footway for footway in footways if footway.name not in across], owners, fresh)
+    footways = [*crosswalks, *walkways, *_stubs(crosswalks, footways, fresh)]
+    ends = [place for footway in footways for place in footway.places]
     node = {place: owners.get(place, f"p{place}") for place in sorted(set(ends))}
     numbers, crossed = ({name: count() for name in node.values()} for _ in range(2))
     area = {p: f":{n}_w{next(numbers[n])}" for p, n in node.items() if ends.count(p) > 1}
     crossings: list[Crossing] = []
     sidewalks: list[Sidewalk] = []
     corner: dict[int, list[FloatArray]] = {}
-    over, met_twice = dict[str, _Over](), [place for way in crosswalks for place in way.places]
-    for way in crosswalks:
-        shared = [met_twice.count(place) > 1 for place in way.places]
-        over[way.name] = _over_lanes(way, across[way.name], layout, shared)
-    beyond = {p: reach for way in crosswalks for p, reach in zip(way.places, over[way.name][2], strict=True)}
-    for way in ways:
-        start, end = way.places
-        areas, name = (area.get(start, ""), area.get(end, "")), way.name
-        if way.name in over:
-            shape, width, _ = over[way.name]
-            junction = across[way.name][0]
+    over, met_twice = dict[str, _Over](), [place for footway in crosswalks for place in footway.places]
+    for footway in crosswalks:
+        shared = [met_twice.count(place) > 1 for place in footway.places]
+        over[footway.name] = _over_lanes(footway, across[footway.name], layout, shared)
+    beyond = {
+        p: reach
+        for footway in crosswalks
+        for p, reach in zip(footway.places, over[footway.name][2], strict=True)
+    }
+    for footway in footways:
+        start, end = footway.places
+        areas, name = (area.get(start, ""), area.get(end, "")), footway.name
+        if footway.name in over:
+            shape, width, _ = over[footway.name]
+            junction = across[footway.name][0]
             name = f":{junction}_c{next(crossed[junction])}"
         else:
-            size, width, trims = length_of(way.shape), way.width, list[float]()
-            for place, there in zip(way.places, areas, strict=True):
+            size, width, trims = length_of(footway.shape), footway.width, list[float]()
+            for place, there in zip(footway.places, areas, strict=True):
                 most = size / 2 - TRIM_M / 2 if beyond.get(place) else size / 4
                 trims.append(min(TRIM_M + beyond.get(place, 0.0), most) * bool(there))
-            shape = cut(way.shape, trims[0], size - trims[1])
+            shape = cut(footway.shape, trims[0], size - trims[1])
         for place, last in ((start, False), (end, True)):
             corner.setdefault(place, []).append(corners(shape, width, end=last, reach=TIP_M))
         lane = NetLane(
@@ -87,11 +96,11 @@ def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -
             length=length_of(shape),
             width=width,
             speed=WALKING_SPEED_MPS,
-            starts=tuple((lanelet, 0.0) for lanelet in way.lanelets),
+            starts=tuple((lanelet, 0.0) for lanelet in footway.lanelets),
             allow="pedestrian",
         )
-        if way.name in across:
-            crossings.append(Crossing(*across[way.name], lane=lane, areas=areas, marked=way.marked))
+        if footway.name in across:
+            crossings.append(Crossing(*across[footway.name], lane=lane, areas=areas, marked=footway.marked))
         else:
             sidewalks.append(Sidewalk(lane=lane, nodes=(node[start], node[end]), areas=areas))
     return Walks(
@@ -102,30 +111,30 @@ def plan_walks(ways: Sequence[Footway], topology: Topology, layout: NetLayout) -
     )
 
 
-def _across(way: Footway, topology: Topology, layout: NetLayout) -> _Across | None:
-    pieces = {piece for lane, span in way.crossed for piece in topology.pieces_on(lane, *span)}
+def _across(footway: Footway, topology: Topology, layout: NetLayout) -> _Across | None:
+    pieces = {piece for lane, span in footway.crossed for piece in topology.pieces_on(lane, *span)}
     for node in layout.nodes if pieces else ():
         links = [k for k, c in enumerate(node.connections) if pieces & set(c.path.inside)]
         if links:
-            edges = dict.fromkeys(_nearer_edge(node.connections[k], way.shape) for k in links)
+            edges = dict.fromkeys(_nearer_edge(node.connections[k], footway.shape) for k in links)
             return node.name, tuple(links), tuple(edges)
     return None
 
 
-def _over_lanes(way: Footway, across: _Across, layout: NetLayout, shared: Sequence[bool]) -> _Over:
+def _over_lanes(footway: Footway, across: _Across, layout: NetLayout, shared: Sequence[bool]) -> _Over:
     """Return the line and the width of a crossing, and by how much it is longer than the crosswalk, m.
 
     Walking areas take the ends of a crosswalk, but nothing of the lanes, except where it is ``shared`` with
     another crosswalk. SUMO's cars do not see people on a crossing whose line ends before the middle of their
     lane, nor people aside on a wide crossing that is slanted to it.
     """
-    size, width = length_of(way.shape), way.width
+    size, width = length_of(footway.shape), footway.width
     off = min(TRIM_M, size / 4)
     low, high = off, size - off
     least, most = (min(ISLAND_END_M, off) if both else -OVER_M for both in shared)
-    line = lengthened(way.shape)
+    line = lengthened(footway.shape)
     connections = next(node.connections for node in layout.nodes if node.name == across[0])
-    for k in across[1] if way.marked else ():
+    for k in across[1] if footway.marked else ():
         lane = connections[k].internal
         met = line.intersection(shapely.LineString(lane.shape))
         for point in shapely.points(shapely.get_coordinates(met)):
@@ -137,7 +146,7 @@ def _over_lanes(way: Footway, across: _Across, layout: NetLayout, shared: Sequen
             width = min(width, 2 * ASIDE_M * sine / max(cosine, 1e-6))
     low, high = max(low, least), min(high, size - most)
     shape = cut(shapely.get_coordinates(line), low + OVER_M, high + OVER_M)
-    return shape, min(max(width, TWO_ABREAST_M), way.width), (max(-low, 0.0), max(high - size, 0.0))
+    return shape, min(max(width, TWO_ABREAST_M), footway.width), (max(-low, 0.0), max(high - size, 0.0))
 
 
 def _nearer_edge(link: Connection, crosswalk: FloatArray) -> str:
@@ -146,24 +155,31 @@ def _nearer_edge(link: Connection, crosswalk: FloatArray) -> str:
     return link.from_edge if first <= last else link.to_edge
 
 
-def _halved(ways: Sequence[Footway], owners: Mapping[int, str], fresh: Iterator[int]) -> Iterator[Footway]:
-    for way in ways:
-        one, other = way.places
+def _halved(
+    footways: Sequence[Footway], owners: Mapping[int, str], fresh: Iterator[int]
+) -> Iterator[Footway]:
+    for footway in footways:
+        one, other = footway.places
         if one not in owners or owners[one] != owners.get(other):
-            yield way
+            yield footway
             continue
-        middle, half = next(fresh), length_of(way.shape) / 2
-        shapes = cut(way.shape, 0.0, half), cut(way.shape, half, 2 * half)
+        middle, half = next(fresh), length_of(footway.shape) / 2
+        shapes = cut(footway.shape, 0.0, half), cut(footway.shape, half, 2 * half)
         for k, (shape, places) in enumerate(zip(shapes, ((one, middle), (middle, other)), strict=True)):
-            yield replace(way, name=f"{way.name}#{'ab'[k]}", shape=shape, places=places)
+            yield replace(footway, name=f"{footway.name}#{'ab'[k]}", shape=shape, places=places)
 
 
-def _stubs(crosswalks: Sequence[Footway], ways: Sequence[Footway], fresh: Iterator[int]) -> Iterator[Footway]:
-    places = [place for way in ways for place in way.places]
-    for way in crosswalks:
-        for k, place in enumerate(way.places):
+def _stubs(
+    crosswalks: Sequence[Footway], footways: Sequence[Footway], fresh: Iterator[int]
+) -> Iterator[Footway]:
+    places = [place for footway in footways for place in footway.places]
+    for footway in crosswalks:
+        for k, place in enumerate(footway.places):
             if places.count(place) == 1:
-                angle, tip = heading(way.shape, end=k == 1) + (math.pi if k == 0 else 0.0), way.shape[-k]
+                angle, tip = (
+                    heading(footway.shape, end=k == 1) + (math.pi if k == 0 else 0.0),
+                    footway.shape[-k],
+                )
                 outer = tip + STUB_M * np.array([math.cos(angle), math.sin(angle)])
-                name, line, ends = f"{way.name}#{k}", np.array([outer, tip]), (next(fresh), place)
-                yield Footway(name=name, lanelets=(), shape=line, width=way.width, places=ends)
+                name, line, ends = f"{footway.name}#{k}", np.array([outer, tip]), (next(fresh), place)
+                yield Footway(name=name, lanelets=(), shape=line, width=footway.width, places=ends)

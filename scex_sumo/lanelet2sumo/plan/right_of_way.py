@@ -190,16 +190,16 @@ def ring_lanes(lanes: Mapping[int, Lane]) -> frozenset[int]:
 
 def _oncoming_share(lanes: Mapping[int, Lane], lines: shapely.STRtree, cycle: list[int]) -> float:
     """Share of a cycle beside which traffic drives the other way: a block of houses has streets around it."""
-    way, ids = without_repeats(np.vstack([lanes[i].centreline for i in cycle])), list(lanes)
+    ring, ids = without_repeats(np.vstack([lanes[i].centreline for i in cycle])), list(lanes)
     met: set[int] = set()
-    area = shapely.Polygon(way).buffer(BESIDE_M)
+    area = shapely.Polygon(ring).buffer(BESIDE_M)
     for i in {ids[k] for k in lines.query(area, predicate="intersects").tolist()}.difference(cycle):
         _, points = samples(lanes[i].centreline, 1.0)
-        s, aside = project(points, way)
-        step, step_there = np.gradient(points, axis=0), along(way, s + 0.5) - along(way, s - 0.5)
+        s, aside = project(points, ring)
+        step, step_there = np.gradient(points, axis=0), along(ring, s + 0.5) - along(ring, s - 0.5)
         against = (step * step_there).sum(axis=1) < math.cos(ONCOMING) * np.hypot(*step.T)
         met.update(np.floor(s[against & (aside < BESIDE_M)]).astype(int).tolist())
-    return len(met) / length_of(way)
+    return len(met) / length_of(ring)
 
 
 def _roundness(lanes: Mapping[int, Lane], cycle: list[int]) -> float:

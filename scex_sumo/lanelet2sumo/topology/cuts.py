@@ -105,10 +105,10 @@ def _knot(chains: Topology) -> tuple[int, int] | None:
 
 def _double_way(chains: Topology) -> list[tuple[int, int]]:
     for start in chains.pieces(road=True):
-        ways: dict[Piece, tuple[Piece, ...]] = {}
-        for end, way in chains.ways_from(start):
-            other = ways.setdefault(end, way)
-            apart = [[p for p in a if p not in b] for a, b in ((way, other), (other, way))]
+        chains_between: dict[Piece, tuple[Piece, ...]] = {}
+        for end, chain in chains.ways_from(start):
+            other = chains_between.setdefault(end, chain)
+            apart = [[p for p in a if p not in b] for a, b in ((chain, other), (other, chain))]
             longest = [max(p, key=lambda q: (chains.rows[q[0]].size(q[1]), q)) for p in apart if p]
             if longest:
                 return sorted({piece[:2] for piece in longest})

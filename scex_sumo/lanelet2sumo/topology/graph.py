@@ -127,12 +127,12 @@ class Topology:
         for _ in range(MAX_STEPS):
             if not stack:
                 return
-            way = stack.pop()
-            for piece in self.after(way[-1]):
+            chain = stack.pop()
+            for piece in self.after(chain[-1]):
                 if not self.is_inside(piece):
-                    yield piece, way[1:]
-                elif piece not in way:  # a ring that lies completely inside one junction
-                    stack.append((*way, piece))
+                    yield piece, chain[1:]
+                elif piece not in chain:  # a ring that lies completely inside one junction
+                    stack.append((*chain, piece))
         raise self.too_large(start)
 
     def too_large(self, piece: Piece) -> MapError:

@@ -135,13 +135,13 @@ def path_room(paths: SeedPaths, road: Road) -> PathRoom:
 
 
 def _march(surface: Surface, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
-    way, inside = np.zeros_like(x), np.ones(x.shape, dtype=np.bool_)
+    marched_m, inside = np.zeros_like(x), np.ones(x.shape, dtype=np.bool_)
     for _ in range(MARCH_STEPS):
-        depth = surface.at(x + way * dx, y + way * dy)
+        depth = surface.at(x + marched_m * dx, y + marched_m * dy)
         inside &= depth > 0
-        way += np.where(inside, np.maximum(depth, surface.cell), 0.0)
-    way += np.minimum(surface.at(x + way * dx, y + way * dy), 0.0)
-    return np.clip(way, 0.0, MAX_ROOM_M)
+        marched_m += np.where(inside, np.maximum(depth, surface.cell), 0.0)
+    marched_m += np.minimum(surface.at(x + marched_m * dx, y + marched_m * dy), 0.0)
+    return np.clip(marched_m, 0.0, MAX_ROOM_M)
 
 
 class Raster(NamedTuple):

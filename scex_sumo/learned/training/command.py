@@ -95,11 +95,11 @@ def train_command(
         epochs=count,
         rounds=min(TrainOptions.rounds, max(count - 1, 0)),
     )
-    found, sampling = recordings(), SampleOptions(split=split)
+    recorded, sampling = recordings(), SampleOptions(split=split)
     with progress_bar("samples") as tick:
-        dataset = make_dataset(found, sampling, maps=simulated or (), tick=tick)
+        dataset = make_dataset(recorded, sampling, maps=simulated or (), tick=tick)
     folder = _checkpoints(weights)
-    run = Trainer(dataset, options, drift=closed_loop(found, sampling, dataset, options), folder=folder)
+    run = Trainer(dataset, options, drift=closed_loop(recorded, sampling, dataset, options), folder=folder)
     if overwrite and folder.exists():
         shutil.rmtree(folder)
     if run.resume():

@@ -83,11 +83,11 @@ def least_of_near(
     """
     if scenes.near is None:
         return values(scenes)
-    found = values(scenes.near.scenes)
-    least = np.where(found.defined, found.value, np.inf).min(axis=0, initial=np.inf).max(initial=0.0)
+    samples = values(scenes.near.scenes)
+    least = np.where(samples.defined, samples.value, np.inf).min(axis=0, initial=np.inf).max(initial=0.0)
     reach = within(float(least)) * (1 + ROUNDING) if np.isfinite(least) else np.inf
     if reach <= NEAR_M:
-        return found
+        return samples
     (one, two), size = scenes.pairs, np.hypot(scenes.length, scenes.width).max(axis=(1, 2)) / 2
     some = scenes.near.apart <= reach + size[one] + size[two]
     some[scenes.near.pair] = True

@@ -218,8 +218,8 @@ class Scenes:
         """Return ``make(self)``, computed once for all metrics."""
         if make not in self._derived:
             self._derived[make] = make(self)
-        made: T = self._derived[make]
-        return made
+        derived: T = self._derived[make]
+        return derived
 
     def release(self) -> None:
         """Drop derived values, because reference cycles keep the memory."""

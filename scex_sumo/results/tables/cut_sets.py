@@ -87,7 +87,7 @@ class DrawnModels:
         Returns:
             Rows of `CUT_SETS`; a set without vehicles: the event happens in all futures.
         """
-        found: dict[_Set, int] = {}
+        counts: dict[_Set, int] = {}
         vehicles, count = self._has.shape[1], len(self._names)
         others = np.delete(np.arange(vehicles), pair)
         beside = self._has[:, others].reshape(len(happens), -1)
@@ -95,17 +95,17 @@ class DrawnModels:
         for own in [(), *((one,) for one in chain(*choices)), *product(*choices)]:
             base: _Set = frozenset(own)
             rows = np.all([self._has[:, v, m] > 0 for v, m in own] or [happens >= 0], axis=0)
-            if happens[rows].sum() < LEAST_FUTURES or _has_part(base, found):
+            if happens[rows].sum() < LEAST_FUTURES or _has_part(base, counts):
                 continue
             if happens[rows].all():
-                found[base] = int(rows.sum())
+                counts[base] = int(rows.sum())
                 continue
             for columns, futures in _always(beside[rows], happens[rows]):
                 whole = base | {(int(others[c // count]), c % count) for c in columns}
-                if not _has_part(whole, found):
-                    found[whole] = futures
-        order = sorted(found, key=lambda one: (-found[one], len(one), sorted(one)))
-        return [self._row(sorted(one), found[one]) for one in order]
+                if not _has_part(whole, counts):
+                    counts[whole] = futures
+        order = sorted(counts, key=lambda one: (-counts[one], len(one), sorted(one)))
+        return [self._row(sorted(one), counts[one]) for one in order]
 
     def _row(self, members: Sequence[tuple[int, int]], futures: int) -> dict[str, Any]:
         ids, models = [int(self.track_ids[v]) for v, _ in members], [self._names[m] for _, m in members]
@@ -127,9 +127,9 @@ class DrawnModels:
         return rows
 
 
-def _has_part(one: _Set, found: Mapping[_Set, int]) -> bool:
+def _has_part(one: _Set, counts: Mapping[_Set, int]) -> bool:
     parts = (part for size in range(len(one) + 1) for part in combinations(sorted(one), size))
-    return any(frozenset(part) in found for part in parts)
+    return any(frozenset(part) in counts for part in parts)
 
 
 def _always(has: NDArray[np.float32], happens: BoolArray) -> Iterator[tuple[tuple[int, ...], int]]:
@@ -139,15 +139,15 @@ def _always(has: NDArray[np.float32], happens: BoolArray) -> Iterator[tuple[tupl
         has: (C, L) 1 where a vehicle has a model, for all L.
         happens: (C,).
     """
-    often = np.flatnonzero(has[happens].sum(axis=0) >= LEAST_FUTURES)
-    hits, misses = (part[:, often].T @ part[:, often] for part in (has[happens], has[~happens]))
+    frequent = np.flatnonzero(has[happens].sum(axis=0) >= LEAST_FUTURES)
+    hits, misses = (part[:, frequent].T @ part[:, frequent] for part in (has[happens], has[~happens]))
     alone = np.diag(hits) / np.diag(hits + misses)
     before = np.maximum(np.maximum.outer(alone, alone), happens.mean())  # share with one model less
     np.fill_diagonal(before, happens.mean())
     sure = (misses == 0) & (hits >= LEAST_FUTURES) & (has.shape[1] * before**hits < LUCK)
     first, second = np.nonzero(np.triu(sure))
     for k in np.argsort(first != second, kind="stable").tolist():
-        yield tuple({int(often[first[k]]), int(often[second[k]])}), int(hits[first[k], second[k]])
+        yield tuple({int(frequent[first[k]]), int(frequent[second[k]])}), int(hits[first[k], second[k]])
 
 
 def cut_set_words(row: Mapping[str, Any]) -> list[str]:
@@ -157,22 +157,22 @@ def cut_set_words(row: Mapping[str, Any]) -> list[str]:
 
     Sets that differ in the model of one vehicle are one phrase.
     """
-    told: list[tuple[int, dict[int, list[str]]]] = []
+    sentences: list[tuple[int, dict[int, list[str]]]] = []
     names = dict(zip((row["track_id"], row["other_id"]), ends(row), strict=True))
     for one in row["cut_sets"] or ():
         own = {track: [model] for track, model in zip(one["track_ids"], one["models"], strict=True)}
-        for k, (futures, models) in enumerate(told):
+        for k, (futures, models) in enumerate(sentences):
             differ = [track for track in own if own[track] != models.get(track)]
             if own.keys() == models.keys() and len(differ) == 1:
                 joined = models | {differ[0]: models[differ[0]] + own[differ[0]]}
-                told[k] = futures + one["futures"], joined
+                sentences[k] = futures + one["futures"], joined
                 break
         else:
-            told.append((one["futures"], own))
-    told.sort(key=lambda each: -each[0])
+            sentences.append((one["futures"], own))
+    sentences.sort(key=lambda each: -each[0])
     return [
         _phrase(futures, {names.get(track, str(track)): drawn for track, drawn in models.items()})
-        for futures, models in told
+        for futures, models in sentences
     ]
 
 

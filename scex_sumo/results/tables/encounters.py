@@ -212,8 +212,8 @@ def in_words(row: Mapping[str, Any]) -> str:
     name, event = event_of(row)
     if not name:
         share = row["consequence"]
-        later = f", touches in {share:.1%} after an earlier collision" if share else ""
-        return f"{head}{event}, typically {gap} m apart{later}"
+        aftermath = f", touches in {share:.1%} after an earlier collision" if share else ""
+        return f"{head}{event}, typically {gap} m apart{aftermath}"
     if sets := cut_set_words(row):
         more = f" ({len(sets) - 1} more with encounters --pair)" if len(sets) > 1 else ""
         return f"{head}{event} in {share_of(row, name).percent}, {sets[0]}{more}"

@@ -136,14 +136,14 @@ def write_ranking_page(
             command = _command(run, task.ref)
             yield _ReportTask(**vars(task), command=command, pairs=own_pairs[name], rows=own, site=site)
 
-    for task, made in run.workers.run_each(_reported, asked()):
+    for task, reported in run.workers.run_each(_reported, asked()):
         assert isinstance(task, _ReportTask)
         tasks[task.ref.moment] = task
-        if isinstance(made, Failure):
-            failures[task.ref.moment] = made
-            notes.append(f"{task.ref.moment}: no futures: {made.reason}")
+        if isinstance(reported, Failure):
+            failures[task.ref.moment] = reported
+            notes.append(f"{task.ref.moment}: no futures: {reported.reason}")
             continue
-        html, stress[task.ref.moment], replaced, drawn, road = made
+        html, stress[task.ref.moment], replaced, drawn, road = reported
         roads |= {task.ref.location: road} if road else {}
         stages |= {(task.ref.moment, *both): stage for both, stage in drawn.items()}
         notes += [f"{task.ref.moment}: {line}" for line in replaced]

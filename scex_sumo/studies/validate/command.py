@@ -65,12 +65,12 @@ def _print_scores(done: Validation) -> None:
     console = output_console(width=140)
     scenes, recordings = counted(info["seeds"], "seed scene"), counted(info["recordings"], "recording")
     print(f"{scenes} of {recordings}, models {', '.join(info['models'])}")
-    told = (
+    scores = (
         f"mean Brier score of the paper's thresholds {info['mean_brier']:.3f} (0: every forecast right), "
         f"of constant velocity {info['mean_brier_constant_velocity']:.3f}, of the base rate "
         f"{info['mean_brier_base_rate']:.3f}; P(collision) {collisions_in(info)}"
     )
-    print_line(told, console)
+    print_line(scores, console)
 
     about = "better: 1 perfect, 0 no better, below 0 worse; the page has more, pairs and values"
     breaks = (" velocity", " base rate", " within", " constant")

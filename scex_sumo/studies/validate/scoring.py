@@ -233,8 +233,8 @@ def position_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
                     "vehicles": len(part),
                     **{name: float(np.mean(part[name].to_numpy())) for name in means},
                     **{
-                        f"{way}_coverage": float(np.mean(part[f"{way}_within"].to_pylist()))
-                        for way in ("along", "across")
+                        f"{axis}_coverage": float(np.mean(part[f"{axis}_within"].to_pylist()))
+                        for axis in ("along", "across")
                     },
                 }
             )

@@ -199,9 +199,9 @@ def case_words(case: Mapping[str, Any]) -> str:
     if case["verdict"] == FAILED:
         return str(case["reason"])
     chance = "" if case["p"] is None else f" (p {chance_text(case['p'])})"
-    often = f"{case['collide']:.0%} of {case['futures']} futures, people in {case['people_collide']:.0%}"
+    frequency = f"{case['collide']:.0%} of {case['futures']} futures, people in {case['people_collide']:.0%}"
     p, people = (once_in(case[name]) for name in ("probability", "people"))
-    return f"{case['verdict']}: collides {p}, people {people}{chance}; in {often}"
+    return f"{case['verdict']}: collides {p}, people {people}{chance}; in {frequency}"
 
 
 def title(result: Mapping[str, Any]) -> str:

@@ -207,9 +207,9 @@ def _run(
         return records
     began = time.perf_counter()
     with MomentWorkers(workers) as pool:
-        for task, found in pool.run_each(run_case, left):
+        for task, outcome in pool.run_each(run_case, left):
             now, name = time.perf_counter(), task.ref.moment
-            record = {"reason": found.reason} if isinstance(found, Failure) else dict(found)
+            record = {"reason": outcome.reason} if isinstance(outcome, Failure) else dict(outcome)
             records[name], began = record | {"seconds": round(now - began, 2)}, now
             folder.keep(name, records[name])
             if tick is not None:
@@ -280,7 +280,7 @@ def record_of(function: Driven, people: Driven, other_id: int) -> dict[str, Any]
 
     ``pair`` and ``people_pair`` are P of a contact with the other one of the case alone.
     """
-    told = function.pairs[0] if function.pairs else function.row_of(other_id)
+    chosen = function.pairs[0] if function.pairs else function.row_of(other_id)
     pair, people_pair = function.contacts_with(other_id), people.contacts_with(other_id)
     return {
         "probability": function.any.probability,
@@ -294,8 +294,8 @@ def record_of(function: Driven, people: Driven, other_id: int) -> dict[str, Any]
         "futures": function.futures,
         "collide": float(function.collides.mean()),
         "people_collide": float(people.collides.mean()),
-        **{name: told[name] for name in ("how", "future", "needed_braking", "time_margin", "gap_m")},
-        **shown(function, told),
+        **{name: chosen[name] for name in ("how", "future", "needed_braking", "time_margin", "gap_m")},
+        **shown(function, chosen),
     }
 
 

@@ -73,11 +73,11 @@ def make_dataset(
     roads: dict[str, Road] = {}
     parts: dict[Part, list[TrainingSamples]] = {"train": [], "validation": []}
     digest, total = hashlib.sha256(), len(recordings) + len(maps)
-    done, told = count(), tick or (lambda done, total: None)
+    done, report = count(), tick or (lambda done, total: None)
     cached = partial(cached_object, parts=(TrainingSamples,))
     for number, (site, here, every_s) in enumerate(loaded_sites(recordings, options.moments)):
         for loaded in here:
-            told(next(done), total)
+            report(next(done), total)
             recording = loaded.recording
             key = f"{_digest((recording.map_path, *recording.track_paths), options)} {every_s:.3f}"
             digest.update(key.encode())
@@ -95,7 +95,7 @@ def make_dataset(
         )
     recorded = sum(map(len, parts["train"]))
     for map_path in maps:
-        told(next(done), total)
+        report(next(done), total)
         road, name = read_map(map_path, own_corner=True), f"{map_path.name}, simulated"
         key = _digest((map_path,), options)
         digest.update(key.encode())

@@ -153,11 +153,11 @@ def standing_gap(
 
 def stopping_way(speed: FloatArray, gap: FloatArray, steps: int) -> FloatArray:
     """Return (n, H) m that vehicles travel until they stand behind one (n,) m ahead."""
-    v, travelled_m, ways = speed, np.zeros_like(speed), []
+    v, travelled_m, distances = speed, np.zeros_like(speed), []
     for _ in range(steps):
         a = idm_acceleration(STOPPING, v, np.maximum(speed, 8.0), gap - travelled_m, np.zeros_like(v))
         following = np.maximum(v + a * STEP_S, 0.0)
         travelled_m = travelled_m + (v + following) * (STEP_S / 2)
         v = following
-        ways.append(travelled_m)
-    return np.stack(ways, axis=1)
+        distances.append(travelled_m)
+    return np.stack(distances, axis=1)

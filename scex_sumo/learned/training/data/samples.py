@@ -93,16 +93,16 @@ def scene_samples(
         return None
     assert scene.future is not None and scene.future_valid is not None
     futures, count, paths = states.shape[0], scene.vehicles, seed_paths(scene, road)
-    recorded, later = scene.now if step == 0 else scene.future[:, step - 1], scene.future[:, step:]
+    recorded, future = scene.now if step == 0 else scene.future[:, step - 1], scene.future[:, step:]
     valid = scene.future_valid[usable, step:]
-    row, owner, right = right_paths(paths, usable, recorded[usable], later[usable], valid)
+    row, owner, right = right_paths(paths, usable, recorded[usable], future[usable], valid)
     vehicles = VehicleIndex(
         future=np.repeat(np.arange(futures), len(row)), vehicle=np.tile(usable[owner], futures)
     )
     rows, draws = np.tile(row, futures), np.zeros((futures, count))
     history = history_at(scene, states if seen is None else seen, np.arange(futures), draws, step=step)
     actual = states[:, :, -1][vehicles.future, vehicles.vehicle]
-    true = recorded[vehicles.vehicle], later[vehicles.vehicle][:, :PLAN_STEPS]
+    true = recorded[vehicles.vehicle], future[vehicles.vehicle][:, :PLAN_STEPS]
     gap = None if blocked is None else standing_gap(history, vehicles, paths, rows)[1]
     goals, keep = _goals(paths, rows, vehicles, history, actual, *true, gap)
     vehicles = vehicles[keep]

@@ -244,8 +244,8 @@ class PairModule(nn.Module):
 
     def pairs(self, scene: SceneBatch, path: PathBatch) -> Tensor:
         """Return (n, inner) of n pairs."""
-        way = torch.relu(self.path(self.path_scale(path.features)))
-        return torch.cat([self.scene(scene, path.node), way], 1)
+        encoded = torch.relu(self.path(self.path_scale(path.features)))
+        return torch.cat([self.scene(scene, path.node), encoded], 1)
 
 
 class GraphPredictorNet(PairModule):

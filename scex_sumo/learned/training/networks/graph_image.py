@@ -130,8 +130,8 @@ class GraphImagePredictorNet(nn.Module):
         """Return modes of n pairs; `attention` is w, (n,) in [0, 1]: 1 uses the graph alone."""
         features = self.path_scale(path.features)
         alone = features[:, : -len(LEADER_COLUMNS)]
-        way, own = torch.relu(self.path(features)), torch.relu(self.own(alone))
-        g = torch.relu(self.graph_branch(torch.cat([self.scene(scene, path.node), way], 1)))
+        encoded, own = torch.relu(self.path(features)), torch.relu(self.own(alone))
+        g = torch.relu(self.graph_branch(torch.cat([self.scene(scene, path.node), encoded], 1)))
         m = torch.relu(self.image_branch(torch.cat([self.image(image), own], 1)))
         w = attention[:, None]
         modes: ModeTensors = self.head(torch.cat([w * g, (1 - w) * m], 1), path.features)
