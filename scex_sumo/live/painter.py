@@ -127,8 +127,8 @@ class Painter:
         head = "no pair leads"
         if pair is not None:
             stress = f"in {pair.stress or 0.0:.0%} of the stress test"
-            frequency = once_in(pair.human_like) if pair.human_like else stress
-            head = f"{pair.hits} and {pair.other}: {frequency}"
+            often = once_in(pair.human_like) if pair.human_like else stress
+            head = f"{pair.hits} and {pair.other}: {often}"
         self._write("head", head, x, y, px)
         for number, (rgb, words) in enumerate([*(row[1:] for row in SCALE), _OUTSIDE]):
             y -= row
