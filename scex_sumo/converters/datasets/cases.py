@@ -30,6 +30,10 @@ def choose_case(table: TrackTable, case: str | float | None, time_s: float | Non
     for index, name in enumerate(table.cases):
         if number(name) == number(str(case)):
             return index
+    if not table.has_cases:
+        raise TrackError(
+            f"{table.path}: no case_id column, so no case {case}; choose the moment with --time S"
+        )
     examples = ", ".join(table.cases[:3]) + (", ..." if len(table.cases) > 3 else "")
     raise TrackError(f"{table.path}: no case {case}; it has {len(table.cases)} cases: {examples}")
 

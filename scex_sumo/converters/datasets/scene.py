@@ -45,7 +45,7 @@ def take_scene(
         why = f"only {kinds}" if kinds else "none left after repairs"
         raise TrackError(f"{table.path}: no motor vehicle among the tracks ({why}); give others")
     case_id, warnings = "", tuple[str, ...]()
-    if table.has_cases:
+    if table.has_cases or case is not None:
         from scex_sumo.converters.datasets.cases import choose_case
 
         index = choose_case(table, case, time_s)
@@ -55,10 +55,6 @@ def take_scene(
             raw = table
             table, more = repair_tracks(raw)
             findings, warnings = (*findings, *more), doubts([lost_vehicles(raw, table)])
-    elif case is not None:
-        raise TrackError(
-            f"{table.path}: no case_id column, so no case {case}; choose the moment with --time S"
-        )
     moment_ms = _choose_moment(table, case_id, time_s, [one for one in findings if "known until" in one])
     scene = _build(table, name, location, case_id, moment_ms, findings)
     return replace(scene, notes=(*scene.notes, *warnings))

@@ -28,6 +28,7 @@ def inspect_command(
     """List recordings, moments of one, or vehicles of a moment."""
     from scex_sumo.base.blame import calling_twice
     from scex_sumo.commands.console import output_console
+    from scex_sumo.converters.datasets.cases import choose_case
     from scex_sumo.converters.datasets.find import left_out, map_and_tracks, recordings_of_folder
     from scex_sumo.converters.datasets.moment import busiest
     from scex_sumo.converters.datasets.recordings import recording_of
@@ -73,11 +74,12 @@ def inspect_command(
                 chosen = ["--case", moment.case] if moment.case else ["--time", f"{moment.time_s:g}"]
                 print(f"{name}: {shlex.join([*words, *chosen])}")
         return partial(inspect_answer, loaded, moments, None)
+    if case is not None:
+        case = loaded.table.cases[choose_case(loaded.table, case, time)]
     if time is None:
-        times = {moment.case: moment.time_s for moment in moments}
-        if case not in times:
-            raise UsageError(f"--case {case}: no such case; known: {', '.join(list(times)[:8])}, ...")
-        time = times[case]
+        time = next((moment.time_s for moment in moments if moment.case == case), None)
+        if time is None:
+            raise UsageError(f"--case {case}: nobody is there at 1 s; choose with --time, too")
     scene = seed_at(loaded, time, case=case)
     console.print(_vehicles_table(scene))
     chosen = ["--case", case] if case else ["--time", f"{scene.time_s:g}"]

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from scex_sumo import example_path, read_seed
+from scex_sumo.base.errors import TrackError
 from scex_sumo.studies.inspection.command import inspect_command
 
 MAP = Path(example_path("roundabout"))
@@ -42,6 +43,18 @@ def test_a_moment_lists_its_vehicles_by_id(capsys: pytest.CaptureFixture[str]) -
     assert ids == list(range(3, 17))
     assert said.splitlines()[-1].endswith("--time 4.5")
     assert "speed [m/s]" in said
+
+
+def test_a_case_is_named_as_run_names_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    head, *rows = MAP.with_suffix(".csv").read_text().splitlines()
+    cases = tmp_path / "cases.csv"
+    cases.write_text("\n".join([f"case_id,{head}", *(f"{i}.0,{row}" for i in (1, 2) for row in rows)]))
+    inspect_command(MAP, tracks=cases, case="1")
+    assert capsys.readouterr().out.splitlines()[-1].endswith("--case 1.0")
+    with pytest.raises(TrackError, match=r"no case 9; it has 2 cases: 1.0, 2.0"):
+        inspect_command(MAP, tracks=cases, case="9")
+    with pytest.raises(TrackError, match="no case_id column, so no case 9"):
+        inspect_command(MAP, case="9")
 
 
 def test_a_folder_of_recordings_is_a_table_with_the_reason_of_what_cannot_be_read(
