@@ -23,6 +23,11 @@ FUTURES_EACH: Final = 128
 """Futures of 3 s that take as long as the start of a worker."""
 
 
+def no_bar(label: str) -> AbstractContextManager[None]:
+    """Open no progress bar."""
+    return nullcontext()
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunOptions:
     """Options of a run that change no value of its result.
@@ -67,7 +72,7 @@ class RunOptions:
         "Result folder.", None, metavar="OUT", names=("-o", "--out"), panel=OUTPUT, takes=Path
     )
     cache: bool = True
-    bar: Callable[[str], AbstractContextManager[Progress | None]] = lambda label: nullcontext()
+    bar: Callable[[str], AbstractContextManager[Progress | None]] = no_bar
     command: Sequence[str] | None = None
     is_reference: bool = False
 

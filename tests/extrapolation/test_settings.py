@@ -128,3 +128,8 @@ def test_a_vehicle_of_a_simulation_is_named_as_sumo_names_it() -> None:
     with pytest.raises(UsageError, match="--region main4: not in the seed scene; its vehicles"):
         Region(around="main4").vehicles(scene)
     assert Region(around="main.47").vehicles(scene) == (0, 1)
+
+
+def test_options_can_be_sent_to_a_process() -> None:
+    """As by an extra that works with its run's options elsewhere."""
+    assert pickle.loads(pickle.dumps(RunOptions(workers=2))).workers == 2
