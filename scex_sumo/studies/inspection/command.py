@@ -74,6 +74,7 @@ def inspect_command(
                 chosen = ["--case", moment.case] if moment.case else ["--time", f"{moment.time_s:g}"]
                 print(f"{name}: {shlex.join([*words, *chosen])}")
         return partial(inspect_answer, loaded, moments, None)
+    of_case = case is not None and time is None  # its own moment
     if case is not None:
         case = loaded.table.cases[choose_case(loaded.table, case, time)]
     if time is None:
@@ -82,7 +83,8 @@ def inspect_command(
             raise UsageError(f"--case {case}: nobody is there at 1 s; choose with --time, too")
     scene = seed_at(loaded, time, case=case)
     console.print(_vehicles_table(scene))
-    chosen = ["--case", case] if case else ["--time", f"{scene.time_s:g}"]
+    chosen = [] if case is None else ["--case", case]
+    chosen += [] if of_case else ["--time", f"{scene.time_s:g}"]
     print(f"run it: {shlex.join([*words, *chosen])}")
     return partial(inspect_answer, loaded, moments, scene)
 

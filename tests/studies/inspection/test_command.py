@@ -51,6 +51,8 @@ def test_a_case_is_named_as_run_names_it(tmp_path: Path, capsys: pytest.CaptureF
     cases.write_text("\n".join([f"case_id,{head}", *(f"{i}.0,{row}" for i in (1, 2) for row in rows)]))
     inspect_command(MAP, tracks=cases, case="1")
     assert capsys.readouterr().out.splitlines()[-1].endswith("--case 1.0")
+    inspect_command(MAP, tracks=cases, case="2", time=4.5)
+    assert capsys.readouterr().out.splitlines()[-1].endswith("--case 2.0 --time 4.5")
     with pytest.raises(TrackError, match=r"no case 9; it has 2 cases: 1.0, 2.0"):
         inspect_command(MAP, tracks=cases, case="9")
     with pytest.raises(TrackError, match="no case_id column, so no case 9"):
