@@ -153,11 +153,12 @@ class MomentRun:
 
     def tasks(self, refs: Sequence[MomentRef]) -> Iterator[MomentTask]:
         """Yield tasks that run the futures of moments."""
+        wanted = frozenset(refs)
         items = moment_tasks(
             [recording for recording in self.recordings if recording.name in self.listings],
             self.listings,
             self.settings,
-            wanted=lambda ref: ref in refs,
+            wanted=wanted.__contains__,
         )
         return (item for item in items if isinstance(item, MomentTask))
 
@@ -167,8 +168,9 @@ class MomentRun:
                 yield item
                 continue
             if isinstance(item, tuple):
-                self.folder.save_listing(*item)
-                self.listings |= dict([item])
+                recording, listing = item
+                self.folder.save_listing(recording, listing)
+                self.listings[recording] = listing
             elif item.time_s is None:
                 self.unreadable[item.recording] = item
             else:
