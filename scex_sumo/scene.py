@@ -191,12 +191,20 @@ class SeedScene(SentOnce):
     def reordered(self, order: Sequence[int], *, name: str) -> SeedScene:
         """Select vehicles by index in a new order, under another scene name."""
         index = np.asarray(order, dtype=np.int64)
-        by_vehicle = {"track_ids", "length", "width", "history", "recorded_steps"}
-        by_vehicle |= {"future", "future_valid", "people"} - {k for k, v in vars(self).items() if v is None}
-        parts: dict[str, Any] = {key: getattr(self, key)[index] for key in by_vehicle}
-        parts["types"] = tuple(self.types[i] for i in index)
-        parts["intentions"] = tuple(self.intentions[i] for i in index) if self.intentions else ()
-        return replace(self, name=name, **parts)
+        return replace(
+            self,
+            name=name,
+            track_ids=self.track_ids[index],
+            types=tuple(self.types[i] for i in index),
+            length=self.length[index],
+            width=self.width[index],
+            history=self.history[index],
+            recorded_steps=self.recorded_steps[index],
+            future=None if self.future is None else self.future[index],
+            future_valid=None if self.future_valid is None else self.future_valid[index],
+            intentions=tuple(self.intentions[i] for i in index) if self.intentions else (),
+            people=None if self.people is None else self.people[index],
+        )
 
     @property
     def names(self) -> list[str]:

@@ -62,13 +62,15 @@ def _msgpack() -> Any:
 def _table(path: Path) -> Any:
     import pyarrow as pa
 
-    return checked(pa.ipc.open_file(pa.OSFile(str(path), "rb")).read_all())
+    with pa.OSFile(str(path), "rb") as source:
+        return checked(pa.ipc.open_file(source).read_all())
 
 
 def _meta(path: Path) -> dict[str, Any]:
     import pyarrow as pa
 
-    schema = pa.ipc.open_file(pa.OSFile(str(path), "rb")).schema
+    with pa.OSFile(str(path), "rb") as source:
+        schema = pa.ipc.open_file(source).schema
     packed = (schema.metadata or {}).get(b"metadata")
     if packed is None:
         raise ValueError(f"{path.name} has no metadata")

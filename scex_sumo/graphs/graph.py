@@ -165,7 +165,7 @@ HISTORY_COLUMNS = SEEN_COLUMNS
 SLOPE_STEPS = 5  # 0.5 s
 CORRIDOR_M = 30.0  # ahead of the front bumper
 CORRIDOR_HALF_WIDTH_M = 3.0  # to either side
-_WORDS = {"motor": 2, "truck": 1, "bus": 1, "trailer": 1, "car": 0, "van": 0, "": 3}  # numbers of `TYPES`
+_WORDS = {"motor": 2, "truck": 1, "bus": 1, "trailer": 1, "car": 0, "van": 0}
 
 
 def node_features(history: SceneHistory, place: Located, index: LaneRelations) -> FloatArray:
@@ -174,8 +174,7 @@ def node_features(history: SceneHistory, place: Located, index: LaneRelations) -
     features = np.zeros((futures, vehicles, len(NODE_COLUMNS)))
     scene = history.scene
     features[..., 0], features[..., 1] = scene.length, scene.width
-    named = [[number for word, number in _WORDS.items() if word in name.lower()] for name in scene.types]
-    kind = np.array([numbers[0] for numbers in named], dtype=np.int64)
+    kind = np.array([_type_of(name) for name in scene.types], dtype=np.int64)
     features[..., 2:6] = kind[:, None] == np.arange(len(TYPES))
     recent = slice(-SLOPE_STEPS - 1, None)
     features[..., 6] = history.now.speed
@@ -187,6 +186,10 @@ def node_features(history: SceneHistory, place: Located, index: LaneRelations) -
     flat[on_road, 12] = index.speed_limit[place.lane[0, on_road]]
     features[..., 13:] = _obstacle_ahead(history)
     return flat
+
+
+def _type_of(name: str) -> int:
+    return next((number for word, number in _WORDS.items() if word in name.lower()), TYPES.index("other"))
 
 
 def slope(values: FloatArray) -> FloatArray:
