@@ -124,15 +124,15 @@ MAX_OBSERVED = 1000.0  # m, m/s; larger values are cut
 Observation: TypeAlias = NDArray[np.float32] | dict[str, NDArray[np.float32]]
 
 
-def path_ahead(paths: SeedPaths, row: IntArray, arc_length: FloatArray, now: States) -> FloatArray:
+def path_ahead(paths: SeedPaths, path: IntArray, arc_length: FloatArray, now: States) -> FloatArray:
     """Return (N, 10, 2) points of paths ahead of agents, in their frames, m.
 
     Args:
-        row: (N,) paths; ``arc_length`` (N,) arc lengths of the agents on them, m.
+        path: (N,) paths; ``arc_length`` (N,) arc lengths of the agents on them, m.
     """
     ahead = PATH_SPACING_M * np.arange(1, PATH_POINTS + 1)
     s = (arc_length[:, None] + ahead).ravel()
-    x, y = paths.at(np.repeat(row, PATH_POINTS), s)[:2].reshape(2, -1, PATH_POINTS)
+    x, y = paths.at(np.repeat(path, PATH_POINTS), s)[:2].reshape(2, -1, PATH_POINTS)
     return np.stack(now.ahead_and_left(x, y), axis=-1)
 
 

@@ -48,11 +48,11 @@ class PolicyDriver(Driver):
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `BatchBehavior.plan`."""
-        paths, row = chosen_paths(history, road, vehicles, self._path)
+        paths, chosen = chosen_paths(history, road, vehicles, self._path)
         now = history.now[vehicles.future, vehicles.vehicle]
-        arc_length, _, _ = path_positions(history, vehicles, paths, row)
+        arc_length, _, _ = path_positions(history, vehicles, paths, chosen)
         arrays = predictor_inputs(history, road, vehicles, self._surroundings)
-        seen = observed({**arrays, "path": path_ahead(paths, row, arc_length, now)}, flat=self._flat)
+        seen = observed({**arrays, "path": path_ahead(paths, chosen, arc_length, now)}, flat=self._flat)
         actions = self._action(seen)
         if not self._controls:
             return _continued(planned(now, _checked(actions, (len(arc_length), *np.shape(actions)[1:2], 2))))

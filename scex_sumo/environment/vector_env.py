@@ -132,7 +132,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         self._paths = seed_paths(scene, self.road, steps * STEP_S + 5.0)
         last = int(self._paths.count[self._vehicle]) - 1
         path = whole_number(f"path of vehicle {self.agent}", path, -last - 1, last)
-        self._row = self._paths.choose(path, np.full(num_envs, self._vehicle), np.zeros(num_envs))
+        self._path = self._paths.choose(path, np.full(num_envs, self._vehicle), np.zeros(num_envs))
         self._world = PlainWorld(num_envs, scene.vehicles, length=scene.length)
         self._begin(0)
         box, limit = gymnasium.spaces.Box, MAX_OBSERVED
@@ -177,7 +177,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
             progress=self._arc_length - came_from,
             offset=offset,
             speed=after.speed,
-            speed_limit=self._paths.speed_limit.ravel()[self._paths.sample_at(self._row, self._arc_length)],
+            speed_limit=self._paths.speed_limit.ravel()[self._paths.sample_at(self._path, self._arc_length)],
             acceleration=(after.speed - before.speed) / seconds,
             lateral=(after.speed + before.speed) / 2 * turn / seconds,
             seconds=seconds,
@@ -284,7 +284,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         """Return (N,) arc lengths and offsets of the agents on their path, m."""
         now, start = self._agent_now(), float(self.scene.now.speed[self._vehicle])
         expected = BEHIND_M + self._age * STEP_S * (start + now.speed) / 2
-        arc_length, offset, _ = self._paths.foot_points(self._row, now.x, now.y, expected)
+        arc_length, offset, _ = self._paths.foot_points(self._path, now.x, now.y, expected)
         return arc_length, offset
 
     def _arrays(self) -> dict[str, FloatArray]:
@@ -292,7 +292,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         vehicles = VehicleIndex(future=every, vehicle=np.full(self.num_envs, self._vehicle))
         history = self._history(slice(None), 0)
         arrays = predictor_inputs(history, self.road, vehicles, self._surroundings, step=self._age)
-        return {**arrays, "path": path_ahead(self._paths, self._row, self._arc_length, self._agent_now())}
+        return {**arrays, "path": path_ahead(self._paths, self._path, self._arc_length, self._agent_now())}
 
     def _observation(self) -> Observation:
         return observed(self._arrays(), flat=self._flat)

@@ -194,9 +194,9 @@ def _type(node: Node, lights: Lights) -> str:
 def _connections(nodes: Iterable[Node], lights: Lights, walks: Walks) -> Iterator[str]:
     written: dict[str, list[str]] = {}
     for node in nodes:
-        for one, other, span in _conflict_stretches(node):
+        for link, foe, span in _conflict_stretches(node):
             stretch = f'startPos="{span[0]:.2f}" endPos="{span[1]:.2f}"'
-            written.setdefault(one.internal.name, []).append(f"        <conflict {_ends(other)} {stretch}/>")
+            written.setdefault(link.internal.name, []).append(f"        <conflict {_ends(foe)} {stretch}/>")
     every = [c for node in nodes for c in node.connections]
     for c in every:
         via, light = f' via="{c.internal.name}"', _light(c.internal.name, lights)

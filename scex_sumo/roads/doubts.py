@@ -29,8 +29,8 @@ CONTRADICTION_M: Final = 0.5
 
 def doubts_of(
     scene: SeedScene,
-    one: IntArray,
-    other: IntArray,
+    first: IntArray,
+    second: IntArray,
     *,
     vehicles: int | None = None,
     names: Sequence[str] | None = None,
@@ -41,10 +41,10 @@ def doubts_of(
     ``names``: (V,) in words; None: track ids.
     """
     off, short, leaves, contradicts = _off_lanes(scene), _short(scene), _leaves(scene), _contradicts(scene)
-    near, overlap = _near(scene, one, other)
+    near, overlap = _near(scene, first, second)
     ids, doubts = scene.track_ids, []
     names = [str(track) for track in ids] if names is None else names
-    for k, (a, b) in enumerate(zip(one.tolist(), other.tolist(), strict=True)):
+    for k, (a, b) in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
         both = " and ".join(names[v] for v in sorted((a, b), key=lambda v: ids[v]))
         reasons = [
             (overlap[k], f"{both} overlap at the seed moment"),
@@ -95,7 +95,7 @@ def _contradicts(scene: SeedScene) -> BoolArray:
     return np.asarray(off.any(axis=1) & (not _exact(scene)))
 
 
-def _near(scene: SeedScene, one: IntArray, other: IntArray) -> tuple[BoolArray, BoolArray]:
+def _near(scene: SeedScene, first: IntArray, second: IntArray) -> tuple[BoolArray, BoolArray]:
     """Return (n,) whether boxes nearly touch at the seed moment, and whether they overlap.
 
     A moving vehicle nearly touches what it reaches within `TOWED_S`.
@@ -112,6 +112,6 @@ def _near(scene: SeedScene, one: IntArray, other: IntArray) -> tuple[BoolArray, 
     )
     near = [
         separation(reach.take(a), own.take(b)) < 0
-        for reach, own, a, b in ((longer, boxes, one, other), (boxes, longer, one, other))
+        for reach, own, a, b in ((longer, boxes, first, second), (boxes, longer, first, second))
     ]
-    return near[0] | near[1], np.asarray(separation(boxes.take(one), boxes.take(other)) < 0)
+    return near[0] | near[1], np.asarray(separation(boxes.take(first), boxes.take(second)) < 0)

@@ -56,13 +56,13 @@ def lane_segments(road: Road) -> LaneSegments:
     """Return the centreline segments of a road's vehicle lanes, lanes by ascending id."""
     lanes = sorted(road.vehicle_lanes.values(), key=lambda lane: lane.lane_id)
     steps = [np.diff(lane.centreline, axis=0) for lane in lanes]
-    lengths = [np.hypot(step[:, 0], step[:, 1]) for step in steps]
+    lengths = [np.hypot(*step.T) for step in steps]
     step, length = np.concatenate([np.empty((0, 2)), *steps]), np.concatenate([np.empty(0), *lengths])
-    s = np.concatenate([np.empty(0), *(np.cumsum(part) - part for part in lengths)])
+    s = np.concatenate([np.empty(0), *(np.cumsum(sizes) - sizes for sizes in lengths)])
     start = np.concatenate([np.empty((0, 2)), *(lane.centreline[:-1] for lane in lanes)])
     keep = length > 0
     direction = step[keep] / length[keep, None]
-    counts = np.array([len(part) for part in lengths], dtype=np.int64)
+    counts = np.array([len(sizes) for sizes in lengths], dtype=np.int64)
     usable, owner = np.unique(np.repeat(np.arange(len(lanes)), counts)[keep], return_inverse=True)
     return LaneSegments(
         lane_id=np.array([lanes[i].lane_id for i in usable], dtype=np.int64),

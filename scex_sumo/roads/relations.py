@@ -89,13 +89,14 @@ def _neighbours(lanes: Sequence[Lane], number: dict[int, int]) -> list[tuple[int
                 back.setdefault(number[other], k)
     hops_of: dict[tuple[int, int], int] = {}
     for sign, table in ((1, left), (-1, right)):
-        at = {k: k for k in range(len(lanes))}
+        reached = {k: k for k in range(len(lanes))}
         for hops in range(1, SIDEWAYS + 1):
-            at = {k: table[here] for k, here in at.items() if here in table}
-            for k, other in at.items():
+            reached = {k: table[here] for k, here in reached.items() if here in table}
+            for k, other in reached.items():
                 if other != k:
                     hops_of.setdefault((k, other), sign * hops)
-    return sorted(((*pair, hops) for pair, hops in hops_of.items()), key=lambda row: (abs(row[2]), row))
+    neighbours = [(*pair, hops) for pair, hops in hops_of.items()]
+    return sorted(neighbours, key=lambda neighbour: (abs(neighbour[2]), neighbour))
 
 
 def _beside(
@@ -113,14 +114,14 @@ def _beside(
     every = np.arange(count)
     for a, b, hops in _neighbours(lanes, number):
         ratio = length[a] / length[b] if length[b] > 0 else 1.0
-        for one, other, shift, from_a, from_b, direction in (
+        for first, second, shift, from_a, from_b, direction in (
             (every, b, position[:, a], 1.0, ratio, gap[:, a]),
             (a, every, position[b] * ratio, 1.0, ratio, gap[b]),
         ):
-            better = (direction < nearest[one, other]) & (direction <= BESIDE_M)
+            better = (direction < nearest[first, second]) & (direction <= BESIDE_M)
             for table, value in ((side, hops), (lead, shift), (stretch_a, from_a), (stretch_b, from_b)):
-                table[one, other] = np.where(better, value, table[one, other])
-            nearest[one, other] = np.where(better, direction, nearest[one, other])
+                table[first, second] = np.where(better, value, table[first, second])
+            nearest[first, second] = np.where(better, direction, nearest[first, second])
     lower = np.tril_indices(count, -1)  # seen from the other vehicle
     side[lower], lead[lower] = -side.T[lower], -lead.T[lower]
     stretch_a[lower], stretch_b[lower] = stretch_b.T[lower], stretch_a.T[lower]
@@ -178,8 +179,8 @@ def _conflicts_ahead(lanes: dict[int, Lane]) -> list[Conflict]:
 
 def _parts_further(conflict: Conflict, lanes: dict[int, Lane], forks: set[tuple[int, int]]) -> bool:
     (a, b), ((start_a, _), (start_b, _)) = conflict.lanes, conflict.spans
-    for one, other, start in ((a, b, start_a), (b, a, start_b)):
-        before = {(min(p, other), max(p, other)) for p in lanes[one].predecessors}
+    for lane, other, start in ((a, b, start_a), (b, a, start_b)):
+        before = {(min(p, other), max(p, other)) for p in lanes[lane].predecessors}
         if start < SAMPLE_M and before & forks:
             return not lines_cross(lanes[a].centreline, lanes[b].centreline)
     return False

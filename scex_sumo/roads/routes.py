@@ -252,11 +252,11 @@ def _traced(
     before: list[int] = []
     missing = behind_m - s
     while missing > 0:
-        at = before[0] if before else lanes[0]
-        options = [i for i in known[at].predecessors if i in known]
+        first = before[0] if before else lanes[0]
+        options = [i for i in known[first].predecessors if i in known]
         if not options:
             break
-        before.insert(0, min((_turn(road, i, at), i) for i in options)[1])
+        before.insert(0, min((_turn(road, i, first), i) for i in options)[1])
         missing -= length[before[0]]
     sequence = (*before, *extended(road, lanes, s + ahead_m))
     here = sum(length[i] for i in before) + s
@@ -307,10 +307,10 @@ def _cut(points: FloatArray, owner: IntArray, start: float, length: float) -> tu
     arc = arc_lengths(points)
     ends = np.array([start, start + length])
     inside = slice(int(np.searchsorted(arc, ends[0], side="right")), int(np.searchsorted(arc, ends[1])))
-    at = np.clip(np.searchsorted(arc, ends, side="right") - 1, 0, len(points) - 1)
+    segment = np.clip(np.searchsorted(arc, ends, side="right") - 1, 0, len(points) - 1)
     edge = np.column_stack([np.interp(ends, arc, points[:, 0]), np.interp(ends, arc, points[:, 1])])
     first, last = points[1] - points[0], points[-1] - points[-2]
     edge[0] += min(start, 0.0) * first / np.hypot(*first)
     edge[1] += max(start + length - arc[-1], 0.0) * last / np.hypot(*last)
     cut = np.vstack([edge[:1], points[inside], edge[1:]])
-    return cut, np.concatenate([owner[at[:1]], owner[inside], owner[at[1:]]])
+    return cut, np.concatenate([owner[segment[:1]], owner[inside], owner[segment[1:]]])

@@ -26,18 +26,18 @@ DIRECTION_M = 0.5  # over which a lane's direction is taken
 def drives_on_left(lanes: Mapping[int, Lane]) -> bool | None:
     """Return whether the nearest oncoming lanes are on the right; None without any, or on both sides."""
     cars = [lane for lane in lanes.values() if lane.kind == "vehicle"]
-    rows = np.concatenate([np.empty((0, 3)), *map(_poses, cars)])
-    tree = shapely.STRtree(shapely.points(rows[:, :2]))
-    one, other = tree.query(shapely.points(rows[:, :2]), predicate="dwithin", distance=REACH_M)
-    step, heading = rows[other, :2] - rows[one, :2], rows[one, 2]
+    poses = np.concatenate([np.empty((0, 3)), *map(_poses, cars)])
+    tree = shapely.STRtree(shapely.points(poses[:, :2]))
+    pose, other = tree.query(shapely.points(poses[:, :2]), predicate="dwithin", distance=REACH_M)
+    step, heading = poses[other, :2] - poses[pose, :2], poses[pose, 2]
     cos, sin = np.cos(heading), np.sin(heading)
     ahead, aside = step[:, 0] * cos + step[:, 1] * sin, step[:, 1] * cos - step[:, 0] * sin
-    oncoming = np.abs(wrap(rows[other, 2] - heading)) > ONCOMING_RAD
+    oncoming = np.abs(wrap(poses[other, 2] - heading)) > ONCOMING_RAD
     oncoming &= (np.abs(ahead) < STEP_M) & (np.abs(aside) > 1.0)
-    nearest = np.full(len(rows), np.inf)
-    np.minimum.at(nearest, one[oncoming], np.abs(aside[oncoming]))
-    chosen = oncoming & (np.abs(aside) <= nearest[one])
-    left, right = np.unique(one[chosen & (aside > 0)]).size, np.unique(one[chosen & (aside < 0)]).size
+    nearest = np.full(len(poses), np.inf)
+    np.minimum.at(nearest, pose[oncoming], np.abs(aside[oncoming]))
+    chosen = oncoming & (np.abs(aside) <= nearest[pose])
+    left, right = np.unique(pose[chosen & (aside > 0)]).size, np.unique(pose[chosen & (aside < 0)]).size
     if max(left, right) < SURE * (left + right) or left == right:
         return None
     return right > left

@@ -102,14 +102,14 @@ class Selection:
 
     Attributes:
         index: (n,) flat index into (C, V).
-        row: (n,) index into the shared vehicles.
+        shared: (n,) index into the shared vehicles.
         ids: (n) SUMO's ids.
         lanes: (n) moveToXY's ``keepRoute``.
         watched: indices into n of vehicles in mixed futures.
     """
 
     index: IntArray
-    row: IntArray
+    shared: IntArray
     ids: list[str]
     lanes: list[int]
     watched: list[int]
@@ -178,12 +178,12 @@ class RunningBatch:
 
     def _select(self, name: str, mask: BoolArray) -> Selection:
         if name not in self._selected:
-            row = np.flatnonzero(mask.reshape(-1)[self.shared.held])
-            index = self.shared.held[row]
+            shared = np.flatnonzero(mask.reshape(-1)[self.shared.held])
+            index = self.shared.held[shared]
             watched = self.mixed[index // self.overridden.shape[1]]
             self._selected[name] = Selection(
                 index=index,
-                row=row,
+                shared=shared,
                 ids=[self.ids[i] for i in index.tolist()],
                 lanes=self.lanes.reshape(-1)[index].tolist(),
                 watched=np.flatnonzero(watched).tolist(),

@@ -227,8 +227,8 @@ def draw_seams(junctions: Sequence[FloatArray], shown: Sequence[TiledFuture]) ->
 
 
 def _ring(shown: TiledFuture, vehicle: int) -> str:
-    at = shown.future.states[vehicle, shown.future.stop_state]
-    x, y = float(at.x) + shown.offset[0], float(at.y) + shown.offset[1]
+    state = shown.future.states[vehicle, shown.future.stop_state]
+    x, y = float(state.x) + shown.offset[0], float(state.y) + shown.offset[1]
     angles = [2 * math.pi * k / _RING_POINTS for k in range(_RING_POINTS + 1)]
     shape = " ".join(f"{x + _RING_M * math.cos(a):.2f},{y + _RING_M * math.sin(a):.2f}" for a in angles)
     return _poly(shown.id(f"ring.{vehicle}"), shape, _RING_RGB, line_m=_RING_WIDTH_M)
@@ -265,8 +265,8 @@ def _poly(key: str, shape: str, rgb: Rgb, *, line_m: float | None = None) -> str
 
 def _text(text: str, x: float, y: float, line_m: float) -> str:
     middle = x + 0.5 * _LETTER * len(text) * line_m
-    at = f'x="{middle:.2f}" y="{y:.2f}" width="0.01" height="0.01"'
-    return f'    <poi id="{shown_text(text)}" color="0,0,0,0" layer="{_TRACK_LAYER}" {at}/>\n'
+    place = f'x="{middle:.2f}" y="{y:.2f}" width="0.01" height="0.01"'
+    return f'    <poi id="{shown_text(text)}" color="0,0,0,0" layer="{_TRACK_LAYER}" {place}/>\n'
 
 
 def shown_text(text: str) -> str:

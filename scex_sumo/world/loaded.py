@@ -104,25 +104,25 @@ def _marked(saved: str) -> tuple[str, str, str, str, int]:
     """Return type, its name, text, lane and order on it of a road user, with marks for tile, id and type."""
     user, own_type = ElementTree.fromstring(saved), ""
     own = user.find("vType")
-    (one,) = (*user.iter("vehicle"), *user.iter("person"))
-    own_kind = one.get("type", "")
+    (element,) = (*user.iter("vehicle"), *user.iter("person"))
+    own_kind = element.get("type", "")
     if own is not None and not own_kind.startswith("DEFAULT_"):
         own_kind = OWN_TYPE + own_kind
         own.attrib |= {**dict.fromkeys(RANDOM_PARAMETERS, "0"), "id": own_kind}
         own_type = ElementTree.tostring(own, encoding="unicode")
-    one.attrib |= {"id": _KEY, "type": _KIND}
-    for part in one.iter():
-        for name in {"lane", "edges"} & part.attrib.keys():
-            part.set(name, _edges(part.attrib[name]))
-    lane, route, words = user.get("lane", ""), "", one.get("state", "").split()
+    element.attrib |= {"id": _KEY, "type": _KIND}
+    for child in element.iter():
+        for name in {"lane", "edges"} & child.attrib.keys():
+            child.set(name, _edges(child.attrib[name]))
+    lane, route, words = user.get("lane", ""), "", element.get("state", "").split()
     words[0] = str(int(words[0]) | _TYPE_SET)
     if lane:
-        one.set("route", f"saved_{_KEY}")
+        element.set("route", f"saved_{_KEY}")
         route = f'<route id="saved_{_KEY}" state="1" edges={quoted(_edges(user.get("edges", "")))}/>'
     else:
         words = [prefixed(_TILE, word) if _LANE.fullmatch(word) else word for word in words]
-    one.set("state", " ".join(words))
-    text = ElementTree.tostring(one, encoding="unicode")
+    element.set("state", " ".join(words))
+    text = ElementTree.tostring(element, encoding="unicode")
     return own_type, quoted(own_kind)[1:-1], route + text, lane, int(user.get("order", "0"))
 
 

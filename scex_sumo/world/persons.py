@@ -80,11 +80,13 @@ class WalkingPlaces:
 
         A person on a crossing cannot.
         """
-        on_crossing = len(self._shapes.query(shapely.Point(x, y), predicate="intersects")) > 0
-        if not walk.edges or on_crossing or not self._sidewalks.keys() >= set(walk.edges):
+        point = shapely.Point(x, y)
+        if not walk.edges or not self._sidewalks.keys() >= set(walk.edges):
+            return None
+        if len(self._shapes.query(point, predicate="intersects")):
             return None
         line, scale = self._sidewalks[walk.edges[0]]
-        return float(line.project(shapely.Point(x, y))) * scale
+        return float(line.project(point)) * scale
 
     def road_class(self, kind: str) -> str:
         """Return SUMO's class for a recorded type; bicycles have their own where they use cars' lanes."""
@@ -202,18 +204,19 @@ class People:
     def _starts(self, others: Obstacles) -> list[float | None]:
         """Return where persons (O,) of a simulation begin on their walks, m; None of others."""
         x, y, _ = to_sumo(others.states[:, HISTORY_STEPS], others.length)
-        rows = zip(others.walks, x.tolist(), y.tolist(), strict=True) if others.walks else ()
-        return [self.places.along(*row) for row in rows] or [None] * len(others.ids)
+        walks = others.walks or [Walk()] * len(others.ids)
+        starts = zip(walks, x.tolist(), y.tolist(), strict=True)
+        return [self.places.along(walk, *start) for walk, *start in starts]
 
     def put_pedestrians(self, poses: tuple[FloatArray, FloatArray, FloatArray]) -> None:
         """Set the poses (C, V) of pedestrians that take part after the next step."""
         batch = self._batch
-        at = np.nonzero(batch.walking)
-        x, y, angle = (values[at] for values in poses)
-        dx, dy = batch.offset[:, at[0], 0]
+        x, y, angle = (values[batch.walking] for values in poses)
+        futures, vehicles = np.nonzero(batch.walking)
+        dx, dy = batch.offset[:, futures, 0]
         places, at_x, at_y = self.places.find(x - dx, y - dy, angle)
-        rows = zip(*(values.tolist() for values in (*at, places, at_x + dx, at_y + dy, angle)), strict=True)
-        for future, v, place, *pose in rows:
+        columns = futures, vehicles, places, at_x + dx, at_y + dy, angle
+        for future, v, place, *pose in zip(*(column.tolist() for column in columns), strict=True):
             key, slot = batch.id_of(future, v), batch.slots[future]
             self.put(key, self._types.overridden(v) + PERSON, slot, place, pose)
 

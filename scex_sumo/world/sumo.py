@@ -109,8 +109,8 @@ class SumoWorld:
         self._persons = self._new_persons(running)
         with self._session.refusals(f"set up a batch of {len(wanted)} futures"):
             self._add_vehicles(running.split(poses), driven)
-            some = running.moved if running.loaded else running.everybody
-            self._place(poses, some, start.speed, np.zeros(start.shape))
+            placed = running.moved if running.loaded else running.everybody
+            self._place(poses, placed, start.speed, np.zeros(start.shape))
             self._walk(poses)
         if others := self._scene.obstacles:
             self.move_obstacles(*others.at(0))
@@ -171,15 +171,16 @@ class SumoWorld:
         """
         batch, get = self._batch, self._call
         with self._session.refusals("read vehicles"):
-            some, place = batch.everybody, batch.shared.place.reshape(batch.overridden.shape)
+            ids, shared = batch.everybody.ids, batch.everybody.shared
             read = np.full((3, len(batch.shared.held)), np.nan)
-            ends = chain.from_iterable(map(get.getPosition, some.ids))
-            read[:2, some.row] = np.fromiter(ends, np.float64, 2 * len(some.ids)).reshape(-1, 2).T
-            read[2, some.row] = np.fromiter(map(get.getAngle, some.ids), np.float64, len(some.ids))
+            fronts = chain.from_iterable(map(get.getPosition, ids))
+            read[:2, shared] = np.fromiter(fronts, np.float64, 2 * len(ids)).reshape(-1, 2).T
+            read[2, shared] = np.fromiter(map(get.getAngle, ids), np.float64, len(ids))
             speed = batch.held.copy()
             speed[batch.gone] = np.nan
             for k in np.flatnonzero(~(batch.overridden | batch.gone)):
                 speed.flat[k] = get.getSpeed(batch.ids[k])
+        place = batch.shared.place.reshape(batch.overridden.shape)
         x, y, angle = read[:, place]
         if self._walked is not None:
             x, y, angle = np.where(batch.walking, self._walked, read[:, place])
@@ -217,16 +218,16 @@ class SumoWorld:
         return front_x + self._batch.offset[0], front_y + self._batch.offset[1], angle
 
     def _place(
-        self, poses: Sequence[FloatArray], some: Selection, speed: FloatArray, acceleration: FloatArray
+        self, poses: Sequence[FloatArray], selection: Selection, speed: FloatArray, acceleration: FloatArray
     ) -> None:
-        x, y, degrees = (values.reshape(-1)[some.index].tolist() for values in poses)
+        x, y, degrees = (values.reshape(-1)[selection.index].tolist() for values in poses)
         move = self._call.moveToXY
-        for key, to_x, to_y, turned, lanes in zip(some.ids, x, y, degrees, some.lanes, strict=True):
+        for key, to_x, to_y, turned, lanes in zip(selection.ids, x, y, degrees, selection.lanes, strict=True):
             move(key, "", NO_LANE, to_x, to_y, turned, lanes, MATCH_M)
-        if some.watched:
-            at = some.index[some.watched]
-            speeds, changes = (values.reshape(-1)[at].tolist() for values in (speed, acceleration))
-            self._speeds.extend(zip([some.ids[i] for i in some.watched], speeds, changes, strict=True))
+        if selection.watched:
+            ids, index = [selection.ids[i] for i in selection.watched], selection.index[selection.watched]
+            speeds, changes = (values.reshape(-1)[index].tolist() for values in (speed, acceleration))
+            self._speeds.extend(zip(ids, speeds, changes, strict=True))
 
     def _load(
         self,

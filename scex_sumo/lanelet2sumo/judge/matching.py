@@ -78,8 +78,8 @@ def _first(stretches: Iterable[Stretch]) -> set[Stretch]:
     return {s for s in among if not any(_precedes(other, s) for other in among)}
 
 
-def _precedes(one: Stretch, other: Stretch) -> bool:
-    return other.start_m >= one.end_m - JOIN_M and not one.start_m >= other.end_m - JOIN_M
+def _precedes(stretch: Stretch, other: Stretch) -> bool:
+    return other.start_m >= stretch.end_m - JOIN_M and not stretch.start_m >= other.end_m - JOIN_M
 
 
 def match_lanelets(net: NetContent, road: Road, lanes: LaneTable) -> Matching:
@@ -98,10 +98,10 @@ def _stretch(lane: Lane, sumo_lane: str, line: shapely.LineString) -> Stretch:
     start, end = 0.0, float(line.length)
     if line.length > 0.0:  # SUMO's shortest connectors may be one point
         ends = shapely.points(lane.centreline[[0, -1]])
-        at = shapely.line_locate_point(line, ends)
+        places = shapely.line_locate_point(line, ends)
         # Where an end of the lanelet is far away, the SUMO lane is a piece of it up to its own end.
         begins, stops = shapely.distance(line, ends) <= ENDS_NEAR_M
-        start, end = float(at[0]) if begins else start, float(at[1]) if stops else end
+        start, end = float(places[0]) if begins else start, float(places[1]) if stops else end
     return Stretch(lane_id=lane.lane_id, sumo_lane=sumo_lane, start_m=start, end_m=end)
 
 
@@ -153,8 +153,8 @@ def _back(sumo_lane: SumoLane, lanelets: list[Lane]) -> FloatArray:
     points = shapely.points(sample_line(sumo_lane.shape))
     lines = [shapely.LineString(lane.centreline) for lane in lanelets]
     off = np.min([shapely.distance(points, line) for line in lines], axis=0)
-    at = [(shapely.line_locate_point(line, points), line.length) for line in lines]
-    return np.asarray(off[np.any([(s > 0.0) & (s < length) for s, length in at], axis=0)])
+    places = [(shapely.line_locate_point(line, points), line.length) for line in lines]
+    return np.asarray(off[np.any([(s > 0.0) & (s < length) for s, length in places], axis=0)])
 
 
 def _wrong_speed(matching: Matching, lane_id: int, lanes: list[SumoLane]) -> tuple[int, float, float] | None:

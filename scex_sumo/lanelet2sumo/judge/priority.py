@@ -49,19 +49,19 @@ class RightOfWay:
     def _judge_rule(self, yielding: int, priority: int, meeting: set[Pair]) -> None:
         links = self.links
         met: dict[LinkPair, list[Pair]] = {}
-        for one, other in product(links.ahead(yielding), links.ahead(priority)):
+        for link, other in product(links.ahead(yielding), links.ahead(priority)):
             # They meet behind the lanelets that the rule names.
-            on = product(links.lanelets(one) | {yielding}, links.lanelets(other) | {priority})
+            on = product(links.lanelets(link) | {yielding}, links.lanelets(other) | {priority})
             places = [pair for pair in on if pair in meeting]
-            if places and one is not other and one.from_lane != other.from_lane:
-                met[one, other] = places
+            if places and link is not other and link.from_lane != other.from_lane:
+                met[link, other] = places
         self.regulated += bool(met)
         near = [pair for pair in met if links.are_near(*pair)]
         # A lanelet in several pieces meets different lanelets with different ones of them.
         near = near or [
             pair for places in met.values() for place in places for pair in links.meetings(*place)
         ]
-        if not all(links.waits(one, other) for one, other in (near or met)):
+        if not all(links.waits(link, other) for link, other in (near or met)):
             self.wrong.append((yielding, priority))
 
     def missing_signals(self) -> list[int]:
@@ -109,10 +109,10 @@ class Links:
     def meetings(self, first_id: int, second_id: int) -> list[LinkPair]:
         """Return pairs of links from different lanes with which two lanelets get in each other's way."""
         return [
-            (one, other)
-            for one in self._links_near(first_id, second_id)
+            (link, other)
+            for link in self._links_near(first_id, second_id)
             for other in self._links_near(second_id, first_id)
-            if one.from_lane != other.from_lane and self.are_near(one, other)
+            if link.from_lane != other.from_lane and self.are_near(link, other)
         ]
 
     def _links_near(self, lane_id: int, other_id: int) -> Iterator[SumoLink]:
@@ -122,9 +122,9 @@ class Links:
             if not joint and self._line(link).distance(other) <= NEAR_M:
                 yield link
 
-    def are_near(self, one: SumoLink, other: SumoLink) -> bool:
+    def are_near(self, link: SumoLink, other: SumoLink) -> bool:
         """Return whether cars on two links get in each other's way."""
-        return bool(self._line(one).distance(self._line(other)) <= NEAR_M)
+        return bool(self._line(link).distance(self._line(other)) <= NEAR_M)
 
     def ahead(self, lane_id: int) -> list[SumoLink]:
         """Return links with foes of a lanelet or, for an approach, ahead of it; else its own."""
@@ -138,18 +138,18 @@ class Links:
     def _foes(self, link: SumoLink) -> BoolArray:
         return self.net.junctions[link.junction].foes[link.row] if link.row >= 0 else np.zeros(0, np.bool_)
 
-    def yields(self, one: SumoLink, other: SumoLink) -> bool:
+    def yields(self, link: SumoLink, other: SumoLink) -> bool:
         """Return whether a link gives way to another one of its junction."""
-        return bool(self.net.junctions[one.junction].response[one.row, other.row])
+        return bool(self.net.junctions[link.junction].response[link.row, other.row])
 
-    def are_foes(self, one: SumoLink, other: SumoLink) -> bool:
+    def are_foes(self, link: SumoLink, other: SumoLink) -> bool:
         """Return whether a junction knows that two links are in each other's way."""
-        rows = one.junction == other.junction and one.row >= 0 and other.row >= 0
-        return rows and bool(self._foes(one)[other.row] and self._foes(other)[one.row])
+        rows = link.junction == other.junction and link.row >= 0 and other.row >= 0
+        return rows and bool(self._foes(link)[other.row] and self._foes(other)[link.row])
 
-    def waits(self, one: SumoLink, other: SumoLink) -> bool:
+    def waits(self, link: SumoLink, other: SumoLink) -> bool:
         """Return whether only the first of two foes gives way."""
-        return self.are_foes(one, other) and self.yields(one, other) and not self.yields(other, one)
+        return self.are_foes(link, other) and self.yields(link, other) and not self.yields(other, link)
 
     def _line(self, link: SumoLink) -> shapely.MultiLineString:
         if link not in self._lines:

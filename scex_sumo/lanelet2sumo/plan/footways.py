@@ -69,8 +69,8 @@ def footways(lanes: Mapping[int, Lane], driven: Mapping[int, Lane]) -> list[Foot
             meetings.name((i, s))
         for s in (0.0, length_of(lane.centreline)):
             for j in (ids[k] for k in grounds.query(_tip(lane, s))):
-                if i != j and (at := _meets(lane, s, walked[j])) is not None:
-                    meetings.join((i, s), (j, at))
+                if i != j and (station := _meets(lane, s, walked[j])) is not None:
+                    meetings.join((i, s), (j, station))
     places = {root: k for k, root in enumerate(sorted({meetings.name(s) for s in list(meetings.above)}))}
     found_footways = []
     for i, lane in walked.items():
@@ -110,19 +110,19 @@ def _ground(lane: Lane) -> shapely.Geometry:
 
 
 def _tip(lane: Lane, s: float) -> shapely.Geometry:
-    at = -1 if s else 0
-    return shapely.MultiPoint([lane.left_bound[at], lane.right_bound[at], lane.centreline[at]]).envelope
+    end = -1 if s else 0
+    return shapely.MultiPoint([lane.left_bound[end], lane.right_bound[end], lane.centreline[end]]).envelope
 
 
 def _meets(lane: Lane, s: float, other: Lane) -> float | None:
     """Arc length at which a footway's end joins another footway, or None."""
-    at = -1 if s else 0
+    end = -1 if s else 0
     length = length_of(other.centreline)
-    side = shapely.LineString([lane.left_bound[at], lane.right_bound[at]])
+    side = shapely.LineString([lane.left_bound[end], lane.right_bound[end]])
     for there, station in ((0, 0.0), (-1, length)):
         if side.distance(shapely.LineString([other.left_bound[there], other.right_bound[there]])) < MEET_M:
             return station
-    tip = lane.centreline[at]
+    tip = lane.centreline[end]
     if _area(other).distance(shapely.Point(tip)) > MEET_M:
         return None
     station = float(nearest(other.centreline, *tip))
@@ -141,12 +141,12 @@ def _crossed(footway: Lane, driven: Mapping[int, Lane], lines: shapely.STRtree) 
     for k in np.sort(lines.query(area, predicate="intersects")).tolist():
         i, line = ids[k], lines.geometries[k]
         lane = driven[i]
-        for part in shapely.get_parts(area.intersection(line)):
-            across = part.length < ALONG * footway.width_m and part.intersects(middle)
-            if part.length < SHORTEST_M or not (_marked(footway) or across):
+        for piece in shapely.get_parts(area.intersection(line)):
+            across = piece.length < ALONG * footway.width_m and piece.intersects(middle)
+            if piece.length < SHORTEST_M or not (_marked(footway) or across):
                 continue
-            ends = sorted(float(line.project(shapely.Point(part.coords[k]))) for k in (0, -1))
-            s, half = float(middle.project(shapely.shortest_line(part, middle).centroid)), lane.width_m / 2
+            ends = sorted(float(line.project(shapely.Point(piece.coords[k]))) for k in (0, -1))
+            s, half = float(middle.project(shapely.shortest_line(piece, middle).centroid)), lane.width_m / 2
             yield _Crossed(lane=i, span=(ends[0], ends[1]), walked=(s - half, s + half))
 
 
@@ -158,10 +158,10 @@ def _reach(footway: Lane, lines: shapely.STRtree) -> shapely.Geometry:
     longer, size = lengthened(footway.centreline), length_of(footway.centreline)
     low, high = 0.0, size
     clipped = [area.intersection(lines.geometries[k]) for k in lines.query(area, predicate="intersects")]
-    clipped = [part for part in clipped if part.length >= SHORTEST_M and not part.intersects(middle)]
+    clipped = [piece for piece in clipped if piece.length >= SHORTEST_M and not piece.intersects(middle)]
     for k in lines.query(longer, predicate="intersects") if clipped else ():
         for met in shapely.points(shapely.get_coordinates(longer.intersection(lines.geometries[k]))):
-            near = min(met.distance(part) for part in clipped) < OVER_M
+            near = min(met.distance(piece) for piece in clipped) < OVER_M
             if near and slant(longer, lines.geometries[k], met)[0] > MIN_SINE:
                 s = float(longer.project(met)) - OVER_M
                 low, high = min(low, s - PASS_M), max(high, s + PASS_M)
@@ -182,11 +182,11 @@ def _area(lane: Lane) -> shapely.Polygon:
     return shapely.Polygon(lane.outline).buffer(0.0)
 
 
-def slant(one: shapely.LineString, other: shapely.LineString, at: shapely.Point) -> tuple[float, float]:
+def slant(first: shapely.LineString, second: shapely.LineString, point: shapely.Point) -> tuple[float, float]:
     """Return sine and cosine of the angle at which two lines cross."""
     directions = []
-    for line in (one, other):
-        s = float(line.project(at))
+    for line in (first, second):
+        s = float(line.project(point))
         a, b = (line.interpolate(max(s + step, 0.0)) for step in (-TIP_M, TIP_M))
         directions.append(math.atan2(b.y - a.y, b.x - a.x))
     angle = directions[1] - directions[0]

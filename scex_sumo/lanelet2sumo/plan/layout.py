@@ -61,11 +61,11 @@ class _Plan:
             for k in self._roads(r):
                 name = self._edge_name(r, k)
                 start, end = (self._node_name(self._topology.node(r, c)) for c in (k, k + 1))
-                shapes = [self._road_shape((r, k, at)) for at in range(len(row.lanes))]
+                shapes = [self._road_shape((r, k, index)) for index in range(len(row.lanes))]
                 nominal = float(np.mean([length_of(shape) for shape in shapes]))
                 lanes = tuple(
-                    self._road_lane(f"{name}_{at}", (r, k, at), shape, nominal)
-                    for at, shape in enumerate(shapes)
+                    self._road_lane(f"{name}_{index}", (r, k, index), shape, nominal)
+                    for index, shape in enumerate(shapes)
                 )
                 yield Edge(name=name, start=start, end=end, lanes=lanes)
 

@@ -159,13 +159,13 @@ def _halved(
     footways: Sequence[Footway], owners: Mapping[int, str], fresh: Iterator[int]
 ) -> Iterator[Footway]:
     for footway in footways:
-        one, other = footway.places
-        if one not in owners or owners[one] != owners.get(other):
+        start, end = footway.places
+        if start not in owners or owners[start] != owners.get(end):
             yield footway
             continue
         middle, half = next(fresh), length_of(footway.shape) / 2
         shapes = cut(footway.shape, 0.0, half), cut(footway.shape, half, 2 * half)
-        for k, (shape, places) in enumerate(zip(shapes, ((one, middle), (middle, other)), strict=True)):
+        for k, (shape, places) in enumerate(zip(shapes, ((start, middle), (middle, end)), strict=True)):
             yield replace(footway, name=f"{footway.name}#{'ab'[k]}", shape=shape, places=places)
 
 

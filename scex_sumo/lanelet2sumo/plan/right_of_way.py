@@ -32,8 +32,8 @@ def approach(topology: Topology, path: Path, *, forks: bool = False) -> frozense
     lanelets = {topology.lane(piece).lane_id for piece in (path.start, *path.inside)}
     lane, reach = topology.lane(path.start), 0.0
     while reach < REACH_M:
-        row, at = topology.where[lane.lane_id]
-        reach += topology.rows[row].lengths[at]
+        row, index = topology.where[lane.lane_id]
+        reach += topology.rows[row].lengths[index]
         before = lane.predecessors
         if len(before) != 1 or before[0] not in topology.where or before[0] in lanelets:
             break
@@ -111,10 +111,10 @@ def _by_rule(a: Connection, b: Connection, rules: Sequence[Regulation]) -> bool 
         yielding = set(rule.yielding) or (set(rule.lanes) if rule.kind in ("stop", "yield") else set())
         sides = yielding, set(rule.priority)
         mine, theirs = max(mine, _weight(a.on, b.on, *sides)), max(theirs, _weight(b.on, a.on, *sides))
-        for one, other in ((a.across, b.on), (a.on, b.across)):
-            across += (_weight(one, other, *sides) == 2) - (_weight(other, one, *sides) == 2)
-        for one, other, sign in ((a.before, b.before, 1), (b.before, a.before, -1)):
-            ahead += sign * (_weight(one, other, *sides) == 2)
+        for lanelets, others in ((a.across, b.on), (a.on, b.across)):
+            across += (_weight(lanelets, others, *sides) == 2) - (_weight(others, lanelets, *sides) == 2)
+        for lanelets, others, sign in ((a.before, b.before, 1), (b.before, a.before, -1)):
+            ahead += sign * (_weight(lanelets, others, *sides) == 2)
     # Rules of the approaches mean other ways across: those that name these ways decide, then those that name
     # both approaches.
     for named in (across, ahead):

@@ -48,7 +48,7 @@ def _fill_gaps(topology: Topology) -> list[Row]:
         if len(row.lanes) > 1 and row.inside.count(False) == 1:
             continue  # its only place for changing lanes
         chains.rows[r] = row.with_inside(k, True)
-        pieces = {(r, k, at) for at in range(len(row.lanes))}
+        pieces = {(r, k, index) for index in range(len(row.lanes))}
         if pieces & chains.unsound(pieces):
             chains.rows[r] = row
     return chains.rows
@@ -68,7 +68,7 @@ def _split_loops(topology: Topology) -> list[Row]:
 def _gaps(chains: Topology) -> Iterator[tuple[float, int, int]]:
     for r, row in enumerate(chains.rows):
         for k, inside in enumerate(row.inside):
-            pieces = [(r, k, at) for at in range(len(row.lanes))]
+            pieces = [(r, k, index) for index in range(len(row.lanes))]
             if inside or row.size(k) >= ROOM_M:
                 continue
             sides = (side for piece in pieces for side in (chains.before(piece), chains.after(piece)))
@@ -97,7 +97,7 @@ def _open_knots(rows: Sequence[Row], lanes: Mapping[int, Lane]) -> list[Row]:
 def _knot(chains: Topology) -> tuple[int, int] | None:
     def rank(cut: tuple[int, int]) -> tuple[bool, float, int, int]:
         lanes = range(len(chains.rows[cut[0]].lanes))
-        merging = any(len(chains.before((*cut, at))) > 1 for at in lanes)
+        merging = any(len(chains.before((*cut, index))) > 1 for index in lanes)
         return merging, chains.rows[cut[0]].size(cut[1]), -cut[0], -cut[1]
 
     return max({piece[:2] for piece in chains.unsound(chains.pieces())}, key=rank, default=None)

@@ -33,9 +33,9 @@ class Groups(Generic[Node]):
             member = above
         return member
 
-    def join(self, one: Node, other: Node) -> None:
+    def join(self, member: Node, other: Node) -> None:
         """Make two groups one."""
-        first, second = sorted((self.name(one), self.name(other)))
+        first, second = sorted((self.name(member), self.name(other)))
         self.above[second] = first
 
 
@@ -119,7 +119,7 @@ class Topology:
         """Yield all pieces, or those of roads."""
         for r, row in enumerate(self.rows):
             kept = (k for k in range(row.pieces) if not (road and row.inside[k]))
-            yield from ((r, k, at) for k in kept for at in range(len(row.lanes)))
+            yield from ((r, k, index) for k in kept for index in range(len(row.lanes)))
 
     def ways_from(self, start: Piece) -> Iterator[tuple[Piece, tuple[Piece, ...]]]:
         """Yield the road piece at the end of each way through a junction, and the pieces between."""
@@ -144,20 +144,20 @@ class Topology:
 
     def after(self, piece: Piece) -> list[Piece]:
         """Return the pieces that follow a piece."""
-        row, k, at = piece
+        row, k, index = piece
         if k + 1 < self.rows[row].pieces:
-            return [(row, k + 1, at)]
-        lanes = self.lanes[self.rows[row].lanes[at]].successors
+            return [(row, k + 1, index)]
+        lanes = self.lanes[self.rows[row].lanes[index]].successors
         return [(self.where[i][0], 0, self.where[i][1]) for i in lanes if i in self.where]
 
     def before(self, piece: Piece) -> list[Piece]:
         """Return the pieces that a piece follows."""
-        row, k, at = piece
+        row, k, index = piece
         if k:
-            return [(row, k - 1, at)]
-        lanes = self.lanes[self.rows[row].lanes[at]].predecessors
+            return [(row, k - 1, index)]
+        lanes = self.lanes[self.rows[row].lanes[index]].predecessors
         places = [self.where[i] for i in lanes if i in self.where]
-        return [(r, self.rows[r].pieces - 1, at) for r, at in places]
+        return [(r, self.rows[r].pieces - 1, index) for r, index in places]
 
     def unsound(self, pieces: Iterable[Piece]) -> set[Piece]:
         """Return the pieces of junctions, near some pieces, that SUMO cannot handle: knots and rings."""
@@ -199,8 +199,8 @@ class Topology:
 
     def pieces_on(self, lane_id: int, start: float, end: float) -> list[Piece]:
         """Return the junction pieces that share some of a stretch of a lane, m."""
-        row, at = self.where[lane_id]
-        pieces = ((row, k, at) for k, inside in enumerate(self.rows[row].inside) if inside)
+        row, index = self.where[lane_id]
+        pieces = ((row, k, index) for k, inside in enumerate(self.rows[row].inside) if inside)
         spans = ((piece, *self.span(piece)) for piece in pieces)
         return [piece for piece, low, high in spans if min(high, end) - max(low, start) > -1e-6]
 
