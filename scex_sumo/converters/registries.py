@@ -238,17 +238,17 @@ def _read_by(kind: type[Any], entry: Any) -> Any:
 
 def _checked(kind: type[Any], name: str, entry: Any, *, ours: bool) -> Any:
     """Return a format, or a declaration of one; errors of another package's functions are one line."""
-    said, declared = f"{kind.registry.kind} {name}", Declaration if isinstance(entry, Declaration) else kind
+    label, declared = f"{kind.registry.kind} {name}", Declaration if isinstance(entry, Declaration) else kind
     needs = {(MapFormat, "read"): Road, (Dataset, "read"): tuple, (Dataset, "recordings"): list}
-    own: dict[str, Any] = {}
-    for part in fields(declared):
-        if part.default is MISSING and not hasattr(entry, part.name):
-            raise UsageError(f"{said}: {entry!r} has no function {part.name}")
-        if hasattr(entry, part.name):
-            own[part.name] = value = getattr(entry, part.name)
+    attributes: dict[str, Any] = {}
+    for attribute in fields(declared):
+        if attribute.default is MISSING and not hasattr(entry, attribute.name):
+            raise UsageError(f"{label}: {entry!r} has no function {attribute.name}")
+        if hasattr(entry, attribute.name):
+            attributes[attribute.name] = value = getattr(entry, attribute.name)
             if callable(value) and not ours:
                 from scex_sumo.base.blame import own_call
 
-                need = needs.get((kind, part.name), object)
-                own[part.name] = own_call(f"{said}: {part.name}", value, need)
-    return declared(**own)
+                need = needs.get((kind, attribute.name), object)
+                attributes[attribute.name] = own_call(f"{label}: {attribute.name}", value, need)
+    return declared(**attributes)

@@ -27,8 +27,8 @@ def unpacked(path: Path) -> bytes:
         with open_binary(path) as file:
             return file.read()
     except (FileNotFoundError, IsADirectoryError) as error:
-        what = "no such file" if isinstance(error, FileNotFoundError) else "is a folder"
-        raise MapError(f"{path}: {what}; check its path") from None
+        problem = "no such file" if isinstance(error, FileNotFoundError) else "is a folder"
+        raise MapError(f"{path}: {problem}; check its path") from None
     except (OSError, EOFError, zlib.error) as error:
         raise MapError(f"{path}: cannot be unpacked ({error}); fetch the file again") from None
 
@@ -84,8 +84,8 @@ def as_value_error() -> Iterator[None]:
 def is_utf8(content: bytes) -> bool:
     """Return whether XML is encoded as all parsers read it alike: UTF-8, by declaration and first bytes."""
     encoding = _ENCODING.search(content[:_BEGINNING])
-    said = encoding is None or encoding[1].lower() in (b"utf-8", b"us-ascii")
-    return said and b"\0" not in content[:_BEGINNING]
+    declared = encoding is None or encoding[1].lower() in (b"utf-8", b"us-ascii")
+    return declared and b"\0" not in content[:_BEGINNING]
 
 
 def is_left_hand(root: Element) -> bool:

@@ -58,13 +58,13 @@ def align_tracks(
     ``siblings``, name and `evidence` of other recordings of the site, are read if the own evidence is thin.
     The phrase is about the shift; none if the evidence is too thin or the tracks are right.
     """
-    parts = [(table.path.name, evidence(table.vehicles))]
-    if parts[0][1].tracks < OWN_TRACKS:
+    recordings = [(table.path.name, evidence(table.vehicles))]
+    if recordings[0][1].tracks < OWN_TRACKS:
         for sibling in siblings:
-            if sum(part.tracks for _, part in parts) >= ENOUGH_TRACKS:
+            if sum(samples.tracks for _, samples in recordings) >= ENOUGH_TRACKS:
                 break
-            parts.append(sibling)
-    pooled = thinned(joined_rows(*(part for _, part in sorted(parts, key=lambda named: named[0]))))
+            recordings.append(sibling)
+    pooled = thinned(joined_rows(*(samples for _, samples in sorted(recordings, key=lambda named: named[0]))))
     if len(pooled) < MIN_SAMPLES or pooled.tracks < MIN_TRACKS:
         return table, ()
     bins = np.bincount(np.floor(pooled.psi_rad / (np.pi / 8.0)).astype(np.int64) % 16, minlength=16)
@@ -74,14 +74,14 @@ def align_tracks(
     from scex_sumo.converters.cleaning.fit import Alignment, fit_to_lanes, is_certain, matched
 
     fit = fit_to_lanes(pooled, road)
-    before, after = (matched(pooled, road, one)[-1] for one in (Alignment(centre=fit.centre), fit))
+    before, after = (matched(pooled, road, fitted)[-1] for fitted in (Alignment(centre=fit.centre), fit))
     if not is_certain(fit, pooled, road, before):
         return table, ()
-    others = f", estimated from {len(parts)} recordings of the site" if len(parts) > 1 else ""
+    basis = f", estimated from {len(recordings)} recordings of the site" if len(recordings) > 1 else ""
     finding = (
         f"tracks aligned to the map: dx {fit.dx:+.2f} m, dy {fit.dy:+.2f} m, rotation "
         f"{math.degrees(fit.turn):+.2f} degrees (median distance to lane centre "
-        f"{np.median(np.abs(before)):.2f} -> {np.median(np.abs(after)):.2f} m{others})"
+        f"{np.median(np.abs(before)):.2f} -> {np.median(np.abs(after)):.2f} m{basis})"
     )
-    vehicles, rest = fit.moved(table.vehicles), fit.moved(table.others)
-    return replace(table, vehicles=vehicles, others=rest), (finding,)
+    vehicles, others = fit.moved(table.vehicles), fit.moved(table.others)
+    return replace(table, vehicles=vehicles, others=others), (finding,)

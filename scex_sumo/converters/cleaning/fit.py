@@ -65,17 +65,17 @@ def fit_to_lanes(samples: TrackRows, road: Road) -> Alignment:
         nx, ny = -np.sin(u), np.cos(u)
         arm = -nx * (moved.y[sample] - centre[1] - fit.dy) + ny * (moved.x[sample] - centre[0] - fit.dx)
         slopes = np.stack((nx, ny, arm, np.ones(len(sample))), axis=1)
-        now = np.array((fit.dx, fit.dy, fit.turn, habit))
+        estimate = np.array((fit.dx, fit.dy, fit.turn, habit))
         step = np.zeros(4)
         for _ in range(3):
-            rest = offset + habit + slopes @ step
-            weight = 1.0 / (1.0 + (rest / LANE_SIGMA_M) ** 2)
-            of_track = np.bincount(samples.track[sample], weight, samples.tracks)
-            weight = weight / np.sqrt(np.maximum(of_track, 1e-9))[samples.track[sample]]
+            residual = offset + habit + slopes @ step
+            weight = 1.0 / (1.0 + (residual / LANE_SIGMA_M) ** 2)
+            track_weight = np.bincount(samples.track[sample], weight, samples.tracks)
+            weight = weight / np.sqrt(np.maximum(track_weight, 1e-9))[samples.track[sample]]
             weight *= independent / (weight.sum() * LANE_SIGMA_M**2)
-            left = (slopes * weight[:, None]).T
-            step = np.linalg.solve(left @ slopes + prior, -left @ (offset + habit) - prior @ now)
-        dx, dy, turn, habit = (float(value) for value in now + step)
+            weighted = (slopes * weight[:, None]).T
+            step = np.linalg.solve(weighted @ slopes + prior, -weighted @ (offset + habit) - prior @ estimate)
+        dx, dy, turn, habit = (float(value) for value in estimate + step)
         fit = replace(fit, dx=dx, dy=dy, turn=turn)
         if np.abs(step[:2]).max() < _STILL_M and abs(step[2]) < _STILL_RAD:
             break

@@ -25,8 +25,8 @@ def renew_motion(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     judged, wrong, factor = _contradictions(rows, points, time_s)
     noise = position_noise(points, time_s, rows.segment)
     jitter = noise > NOISE_M
-    everything = jitter or 2 * wrong.sum() > judged.sum()
-    if not everything and not wrong.any():
+    all_tracks = jitter or 2 * wrong.sum() > judged.sum()
+    if not all_tracks and not wrong.any():
         return rows, []
     from scex_sumo.converters.cleaning.smoothing import derivative, smooth
 
@@ -37,7 +37,7 @@ def renew_motion(rows: TrackRows) -> tuple[TrackRows, list[str]]:
             f" ({_how_wrong(factor[wrong])}): recomputed from positions"
         )
     phrases += [f"positions jitter by {noise:.2f} m: smoothed"] if jitter else []
-    chosen = everything | wrong[rows.track]
+    chosen = all_tracks | wrong[rows.track]
     smoothed = smooth(points, time_s, rows.segment, noise)
     vx, vy = np.where(chosen, derivative(smoothed, time_s, rows.segment).T, (rows.vx, rows.vy))
     x, y = np.where(chosen, smoothed.T, points.T)
@@ -56,15 +56,15 @@ def _contradictions(
     last = np.append(np.flatnonzero(np.diff(rows.segment) != 0), len(rows) - 1)
     end_of = last[np.searchsorted(last, np.arange(len(rows)))]
     ahead = np.minimum(np.arange(len(rows)) + reach, end_of)
-    moved, said = points[ahead] - points, integral[ahead] - integral
+    moved, integrated = points[ahead] - points, integral[ahead] - integral
     weight = 1.0 / reach  # windows overlap reach-fold
     tracks = rows.tracks
     dd = np.bincount(rows.track, np.sum(moved**2, axis=1), tracks)
-    vv = np.bincount(rows.track, np.sum(said**2, axis=1), tracks)
-    dv = np.bincount(rows.track, np.sum(moved * said, axis=1), tracks)
+    vv = np.bincount(rows.track, np.sum(integrated**2, axis=1), tracks)
+    dv = np.bincount(rows.track, np.sum(moved * integrated, axis=1), tracks)
     path = np.bincount(rows.track, np.hypot(*moved.T), tracks) * weight
-    said_path = np.bincount(rows.track, np.hypot(*said.T), tracks) * weight
-    judged = np.maximum(path, said_path) > JUDGED_PATH_M
+    integrated_path = np.bincount(rows.track, np.hypot(*integrated.T), tracks) * weight
+    judged = np.maximum(path, integrated_path) > JUDGED_PATH_M
     cosine = dv / np.sqrt(np.maximum(dd * vv, 1e-12))
     factor = np.where(cosine < VELOCITY_COSINE, 0.0, dv / np.maximum(vv, 1e-12))
     wrong = judged & ((factor > VELOCITY_RATIO) | (factor < 1.0 / VELOCITY_RATIO))
@@ -115,9 +115,9 @@ def repair_headings(rows: TrackRows, forward_mps: float = FORWARD_MPS) -> tuple[
     starts = np.append(True, (np.diff(rows.segment) != 0) | (np.diff(standing.astype(int)) != 0))
     stretch = np.cumsum(starts) - 1
     turn = np.abs(wrap(heading - heading[starts][stretch]))
-    off = (turn > JITTER_RAD) | (np.abs(wrap(heading - held)) > limit)
+    deviates = (turn > JITTER_RAD) | (np.abs(wrap(heading - held)) > limit)
     # The whole stop is held, so that a second repair changes nothing.
-    unsteady = np.bincount(stretch, standing & off) > 0
+    unsteady = np.bincount(stretch, standing & deviates) > 0
     turned = unsteady[stretch]
     heading[turned] = held[turned]
     repairs = {

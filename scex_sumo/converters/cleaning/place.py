@@ -32,16 +32,16 @@ def explain_off_lanes(
     now = scene.now
     share, doubt = on_lanes(samples, road), None if simulated else doubt_place(samples, road)
     if closed := on_closed_lanes(now.x[off], now.y[off], now.heading[off], road):
-        why = f"{closed}, or choose another moment with --time S"
+        reason = f"{closed}, or choose another moment with --time S"
     elif simulated:
-        why = "the simulation has them beside the lanes for cars; choose another moment with --time S"
+        reason = "the simulation has them beside the lanes for cars; choose another moment with --time S"
     elif doubt is None and len(samples) and share >= MIN_SHARE_ON_LANES:
-        why = f"though {share:.0%} of the recording's driving is; choose another moment with --time S"
+        reason = f"though {share:.0%} of the recording's driving is; choose another moment with --time S"
     else:
-        why = doubt.removeprefix("warning: ") if doubt else explain_mismatch(samples, road)
+        reason = doubt.removeprefix("warning: ") if doubt else explain_mismatch(samples, road)
     forced = "; read_seed(..., force=True) runs it all the same" if len(off) < scene.vehicles else ""
     beside = f"{len(off)} of {scene.vehicles} vehicles are on no mapped lane of their direction"
-    return TrackError(f"{scene.name}: {beside}; {why}{forced}")
+    return TrackError(f"{scene.name}: {beside}; {reason}{forced}")
 
 
 def on_closed_lanes(x: FloatArray, y: FloatArray, heading: FloatArray, road: Road) -> str | None:
@@ -127,14 +127,14 @@ def _best_shift(samples: TrackRows, road: Road) -> tuple[float, float] | None:
     shape = [tuple(int(n) for n in s) for s in size]
     total = np.zeros([a + b - 1 for a, b in zip(*shape, strict=True)])
     for course in range(COURSES):
-        there, here = (
+        lane_cells, sample_cells = (
             _cells(points[_course(points[:, 2]) == course], begin, cells)
             for points, begin, cells in zip((lane_points, poses), low, shape, strict=True)
         )
-        if here.any():
-            total += fftconvolve(np.minimum(there, 1.0), here[::-1, ::-1])
-    at = np.array(np.unravel_index(int(np.argmax(total)), total.shape)) - (np.array(shape[1]) - 1)
-    dx, dy = low[0] - low[1] + CELL_M * at
+        if sample_cells.any():
+            total += fftconvolve(np.minimum(lane_cells, 1.0), sample_cells[::-1, ::-1])
+    offset = np.array(np.unravel_index(int(np.argmax(total)), total.shape)) - (np.array(shape[1]) - 1)
+    dx, dy = low[0] - low[1] + CELL_M * offset
     return float(dx), float(dy)
 
 

@@ -110,7 +110,7 @@ def doubts(checks: Sequence[Check], present: Iterable[object] = ()) -> tuple[str
 def without_explained(findings: Sequence[str], checks: Sequence[Check]) -> tuple[str, ...]:
     """Leave out phrases about repaired velocities if a check names the true cause."""
     explained = any(check.explains for check in checks)
-    return tuple(said for said in findings if not (explained and said.startswith("velocities of")))
+    return tuple(finding for finding in findings if not (explained and finding.startswith("velocities of")))
 
 
 def twice(pairs: Sequence[tuple[str, str]]) -> str:
@@ -202,8 +202,8 @@ def _limits(strides: _Strides, road: Road) -> Check:
     chosen = np.flatnonzero(strides.speed > FORWARD_MPS)
     if len(chosen):
         chosen = chosen[np.unique(np.linspace(0, len(chosen) - 1, MATCHED).astype(int))]
-    at = strides.middle[chosen]
-    matches = match(road, strides.rows.x[at], strides.rows.y[at], strides.course[chosen])
+    samples = strides.middle[chosen]
+    matches = match(road, strides.rows.x[samples], strides.rows.y[samples], strides.course[chosen])
     limit = np.array([road.lanes[int(i)].speed_limit_mps for i in matches.lane_id[matches.best]])
     few = len(limit) < MIN_STRIDES
     share = 0.0 if few else float(np.median(strides.speed[chosen][matches.vehicle[matches.best]] / limit))
@@ -234,9 +234,9 @@ def _headings(strides: _Strides) -> Check:
     psi, course = strides.rows.psi_rad[strides.middle][driving], strides.course[driving]
     turned = float((np.abs(wrap(psi - course)) > SIDEWAYS_RAD).mean())
     if turned > MOST_TURNED:
-        off = {cause: float(np.median(np.abs(wrap(right(psi) - course)))) for cause, right in _TURNS.items()}
-        cause = min(off, key=lambda words: off[words])
-        if off[cause] < FITS_RAD:
+        errors = {cause: np.median(np.abs(wrap(mended(psi) - course))) for cause, mended in _TURNS.items()}
+        cause = min(errors, key=errors.__getitem__)
+        if errors[cause] < FITS_RAD:
             return Check(name, f"{turned:.0%}", usual, f"headings {cause}", "error")
     problem = (
         f"headings of {turned:.0%} of the driving contradict the motion: of slow vehicles they stay wrong"
@@ -245,17 +245,17 @@ def _headings(strides: _Strides) -> Check:
 
 
 def _accelerations(strides: _Strides) -> Check:
-    here = np.flatnonzero(strides.next)
-    few = len(here) < MIN_STRIDES
+    followed = np.flatnonzero(strides.next)
+    few = len(followed) < MIN_STRIDES
     velocity = strides.moved / strides.seconds[:, None]
-    change = np.hypot(*(velocity[here + 1] - velocity[here]).T) / strides.seconds[here]
-    most = 0.0 if few else float(np.percentile(change, 99.0))
+    change = np.hypot(*(velocity[followed + 1] - velocity[followed]).T) / strides.seconds[followed]
+    highest = 0.0 if few else float(np.percentile(change, 99.0))
     problem = (
-        f"accelerations reach {most:.0f} m/s², more than tyres can do: time stamps, or the unit of "
+        f"accelerations reach {highest:.0f} m/s², more than tyres can do: time stamps, or the unit of "
         "positions, are probably wrong"
     )
-    name, value = "acceleration, 99 % within, m/s²", "-" if few else f"{most:.1f}"
-    return Check(name, value, f"up to {TYRES_MPS2:g}", problem if most > TYRES_MPS2 else "")
+    name, value = "acceleration, 99 % within, m/s²", "-" if few else f"{highest:.1f}"
+    return Check(name, value, f"up to {TYRES_MPS2:g}", problem if highest > TYRES_MPS2 else "")
 
 
 def _noise(rows: TrackRows) -> Check:
@@ -304,31 +304,31 @@ def _why(kind: str, length: float, width: float) -> str:
 def _doubles(rows: TrackRows) -> Check:
     stamps = rows.stamps_ms
     slots = np.unique(np.floor(stamps / (1000.0 * GRID_S)), return_index=True)[1]
-    at = np.flatnonzero(np.isin(rows.timestamp_ms, stamps[slots]))
-    pairs = _near_pairs(rows, at)
-    one, two = (_boxes(rows, at[k]) for k in pairs.T)
-    tracks = np.sort(rows.track[at[pairs[separation(one, two) < 0.0]]], axis=1)
+    samples = np.flatnonzero(np.isin(rows.timestamp_ms, stamps[slots]))
+    pairs = _near_pairs(rows, samples)
+    first, second = (_boxes(rows, samples[k]) for k in pairs.T)
+    tracks = np.sort(rows.track[samples[pairs[separation(first, second) < 0.0]]], axis=1)
     tracks = tracks[tracks[:, 0] != tracks[:, 1]]  # samples recorded twice are repaired
     doubles, times = np.unique(tracks, axis=0, return_counts=True)
     doubled = []
     for (a, b), count in zip(doubles.tolist(), times.tolist(), strict=True):
-        here, there = (rows.timestamp_ms[at[rows.track[at] == k]] for k in (a, b))
-        if count >= max(DOUBLED_TIMES, DOUBLED_SHARE * len(np.intersect1d(here, there))):
+        stamps_a, stamps_b = (rows.timestamp_ms[samples[rows.track[samples] == k]] for k in (a, b))
+        if count >= max(DOUBLED_TIMES, DOUBLED_SHARE * len(np.intersect1d(stamps_a, stamps_b))):
             doubled.append((str(number_of(rows.labels[a])), str(number_of(rows.labels[b]))))
     name = "vehicles within another one"
     return Check(name, str(len(doubled)), "0", twice(doubled), pairs=tuple(doubled))
 
 
-def _near_pairs(rows: TrackRows, at: IntArray) -> IntArray:
-    """Return (m, 2) pairs of samples ``at`` the same time and less than `NEAR_M` apart."""
-    moments = np.stack((rows.case[at], rows.timestamp_ms[at]), axis=1)
+def _near_pairs(rows: TrackRows, samples: IntArray) -> IntArray:
+    """Return (m, 2) pairs of ``samples`` at the same time and less than `NEAR_M` apart."""
+    moments = np.stack((rows.case[samples], rows.timestamp_ms[samples]), axis=1)
     moment = np.unique(moments, axis=0, return_inverse=True)[1].reshape(-1)
-    apart = np.ptp(rows.x[at]) + 2.0 * NEAR_M  # moments lie beside each other
-    points = shapely.points(rows.x[at] + apart * moment, rows.y[at])
+    apart = np.ptp(rows.x[samples]) + 2.0 * NEAR_M  # moments lie beside each other
+    points = shapely.points(rows.x[samples] + apart * moment, rows.y[samples])
     pairs = shapely.STRtree(points).query(points, predicate="dwithin", distance=NEAR_M)
     return np.asarray(pairs[:, pairs[0] < pairs[1]].T, np.int64)
 
 
-def _boxes(rows: TrackRows, at: IntArray) -> Rectangles:
-    sides = {"half_length": SHRUNK * rows.length[at] / 2, "half_width": SHRUNK * rows.width[at] / 2}
-    return Rectangles(x=rows.x[at], y=rows.y[at], heading=rows.psi_rad[at], **sides)
+def _boxes(rows: TrackRows, samples: IntArray) -> Rectangles:
+    sides = {"half_length": SHRUNK * rows.length[samples] / 2, "half_width": SHRUNK * rows.width[samples] / 2}
+    return Rectangles(x=rows.x[samples], y=rows.y[samples], heading=rows.psi_rad[samples], **sides)

@@ -31,10 +31,10 @@ def repair_tracks(table: TrackTable, *, exact: bool = False) -> tuple[TrackTable
     """
     vehicles, findings = _repair(table.vehicles, table, FORWARD_MPS, exact=exact)
     # Pedestrians and cyclists face where they go.
-    others, more = _repair(table.others, table, STANDING_MPS, exact=exact)
-    if more:
-        both = "repaired in the same way" if findings else "; ".join(more)
-        findings.append(f"pedestrians and cyclists: {both}")
+    others, other_findings = _repair(table.others, table, STANDING_MPS, exact=exact)
+    if other_findings:
+        summary = "repaired in the same way" if findings else "; ".join(other_findings)
+        findings.append(f"pedestrians and cyclists: {summary}")
     rows, kept = len(table.vehicles) + len(table.others), len(vehicles) + len(others)
     if rows > kept:
         lost, tracks = table.vehicles.tracks - vehicles.tracks, table.vehicles.tracks
@@ -66,12 +66,12 @@ def _repair(
 
 
 def _drop_duplicates(rows: TrackRows) -> tuple[TrackRows, list[str]]:
-    again = np.append(False, (np.diff(rows.track) == 0) & (np.diff(rows.timestamp_ms) == 0))
-    if not again.any():
+    duplicate = np.append(False, (np.diff(rows.track) == 0) & (np.diff(rows.timestamp_ms) == 0))
+    if not duplicate.any():
         return rows, []
     from scex_sumo.converters.cleaning.samples import without_duplicates
 
-    return without_duplicates(rows, again)
+    return without_duplicates(rows, duplicate)
 
 
 def _cut_jumps(rows: TrackRows) -> tuple[TrackRows, list[str]]:
@@ -97,8 +97,8 @@ def _jumps(rows: TrackRows) -> BoolArray:
     jump = np.zeros(len(length), bool)
     for i in np.flatnonzero(far):
         window = slice(max(0, i - 5), i + 6)
-        same = joined[window] & (rows.segment[:-1][window] == rows.segment[i])
-        usual = np.median(length[window][same] / elapsed[window][same])
+        within = joined[window] & (rows.segment[:-1][window] == rows.segment[i])
+        usual = np.median(length[window][within] / elapsed[window][within])
         jump[i] = length[i] - usual * elapsed[i] > JUMP_EXCESS_M
     return jump
 
@@ -107,13 +107,13 @@ def _drop_warm_up(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     """Drop the start of tracks whose filter had not yet converged."""
     start, piece = rows.pieces[0], rows.piece
     since = np.arange(len(rows)) - start[piece]
-    still = (np.diff(rows.x) == 0.0) & (np.diff(rows.y) == 0.0) & (since[1:] > 0) & (since[1:] <= 5)
+    unmoved = (np.diff(rows.x) == 0.0) & (np.diff(rows.y) == 0.0) & (since[1:] > 0) & (since[1:] <= 5)
     faster = np.diff(rows.speed) > 0.0
     moving = (rows.speed[1:] + rows.speed[:-1]) / 2.0 > 0.15
-    frozen = np.bincount(piece[1:][still & faster & moving], minlength=piece[-1] + 1) >= FROZEN_STEPS
+    frozen = np.bincount(piece[1:][unmoved & faster & moving], minlength=piece[-1] + 1) >= FROZEN_STEPS
     age_ms = rows.timestamp_ms - rows.timestamp_ms[start][piece]
-    soon = np.maximum.reduceat(np.where(age_ms <= 1000.0, rows.speed, 0.0), start)
-    frozen &= soon - rows.speed[start] > WARM_UP_RISE_MPS
+    top_speed = np.maximum.reduceat(np.where(age_ms <= 1000.0, rows.speed, 0.0), start)
+    frozen &= top_speed - rows.speed[start] > WARM_UP_RISE_MPS
     if not frozen.any():
         return rows, []
     keep = ~frozen[piece] | (age_ms >= 1000.0 * WARM_UP_S)
@@ -130,8 +130,8 @@ def _drop_implausible(rows: TrackRows) -> tuple[TrackRows, list[str]]:
     too_fast = (np.bincount(rows.track, rows.speed > MAX_SPEED_MPS, rows.tracks) > 0) & ~wrong_size
     phrases = []
     sizes = f"longer than {MAX_LENGTH_M:g} m, wider than {MAX_WIDTH_M:g} m or under {MIN_SIZE_M:g} m"
-    for of_tracks, what in ((wrong_size, sizes), (too_fast, f"faster than {MAX_SPEED_MPS:g} m/s")):
+    for of_tracks, reason in ((wrong_size, sizes), (too_fast, f"faster than {MAX_SPEED_MPS:g} m/s")):
         if of_tracks.any():
             labels = [rows.labels[k] for k in np.flatnonzero(of_tracks)]
-            phrases.append(f"tracks {what} left out: {listed(labels)}")
+            phrases.append(f"tracks {reason} left out: {listed(labels)}")
     return (rows.take(~(wrong_size | too_fast)[rows.track]) if phrases else rows), phrases

@@ -13,28 +13,28 @@ APART_M = 3.0  # samples farther apart are two road users, or one of them is wro
 FIT_M = 1.5  # a sample this close to the middle between its neighbours in time fits them
 
 
-def without_duplicates(rows: TrackRows, again: BoolArray) -> tuple[TrackRows, list[str]]:
-    """Keep one sample per track and time stamp; ``again`` (N,) are those at the stamp of the one before.
+def without_duplicates(rows: TrackRows, duplicate: BoolArray) -> tuple[TrackRows, list[str]]:
+    """Keep one sample per track and time stamp; ``duplicate`` (N,) are those at the stamp of the one before.
 
     The sample nearest to the middle of those before and after is kept. Samples far apart belong to two road
     users if none fits: all are then left out while stamps are doubled.
     """
-    first = np.flatnonzero(~again)
-    group: IntArray = np.cumsum(~again) - 1
+    first = np.flatnonzero(~duplicate)
+    group: IntArray = np.cumsum(~duplicate) - 1
     last = np.append(first[1:], len(rows)) - 1
-    off, lonely = _off_middle(rows, group, first, last)
+    distance, lonely = _off_middle(rows, group, first, last)
     spread = np.zeros(len(first))
     np.maximum.at(spread, group, np.hypot(rows.x - rows.x[first[group]], rows.y - rows.y[first[group]]))
-    best = np.lexsort((off, group))[first]
+    best = np.lexsort((distance, group))[first]
     kept = np.where(lonely, best, first)
-    unclear = (spread > APART_M) & ~(lonely & (off[kept] < FIT_M))
+    unclear = (spread > APART_M) & ~(lonely & (distance[kept] < FIT_M))
     doubled, track = last > first, rows.track[first]
     run = np.cumsum(np.append(0, (np.diff(track) != 0) | (doubled[1:] != doubled[:-1])))
     shared = np.isin(run, run[unclear]) & doubled
     keep = np.zeros(len(rows), bool)
     keep[kept[~shared]] = True
     phrases = []
-    dropped = int((again & ~shared[group]).sum())
+    dropped = int((duplicate & ~shared[group]).sum())
     if dropped:
         phrases.append(f"{dropped} duplicate samples dropped (same track, same time stamp)")
     if shared.any():
@@ -56,10 +56,10 @@ def _off_middle(
     count = has_before.astype(float) + has_after
     around = np.array([has_before * xy[before] + has_after * xy[after] for xy in (rows.x, rows.y)])
     x, y = (around / np.maximum(count, 1.0))[:, group]
-    off = np.hypot(rows.x - x, rows.y - y)
+    distance = np.hypot(rows.x - x, rows.y - y)
     single_before = ~has_before | (np.roll(size, 1) == 1)
     single_after = ~has_after | (np.roll(size, -1) == 1)
-    return np.where(count[group] > 0.0, off, np.inf), single_before & single_after
+    return np.where(count[group] > 0.0, distance, np.inf), single_before & single_after
 
 
 def without_jumps(rows: TrackRows, jump: BoolArray) -> tuple[TrackRows, list[str]]:

@@ -84,6 +84,6 @@ def derivative(points: FloatArray, time_s: FloatArray, segment: IntArray) -> Flo
     # ends: extrapolate the parabola through three samples
     first = np.flatnonzero(~before[:-1] & after[:-1] & after[1:])
     last = np.flatnonzero(before[1:] & ~after[1:] & before[:-1]) + 1
-    for row, neighbour, ends in ((first, first + 1, s1), (last, last - 1, s0)):
-        velocity[row] = 2.0 * ends[row] - velocity[neighbour]
+    for end, neighbour, slopes in ((first, first + 1, s1), (last, last - 1, s0)):
+        velocity[end] = 2.0 * slopes[end] - velocity[neighbour]
     return velocity

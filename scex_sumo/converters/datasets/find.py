@@ -72,34 +72,36 @@ def map_and_tracks(path: Path, tracks: Path | None = None) -> tuple[Path, Path |
     files, results = _below([path])
     recordings = _recordings_of(files)
     if tracks is not None:
-        given = tracks.resolve()
-        named = [one for one in recordings if given in (file.resolve() for file in one.track_paths)]
+        tracks_file = tracks.resolve()
+        named = filter(lambda recording: tracks_file in map(Path.resolve, recording.track_paths), recordings)
         recordings = tuple(named) or recordings
-    maps = sorted({one.map_path for one in recordings} or filter(is_map, files))
+    maps = sorted({recording.map_path for recording in recordings} or filter(is_map, files))
     if not maps:
         raise MapError(f"{path}: a folder without a map or recording; {_why_none(files, results)}")
-    known = f"{path}: {len(recordings)} recordings on {len(maps)} maps"
+    summary = f"{path}: {len(recordings)} recordings on {len(maps)} maps"
     if len(maps) > 1:
         raise MapError(
-            f"{known}; give one of the maps: {listed(os.path.relpath(file, path) for file in maps)}"
+            f"{summary}; give one of the maps: {listed(os.path.relpath(file, path) for file in maps)}"
         )
     if tracks is not None or not recordings:
         return maps[0], tracks
-    parts = [one.place for one in recordings]
-    if len(parts) > 1:
-        shown = listed(os.path.relpath(part, path) for part in parts)
-        raise MapError(f"{path}: {len(parts)} recordings; give one of them with --tracks: {shown}")
-    return maps[0], parts[0]
+    places = [recording.place for recording in recordings]
+    if len(places) > 1:
+        shown = listed(os.path.relpath(place, path) for place in places)
+        raise MapError(f"{path}: {len(places)} recordings; give one of them with --tracks: {shown}")
+    return maps[0], places[0]
 
 
 def _recordings_of(files: Sequence[Path]) -> tuple[Recording, ...]:
     by_dataset: dict[Dataset, list[Path]] = {}
     for path in files:
         by_dataset.setdefault(dataset_of(path), []).append(path)
-    recordings = [recording for dataset, own in by_dataset.items() for recording in dataset.recordings(own)]
-    recordings.sort(key=lambda one: (one.name, one.track_paths))
-    names = unique_names(re.sub(r"[^A-Za-z0-9._+-]+", "-", one.name) for one in recordings)
-    return tuple(replace(one, name=name) for one, name in zip(recordings, names, strict=True))
+    recordings: list[Recording] = []
+    for dataset, paths in by_dataset.items():
+        recordings += dataset.recordings(paths)
+    recordings.sort(key=lambda recording: (recording.name, recording.track_paths))
+    names = unique_names(re.sub(r"[^A-Za-z0-9._+-]+", "-", recording.name) for recording in recordings)
+    return tuple(replace(recording, name=name) for recording, name in zip(recordings, names, strict=True))
 
 
 def _why_none(files: Sequence[Path], results: Sequence[Path]) -> str:

@@ -35,8 +35,8 @@ def find_tracks(map_path: str | Path) -> Path:
     looked = [path.with_name(f"{name}.csv")]
     if unpacked_name(path) != looked[0].name and (beside := plain_or_packed(looked[0])) is not None:
         return beside
-    if (own := map_format(path).tracks(path)) is not None:
-        return own
+    if (own_recording := map_format(path).tracks(path)) is not None:
+        return own_recording
     for folder in (path.parent.resolve().parent if not path.parent.name else path.parent.parent, path.parent):
         if files := laid_out(folder, name):
             return files[0]
@@ -83,8 +83,8 @@ def _map_of(path: Path) -> Path | None:
     folder, stem = path.parent, Path(unpacked_name(path)).stem
     if path.name.startswith("vehicle_tracks_"):
         map_path = folder.parent.parent / "maps" / f"{folder.name}.osm"
-        own = [plain_or_packed(path.with_name(f"{folder.name}.osm")), *folder.glob("*.osm")]
-        beside = own[0] or (own[1] if len(own) == 2 else None)  # in somebody's own folder
+        maps = [plain_or_packed(path.with_name(f"{folder.name}.osm")), *folder.glob("*.osm")]
+        beside = maps[0] or (maps[1] if len(maps) == 2 else None)  # in somebody's own folder
         return plain_or_packed(map_path) or beside or map_path
     if folder.name in ("train", "val") and stem.endswith(f"_{folder.name}"):
         map_path = folder.parent / "maps" / f"{stem.removesuffix(f'_{folder.name}')}.osm"

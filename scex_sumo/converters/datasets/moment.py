@@ -54,12 +54,12 @@ def find_moments(
     if not chosen.any():
         return []
     # one number per pair of case and stamp
-    stamps, at = np.unique(rows.timestamp_ms[chosen], return_inverse=True)
-    keys, number = np.unique(rows.case[chosen] * len(stamps) + at, return_inverse=True)
-    vehicles = np.bincount(number)
-    good = np.bincount(number, complete[chosen])
+    stamps, stamp_index = np.unique(rows.timestamp_ms[chosen], return_inverse=True)
+    keys, number = np.unique(rows.case[chosen] * len(stamps) + stamp_index, return_inverse=True)
+    vehicle_counts = np.bincount(number)
+    complete_counts = np.bincount(number, complete[chosen])
     moments: list[Moment] = []
-    for key, count, whole in zip(keys, vehicles, good, strict=True):
+    for key, count, whole in zip(keys, vehicle_counts, complete_counts, strict=True):
         time_s = float(stamps[key % len(stamps)]) / 1000.0
         case = table.cases[key // len(stamps)]
         same_case = bool(moments) and moments[-1].case == case

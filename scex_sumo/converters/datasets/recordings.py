@@ -56,8 +56,8 @@ def recorded_scene(
         road: the map as read; without it nothing is aligned.
     """
     recording = recording_of(Path(map_path), tracks)
-    at = time_s if time_s is not None and math.isfinite(time_s) else None
-    window = window_with_history((at, at))
+    moment_s = time_s if time_s is not None and math.isfinite(time_s) else None
+    window = window_with_history((moment_s, moment_s))
     table, findings, checks = read_clean(
         recording.track_paths, road, align=align, window=window, progress=progress
     )

@@ -42,8 +42,8 @@ def take_scene(
     """
     if not len(table.vehicles):
         kinds = ", ".join(sorted(set(table.others.types)))
-        why = f"only {kinds}" if kinds else "none left after repairs"
-        raise TrackError(f"{table.path}: no motor vehicle among the tracks ({why}); give others")
+        reason = f"only {kinds}" if kinds else "none left after repairs"
+        raise TrackError(f"{table.path}: no motor vehicle among the tracks ({reason}); give others")
     case_id, warnings = "", tuple[str, ...]()
     if table.has_cases or case is not None:
         from scex_sumo.converters.datasets.cases import choose_case
@@ -53,9 +53,10 @@ def take_scene(
         table = table.case(index)
         if repair:
             raw = table
-            table, more = repair_tracks(raw)
-            findings, warnings = (*findings, *more), doubts([lost_vehicles(raw, table)])
-    moment_ms = _choose_moment(table, case_id, time_s, [one for one in findings if "known until" in one])
+            table, case_findings = repair_tracks(raw)
+            findings, warnings = (*findings, *case_findings), doubts([lost_vehicles(raw, table)])
+    ends = [finding for finding in findings if "known until" in finding]
+    moment_ms = _choose_moment(table, case_id, time_s, ends)
     scene = _build(table, name, location, case_id, moment_ms, findings)
     return replace(scene, notes=(*scene.notes, *warnings))
 
@@ -73,25 +74,27 @@ def _choose_moment(table: TrackTable, case_id: str, time_s: float | None, ends: 
     if time_s is None:
         if not table.has_cases:
             return 1000.0 * busiest(find_moments(table)).time_s
-        here = rows.timestamp_ms[rows.frame_id == CASE_FRAME]
-        if not len(here):
+        case_stamps = rows.timestamp_ms[rows.frame_id == CASE_FRAME]
+        if not len(case_stamps):
             raise TrackError(f"{where}: no vehicle in frame {CASE_FRAME}; choose the moment with --time S")
-        return float(here[0])
+        return float(case_stamps[0])
     stamps = np.concatenate((rows.stamps_ms, table.others.stamps_ms))
     half_ms = 500.0 * table.step_s + STAMP_MS
     begin, end = stamps.min(), stamps.max()
-    if not np.isfinite(time_s) or not begin - half_ms <= 1000.0 * time_s <= end + half_ms:
+    wanted_ms = 1000.0 * time_s
+    if not begin - half_ms <= wanted_ms <= end + half_ms:  # nan, too
         raise TrackError(
             f"{where}: no moment at {time_s:g} s, the recording spans {begin / 1000:.1f} to "
-            f"{end / 1000:.1f} s{''.join(f' ({why})' for why in ends)}; choose --time in between"
+            f"{end / 1000:.1f} s{''.join(f' ({reason})' for reason in ends)}; choose --time in between"
         )
-    wanted, at = 1000.0 * time_s, np.array([1000.0 * time_s])
-    nearest = float(rows.stamps_ms[np.argmin(np.abs(rows.stamps_ms - wanted))])
-    if abs(nearest - wanted) > 1000.0 * STEP_S and not len(sample_tracks(rows, wanted, at).track):
+    nearest_ms = float(rows.stamps_ms[np.argmin(np.abs(rows.stamps_ms - wanted_ms))])
+    if abs(nearest_ms - wanted_ms) <= half_ms:
+        return nearest_ms
+    if not len(sample_tracks(rows, wanted_ms, np.array([wanted_ms])).track):
         raise TrackError(
-            f"{where}: no vehicle at {time_s:g} s; the nearest moment with one is {nearest / 1000:.1f} s"
+            f"{where}: no vehicle at {time_s:g} s; the nearest moment with one is {nearest_ms / 1000:.1f} s"
         )
-    return nearest if abs(nearest - wanted) <= half_ms else wanted
+    return wanted_ms
 
 
 def _build(
@@ -164,10 +167,10 @@ def _notes(
     elif cars.interpolated:
         notes.append(f"{cars.interpolated} missing samples interpolated")
     earliest = float(table.vehicles.stamps_ms[0])
-    there = min(HISTORY_STEPS, int((moment_ms - earliest + STAMP_MS) // (1000.0 * STEP_S)))
-    if there < HISTORY_STEPS:
-        notes.append(f"{there} of {HISTORY_STEPS} previous steps recorded, constant velocity before")
-    short = int((steps < there).sum())
+    available = min(HISTORY_STEPS, int((moment_ms - earliest + STAMP_MS) // (1000.0 * STEP_S)))
+    if available < HISTORY_STEPS:
+        notes.append(f"{available} of {HISTORY_STEPS} previous steps recorded, constant velocity before")
+    short = int((steps < available).sum())
     if short:
         notes.append(
             f"{short} of {len(steps)} vehicles came within the last second: constant velocity before"
@@ -214,15 +217,15 @@ def sample_tracks(rows: TrackRows, moment_ms: float, grid_ms: FloatArray) -> Sam
     present = (stamps[begin] <= moment_ms + STAMP_MS) & (stamps[end] >= moment_ms - STAMP_MS)
     first, last = begin[present][:, None], end[present][:, None]
     recorded = (grid_ms >= stamps[first] - STAMP_MS) & (grid_ms <= stamps[last] + STAMP_MS)
-    at, _, exact = interpolated(rows, first, last, np.broadcast_to(grid_ms, recorded.shape))
-    speed = ahead_speed(at["vx"], at["vy"], at["psi_rad"])
-    states = States(x=at["x"], y=at["y"], heading=at["psi_rad"], speed=speed)
+    motion, _, exact = interpolated(rows, first, last, np.broadcast_to(grid_ms, recorded.shape))
+    speed = ahead_speed(motion["vx"], motion["vy"], motion["psi_rad"])
+    states = States(x=motion["x"], y=motion["y"], heading=motion["psi_rad"], speed=speed)
     track = rows.track[begin[present]]
-    tracks = [slice(*np.searchsorted(rows.track, (number, number + 1))) for number in track]
+    spans = [slice(*np.searchsorted(rows.track, (number, number + 1))) for number in track]
     return Sampled(
         track=track,
-        length=np.array([np.median(rows.length[part]) for part in tracks], np.float64),
-        width=np.array([np.median(rows.width[part]) for part in tracks], np.float64),
+        length=np.array([np.median(rows.length[span]) for span in spans], np.float64),
+        width=np.array([np.median(rows.width[span]) for span in spans], np.float64),
         states=_extend(states, recorded, grid_ms / 1000.0),
         recorded=recorded,
         interpolated=int((recorded & ~exact).sum()),

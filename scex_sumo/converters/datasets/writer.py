@@ -23,8 +23,8 @@ def write_tracks(path: str | Path, *scenes: SeedScene) -> Path:
     from pyarrow import csv
 
     path = Path(path)
-    parts = [part for k, scene in enumerate(scenes) for part in _case(f"{k + 1}.0", scene)]
-    table = pa.table({name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+    tables = [columns for k, scene in enumerate(scenes) for columns in _case(f"{k + 1}.0", scene)]
+    table = pa.table({name: np.concatenate([columns[name] for columns in tables]) for name in tables[0]})
     with replacing(path) as temporary:
         csv.write_csv(table, temporary, csv.WriteOptions(quoting_style="none", quoting_header="none"))
     return path
@@ -39,10 +39,10 @@ def _case(case: str, scene: SeedScene) -> list[Columns]:
         valid = np.ones(scene.future.shape, bool) if scene.future_valid is None else scene.future_valid
         known = np.concatenate((known, valid), axis=1)
     labels = [str(label) for label in scene.track_ids]
-    parts = [_columns(case, labels, scene.types, scene.length, scene.width, states, known)]
+    tables = [_columns(case, labels, scene.types, scene.length, scene.width, states, known)]
     if (o := scene.obstacles) is not None:
-        parts.append(_columns(case, list(o.ids), o.types, o.length, o.width, o.states, o.present))
-    return parts
+        tables.append(_columns(case, list(o.ids), o.types, o.length, o.width, o.states, o.present))
+    return tables
 
 
 def _columns(

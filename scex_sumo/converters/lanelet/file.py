@@ -136,20 +136,20 @@ def read_map_file(path: str | Path) -> MapFile:
     all_nodes = root.findall("node")
     local = 2 * sum({"local_x", "local_y"} <= _tags(node).keys() for node in all_nodes) > len(all_nodes)
     for element in root:
-        tag, new = element.tag, False
+        tag, is_new = element.tag, False
         if element.get("action") == "delete" or tag not in elements:
             continue
         name = f"{tag} {element.get('id', '')[:24] or 'without an id'}"
         try:
             primitive, number = _element(element, local), _id(element, "id")
-            new = elements[tag].setdefault(number, primitive) is primitive
+            is_new = elements[tag].setdefault(number, primitive) is primitive
             if tag == "node" and _height_m(element) is None:
                 findings.note("nodes with a height that is no number, height 0 used", name)
-            if not new:
+            if not is_new:
                 findings.note("ids used twice, the first element kept", name)
         except ValueError:
             findings.note("left out, no usable id or coordinates", name)
-        if not new and tag == "relation" and _tags(element).get("type") == "lanelet":
+        if not is_new and tag == "relation" and _tags(element).get("type") == "lanelet":
             unread.append(name.removeprefix("relation "))
     nodes: dict[int, MapPoint] = elements["node"]
     if local and nodes:
@@ -161,13 +161,13 @@ def read_map_file(path: str | Path) -> MapFile:
     if not nodes and any(element.get("x") for element in root.iter("node")):
         remedy = "name the .osm file it was made from"
         raise MapError(f"{path}: its nodes have x, y instead of lat, lon; {remedy}")
-    taken = ("coordinates are those of the tags local_x and local_y",) if local else ()
+    local_note = ("coordinates are those of the tags local_x and local_y",) if local else ()
     return MapFile(
         path=path,
         nodes=nodes,
         ways=elements["way"],
         relations=elements["relation"],
-        notes=(*taken, *findings.notes()),
+        notes=(*local_note, *findings.notes()),
         unread=tuple(unread),
         local=local,
     )

@@ -202,13 +202,13 @@ def _aligned(before: Lane, after: Lane) -> bool:
 
 
 def _link(lanes: dict[int, Lane], before: int, after: int, *, move_start: bool) -> None:
-    one, other = lanes[before], lanes[after]
+    first, second = lanes[before], lanes[after]
     if move_start:
-        other = replace(other, centreline=_begun_at(other.centreline, one.centreline[-1]))
+        second = replace(second, centreline=_begun_at(second.centreline, first.centreline[-1]))
     else:
-        one = replace(one, centreline=_begun_at(one.centreline[::-1], other.centreline[0])[::-1])
-    lanes[before] = replace(one, successors=tuple(sorted({*one.successors, after})))
-    lanes[after] = replace(other, predecessors=tuple(sorted({*other.predecessors, before})))
+        first = replace(first, centreline=_begun_at(first.centreline[::-1], second.centreline[0])[::-1])
+    lanes[before] = replace(first, successors=tuple(sorted({*first.successors, after})))
+    lanes[after] = replace(second, predecessors=tuple(sorted({*second.predecessors, before})))
     for i, j in ((before, after), (after, before)):
         lanes[i] = replace(lanes[i], conflicts=tuple(k for k in lanes[i].conflicts if k != j))
 
@@ -295,13 +295,13 @@ def missing_lanelets(vertices: Sequence[Vertex], rules: Rules, map_file: MapFile
     ids = free_ids((*map_file.relations, *map_file.ways, *map_file.nodes))
     for lane in drives:
         begin = tuple(lane.left[0]), tuple(lane.right[0])
-        one, other = on_left.get(begin[0]), on_right.get(begin[1])
-        if begin in ends or one is None or other is None or one is other:
+        left_lane, right_lane = on_left.get(begin[0]), on_right.get(begin[1])
+        if begin in ends or left_lane is None or right_lane is None or left_lane is right_lane:
             continue
-        before = map_file.relations[one.lanelet_id]
+        before = map_file.relations[left_lane.lanelet_id]
         left = before.refs("right", "way")[0]
-        right = map_file.relations[other.lanelet_id].refs("left", "way")[0]
-        widths_m = np.hypot(*(one.right[[0, -1]] - other.left[[0, -1]]).T)
+        right = map_file.relations[right_lane.lanelet_id].refs("left", "way")[0]
+        widths_m = np.hypot(*(left_lane.right[[0, -1]] - right_lane.left[[0, -1]]).T)
         narrow_or_wide = widths_m.min() < MIN_ROAD_M or widths_m.max() > MAX_LANE_M
         if left in refs["left"] or right in refs["right"] or narrow_or_wide:
             continue

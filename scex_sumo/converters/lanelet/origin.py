@@ -38,9 +38,9 @@ def recorded_origin(map_path: str | Path, *, tracks_path: str | Path | None = No
 
 def parse_origin(text: str) -> Place:
     """Parse ``--origin LAT,LON`` in degrees, e.g. ``49.0053,8.4374``; raises `UsageError` if invalid."""
-    parts = text.split(",")
+    words = text.split(",")
     try:
-        lat, lon = (float(part) for part in parts)
+        lat, lon = (float(word) for word in words)
     except ValueError:
         raise UsageError(
             f"--origin: LAT,LON in degrees expected, e.g. 49.0053,8.4374; got {text!r}"

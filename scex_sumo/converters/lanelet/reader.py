@@ -127,8 +127,8 @@ def _doubts(lanes: Mapping[int, Lane], map_file: MapFile, country: str) -> Findi
     crossed = (i for i, lane in drawn.items() if bounds_cross(lane.left_bound, lane.right_bound))
     doubts.note("bounds cross each other or themselves, the lane's shape may be off", *crossed)
     for i in drawn:
-        said = [*tags.said_limits(map_file.relations[i], map_file)]
-        if said and not any(map(tags.speed_mps, said)):
+        limits = [*tags.said_limits(map_file.relations[i], map_file)]
+        if limits and not any(map(tags.speed_mps, limits)):
             doubts.note(unclear, i)
     return doubts
 
@@ -192,8 +192,8 @@ def _load(
         notes.append(f"lanelets left out, no length between their bounds: {list_ids(flat)}")
     notes += [f"lanelets of unknown {word} taken for roads: {list_ids(i)}" for word, i in roads.items()]
     if not vertices:
-        why = "; ".join(note for note in notes if note.startswith("lanelets left out"))
-        raise MapError(f"{map_file.path}: no usable lanelet ({why}); mend the map in an editor, e.g. JOSM")
+        cause = "; ".join(note for note in notes if note.startswith("lanelets left out"))
+        raise MapError(f"{map_file.path}: no usable lanelet ({cause}); mend the map in an editor, e.g. JOSM")
     notes.extend(errors)
     losses = [
         MapLoss(kind="lanelets", why=f"not driven, {word}", elements=tuple(sorted(i)))
@@ -264,9 +264,9 @@ def areas(map_file: MapFile, lanes: Mapping[int, Lane], lines: Points) -> tuple[
     return tuple(sorted(drawn, key=lambda area: area.area_id))
 
 
-def _rings(parts: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
+def _rings(ways: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
     rings = []
-    rest = [part for part in parts if len(part) > 1]
+    rest = [nodes for nodes in ways if len(nodes) > 1]
     while rest:
         ring = rest.pop(0)
         while ring[0] != ring[-1]:

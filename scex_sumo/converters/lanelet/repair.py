@@ -20,58 +20,58 @@ def repair(map_file: MapFile) -> MapFile:
 
     A map without notes is as in its file.
     """
-    done = Findings()
+    findings = Findings()
     centre = map_file.middle
     stray = {i for i, n in map_file.nodes.items() if distance_m((n.lat, n.lon), centre) > STRAY_M}
-    done.note("nodes over 50 km away from the map, left out", *stray)
+    findings.note("nodes over 50 km away from the map, left out", *stray)
     map_file = replace(map_file, nodes={i: n for i, n in map_file.nodes.items() if i not in stray})
-    map_file = replace(map_file, ways=_joined_ends(map_file, _ways(map_file, done), done))
-    lanelets, joined = _lanelets(map_file, done)
+    map_file = replace(map_file, ways=_joined_ends(map_file, _ways(map_file, findings), findings))
+    lanelets, joined = _lanelets(map_file, findings)
     others = {i: r for i, r in map_file.relations.items() if r.tags.get("type") != "lanelet"}
     map_file = replace(map_file, ways={**map_file.ways, **joined}, relations={**others, **lanelets})
-    map_file = replace(map_file, relations=_members(map_file, done))
-    return replace(map_file, notes=(*map_file.notes, *done.notes()))
+    map_file = replace(map_file, relations=_members(map_file, findings))
+    return replace(map_file, notes=(*map_file.notes, *findings.notes()))
 
 
-def _ways(map_file: MapFile, done: Findings) -> dict[int, Way]:
+def _ways(map_file: MapFile, findings: Findings) -> dict[int, Way]:
     known, ways = map_file.nodes.keys(), {}
     members = [m for r in map_file.of_type("lanelet").values() for m in r.members]
     borders = {m.ref for m in members if m.role in (*SIDES, "centerline")}
     for i, way in map_file.ways.items():
         if not known >= set(way.nodes):
             way = replace(way, nodes=tuple(n for n in way.nodes if n in known))
-            done.note("ways that refer to missing nodes, drawn without them", i)
+            findings.note("ways that refer to missing nodes, drawn without them", i)
         if not way.nodes:
-            done.note("ways without a node, left out", i)
+            findings.note("ways without a node, left out", i)
             continue
         if i in borders and way.tags.get("area") in ("yes", "true", "1"):
             way = replace(way, tags={k: v for k, v in way.tags.items() if k != "area"})
-            done.note("bounds tagged area=yes, taken as lines", i)
+            findings.note("bounds tagged area=yes, taken as lines", i)
         ways[i] = way
     return ways
 
 
-def _joined_ends(map_file: MapFile, ways: Mapping[int, Way], done: Findings) -> dict[int, Way]:
+def _joined_ends(map_file: MapFile, ways: Mapping[int, Way], findings: Findings) -> dict[int, Way]:
     """Return the ways with one node for all ends at one place, and without steps of zero length."""
     ends = {node: map_file.nodes[node] for way in ways.values() for node in (way.nodes[0], way.nodes[-1])}
     first: dict[MapPoint, int] = {}
-    same = {node: first.setdefault(place, node) for node, place in ends.items()}
-    twins = {node for node, kept in same.items() if node != kept}
-    done.note("nodes at the place of another, taken for that one", *twins)
+    merged = {node: first.setdefault(place, node) for node, place in ends.items()}
+    twins = {node for node, kept in merged.items() if node != kept}
+    findings.note("nodes at the place of another, taken for that one", *twins)
     result = {}
     for i, way in ways.items():
-        nodes = tuple(same.get(node, node) for node in way.nodes)
+        nodes = tuple(merged.get(node, node) for node in way.nodes)
         places = [map_file.nodes[node] for node in nodes]
         inner = range(1, len(nodes) - 1)
         steps = [nodes[k] for k in inner if places[k] != places[k + 1] and places[k] != places[0]]
         kept = (nodes[0], *steps, *nodes[1:][-1:])
         if len(kept) < len(nodes):
-            done.note("ways with a point twice in a row, taken once", i)
+            findings.note("ways with a point twice in a row, taken once", i)
         result[i] = replace(way, nodes=kept) if kept != way.nodes else way
     return result
 
 
-def _lanelets(map_file: MapFile, done: Findings) -> tuple[dict[int, Relation], dict[int, Way]]:
+def _lanelets(map_file: MapFile, findings: Findings) -> tuple[dict[int, Relation], dict[int, Way]]:
     lanelets: dict[int, Relation] = {}
     joined: dict[int, Way] = {}
     drawn: set[tuple[int, int, str]] = set()
@@ -82,12 +82,12 @@ def _lanelets(map_file: MapFile, done: Findings) -> tuple[dict[int, Relation], d
             pieces = [ref for ref in lanelet.refs(side, "way") if ref in map_file.ways]
             nodes = chain([map_file.ways[ref].nodes for ref in pieces])
             if nodes is None or not _is_line(nodes, map_file):
-                done.note(
+                findings.note(
                     "lanelets left out, their bounds are missing, in pieces or shorter than two points", i
                 )
                 break
             if len(pieces) > 1:
-                done.note("lanelets with bounds in several pieces, joined", i)
+                findings.note("lanelets with bounds in several pieces, joined", i)
                 way = Way(nodes=nodes, tags=map_file.ways[pieces[0]].tags)
                 pieces = [next(new_ids)]
                 joined[pieces[0]] = way
@@ -95,17 +95,17 @@ def _lanelets(map_file: MapFile, done: Findings) -> tuple[dict[int, Relation], d
         if len(bounds) < 2:
             continue
         if bounds[0].ref == bounds[1].ref:
-            done.note("lanelets left out, one way is both their bounds", i)
+            findings.note("lanelets left out, one way is both their bounds", i)
             continue
-        if (same := (bounds[0].ref, bounds[1].ref, lanelet.tags.get("subtype", ""))) in drawn:
-            done.note("lanelets left out, drawn twice between the same bounds", i)
+        if (bound_ids := (bounds[0].ref, bounds[1].ref, lanelet.tags.get("subtype", ""))) in drawn:
+            findings.note("lanelets left out, drawn twice between the same bounds", i)
             continue
-        drawn.add(same)
-        lanelets[i] = replace(lanelet, members=(*bounds, *_other_members(i, lanelet, map_file, done)))
+        drawn.add(bound_ids)
+        lanelets[i] = replace(lanelet, members=(*bounds, *_other_members(i, lanelet, map_file, findings)))
     return lanelets, joined
 
 
-def _other_members(i: int, lanelet: Relation, map_file: MapFile, done: Findings) -> list[Member]:
+def _other_members(i: int, lanelet: Relation, map_file: MapFile, findings: Findings) -> list[Member]:
     rest = [m for m in lanelet.members if m.role not in SIDES]
     centres = [m for m in rest if m.role == "centerline"]
     if not centres:
@@ -115,7 +115,7 @@ def _other_members(i: int, lanelet: Relation, map_file: MapFile, done: Findings)
         sides = [map_file.ways[m.ref] for m in lanelet.members if m.role in SIDES and m.ref in map_file.ways]
         if all(side.nodes not in (way.nodes, way.nodes[::-1]) for side in sides):
             return rest
-    done.note("lanelets with a broken centreline, computed from their bounds", i)
+    findings.note("lanelets with a broken centreline, computed from their bounds", i)
     return [m for m in rest if m.role != "centerline"]
 
 
@@ -123,28 +123,28 @@ def _is_line(nodes: tuple[int, ...], map_file: MapFile) -> bool:
     return len({(map_file.nodes[n].lat, map_file.nodes[n].lon) for n in nodes}) > 1
 
 
-def chain(parts: list[tuple[int, ...]]) -> tuple[int, ...] | None:
+def chain(pieces: list[tuple[int, ...]]) -> tuple[int, ...] | None:
     """Join node sequences of any order and direction end to end; returns None if they do not chain."""
-    rest = [part for part in parts if part]
+    rest = [piece for piece in pieces if piece]
     if not rest:
         return None
     line = rest.pop(0)
     while rest:
-        for part in rest:
-            if line[-1] in (part[0], part[-1]):
-                line = line + (part[1:] if part[0] == line[-1] else part[-2::-1])
-            elif line[0] in (part[0], part[-1]):
-                line = (part[:-1] if part[-1] == line[0] else part[:0:-1]) + line
+        for piece in rest:
+            if line[-1] in (piece[0], piece[-1]):
+                line = line + (piece[1:] if piece[0] == line[-1] else piece[-2::-1])
+            elif line[0] in (piece[0], piece[-1]):
+                line = (piece[:-1] if piece[-1] == line[0] else piece[:0:-1]) + line
             else:
                 continue
-            rest.remove(part)
+            rest.remove(piece)
             break
         else:
             return None
     return line
 
 
-def _members(map_file: MapFile, done: Findings) -> dict[int, Relation]:
+def _members(map_file: MapFile, findings: Findings) -> dict[int, Relation]:
     known: dict[str, Mapping[int, object]]
     known = {"node": map_file.nodes, "way": map_file.ways, "relation": map_file.relations}
     relations = {}
@@ -153,10 +153,10 @@ def _members(map_file: MapFile, done: Findings) -> dict[int, Relation]:
         kind = relation.tags.get("type")
         if len(members) < len(relation.members):
             if kind == "multipolygon":
-                done.note("areas left out, part of their outline is missing", i)
+                findings.note("areas left out, part of their outline is missing", i)
                 continue
             names = {"lanelet": "lanelets", "regulatory_element": "regulatory elements"}.get(kind or "")
-            done.note(f"{names or 'relations'} that refer to missing elements, used without", i)
+            findings.note(f"{names or 'relations'} that refer to missing elements, used without", i)
             relation = replace(relation, members=members)
         relations[i] = relation
     return relations

@@ -77,7 +77,7 @@ def prune(root: Element) -> tuple[str, ...]:
         root.clear()
     else:
         _prune(root, left_out)
-    return tuple(f"{count} {what}" for what, count in left_out.items())
+    return tuple(f"{count} {kind}" for kind, count in left_out.items())
 
 
 def _prune(element: Element, left_out: Counter[str]) -> None:

@@ -55,8 +55,8 @@ def named_parts(root: Element) -> dict[str, tuple[LaneletPart, ...]] | None:
             continue
         try:
             points = points_of(lane.get("shape", ""))
-            words = [part.split(",") for part in text.split()]
-            stretches = tuple(LaneletPart(int(lanelet), *map(float, rest)) for lanelet, *rest in words)
+            words = [stretch.split(",") for stretch in text.split()]
+            stretches = tuple(LaneletPart(int(lanelet), *map(float, numbers)) for lanelet, *numbers in words)
             allowed = CHANGED_M + GAP_M * any(s.lanelet == BEYOND for s in stretches)
             changed = abs(length_of(points) - sum(s.end - s.start for s in stretches)) > allowed
         except (ValueError, IndexError, TypeError):

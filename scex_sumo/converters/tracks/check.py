@@ -34,14 +34,15 @@ def check_values(table: TrackTable) -> None:
         for name, largest in {**MAX_VALUES, "length": np.inf, "width": np.inf}.items():
             wrong = ~(np.abs(getattr(rows, name)) <= largest)
             if wrong.any():
-                row = int(np.argmax(wrong))
-                said = f"{getattr(rows, name)[row]:g}"
-                said += f", beyond {largest:g}" if largest < np.inf else ", no number"
-                raise TrackError(f"{table.path}: {name} of track {rows.labels[rows.track[row]]} is {said}")
+                sample = int(np.argmax(wrong))
+                problem = f"{getattr(rows, name)[sample]:g}"
+                problem += f", beyond {largest:g}" if largest < np.inf else ", no number"
+                label = rows.labels[rows.track[sample]]
+                raise TrackError(f"{table.path}: {name} of track {label} is {problem}")
         if len(rows) and float(np.ptp(rows.timestamp_ms)) > 3.6e6 * MAX_HOURS:
             ends = [rows.labels[rows.track[find(rows.timestamp_ms)]] for find in (np.argmin, np.argmax)]
-            said = f"{np.ptp(rows.timestamp_ms) / 3.6e6:.3g} hours from track {ends[0]} to {ends[1]}"
-            raise TrackError(f"{table.path}: {said}, at most {MAX_HOURS:g} are read; repair the stamps")
+            problem = f"{np.ptp(rows.timestamp_ms) / 3.6e6:.3g} hours from track {ends[0]} to {ends[1]}"
+            raise TrackError(f"{table.path}: {problem}, at most {MAX_HOURS:g} are read; repair the stamps")
 
 
 def first_line(file: BinaryIO) -> tuple[int, bytes]:

@@ -73,8 +73,8 @@ def explain_parse_error(path: Path, header: Sequence[str], numbers: Sequence[str
             return TrackError(f"{path}: line {line} has {got} for {len(header)} columns; repair or drop it")
         for name, value in ((name, row[header.index(name)]) for name in numbers):
             if not _is_number(value):
-                said = f"{name} is {_short(value)}, not a number"
-                return TrackError(f"{path}: line {line}: {said}; repair or drop it")
+                problem = f"{name} is {_short(value)}, not a number"
+                return TrackError(f"{path}: line {line}: {problem}; repair or drop it")
     return TrackError(f"{path}: not CSV ({reason.splitlines()[0][:120]}); {_NEEDED}")
 
 

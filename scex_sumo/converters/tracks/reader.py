@@ -68,7 +68,7 @@ def tracks_of(
 
     ``by_text``: tracks are in the order of their ids as texts, not as numbers.
     """
-    columns, cases, labels, types = _merge([part for part, _ in read])
+    columns, cases, labels, types = _merge([table for table, _ in read])
     counts = np.zeros((len(labels), len(types)), np.int64)
     np.add.at(counts, (columns["track"], columns["agent_type"]), 1)
     of_track: IntArray = np.argmax(counts, axis=1)
@@ -82,7 +82,7 @@ def tracks_of(
             sizes, speed = (columns["length"], columns["width"]), np.hypot(columns["vx"], columns["vy"])
             of_track, unknown = with_unknown_vehicles(types, of_track, columns["track"], *sizes, speed)
         motor = np.array([name in MOTOR_TYPES for name in types], bool)[of_track]
-    again = _number(path, columns, labels, [types[k] for k in of_track], motor)
+    renumbered = _number(path, columns, labels, [types[k] for k in of_track], motor)
     is_vehicle = motor[columns["track"]]
     rows, others = (
         _rows(columns, keep, cases, labels, types, of_track, by_text) for keep in (is_vehicle, ~is_vehicle)
@@ -93,7 +93,7 @@ def tracks_of(
         vehicles=rows,
         others=others,
         step_s=_usual_step(rows if len(rows) else others),
-        notes=(*(phrase for _, notes in read for phrase in notes), *unknown, *again),
+        notes=(*(phrase for _, notes in read for phrase in notes), *unknown, *renumbered),
     )
 
 
@@ -143,23 +143,23 @@ def _sort_key(label: str) -> tuple[bool, float, str]:
         return True, 0.0, label
 
 
-def _merge(parts: list[dict[str, Any]]) -> tuple[dict[str, Any], list[str], list[str], list[str]]:
+def _merge(tables: list[dict[str, Any]]) -> tuple[dict[str, Any], list[str], list[str], list[str]]:
     cases: dict[str, int] = {}
     types: dict[str, int] = {}
     labels: list[str] = []
     merged: list[dict[str, Any]] = []
-    for part in parts:
-        size = len(part["x"])
-        case = _renumbered(part.get("case_id", (np.zeros(size, np.int64), [""])), cases)
-        kind = _renumbered(part["agent_type"], types)
-        ids, names = part["track_id"]
+    for table in tables:
+        size = len(table["x"])
+        case = _renumbered(table.get("case_id", (np.zeros(size, np.int64), [""])), cases)
+        kind = _renumbered(table["agent_type"], types)
+        ids, names = table["track_id"]
         pair, track = np.unique(case * len(names) + ids, return_inverse=True)
         merged.append(
-            {name: part[name] for name in ("frame_id", *FLOAT_COLUMNS)}
+            {name: table[name] for name in ("frame_id", *FLOAT_COLUMNS)}
             | {"case": case, "track": track + len(labels), "agent_type": kind}
         )
         labels += [names[i] for i in pair % len(names)]
-    columns = {name: np.concatenate([part[name] for part in merged]) for name in merged[0]}
+    columns = {name: np.concatenate([table[name] for table in merged]) for name in merged[0]}
     return columns, list(cases), labels, list(types)
 
 
@@ -302,12 +302,12 @@ def _checked(path: Path, header: list[str], columns: dict[str, Any]) -> tuple[di
     if not missing.any():
         return columns, []
     first = int(np.argmax(missing)) + 1
-    said = f"{int(missing.sum())} rows without {' or '.join(lacking)} left out (first: data row {first})"
+    note = f"{int(missing.sum())} rows without {' or '.join(lacking)} left out (first: data row {first})"
     kept = {
         name: (column[0][~missing], column[1]) if isinstance(column, tuple) else column[~missing]
         for name, column in columns.items()
     }
-    return kept, [said]
+    return kept, [note]
 
 
 def _in_milliseconds(path: Path, columns: dict[str, Any]) -> list[str]:

@@ -197,15 +197,15 @@ def numbered_again(rows: TrackRows) -> TrackRows:
     return rows.with_columns(segment=np.append(0, np.cumsum(new)).astype(np.int64)[: len(rows)])
 
 
-def joined_rows(*parts: TrackRows) -> TrackRows:
-    """Join the tracks of several parts, the parts one after the other."""
-    tracks = np.cumsum([0, *(part.tracks for part in parts)])
-    segments = np.cumsum([0, *(int(part.segment.max(initial=-1)) + 1 for part in parts)])
-    shifts = zip(parts, tracks, segments, strict=False)
-    moved = [part.with_columns(track=part.track + k, segment=part.segment + n) for part, k, n in shifts]
+def joined_rows(*chunks: TrackRows) -> TrackRows:
+    """Join the tracks of several recordings or chunks of one, one after the other."""
+    tracks = np.cumsum([0, *(chunk.tracks for chunk in chunks)])
+    segments = np.cumsum([0, *(int(chunk.segment.max(initial=-1)) + 1 for chunk in chunks)])
+    shifts = zip(chunks, tracks, segments, strict=False)
+    moved = [chunk.with_columns(track=chunk.track + k, segment=chunk.segment + n) for chunk, k, n in shifts]
     names = ("track", *ROW_COLUMNS)
     return TrackRows(
-        **{name: np.concatenate([getattr(part, name) for part in moved]) for name in names},
-        labels=tuple(label for part in parts for label in part.labels),
-        types=tuple(kind for part in parts for kind in part.types),
+        **{name: np.concatenate([getattr(chunk, name) for chunk in moved]) for name in names},
+        labels=tuple(label for chunk in chunks for label in chunk.labels),
+        types=tuple(kind for chunk in chunks for kind in chunk.types),
     )
