@@ -144,15 +144,15 @@ def _block(
     """
     rows, step, futures = timed.rows, timed.step[index] - oldest, len(case)
     shape = (futures, int(step.max()) + 1, int(vehicle.max()) + 1)
-    at = (future, step, vehicle)
+    entry = (future, step, vehicle)
 
     def dense(values: FloatArray) -> FloatArray:
         array = np.full(shape, np.nan)
-        array[at] = values[index]
+        array[entry] = values[index]
         return array
 
     present = np.zeros(shape, dtype=bool)
-    present[at] = True
+    present[entry] = True
     # Backwards: a track's first size stays.
     backwards = np.arange(len(index))[::-1]
     length, width = np.ones((2, futures, shape[2]))

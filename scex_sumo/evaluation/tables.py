@@ -145,12 +145,12 @@ def evaluate_pairs(
 ) -> dict[str, PairValues]:
     """Evaluate all pairs by metric, sorted by future, step, vehicle, other; see `evaluate`."""
     chosen = metrics_named(metrics)
-    parts: dict[str, list[PairValues]] = {metric.name: [] for metric in chosen}
+    values: dict[str, list[PairValues]] = {metric.name: [] for metric in chosen}
     for start, scenes in scene_batches(tracks, planned):
         for metric in chosen:
             samples = samples_of(metric, scenes, quick=False)
-            parts[metric.name].append(_rows(dense(samples, scenes), start, tracks.first))
-    return {name: PairValues.join(part) for name, part in parts.items()}
+            values[metric.name].append(_rows(dense(samples, scenes), start, tracks.first))
+    return {name: PairValues.join(batches) for name, batches in values.items()}
 
 
 def _rows(samples: Samples, first_future: int, first_step: int) -> PairValues:

@@ -61,12 +61,12 @@ def generate_command(
     origins = [] if local or recorded_origin(target) == road.origin else [folder / META_DATA]
     for file in (cases, *origins, *([target] if copied else [])):
         check_output(file, scenes)
-    drawn, one = [], partial(generated_scene, model=model, vehicles=vehicles, seed=seed)
+    drawn, generate = [], partial(generated_scene, model=model, vehicles=vehicles, seed=seed)
     with progress_bar(f"generating {road.name}") as tick:
         for k in range(count):
             if tick is not None:
                 tick(k, count)
-            drawn.append(drawn_on(road, partial(one, number=k)))
+            drawn.append(drawn_on(road, partial(generate, number=k)))
     warn(sorted({note for scene in drawn for note in scene.notes}))
     if copied:
         write_output(target, map_path.read_bytes())

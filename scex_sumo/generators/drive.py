@@ -217,8 +217,8 @@ def body_states(
     lever = REAR_AXLE_SHARE * np.array(lengths_m)[:, None]
     rear = path[0] - lever * np.column_stack([np.cos(angles[0]), np.sin(angles[0])])
     for k in range(1, steps):
-        for part in range(1, SUBSTEPS + 1):
-            lead = path[k - 1] + (path[k] - path[k - 1]) * part / SUBSTEPS
+        for substep in range(1, SUBSTEPS + 1):
+            lead = path[k - 1] + (path[k] - path[k - 1]) * substep / SUBSTEPS
             axis = lead - rear
             rear = lead - lever * axis / np.hypot(axis[:, 0], axis[:, 1])[:, None]
         angles[k] = np.arctan2(lead[:, 1] - rear[:, 1], lead[:, 0] - rear[:, 0])

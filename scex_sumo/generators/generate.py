@@ -63,25 +63,26 @@ def generated_scene(
     if seed < 0:
         raise UsageError(f"--seed: got {seed}, needs 0 or more")
     rng, table = np.random.default_rng([seed, number, vehicles or 0]), lane_cells(road)
-    part = table.cell_m if cells is None else table.cell_m * cells
-    ends = np.cumsum(part)
+    allowed_m = table.cell_m if cells is None else table.cell_m * cells
+    ends = np.cumsum(allowed_m)
     if ends[-1] <= 0:
         raise UsageError(f"{road.name}: no lane for vehicles in the region; give a larger one")
     count = vehicles or min(model.count(ends[-1], rng), MAX_VEHICLES)
-    speed_mps = model.pace(part @ table.fixed / ends[-1], 1000.0 * count / ends[-1], ends[-1], rng)
+    speed_mps = model.pace(allowed_m @ table.fixed / ends[-1], 1000.0 * count / ends[-1], ends[-1], rng)
     pace = max(speed_mps, MIN_PACE_MPS)
     scene, motion = NO_VEHICLES, _motion(table, NO_VEHICLES)
     for k in range(count * (1 + SWEEPS)):
         first = int(k >= count)
         others, moving = scene.take(slice(first, None)), motion[first:]
-        one = _drawn(table, ends, model, others, moving, count, pace, rng)
-        if one is None and k < count:
+        vehicle = _drawn(table, ends, model, others, moving, count, pace, rng)
+        if vehicle is None and k < count:
             raise SimulationError(
                 f"{road.name}: no room for vehicle {k + 1} of {count} "
                 f"on {ends[-1] / 1000:.2f} km of lanes; ask for fewer"
             )
-        one = scene.take(slice(1)) if one is None else one
-        scene, motion = Placed.join([others, one]), States.concatenate([moving, _motion(table, one)], 0)
+        vehicle = scene.take(slice(1)) if vehicle is None else vehicle
+        scene = Placed.join([others, vehicle])
+        motion = States.concatenate([moving, _motion(table, vehicle)], 0)
     # Slower by one factor, vehicles are at the same places later: so none comes closer to another.
     slower = min(1.0, FASTER * pace / scene.pace)
     scene = replace(scene, speed=scene.speed * slower, acceleration=scene.acceleration * slower**2)
@@ -161,15 +162,15 @@ def _free(table: LaneCells, tries: Placed, others: Placed, motion: States, most_
     """Return (n,) whether each of the tried vehicles keeps off the others, and none must brake hard."""
     free = np.asarray((needed_deceleration(table, tries, others) <= most_mps2).all(axis=1))
     own = _motion(table, tries)
-    one, two = np.nonzero(np.broadcast_to(free[:, None], (len(free), len(others.lane))))
-    closing_mps = own.speed.max(axis=1)[one] + motion.speed.max(axis=1)[two]
-    far = np.hypot(own.x[one, 2] - motion.x[two, 2], own.y[one, 2] - motion.y[two, 2])
-    near = far < 2.0 * closing_mps + (tries.length[one] + others.length[two]) + CLEAR_M
-    one, two = one[near], two[near]
+    tried, other = np.nonzero(np.broadcast_to(free[:, None], (len(free), len(others.lane))))
+    closing_mps = own.speed.max(axis=1)[tried] + motion.speed.max(axis=1)[other]
+    far = np.hypot(own.x[tried, 2] - motion.x[other, 2], own.y[tried, 2] - motion.y[other, 2])
+    near = far < 2.0 * closing_mps + (tries.length[tried] + others.length[other]) + CLEAR_M
+    tried, other = tried[near], other[near]
     boxes = (
         Rectangles.of(states[k], v.length[k, None], v.width[k, None])
-        for states, v, k in ((own, tries, one), (motion, others, two))
+        for states, v, k in ((own, tries, tried), (motion, others, other))
     )
     touch = (rectangle_distance(*boxes) <= CLEAR_M).any(axis=1)
-    free[one[touch]] = False
+    free[tried[touch]] = False
     return free

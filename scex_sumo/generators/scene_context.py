@@ -159,10 +159,11 @@ def lane_cells(road: Road) -> LaneCells:
 
 def _poses(paths: Paths, lane: IntArray, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     x, y, heading = np.empty(s.shape), np.empty(s.shape), np.empty(s.shape)
+    chord = np.array([0.0, -CHORD_M, CHORD_M]).reshape(3, *(1,) * s.ndim)
     for k in np.unique(lane):
         here, (arc, line) = lane == k, paths[k]
-        at = s[here] + BEHIND_M + np.array([0.0, -CHORD_M, CHORD_M]).reshape(3, *(1,) * s[here].ndim)
-        (x[here], x0, x1), (y[here], y0, y1) = (np.interp(at, arc, column) for column in line.T)
+        along = s[here] + BEHIND_M + chord
+        (x[here], x0, x1), (y[here], y0, y1) = (np.interp(along, arc, column) for column in line.T)
         heading[here] = np.arctan2(y1 - y0, x1 - x0)
     return x, y, heading
 
@@ -187,11 +188,11 @@ def _road_features(road: Road, paths: Paths, lane: IntArray, s: FloatArray) -> F
     turned = [_poses(paths, lane, s + d)[2] for d in (*TURN_M, -TURN_M[0], -5.0, 5.0)]
     left, right = (_beside([number.get(other.beside[side], -1) for other in lanes]) for side in (0, 1))
 
-    def onward(to: IntArray, at: FloatArray) -> FloatArray:
-        return _log_least(_ways(relations, lane, s, to, at))
+    def onward(to: IntArray, to_s: FloatArray) -> FloatArray:
+        return _log_least(_ways(relations, lane, s, to, to_s))
 
-    def back(to: IntArray, at: FloatArray) -> FloatArray:
-        return _log_least(_ways(relations, to, at, lane, s).T)
+    def back(to: IntArray, to_s: FloatArray) -> FloatArray:
+        return _log_least(_ways(relations, to, to_s, lane, s).T)
 
     columns = {
         "free": _free_speed(paths, lane, s, relations.speed_limit[lane]) / 10.0,
@@ -231,8 +232,8 @@ def _beside(table: list[int]) -> IntArray:
     """Return how many lanes lie on one side, at most 4."""
     count = np.zeros(len(table), np.int64)
     for k in range(len(table)):
-        at = k
-        while (at := table[at]) >= 0 and count[k] < 4:
+        lane = k
+        while (lane := table[lane]) >= 0 and count[k] < 4:
             count[k] += 1
     return count
 
@@ -258,9 +259,9 @@ def _log_least(distance_m: FloatArray) -> FloatArray:
     return _log(np.where(distance_m >= 0, distance_m, np.inf).min(axis=1, initial=np.inf))
 
 
-def _ways(r: LaneRelations, lane: IntArray, s: FloatArray, to: IntArray, at: FloatArray) -> FloatArray:
+def _ways(r: LaneRelations, lane: IntArray, s: FloatArray, to: IntArray, to_s: FloatArray) -> FloatArray:
     """Return (n, m) ways from places to others along successors, m; negative if behind, inf without a way."""
-    return np.asarray(r.ahead[lane[:, None], to] + at - s[:, None])
+    return np.asarray(r.ahead[lane[:, None], to] + to_s - s[:, None])
 
 
 def place_features(
@@ -383,12 +384,12 @@ def _around(
     }
 
 
-def needed_deceleration(table: LaneCells, one: Placed, two: Placed) -> FloatArray:
+def needed_deceleration(table: LaneCells, vehicles: Placed, others: Placed) -> FloatArray:
     """Return (n, m) m/s² by which the rear one of each pair must brake to the speed of the one ahead."""
-    ahead = _ways(table.relations, one.lane, one.s, two.lane, two.s)
-    back = _ways(table.relations, two.lane, two.s, one.lane, one.s).T
-    closing = one.speed[:, None] - two.speed
-    half = (one.length[:, None] + two.length) / 2
+    ahead = _ways(table.relations, vehicles.lane, vehicles.s, others.lane, others.s)
+    back = _ways(table.relations, others.lane, others.s, vehicles.lane, vehicles.s).T
+    closing = vehicles.speed[:, None] - others.speed
+    half = (vehicles.length[:, None] + others.length) / 2
     needed = np.zeros(closing.shape)
     for distance_m, closes in ((ahead, closing), (back, -closing)):
         gap = np.where(distance_m > 0, np.maximum(distance_m - half, 0.1), np.inf)

@@ -79,8 +79,8 @@ class SceneModel:
             inputs = np.column_stack([inputs, self.unit(name, drawn[name])])
             if name == "length":
                 quantiles = self.tensors["width"][choice]
-                at = rng.random(len(choice)) * (quantiles.shape[1] - 1)
-                k, rest = at.astype(np.int64), at % 1.0
+                position = rng.random(len(choice)) * (quantiles.shape[1] - 1)
+                k, rest = position.astype(np.int64), position % 1.0
                 rows = np.arange(len(choice))
                 drawn["width"] = quantiles[rows, k] * (1 - rest) + quantiles[rows, k + 1] * rest
                 drawn["kind"] = _choose(np.log(self.tensors["kind"][choice] + 1e-9), rng).astype(np.float64)
@@ -182,7 +182,7 @@ def _shapes(given: Mapping[str, Shape]) -> dict[str, Shape]:
     bins = {name: given[f"bins.{name}"][0] for name in DRAWN}
     shapes: dict[str, Shape] = {f"bins.{name}": (count, 2) for name, count in bins.items()}
     for name, size in inputs.items():
-        layers = sum(part.startswith(f"{name}.") and part.endswith(".bias") for part in given)
+        layers = sum(tensor.startswith(f"{name}.") and tensor.endswith(".bias") for tensor in given)
         for k in range(layers):
             last = k == layers - 1
             outputs = bins.get(name, 1) if last else given[f"{name}.{k}.bias"][0]

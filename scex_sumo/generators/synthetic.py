@@ -258,5 +258,5 @@ def _overlap(scene: SeedScene) -> bool:
         low, high = place.min(axis=1) - reach, place.max(axis=1) + reach
         near &= (low[first] <= high[second]) & (low[second] <= high[first])
     pairs = first[near], second[near]
-    one, two = (Rectangles.of(states[side], length[side], width[side]) for side in pairs)
-    return bool((rectangle_distance(one, two) <= 0.0).any())
+    boxes = (Rectangles.of(states[side], length[side], width[side]) for side in pairs)
+    return bool((rectangle_distance(*boxes) <= 0.0).any())

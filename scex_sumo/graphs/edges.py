@@ -66,22 +66,22 @@ def scene_edges(
     lanes = place.lane[on_target, t], place.lane[on_source, s]
     arc_lengths = place.s[on_target, t], place.s[on_source, s]
     kinds, distance, to_crossing = _relate(lanes, arc_lengths, (length[t] / 2, length[s] / 2), relations)
-    row = np.flatnonzero(kinds >= 0)
+    related = np.flatnonzero(kinds >= 0)
     # Of equals the first kind, then the first match.
-    row = row[least_of(pair[row], -joint[row], kinds[row])]
-    kind, target, source = kinds[row], t[row], s[row]
-    at_target, at_source = (on_target[row], target), (on_source[row], source)
+    related = related[least_of(pair[related], -joint[related], kinds[related])]
+    kind, target, source = kinds[related], t[related], s[related]
+    at_target, at_source = (on_target[related], target), (on_source[related], source)
     columns = (
-        distance[row],
+        distance[related],
         place.offset[at_target],
         place.offset[at_source],
-        *to_crossing[:, row],
+        *to_crossing[:, related],
         place.probability[at_target],
         place.probability[at_source],
         now.speed[source] - now.speed[target],
         *_relative(now, target, source),
     )
-    features = np.empty((len(row), len(EDGE_COLUMNS)))
+    features = np.empty((len(related), len(EDGE_COLUMNS)))
     features[:, : len(KINDS)] = kind[:, None] == np.arange(len(KINDS))
     for k, column in enumerate(columns, start=len(KINDS)):
         features[:, k] = column
@@ -92,9 +92,9 @@ def _combinations(target: IntArray, source: IntArray, place: Located) -> tuple[I
     second = place.probability[1] >= SECOND_MATCH
     of_target, of_source = np.flatnonzero(second[target]), np.flatnonzero(second[source])
     of_both = of_target[second[source[of_target]]]
-    parts = (np.arange(len(target)), of_target, of_source, of_both)
-    count = [len(part) for part in parts]
-    return np.concatenate(parts), np.repeat([0, 1, 0, 1], count), np.repeat([0, 0, 1, 1], count)
+    groups = (np.arange(len(target)), of_target, of_source, of_both)
+    count = [len(group) for group in groups]
+    return np.concatenate(groups), np.repeat([0, 1, 0, 1], count), np.repeat([0, 0, 1, 1], count)
 
 
 def _relate(
@@ -113,8 +113,9 @@ def _relate(
     distance = np.where(kind == AHEAD, ahead, np.where(kind == BEHIND, -behind, 0.0))
 
     rest = np.flatnonzero((kind < 0) & (relations.side[lane_t, lane_s] != 0))
-    at = (lane_t[rest], lane_s[rest])
-    lead = relations.lead[at] + relations.stretch_b[at] * s_s[rest] - relations.stretch_a[at] * s_t[rest]
+    pair = (lane_t[rest], lane_s[rest])
+    lead = relations.lead[pair] + relations.stretch_b[pair] * s_s[rest]
+    lead -= relations.stretch_a[pair] * s_t[rest]
     near = np.abs(lead) - half_t[rest] - half_s[rest] <= BESIDE_M
     kind[rest[near]], distance[rest[near]] = LATERAL, lead[near]
 
@@ -125,10 +126,10 @@ def _relate(
     # A vehicle is before the place until its rear has cleared it.
     before = (to_t >= -half_t[rest, None]) & (to_s >= -half_s[rest, None])
     before &= (to_t <= CONFLICT_M) & (to_s <= CONFLICT_M)
-    some = np.flatnonzero(before.any(axis=1))
-    first = before[some].argmax(axis=1)
-    kind[rest[some]] = INTERSECTING
-    crossing[0, rest[some]], crossing[1, rest[some]] = to_t[some, first], to_s[some, first]
+    meeting = np.flatnonzero(before.any(axis=1))
+    first = before[meeting].argmax(axis=1)
+    kind[rest[meeting]] = INTERSECTING
+    crossing[0, rest[meeting]], crossing[1, rest[meeting]] = to_t[meeting, first], to_s[meeting, first]
     return kind, distance, crossing
 
 

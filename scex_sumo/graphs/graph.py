@@ -121,11 +121,11 @@ def _locate(index: LaneRelations, matches: Matches, count: int) -> Located:
     place = Located(np.zeros((MATCHES, count), dtype=np.int64), *np.zeros((4, MATCHES, count)))
     rank = np.arange(len(matches.vehicle)) - np.searchsorted(matches.vehicle, matches.vehicle)
     for k in range(MATCHES):
-        row = rank == k
-        vehicle = matches.vehicle[row]
-        place.lane[k, vehicle] = np.searchsorted(index.lane_id, matches.lane_id[row])
+        ranked = rank == k
+        vehicle = matches.vehicle[ranked]
+        place.lane[k, vehicle] = np.searchsorted(index.lane_id, matches.lane_id[ranked])
         for name in ("s", "offset", "heading_error", "probability"):
-            getattr(place, name)[k, vehicle] = getattr(matches, name)[row]
+            getattr(place, name)[k, vehicle] = getattr(matches, name)[ranked]
     return place
 
 

@@ -21,7 +21,7 @@ def intent_along(
     history: SceneHistory,
     vehicles: VehicleIndex,
     paths: SeedPaths,
-    row: IntArray,
+    path: IntArray,
     acceleration: FloatArray,
     offset: FloatArray,
     road: Road,
@@ -36,21 +36,20 @@ def intent_along(
         clear: also keeps boxes away from those beside them.
     """
     now = history.now[vehicles.future, vehicles.vehicle]
-    s, present, _ = path_positions(history, vehicles, paths, row)
+    s, present, _ = path_positions(history, vehicles, paths, path)
     travelled_m, wanted = way_of(now.speed, acceleration), np.concatenate([present[:, None], offset], axis=1)
-    rows = np.repeat(row[:, None], travelled_m.shape[1], axis=1)
-    left, right = path_room(paths, road).at(rows, s[:, None] + travelled_m)
+    left, right = path_room(paths, road).at(path[:, None], s[:, None] + travelled_m)
     half = (history.scene.width[vehicles.vehicle] / 2 + EDGE_MARGIN_M)[:, None]
     least, most = _consistent(half - reached(right), reached(left) - half)
     if clear:
-        right, left = offsets_beside(OnPath(history, vehicles, paths, row), s, travelled_m)
+        right, left = offsets_beside(OnPath(history, vehicles, paths, path), s, travelled_m)
         least, most = _consistent(np.maximum(least, right), np.minimum(most, left))
     # Bounding again would let offsets jump by centimetres, and steering follows their second derivative.
     wanted = _smoothed(np.clip(wanted, least, most))
     # the rear axle follows the path
     behind = (REAR_AXLE_SHARE * history.scene.length[vehicles.vehicle])[:, None]
     wanted = wanted - behind * _slope(wanted, travelled_m)
-    return Intent(vehicles, paths, row, lambda step, *_: acceleration[:, step], aside=wanted)
+    return Intent(vehicles, paths, path, lambda step, *_: acceleration[:, step], aside=wanted)
 
 
 def _smoothed(offset: FloatArray) -> FloatArray:

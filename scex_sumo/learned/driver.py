@@ -117,11 +117,11 @@ class LearnedDriver(Driver):
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, rng: Sequence[np.random.Generator]
     ) -> Plan:
         """Plan 3 s; see `BatchBehavior.plan`."""
-        paths, row = self._paths(history, road, vehicles)
+        paths, path = self._paths(history, road, vehicles)
         reasons = np.where(self._drives(paths, vehicles), "", OFF_MAP)
         usable, whole = np.flatnonzero(reasons == ""), States.empty((len(vehicles), PLAN_STEPS))
         if len(usable):
-            plan, finite = self._drive(history, road, vehicles[usable], paths, row[usable])
+            plan, finite = self._drive(history, road, vehicles[usable], paths, path[usable])
             reasons[usable[~finite]] = NOT_FINITE
             whole.assign(usable[finite], plan)
         rest = np.flatnonzero(reasons != "")
@@ -131,20 +131,20 @@ class LearnedDriver(Driver):
 
     def intend(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Intent | None:
         """Return the drive of these vehicles along their paths; None if some need another plan."""
-        paths, row = self._paths(history, road, vehicles)
+        paths, path = self._paths(history, road, vehicles)
         if self.free or not self._drives(paths, vehicles).all():
             return None
-        intent, finite = self._intend(history, road, vehicles, paths, row)
+        intent, finite = self._intend(history, road, vehicles, paths, path)
         return intent if finite.all() else None
 
     def _drives(self, paths: SeedPaths, vehicles: VehicleIndex) -> BoolArray:
         return np.asarray(paths.on_road[vehicles.vehicle] | self.leaves_map)
 
     def predict(
-        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, path: IntArray
     ) -> tuple[PathInputs, Any]:
         """Run the network for n pairs of a vehicle and a path; return its inputs, and `Modes` or `Tokens`."""
-        graph, inputs = scene_graph(history, road), path_inputs(history, road, vehicles, paths, row)
+        graph, inputs = scene_graph(history, road), path_inputs(history, road, vehicles, paths, path)
         net, profile = self._net, self.profile
         # Products this small gain nothing from threads, and workers share the cores.
         with _algebra().limit(limits=1):
@@ -158,52 +158,51 @@ class LearnedDriver(Driver):
             return inputs, net(graph, inputs, image, pose[first], place, profile.attention, free=self.free)
 
     def _drive(
-        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, path: IntArray
     ) -> tuple[Plan, BoolArray]:
         """Plan for those of n vehicles with finite outputs; return (n,) which these are, too."""
         if not self.free:
-            intent, finite = self._intend(history, road, vehicles, paths, row)
+            intent, finite = self._intend(history, road, vehicles, paths, path)
             return driven(history, [intent])[0], finite
-        _, modes = self.predict(history, road, vehicles, paths, row)
-        mode = self._modes(history, road, vehicles, row, modes)
+        _, modes = self.predict(history, road, vehicles, paths, path)
+        mode = self._modes(history, road, vehicles, path, modes)
         free = rounded(modes.free[np.arange(len(vehicles)), mode])
         finite = _finite(free)
         return plan_freely(history, vehicles[finite], free[finite]), finite
 
     def _intend(
-        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, path: IntArray
     ) -> tuple[Intent, BoolArray]:
         """Return the drive of those of n vehicles with finite outputs, and (n,) which these are."""
-        inputs, modes = self.predict(history, road, vehicles, paths, row)
-        chosen = (np.arange(len(vehicles)), self._modes(history, road, vehicles, row, modes))
+        inputs, modes = self.predict(history, road, vehicles, paths, path)
+        chosen = (np.arange(len(vehicles)), self._modes(history, road, vehicles, path, modes))
         acceleration, offset = rounded(modes.acceleration[chosen]), rounded(modes.offset[chosen])
         if self.profile.mode == "best":
             stays = _stays(inputs, modes, waits=history.step < WAITS_STEPS)
             acceleration = np.where(stays[:, None], STOPPING_MPS2, acceleration)
         finite = _finite(acceleration) & _finite(offset)
-        wanted = (acceleration[finite], offset[finite])
-        some = vehicles[finite], paths, row[finite]
-        return intent_along(history, *some, *wanted, road, clear=self.clear), finite
+        vehicles, path, motion = vehicles[finite], path[finite], (acceleration[finite], offset[finite])
+        return intent_along(history, vehicles, paths, path, *motion, road, clear=self.clear), finite
 
     def path_prior(self, scene: SeedScene, paths: SeedPaths) -> FloatArray | float:
         """Return (P,) numbers to add to the network's logits of paths."""
         return 0.0
 
     def _paths(self, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> tuple[SeedPaths, IntArray]:
-        path, mine = self.profile.path, vehicles.vehicle
-        paths, row = chosen_paths(history, road, vehicles, "straight" if path == "likeliest" else path)
-        if path != "likeliest":
-            return paths, row
+        setting, mine = self.profile.path, vehicles.vehicle
+        paths, path = chosen_paths(history, road, vehicles, "straight" if setting == "likeliest" else setting)
+        if setting != "likeliest":
+            return paths, path
         choice = choice_of(history.scene, self, road)
         if self.profile.mode != "draw":
             return paths, choice.likeliest[mine]
         return paths, paths.first[mine] + drawn(choice.paths[mine], history.route_draw[vehicles.future, mine])
 
     def _modes(
-        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, row: IntArray, modes: Modes
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, path: IntArray, modes: Modes
     ) -> IntArray:
         if self.profile.mode == "draw":
-            upper = choice_of(history.scene, self, road).modes[row]
+            upper = choice_of(history.scene, self, road).modes[path]
             draw = history.route_draw[vehicles.future, vehicles.vehicle] * DRAW_DIGITS % 1.0
             return drawn(upper, draw)
         return np.zeros(len(vehicles), dtype=np.int64)
@@ -220,9 +219,9 @@ def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
     logit = np.nan_to_num(rounded(modes.path_logit), nan=-np.inf) + driver.path_prior(scene, paths)
     best, upper = paths.first.copy(), np.ones((scene.vehicles, int(paths.count.max(initial=1))))
     for v, (first, count) in enumerate(zip(paths.first, paths.count, strict=True)):
-        part = logit[first : first + count]
-        best[v] += np.argmax(part)
-        weight = np.exp(part - part.max()) if np.isfinite(part).any() else np.ones(count)
+        own_logit = logit[first : first + count]
+        best[v] += np.argmax(own_logit)
+        weight = np.exp(own_logit - own_logit.max()) if np.isfinite(own_logit).any() else np.ones(count)
         upper[v, : count - 1] = (np.cumsum(weight) / weight.sum())[:-1]
     weight = _weights(modes)
     return _Choice(best, upper, np.cumsum(weight, 1) / weight.sum(1, keepdims=True))

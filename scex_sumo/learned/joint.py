@@ -62,19 +62,19 @@ class JointDriver(LearnedDriver):
         """Vehicles move together: there are only plans."""
 
     def _drive(
-        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, path: IntArray
     ) -> tuple[Plan, BoolArray]:
         """Roll out all vehicles of the futures of `vehicles`; other models' vehicles are predicted, too."""
         futures, future = np.unique(vehicles.future, return_inverse=True)
         count, here = history.scene.vehicles, history.part(futures)
-        _, rows = self._paths(here, road, VehicleIndex.everyone(here))
-        rolled, finite = self._roll(here, road, paths, rows)
+        _, chosen = self._paths(here, road, VehicleIndex.everyone(here))
+        rolled, finite = self._roll(here, road, paths, chosen)
         for attempt in range(1, 1 + (REDRAWS if self.profile.mode == "draw" else 0)):
             again = np.flatnonzero(_touch(here, rolled))
             if not len(again):
                 break
             k = (again[:, None] * count + np.arange(count)).ravel()
-            redrawn, finite[k] = self._roll(here.part(again), road, paths, rows[k], attempt)
+            redrawn, finite[k] = self._roll(here.part(again), road, paths, chosen[k], attempt)
             rolled.assign(k, redrawn)
         mine = future * count + vehicles.vehicle
         return Plan(**vars(rolled[mine[finite[mine]]])), finite[mine]
@@ -86,16 +86,16 @@ class JointDriver(LearnedDriver):
         return rounded(self.profile.prior * np.log(np.maximum(share, TINY)))
 
     def _roll(
-        self, history: SceneHistory, road: Road, paths: SeedPaths, row: IntArray, attempt: int = 0
+        self, history: SceneHistory, road: Road, paths: SeedPaths, path: IntArray, attempt: int = 0
     ) -> tuple[States, BoolArray]:
         """Return states (F * V, H) of all vehicles on their paths, and which are finite."""
         shape, vehicles = (*history.now.shape, -1), VehicleIndex.everyone(history)
         finite, parts = np.ones(len(vehicles), dtype=np.bool_), []
         for _ in range(PLAN_STEPS // TOKEN_STEPS):
-            inputs, tokens = self.predict(history, road, vehicles, paths, row)
+            inputs, tokens = self.predict(history, road, vehicles, paths, path)
             now = history.now[vehicles.future, vehicles.vehicle]
-            arc_length, offset, _ = paths.foot_points(row, now.x, now.y, expected_way(history, vehicles))
-            ahead = _Pairs.join([_ahead(history, inputs), _crossing(history, paths, row, arc_length)])
+            arc_length, offset, _ = paths.foot_points(path, now.x, now.y, expected_way(history, vehicles))
+            ahead = _Pairs.join([_ahead(history, inputs), _crossing(history, paths, path, arc_length)])
             # so a plan and the next one draw the same
             salt = FIRST_SALT + REDRAW_SALT * attempt + history.step // TOKEN_STEPS
             draw = uniforms(history.route_draw[vehicles.future, vehicles.vehicle], 2, salt)
@@ -103,14 +103,14 @@ class JointDriver(LearnedDriver):
             finite &= np.isfinite(acceleration) & np.isfinite(sideways)
             acceleration[~finite], sideways[~finite] = 0.0, 0.0
             motion = np.stack([acceleration, offset, sideways])
-            plan = self._driven(history, road, vehicles, paths, row, motion)
+            plan = self._driven(history, road, vehicles, paths, path, motion)
             pairs = _near(history, plan)
             for both in (False, True):
                 k = _yielding(history, plan, pairs, both=both)
                 if not len(k):
                     break
                 motion[0, k], motion[2, k] = -SAFE_MPS2, 0.0
-                plan.assign(k, self._driven(history, road, vehicles[k], paths, row[k], motion[:, k]))
+                plan.assign(k, self._driven(history, road, vehicles[k], paths, path[k], motion[:, k]))
             parts.append(plan)
             states = States.concatenate(
                 [history.states[:, :, TOKEN_STEPS:], plan.map(lambda a: a.reshape(shape))], 2
@@ -124,7 +124,7 @@ class JointDriver(LearnedDriver):
         road: Road,
         vehicles: VehicleIndex,
         paths: SeedPaths,
-        row: IntArray,
+        path: IntArray,
         motion: FloatArray,
     ) -> Plan:
         """Drive n vehicles for 0.5 s; motion (3, n): acceleration, m/s², offset, m, sideways speed, m/s."""
@@ -134,7 +134,7 @@ class JointDriver(LearnedDriver):
         acceleration, offset, sideways = motion[:, :, None]
         wanted = offset + sideways * (STEP_S * np.arange(1, TOKEN_STEPS + 1))
         steady = np.repeat(acceleration, TOKEN_STEPS, axis=1)
-        intent = intent_along(history, vehicles, paths, row, steady, wanted, road, clear=self.clear)
+        intent = intent_along(history, vehicles, paths, path, steady, wanted, road, clear=self.clear)
         return driven(history, [intent], TOKEN_STEPS)[0]
 
     def _chosen(
@@ -167,8 +167,8 @@ class JointDriver(LearnedDriver):
         if best:
             aside = np.where(beyond[:, :, None], 0.0, weight).sum(1)
             return acceleration, rounded(aside / aside.sum(1, keepdims=True) @ tokens.sideways)
-        part = weight[np.arange(len(draw)), a]
-        s = drawn(np.cumsum(part / part.sum(1, keepdims=True), axis=1), draw[:, 1])
+        sideways_weight = weight[np.arange(len(draw)), a]
+        s = drawn(np.cumsum(sideways_weight / sideways_weight.sum(1, keepdims=True), axis=1), draw[:, 1])
         return acceleration, tokens.sideways[s]
 
 
@@ -243,10 +243,10 @@ def _touch(history: SceneHistory, states: States) -> BoolArray:
     half = np.hypot(scene.length, scene.width) / 2
     reach = np.where(np.tri(vehicles, k=0), -1.0, half[:, None] + half)
 
-    def touching(at: States) -> BoolArray:
-        apart = np.hypot(*(a[:, None, :] - a[:, :, None] for a in (at.x, at.y)))
+    def touching(moment: States) -> BoolArray:
+        apart = np.hypot(*(a[:, None, :] - a[:, :, None] for a in (moment.x, moment.y)))
         future, *pair = np.nonzero(apart < reach)
-        boxes = (Rectangles.of(at[future, v], scene.length[v], scene.width[v]) for v in pair)
+        boxes = (Rectangles.of(moment[future, v], scene.length[v], scene.width[v]) for v in pair)
         result = np.zeros(apart.shape, dtype=np.bool_)
         result[(future, *pair)] = rectangle_distance(*boxes) <= 0
         return result
@@ -263,24 +263,24 @@ def _yielding(
     """Return the vehicles whose box comes too near to one further ahead; with ``both`` that one as well."""
     future, i, j = pairs
     scene, now = history.scene, history.now
-    one, two = future * scene.vehicles + i, future * scene.vehicles + j
+    node_i, node_j = future * scene.vehicles + i, future * scene.vehicles + j
     size, other = (scene.length[i], scene.width[i]), (scene.length[j], scene.width[j])
-    later_states = ((plan[one, step], plan[two, step]) for step in (TOKEN_STEPS // 2, TOKEN_STEPS - 1))
+    later_states = ((plan[node_i, step], plan[node_j, step]) for step in (TOKEN_STEPS // 2, TOKEN_STEPS - 1))
     before, *after = (
         rectangle_distance(Rectangles.of(first, *size), Rectangles.of(second, *other))
         for first, second in ((now[future, i], now[future, j]), *later_states)
     )
     k = np.flatnonzero(np.min(after, axis=0) < np.minimum(before, APART_M))
-    future, i, j, one, two = (a[k] for a in (future, i, j, one, two))
+    future, i, j, node_i, node_j = (a[k] for a in (future, i, j, node_i, node_j))
     ahead = seen_from(now[future, i], now[future, j])[:, 0] - seen_from(now[future, j], now[future, i])[:, 0]
-    return np.unique(np.append(one[(ahead >= 0) | both], two[(ahead <= 0) | both]))
+    return np.unique(np.append(node_i[(ahead >= 0) | both], node_j[(ahead <= 0) | both]))
 
 
 class _Conflicts(NamedTuple):
     """K pairs of paths of two vehicles that come together ahead of both."""
 
     vehicle: IntArray  # (K, 2)
-    row: IntArray  # (K, 2)
+    path: IntArray  # (K, 2)
     span: FloatArray  # (K, 2, 2) where the other path is too near, m; to infinity where they merge
 
 
@@ -290,8 +290,8 @@ def _conflicts(paths: SeedPaths) -> _Conflicts:
     owner = np.repeat(np.arange(len(paths.count)), paths.count)
     s = BEHIND_M + np.arange(0.0, LOOK_M, SPACING_M)
     n = len(s)
-    at = paths.at(np.repeat(np.arange(len(owner)), n), np.tile(s, len(owner)))
-    x, y = xy = at[:2].reshape(2, -1, n)
+    samples = paths.at(np.repeat(np.arange(len(owner)), n), np.tile(s, len(owner)))
+    x, y = xy = samples[:2].reshape(2, -1, n)
     low, high = xy.min(axis=2) - CLEARANCE_M, xy.max(axis=2)
     meet = (owner[:, None] != owner) & (low[:, :, None] < high[:, None]).all(0)
     conflicts = []
@@ -303,11 +303,11 @@ def _conflicts(paths: SeedPaths) -> _Conflicts:
         if begin.min() > 0:
             span = np.column_stack([s[begin], np.full(2, np.inf) if last.max() == n - 1 else s[last + 1]])
             conflicts += [((a, b), span), ((b, a), span[::-1])]
-    rows = np.array([pair for pair, _ in conflicts], dtype=np.int64).reshape(-1, 2)
-    return _Conflicts(owner[rows], rows, np.array([span for _, span in conflicts]).reshape(-1, 2, 2))
+    pairs = np.array([pair for pair, _ in conflicts], dtype=np.int64).reshape(-1, 2)
+    return _Conflicts(owner[pairs], pairs, np.array([span for _, span in conflicts]).reshape(-1, 2, 2))
 
 
-def _crossing(history: SceneHistory, paths: SeedPaths, row: IntArray, arc_length: FloatArray) -> _Pairs:
+def _crossing(history: SceneHistory, paths: SeedPaths, path: IntArray, arc_length: FloatArray) -> _Pairs:
     """Return vehicles that have to wait before a crossing, and those that come first.
 
     One that cannot stop before the crossing any more comes first; else one that moves and gets there earlier,
@@ -315,12 +315,12 @@ def _crossing(history: SceneHistory, paths: SeedPaths, row: IntArray, arc_length
     """
     scene = history.scene
     table, shape = _conflicts(paths), (-1, scene.vehicles)
-    rows, arcs, speeds = row.reshape(shape), arc_length.reshape(shape), np.maximum(history.now.speed, 0.0)
-    future, k = np.nonzero((rows[:, table.vehicle] == table.row).all(axis=2))
+    chosen, arcs, speeds = path.reshape(shape), arc_length.reshape(shape), np.maximum(history.now.speed, 0.0)
+    future, k = np.nonzero((chosen[:, table.vehicle] == table.path).all(axis=2))
     vehicles = table.vehicle[k]
     speed, half = speeds[future[:, None], vehicles], scene.length[vehicles] / 2
-    at = arcs[future[:, None], vehicles]
-    room, rest = table.span[k, :, 0] - at - half, table.span[k, :, 1] - at + half
+    place = arcs[future[:, None], vehicles]
+    room, rest = table.span[k, :, 0] - place - half, table.span[k, :, 1] - place + half
     committed = speed**2 > 2 * SAFE_MPS2 * np.maximum(room, 0.0)
     arrival = np.where(speed > SLOW_MPS, np.maximum(room, 0.0) / np.maximum(speed, SLOW_MPS), np.inf)
     own = speed[:, 0]

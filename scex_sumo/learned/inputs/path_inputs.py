@@ -63,7 +63,7 @@ class PathInputs(NamedTuple):
 
 
 def path_inputs(
-    history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
+    history: SceneHistory, road: Road, vehicles: VehicleIndex, paths: SeedPaths, path: IntArray
 ) -> PathInputs:
     """Return the inputs of n pairs of a vehicle and a path, in the vehicle's frame; SI units.
 
@@ -73,18 +73,18 @@ def path_inputs(
       the vehicles ahead in the same direction.
 
     Args:
-        row: (n,) path of each; a vehicle may occur with several paths.
+        path: (n,) path of each; a vehicle may occur with several paths.
     """
     now = history.now[vehicles.future, vehicles.vehicle]
-    s, offset, path_heading = paths.foot_points(row, now.x, now.y, expected_way(history, vehicles))
+    s, offset, path_heading = paths.foot_points(path, now.x, now.y, expected_way(history, vehicles))
     room = path_room(paths, road)
-    left, right = room.at(row, s)
+    left, right = room.at(path, s)
     half = history.scene.width[vehicles.vehicle] / 2
     sides = np.maximum(np.column_stack([left, right]) - half[:, None], 0.0)
     past = history.states[vehicles.future, vehicles.vehicle]
     before, duration = past[:, -1 - RATE_STEPS], RATE_STEPS * STEP_S
     yaw_rate = wrap(now.heading - before.heading) / duration
-    here = paths.at(row, s)
+    here = paths.at(path, s)
     error = wrap(now.heading - path_heading)
     trend = past.speed @ TREND
     line = past.speed.mean(axis=1, keepdims=True) + trend[:, None] * (PAST_S - PAST_S.mean())
@@ -99,27 +99,28 @@ def path_inputs(
             error,
             yaw_rate - now.speed * here[5],
             np.minimum(sides, 10.0),
-            np.clip(room.end[row] - s, 0.0, FURTHEST_M),
+            np.clip(room.end[path] - s, 0.0, FURTHEST_M),
             past.speed @ np.column_stack([*STEADIER.values()]) - now.speed[:, None],
             np.abs(past.speed - line).mean(axis=1),
             (past.speed < STANDING_MPS).mean(axis=1),
         ]
     )
-    others, leader = _others(history, vehicles, find_ahead(history, vehicles, paths, row, s), now.speed)
-    features = np.concatenate([motion, _road_ahead(paths, row, s, now, path_heading + error), others], axis=1)
+    road_ahead = _road_ahead(paths, path, s, now, path_heading + error)
+    others, leader = _others(history, vehicles, find_ahead(history, vehicles, paths, path, s), now.speed)
+    features = np.concatenate([motion, road_ahead, others], axis=1)
     first = vehicles.future * history.scene.vehicles  # node of the future's first vehicle
     is_vehicle = (leader >= 0) & (leader < history.scene.vehicles)
     return PathInputs(first + vehicles.vehicle, features, np.where(is_vehicle, first + leader, -1))
 
 
 def _road_ahead(
-    paths: SeedPaths, row: IntArray, s: FloatArray, now: States, reference: FloatArray
+    paths: SeedPaths, path: IntArray, s: FloatArray, now: States, reference: FloatArray
 ) -> FloatArray:
-    n, k = len(row), len(AHEAD_M)
-    rows = np.repeat(row, k)
-    at = (s[:, None] + np.array(AHEAD_M)).ravel()
-    px, py, _, _, heading, curvature = paths.at(rows, at).reshape(6, n, k)
-    limit = paths.speed_limit.ravel()[paths.sample_at(rows, at)].reshape(n, k)
+    n, k = len(path), len(AHEAD_M)
+    repeated = np.repeat(path, k)
+    arc_length = (s[:, None] + np.array(AHEAD_M)).ravel()
+    px, py, _, _, heading, curvature = paths.at(repeated, arc_length).reshape(6, n, k)
+    limit = paths.speed_limit.ravel()[paths.sample_at(repeated, arc_length)].reshape(n, k)
     places = now.ahead_and_left(px, py)
     return np.concatenate([*places, heading - reference[:, None], curvature, limit], axis=1)
 

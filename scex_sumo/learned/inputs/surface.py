@@ -42,9 +42,9 @@ class Surface(NamedTuple):
         v = np.clip((y - self.corner[1]) / self.cell, 0, rows - 1.001)
         i, j = v.astype(np.int64), u.astype(np.int64)
         fi, fj = v - i, u - j
-        flat, at = self.depth.ravel(), i * columns + j
-        below = flat[at] * (1 - fj) + flat[at + 1] * fj
-        above = flat[at + columns] * (1 - fj) + flat[at + columns + 1] * fj
+        flat, index = self.depth.ravel(), i * columns + j
+        below = flat[index] * (1 - fj) + flat[index + 1] * fj
+        above = flat[index + columns] * (1 - fj) + flat[index + columns + 1] * fj
         return np.asarray(below * (1 - fi) + above * fi)
 
 
@@ -56,10 +56,10 @@ class PathRoom(NamedTuple):
     end: FloatArray  # (P,) arc length of the last sample on the surface, m; 0 without one
     spacing: float  # of the samples, m
 
-    def at(self, row: IntArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def at(self, path: IntArray, s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the room left and right at arc lengths; the smaller of two samples counts."""
         index = np.clip((s / self.spacing).astype(np.int64), 0, self.left.shape[1] - 2)
-        left, right = (np.minimum(a[row, index], a[row, index + 1]) for a in (self.left, self.right))
+        left, right = (np.minimum(a[path, index], a[path, index + 1]) for a in (self.left, self.right))
         return left, right
 
 

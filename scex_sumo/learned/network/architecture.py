@@ -103,18 +103,18 @@ def shapes(kind: str, sizes: Architecture) -> Shapes:
 
 
 def _scene(sizes: Architecture) -> Iterator[tuple[str, tuple[int, ...]]]:
-    hidden, each = sizes.hidden, sizes.hidden // sizes.heads
+    hidden, per_head = sizes.hidden, sizes.hidden // sizes.heads
     yield from _scale("scene.node_scale", sizes.node_columns)
     yield from _scale("scene.edge_scale", sizes.edge_columns)
     yield from _scale("scene.history_scale", HISTORY_NUMBERS)
     yield from _mlp("scene.embed", sizes.node_columns + HISTORY_NUMBERS, 2 * hidden, hidden)
     for layer in range(sizes.attention_layers):
         name = f"scene.attend.{layer}"
-        yield from _linear(f"{name}.lin_l", hidden, sizes.heads * each)
-        yield from _linear(f"{name}.lin_r", hidden, sizes.heads * each)
-        yield f"{name}.lin_edge.weight", (sizes.heads * each, sizes.edge_columns)
-        yield f"{name}.att", (1, sizes.heads, each)
-        yield f"{name}.bias", (sizes.heads * each,)
+        yield from _linear(f"{name}.lin_l", hidden, sizes.heads * per_head)
+        yield from _linear(f"{name}.lin_r", hidden, sizes.heads * per_head)
+        yield f"{name}.lin_edge.weight", (sizes.heads * per_head, sizes.edge_columns)
+        yield f"{name}.att", (1, sizes.heads, per_head)
+        yield f"{name}.bias", (sizes.heads * per_head,)
     for layer in range(sizes.attention_layers + 1):
         yield f"scene.norm.{layer}.weight", (hidden,)
         yield f"scene.norm.{layer}.bias", (hidden,)

@@ -40,40 +40,39 @@ class EdgeAttention:
     def __init__(self, state: State, name: str) -> None:
         self.key, self.query = Linear(state, f"{name}.lin_l"), Linear(state, f"{name}.lin_r")
         self.edge, self.bias = Linear(state, f"{name}.lin_edge"), state[f"{name}.bias"]
-        _, self.heads, self.each = state[f"{name}.att"].shape
-        same = np.repeat(np.eye(self.heads), self.each, axis=0)
+        _, self.heads, self.per_head = state[f"{name}.att"].shape
+        same = np.repeat(np.eye(self.heads), self.per_head, axis=0)
         self.score = same * state[f"{name}.att"].reshape(-1, 1)  # from each head's columns to its score
 
     def __call__(
-        self, node: FloatArray, graph: SceneGraph, some: IntArray, wanted: IntArray, scale: Scaler
+        self, node: FloatArray, graph: SceneGraph, edges: IntArray, wanted: IntArray, scale: Scaler
     ) -> FloatArray:
-        """Return (n, heads * each) of wanted nodes (n,).
+        """Return (n, heads * per_head) of wanted nodes (n,).
 
         Args:
             node: (C, V, inner) of all vehicles of all futures.
-            some: edges to the wanted nodes, ascending.
+            edges: numbers of the edges to the wanted nodes, ascending.
         """
         futures, vehicles, inner = node.shape
         key = self.key(node.reshape(-1, inner))
         query = np.empty_like(key)
         query[wanted] = self.query(node.reshape(-1, inner)[wanted])
-        output = np.empty((futures, vehicles, self.heads, self.each))
-        at_once, edges = max(1, PAIRS // vehicles**2), graph.edge_index[:, some]
+        output = np.empty((futures, vehicles, self.heads, self.per_head))
+        at_once, edge_index = max(1, PAIRS // vehicles**2), graph.edge_index[:, edges]
         for first in range(0, futures, at_once):
             last = min(first + at_once, futures)
-            low, high = np.searchsorted(edges[1], [first * vehicles, last * vehicles])
-            source, target = edges[:, low:high]
-            mixed = self.edge(scale(graph.edge[some[low:high]]))
+            low, high = np.searchsorted(edge_index[1], [first * vehicles, last * vehicles])
+            source, target = edge_index[:, low:high]
+            mixed = self.edge(scale(graph.edge[edges[low:high]]))
             mixed += key[source]
             mixed += query[target]
             score = np.maximum(mixed, SLOPE * mixed, out=mixed) @ self.score
             weight = np.full((last - first, vehicles, self.heads, vehicles), -np.inf)
-            row = ((target - first * vehicles) * self.heads)[:, None] + np.arange(self.heads)
-            weight.reshape(-1)[row * vehicles + (source % vehicles)[:, None]] = score
-            values = key[first * vehicles : last * vehicles].reshape(-1, vehicles, self.heads, self.each)
+            weight[target // vehicles - first, target % vehicles, :, source % vehicles] = score
+            values = key[first * vehicles : last * vehicles].reshape(-1, vehicles, self.heads, self.per_head)
             sums = _softmax(weight).swapaxes(1, 2) @ values.swapaxes(1, 2)
             output[first:last] = sums.swapaxes(1, 2)
-        taken = output.reshape(-1, self.heads * self.each)[wanted]
+        taken = output.reshape(-1, self.heads * self.per_head)[wanted]
         taken += self.bias
         return taken
 
@@ -108,10 +107,10 @@ class SceneEncoder:
         h[nodes] = self.norm[0](self.embed(inputs))
         vehicles = int(graph.vehicle.max(initial=-1)) + 1
         for attend, norm, needed in zip(self.attend, self.norm[1:], reach[1:], strict=True):
-            some = np.flatnonzero(needed[graph.edge_index[1]])
+            edges = np.flatnonzero(needed[graph.edge_index[1]])
             nodes = np.flatnonzero(needed)
             blocks = h.reshape(-1, vehicles, self.hidden)
-            h[nodes] = norm(h[nodes] + relu(attend(blocks, graph, some, nodes, self.edge_scale)))
+            h[nodes] = norm(h[nodes] + relu(attend(blocks, graph, edges, nodes, self.edge_scale)))
         return h[wanted]
 
     def _reach(self, graph: SceneGraph, wanted: IntArray) -> list[BoolArray]:
@@ -199,7 +198,7 @@ def _convolved(values: FloatArray, layer: Convolution, weight: FloatArray) -> Fl
     rows, columns = ((size - reach - 1) // step + 1 for size in padded.shape[:2])
     windows = np.empty((rows, columns, layer.side**2, layer.inner))
     for k in range(layer.side**2):
-        i, j = (apart * at for at in divmod(k, layer.side))
+        i, j = (apart * offset for offset in divmod(k, layer.side))
         windows[:, :, k] = padded[i : i + step * rows : step, j : j + step * columns : step]
     products: FloatArray = windows.reshape(rows * columns, -1) @ weight
     return products.reshape(rows, columns, -1)
@@ -211,10 +210,10 @@ def _sampled(framed: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
     j = np.minimum(u.astype(np.int64), columns - 2)
     i = np.minimum(v.astype(np.int64), rows - 2)
     fj, fi = u - j, v - i
-    flat, at = framed.reshape(channels, -1), i * columns + j
-    values: FloatArray = flat.take(at, axis=1, mode="clip") * ((1 - fi) * (1 - fj))
+    flat, index = framed.reshape(channels, -1), i * columns + j
+    values: FloatArray = flat.take(index, axis=1, mode="clip") * ((1 - fi) * (1 - fj))
     for beside, share in ((1, (1 - fi) * fj), (columns, fi * (1 - fj)), (columns + 1, fi * fj)):
-        corner = flat.take(at + beside, axis=1, mode="clip")
+        corner = flat.take(index + beside, axis=1, mode="clip")
         corner *= share
         values += corner
     return values.swapaxes(0, 1)

@@ -177,6 +177,6 @@ class PlanHead:
 
 def interpolation() -> FloatArray:
     """Return (KNOTS, H) weights from the knots to the middle of each step; float32, as in training."""
-    one, knots = np.float32(1), np.arange(KNOTS, dtype=np.float32)[:, None]
-    at = (np.arange(PLAN_STEPS, dtype=np.float32) + one / 2) * np.float32(STEP_S / KNOT_S)
-    return np.asarray(np.maximum(one - np.abs(at - knots), 0))
+    knots = np.arange(KNOTS, dtype=np.float32)[:, None]
+    middles = (np.arange(PLAN_STEPS, dtype=np.float32) + 0.5) * (STEP_S / KNOT_S)
+    return np.asarray(np.maximum(1 - np.abs(middles - knots), 0))

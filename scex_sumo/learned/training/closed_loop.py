@@ -44,20 +44,21 @@ def closed_loop(
     def drift(file: Path, number: int) -> TrainingSamples | None:
         # The plan of `joint` is what it drives in closed loop.
         replan = PLAN_STEPS if options.kind == "joint" else REPLAN
-        rng, parts = np.random.default_rng([options.seed, number, 1]), list[TrainingSamples]()
+        rng, drifted = np.random.default_rng([options.seed, number, 1]), list[TrainingSamples]()
         spec = ModelSpec(name=MODELS[options.kind], parameters={"path": "likeliest", "weights": str(file)})
         model = build(spec)
         for index, (_, loaded, apart_s) in enumerate(loaded_sites(recordings, MOMENTS)):
             every_s = max(EVERY_S, apart_s)
-            parted = (part_scenes(one, "train", split=sampling.split, every_s=every_s) for one in loaded)
-            here = [scene for scenes in parted for scene in scenes]
+            here: list[SeedScene] = []
+            for recording in loaded:
+                here += part_scenes(recording, "train", split=sampling.split, every_s=every_s)
             for k in sorted(rng.permutation(len(here))[:MAX_SCENES].tolist()):
                 road = here[k].road
                 assert road is not None
-                samples = drifted_samples(here[k], road, model, rng, replan)
                 shift = map_shift(dataset.roads[index], road)
-                parts += [each.at(index, shift) for each in samples]
-        return TrainingSamples.concatenate(parts) if parts else None
+                for samples in drifted_samples(here[k], road, model, rng, replan):
+                    drifted.append(samples.at(index, shift))
+        return TrainingSamples.concatenate(drifted) if drifted else None
 
     return drift
 

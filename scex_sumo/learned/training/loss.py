@@ -63,16 +63,16 @@ def loss(
     share, total = batch.share, batch.share.sum().clamp(min=1e-6)
     if isinstance(modes, TokenTensors):
         motion = _mean(token_errors(modes, batch.s, batch.d, batch.start), share, total)
-        parts = {
+        terms = {
             "motion": weights.motion * motion,
             "path": weights.path * _path_entropy(modes.path_logit, batch),
             "whole": weights.whole * loss(modes.whole, batch, weights)[0],
         }
-        return _whole(parts)
+        return _whole(terms)
     travelled_m = displacement(batch.start[:, 0], modes.acceleration)
     off = trajectory_errors(travelled_m - batch.s[:, None], modes.offset - batch.d[:, None], weights)
     wanted = torch.softmax(-off.detach() / weights.sharp_m, 1)
-    parts = {
+    terms = {
         "expected": weights.expected * _mean(off[:, 0], share, total),
         "winner": weights.winner * _mean(_winner(off, weights), share, total),
         "mode": weights.mode * _mean(-(wanted * log_softmax(modes.logits, 1)).sum(1), share, total),
@@ -82,13 +82,13 @@ def loss(
     if modes.free is not None:
         gap = modes.free - batch.xy[:, None]
         free = trajectory_errors(gap[..., 0], gap[..., 1], weights)
-        parts["free"] = weights.free * _mean(free[:, 0] + _winner(free, weights), share, total)
-    return _whole(parts)
+        terms["free"] = weights.free * _mean(free[:, 0] + _winner(free, weights), share, total)
+    return _whole(terms)
 
 
-def _whole(parts: dict[str, Tensor]) -> tuple[Tensor, dict[str, float]]:
-    whole = torch.stack(list(parts.values())).sum()
-    return whole, {name: float(part.detach()) for name, part in parts.items()}
+def _whole(terms: dict[str, Tensor]) -> tuple[Tensor, dict[str, float]]:
+    whole = torch.stack(list(terms.values())).sum()
+    return whole, {name: float(term.detach()) for name, term in terms.items()}
 
 
 def _mean(values: Tensor, share: Tensor, total: Tensor) -> Tensor:
@@ -104,9 +104,10 @@ def _path_entropy(logit: Tensor, batch: Batch) -> Tensor:
     node = batch.path.node
     highest = logit.new_full((int(node.max()) + 1 if len(node) else 0,), -torch.inf)
     highest = highest.scatter_reduce(0, node, logit.detach(), "amax")
-    each = torch.exp(logit - highest[node])  # 1 of a vehicle's likeliest path
-    every, right = (torch.zeros_like(highest).index_add(0, node, part) for part in (each, each * batch.right))
-    weight = torch.zeros_like(every).index_add(0, node, batch.share.to(every.dtype))
+    odds = torch.exp(logit - highest[node])  # 1 of a vehicle's likeliest path
+    zeros = torch.zeros_like(highest)
+    every, right = (zeros.index_add(0, node, values) for values in (odds, odds * batch.right))
+    weight = zeros.index_add(0, node, batch.share.to(every.dtype))
     known = weight > 0
     entropy = torch.log(every[known]) - torch.log(right[known].clamp(min=1e-6))
     return (entropy * weight[known]).sum() / weight[known].sum().clamp(min=1e-6)

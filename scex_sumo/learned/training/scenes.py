@@ -216,9 +216,9 @@ def fit(
             total += loss.item() * len(rows)
         nets.eval()
         with torch.no_grad():
-            some = zip(*(torch.split(t, 1024) for t in parts[1]), strict=True)
-            each = torch.cat([_losses(nets, [*batch]) for batch in some])
-        score = float(each.sum(1).mean())
+            batches = zip(*(torch.split(t, 1024) for t in parts[1]), strict=True)
+            losses = torch.cat([_losses(nets, [*batch]) for batch in batches])
+        score = float(losses.sum(1).mean())
         words = f"epoch {epoch + 1} loss {total / len(weight):.3f} validation {score:.3f}"
         print(words, file=sys.stderr)
         since += 1
@@ -305,7 +305,7 @@ def train_scenes(
     tensors, loss = fit(
         SceneSamples.join([part for part in parts["train"] if part]),
         SceneSamples.join([part for part in parts["validation"] if part]),
-        [np.concatenate(some) for some in known.values()],
+        [np.concatenate(scenes) for scenes in known.values()],
         seed=seed,
         epochs=epochs,
     )
@@ -316,5 +316,5 @@ def train_scenes(
 
 def bounds_of(needs: Mapping[str, Sequence[FloatArray]]) -> dict[str, float]:
     """Return bounds of generated vehicles by name, from ``needs`` of recorded ones (`demands`), (n,) each."""
-    bounds = {name: float(np.quantile(np.concatenate(some), USUAL)) for name, some in needs.items()}
+    bounds = {name: float(np.quantile(np.concatenate(values), USUAL)) for name, values in needs.items()}
     return {**bounds, "lateral": min(bounds["lateral"], MOST_LATERAL_MPS2)}

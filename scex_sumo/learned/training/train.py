@@ -200,13 +200,14 @@ class Trainer:
                 tick(self.epoch * len(groups) + number + 1, options.epochs * len(groups))
         return sums
 
-    def _groups(self, rng: np.random.Generator) -> list[Any]:
+    def _groups(self, rng: np.random.Generator) -> list[IntArray]:
         order = self._mixed(rng.permutation(len(self.train.samples)))
         if self.images is None:
             return self.train.groups(order, self.options.nodes)
         site = self.train.samples.site[order]
-        orders = (order[site == s] for s in np.unique(site))
-        groups = [group for each in orders for group in self.train.groups(each, self.options.nodes)]
+        groups: list[IntArray] = []
+        for number in np.unique(site):
+            groups += self.train.groups(order[site == number], self.options.nodes)
         return [groups[k] for k in rng.permutation(len(groups))]
 
     def _mixed(self, order: IntArray) -> IntArray:
@@ -266,7 +267,7 @@ class Trainer:
     def _state(self) -> dict[str, Any]:
         modules = {name: getattr(self, name).state_dict() for name in _MODULES}
         numbers = {name: getattr(self, name) for name in _NUMBERS}
-        drifted = [{name: torch.as_tensor(v) for name, v in vars(some).items()} for some in self.drifted]
+        drifted = [{k: torch.as_tensor(v) for k, v in vars(samples).items()} for samples in self.drifted]
         return {"identity": self.identity(), "best": self.best, "drifted": drifted, **modules, **numbers}
 
 

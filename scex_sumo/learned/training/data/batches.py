@@ -96,7 +96,7 @@ class Batches:
         """Cut an order of graphs into batches of about so many nodes."""
         total = np.cumsum(self.samples.nodes[order])
         cuts = np.flatnonzero(np.diff((total - 1) // nodes)) + 1
-        return [part for part in np.split(order, cuts) if len(part)]
+        return [group for group in np.split(order, cuts) if len(group)]
 
 
 def _starts(count: IntArray) -> IntArray:

@@ -106,7 +106,7 @@ def make_dataset(
         parts["train"].append(samples.at(len(sites), np.zeros(2)))
         sites, kinds[name], roads[name] = (*sites, name), "simulated", road
     named = {"kinds": tuple(kinds[site] for site in sites), "roads": tuple(roads[site] for site in sites)}
-    samples_by = {part: TrainingSamples.concatenate(some) for part, some in parts.items()}
+    samples_by = {part: TrainingSamples.concatenate(several) for part, several in parts.items()}
     return Dataset(sites=sites, recorded=recorded, digest=digest.hexdigest(), **named, **samples_by)  # type: ignore[arg-type]
 
 
@@ -130,7 +130,8 @@ def loaded_sites(
     """Yield each site, its recordings, and the time in s between two of its moments, if it has so many."""
     for site in sorted({recording.site for recording in recordings}):
         here = [load_recording(recording) for recording in recordings if recording.site == site]
-        stamps = [[m.time_s for m in recording_moments(one, every_s=1.0) if not m.case] for one in here]
+        moments_of = [recording_moments(loaded, every_s=1.0) for loaded in here]
+        stamps = [[moment.time_s for moment in of if not moment.case] for of in moments_of]
         whole_s = sum(times[-1] - times[0] for times in stamps if times)
         yield site, here, max(MIN_APART_S, whole_s / moments)
 

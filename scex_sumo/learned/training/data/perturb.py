@@ -95,12 +95,12 @@ def add_obstacles(
     usable = usable[paths.on_road[usable] & (scene.now.speed[usable] > MIN_SPEED_MPS)]
     if not len(usable) or scene.future is None or scene.future_valid is None:
         return None
-    row, owner, right = right_paths(
+    path, owner, right = right_paths(
         paths, usable, scene.now[usable], scene.future[usable], scene.future_valid[usable]
     )
     _, first = np.unique(owner[right], return_index=True)
-    row = row[right][first]
-    place, free = _places(scene, road, paths, usable, row, rng)
+    path = path[right][first]
+    place, free = _places(scene, road, paths, usable, path, rng)
     chosen: list[int] = []
     x, y = list(scene.now.x), list(scene.now.y)
     for k in rng.permutation(np.flatnonzero(free)):
@@ -112,16 +112,22 @@ def add_obstacles(
 
 
 def _places(
-    scene: SeedScene, road: Road, paths: SeedPaths, vehicle: IntArray, row: IntArray, rng: np.random.Generator
+    scene: SeedScene,
+    road: Road,
+    paths: SeedPaths,
+    vehicle: IntArray,
+    path: IntArray,
+    rng: np.random.Generator,
 ) -> tuple[States, BoolArray]:
     vehicles = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
-    s, gap_ahead = standing_gap(SceneHistory.of_scene(scene), vehicles, paths, row)
+    s, gap_ahead = standing_gap(SceneHistory.of_scene(scene), vehicles, paths, path)
     least, most = BRAKING_MPS2
     braking = least * (most / least) ** rng.random(len(vehicle))
     gap = np.minimum(STOP_GAP_M + scene.now.speed[vehicle] ** 2 / (2 * braking), MAX_GAP_M)
-    at = s + gap + (scene.length[vehicle] + SIZE_M[0]) / 2
-    px, py, _, _, heading, _ = paths.at(row, at)
-    free = (gap_ahead > gap + SIZE_M[0] + STOP_GAP_M) & (at + SIZE_M[0] < path_room(paths, road).end[row])
+    arc_length = s + gap + (scene.length[vehicle] + SIZE_M[0]) / 2
+    px, py, _, _, heading, _ = paths.at(path, arc_length)
+    free = gap_ahead > gap + SIZE_M[0] + STOP_GAP_M
+    free &= arc_length + SIZE_M[0] < path_room(paths, road).end[path]
     return States(x=px, y=py, heading=heading, speed=np.zeros_like(px)), free
 
 
@@ -144,11 +150,11 @@ def _with_standing(scene: SeedScene, place: States) -> SeedScene:
 
 
 def standing_gap(
-    history: SceneHistory, vehicles: VehicleIndex, paths: SeedPaths, row: IntArray
+    history: SceneHistory, vehicles: VehicleIndex, paths: SeedPaths, path: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return (n,) arc lengths of vehicles on their paths, and m to the next one on them; inf without one."""
-    s, _, _ = path_positions(history, vehicles, paths, row)
-    return s, find_leaders(history, vehicles, paths, row, s, clearance=1.5, radius=150.0).gap
+    s, _, _ = path_positions(history, vehicles, paths, path)
+    return s, find_leaders(history, vehicles, paths, path, s, clearance=1.5, radius=150.0).gap
 
 
 def stopping_way(speed: FloatArray, gap: FloatArray, steps: int) -> FloatArray:

@@ -60,12 +60,12 @@ class TrainingSamples:
         return replace(self, site=np.full(len(self), site), pose=pose)
 
     @classmethod
-    def concatenate(cls, parts: Sequence[TrainingSamples]) -> TrainingSamples:
+    def concatenate(cls, several: Sequence[TrainingSamples]) -> TrainingSamples:
         """Join samples."""
         joined = {}
         for f in fields(cls):
             axis = 1 if f.name == "edge_index" else 0
-            joined[f.name] = np.concatenate([getattr(part, f.name) for part in parts], axis=axis)
+            joined[f.name] = np.concatenate([getattr(samples, f.name) for samples in several], axis=axis)
         return cls(**joined)
 
 
@@ -95,18 +95,18 @@ def scene_samples(
     futures, count, paths = states.shape[0], scene.vehicles, seed_paths(scene, road)
     recorded, future = scene.now if step == 0 else scene.future[:, step - 1], scene.future[:, step:]
     valid = scene.future_valid[usable, step:]
-    row, owner, right = right_paths(paths, usable, recorded[usable], future[usable], valid)
+    path, owner, right = right_paths(paths, usable, recorded[usable], future[usable], valid)
     vehicles = VehicleIndex(
-        future=np.repeat(np.arange(futures), len(row)), vehicle=np.tile(usable[owner], futures)
+        future=np.repeat(np.arange(futures), len(path)), vehicle=np.tile(usable[owner], futures)
     )
-    rows, draws = np.tile(row, futures), np.zeros((futures, count))
+    path, draws = np.tile(path, futures), np.zeros((futures, count))
     history = history_at(scene, states if seen is None else seen, np.arange(futures), draws, step=step)
     actual = states[:, :, -1][vehicles.future, vehicles.vehicle]
     true = recorded[vehicles.vehicle], future[vehicles.vehicle][:, :PLAN_STEPS]
-    gap = None if blocked is None else standing_gap(history, vehicles, paths, rows)[1]
-    goals, keep = _goals(paths, rows, vehicles, history, actual, *true, gap)
+    gap = None if blocked is None else standing_gap(history, vehicles, paths, path)[1]
+    goals, keep = _goals(paths, path, vehicles, history, actual, *true, gap)
     vehicles = vehicles[keep]
-    inputs = path_inputs(history, road, vehicles, paths, rows[keep])
+    inputs = path_inputs(history, road, vehicles, paths, path[keep])
     graph, now = scene_graph(history, road), history.now
     graph_of_edge = graph.edge_index[1] // count
     order = np.argsort(graph_of_edge, kind="stable")
@@ -137,7 +137,7 @@ def learnable(scene: SeedScene, step: int = 0) -> IntArray:
 
 def _goals(
     paths: SeedPaths,
-    row: IntArray,
+    path: IntArray,
     vehicles: VehicleIndex,
     history: SceneHistory,
     actual: States,
@@ -148,9 +148,9 @@ def _goals(
     """Return the targets (P, ...) of vehicles along their paths, and (P,) whether they are near enough."""
     present = history.now[vehicles.future, vehicles.vehicle]
     expected = BEHIND_M + history.step * STEP_S * history.scene.now.speed[vehicles.vehicle]
-    s_then, d_then, s_true, d_true = along_paths(paths, row, recorded, future, expected)
-    s_now, d_now, heading = paths.foot_points(row, present.x, present.y, expected)
-    s_here, d_here, _ = paths.foot_points(row, actual.x, actual.y, expected)
+    s_then, d_then, s_true, d_true = along_paths(paths, path, recorded, future, expected)
+    s_now, d_now, heading = paths.foot_points(path, present.x, present.y, expected)
+    s_here, d_here, _ = paths.foot_points(path, actual.x, actual.y, expected)
     aside, ahead = d_here - d_then, s_here - s_then
     lean = np.tan(np.clip(wrap(actual.heading - recorded.heading), -MAX_SLOPE, MAX_SLOPE))
     if gap is None:
@@ -162,11 +162,11 @@ def _goals(
         s_true = np.maximum.accumulate(np.maximum(s_true, s_then[:, None]), axis=1)
         travelled = np.minimum(s_true - s_then[:, None], stopping_way(present.speed, gap, PLAN_STEPS))
         places = zip(s_now[:, None] + travelled, s_true, d_true, strict=True)
-        d_true = np.array([np.interp(*one) for one in places]).reshape(d_true.shape)
-        near = np.ones(len(row), dtype=np.bool_)
+        d_true = np.array([np.interp(*place) for place in places]).reshape(d_true.shape)
+        near = np.ones(len(path), dtype=np.bool_)
     d = d_true + smooth_return(aside, lean, actual.speed, travelled)
-    at = (s_now[:, None] + travelled).ravel()
-    px, py, cos, sin, *_ = paths.at(np.repeat(row, d.shape[1]), at).reshape(6, *d.shape)
+    arc_length = (s_now[:, None] + travelled).ravel()
+    px, py, cos, sin, *_ = paths.at(np.repeat(path, d.shape[1]), arc_length).reshape(6, *d.shape)
     goals = {
         "s": travelled,
         "d": d,

@@ -14,18 +14,18 @@ RETURN_M = 12.0  # shortest way for it: a standing vehicle does not move sideway
 
 
 def along_paths(
-    paths: SeedPaths, row: IntArray, start: States, future: States, start_way: FloatArray
+    paths: SeedPaths, path: IntArray, start: States, future: States, start_way: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return arc lengths and offsets of states from paths (n,): (n,), (n,) now; (n, F), (n, F) later.
 
     ``start_way``: (n,) rough arc length at present, m.
     """
     n, steps = future.x.shape
-    s0, d0, _ = paths.foot_points(row, start.x, start.y, start_way)
+    s0, d0, _ = paths.foot_points(path, start.x, start.y, start_way)
     step_x = np.diff(np.concatenate([start.x[:, None], future.x], 1), axis=1)
     step_y = np.diff(np.concatenate([start.y[:, None], future.y], 1), axis=1)
     expected = s0[:, None] + np.cumsum(np.hypot(step_x, step_y), axis=1)
-    s, d, _ = paths.foot_points(np.repeat(row, steps), future.x.ravel(), future.y.ravel(), expected.ravel())
+    s, d, _ = paths.foot_points(np.repeat(path, steps), future.x.ravel(), future.y.ravel(), expected.ravel())
     return s0, d0, s.reshape(n, steps), d.reshape(n, steps)
 
 
@@ -45,14 +45,14 @@ def right_paths(
     count = paths.count[vehicle]
     owner = np.repeat(np.arange(len(vehicle)), count)
     first = np.cumsum(count) - count
-    row = paths.first[vehicle][owner] + np.arange(len(owner)) - first[owner]
-    if not len(row):
-        return row, owner, np.zeros(0, dtype=np.bool_)
-    _, _, _, d = along_paths(paths, row, now[owner], future[owner], np.full(len(row), BEHIND_M))
+    path = paths.first[vehicle][owner] + np.arange(len(owner)) - first[owner]
+    if not len(path):
+        return path, owner, np.zeros(0, dtype=np.bool_)
+    _, _, _, d = along_paths(paths, path, now[owner], future[owner], np.full(len(path), BEHIND_M))
     known = valid[owner]
     distance = (np.abs(d) * known).sum(1) / np.maximum(known.sum(1), 1)
     best = np.minimum.reduceat(distance, first)
-    return row, owner, distance <= best[owner] + AMBIGUOUS_M
+    return path, owner, distance <= best[owner] + AMBIGUOUS_M
 
 
 def smooth_return(

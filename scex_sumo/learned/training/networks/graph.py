@@ -95,13 +95,13 @@ def mlp(*sizes: int) -> nn.Sequential:
 class EdgeAttentionModule(nn.Module):
     """Attention of several heads over the edges to a node (GATv2), with the numbers of PyTorch Geometric."""
 
-    def __init__(self, inner: int, each: int, *, heads: int, edge_columns: int) -> None:
+    def __init__(self, inner: int, per_head: int, *, heads: int, edge_columns: int) -> None:
         super().__init__()
-        self.lin_l = nn.Linear(inner, heads * each)
-        self.lin_r = nn.Linear(inner, heads * each)
-        self.lin_edge = nn.Linear(edge_columns, heads * each, bias=False)
-        self.att = nn.Parameter(torch.empty(1, heads, each))
-        self.bias = nn.Parameter(torch.zeros(heads * each))
+        self.lin_l = nn.Linear(inner, heads * per_head)
+        self.lin_r = nn.Linear(inner, heads * per_head)
+        self.lin_edge = nn.Linear(edge_columns, heads * per_head, bias=False)
+        self.att = nn.Parameter(torch.empty(1, heads, per_head))
+        self.bias = nn.Parameter(torch.zeros(heads * per_head))
         for layer in (self.lin_l, self.lin_r, self.lin_edge):
             _draw(layer.weight)
             if layer.bias is not None:
@@ -110,15 +110,15 @@ class EdgeAttentionModule(nn.Module):
 
     def forward(self, node: Tensor, edge_index: Tensor, edge: Tensor, asking: Tensor) -> Tensor:
         """Return (K, heads * each) of ``asking`` (K, inner), among which the targets of the edges are."""
-        heads, each = self.att.shape[1:]
+        heads, per_head = self.att.shape[1:]
         source, target = edge_index
-        given = self.lin_l(node).view(-1, heads, each).index_select(0, source)
-        asked = self.lin_r(asking).view(-1, heads, each).index_select(0, target)
-        mixed = asked + given + self.lin_edge(edge).view(-1, heads, each)
+        given = self.lin_l(node).view(-1, heads, per_head).index_select(0, source)
+        asked = self.lin_r(asking).view(-1, heads, per_head).index_select(0, target)
+        mixed = asked + given + self.lin_edge(edge).view(-1, heads, per_head)
         score = (nn.functional.leaky_relu(mixed, SLOPE) * self.att).sum(dim=-1)
         weight = _softmax(score, target, len(asking))
         taken = _sum(given * weight.unsqueeze(-1), target, len(asking))
-        out: Tensor = taken.view(-1, heads * each) + self.bias
+        out: Tensor = taken.view(-1, heads * per_head) + self.bias
         return out
 
 
@@ -128,17 +128,17 @@ def _draw(weight: Tensor) -> None:
 
 
 def _softmax(score: Tensor, target: Tensor, nodes: int) -> Tensor:
-    at = target.view(-1, 1).expand_as(score)
+    index = target.view(-1, 1).expand_as(score)
     largest = score.new_zeros(nodes, score.shape[1])
-    largest = largest.scatter_reduce(0, at, score.detach(), "amax", include_self=False)
+    largest = largest.scatter_reduce(0, index, score.detach(), "amax", include_self=False)
     raised = (score - largest.index_select(0, target)).exp()
     total = _sum(raised, target, nodes) + 1e-16
     return raised / total.index_select(0, target)
 
 
 def _sum(values: Tensor, target: Tensor, nodes: int) -> Tensor:
-    at = target.view(-1, *[1] * (values.dim() - 1)).expand_as(values)
-    return values.new_zeros(nodes, *values.shape[1:]).scatter_add(0, at, values)
+    index = target.view(-1, *[1] * (values.dim() - 1)).expand_as(values)
+    return values.new_zeros(nodes, *values.shape[1:]).scatter_add(0, index, values)
 
 
 class SceneModule(nn.Module):
@@ -150,9 +150,9 @@ class SceneModule(nn.Module):
         self.history_scale = ScalerModule(HISTORY_NUMBERS)
         self.embed = mlp(sizes.node_columns + HISTORY_NUMBERS, 2 * sizes.hidden, sizes.hidden)
         layers = sizes.attention_layers
-        each = sizes.hidden // sizes.heads
+        per_head = sizes.hidden // sizes.heads
         self.attend = nn.ModuleList(
-            EdgeAttentionModule(sizes.hidden, each, heads=sizes.heads, edge_columns=sizes.edge_columns)
+            EdgeAttentionModule(sizes.hidden, per_head, heads=sizes.heads, edge_columns=sizes.edge_columns)
             for _ in range(layers)
         )
         self.norm = nn.ModuleList(nn.LayerNorm(sizes.hidden) for _ in range(layers + 1))
@@ -171,8 +171,8 @@ class SceneModule(nn.Module):
         edges, edge = scene.edge_index, scene.edge
         for layer, (attend, norm) in enumerate(zip(self.attend, list(self.norm)[1:], strict=True)):
             needed, asking = reach[layer : layer + 2]
-            some = torch.nonzero(asking[edges[1]])[:, 0]
-            edges, edge = edges[:, some], edge.index_select(0, some)
+            used = torch.nonzero(asking[edges[1]])[:, 0]
+            edges, edge = edges[:, used], edge.index_select(0, used)
             edge = edge if layer else self.edge_scale(edge)
             kept = asking[needed]
             index = torch.stack([_numbers(needed)[edges[0]], _numbers(asking)[edges[1]]])
@@ -180,8 +180,8 @@ class SceneModule(nn.Module):
         return h[_numbers(reach[-1])[wanted]]
 
 
-def _numbers(some: Tensor) -> Tensor:
-    return torch.cumsum(some, 0) - 1
+def _numbers(mask: Tensor) -> Tensor:
+    return torch.cumsum(mask, 0) - 1
 
 
 class PlanHeadModule(nn.Module):
