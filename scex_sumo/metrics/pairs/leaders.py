@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray, least_of
-from scex_sumo.geometry.crossings import meeting_segments, octagon
+from scex_sumo.geometry.crossings import Segments, meeting_segments, octagon
 from scex_sumo.metrics.base import EXTENSION_M, EXTENSION_S, FOLLOWING_RAD
 from scex_sumo.metrics.pairs.paths_ahead import PathsAhead, meeting_pairs, paths_ahead
 from scex_sumo.metrics.pairs.scenes import Following, PairRows, Scenes
 
 COSINE_ROUNDING = 1e-12  # a heading difference equal to the limit must not depend on the scene's rotation
 MIN_PATH_M = 0.1  # a shorter path has no direction of its own; the heading counts
+Straight: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+"""Straight piece of each path (V, C, T): start x and y, step x and y, arc length at its start, m."""
+Places: TypeAlias = tuple[IntArray, FloatArray, FloatArray, FloatArray]
+"""Index of a pair, distance of the other one from the path, arc length there, m, cosine of the headings."""
 
 
 def leaders_by_heading(scenes: Scenes) -> Following:
@@ -78,95 +83,96 @@ class _OnPaths(PairRows):
 
 
 def _on_paths(scenes: Scenes) -> _OnPaths:
-    return _Corridors(scenes, scenes.once(paths_ahead)).vehicles_on_paths()
+    """Find the vehicles on each path: its first segment, the rest of the plan, and straight on beyond it."""
+    paths = scenes.once(paths_ahead)
+    first = scenes.x, scenes.y, paths.dx, paths.dy, np.zeros_like(scenes.x)
+    last = _straight_on(scenes, paths)
+    where = _close_pairs(scenes, paths, last)
+    follower, other = scenes.flat_of(where)
+    found = [_on_straight(scenes, piece, follower, other) for piece in (first, last)]
+    entry, aside, along, cos = map(
+        np.concatenate, zip(*found, _on_plan(scenes, paths, follower, other), strict=True)
+    )
+    near = _half(scenes, scenes.width, follower, other)
+    keep = np.flatnonzero(aside <= near[entry])
+    entry, aside, along, cos = entry[keep], aside[keep], along[keep], cos[keep]
+    # The nearest piece counts; of equals the first.
+    best = least_of(entry, aside, along)
+    limit = np.cos(FOLLOWING_RAD) - COSINE_ROUNDING
+    best = best[(along[best] > 0) & (cos[best] >= limit)]
+    entry, along = entry[best], along[best]
+    half = _half(scenes, scenes.length, follower[entry], other[entry])
+    return _OnPaths(where=where[entry], along=along, gap=np.maximum(along - half, 0.0))
 
 
-class _Corridors:
-    def __init__(self, scenes: Scenes, paths: PathsAhead) -> None:
-        self.scenes, self.paths = scenes, paths
-        reach = np.maximum(EXTENSION_M, EXTENSION_S * scenes.speed)
-        end = paths.lines.end_of(paths.line)
-        end_x, end_y = np.where(paths.has_path, end[0], scenes.x), np.where(paths.has_path, end[1], scenes.y)
-        moves = paths.length >= MIN_PATH_M
-        last = paths.lines.direction_of(paths.line)
-        # A plan of one column has no segment of its own; then the first segment gives the direction.
-        own = np.where(paths.first_length > 0, paths.first_length, 1.0)
-        has_last = moves & (np.hypot(*last) > 0)
-        along_x = np.where(has_last, last[0], np.where(moves, paths.dx / own, scenes.cos))
-        along_y = np.where(has_last, last[1], np.where(moves, paths.dy / own, scenes.sin))
-        # (V, C, T) straight pieces at both ends of the plan: start, extent, arc length at the start.
-        self.first = (scenes.x, scenes.y, paths.dx, paths.dy, np.zeros_like(scenes.x))
-        self.last = (end_x, end_y, along_x * reach, along_y * reach, paths.length)
+def _half(scenes: Scenes, size: FloatArray, follower: IntArray, other: IntArray) -> FloatArray:
+    """Return half of both sizes (N,) of pairs by flat index into (V, C, T), m."""
+    own, theirs = (scenes.size_of(size, *np.divmod(v, scenes.count)) for v in (follower, other))
+    return (own + theirs) / 2
 
-    def vehicles_on_paths(self) -> _OnPaths:
-        """Find the vehicles on each path."""
-        row, other, where, near = self._close_pairs()
-        parts = [self._on_straight(piece, row, other) for piece in (self.first, self.last)]
-        parts.append(self._on_plan(row, other))
-        entry = np.concatenate([part[0] for part in parts])
-        aside, along, cos = (np.concatenate([part[i] for part in parts]) for i in (1, 2, 3))
-        keep = np.flatnonzero(aside <= near[entry])
-        entry, aside, along, cos = entry[keep], aside[keep], along[keep], cos[keep]
-        # The nearest piece counts; of equals the first.
-        best = least_of(entry, aside, along)
-        limit = np.cos(FOLLOWING_RAD) - COSINE_ROUNDING
-        best = best[(along[best] > 0) & (cos[best] >= limit)]
-        entry, along = entry[best], along[best]
-        half = (self._size(self.scenes.length, row[entry]) + self._size(self.scenes.length, other[entry])) / 2
-        return _OnPaths(where=where[entry], along=along, gap=np.maximum(along - half, 0.0))
 
-    def _size(self, array: FloatArray, vehicle: IntArray) -> FloatArray:
-        return self.scenes.size_of(array, *np.divmod(vehicle, self.scenes.count))
+def _straight_on(scenes: Scenes, paths: PathsAhead) -> Straight:
+    reach = np.maximum(EXTENSION_M, EXTENSION_S * scenes.speed)
+    end = paths.lines.end_of(paths.line)
+    end_x, end_y = np.where(paths.has_path, end[0], scenes.x), np.where(paths.has_path, end[1], scenes.y)
+    moves = paths.length >= MIN_PATH_M
+    last = paths.lines.direction_of(paths.line)
+    # A plan of one column has no segment of its own; then the first segment gives the direction.
+    own = np.where(paths.first_length > 0, paths.first_length, 1.0)
+    has_last = moves & (np.hypot(*last) > 0)
+    along_x = np.where(has_last, last[0], np.where(moves, paths.dx / own, scenes.cos))
+    along_y = np.where(has_last, last[1], np.where(moves, paths.dy / own, scenes.sin))
+    return end_x, end_y, along_x * reach, along_y * reach, paths.length
 
-    def _close_pairs(self) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-        scenes = self.scenes
-        ends = octagon(self.last[0] + self.last[2], self.last[1] + self.last[3])
-        ahead = self.paths.boxes_ahead
-        low, high = np.minimum(ahead[:, 0], ends), np.maximum(ahead[:, 1], ends)
-        half = np.broadcast_to(scenes.width / 2, scenes.x.shape)
-        # Twice the reach covers the octagon's diagonal directions too.
-        boxes = np.stack([low - 2 * half, high + 2 * half], axis=1)
-        centre = octagon(scenes.x, scenes.y)
-        points = np.stack([centre - 2 * half, centre + 2 * half], axis=1)
-        where = meeting_pairs(scenes.ordered_pairs, boxes, points, scenes.present)
-        row, other = scenes.flat_of(where)
-        near = (self._size(scenes.width, row) + self._size(scenes.width, other)) / 2
-        return row, other, where, near
 
-    def _on_straight(
-        self, piece: tuple[FloatArray, ...], row: IntArray, other: IntArray
-    ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-        x, y, dx, dy, arc = (array.reshape(-1)[row] for array in piece)
-        aside, share, cos = self._project(x, y, dx, dy, other)
-        # Beyond the end of the last piece there is no path.
-        keep = np.flatnonzero((dx != 0) | (dy != 0))
-        along = arc + share * np.hypot(dx, dy)
-        return keep, aside[keep], along[keep], cos[keep]
+def _close_pairs(scenes: Scenes, paths: PathsAhead, last: Straight) -> IntArray:
+    """Return flat indices into (2P, C, T) of pairs of which the second may be on the path of the first."""
+    ends = octagon(last[0] + last[2], last[1] + last[3])
+    ahead = paths.boxes_ahead
+    low, high = np.minimum(ahead[:, 0], ends), np.maximum(ahead[:, 1], ends)
+    half = np.broadcast_to(scenes.width / 2, scenes.x.shape)
+    # Twice the reach covers the octagon's diagonal directions too.
+    boxes = np.stack([low - 2 * half, high + 2 * half], axis=1)
+    centre = octagon(scenes.x, scenes.y)
+    points = np.stack([centre - 2 * half, centre + 2 * half], axis=1)
+    return meeting_pairs(scenes.ordered_pairs, boxes, points, scenes.present)
 
-    def _on_plan(self, row: IntArray, other: IntArray) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-        paths, scenes = self.paths, self.scenes
-        with_plan = np.flatnonzero(paths.has_path.reshape(-1)[row])
-        line = paths.line.reshape(-1)[row[with_plan]]
-        centre = octagon(scenes.x.reshape(-1)[other[with_plan]], scenes.y.reshape(-1)[other[with_plan]])
-        wide = self._size(scenes.width, row[with_plan]) + self._size(scenes.width, other[with_plan])
-        which, segment = meeting_segments(np.stack([centre - wide, centre + wide], axis=1), paths.lines, line)
-        column = paths.column[(row[with_plan[which]] % scenes.count) % scenes.shape[1]]
-        # Polylines are padded with segments of no length.
-        keep = (segment >= column) & (np.abs(paths.lines.delta[:, line[which], segment]).max(axis=0) > 0)
-        which, segment = which[keep], segment[keep]
-        entry, at = with_plan[which], (line[which], segment)
-        aside, share, cos = self._project(*paths.lines.segments(at), other[entry])
-        along = paths.offset.reshape(-1)[row[entry]] + paths.lines.arc_at(*at, share)
-        return entry, aside, along, cos
 
-    def _project(
-        self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray, other: IntArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        scenes = self.scenes
-        gx, gy = scenes.x.reshape(-1)[other] - x, scenes.y.reshape(-1)[other] - y
-        squared = dx * dx + dy * dy
-        safe = np.where(squared > 0, squared, 1.0)
-        share = np.clip((gx * dx + gy * dy) / safe, 0.0, 1.0)
-        aside = np.hypot(gx - share * dx, gy - share * dy)
-        heading = scenes.cos.reshape(-1)[other] * dx + scenes.sin.reshape(-1)[other] * dy
-        return aside, share, heading / np.sqrt(safe)
+def _on_straight(scenes: Scenes, piece: Straight, follower: IntArray, other: IntArray) -> Places:
+    x, y, dx, dy, arc = (array.reshape(-1)[follower] for array in piece)
+    aside, share, cos = _project(scenes, (x, y, dx, dy), other)
+    # Beyond the end of the last piece there is no path.
+    keep = np.flatnonzero((dx != 0) | (dy != 0))
+    along = arc + share * np.hypot(dx, dy)
+    return keep, aside[keep], along[keep], cos[keep]
+
+
+def _on_plan(scenes: Scenes, paths: PathsAhead, follower: IntArray, other: IntArray) -> Places:
+    with_plan = np.flatnonzero(paths.has_path.reshape(-1)[follower])
+    follower, other = follower[with_plan], other[with_plan]
+    line = paths.line.reshape(-1)[follower]
+    centre = octagon(scenes.x.reshape(-1)[other], scenes.y.reshape(-1)[other])
+    wide = 2 * _half(scenes, scenes.width, follower, other)
+    which, segment = meeting_segments(np.stack([centre - wide, centre + wide], axis=1), paths.lines, line)
+    column = paths.column[(follower[which] % scenes.count) % scenes.shape[1]]
+    # Polylines are padded with segments of no length.
+    keep = (segment >= column) & (np.abs(paths.lines.delta[:, line[which], segment]).max(axis=0) > 0)
+    which, segment = which[keep], segment[keep]
+    of_line = line[which], segment
+    aside, share, cos = _project(scenes, paths.lines.segments(of_line), other[which])
+    along = paths.offset.reshape(-1)[follower[which]] + paths.lines.arc_at(*of_line, share)
+    return with_plan[which], aside, along, cos
+
+
+def _project(
+    scenes: Scenes, segments: Segments, other: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return (N,) distances of vehicles from segments, m, shares of these, cosines of headings to them."""
+    x, y, dx, dy = segments
+    gx, gy = scenes.x.reshape(-1)[other] - x, scenes.y.reshape(-1)[other] - y
+    squared = dx * dx + dy * dy
+    safe = np.where(squared > 0, squared, 1.0)
+    share = np.clip((gx * dx + gy * dy) / safe, 0.0, 1.0)
+    aside = np.hypot(gx - share * dx, gy - share * dy)
+    heading = scenes.cos.reshape(-1)[other] * dx + scenes.sin.reshape(-1)[other] * dy
+    return aside, share, heading / np.sqrt(safe)
