@@ -1,4 +1,4 @@
-"""Crossings of polylines, for many pairs of them at once.
+"""Crossings of polylines and places on them, for many at once.
 
 Each polyline has a pyramid of bounding boxes: of segments, blocks of segments, blocks of blocks.
 """
@@ -6,6 +6,7 @@ Each polyline has a pyramid of bounding boxes: of segments, blocks of segments, 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -15,6 +16,7 @@ from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 BLOCK = 6
 PARALLEL = 1e-9  # sine of the smallest angle of a crossing
 ARC_ROUNDING_M = 1e-9
+MIN_SEGMENT_M = 1e-3  # a shorter one has no direction of its own
 TOUCH = 1e-9  # share of a segment's length within which end points touch
 Segments: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """Start x and y, and step x and y, (N,) m."""
@@ -89,36 +91,93 @@ def _around(start: FloatArray, end: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Polylines:
-    """N polylines of H nodes with their box pyramids."""
+    """N polylines of H nodes."""
 
-    x: FloatArray
-    y: FloatArray
-    octagons: FloatArray  # (4, N, H) coordinates of the nodes
+    x: FloatArray  # (N, H) m
+    y: FloatArray  # (N, H) m
     arc: FloatArray  # (N, H) length from the first node, m
-    start: FloatArray  # (2, N, M) of each segment
-    delta: FloatArray  # its extent, m; 0 for padding
-    boxes: tuple[FloatArray, ...]  # by level, segments first: (4, 2, N, M / block^level) octagons
 
     @classmethod
     def build(cls, x: FloatArray, y: FloatArray) -> Polylines:
         """Build from (N, H) finite nodes, m."""
-        count = x.shape[1] - 1
-        levels = 1
-        while BLOCK**levels < count:
-            levels += 1
-        padded = BLOCK * -(-max(count, 1) // BLOCK)
-        full = np.empty((2, len(x), padded + 1))
-        full[0, :, : count + 1], full[1, :, : count + 1] = x, y
-        full[:, :, count + 1 :] = full[:, :, count : count + 1]
-        nodes = octagon(full[0], full[1])
-        start, delta = full[:, :, :-1], np.diff(full, axis=2)
-        boxes = [_around(nodes[:, :, :-1], nodes[:, :, 1:])]
-        for _ in range(levels):
+        arc: FloatArray = np.zeros(x.shape)
+        np.cumsum(np.hypot(np.diff(x, axis=1), np.diff(y, axis=1)), axis=1, out=arc[:, 1:])
+        return cls(x=x, y=y, arc=arc)
+
+    @cached_property
+    def _nodes(self) -> FloatArray:
+        """(2, N, M + 1) nodes; the last one is repeated until M is a multiple of `BLOCK`."""
+        count = self.x.shape[1] - 1
+        nodes = np.empty((2, len(self.x), BLOCK * -(-max(count, 1) // BLOCK) + 1))
+        nodes[0, :, : count + 1], nodes[1, :, : count + 1] = self.x, self.y
+        nodes[:, :, count + 1 :] = nodes[:, :, count : count + 1]
+        return nodes
+
+    @property
+    def start(self) -> FloatArray:
+        """(2, N, M) of each segment, m."""
+        return self._nodes[:, :, :-1]
+
+    @cached_property
+    def delta(self) -> FloatArray:
+        """(2, N, M) extent of each segment, m; 0 for padding."""
+        return np.diff(self._nodes, axis=2)
+
+    @cached_property
+    def _octagons(self) -> FloatArray:
+        return octagon(self._nodes[0], self._nodes[1])
+
+    @property
+    def octagons(self) -> FloatArray:
+        """(4, N, H) coordinates of the nodes."""
+        return self._octagons[:, :, : self.x.shape[1]]
+
+    @cached_property
+    def boxes(self) -> tuple[FloatArray, ...]:
+        """Octagons (4, 2, N, M / block^level) by level: of segments, of blocks, of blocks of blocks."""
+        boxes = [_around(self._octagons[:, :, :-1], self._octagons[:, :, 1:])]
+        while len(boxes) < 2 or BLOCK ** (len(boxes) - 1) < self.x.shape[1] - 1:
             boxes.append(_merge(boxes[-1]))
-        arc = np.zeros(x.shape)
-        np.cumsum(np.hypot(delta[0], delta[1])[:, :count], axis=1, out=arc[:, 1:])
-        octagons = nodes[:, :, : count + 1]
-        return cls(x=x, y=y, octagons=octagons, arc=arc, start=start, delta=delta, boxes=tuple(boxes))
+        return tuple(boxes)
+
+    @cached_property
+    def directions(self) -> FloatArray:
+        """(2, N, H - 1) cosine and sine of each segment; one without length has those of the last one."""
+        step = np.stack([np.diff(self.x, axis=1), np.diff(self.y, axis=1)])
+        length = np.sqrt(step[0] ** 2 + step[1] ** 2)
+        directions = step / np.maximum(length, 1e-9)
+        return np.asarray(np.where(length < MIN_SEGMENT_M, directions[..., -1:], directions))
+
+    def project(
+        self, line: IntArray, x: FloatArray, y: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Project points (K, P) onto lines (P,), which go on straight past both ends.
+
+        Return (K, P) arc length, offset (left positive), cosine and sine of the direction.
+        """
+        # Lines are the last axis, so that operations run along memory.
+        begin_x, begin_y, begin = (a[line].T.copy() for a in (self.x, self.y, self.arc))
+        cos, sin = (a[line].T.copy() for a in self.directions)  # (H - 1, P)
+        low, high = np.zeros_like(cos), np.diff(begin, axis=0)
+        low[0], high[-1] = -np.inf, np.inf
+        square, best = np.full(x.shape, np.inf), np.zeros(x.shape, dtype=np.int16)
+        for segment in range(len(cos)):
+            px, py = x - begin_x[segment], y - begin_y[segment]
+            ahead = px * cos[segment] + py * sin[segment]
+            side = py * cos[segment] - px * sin[segment]
+            ahead -= np.minimum(np.maximum(ahead, low[segment]), high[segment])
+            ahead *= ahead
+            side *= side
+            ahead += side
+            # The first of the nearest segments; a masked copy takes ten times as long.
+            np.maximum(best, (ahead < square) * np.int16(segment), out=best)
+            np.minimum(square, ahead, out=square)
+        at = np.multiply(best, len(line), dtype=np.int64) + np.arange(len(line))
+        cos, sin = cos.take(at), sin.take(at)
+        px, py = x - begin_x.take(at), y - begin_y.take(at)
+        ahead, side = px * cos + py * sin, py * cos - px * sin
+        foot = np.minimum(np.maximum(ahead, low.take(at)), high.take(at))
+        return begin.take(at) + foot, np.copysign(np.sqrt(square), side), cos, sin
 
     def segments(self, at: tuple[IntArray, IntArray]) -> Segments:
         """Return segments by line and number."""

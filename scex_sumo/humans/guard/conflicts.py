@@ -11,7 +11,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows, between
 from scex_sumo.behaviors.driving.leaders import Everyone, half_extents
 from scex_sumo.geometry.rectangles import Rectangles, rectangle_distance
-from scex_sumo.humans.guard.corridors import SAMPLE_S, SAMPLES, PlannedWays, expected, onto_ways
+from scex_sumo.humans.guard.corridors import SAMPLE_S, SAMPLES, PlannedWays, expected
 from scex_sumo.humans.guard.side_clearance import box_distances
 from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.road import Road
@@ -134,7 +134,7 @@ def _near_pairs(view: _View) -> tuple[IntArray, IntArray]:
     half = np.sqrt(scene.length**2 + scene.width**2)[vehicles.vehicle] / 2 + view.human.conflict_margin_m
     reach = half[:, None] + np.sqrt(others.length**2 + others.width**2) / 2
     near = others.present[vehicles.future] & (paths.arc[:, -1] > 0.0)[:, None]
-    for planned, other in ((paths.corner_x, view.motion.x), (paths.corner_y, view.motion.y)):
+    for planned, other in ((paths.middle.x, view.motion.x), (paths.middle.y, view.motion.y)):
         low, high = other.min(axis=2)[vehicles.future], other.max(axis=2)[vehicles.future]
         near &= low - reach <= planned.max(axis=1)[:, None]
         near &= high + reach >= planned.min(axis=1)[:, None]
@@ -283,7 +283,7 @@ def _blocked(view: _View, i: IntArray, j: IntArray) -> tuple[IntArray, IntArray,
     future, vehicle = view.vehicles.future[i], view.vehicles.vehicle[i]
     # Pairs are the last axis, so that operations run along memory.
     motion = view.motion[future, j].map(lambda values: np.ascontiguousarray(values.T))
-    s, offset, line_cos, line_sin = onto_ways(paths, i, motion.x, motion.y)
+    s, offset, line_cos, line_sin = paths.middle.project(i, motion.x, motion.y)
     ahead, left = np.cos(motion.heading), np.sin(motion.heading)
     cos, sin = ahead * line_cos + left * line_sin, left * line_cos - ahead * line_sin
     along, across = half_extents(cos, sin, others.length[j], others.width[j])
@@ -293,7 +293,7 @@ def _blocked(view: _View, i: IntArray, j: IntArray) -> tuple[IntArray, IntArray,
     # Alongside or head-on, the full margin would stop vehicles that pass within their lanes.
     beside = (low[0] < 0) & (high[0] > 0)
     margin = np.where(beside | (cos < TOWARDS), human.alongside_margin_m, human.conflict_margin_m)
-    inside = (body <= margin) & (low <= paths.corner_arc[i, -1])
+    inside = (body <= margin) & (low <= paths.middle.arc[i, -1])
     k = np.flatnonzero(inside.any(axis=0))
     some = _Blocked(inside[:, k], s[:, k], offset[:, k], cos[:, k], low[:, k], high[:, k])
     return i[k], j[k], some

@@ -12,6 +12,7 @@ from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.driving.leaders import Everyone, everyone
 from scex_sumo.behaviors.driving.motion import REAR_AXLE_SHARE, rear_axle
 from scex_sumo.behaviors.driving.paths import chosen_paths, expected_way, nearest_paths
+from scex_sumo.geometry.crossings import Polylines
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.road import Road
@@ -20,7 +21,6 @@ from scex_sumo.scene import STEP_S, Plan, SceneHistory, States, VehicleIndex
 SAMPLE_S = 0.4  # a car that crosses at 15 m/s is in the corridor for longer
 SAMPLES = 11  # the present, and 4 s ahead
 VERTEX_STEPS = 3  # planned steps between two vertices of the corridor
-MIN_WAY_M = 1e-3
 DRIFT_S = 1.5  # motion across the path dies out with this time constant
 BRAKING_STEPS = 5  # driven steps over which a leader's braking is measured, at most
 
@@ -30,12 +30,7 @@ class PlannedWays(NamedTuple):
 
     states: States  # (n, H + 1), the present first; speeds are at least 0
     arc: FloatArray  # (n, H + 1) m, does not fall
-    # (n, G) vertices of the middle line, m: planned poses, and one at the braking distance
-    corner_x: FloatArray
-    corner_y: FloatArray  # (n, G) m
-    corner_arc: FloatArray  # (n, G) m
-    corner_cos: FloatArray  # (n, G - 1) direction to the next vertex
-    corner_sin: FloatArray  # (n, G - 1)
+    middle: Polylines  # of the corridors: planned poses, and one at the braking distance
 
     def poses(self, rows: IntArray, s: FloatArray, speed: FloatArray) -> States:
         """Return states (r, H) at arc lengths (r, H)."""
@@ -66,46 +61,12 @@ def planned_paths(
     last, end = states.speed[:, -1], states.heading[:, -1]
     ahead = 5.0 + last * human.ahead_s + last**2 / (2 * human.leader_braking_mps2)
     corners = np.append(np.arange(0, x.shape[1] - 1, VERTEX_STEPS), x.shape[1] - 1)
-    corner_x = np.column_stack([x[:, corners], x[:, -1] + ahead * np.cos(end)])
-    corner_y = np.column_stack([y[:, corners], y[:, -1] + ahead * np.sin(end)])
-    corner_arc = np.column_stack([arc[:, corners], arc[:, -1] + ahead])
-    dx, dy = np.diff(corner_x, axis=1), np.diff(corner_y, axis=1)
-    length = np.sqrt(dx**2 + dy**2)
-    # A segment without length, of a standing vehicle, has the direction of the last one.
-    still, length = length < MIN_WAY_M, np.maximum(length, 1e-9)
-    cos, sin = (np.where(still, (d / length)[:, -1:], d / length) for d in (dx, dy))
-    return PlannedWays(states, arc, corner_x, corner_y, corner_arc, cos, sin)
-
-
-def onto_ways(
-    paths: PlannedWays, i: IntArray, x: FloatArray, y: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Project places (K, P) onto the middle lines of corridors i (P,).
-
-    Return (K, P) arc length, offset (left positive), cosine and sine of the direction.
-    """
-    begin_x, begin_y, begin = (a[i].T.copy() for a in (paths.corner_x, paths.corner_y, paths.corner_arc))
-    cos, sin = paths.corner_cos[i].T.copy(), paths.corner_sin[i].T.copy()  # (G - 1, P)
-    low, high = np.zeros_like(cos), np.diff(begin, axis=0)
-    low[0], high[-1] = -np.inf, np.inf
-    square, best = np.full(x.shape, np.inf), np.zeros(x.shape, dtype=np.int16)
-    for line in range(len(cos)):
-        px, py = x - begin_x[line], y - begin_y[line]
-        ahead = px * cos[line] + py * sin[line]
-        side = py * cos[line] - px * sin[line]
-        ahead -= np.minimum(np.maximum(ahead, low[line]), high[line])
-        ahead *= ahead
-        side *= side
-        ahead += side
-        # The first of the nearest segments; a masked copy takes ten times as long.
-        np.maximum(best, (ahead < square) * np.int16(line), out=best)
-        np.minimum(square, ahead, out=square)
-    at = np.multiply(best, len(i), dtype=np.int64) + np.arange(len(i))
-    cos, sin = cos.take(at), sin.take(at)
-    px, py = x - begin_x.take(at), y - begin_y.take(at)
-    ahead, side = px * cos + py * sin, py * cos - px * sin
-    foot = np.minimum(np.maximum(ahead, low.take(at)), high.take(at))
-    return begin.take(at) + foot, np.copysign(np.sqrt(square), side), cos, sin
+    middle = Polylines(
+        x=np.column_stack([x[:, corners], x[:, -1] + ahead * np.cos(end)]),
+        y=np.column_stack([y[:, corners], y[:, -1] + ahead * np.sin(end)]),
+        arc=np.column_stack([arc[:, corners], arc[:, -1] + ahead]),
+    )
+    return PlannedWays(states, arc, middle)
 
 
 @owner_cache
