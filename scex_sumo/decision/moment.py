@@ -44,8 +44,7 @@ def human_part(scene: SeedScene, net: SumoNet, *, futures: int = FUTURES, seed: 
     """
     settings, models = _drivers(futures, seed)
     drawn = models.draw(scene, futures=futures, seed=seed)
-    folder = Path(net.path).parent  # plans: kinds of conflicts look beyond the last step
-    job = Job(scene, net, settings, models, drawn, folder, on_paths=False, conflicts=True, with_plans=True)
+    job = Job(scene, net, settings, models, drawn, net.path.parent, on_paths=False, conflicts=True)
     return run_in_memory(job, range(futures))
 
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import time
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -53,16 +51,13 @@ def run_scene(
     Raises:
         ScexError: as of `extrapolate`.
     """
-    marks = [time.perf_counter()]
     temporary = TemporaryFolder() if options.out is None else None
     path = Path(temporary.name) / "run" if temporary else Path(str(options.out))
     folder, job = _folder_and_job(scene, settings, options, models or checked_models(settings, options), path)
     folder.remove(stale)
-    marks.append(time.perf_counter())
     # More threads of matrix products would wait for cores on which workers run.
     with threadpool_limits(1, user_api="blas"), options.bar("stress-test futures") as tick:
         _run_all(job, workers, tick)
-        marks.append(time.perf_counter())
         recorded = measure_recorded(
             job.scene,
             settings.steps,
@@ -70,21 +65,17 @@ def run_scene(
             metrics=settings.measured,
             vehicles=settings.vehicles_that_count(job.scene),
         )
-        part = write_tables(folder, job, recorded)
-        marks.append(time.perf_counter())
+        all_futures = write_tables(folder, job, recorded)
         rows, failed = list[dict[str, Any]](), list[str]()
         if options.extra:
             from scex_sumo.extrapolation.extras import Work, work_of
 
-            rows, failed = work_of(options.extra, Work(job=job, part=part, workers=workers, options=options))
-    marks.append(time.perf_counter())
+            work = Work(job=job, part=all_futures, workers=workers, options=options)
+            rows, failed = work_of(options.extra, work)
+    info = _info(job, options.command, all_futures)
+    info["recorded"] = recorded_info(job.scene, recorded)
     notes = [*failed, *outcome_notes(job.scene, recorded), *workers.deaths]
-    info = _info(job, options.command, part, notes) | {"recorded": recorded_info(job.scene, recorded)}
-    info["rows"] = rows
-    marks.append(time.perf_counter())
-    parts = ("convert", "simulate_and_measure", "tables", "extras", "write")
-    laps = {name: round(end - start, 3) for name, (start, end) in zip(parts, pairwise(marks), strict=True)}
-    folder.finish({**info, "timings_s": laps})
+    folder.finish(info | {"run_notes": [*notes, *info["run_notes"]], "rows": rows})
     run = Run(folder.path, temporary)
     run.intervals = job.intervals
     return run, job
@@ -97,13 +88,12 @@ def _folder_and_job(
     if scene.road is None:
         raise UsageError("the seed scene has no road; read it with scex_sumo.read_seed(map, tracks=...)")
     added: tuple[str, ...] = ()
-    if scene.obstacles is not None:
+    if scene.obstacles is not None and settings.vru != "replay":
         from scex_sumo.results.participants import with_people
 
         taking = with_people(scene, settings.vru)
         added = taking.notes[len(scene.notes) :]
-        if settings.vru != "replay":
-            scene = dataclasses.replace(taking, notes=scene.notes)
+        scene = dataclasses.replace(taking, notes=scene.notes)
     if settings.within is not None:
         scene = settings.within.simulated(scene, settings.steps, [*settings.assign, *settings.under_test])
     settings.check_size(settings.count or 1, scene.vehicles)
@@ -137,9 +127,9 @@ def checked_models(settings: RunSettings, options: RunOptions) -> ModelSet:
     return models
 
 
-def _info(job: Job, command: Sequence[str] | None, part: Part, notes: list[str]) -> dict[str, Any]:
+def _info(job: Job, command: Sequence[str] | None, all_futures: Part) -> dict[str, Any]:
     settings, scene = job.settings, job.scene
-    info = {
+    info: dict[str, Any] = {
         "scex_sumo": __version__,
         "command": list(command) if command else None,
         "seed_scene": describe(scene),
@@ -149,10 +139,15 @@ def _info(job: Job, command: Sequence[str] | None, part: Part, notes: list[str])
         "thresholds": {**thresholds_of(settings.measured), **settings.thresholds},
         "net": job.road.name,
         "net_notes": [*job.net.notes, *(loss.note for loss in job.net.losses)],
-        "run_notes": notes,
-        "fallbacks": _fallbacks(job, part),
+        "run_notes": [],
+        "fallbacks": [],
         "versions": versions(),
     }
+    if all_futures.fallbacks is not None:
+        from scex_sumo.results.tables.fallbacks import count_fallbacks
+
+        plans = -(-settings.steps // settings.replan)
+        info["fallbacks"] = count_fallbacks(all_futures.fallbacks, job.assignment, job.models.names, plans)
     if scene.rules is not None:
         from scex_sumo.rules.holds import precedence
 
@@ -161,18 +156,9 @@ def _info(job: Job, command: Sequence[str] | None, part: Part, notes: list[str])
         vehicles = settings.vehicles_that_count(scene) or ()
         words, inside = settings.within.words(), [int(scene.track_ids[v]) for v in vehicles]
         counted = f"only pairs with one of {len(inside)} of {scene.vehicles} vehicles count"
-        notes.append(f"{counted}: those {words} at the seed moment")
+        info["run_notes"].append(f"{counted}: those {words} at the seed moment")
         info["region"] |= {"words": words, "vehicles": inside}
     return info
-
-
-def _fallbacks(job: Job, part: Part) -> list[dict[str, Any]]:
-    if part.fallbacks is None:
-        return []
-    from scex_sumo.results.tables.fallbacks import count_fallbacks
-
-    plans = -(-job.settings.steps // job.settings.replan)
-    return count_fallbacks(part.fallbacks, job.assignment, job.models.names, plans)
 
 
 def _run_all(job: Job, workers: Workers, progress: Progress | None) -> None:

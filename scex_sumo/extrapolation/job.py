@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-import pyarrow as pa
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import ScexError
@@ -53,7 +52,6 @@ class Job:
         counted: (T, V) steps in which a vehicle counts in metrics; None: all.
         on_paths: measure TTC, PET and DRAC of encounters, too.
         conflicts: measure needed braking and time margins of all pairs, too.
-        with_plans: keep the plans of futures that `run_in_memory` runs.
     """
 
     scene: SeedScene
@@ -66,7 +64,6 @@ class Job:
     counted: BoolArray | None = None
     on_paths: bool = True
     conflicts: bool = False
-    with_plans: bool = False
 
     @property
     def road(self) -> Road:
@@ -206,42 +203,31 @@ def _run_batch(job: Job, simulator: Simulator, futures: IntArray, *, on_step: On
         on_paths=job.on_paths,
     )
     conflicts = measure_conflicts(job.scene, rollout) if job.conflicts else None
-    values, hits, horizons = outcome.values, outcome.collisions, None
+    ids, values, horizons, fallbacks = job.scene.track_ids, outcome.values, None, None
     if horizons_of(settings.steps):
         from scex_sumo.results.tables.horizons import horizons_table
 
         horizons = horizons_table(values, settings.measured, futures, settings.steps)
-    ids = job.scene.track_ids
+    if rollout.replaced:
+        from scex_sumo.results.tables.fallbacks import fallbacks_table
+
+        fallbacks = fallbacks_table(rollout.replaced, ids)
     return Part(
         futures=futures,
         states=rollout.seen,
         values=values.values,
         defined=values.defined,
         worst=worst_table(values, futures=futures, track_ids=ids),
-        plan_x=rollout.plan_x if job.with_plans else None,
-        plan_y=rollout.plan_y if job.with_plans else None,
-        fallbacks=_fallbacks(rollout, batch, ids),
+        plan_x=rollout.plan_x,
+        plan_y=rollout.plan_y,
+        fallbacks=fallbacks,
         tested=_tested(job, rollout),
         collisions=collisions_table(
-            hits, outcome.severity, futures=futures, track_ids=ids, first=LOGGED_HISTORY
+            outcome.collisions, outcome.severity, futures=futures, track_ids=ids, first=LOGGED_HISTORY
         ),
         encounters=rows_table(outcome.encounters, futures, **SMALL),
         horizons=horizons,
         conflicts=rows_table(conflicts, futures, future=np.int32) if conflicts is not None else None,
-    )
-
-
-def _fallbacks(rollout: Rollout, batch: Batch, track_ids: IntArray) -> pa.Table | None:
-    if not rollout.replaced:
-        return None
-    from scex_sumo.results.tables.fallbacks import fallbacks_table
-
-    return fallbacks_table(
-        rollout.replaced,
-        futures=batch.futures,
-        assignment=batch.assignment,
-        names=batch.names,
-        track_ids=track_ids,
     )
 
 

@@ -16,7 +16,6 @@ from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.drivers.registry import DEFAULT_MODELS, ModelSpec, is_own, model_specs
 from scex_sumo.metrics.registry import (
     BOTH,
-    COLUMNS,
     Metric,
     column_named,
     columns_of,
@@ -75,13 +74,12 @@ def read_thresholds(entries: Sequence[str]) -> dict[str, float]:
     """Read ``METRIC=VALUE`` entries."""
     numbers = {}
     for entry in entries:
-        name, _, number = (part.strip() for part in entry.rpartition("="))
+        name, _, number = entry.rpartition("=")
         try:
-            numbers[name] = float(number)
+            numbers[name.strip()] = float(number)
         except ValueError:
-            name = ""
-        if not name:
-            raise UsageError(f"--threshold {entry}: needs METRIC=VALUE, e.g. --threshold ttc=0.5")
+            message = f"--threshold {entry}: needs METRIC=VALUE, e.g. --threshold ttc=0.5"
+            raise UsageError(message) from None
     return numbers
 
 
@@ -180,39 +178,28 @@ class RunSettings:
     rules: bool = True
 
     def __post_init__(self) -> None:
-        self._put_region()
-        if self.steps < 1:
-            raise UsageError(f"--steps: got {self.steps}, needs at least 1")
-        if self.steps > MAX_STEPS:
-            raise UsageError(f"--steps: got {self.steps:,}, at most {MAX_STEPS:,} are run")
-        if not 1 <= self.replan <= PLAN_STEPS:
-            raise UsageError(
-                f"--replan: got {self.replan}, needs 1 to {PLAN_STEPS} (models plan {PLAN_STEPS} steps)"
-            )
-        if self.world not in WORLDS:
-            raise UsageError(f"--world: got {self.world!r}, needs {', '.join(WORLDS.paths)}")
-        if self.seed < 0:
-            raise UsageError(f"--seed: got {self.seed}, needs 0 or more")
-        if self.vru not in VRU:
-            raise UsageError(f"--vru: got {self.vru!r}, needs {', '.join(VRU)}")
-        self._put_under_test()
-        if not self.drawn:
-            raise UsageError("--models: names no model")
-        if not any(spec.weight > 0 for spec in self.drawn):
-            raise UsageError("--models: all weights are 0; give at least one model a positive weight")
-        if self.count is not None and self.count < 1:
-            raise UsageError(f"--futures: got {self.count}, needs at least 1 (or 'all')")
-        if self.count is not None and self.count > MAX_FUTURES:
-            raise UsageError(f"--futures: got {self.count:,}, at most {MAX_FUTURES:,} are run")
-        # Workers get metrics, not names: a metric registered in this process is unknown there.
-        object.__setattr__(self, "metrics", metrics_asked(self.metrics))
-        object.__setattr__(self, "thresholds", checked_thresholds(self.thresholds or {}, self.columns))
-
-    def _put_region(self) -> None:
         if isinstance(self.region, str | int):
             from scex_sumo.results.region import region_of
 
             object.__setattr__(self, "region", region_of(self.region))
+        self._put_under_test()
+        futures = 1 if self.count is None else self.count
+        _check_range("--futures", futures, MAX_FUTURES, " (or 'all')")
+        _check_range("--steps", self.steps, MAX_STEPS)
+        _check_range("--replan", self.replan, PLAN_STEPS, f" (models plan {PLAN_STEPS} steps)")
+        if self.seed < 0:
+            raise UsageError(f"--seed: got {self.seed}, needs 0 or more")
+        if self.world not in WORLDS:
+            raise UsageError(f"--world: got {self.world!r}, needs {', '.join(WORLDS.paths)}")
+        if self.vru not in VRU:
+            raise UsageError(f"--vru: got {self.vru!r}, needs {', '.join(VRU)}")
+        if not self.drawn:
+            raise UsageError("--models: names no model")
+        if not any(spec.weight > 0 for spec in self.drawn):
+            raise UsageError("--models: all weights are 0; give at least one model a positive weight")
+        # Workers get metrics, not names: a metric registered in this process is unknown there.
+        object.__setattr__(self, "metrics", metrics_asked(self.metrics))
+        object.__setattr__(self, "thresholds", checked_thresholds(self.thresholds or {}, self.columns))
 
     @property
     def within(self) -> Region | None:
@@ -313,7 +300,12 @@ class RunSettings:
         }
 
 
-def checked_thresholds(thresholds: Mapping[str, float], columns: Sequence[str] = COLUMNS) -> dict[str, float]:
+def _check_range(option: str, value: int, most: int, why: str = "") -> None:
+    if not 1 <= value <= most:
+        raise UsageError(f"{option}: got {value:,}, needs 1 to {most:,}{why}")
+
+
+def checked_thresholds(thresholds: Mapping[str, float], columns: Sequence[str]) -> dict[str, float]:
     """Return thresholds by column; raise a `UsageError` for an unknown metric or no number."""
     checked = {}
     for name, value in thresholds.items():

@@ -125,12 +125,10 @@ def describe(scene: SeedScene) -> dict[str, Any]:
         "obstacles": len(scene.obstacles.ids) if scene.obstacles is not None else 0,
         "replayed": {} if scene.obstacles is None else Counter(map(road_user, scene.obstacles.types)),
         **({} if scene.people is None else {"people": scene.track_ids[scene.people].tolist()}),
-        "recorded_future_steps": int(scene.future.shape[1]) if scene.future is not None else 0,
         "notes": list(scene.notes),
         "source": scene.source,
         "map": None if scene.road is None or scene.road.file is None else str(scene.road.file.absolute()),
         "origin": list(scene.road.origin) if scene.road is not None else None,
-        "fingerprint": digest(scene),
     }
 
 

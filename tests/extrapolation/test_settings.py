@@ -25,14 +25,14 @@ from tests.seeds import straight_seed
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"steps": 0}, "--steps: got 0, needs at least 1"),
+        ({"steps": 0}, "--steps: got 0, needs 1 to 6,000"),
         ({"replan": 31}, r"--replan: got 31, needs 1 to 30 \(models plan 30 steps\)"),
         ({"seed": -1}, "--seed: got -1, needs 0 or more"),
         ({"models": []}, "--models: names no model"),
         ({"models": [ModelSpec(name="standard_driver", weight=0.0)]}, "--models: all weights are 0"),
-        ({"futures": 0}, r"--futures: got 0, needs at least 1 \(or 'all'\)"),
-        ({"futures": 10**8}, "--futures: got 100,000,000, at most 100,000 are run"),
-        ({"steps": 10**5}, "--steps: got 100,000, at most 6,000 are run"),
+        ({"futures": 0}, r"--futures: got 0, needs 1 to 100,000 \(or 'all'\)"),
+        ({"futures": 10**8}, "--futures: got 100,000,000, needs 1 to 100,000"),
+        ({"steps": 10**5}, "--steps: got 100,000, needs 1 to 6,000"),
         ({"futures": "some"}, "--futures: got 'some', needs a number or 'all'"),
         ({"thresholds": {"speed": 3.0}}, "--threshold: unknown metric 'speed'; nearest: "),
         ({"thresholds": {"ttc": float("nan")}}, "--threshold ttc=nan: not a finite number"),
@@ -52,7 +52,7 @@ def test_more_states_than_a_machine_holds_are_refused_with_their_number() -> Non
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"futures": 0}, "futures: got 0, needs at least 1"),
+        ({"futures": 0}, "futures: got 0, needs 1 to 100,000"),
         ({"under_test": {7: "parked"}, "assign": {7: "replay"}}, "under_test 7: assign names this vehicle"),
         ({"thresholds": {"nope": 1.0}}, "thresholds: unknown metric 'nope'"),
         ({"worker": 2}, "unknown option 'worker'; nearest: workers"),

@@ -54,11 +54,13 @@ class Replaced(NamedTuple):
     Attributes:
         step: steps since the seed scene.
         vehicle: index into the seed scene.
+        model: name.
     """
 
     future: int
     step: int
     vehicle: int
+    model: str
     reason: str
 
 
@@ -128,7 +130,7 @@ def roll_out(
                 group = groups[index]
                 usable = checked_plan(model_plan, len(group), plan.shape[2], batch.names[index])
                 plan.assign((group.future, group.vehicle), usable)
-                replaced += _replaced(model_plan, groups[index], batch, step)
+                replaced += _replaced(model_plan, group, batch, step, batch.names[index])
             left = crashed | gone
             now = window[:, :, -1][left]
             plan.assign(np.nonzero(left), slide(now, now.speed, plan.shape[2]))
@@ -199,17 +201,18 @@ def checked_plan(plan: Plan, count: int, steps: int, name: str) -> States:
     return plan[:, :steps]
 
 
-def _replaced(plan: Plan, vehicles: VehicleIndex, batch: Batch, step: int) -> list[Replaced]:
+def _replaced(plan: Plan, vehicles: VehicleIndex, batch: Batch, step: int, model: str) -> list[Replaced]:
     if plan.fallback is None:
         return []
     return [
         Replaced(
-            future=int(batch.futures[vehicles.future[row]]),
-            vehicle=int(vehicles.vehicle[row]),
+            future=int(batch.futures[vehicles.future[index]]),
             step=step,
-            reason=plan.reasons[row] if plan.reasons else BY_ITSELF,
+            vehicle=int(vehicles.vehicle[index]),
+            model=model,
+            reason=plan.reasons[index] if plan.reasons else BY_ITSELF,
         )
-        for row in np.flatnonzero(plan.fallback).tolist()
+        for index in np.flatnonzero(plan.fallback).tolist()
     ]
 
 
@@ -246,8 +249,8 @@ class Arrivals:
         beyond, aside = dx * c + dy * s + self._half * turned, dy * c - dx * s
         there = (beyond >= _BEYOND_M[0]) & (beyond <= _BEYOND_M[1])
         there &= (np.abs(aside) <= _ASIDE_M) & (turned >= _TURNED_COS)
-        future, row = np.nonzero(there)
-        reached[future, self._vehicle[row]] = True
+        future, place = np.nonzero(there)
+        reached[future, self._vehicle[place]] = True
         return reached
 
 

@@ -7,37 +7,21 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from scex_sumo.base.arrays import IntArray
 from scex_sumo.scene import STEP_S
 
 
-def fallbacks_table(
-    replaced: Sequence[tuple[int, int, int, str]],
-    *,
-    futures: IntArray,
-    assignment: IntArray,
-    names: Sequence[str],
-    track_ids: IntArray,
-) -> pa.Table:
+def fallbacks_table(replaced: Sequence[tuple[int, int, int, str, str]], track_ids: IntArray) -> pa.Table:
     """Return the rows of ``fallbacks.parquet``, by future, step, vehicle.
 
     Args:
-        replaced: number of the future, step, index of the vehicle, reason.
-        futures: (C,) numbers, ascending.
-        assignment: (C, V) index into `names`.
+        replaced: number of the future, step, index of the vehicle, name of the model, reason.
     """
-    future, step, vehicle, reason = zip(*sorted(replaced), strict=True)
-    model = assignment[np.searchsorted(futures, future), list(vehicle)]
-    return pa.table(
-        {
-            "future": pa.array(future, pa.int64()),
-            "track_id": np.asarray(track_ids, dtype=np.int64)[list(vehicle)],
-            "step": pa.array(step, pa.int64()),
-            "model": pa.array([names[m] for m in model.tolist()], pa.string()),
-            "reason": pa.array(reason, pa.string()),
-        }
-    )
+    future, step, vehicle, model, reason = zip(*sorted(replaced), strict=True)
+    ids = np.asarray(track_ids, dtype=np.int64)[list(vehicle)]
+    return pa.table({"future": future, "track_id": ids, "step": step, "model": model, "reason": reason})
 
 
 def count_fallbacks(
@@ -49,18 +33,17 @@ def count_fallbacks(
         assignment: (C, V) index into `names`.
         rounds: plans of a vehicle in a future.
     """
-    models = np.asarray(table["model"].to_pylist())
     counts = []
     for index, name in enumerate(names):
-        mine = table.filter(pa.array(models == name))
-        if mine.num_rows:
+        own = table.filter(pc.equal(table["model"], name)).drop_columns(["model"]).to_pylist()
+        if own:
             counts.append(
                 {
                     "model": name,
-                    "replaced": mine.num_rows,
+                    "replaced": len(own),
                     "plans": int((assignment == index).sum()) * rounds,
-                    "futures": len(set(mine["future"].to_pylist())),
-                    "first": mine.drop_columns(["model"]).slice(0, 1).to_pylist()[0],
+                    "futures": len({plan["future"] for plan in own}),
+                    "first": own[0],
                 }
             )
     return counts

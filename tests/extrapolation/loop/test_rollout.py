@@ -122,9 +122,9 @@ def test_plans_that_are_not_the_models_own_are_counted_with_future_vehicle_step_
             plan, fallback=late & (np.arange(len(late)) == 0), reasons=("lost",) * len(late)
         )
 
-    cast = dataclasses.replace(cast_of(Straight(fall_back), scene, 1), futures=np.array([7]))
-    rollout = roll_out(PlainWorld(scene.now.repeat(1)), ROAD, scene, cast, steps=10, replan=5)
-    assert rollout.replaced == (Replaced(future=7, vehicle=0, step=5, reason="lost"),)
+    batch = dataclasses.replace(cast_of(Straight(fall_back), scene, 1), futures=np.array([7]))
+    rollout = roll_out(PlainWorld(scene.now.repeat(1)), ROAD, scene, batch, steps=10, replan=5)
+    assert rollout.replaced == (Replaced(future=7, step=5, vehicle=0, model=batch.names[0], reason="lost"),)
 
 
 def test_no_model_can_change_what_the_others_see() -> None:

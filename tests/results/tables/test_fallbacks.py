@@ -16,21 +16,16 @@ ASSIGNMENT = np.array([[0, 1], [1, 1], [1, 0]])
 TRACKS = np.array([17, 23])
 
 
-def table_of(futures: list[int], *rows: tuple[int, int, int, str]):  # type: ignore[no-untyped-def]
+def table_of(*rows: tuple[int, int, int, str]):  # type: ignore[no-untyped-def]
     """Table of rows of future, vehicle, step and reason."""
     if not rows:
         return None
-    return fallbacks_table(
-        [(c, step, vehicle, why) for c, vehicle, step, why in rows],
-        futures=np.array(futures),
-        assignment=ASSIGNMENT[futures],
-        names=NAMES,
-        track_ids=TRACKS,
-    )
+    replaced = [(c, step, vehicle, NAMES[ASSIGNMENT[c, vehicle]], why) for c, vehicle, step, why in rows]
+    return fallbacks_table(replaced, TRACKS)
 
 
 def test_rows_are_ordered_and_name_vehicle_and_model() -> None:
-    table = table_of([1, 2], (2, 0, 5, "late"), (1, 1, 0, "lost"), (1, 0, 0, "lost"))
+    table = table_of((2, 0, 5, "late"), (1, 1, 0, "lost"), (1, 0, 0, "lost"))
     assert table.to_pydict() == {
         "future": [1, 1, 2],
         "track_id": [17, 23, 17],
@@ -48,7 +43,7 @@ def test_batches_of_any_size_leave_the_same_table(tmp_path: Path) -> None:
     def collected(name: str, *batches: list[int]):  # type: ignore[no-untyped-def]
         folder = ResultFolder(tmp_path / name, {"seed": 1})
         for batch in batches:
-            own = table_of(batch, *(row for row in rows if row[0] in batch))
+            own = table_of(*(row for row in rows if row[0] in batch))
             save_part(folder.path, dataclasses.replace(part_of(batch), fallbacks=own))
         return next(folder.in_order(3, size=3)).fallbacks
 
