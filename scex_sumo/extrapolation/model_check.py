@@ -48,13 +48,13 @@ def check_model(text: str) -> tuple[list[str], int, tuple[float, float]]:
             f"{_share(different)} differ when the same is asked again: draw from rng, and keep nothing"
         )
     else:
-        part = np.array(OTHER_BATCH)
-        other, _, _ = _planned(model, name, history.part(part))
-        rows = [np.flatnonzero(vehicles.future == future) for future in part]
+        other_futures = np.array(OTHER_BATCH)
+        other, _, _ = _planned(model, name, history.part(other_futures))
+        rows = [np.flatnonzero(vehicles.future == future) for future in other_futures]
         if (different := ~_same(first[np.concatenate(rows)], other)).any():
             faults.append(
-                f"{_share(different)} differ in a batch of {len(part)} other futures: draw for a vehicle "
-                "from its own future's rng alone, and compute row by row"
+                f"{_share(different)} differ in a batch of {len(other_futures)} other futures: draw for a "
+                "vehicle from its own future's rng alone, and compute row by row"
             )
     return faults, len(vehicles), (seconds, shifted)
 

@@ -101,7 +101,7 @@ class RunOptions:
             return 1
         if self.workers != AUTO:
             return min(1 if self.workers is None else int(self.workers), settings.count or MAX_FUTURES)
-        tested = [one for one in settings.under_test.values() if one is not None]
+        tested = [model for model in settings.under_test.values() if model is not None]
         given = chain.from_iterable(map(model_specs, [*settings.assign.values(), *tested]))
         if any(map(is_own, chain(settings.drawn, given))):
             return 1

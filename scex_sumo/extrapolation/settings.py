@@ -14,14 +14,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.options import number_or_name, option
 from scex_sumo.behaviors.base import PLAN_STEPS
 from scex_sumo.drivers.registry import DEFAULT_MODELS, ModelSpec, is_own, model_specs
-from scex_sumo.metrics.registry import (
-    BOTH,
-    Metric,
-    column_named,
-    columns_of,
-    describe_metrics,
-    metrics_asked,
-)
+from scex_sumo.metrics.registry import BOTH, Metric, column_named, columns_of, describe_metrics, metrics_asked
 from scex_sumo.scene import SeedScene
 from scex_sumo.world.base import DEFAULT_WORLD, WORLDS
 

@@ -39,14 +39,14 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None) -> P
         All futures, with their first step only.
     """
     parts = _written_tracks(folder, job)
-    part = joined_parts([dataclasses.replace(p, states=p.states[:, :1].map(np.copy)) for p in parts])
+    all_futures = joined_parts([dataclasses.replace(p, states=p.states[:, :1].map(np.copy)) for p in parts])
     intervals = job.intervals
     columns = job.settings.columns
-    metrics = values_table(columns, part.values, part.defined, part.futures)
-    assert part.collisions is not None and part.encounters is not None
-    hit = collided(part.collisions, part.futures)
+    metrics = values_table(columns, all_futures.values, all_futures.defined, all_futures.futures)
+    assert all_futures.collisions is not None and all_futures.encounters is not None
+    hit = collided(all_futures.collisions, all_futures.futures)
     folder.write_table("metrics.parquet", metrics.append_column(COLLISION, pa.array(hit)))
-    met = rows_in(Encounters, part.encounters)
+    met = rows_in(Encounters, all_futures.encounters)
     folder.write_table(
         ENCOUNTERS,
         encounters_table(
@@ -54,16 +54,16 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None) -> P
             track_ids=job.scene.track_ids,
             models=np.array(job.models.names)[job.assignment],
             intervals=intervals,
-            collisions=part.collisions,
+            collisions=all_futures.collisions,
             scene=job.scene,
         ),
     )
     folder.write_table(PAIR_OUTCOMES, outcomes_table(met, job.scene.track_ids))
-    if part.tested is not None:
-        values, defined = part.tested.swapaxes(0, 1)
-        folder.write_table(UNDER_TEST, values_table(columns, values, defined > 0, part.futures))
+    if all_futures.tested is not None:
+        values, defined = all_futures.tested.swapaxes(0, 1)
+        folder.write_table(UNDER_TEST, values_table(columns, values, defined > 0, all_futures.futures))
     for name in TABLES:
-        if name != "encounters" and (table := getattr(part, name)) is not None:
+        if name != "encounters" and (table := getattr(all_futures, name)) is not None:
             folder.write_table(f"{name}.parquet", table)
     folder.write_table("assignments.parquet", assignments_table(job.scene, job.assignment, job.models.names))
     folder.write_table(DENSITIES, densities_table(metrics, columns, intervals))
@@ -73,7 +73,7 @@ def write_tables(folder: ResultFolder, job: Job, recorded: Recorded | None) -> P
     write_tracks(folder.path / "seed.csv", job.scene)
     save_road(folder.path, job.road)
     save_intentions(folder.path, job.scene)
-    return part
+    return all_futures
 
 
 def _written_tracks(folder: ResultFolder, job: Job) -> Iterator[Part]:

@@ -123,17 +123,17 @@ def replaying(scene: SeedScene, kept: Sequence[int]) -> SeedScene:
 
 def some_obstacles(others: Obstacles, keep: BoolArray) -> Obstacles | None:
     """Return some obstacles; None if there are none."""
-    at = np.flatnonzero(keep)
-    if not len(at):
+    kept = np.flatnonzero(keep)
+    if not len(kept):
         return None
     return Obstacles(
-        ids=tuple(others.ids[k] for k in at),
-        types=tuple(others.types[k] for k in at),
-        length=others.length[at],
-        width=others.width[at],
-        states=others.states[at],
-        present=others.present[at],
-        walks=tuple(others.walks[k] for k in at) if others.walks else (),
+        ids=tuple(others.ids[k] for k in kept),
+        types=tuple(others.types[k] for k in kept),
+        length=others.length[kept],
+        width=others.width[kept],
+        states=others.states[kept],
+        present=others.present[kept],
+        walks=tuple(others.walks[k] for k in kept) if others.walks else (),
     )
 
 

@@ -125,14 +125,14 @@ class Parts:
 
 def _loaded(file: Path, rows: IntArray) -> Part:
     with np.load(file) as data:
-        some: dict[str, Any] = {name: data[name][rows] for name in _ARRAYS if name in data}
-        some["states"] = States(**{name: data[name][rows] for name in _STATES})
-        mine = pa.array(some["futures"])
+        columns: dict[str, Any] = {name: data[name][rows] for name in _ARRAYS if name in data}
+        columns["states"] = States(**{name: data[name][rows] for name in _STATES})
+        mine = pa.array(columns["futures"])
         for name in TABLES:
             if name in data:
                 table = _unpacked(data[name])
-                some[name] = table.filter(pc.is_in(table["future"], value_set=mine))
-    return Part(**some)
+                columns[name] = table.filter(pc.is_in(table["future"], value_set=mine))
+    return Part(**columns)
 
 
 def joined_parts(parts: Sequence[Part]) -> Part:

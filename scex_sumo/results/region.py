@@ -118,7 +118,7 @@ def region_of(given: str | int) -> Region:
     if isinstance(given, int) or "," not in given:
         return Region(around=number_or_name(str(given)))
     try:
-        x, y, radius = (float(part) for part in given.split(","))
+        x, y, radius = (float(number) for number in given.split(","))
     except ValueError:
         raise UsageError(
             f"--region {given}: needs X,Y,R in m, or a vehicle, e.g. --region 1010,985,40"

@@ -39,7 +39,7 @@ def save_intentions(folder: Path, scene: SeedScene) -> None:
     if scene.intentions:
         from scex_sumo.intention import Stop
 
-        known = tuple(one and {**vars(one), "lanes": (), "arrives": ()} for one in scene.intentions)
+        known = tuple(plan and {**vars(plan), "lanes": (), "arrives": ()} for plan in scene.intentions)
         walks = () if scene.obstacles is None else tuple(map(tuple, scene.obstacles.walks))
         write_atomic(folder / INTENTIONS, zlib.compress(pack((known, walks), (Stop,))))
 
@@ -52,7 +52,7 @@ def load_intentions(folder: Path) -> tuple[tuple[Intention | None, ...], tuple[W
 
     try:
         known, walks = _unpacked(folder / INTENTIONS, (Stop,))
-        return tuple(one and Intention(**one) for one in known), tuple(Walk(*walk) for walk in walks)
+        return tuple(plan and Intention(**plan) for plan in known), tuple(Walk(*walk) for walk in walks)
     except (TypeError, ValueError):
         raise ResultError(f"{folder / INTENTIONS}: holds no intentions; run again") from None
 

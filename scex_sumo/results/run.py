@@ -206,8 +206,8 @@ class Run:
         if len(words) != 2 or not all(w in known or w.removeprefix("-").isdecimal() for w in words):
             vehicles = ", ".join([*known][:20])
             raise UsageError(f"{option} {text}: needs two vehicles, e.g. {option} 11,7; known: {vehicles}")
-        one, other = (known[word] if word in known else int(word) for word in words)
-        return one, other
+        first, other = (known[word] if word in known else int(word) for word in words)
+        return first, other
 
     def states(self, future: int) -> States:
         """Return the states (V, T) of a future; frames 1 to 10 are the history, 10 is the seed scene.

@@ -88,9 +88,9 @@ class UnderTest:
         if run.baseline is None:
             raise ResultError(f"{run.folder}: its baseline was not run; run again")
         driven: dict[Driven, Run] = {"under_test": run, "baseline": run.baseline}
-        hits = {k: first_contacts(one.collisions) for k, one in driven.items()}
+        hits = {k: first_contacts(result.collisions) for k, result in driven.items()}
         tested, without = (
-            _with_own_collisions(one.table(UNDER_TEST), hits[k], known) for k, one in driven.items()
+            _with_own_collisions(result.table(UNDER_TEST), hits[k], known) for k, result in driven.items()
         )
         if without["future"] != tested["future"]:
             raise ResultError(f"{run.baseline.folder}: its futures are not those of {run.folder}; run again")
@@ -99,7 +99,7 @@ class UnderTest:
             metrics=tested,
             baseline=without,
             runs=driven,
-            injuries={k: _own_injuries(hits[k], known, one.futures) for k, one in driven.items()},
+            injuries={k: _own_injuries(hits[k], known, result.futures) for k, result in driven.items()},
         )
 
     @property
@@ -149,23 +149,23 @@ class UnderTest:
 
     def difference(self, column: str) -> Difference:
         """Compare each future with its baseline."""
-        one, there = self.values(column)
-        two, there_too = self.values(column, "baseline")
+        tested, there = self.values(column)
+        baseline, there_too = self.values(column, "baseline")
         both = there & there_too
         sign = -1.0 if self.metric(column).side == "left" else 1.0
         known, limit = self._limit(column), float("nan")  # without a threshold no future is critical
         limit = limit if known is None else known
-        change = signs(sign * one[both], sign * two[both])
-        critical = [is_critical(values[both], self.metric(column), limit) for values in (one, two)]
+        change = signs(sign * tested[both], sign * baseline[both])
+        critical = [is_critical(values[both], self.metric(column), limit) for values in (tested, baseline)]
         newly, no_longer = (int((a & ~b).sum()) for a, b in (critical, critical[::-1]))
         return Difference(
             column=column,
-            under_test=_median(one[there]),
-            baseline=_median(two[there_too]),
+            under_test=_median(tested[there]),
+            baseline=_median(baseline[there_too]),
             futures=int(both.sum()),
             worse=int((change > 0).sum()),
             better=int((change < 0).sum()),
-            p_value=signed_rank(one[both], two[both]),
+            p_value=signed_rank(tested[both], baseline[both]),
             p_critical=self.p_critical(column),
             baseline_p_critical=self.p_critical(column, "baseline"),
             newly_critical=newly,

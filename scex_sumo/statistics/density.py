@@ -219,9 +219,9 @@ def _normal_cdf(z: FloatArray) -> FloatArray:
 
 def _ranges(start: IntArray, stop: IntArray) -> tuple[IntArray, IntArray]:
     length = stop - start
-    row = np.repeat(np.arange(length.size), length)
+    index = np.repeat(np.arange(length.size), length)
     offset = np.repeat(np.cumsum(length) - length, length)
-    return row, np.arange(row.size) - offset + np.repeat(start, length)
+    return index, np.arange(index.size) - offset + np.repeat(start, length)
 
 
 def split_atoms(samples: ArrayLike) -> tuple[tuple[Atom, ...], FloatArray]:
@@ -230,7 +230,7 @@ def split_atoms(samples: ArrayLike) -> tuple[tuple[Atom, ...], FloatArray]:
     An atom is a finite value of more than `MIN_SHARE` of the samples, and of at least two.
     """
     values = checked(samples, "atoms")
-    at, counts = np.unique(values + 0.0, return_counts=True)  # -0.0 becomes 0.0
-    many = (counts > max(MIN_SHARE * values.size, 1)) & np.isfinite(at)
-    each = zip(at[many].tolist(), (counts[many] / values.size).tolist(), strict=True)
-    return tuple(Atom(value=v, share=s) for v, s in each), values[~np.isin(values, at[many])]
+    distinct, counts = np.unique(values + 0.0, return_counts=True)  # -0.0 becomes 0.0
+    many = (counts > max(MIN_SHARE * values.size, 1)) & np.isfinite(distinct)
+    frequent = zip(distinct[many].tolist(), (counts[many] / values.size).tolist(), strict=True)
+    return tuple(Atom(value=v, share=s) for v, s in frequent), values[~np.isin(values, distinct[many])]

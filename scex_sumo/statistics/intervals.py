@@ -58,8 +58,8 @@ class DesignIntervals:
         self.count = len(levels)
         factors = _factors(np.asarray(levels, dtype=np.int64), shares)
         self.whole = design == "all"
-        some = MIN_FUTURES <= self.count <= MAX_FUTURES
-        self.balanced = design not in ("random", "all") and bool(factors) and some
+        enough = MIN_FUTURES <= self.count <= MAX_FUTURES
+        self.balanced = design not in ("random", "all") and bool(factors) and enough
         self._blocks: list[_Block] = []
         self._widths: dict[bytes, FloatArray] = {}
         if self.balanced:
@@ -108,16 +108,16 @@ class DesignIntervals:
         number = np.full(spread.shape, np.inf if self.whole else float(self.count))
         if not self.balanced:
             return number
-        some = np.flatnonzero(spread > 0)
-        if not len(some):
+        uncertain = np.flatnonzero(spread > 0)
+        if not len(uncertain):
             return number
         seen = self.count / (self.count + _PRIOR_FUTURES)
-        typical = spread[some] * float(self._weight() @ self._blocks[0].of_orders(_TYPICAL))
-        variance = seen * self.variance(critical[:, some]) + (1 - seen) * typical
+        typical = spread[uncertain] * float(self._weight() @ self._blocks[0].of_orders(_TYPICAL))
+        variance = seen * self.variance(critical[:, uncertain]) + (1 - seen) * typical
         # A design of all assignments leaves only rounding.
-        known = variance <= 1e-12 * spread[some]
-        ratio = spread[some] / np.where(known, 1.0, variance)
-        number[some] = np.where(known, np.inf, np.maximum(ratio, self.count))
+        known = variance <= 1e-12 * spread[uncertain]
+        ratio = spread[uncertain] / np.where(known, 1.0, variance)
+        number[uncertain] = np.where(known, np.inf, np.maximum(ratio, self.count))
         return number
 
     def half_width(self, values: FloatArray) -> float:
@@ -135,15 +135,15 @@ class DesignIntervals:
         known = ~np.isnan(values)
         counts = known.sum(axis=0)
         widths = np.array([min(dkw_half_width(n), 1.0) if n else 1.0 for n in counts])
-        some = np.flatnonzero(counts)
+        defined = np.flatnonzero(counts)
         if self.whole:
-            widths[some] = 0.0
-        if not self.balanced or some.size == 0:
+            widths[defined] = 0.0
+        if not self.balanced or defined.size == 0:
             return widths
-        linear = [_linearised(values[:, m], known[:, m]) for m in some]
+        linear = [_linearised(values[:, m], known[:, m]) for m in defined]
         spreads = np.sqrt(self.variance(np.concatenate(linear, axis=1)))
-        ends = np.cumsum([part.shape[1] for part in linear])[:-1]
-        for m, spread in zip(some, np.split(spreads, ends), strict=True):
+        ends = np.cumsum([columns.shape[1] for columns in linear])[:-1]
+        for m, spread in zip(defined, np.split(spreads, ends), strict=True):
             # The band of independent draws, in largest standard deviations of a share.
             width = 2 * float(np.quantile(spread, _WIDEST)) * dkw_half_width(1)
             widths[m] = min(widths[m], width)
@@ -204,7 +204,7 @@ class _Block:
         """Return (K + 1, M) quadratic forms of the residuals of values (R, M)."""
         residuals = self._matrices[0] @ values
         alike = [kernel @ residuals for kernel in self._matrices[1:]]  # the rest has the identity
-        return np.stack([(residuals * part).sum(axis=0) for part in (*alike, residuals)])
+        return np.stack([(residuals * product).sum(axis=0) for product in (*alike, residuals)])
 
 
 def _kernels(factors: Sequence[tuple[IntArray, FloatArray]]) -> list[FloatArray]:
@@ -226,12 +226,12 @@ def _nonnegative(design: FloatArray, forms: FloatArray) -> FloatArray:
     best, solved = np.zeros(forms.shape[1]), np.zeros(forms.shape)
     for size in range(1, count + 1):
         for members in combinations(range(count), size):
-            part = list(members)
-            solution = np.linalg.lstsq(design[np.ix_(part, part)], forms[part], rcond=None)[0]
-            cost = -(solution * forms[part]).sum(axis=0)
+            chosen = list(members)
+            solution = np.linalg.lstsq(design[np.ix_(chosen, chosen)], forms[chosen], rcond=None)[0]
+            cost = -(solution * forms[chosen]).sum(axis=0)
             better = np.all(solution >= 0, axis=0) & (cost < best)
             best = np.where(better, cost, best)
             full = np.zeros(forms.shape)
-            full[part] = solution
+            full[chosen] = solution
             solved = np.where(better, full, solved)
     return solved

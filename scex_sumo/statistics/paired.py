@@ -12,14 +12,14 @@ from scex_sumo.base.arrays import FloatArray
 ROUNDING: Final = 1e-9  # in the metric's unit
 
 
-def signs(one: FloatArray, two: FloatArray) -> FloatArray:
+def signs(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return (n,) signs of one - two; 0 for equal infinities and differences by rounding."""
     with np.errstate(invalid="ignore"):
-        same = (one == two) | (np.abs(one - two) < ROUNDING)
-    return np.where(same, 0.0, np.where(one > two, 1.0, -1.0))
+        same = (first == second) | (np.abs(first - second) < ROUNDING)
+    return np.where(same, 0.0, np.where(first > second, 1.0, -1.0))
 
 
-def signed_rank(one: FloatArray, two: FloatArray) -> float:
+def signed_rank(first: FloatArray, second: FloatArray) -> float:
     """Return the two-sided p of Wilcoxon's signed-rank test, zeros after Pratt; NaN if all pairs are equal.
 
     Infinite differences are the largest. Normal approximation with the variance of the present ranks. Source:
@@ -27,11 +27,11 @@ def signed_rank(one: FloatArray, two: FloatArray) -> float:
     """
     from scipy.special import ndtr
 
-    direction = signs(one, two)
+    direction = signs(first, second)
     if not direction.any():
         return float("nan")
-    finite = np.isfinite(one) & np.isfinite(two)
-    size = np.where(finite, np.abs(np.where(finite, one, 0.0) - np.where(finite, two, 0.0)), np.inf)
+    finite = np.isfinite(first) & np.isfinite(second)
+    size = np.where(finite, np.abs(np.where(finite, first, 0.0) - np.where(finite, second, 0.0)), np.inf)
     size[direction == 0] = 0.0
     ordered = np.sort(size)
     below, not_above = (np.searchsorted(ordered, size, side=end) for end in ("left", "right"))

@@ -59,8 +59,8 @@ def _human_like(run: Run) -> dict[str, Any] | None:
 
 
 def _both(run: Run, share: Any) -> dict[str, Any]:
-    ones = {"stress_test": run, "human_like": run.reference}
-    return {name: None if one is None else interval(share(one)) for name, one in ones.items()}
+    results = {"stress_test": run, "human_like": run.reference}
+    return {name: None if result is None else interval(share(result)) for name, result in results.items()}
 
 
 def _in_words(run: Run | None) -> str | None:
@@ -77,7 +77,7 @@ def _metric(run: Run, column: str) -> dict[str, Any]:
         "recorded": run.recorded_value(column),
         "median": float(np.median(samples)) if len(samples) else None,
         "defined": len(samples),
-        **_both(run, lambda one: None if limit is None else one.p_critical(column, threshold=limit)),
+        **_both(run, lambda result: None if limit is None else result.p_critical(column, threshold=limit)),
     }
 
 

@@ -107,8 +107,9 @@ def _run(
     if "children" in options:  # the former name
         options["futures"] = options.pop("children")
     values, others = split_options(options, RUN_OPTIONS)
-    for one in (one for kind in RUN_OPTIONS for one in dataclasses.fields(kind) if one.name in options):
-        check_argument(one.name, options[one.name], str(one.type))
+    types = {field.name: str(field.type) for kind in RUN_OPTIONS for field in dataclasses.fields(kind)}
+    for name, value in options.items():
+        check_argument(name, value, types[name])
     settings = RunSettings(**values) if settings is None else dataclasses.replace(settings, **values)
     how = RunOptions(bar=partial(progress_of, progress), **others)
     with one_at_a_time, Workers(how.processes(settings)) as pool:

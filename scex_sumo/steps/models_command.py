@@ -45,7 +45,7 @@ def _check(name: str | None) -> None:
     if name is None:
         raise UsageError("--check: name a driver, e.g. scex-sumo models mine:Class --check")
     faults, plans, seconds = check_model(name)
-    first, second = (f"{1000 * each:.2g} ms" for each in seconds)
+    first, second = (f"{1000 * duration_s:.2g} ms" for duration_s in seconds)
     print(f"{name}: {plans} plans, {first} each, {second} the second time")
     if faults:
         raise ScexError(f"{name}: {'; '.join(faults)}")

@@ -61,10 +61,12 @@ class Crashes:
         self.crashed[which] = True
         return which, slide(after[which], speed[which], steps)
 
-    def _impacts(self, states: States, future: IntArray, one: IntArray, two: IntArray) -> list[FloatArray]:
+    def _impacts(
+        self, states: States, future: IntArray, first: IntArray, second: IntArray
+    ) -> list[FloatArray]:
         """Return the speeds (n,) of both vehicles after the impact, m/s; their own if they part."""
-        share = self._mass[one] / (self._mass[one] + self._mass[two])
-        pair = [states[future, vehicle] for vehicle in (one, two)]
+        share = self._mass[first] / (self._mass[first] + self._mass[second])
+        pair = [states[future, vehicle] for vehicle in (first, second)]
         velocity = [now.speed * np.exp(1j * now.heading) for now in pair]  # complex: x and y
         common = share * velocity[0] + (1 - share) * velocity[1]
         between = (pair[1].x - pair[0].x) + 1j * (pair[1].y - pair[0].y)
@@ -107,10 +109,10 @@ def touch_in_simulation(scene: SeedScene) -> list[tuple[int, int]]:
         types=scene.types,
     )
     hits = find_collisions(tracks, limit_m2=CONTACT_M2)
-    one, two = (states.heading[vehicles, hits.step] for vehicles in (hits.first, hits.second))
+    heading, other_heading = (states.heading[vehicles, hits.step] for vehicles in (hits.first, hits.second))
     outline = scene.length * scene.width
     smaller = np.minimum(outline[hits.first], outline[hits.second])
-    nets = (np.abs(wrap(one - two)) > _ASLANT_RAD) & (hits.overlap < _GRAZE * smaller)
+    nets = (np.abs(wrap(heading - other_heading)) > _ASLANT_RAD) & (hits.overlap < _GRAZE * smaller)
     return list(zip(hits.first[nets].tolist(), hits.second[nets].tolist(), strict=True))
 
 
@@ -118,6 +120,6 @@ def uncounted(scene: SeedScene) -> BoolArray:
     """Return (V, V) whether a contact of two is no collision: two people, and `touch_in_simulation`."""
     people = np.zeros(scene.vehicles, np.bool_) if scene.people is None else scene.people
     pairs: BoolArray = people[:, None] & people
-    for one, two in touch_in_simulation(scene):
-        pairs[one, two] = pairs[two, one] = True
+    for first, second in touch_in_simulation(scene):
+        pairs[first, second] = pairs[second, first] = True
     return pairs

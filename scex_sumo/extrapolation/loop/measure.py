@@ -153,9 +153,9 @@ def measure_recorded(
     if scene.future is None or scene.future_valid is None or scene.future.shape[1] == 0:
         return None
     assert scene.road is not None
-    one, count = np.zeros(1, dtype=np.int64), scene.vehicles
+    future, count = np.zeros(1, dtype=np.int64), scene.vehicles
     batch = Batch(
-        futures=one,
+        futures=future,
         assignment=np.zeros((1, count), dtype=np.int64),
         models=[Replay()],
         names=["replay"],
@@ -183,10 +183,10 @@ def recorded_steps_of(scene: SeedScene, steps: int) -> BoolArray:
 
 def overlapping_at_first(scene: SeedScene) -> list[tuple[int, int]]:
     """Return the pairs of vehicles (indices) whose boxes overlap at the seed moment."""
-    now, (one, two) = scene.now, np.triu_indices(scene.vehicles, 1)
-    boxes = [Rectangles.of(now[side], scene.length[side], scene.width[side]) for side in (one, two)]
-    at = np.flatnonzero(overlap_area(*boxes) > OVERLAP_M2)
-    return list(zip(one[at].tolist(), two[at].tolist(), strict=True))
+    now, (first, second) = scene.now, np.triu_indices(scene.vehicles, 1)
+    boxes = [Rectangles.of(now[side], scene.length[side], scene.width[side]) for side in (first, second)]
+    overlapping = np.flatnonzero(overlap_area(*boxes) > OVERLAP_M2)
+    return list(zip(first[overlapping].tolist(), second[overlapping].tolist(), strict=True))
 
 
 def evaluated_tracks(

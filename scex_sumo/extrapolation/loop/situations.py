@@ -30,10 +30,10 @@ def plans_of(
     if road.left_hand:
         yield from _mirrored_plans(models, groups, history, road, rng, steps)
         return
-    some = [index for index, vehicles in enumerate(groups) if len(vehicles)]
-    along = _intents({index: models[index] for index in some}, history, road, groups)
+    driving = [index for index, vehicles in enumerate(groups) if len(vehicles)]
+    along = _intents({index: models[index] for index in driving}, history, road, groups)
     together = dict(zip(along, driven(history, list(along.values()), steps), strict=True))
-    for index in some:
+    for index in driving:
         plan = together.get(index)
         yield index, plan_once(models[index], history, road, groups[index], rng) if plan is None else plan
 

@@ -33,7 +33,7 @@ def schema(*names: str | Iterable[str], **others: pa.DataType) -> pa.Schema:
         names: of its columns in order: words of a text, or names. Those of no other type are float64.
         others: types that columns have in this table alone.
     """
-    words = [word for part in names for word in (part.split() if isinstance(part, str) else part)]
+    words = [word for group in names for word in (group.split() if isinstance(group, str) else group)]
     return pa.schema([(word, (_TYPES | others).get(word, pa.float64())) for word in words])
 
 

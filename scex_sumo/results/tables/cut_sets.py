@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain, combinations, product
+from itertools import chain, product
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -92,20 +92,20 @@ class DrawnModels:
         others = np.delete(np.arange(vehicles), pair)
         beside = self._has[:, others].reshape(len(happens), -1)
         choices = [[(v, m) for m in range(count)] for v in pair]
-        for own in [(), *((one,) for one in chain(*choices)), *product(*choices)]:
+        for own in [(), *product(chain(*choices)), *product(*choices)]:
             base: _Set = frozenset(own)
             rows = np.all([self._has[:, v, m] > 0 for v, m in own] or [happens >= 0], axis=0)
-            if happens[rows].sum() < LEAST_FUTURES or _has_part(base, counts):
+            if happens[rows].sum() < LEAST_FUTURES or any(smaller <= base for smaller in counts):
                 continue
             if happens[rows].all():
                 counts[base] = int(rows.sum())
                 continue
             for columns, futures in _always(beside[rows], happens[rows]):
                 whole = base | {(int(others[c // count]), c % count) for c in columns}
-                if not _has_part(whole, counts):
+                if not any(smaller <= whole for smaller in counts):
                     counts[whole] = futures
-        order = sorted(counts, key=lambda one: (-counts[one], len(one), sorted(one)))
-        return [self._row(sorted(one), counts[one]) for one in order]
+        order = sorted(counts, key=lambda members: (-counts[members], len(members), sorted(members)))
+        return [self._row(sorted(members), counts[members]) for members in order]
 
     def _row(self, members: Sequence[tuple[int, int]], futures: int) -> dict[str, Any]:
         ids, models = [int(self.track_ids[v]) for v, _ in members], [self._names[m] for _, m in members]
@@ -119,17 +119,12 @@ class DrawnModels:
         rows = []
         for v, (m, name) in product(pair, enumerate(self._names)):
             has = self._has[:, v, m] > 0
-            if (futures := int(has.sum())) < len(has):  # a vehicle with one model tells nothing
-                hit = int(happens[has].sum())
-                lift = hit / futures / float(happens.mean()) if futures else 0.0
-                one = {"track_id": int(self.track_ids[v]), "model": name}
-                rows += [one | {"futures": futures, "happened": hit, "lift": lift}] * (futures > 0)
+            futures, happened = int(has.sum()), int(happens[has].sum())
+            if 0 < futures < len(has):  # a vehicle with one model tells nothing
+                counts = {"futures": futures, "happened": happened}
+                lift = happened / futures / float(happens.mean())
+                rows.append({"track_id": int(self.track_ids[v]), "model": name, **counts, "lift": lift})
         return rows
-
-
-def _has_part(one: _Set, counts: Mapping[_Set, int]) -> bool:
-    parts = (part for size in range(len(one) + 1) for part in combinations(sorted(one), size))
-    return any(frozenset(part) in counts for part in parts)
 
 
 def _always(has: NDArray[np.float32], happens: BoolArray) -> Iterator[tuple[tuple[int, ...], int]]:
@@ -140,7 +135,8 @@ def _always(has: NDArray[np.float32], happens: BoolArray) -> Iterator[tuple[tupl
         happens: (C,).
     """
     frequent = np.flatnonzero(has[happens].sum(axis=0) >= LEAST_FUTURES)
-    hits, misses = (part[:, frequent].T @ part[:, frequent] for part in (has[happens], has[~happens]))
+    often = has[:, frequent]
+    hits, misses = (often[rows].T @ often[rows] for rows in (happens, ~happens))
     alone = np.diag(hits) / np.diag(hits + misses)
     before = np.maximum(np.maximum.outer(alone, alone), happens.mean())  # share with one model less
     np.fill_diagonal(before, happens.mean())
@@ -159,17 +155,17 @@ def cut_set_words(row: Mapping[str, Any]) -> list[str]:
     """
     sentences: list[tuple[int, dict[int, list[str]]]] = []
     names = dict(zip((row["track_id"], row["other_id"]), ends(row), strict=True))
-    for one in row["cut_sets"] or ():
-        own = {track: [model] for track, model in zip(one["track_ids"], one["models"], strict=True)}
+    for cut_set in row["cut_sets"] or ():
+        own = {track: [model] for track, model in zip(cut_set["track_ids"], cut_set["models"], strict=True)}
         for k, (futures, models) in enumerate(sentences):
             differ = [track for track in own if own[track] != models.get(track)]
             if own.keys() == models.keys() and len(differ) == 1:
                 joined = models | {differ[0]: models[differ[0]] + own[differ[0]]}
-                sentences[k] = futures + one["futures"], joined
+                sentences[k] = futures + cut_set["futures"], joined
                 break
         else:
-            sentences.append((one["futures"], own))
-    sentences.sort(key=lambda each: -each[0])
+            sentences.append((cut_set["futures"], own))
+    sentences.sort(key=lambda sentence: -sentence[0])
     return [
         _phrase(futures, {names.get(track, str(track)): drawn for track, drawn in models.items()})
         for futures, models in sentences
@@ -183,4 +179,4 @@ def _phrase(futures: int, models: Mapping[str, Sequence[str]]) -> str:
 
 def _any_of(models: Sequence[str]) -> str:
     words = [WORDS.get(model, f"drives as {model}") for model in models]
-    return " or ".join(part for part in (", ".join(words[:-1]), words[-1]) if part)
+    return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))

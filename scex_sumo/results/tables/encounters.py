@@ -106,11 +106,11 @@ def encounters_table(
         rows.append(row)
     if scene is not None and scene.road is not None:
         number = {track: v for v, track in enumerate(scene.track_ids.tolist())}
-        columns = ([number[row[name]] for row in rows] for name in ("track_id", "other_id"))
-        one, other = (np.array(column, np.int64) for column in columns)
+        by_end = ([number[row[name]] for row in rows] for name in ("track_id", "other_id"))
+        first, second = (np.array(vehicles, np.int64) for vehicles in by_end)
         places = places_of(scene.road, np.array([(row["x"], row["y"]) for row in rows]).reshape(-1, 2))
-        doubts = doubts_of(scene, one, other, names=scene.names)
-        for row, a, b, place, doubt in zip(rows, one, other, places, doubts, strict=True):
+        doubts = doubts_of(scene, first, second, names=scene.names)
+        for row, a, b, place, doubt in zip(rows, first, second, places, doubts, strict=True):
             row |= {"place": place, "doubt": doubt, "name": scene.names[a], "other_name": scene.names[b]}
     rows.sort(key=criticality)
     return pa.Table.from_pylist(rows, schema=SCHEMA)
@@ -119,7 +119,7 @@ def encounters_table(
 def outcomes_table(encounters: Encounters, track_ids: IntArray) -> pa.Table:
     """Tabulate the values of `MEASURED` events by pair and future, as ``OUTCOMES_SCHEMA`` says."""
     values = {event.column: event.defined(getattr(encounters, event.value)) for event in MEASURED}
-    defined = np.any([~np.isnan(part) for part in values.values()], axis=0)
+    defined = np.any([~np.isnan(measured) for measured in values.values()], axis=0)
     a, b = np.sort(np.asarray(track_ids)[np.stack([encounters.first, encounters.second])], axis=0)
     order = np.lexsort((encounters.future, b, a))
     rows = order[defined[order]]
@@ -150,7 +150,7 @@ def _row(
     track_ids, models = drawn.track_ids, drawn.models
     first, second = int(encounters.first[mine[0]]), int(encounters.second[mine[0]])
     worst = next(
-        (part for name in ("collision", "critical") if (part := mine[answers[name][mine]]).size), mine
+        (subset for name in ("collision", "critical") if (subset := mine[answers[name][mine]]).size), mine
     )
     if encounters.towards[worst].sum() < 0:
         first, second = second, first
@@ -196,9 +196,8 @@ def precedence_words(info: Mapping[str, Any], pair: Sequence[int]) -> str:
     """
     known = info.get("precedence", ())
     source = info.get("seed_scene", {}).get("source") or {}
-    return "".join(
-        f"; {named(source, one)} {what}" for one, other, what in known if {one, other} == set(pair)
-    )
+    duties = [(vehicle, duty) for vehicle, other, duty in known if {vehicle, other} == set(pair)]
+    return "".join(f"; {named(source, vehicle)} {duty}" for vehicle, duty in duties)
 
 
 def in_words(row: Mapping[str, Any]) -> str:
@@ -207,7 +206,7 @@ def in_words(row: Mapping[str, Any]) -> str:
     It says in which futures its event always happened, else who drove how in the typical future.
     """
     about = [row["kind"], row["place"], f"{row['time_s']:.1f} s"]
-    head = f"{arrow(row)} ({', '.join(part for part in about if part)}): "
+    head = f"{arrow(row)} ({', '.join(detail for detail in about if detail)}): "
     gap = "more than 10" if row["gap"] is None else f"{row['gap']:.1f}"
     name, event = event_of(row)
     if not name:
@@ -279,7 +278,7 @@ class Encounter:
 
     def happens(self, event: str) -> BoolArray:
         """Return (C,) whether an event, or any (``critical``), happens in each drawn future."""
-        bits = sum(BITS.values()) if event == "critical" else BITS.get(event, BITS["collision"])
+        bits = sum(BITS.values()) if event == "critical" else BITS[event]
         return np.asarray(pair_events(self.run, [self.pair])[0] & bits > 0)
 
 
@@ -294,28 +293,24 @@ def pair_events(run: Any, pairs: Sequence[tuple[int, int]]) -> IntArray:
         return events
     ids = np.sort(run.info["seed_scene"]["track_ids"])
 
-    def places(tracks: Any) -> IntArray:
-        at: IntArray = np.searchsorted(ids, tracks)
-        if not np.array_equal(ids.take(at, mode="clip"), tracks):
+    def index_of(tracks: Any) -> IntArray:
+        index: IntArray = np.searchsorted(ids, tracks)
+        if not np.array_equal(ids.take(index, mode="clip"), tracks):
             raise ResultError(
                 f"{run.folder}: a pair has a vehicle that run.json has not; it was edited: run again"
             )
-        return at
+        return index
 
     number = np.full((len(ids), len(ids)), -1)
     for index, pair in enumerate(pairs):
-        one, other = places(pair)
-        number[[one, other], [other, one]] = index
+        first, second = index_of(pair)
+        number[first, second] = number[second, first] = index
     hits, met = first_contacts(run.collisions), run.pair_outcomes
     all_bits = np.full(hits.num_rows, sum(BITS.values()))
-    bits = np.sum([BITS[name] * happens for name, happens in critical_outcomes(met).items()], axis=0)
-    of_hits, of_met = (hits, ("track_id", "other_id"), all_bits), (met, ("track_a", "track_b"), bits)
-    for rows, names, values in (of_hits, of_met):
-        at = number[tuple(places(np.asarray(rows[name])) for name in names)]
-        events[at[at >= 0], np.asarray(rows["future"])[at >= 0]] |= values[at >= 0]
+    happens = [BITS[event.name] * event.happens(np.asarray(met[event.column])) for event in MEASURED]
+    of_hits = hits, ("track_id", "other_id"), all_bits
+    of_met = met, ("track_a", "track_b"), np.sum(happens, axis=0)
+    for table, names, bits in (of_hits, of_met):
+        place = number[tuple(index_of(np.asarray(table[name])) for name in names)]
+        events[place[place >= 0], np.asarray(table["future"])[place >= 0]] |= bits[place >= 0]
     return events
-
-
-def critical_outcomes(outcomes: pa.Table) -> dict[str, BoolArray]:
-    """Return by event the rows (N,) of `Run.pair_outcomes` in which it happens; not of collisions."""
-    return {event.name: event.happens(np.asarray(outcomes[event.column])) for event in MEASURED}

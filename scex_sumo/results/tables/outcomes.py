@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, Final
 
 import numpy as np
@@ -183,22 +184,22 @@ def _on_road(road: Road, poses: tuple[Rectangles, Rectangles]) -> tuple[list[Boo
     lanes, leaves = [], []
     for pose in poses:
         matches = match(road, pose.x, pose.y, pose.heading)
-        at = matches.best
-        vehicle = matches.vehicle[at]
+        best = matches.best
+        vehicle = matches.vehicle[best]
         lane = np.full(len(pose.x), UNDECIDED)
-        lane[vehicle] = matches.lane_id[at]
-        width = np.array([road.lanes[k].width_m for k in matches.lane_id[at].tolist()])
-        turn, half = matches.heading_error[at], pose.half_length[vehicle]
+        lane[vehicle] = matches.lane_id[best]
+        width = np.array([road.lanes[k].width_m for k in matches.lane_id[best].tolist()])
+        turn, half = matches.heading_error[best], pose.half_length[vehicle]
         reach = half * np.abs(np.sin(turn)) + pose.half_width[vehicle] * np.abs(np.cos(turn))
         out = np.ones(len(pose.x), dtype=np.bool_)
-        out[vehicle] = np.abs(matches.offset[at]) + reach > width / 2 + _OUTSIDE_M
+        out[vehicle] = np.abs(matches.offset[best]) + reach > width / 2 + _OUTSIDE_M
         lanes.append(lane)
         leaves.append(out)
     yielding = _yielding(road)
-    pairs = [(_with_before(road, a), _with_before(road, b)) for a, b in zip(*lanes, strict=True)]
+    first, second = ([_with_before(road, lane) for lane in side.tolist()] for side in lanes)
     against = [
-        _flags([any((a, b) in yielding for a in one for b in two) for one, two in order])
-        for order in (pairs, [(two, one) for one, two in pairs])
+        _flags([not yielding.isdisjoint(product(own, other)) for own, other in zip(*sides, strict=True)])
+        for sides in ((first, second), (second, first))
     ]
     return leaves, [against[0] & ~against[1], against[1] & ~against[0]]
 
@@ -280,13 +281,13 @@ def worst_table(values: ScenarioValues, *, futures: IntArray, track_ids: IntArra
     """
     parts = []
     for name, worst in values.worst.items():
-        rows = worst.take(at := np.flatnonzero(worst.defined))
+        rows = worst.take(defined := np.flatnonzero(worst.defined))
         columns = {
-            "future": futures[at],
-            "metric": pa.repeat(pa.scalar(name), len(at)),
+            "future": futures[defined],
+            "metric": pa.repeat(pa.scalar(name), len(defined)),
             "timestamp_ms": 100 * (rows.step + 1),
             "track_id": track_ids[rows.vehicle],
-            "other_id": other_ids(None if rows.other is None else track_ids[rows.other], len(at)),
+            "other_id": other_ids(None if rows.other is None else track_ids[rows.other], len(defined)),
             "value": rows.value,
         }
         parts.append(pa.table(columns))
