@@ -94,26 +94,17 @@ class Extra:
         return ()
 
 
-def rows_of(extra: Extra, work: Work) -> list[Row]:
-    """Return the rows of an extra.
-
-    Raises:
-        OwnCodeError: its ``after`` raises, or what it returns are no rows.
-    """
-    said = f"extra {type(extra).__name__}: after"
-    rows = own_call(said, extra.after)(work)
-    wrong = [row for row in rows if not isinstance(row, Row)] if isinstance(rows, Sequence) else [rows]
-    if wrong:
-        raise OwnCodeError(f"{said} returned {type(wrong[0]).__name__}, needs rows")
-    return list(rows)
-
-
 def work_of(extras: Sequence[Extra], work: Work) -> tuple[list[dict[str, Any]], list[str]]:
     """Let extras work; return their rows for ``run.json``, and notes on those that failed."""
     rows, failed = list[dict[str, Any]](), list[str]()
     for extra in extras:
+        name = f"extra {type(extra).__name__}: after"
         try:
-            rows += map(asdict, rows_of(extra, work))
+            own = own_call(name, extra.after)(work)
+            wrong = [row for row in own if not isinstance(row, Row)] if isinstance(own, Sequence) else [own]
+            if wrong:
+                raise OwnCodeError(f"{name} returned {type(wrong[0]).__name__}, needs rows")
+            rows += map(asdict, own)
         except OwnCodeError as error:  # the run's other results stay
             failed.append(f"warning: {error}; its rows are left out")
     return rows, failed

@@ -100,31 +100,30 @@ class Parts:
     """The parts in a result folder, read by future, whatever the batches."""
 
     def __init__(self, folder: Path) -> None:
-        self._files = sorted((folder / PARTS).glob("*.npz"))
-        rows = [(np.load(file)["futures"], index) for index, file in enumerate(self._files)]
-        numbers = np.concatenate([np.empty(0, np.int64), *(futures for futures, _ in rows)])
-        self.futures, first = np.unique(numbers, return_index=True)
+        self._files = {file: np.load(file)["futures"] for file in sorted((folder / PARTS).glob("*.npz"))}
+        self.futures = np.unique(np.concatenate([np.empty(0, np.int64), *self._files.values()]))
         """(C,) numbers of the finished futures, ascending."""
-        self._file = np.repeat([index for _, index in rows], [len(futures) for futures, _ in rows])[first]
-        self._row = np.concatenate([np.empty(0, np.int64), *(np.arange(len(c)) for c, _ in rows)])[first]
 
     def read(self, first: int, stop: int) -> Part:
         """Return futures ``first`` to ``stop - 1`` in order; they must be there."""
-        part = slice(*np.searchsorted(self.futures, (first, stop)))
-        files, rows = self._file[part], self._row[part]
-        whole = joined_parts([_loaded(self._files[file], rows[files == file]) for file in np.unique(files)])
-        order = np.argsort(whole.futures)
-        columns = {field.name: getattr(whole, field.name) for field in fields(Part)}
-        if whole.fallbacks is not None and not whole.fallbacks.num_rows:
-            columns["fallbacks"] = None
+        left, parts = np.arange(first, stop), list[Part]()
+        for file, futures in self._files.items():
+            if (own := np.intersect1d(futures, left)).size:  # two files may have the same future
+                parts.append(_loaded(file, own))
+                left = np.setdiff1d(left, own)
+        whole = joined_parts(parts)
+        columns, order = dict(vars(whole)), np.argsort(whole.futures)
         for name, values in columns.items():
             if values is not None:
                 columns[name] = _in_order(values) if name in TABLES else values[order]
+        if whole.fallbacks is not None and not whole.fallbacks.num_rows:
+            columns["fallbacks"] = None
         return Part(**columns)
 
 
-def _loaded(file: Path, rows: IntArray) -> Part:
+def _loaded(file: Path, futures: IntArray) -> Part:
     with np.load(file) as data:
+        rows = np.isin(data["futures"], futures)
         columns: dict[str, Any] = {name: data[name][rows] for name in _ARRAYS if name in data}
         columns["states"] = States(**{name: data[name][rows] for name in _STATES})
         mine = pa.array(columns["futures"])

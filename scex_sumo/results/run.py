@@ -57,7 +57,6 @@ class Run:
         self.folder = folder
         self._temporary = temporary  # lives as long as the run
         self.written: dict[str, Path] = {}
-        self._widths: dict[float | None, dict[str, float]] = {}
         self.info = read_info(folder)
         self.own_metrics = described_metrics(self.info.get("metrics", ()))
 
@@ -296,9 +295,8 @@ class Run:
         column = self.column(column)
         if column == COLLISION:
             raise UsageError(f"{column}: is 0 or 1 in each future and has no density; see its share instead")
-        if until_s not in self._widths:
-            self._widths[until_s] = half_widths(self._metrics_until(until_s), self.columns, self.intervals)
-        return metric_density(self.values(column, until_s=until_s), self._widths[until_s][column])
+        widths = half_widths(self._metrics_until(until_s), self.columns, self.intervals)
+        return metric_density(self.values(column, until_s=until_s), widths[column])
 
     def p_critical(
         self, column: str, *, threshold: float | None = None, until_s: float | None = None

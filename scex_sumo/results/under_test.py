@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, numbers_in
+from scex_sumo.base.arrays import FloatArray, numbers_in
 from scex_sumo.base.errors import ResultError
 from scex_sumo.metrics.registry import COLLISION, Metric, column_named
 from scex_sumo.results.design import is_critical, metric_density
@@ -88,9 +88,9 @@ class UnderTest:
         if run.baseline is None:
             raise ResultError(f"{run.folder}: its baseline was not run; run again")
         driven: dict[Driven, Run] = {"under_test": run, "baseline": run.baseline}
-        hits = {k: first_contacts(result.collisions) for k, result in driven.items()}
+        hits = {name: _own_collisions(result, known) for name, result in driven.items()}
         tested, without = (
-            _with_own_collisions(result.table(UNDER_TEST), hits[k], known) for k, result in driven.items()
+            _with_collisions(result.table(UNDER_TEST), hits[name]) for name, result in driven.items()
         )
         if without["future"] != tested["future"]:
             raise ResultError(f"{run.baseline.folder}: its futures are not those of {run.folder}; run again")
@@ -99,7 +99,7 @@ class UnderTest:
             metrics=tested,
             baseline=without,
             runs=driven,
-            injuries={k: _own_injuries(hits[k], known, result.futures) for k, result in driven.items()},
+            injuries={name: _injuries(hits[name], result.futures) for name, result in driven.items()},
         )
 
     @property
@@ -116,11 +116,10 @@ class UnderTest:
         """``vehicle 17: mypkg:MyDriver``, several joined."""
         return ", ".join(f"vehicle {track}: {model}" for track, model in self.vehicles.items())
 
-    def values(self, column: str, driven: Driven = "under_test") -> tuple[FloatArray, BoolArray]:
-        """Return the values (C,) of a metric in all futures, and where it is defined."""
-        column = column_named(column, self.columns)
-        values = numbers_in((self.metrics if driven == "under_test" else self.baseline)[column])
-        return values, ~np.isnan(values)
+    def values(self, column: str, driven: Driven = "under_test") -> FloatArray:
+        """Return the values (C,) of a metric in all futures, NaN where undefined."""
+        table = self.metrics if driven == "under_test" else self.baseline
+        return numbers_in(table[column_named(column, self.columns)])
 
     def metric(self, column: str) -> Metric:
         """Return the metric of a column."""
@@ -128,20 +127,19 @@ class UnderTest:
 
     def samples(self, column: str, driven: Driven = "under_test") -> FloatArray:
         """Return the values (n,) of a metric in the futures where it is defined."""
-        values, defined = self.values(column, driven)
-        return values[defined]
+        values = self.values(column, driven)
+        return values[~np.isnan(values)]
 
     def density(self, column: str, driven: Driven = "under_test") -> Density:
         """Return density and cumulative density of a metric with its 95 % band."""
-        values, _ = self.values(column, driven)
+        values = self.values(column, driven)
         return metric_density(values, self.runs[driven].intervals.half_width(values))
 
     def p_critical(self, column: str, driven: Driven = "under_test") -> Interval | None:
         """Return the share of critical futures with its 95 % interval; None without a threshold."""
-        limit = self._limit(column_named(column, self.columns))
-        if limit is None:
+        if (limit := self._limit(column_named(column, self.columns))) is None:
             return None
-        values, _ = self.values(column, driven)
+        values = self.values(column, driven)
         return self.runs[driven].intervals.share(is_critical(values, self.metric(column), limit))
 
     def _limit(self, column: str) -> float | None:
@@ -149,19 +147,18 @@ class UnderTest:
 
     def difference(self, column: str) -> Difference:
         """Compare each future with its baseline."""
-        tested, there = self.values(column)
-        baseline, there_too = self.values(column, "baseline")
-        both = there & there_too
+        tested, baseline = self.values(column), self.values(column, "baseline")
+        both = ~np.isnan(tested) & ~np.isnan(baseline)
         sign = -1.0 if self.metric(column).side == "left" else 1.0
-        known, limit = self._limit(column), float("nan")  # without a threshold no future is critical
-        limit = limit if known is None else known
+        known = self._limit(column)
+        limit = float("nan") if known is None else known  # without a threshold no future is critical
         change = signs(sign * tested[both], sign * baseline[both])
         critical = [is_critical(values[both], self.metric(column), limit) for values in (tested, baseline)]
         newly, no_longer = (int((a & ~b).sum()) for a, b in (critical, critical[::-1]))
         return Difference(
             column=column,
-            under_test=_median(tested[there]),
-            baseline=_median(baseline[there_too]),
+            under_test=_median(tested),
+            baseline=_median(baseline),
             futures=int(both.sum()),
             worse=int((change > 0).sum()),
             better=int((change < 0).sum()),
@@ -175,21 +172,23 @@ class UnderTest:
 
 
 def _median(values: FloatArray) -> float:
-    return float(np.median(values)) if len(values) else float("nan")
+    return float(np.nan if np.isnan(values).all() else np.nanmedian(values))
 
 
-def _with_own_collisions(table: pa.Table, collisions: pa.Table, vehicles: Iterable[str]) -> pa.Table:
-    own = [int(track) for track in vehicles]
-    either = [np.isin(np.asarray(collisions[name]), own) for name in ("track_id", "other_id")]
-    struck = np.asarray(collisions["future"])[either[0] | either[1]]
-    hit = np.isin(np.asarray(table["future"]), struck).astype(np.float64)
+def _own_collisions(run: Run, vehicles: Iterable[str]) -> pa.Table:
+    """Return the first contacts of some vehicles."""
+    hits, own = first_contacts(run.collisions), [int(track) for track in vehicles]
+    pairs = np.array([np.asarray(hits[name]) for name in ("track_id", "other_id")])
+    return hits.filter(np.isin(pairs, own).any(axis=0))
+
+
+def _with_collisions(table: pa.Table, collisions: pa.Table) -> pa.Table:
+    hit = np.isin(np.asarray(table["future"]), np.asarray(collisions["future"])).astype(np.float64)
     return table.add_column(1, COLLISION, pa.array(hit))
 
 
-def _own_injuries(collisions: pa.Table, vehicles: Iterable[str], futures: int) -> FloatArray:
-    """Return (C,) expected severe injuries in the collisions of some vehicles."""
-    own = np.array([int(track) for track in vehicles])
-    mine = np.isin([np.asarray(collisions[name]) for name in ("track_id", "other_id")], own).any(axis=0)
+def _injuries(collisions: pa.Table, futures: int) -> FloatArray:
+    """Return (C,) expected severe injuries in collisions."""
     risks = [np.asarray(collisions[name].fill_null(0.0)) for name in ("p_mais3", "p_mais3_other")]
-    future, risk = np.asarray(collisions["future"])[mine], np.sum(risks, axis=0)[mine]
-    return np.bincount(future, risk, minlength=futures).astype(np.float64)
+    future = np.asarray(collisions["future"])
+    return np.bincount(future, np.sum(risks, axis=0), minlength=futures).astype(np.float64)

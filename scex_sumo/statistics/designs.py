@@ -19,10 +19,8 @@ BLOCK_ROWS: Final = 1024
 _STARTS, _SWEEPS = 3, 3
 _TIE: Final = 1e-9  # scores this close are equal
 
-Shares = Sequence[Sequence[float]] | Sequence[FloatArray]
 
-
-def balanced(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
+def balanced(shares: Sequence[Sequence[float] | FloatArray], rows: int, rng: np.random.Generator) -> IntArray:
     """Draw balanced rows one by one, so that each prefix is balanced, too.
 
     With the product kernel k(x, z) = prod over factors of (1 + DECAY * ([x = z] / share - 1)), the next row
@@ -40,7 +38,8 @@ def balanced(shares: Shares, rows: int, rng: np.random.Generator) -> IntArray:
     """
     weights = [np.asarray(s, dtype=np.float64) for s in shares]
     own = [1 - DECAY + DECAY / w for w in weights]
-    edges = _edges(weights)
+    sums = [np.cumsum(w) for w in weights]
+    edges = [upper[:-1] / upper[-1] for upper in sums]
     out = np.empty((rows, len(weights)), dtype=np.int64)
     for start in range(0, rows, BLOCK_ROWS):
         block = out[start : start + BLOCK_ROWS]
@@ -65,7 +64,9 @@ def _next_row(
         edges: per factor, (L - 1,) bounds between its levels.
     """
     starts = _STARTS if kernels[0].shape[1] > 1 else 1
-    rows = _between(edges, rng.random((starts, len(edges))))
+    points = rng.random((starts, len(edges))).T
+    levels = [upper.searchsorted(draws, side="right") for upper, draws in zip(edges, points, strict=True)]
+    rows = np.stack(levels, axis=1)
     if starts == 1:
         return rows.reshape(-1)
     sweeps = [rng.permutation(len(kernels)).tolist() for _ in range(_SWEEPS)]
@@ -94,15 +95,3 @@ def _next_row(
             break
     best = next(start for start in range(starts) if added[start] <= min(added) + _TIE)
     return np.array([mine[best] for mine in levels], dtype=np.int64)
-
-
-def _edges(shares: Shares) -> list[FloatArray]:
-    upper = [np.cumsum(np.asarray(share, dtype=np.float64)) for share in shares]
-    return [sums[:-1] / sums[-1] for sums in upper]
-
-
-def _between(edges: Sequence[FloatArray], points: FloatArray) -> IntArray:
-    levels = np.empty(points.shape, dtype=np.int64)
-    for factor, bounds in enumerate(edges):
-        levels[:, factor] = bounds.searchsorted(points[:, factor], side="right")
-    return levels

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Final
 
@@ -32,8 +33,8 @@ def run_answer(run: Run) -> dict[str, Any]:
         "notes": [*scene.get("notes", ()), *run.info["net_notes"], *run.info["run_notes"]],
         "collision": {
             "recorded": None if recorded is None else len(recorded["overlaps"]),
-            **_both(run, lambda one: one.collision),
-            "words": {"stress_test": _in_words(run), "human_like": _in_words(run.reference)},
+            **_both(run, lambda result: interval(result.collision)),
+            "words": _both(run, lambda result: result.collision.percent),
         },
         "metrics": [_metric(run, column) for column in critical_columns(run.columns)],
         "rows": extra_rows(run),
@@ -58,17 +59,17 @@ def _human_like(run: Run) -> dict[str, Any] | None:
     }
 
 
-def _both(run: Run, share: Any) -> dict[str, Any]:
+def _both(run: Run, value_of: Callable[[Run], Any]) -> dict[str, Any]:
     results = {"stress_test": run, "human_like": run.reference}
-    return {name: None if result is None else interval(share(result)) for name, result in results.items()}
-
-
-def _in_words(run: Run | None) -> str | None:
-    return None if run is None else run.collision.percent
+    return {name: None if result is None else value_of(result) for name, result in results.items()}
 
 
 def _metric(run: Run, column: str) -> dict[str, Any]:
     metric, samples, limit = run.metric(column), run.samples(column), run.thresholds.get(column)
+
+    def critical(result: Run) -> dict[str, float] | None:
+        return None if limit is None else interval(result.p_critical(column, threshold=limit))
+
     return {
         "name": column,
         "unit": metric.unit,
@@ -77,10 +78,10 @@ def _metric(run: Run, column: str) -> dict[str, Any]:
         "recorded": run.recorded_value(column),
         "median": float(np.median(samples)) if len(samples) else None,
         "defined": len(samples),
-        **_both(run, lambda result: None if limit is None else result.p_critical(column, threshold=limit)),
+        **_both(run, critical),
     }
 
 
-def interval(share: Interval | None) -> dict[str, float] | None:
+def interval(share: Interval) -> dict[str, float]:
     """Return a share and its 95 % interval."""
-    return None if share is None else {"value": share.value, "low": share.low, "high": share.high}
+    return {"value": share.value, "low": share.low, "high": share.high}
