@@ -12,7 +12,7 @@ from scex_sumo.base.errors import MapError
 from scex_sumo.base.version import version_of
 from scex_sumo.converters.lanelet.origin import recorded_origin
 from scex_sumo.converters.naming import in_memory, other_content, refuse_unreadable
-from scex_sumo.converters.registries import MapFormat, dataset_of, map_format, refuse_folder
+from scex_sumo.converters.registries import MapFormat, map_format, refuse_other_than_map
 from scex_sumo.road import Area, Georeference, Lane, MapLoss, Marking, Regulation, Road
 
 MAPS_READ = ".osm, .xml (CommonRoad), .net.xml, .xodr"
@@ -63,10 +63,7 @@ def read_map(
 def _read_lanelet2(
     path: Path, *, origin: tuple[float, float] | None, tracks: str | Path | None, own_corner: bool, keep: bool
 ) -> Road:
-    refuse_folder(path)
-    if path.is_file() and (recording := next(iter(dataset_of(path).recordings([path])), None)):
-        its_map = f"its map is {recording.map_path}"
-        raise MapError(f"{path}: a recording, not a map; {its_map}, and --tracks names the recording")
+    refuse_other_than_map(path)
     if kind := other_content(path):
         raise MapError(f"{path}: {kind}, not a map; give {MAPS_READ}")
     known = origin or recorded_origin(path, tracks_path=None if own_corner else tracks)

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, TypeAlias, TypeVar
 
 from scex_sumo.base.errors import MapError, UsageError
 from scex_sumo.base.importing import Registry, import_object
-from scex_sumo.converters.naming import map_name
+from scex_sumo.converters.naming import map_name, unpacked_name
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
@@ -175,11 +175,18 @@ def is_map(path: Path) -> bool:
     return path.suffix == ".osm" or any(entry.is_mine(path) for entry in others)
 
 
-def refuse_folder(path: Path) -> None:
-    """Refuse a folder that is given as a map."""
+def refuse_other_than_map(path: Path) -> None:
+    """Refuse a folder or tracks that are given as a map."""
     if path.is_dir():
         example = next((file.name for file in sorted(path.iterdir()) if is_map(file)), "")
         raise MapError(f"{path}: a folder; give a map{f' in it, e.g. {example}' if example else ''}")
+    if not path.is_file() or is_map(path):
+        return
+    if recording := next(iter(dataset_of(path).recordings([path])), None):
+        its_map = f"its map is {recording.map_path}"
+        raise MapError(f"{path}: a recording, not a map; {its_map}, and --tracks names the recording")
+    if unpacked_name(path).endswith(".csv"):
+        raise MapError(f"{path}: a table, not a map; give the map first, and tracks by --tracks")
 
 
 def dataset_of(path: Path) -> Dataset:

@@ -13,7 +13,7 @@ from scex_sumo.converters.registries import (
     Recording,
     map_format,
     recording_name,
-    refuse_folder,
+    refuse_other_than_map,
     with_notes,
 )
 from scex_sumo.converters.tracks.reader import read_tracks
@@ -30,7 +30,7 @@ def find_tracks(map_path: str | Path) -> Path:
     path = Path(map_path)
     if not path.exists():
         raise MapError(f"{path}: no such file; check the path of the map")
-    refuse_folder(path)
+    refuse_other_than_map(path)
     name = Path(unpacked_name(path)).stem
     looked = [path.with_name(f"{name}.csv")]
     if unpacked_name(path) != looked[0].name and (beside := plain_or_packed(looked[0])) is not None:

@@ -12,6 +12,7 @@ import pytest
 import scex_sumo
 from scex_sumo.base.errors import MapError, ScexWarning, TrackError
 from scex_sumo.converters.datasets.find import find_recordings, left_out, map_and_tracks
+from scex_sumo.converters.datasets.interaction import find_tracks
 from tests.command import ALONE, scex
 
 
@@ -48,8 +49,17 @@ def test_map_and_tracks_that_are_swapped_are_called_so(folder: Path) -> None:
 
 
 def test_a_recording_in_the_place_of_its_map_names_the_map(folder: Path) -> None:
-    with pytest.raises(MapError, match=r"a\.csv: a recording, not a map; its map is \S+a\.osm"):
-        scex_sumo.read_map(folder / "a.csv")
+    for read in (scex_sumo.read_map, scex_sumo.read_seed, find_tracks):
+        with pytest.raises(MapError, match=r"a\.csv: a recording, not a map; its map is \S+a\.osm"):
+            read(folder / "a.csv")
+
+
+def test_a_table_without_a_map_is_not_looked_for_as_its_own_tracks(tmp_path: Path) -> None:
+    # As 00_tracks.csv of highD, copied without its 00_recordingMeta.csv.
+    tracks = tmp_path / "00_tracks.csv"
+    tracks.write_text("frame,id,x,y\n")
+    with pytest.raises(MapError, match=r"00_tracks\.csv: a table, not a map; give the map first"):
+        find_tracks(tracks)
 
 
 def test_several_recordings_of_one_map_are_listed(folder: Path) -> None:
