@@ -72,7 +72,6 @@ LINES = {
 _SIGN_KINDS = {"YIELD": "yield", "STOP": "stop", "STOP_4_WAY": "all_way_stop"}
 _PRIORITY_SIGNS = {"PRIORITY", "RIGHT_OF_WAY"}
 _SPEED_SIGNS = ("MAX_SPEED", "MAX_SPEED_ZONE_START")
-JOINT_M = 0.1  # two lanes follow each other if both bounds meet within this distance
 MAX_LIMIT_MPS = 70.0  # no limit is above 250 km/h; greater numbers are km/h by mistake
 
 
@@ -290,43 +289,29 @@ def drawn_lines(lanelets: Lanelets) -> list[tuple[str, str, FloatArray]]:
     return [*lines.values()]
 
 
-def with_opposite(lanelets: Lanelets) -> dict[int, Lanelet]:
-    """Add the opposite lane of each lanelet that cars drive both ways, without lane changes."""
-    result, turned = dict(lanelets), dict[int, int]()
-    for i, one in lanelets.items():
-        if one.kind == "vehicle" and one.both_ways:
-            turned[i] = max(result) + 1
-            result[turned[i]] = replace(
-                one,
-                name=turned[i],
-                reverse_of=i,
-                centre=None if one.centre is None else one.centre[::-1],
-                left=one.right[::-1],
-                right=one.left[::-1],
-                successors=(),
-                predecessors=(),
-                left_neighbours=(),
-                right_neighbours=(),
-            )
-    links = {(i, j) for i in turned for j in turned if j in (lanelets[i].successors or ())}
-    links |= {(i, j) for i in turned for j in turned if i in (lanelets[j].predecessors or ())}
-    pairs = {(turned[j], turned[i]) for i, j in links}
-    for a, b in sorted(pairs | _joined(result, {*turned.values()})):
-        result[a] = replace(result[a], successors=[*{*(result[a].successors or ()), b}])
-        result[b] = replace(result[b], predecessors=[*{*(result[b].predecessors or ()), a}])
-    return result
+def opposite_lanes(lanelets: Lanelets) -> list[Lanelet]:
+    """Return the opposite lane of each lanelet that cars drive both ways, without lane changes.
 
-
-def _joined(lanelets: Lanelets, turned: set[int]) -> set[tuple[int, int]]:
-    driven = [i for i, one in lanelets.items() if one.kind == "vehicle"] if turned else []
-    starts, ends = (
-        np.array([[*lanelets[i].left[k, :2], *lanelets[i].right[k, :2]] for i in driven]).reshape(-1, 4)
-        for k in (0, -1)
-    )
-    near = np.abs(ends[:, None] - starts[None]).max(axis=2) < JOINT_M
-    met = {(driven[k], driven[m]) for k, m in np.argwhere(near)}
-    apart = {(a, b) for a, b in met if lanelets[a].reverse_of != b and lanelets[b].reverse_of != a}
-    return {(a, b) for a, b in apart if {a, b} & turned}
+    They follow, and are followed by, the lanes that they meet.
+    """
+    two_way = {
+        i: lanelet for i, lanelet in lanelets.items() if lanelet.kind == "vehicle" and lanelet.both_ways
+    }
+    return [
+        replace(
+            lanelet,
+            name=new_id,
+            reverse_of=i,
+            centre=None if lanelet.centre is None else lanelet.centre[::-1],
+            left=lanelet.right[::-1],
+            right=lanelet.left[::-1],
+            successors=None,
+            predecessors=None,
+            left_neighbours=(),
+            right_neighbours=(),
+        )
+        for new_id, (i, lanelet) in enumerate(two_way.items(), max(lanelets, default=0) + 1)
+    ]
 
 
 def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None = None, **_: object) -> Road:
@@ -344,7 +329,7 @@ def read_commonroad_road(path: str | Path, *, origin: tuple[float, float] | None
         raise MapError(f"{path}: a CommonRoad file without lanelets; name one with a road network")
     signs = signs_of(file, name_of_sign)
     lanelets = read_lanelets(file, words, signs)
-    file.lanes += with_opposite(lanelets).values()
+    file.lanes += [*lanelets.values(), *opposite_lanes(lanelets)]
     file.lines = drawn_lines(lanelets)
     known = file.country not in ("", "ZAM")
     file.left_hand = (

@@ -43,7 +43,8 @@ class DrawnLane:
         limit_mps: None: the country's.
         inside: in an intersection, where no lane change is allowed.
         closed: sides, ``left`` or ``right``, whose marking forbids a change, or one, as ``left leftwards``.
-        reverse_of: name, an id, of the lane that this one drives in the opposite direction.
+        reverse_of: name, an id, of the lane that this one drives in the opposite direction; it may join
+            lanes that name their successors and predecessors.
         successors: names; None: lanes that begin where this one ends.
         predecessors: names; None: lanes that this one succeeds.
         left_neighbours: names; None: the lane beside it, so ``right_neighbours``.
@@ -254,12 +255,14 @@ def _links(
     behind: dict[int, list[int]] = {}
     after, before, left, right = {}, {}, {}, {}
     for i, one in of.items():
-        after[i] = joined.get(i, []) if one.successors is None else named(one.successors)
+        after[i] = [j for j in joined.get(i, ()) if one.successors is None or of[j].reverse_of]
+        after[i] += named(one.successors or ())
         left[i], right[i] = beside(i, one.left_neighbours, left_of), beside(i, one.right_neighbours, right_of)
         for j in after[i]:
             behind.setdefault(j, []).append(i)
     for i, one in of.items():
-        before[i] = behind.get(i, []) if one.predecessors is None else named(one.predecessors)
+        before[i] = [j for j in behind.get(i, ()) if one.predecessors is None or of[j].reverse_of]
+        before[i] += named(one.predecessors or ())
     return (after, before), (left, right)
 
 
