@@ -16,9 +16,10 @@ import numpy as np
 from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording, with_notes
 from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.formats.damage import MAX_ITEMS, checked, refusing_damage
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.recognition import AV2_BOXES, AV2_MAP, AV2_POSES, is_argoverse, is_argoverse_map
-from scex_sumo.formats.samples.boxes import MAX_ITEMS, box_table, checked, one_line, yaw_of
+from scex_sumo.formats.samples.boxes import box_table, yaw_of
 from scex_sumo.formats.samples.from_car import within_map
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
@@ -45,7 +46,7 @@ _WORDS = {"track_id", "object_type", "track_uuid", "category"}  # columns of tex
 
 def _read_road(path: Path, **_: Any) -> Road:
     """Read ``log_map_archive_*.json``; the speed limits are those of the United States."""
-    with one_line(MapError, path, "map of Argoverse 2"):
+    with refusing_damage(MapError, path, "map of Argoverse 2"):
         content = json.loads(path.read_bytes())
         segments, crossings = ([*content[key].values()] for key in ("lane_segments", "pedestrian_crossings"))
         drawn = DrawnMap(path=path, lanes=[_lane(segment) for segment in segments])
@@ -77,7 +78,7 @@ def _points(points: Sequence[Mapping[str, float]]) -> list[list[float]]:
 
 
 def _read(path: Path) -> TrackTable:
-    with one_line(TrackError, path, "recording of Argoverse 2"):
+    with refusing_damage(TrackError, path, "recording of Argoverse 2"):
         return _scenario(path) if path.suffix == ".parquet" else _log(path)
 
 

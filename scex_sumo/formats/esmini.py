@@ -13,8 +13,9 @@ from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.naming import open_binary
 from scex_sumo.converters.registries import Dataset, with_notes
 from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.formats.damage import refusing_damage
 from scex_sumo.formats.recognition import is_esmini_log
-from scex_sumo.formats.samples.boxes import box_table, one_line
+from scex_sumo.formats.samples.boxes import box_table
 from scex_sumo.formats.samples.from_car import within_map
 
 _NAME, _X, _TIME = "Entitity_Name [-]", "World_Position_X [m]", "TimeStamp [s]"
@@ -29,7 +30,7 @@ def _read(path: Path) -> TrackTable:
     """Read a log: one row for each time, with the columns of entity k after ``#k``."""
     names: list[str] = []
     values: list[tuple[float, ...]] = []
-    with one_line(TrackError, path, "log of esmini"), open_binary(path) as file:
+    with refusing_damage(TrackError, path, "log of esmini"), open_binary(path) as file:
         lines = iter(file.read().decode("utf-8").splitlines())
         head = next((line for line in lines if _TIME in line), "").split(",")
         column = {name.strip(): k for k, name in enumerate(head)}

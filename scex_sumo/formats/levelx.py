@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import csv
 import math
-import re
-import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -43,13 +41,13 @@ from scex_sumo.converters.registries import (
     recording_name,
     with_notes,
 )
-from scex_sumo.converters.tracks.check import MAX_VALUES
+from scex_sumo.converters.tracks.check import MAX_VALUES, refuse_values
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES, fill_sizes
 from scex_sumo.converters.tracks.rows import FORWARD_MPS, TrackTable
 from scex_sumo.converters.tracks.unknown import with_unknown_vehicles
+from scex_sumo.formats.damage import refusing_damage
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.recognition import LEVELX_META, LEVELX_TRACKS, is_highd_map, is_levelx, levelx_file
-from scex_sumo.formats.samples.boxes import one_line
 from scex_sumo.formats.samples.build import track_table
 from scex_sumo.geometry.polylines import wrap
 from scex_sumo.road import Road
@@ -119,13 +117,8 @@ def read_meta(path: Path) -> dict[str, str]:
 
 
 def _read_rows(path: Path) -> list[dict[str, str]]:
-    try:
-        with open_text(path) as file:
-            rows = list(csv.DictReader(file))
-    except FileNotFoundError:
-        raise TrackError(f"{path}: no such file; it belongs to the tracks beside it") from None
-    except (OSError, EOFError, zlib.error, UnicodeError, csv.Error) as error:
-        raise TrackError(f"{path}: cannot be read ({error})") from None
+    with refusing_damage(TrackError, path, "table"), open_text(path) as file:
+        rows = list(csv.DictReader(file))
     # A line cut short, or with too many values, has None for a value or a name.
     return [{name: row[name] or "" for name in row if name} for row in rows]
 
@@ -224,27 +217,13 @@ def _read_columns(path: Path, names: tuple[str, ...]) -> dict[str, Any]:
         include_columns=list(names),
         column_types={name: pa.int64() if name in ("id", "trackId") else pa.float64() for name in names},
     )
-    try:
-        with open_binary(path) as file:
-            arrow = arrow_csv.read_csv(in_arrow(file), convert_options=options)
-    except FileNotFoundError:
-        raise TrackError(f"{path}: no such file; check the path of the tracks") from None
-    except pa.ArrowKeyError as error:
-        name = re.sub(r".*'(.*)'.*", r"\1", str(error).splitlines()[0])
-        raise TrackError(f"{path}: no column {name}; such tracks have {', '.join(names)}") from None
-    except (pa.ArrowInvalid, OSError, EOFError, zlib.error) as error:
-        raise TrackError(f"{path}: cannot be read ({str(error).splitlines()[0][:160]})") from None
+    with refusing_damage(TrackError, path, "table"), open_binary(path) as file:
+        arrow = arrow_csv.read_csv(in_arrow(file), convert_options=options)
     # An id stays an integer; one that is missing makes the column floats, and an error below.
     columns = {name: np.array(arrow[name].to_numpy()) for name in names}
     if not arrow.num_rows:
         raise TrackError(f"{path}: a header and no rows; give a file with tracks")
-    for name, values in columns.items():
-        largest = _MAX.get(name, MAX_VALUES["vx"])
-        bad = ~(np.abs(values) <= largest)
-        if bad.any():
-            row = int(np.argmax(bad))
-            what = f"beyond {largest:g}" if np.isfinite(values[row]) else "missing or not finite"
-            raise TrackError(f"{path}: line {row + 2}: {name} is {what}; repair or drop the row")
+    refuse_values(path, columns, _MAX, lambda row: f"line {row + 2}")
     return columns
 
 
@@ -262,7 +241,7 @@ def _tracks(path: Path) -> Path:
 
 def _read_road(path: Path, **_: object) -> Road:
     """Build lanes, with highD's own ``laneId``, from ``upperLaneMarkings`` and ``lowerLaneMarkings``."""
-    with one_line(MapError, path, "map of highD"):
+    with refusing_damage(MapError, path, "map of highD"):
         meta = read_meta(path)
     if _LOWER not in meta:
         raise MapError(f"{path}: no lane markings in it, so no road; give a Lanelet2 map (.osm)")

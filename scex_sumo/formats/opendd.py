@@ -20,9 +20,10 @@ from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.converters.lanelet.tags import GERMANY
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording, with_notes
 from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.formats.damage import refusing_damage
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.recognition import is_opendd, is_opendd_map
-from scex_sumo.formats.samples.boxes import box_table, one_line
+from scex_sumo.formats.samples.boxes import box_table
 from scex_sumo.road import Road
 
 UTM32 = "+proj=utm +zone=32 +datum=WGS84 +units=m +no_defs"
@@ -70,12 +71,12 @@ def _drawn(path: Path) -> DrawnMap:
 
 
 def _read_road(path: Path, **_: Any) -> Road:
-    with one_line(MapError, path, "map of openDD"):
+    with refusing_damage(MapError, path, "map of openDD"):
         return drawn_road(_drawn(path), name=_name(path), country=GERMANY, projection=UTM32)
 
 
 def _read(path: Path) -> TrackTable:
-    with one_line(TrackError, path, "recording of openDD"):
+    with refusing_damage(TrackError, path, "recording of openDD"):
         rows = _rows(path.parent, path.name, _COLUMNS)
         names = [str(row[0]) for row in rows]
         words = [str(row[1]).lower() for row in rows]

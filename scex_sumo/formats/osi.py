@@ -19,11 +19,12 @@ from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import Dataset, MapFormat, Recording, with_notes
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.converters.xml import unpacked, xml_root
+from scex_sumo.formats.damage import MAX_ITEMS, refusing_damage
 from scex_sumo.formats.lane_maps.lane_map import FAR_M, DrawnMap, drawn_road
 from scex_sumo.formats.opendrive.lanes import opendrive_map, opendrive_road
 from scex_sumo.formats.osi_lanes import lanes_of, light_states, osi_map, signals_of
 from scex_sumo.formats.recognition import is_opendrive, is_osi
-from scex_sumo.formats.samples.boxes import MAX_ITEMS, box_table, one_line
+from scex_sumo.formats.samples.boxes import box_table
 from scex_sumo.formats.samples.from_car import within_map
 from scex_sumo.formats.spat import lane_programme
 from scex_sumo.lanelet2sumo.plan.elements import NetLayout, Programme
@@ -55,7 +56,7 @@ def osi_library() -> Any:
 def _damage(error: type[MapError] | type[TrackError], path: Path) -> Iterator[None]:
     from mcap.exceptions import McapError, RecordLengthLimitExceeded
 
-    with one_line(error, path, "trace of OSI"):
+    with refusing_damage(error, path, "trace of OSI"):
         try:
             yield
         except OSError as why:

@@ -19,9 +19,10 @@ from scex_sumo.base.errors import MapError, TrackError
 from scex_sumo.base.importing import extra_for
 from scex_sumo.converters.registries import Dataset, MapFormat, own_maps, with_notes
 from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.formats.damage import checked, refusing_damage
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.recognition import PY123D_LOG, is_py123d, is_py123d_map
-from scex_sumo.formats.samples.boxes import box_table, checked, one_line, yaw_of
+from scex_sumo.formats.samples.boxes import box_table, yaw_of
 from scex_sumo.formats.samples.from_car import within_map
 from scex_sumo.formats.spat import lane_programme
 from scex_sumo.lanelet2sumo.plan.elements import NetLayout, Programme
@@ -105,7 +106,7 @@ def _map_of(path: Path) -> Path:
 
 
 def _read_road(path: Path, **_: Any) -> Road:
-    with one_line(MapError, path, "map of 123D"):
+    with refusing_damage(MapError, path, "map of 123D"):
         return drawn_road(_drawn(path), name=_name(path), country="us")
 
 
@@ -233,14 +234,14 @@ def _lights(path: Path) -> dict[int, list[tuple[float, str]]]:
 
 
 def _read(path: Path) -> TrackTable:
-    with one_line(TrackError, path, "log of 123D"):
+    with refusing_damage(TrackError, path, "log of 123D"):
         names, kinds, values = _boxes(path)
         values[:, 1:3] -= _drawn(path).frame
         return box_table(path, names, kinds, values, ego=EGO)
 
 
 def _read_signals(layout: NetLayout, road: Road, path: Path) -> tuple[Programme | None, list[str]]:
-    with one_line(MapError, path, "lights of 123D"):
+    with refusing_damage(MapError, path, "lights of 123D"):
         ids = _drawn(path).lane_ids()
         runs = {ids[lane]: run for lane, run in _lights(path).items() if lane in ids}
         return lane_programme(layout, road, runs, path.parent.name)

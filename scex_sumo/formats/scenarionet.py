@@ -24,9 +24,10 @@ from scex_sumo.converters.naming import map_name, open_binary
 from scex_sumo.converters.registries import Dataset, MapFormat, own_maps, with_notes
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.formats.damage import refusing_damage
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road, polyline
 from scex_sumo.formats.recognition import is_scenarionet
-from scex_sumo.formats.samples.boxes import box_table, one_line
+from scex_sumo.formats.samples.boxes import box_table
 from scex_sumo.formats.samples.from_car import within_map
 from scex_sumo.formats.spat import lane_programme
 from scex_sumo.geometry.polylines import samples
@@ -191,7 +192,7 @@ def _scenario(path: Path, _changed_ns: int) -> dict[str, Any]:
 
 
 def _read_road(path: Path, **_: Any) -> Road:
-    with one_line(MapError, path, "map of ScenarioNet"):
+    with refusing_damage(MapError, path, "map of ScenarioNet"):
         scenario = read_scenario(path)
         # Singapore's limit in towns is Germany's.
         country = "sg" if "singapore" in str(scenario["metadata"].get("map")) else "us"
@@ -299,7 +300,7 @@ def _lit(scenario: Mapping[str, Any]) -> Iterator[tuple[str, list[str], Any]]:
 
 
 def _read(path: Path) -> TrackTable:
-    with one_line(TrackError, path, "tracks of ScenarioNet"):
+    with refusing_damage(TrackError, path, "tracks of ScenarioNet"):
         scenario = read_scenario(path)
         names, kinds, values = _boxes(path, scenario)
         values[:, 1:3] -= _drawn(path, scenario).frame
@@ -352,7 +353,7 @@ def _kind(track: Mapping[str, Any]) -> str:
 
 
 def _read_signals(layout: NetLayout, road: Road, path: Path) -> tuple[Programme | None, list[str]]:
-    with one_line(MapError, path, "lights of ScenarioNet"):
+    with refusing_damage(MapError, path, "lights of ScenarioNet"):
         scenario = read_scenario(path)
         ids = {str(name): number for name, number in _drawn(path, scenario).lane_ids().items()}
         runs = {}

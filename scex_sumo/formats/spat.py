@@ -18,9 +18,11 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import MapError, TrackError, one_line
 from scex_sumo.converters.lanelet.projection import to_local
+from scex_sumo.converters.naming import open_text
 from scex_sumo.converters.net.sumo_net import RECORDED
 from scex_sumo.converters.registries import Dataset
 from scex_sumo.converters.xml import xml_root
+from scex_sumo.formats.damage import refusing_damage
 from scex_sumo.formats.recognition import is_spat
 from scex_sumo.geometry.polylines import along, heading, length_of, project, turn
 from scex_sumo.lanelet2sumo.plan.elements import Connection, NetLayout, Programme
@@ -137,18 +139,12 @@ def _no_tracks(paths: Sequence[Path], **_: Any) -> NoReturn:
 
 def _read_phases(signals: Path) -> dict[int, Run]:
     groups: dict[int, list[tuple[int, str]]] = {}
-    try:
-        with signals.open(encoding="utf-8", newline="") as file:
-            for row in csv.DictReader(file):
-                group, stamp = int(row["signal_group_id"]), int(row["timestamp_ms"])
-                groups.setdefault(group, []).append((stamp, LETTERS[row["movement_state"].strip().upper()]))
-    except (KeyError, ValueError, TypeError) as error:
-        raise MapError(
-            f"{signals}: not signal phases ({error}); "
-            "the columns are signal_group_id, timestamp_ms, movement_state"
-        ) from None
-    except OSError as error:
-        raise MapError(f"{signals}: cannot read the signal phases: {error.strerror}") from None
+    with refusing_damage(MapError, signals, "signal phases"), open_text(signals) as file:
+        for row in csv.DictReader(file):
+            group, stamp, state = (row[key] for key in ("signal_group_id", "timestamp_ms", "movement_state"))
+            if (letter := LETTERS.get(state.strip().upper())) is None:
+                raise ValueError(f"movement_state {state:.40}")
+            groups.setdefault(int(group), []).append((int(stamp), letter))
     if not groups:
         raise MapError(f"{signals}: no signal phases in it")
     runs: dict[int, Run] = {

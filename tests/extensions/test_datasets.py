@@ -97,9 +97,15 @@ def repair(table):
 @pytest.mark.parametrize(
     ("code", "said"),
     [
-        (CODE.replace("length=still", "length=still * np.nan"), "length of track 1 is nan, no number"),
-        (CODE.replace("width=still", "width=still * np.nan"), "width of track 1 is nan, no number"),
-        (CODE + REPAIR, "x of track 1 is nan, beyond 1e+08"),
+        (
+            CODE.replace("length=still", "length=still * np.nan"),
+            "length of track 1 is missing; repair the row, or leave it out",
+        ),
+        (
+            CODE.replace("width=still", "width=still * np.nan"),
+            "width of track 1 is missing; repair the row, or leave it out",
+        ),
+        (CODE + REPAIR, "x of track 1 is missing; repair the row, or leave it out"),
     ],
 )
 def test_no_number_of_a_dataset_is_one_line(code: str, said: str, tmp_path: Path) -> None:

@@ -205,6 +205,6 @@ def test_a_table_that_states_more_rows_than_anybody_recorded_is_one_line(
     monkeypatch.setattr("scex_sumo.formats.argoverse.MAX_ITEMS", 100)
     with pytest.raises(TrackError, match="rows; name one scenario"):
         read_recorded([scenario.with_name("scenario_abcdefgh-1.parquet")])
-    monkeypatch.setattr("scex_sumo.formats.samples.boxes.MAX_ITEMS", 100)
+    monkeypatch.setattr("scex_sumo.formats.damage.MAX_ITEMS", 100)
     with pytest.raises(TrackError, match="more than 100 values in it"):
         read_recorded([sensor_log(tmp_path, "annotations.feather", ego=False)])

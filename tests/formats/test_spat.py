@@ -105,6 +105,23 @@ def test_a_recording_without_its_intersection_is_refused(recording: Path, tmp_pa
         convert(crossing(), tmp_path / "net.net.xml", signals=recording)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("timestamp_ms", "time", "no timestamp_ms in it"),
+        ("STOP_AND_REMAIN", "HALT", "no signal phases can be read: movement_state HALT"),
+    ],
+)
+def test_other_columns_and_unknown_states_are_refused(
+    old: str, new: str, said: str, recording: Path, tmp_path: Path
+) -> None:
+    text = recording.read_text()
+    assert old in text
+    recording.write_text(text.replace(old, new))
+    with pytest.raises(MapError, match=said):
+        convert(crossing(), tmp_path / "net.net.xml", signals=recording)
+
+
 @pytest.mark.parametrize("wrong", ["east,north,0", "8.4", "nan,nan,0", "8.4,1000,0"])
 def test_a_word_as_a_coordinate_is_refused(wrong: str, recording: Path, tmp_path: Path) -> None:
     file = tmp_path / "crossing.kml"

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from codecs import BOM_UTF8
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 
+from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
-from scex_sumo.converters.tracks.rows import TrackTable
+from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackRows, TrackTable
 
 BASE_COLUMNS = ("track_id", "timestamp_ms", "agent_type", "x", "y", "vx", "vy")
 SHAPE_COLUMNS = ("psi_rad", "length", "width")
@@ -30,19 +32,45 @@ MAX_HOURS = 24.0
 def check_values(table: TrackTable) -> None:
     """Raise a `TrackError` for tracks with impossible values or a span of days."""
     for rows in (table.vehicles, table.others):
+        columns = {name: getattr(rows, name) for name in FLOAT_COLUMNS}
         # Repairs leave out vehicles of an impossible size, but not of none.
-        for name, largest in {**MAX_VALUES, "length": np.inf, "width": np.inf}.items():
-            wrong = ~(np.abs(getattr(rows, name)) <= largest)
-            if wrong.any():
-                sample = int(np.argmax(wrong))
-                problem = f"{getattr(rows, name)[sample]:g}"
-                problem += f", beyond {largest:g}" if largest < np.inf else ", no number"
-                label = rows.labels[rows.track[sample]]
-                raise TrackError(f"{table.path}: {name} of track {label} is {problem}")
+        largest = {**MAX_VALUES, "length": np.inf, "width": np.inf}
+        refuse_values(table.path, columns, largest, partial(_track_of, rows))
         if len(rows) and float(np.ptp(rows.timestamp_ms)) > 3.6e6 * MAX_HOURS:
             ends = [rows.labels[rows.track[find(rows.timestamp_ms)]] for find in (np.argmin, np.argmax)]
             problem = f"{np.ptp(rows.timestamp_ms) / 3.6e6:.3g} hours from track {ends[0]} to {ends[1]}"
             raise TrackError(f"{table.path}: {problem}, at most {MAX_HOURS:g} are read; repair the stamps")
+
+
+def _track_of(rows: TrackRows, row: int) -> str:
+    return f"track {rows.labels[rows.track[row]]}"
+
+
+def refuse_values(
+    path: Path,
+    columns: Mapping[str, FloatArray | IntArray],
+    largest: Mapping[str, float],
+    where: Callable[[int], str],
+    *,
+    optional: Collection[str] = (),
+) -> None:
+    """Raise a `TrackError` for the first value of a column that is missing (nan) or too large.
+
+    Args:
+        columns: (N,) each.
+        largest: magnitudes by column; 1e4 for others.
+        where: what has the value in a row, for the message.
+        optional: columns with missing values.
+    """
+    for name, values in columns.items():
+        limit = largest.get(name, 1e4)
+        wrong = ~(np.abs(values) <= limit)
+        if name in optional:
+            wrong &= ~np.isnan(values)
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            problem = "missing" if np.isnan(values[row]) else f"{values[row]:g}, beyond {limit:g}"
+            raise TrackError(f"{path}: {name} of {where(row)} is {problem}; repair the row, or leave it out")
 
 
 def first_line(file: BinaryIO) -> tuple[int, bytes]:

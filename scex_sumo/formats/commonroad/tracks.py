@@ -8,7 +8,6 @@ from __future__ import annotations
 import itertools
 import math
 import re
-import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +18,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.lanelet.file import list_ids
-from scex_sumo.converters.naming import map_name, open_binary
+from scex_sumo.converters.naming import beginning, map_name
 from scex_sumo.converters.registries import Dataset, Recording, recording_name
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, FORWARD_MPS, TrackRows, TrackTable
 from scex_sumo.formats.commonroad.file import coordinate, element_id, parse_commonroad
@@ -255,11 +254,8 @@ def _name(map_path: Path, files: Sequence[Path]) -> str:
 
 
 def _is_scenario(path: Path) -> bool:
-    try:
-        with open_binary(path) as file:
-            return b"<commonRoad" in file.read(4096)
-    except (OSError, EOFError, zlib.error):
-        return True
+    start = beginning(path)
+    return b"<commonRoad" in start or not start  # what cannot be read is refused when it is loaded
 
 
 def _siblings(path: Path) -> list[Path]:

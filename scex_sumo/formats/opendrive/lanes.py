@@ -18,10 +18,10 @@ from scex_sumo.converters.lanelet.tags import COUNTRIES, KMH, MPH
 from scex_sumo.converters.naming import map_name
 from scex_sumo.converters.registries import MapFormat
 from scex_sumo.converters.xml import unpacked, xml_root
+from scex_sumo.formats.damage import refusing_damage
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road
 from scex_sumo.formats.opendrive.roads import KINDS, DrawnRoad, Name, number
 from scex_sumo.formats.recognition import is_opendrive
-from scex_sumo.formats.samples.boxes import one_line
 from scex_sumo.road import Road
 
 End: TypeAlias = tuple[Name, bool]  # a lane, and whether it is its end along the reference line
@@ -60,7 +60,7 @@ def opendrive_road(path: Path, content: bytes) -> Road:
     country = signed if signed in COUNTRIES else None
     projection = (root.findtext("header/geoReference") or "").strip()
     projection = projection if projection.startswith("+proj") else ""
-    with one_line(MapError, path, "road of OpenDRIVE"):
+    with refusing_damage(MapError, path, "road of OpenDRIVE"):
         drawn = opendrive_map(path, root)
         return drawn_road(drawn, name=map_name(path), country=country, projection=projection)
 

@@ -23,12 +23,13 @@ from scex_sumo.converters.registries import Dataset, MapFormat, Recording, Windo
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.converters.xml import unpacked, xml_root
+from scex_sumo.formats.damage import MAX_ITEMS, refusing_damage
 from scex_sumo.formats.opendrive.lanes import opendrive_map, read_opendrive
 from scex_sumo.formats.opendrive.ways import Places
 from scex_sumo.formats.openscenario.motion import BODIES, Mover, UnknownMotion
 from scex_sumo.formats.openscenario.story import Storyboard
 from scex_sumo.formats.recognition import is_openscenario
-from scex_sumo.formats.samples.boxes import MAX_ITEMS, box_table, one_line
+from scex_sumo.formats.samples.boxes import box_table
 from scex_sumo.formats.samples.from_car import within_map
 from scex_sumo.scene import SeedScene
 
@@ -48,7 +49,7 @@ _FUNCTIONS: Mapping[str, Any] = {
 
 
 def _map_of(path: Path) -> Path:
-    with one_line(MapError, path, _WHAT):
+    with refusing_damage(MapError, path, _WHAT):
         file = _document(path).find("RoadNetwork/LogicFile")
         name = "" if file is None else file.get("filepath", "")
         if not name.lower().endswith((".xodr", ".xodr.gz")):
@@ -64,7 +65,7 @@ def _read(
     labels: list[str] = []
     values: list[tuple[float, ...]] = []
     notes: list[str] = []
-    with one_line(TrackError, path, _WHAT):
+    with refusing_damage(TrackError, path, _WHAT):
         drawn = opendrive_map(map_path, xml_root(map_path, remedy="export the map again"))
         story = Storyboard(_document(path), Places(drawn))
         numbers = _numbers(story.movers.values())

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import re
-import sqlite3
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from itertools import count
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
-from scex_sumo.base.errors import InputError, TrackError
-from scex_sumo.converters.tracks.check import MAX_VALUES
+from scex_sumo.base.errors import TrackError
+from scex_sumo.converters.tracks.check import MAX_VALUES, refuse_values
 from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackTable
 from scex_sumo.formats.samples.build import track_table
@@ -33,47 +30,8 @@ SIZES = {
 }
 """Length and width in m of road users without a recorded size."""
 SWAPPED = 1.5  # a vehicle so many times as wide as long has its sides swapped
-_DAMAGE = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RuntimeError, MemoryError)
-MAX_ITEMS = 10**8  # of a table, those in lists too
 MAX_NAME = 200  # letters of a track's name: all names together are one array of the longest
-UNFILLED = ("timestamp_ms", "x", "y", "psi_rad")
-
-
-@contextmanager
-def one_line(error: type[InputError], path: Path, what: str) -> Iterator[None]:
-    """Turn what a reader raises on a damaged file into an error of one line; ``what`` is no article."""
-    try:
-        yield
-    except InputError as known:
-        raise error(str(known)) from None
-    except OSError as why:
-        reason = " ".join(str(why.strerror or why).split())[:160]  # Arrow's has lines
-        raise error(f"{path}: cannot be read ({reason}); check the file") from None
-    except KeyError as key:
-        name = re.sub(r'.*"(.*)".*', r"\1", str(key.args[0]))[:160]  # of a column, in a sentence of Arrow
-        raise error(f"{path}: no {name} in it; take the file as published") from None
-    except (*_DAMAGE, sqlite3.Error, shapely.errors.ShapelyError) as why:
-        reason = " ".join(str(why).split())[:160] or "it is damaged"
-        raise error(f"{path}: no {what} can be read: {reason}; mend it, or fetch it again") from None
-
-
-def checked(table: Any) -> Any:
-    """Return a table of Arrow after a full check; raises `ValueError`.
-
-    Few bytes can state billions of rows.
-    """
-    import pyarrow as pa
-
-    table.validate(full=True)  # offsets of a damaged file lead out of its buffers
-    items = 0
-    for chunk in (chunk for column in table.columns for chunk in column.chunks):
-        items += len(chunk)
-        while pa.types.is_list(chunk.type) or pa.types.is_large_list(chunk.type):
-            chunk = chunk.flatten()
-            items += len(chunk)
-    if items > MAX_ITEMS:
-        raise ValueError(f"more than {MAX_ITEMS} values in it")
-    return table
+FILLED = ("vx", "vy", "length", "width")  # where they are missing
 
 
 def box_table(
@@ -134,17 +92,8 @@ def yaw_of(qw: Any, qx: Any, qy: Any, qz: Any) -> Any:
 def _check(path: Path, names: Sequence[str], values: FloatArray) -> None:
     if (longest := max(set(names), key=len, default="")) and len(longest) > MAX_NAME:
         raise TrackError(f"{path}: a track's name has {len(longest)} letters; fetch the file again")
-    limits = np.array([MAX_VALUES.get(name, 1e4) for name in FLOAT_COLUMNS])
-    wrong = ~(np.abs(values) <= limits)
-    optional = [k for k, name in enumerate(FLOAT_COLUMNS) if name not in UNFILLED]
-    wrong[:, optional] &= ~np.isnan(values[:, optional])
-    if wrong.any():
-        row, column = np.argwhere(wrong)[0]
-        said = "missing" if np.isnan(values[row, column]) else f"{values[row, column]:g}"
-        raise TrackError(
-            f"{path}: {FLOAT_COLUMNS[column]} of track {names[row]:.24} is {said}; finite numbers up to "
-            f"{limits[column]:g} are read; fetch the file again"
-        )
+    columns = dict(zip(FLOAT_COLUMNS, values.T, strict=True))
+    refuse_values(path, columns, MAX_VALUES, lambda row: f"track {names[row]:.24}", optional=FILLED)
     if not len(values):
         raise TrackError(f"{path}: no box in it; name a recording with traffic")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -16,9 +15,10 @@ from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.errors import TrackError
 from scex_sumo.converters.naming import open_binary
 from scex_sumo.converters.registries import Dataset
-from scex_sumo.converters.tracks.check import MAX_VALUES
+from scex_sumo.converters.tracks.check import MAX_VALUES, refuse_values
 from scex_sumo.converters.tracks.rows import FLOAT_COLUMNS, TrackTable
 from scex_sumo.converters.xml import as_value_error, checked_depth, refuse_declarations
+from scex_sumo.formats.damage import refusing_damage
 from scex_sumo.formats.recognition import is_fcd
 from scex_sumo.formats.samples.build import track_table
 from scex_sumo.geometry.polylines import wrap
@@ -42,8 +42,10 @@ _SIZES = (
 _CAR = (5.0, 1.8)
 _KINDS = {"trailer": "truck", "coach": "bus", "delivery": "van", "moped": "motorcycle", "bike": "bicycle"}
 _OTHERS = ("bicycle", "tram", "pedestrian")
-_COLUMNS = ("time", "x", "y", "angle", "speed", "length", "width")
-_MAX = (MAX_VALUES["timestamp_ms"] / 1000.0, MAX_VALUES["x"], MAX_VALUES["y"], 1e4, 1e4, 1e4, 1e4)
+_SIZE = ("length", "width")
+_COLUMNS = ("time", "x", "y", "angle", "speed", *_SIZE)
+_MAX = {"time": MAX_VALUES["timestamp_ms"] / 1000.0, "x": MAX_VALUES["x"], "y": MAX_VALUES["y"]}
+_WHAT = "fcd-output of SUMO"
 _FILLED_FROM_S = 0.5  # longer steps are filled in here, because straight lines between them cut curves
 MIN_STEP_S, MAX_STEP_S = 0.001, 2.0
 IN_DEGREES = 1e-3  # of what vehicles drive by their speeds; a metre is 1e-5 degrees
@@ -80,7 +82,11 @@ def tracks_of(
     Returns:
         The recording, and one phrase for each guess.
     """
-    _check(path, names, table)
+
+    def vehicle_at(row: int) -> str:
+        return f"vehicle {names[row]:.24} at {table[row, 0]:g} s"
+
+    refuse_values(path, dict(zip(_COLUMNS, table.T, strict=True)), _MAX, vehicle_at, optional=_SIZE)
     known = dict(map(_word_and_size, kinds))
     of_rows, unknown, findings = [known[kind][0] for kind in kinds], np.isnan(table[:, 5:7]), list[str]()
     if unknown.any():
@@ -120,19 +126,9 @@ def tracks_of(
     return tracks, tuple(findings)
 
 
-def _check(path: Path, names: Sequence[str], table: FloatArray) -> None:
-    wrong = ~(np.abs(table) <= _MAX)
-    wrong[:, 5:] &= ~np.isnan(table[:, 5:])
-    if wrong.any():
-        row, column = np.argwhere(wrong)[0]
-        what = "missing" if np.isnan(table[row, column]) else f"{table[row, column]:g}"
-        name, when = f"{names[row]:.24}", f"{table[row, 0]:g} s"
-        raise TrackError(f"{path}: {_COLUMNS[column]} of vehicle {name} at {when} is {what}; write it again")
-
-
 def _xml(path: Path) -> tuple[list[str], list[str], FloatArray]:
     names, kinds, rows, time = list[str](), list[str](), list[list[float]](), 0.0
-    try:
+    with refusing_damage(TrackError, path, _WHAT):
         for event, element in xml_elements(path):
             if element.tag == "timestep" and event == "start":
                 time = float(element.get("time", "nan"))
@@ -140,8 +136,6 @@ def _xml(path: Path) -> tuple[list[str], list[str], FloatArray]:
                 names.append(element.get("id", ""))
                 kinds.append("pedestrian" if element.tag == "person" else element.get("type", ""))
                 rows.append([time, *(float(element.get(column, "nan")) for column in _COLUMNS[1:])])
-    except (OSError, EOFError, zlib.error, ValueError, LookupError) as error:
-        raise TrackError(f"{path}: cannot be read as SUMO's fcd-output: {error}") from None
     return names, kinds, np.array(rows, dtype=np.float64).reshape(-1, len(_COLUMNS))
 
 
@@ -171,10 +165,8 @@ def _parquet(path: Path) -> tuple[list[str], list[str], FloatArray]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    try:
+    with refusing_damage(TrackError, path, _WHAT):
         read = pq.read_table(path.absolute())
-    except (OSError, pa.ArrowException) as error:
-        raise TrackError(f"{path}: cannot be read as SUMO's fcd-output: {error}") from None
     columns = {name.removeprefix("timestep_").removeprefix("vehicle_"): name for name in read.column_names}
     missing = [name for name in ("time", "id", "x", "y", "angle", "speed") if name not in columns]
     if missing:

@@ -8,7 +8,6 @@ import re
 import signal
 import subprocess
 import sys
-import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -28,6 +27,7 @@ from scex_sumo.converters.registries import Dataset, MapFormat, Window, own_maps
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.converters.xml import is_utf8, unpacked, xml_root
 from scex_sumo.extrapolation.processes.pool import in_other_process
+from scex_sumo.formats.damage import refusing_damage
 from scex_sumo.formats.recognition import is_simulation, is_state
 from scex_sumo.formats.sumo.fcd import xml_elements
 from scex_sumo.formats.sumo.intentions import INTENTIONS_S
@@ -207,7 +207,7 @@ def _is_output_parameter(tag: str, attributes: Mapping[str, str]) -> bool:
 def _names_files(file: Path) -> bool:
     """Whether a file of SUMO's names a file to write, or to read besides."""
     names = False
-    try:
+    with refusing_damage(MapError, file, "XML of SUMO"):
         for event, element in xml_elements(file):
             tag, attributes = element.tag, element.attrib
             if event == "end":
@@ -218,8 +218,6 @@ def _names_files(file: Path) -> bool:
                 _check_flow(file, attributes)
             names |= tag in _READERS or _is_output_parameter(tag, attributes)
             names |= any(name in attributes for name in _WRITERS)
-    except (OSError, EOFError, LookupError, zlib.error, ValueError) as error:
-        raise MapError(f"{file}: cannot be read: {error}; SUMO needs XML here") from None
     return names
 
 

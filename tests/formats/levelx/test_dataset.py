@@ -124,10 +124,10 @@ def test_highds_lanes_lead_the_right_way_and_may_be_changed(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("file", "old", "new", "said"),
     [
-        ("00_tracks.csv", "xCenter", "centre", "no column xCenter; such tracks have trackId"),
-        ("00_tracks.csv", "1.0", "", "line 2: .* is missing or not finite"),
-        ("00_tracks.csv", "1.0", "abc", "cannot be read"),
-        ("00_tracks.csv", "1.0", "1e300", r"line 2: .* is beyond 1e\+08"),
+        ("00_tracks.csv", "xCenter", "centre", "no xCenter in it"),
+        ("00_tracks.csv", "1.0", "", "of line 2 is missing"),
+        ("00_tracks.csv", "1.0", "abc", "no table can be read: .*abc"),
+        ("00_tracks.csv", "1.0", "1e300", r"of line 2 is 1e\+300, beyond 1e\+08"),
         ("00_tracksMeta.csv", "class", "kind", "no column class"),
         ("00_tracksMeta.csv", "1,car", "5,car", "no row for track 1"),
         ("00_recordingMeta.csv", "25", "-1", "frameRate is '-1'; frames per second expected"),

@@ -82,7 +82,7 @@ def test_what_is_no_fcd_is_refused(tmp_path: Path) -> None:
     with pytest.raises(TrackError, match="no vehicle in it"):
         read_fcd(file)
     file.write_text("<fcd-export><timestep")
-    with pytest.raises(TrackError, match="cannot be read as SUMO's fcd-output"):
+    with pytest.raises(TrackError, match="no fcd-output of SUMO can be read: not XML"):
         read_fcd(file)
     file.write_text('<?xml version="1.0" encoding="UTF-1"?><fcd-export/>')
     with pytest.raises(TrackError, match="unknown encoding"):

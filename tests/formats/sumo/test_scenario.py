@@ -152,7 +152,7 @@ def test_a_configuration_that_does_not_load_says_why(grid: Simulation, tmp_path:
     (tmp_path / "r.rou.xml").write_text('<routes><trip id="a" depart="0" from="nowhere" to="A0A1"/></routes>')
     fails(here.format(net + '<route-files value="r.rou.xml"/>'), "nowhere", SimulationError)
     (tmp_path / "r.rou.xml").write_bytes(gzip.compress(b"")[:10] + b"\xff" * 20)
-    fails(here.format(net + '<route-files value="r.rou.xml"/>'), "cannot be read")
+    fails(here.format(net + '<route-files value="r.rou.xml"/>'), "no XML of SUMO can be read")
     (tmp_path / "r.rou.xml").write_text("<!DOCTYPE routes><routes/>")
     fails(here.format(net + '<route-files value="r.rou.xml"/>'), "DOCTYPE")
 
