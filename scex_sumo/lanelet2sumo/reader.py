@@ -18,6 +18,7 @@ import shapely
 
 from scex_sumo.base.arrays import BoolArray, FloatArray
 from scex_sumo.base.errors import MapError
+from scex_sumo.converters.net.links import SumoLink, lane_ids, links_of
 from scex_sumo.converters.net.sumo_net import LANE_WIDTH_M, points_of
 from scex_sumo.converters.xml import change_words, net_root
 from scex_sumo.road import Road
@@ -61,28 +62,6 @@ class SumoLane:
     def line(self) -> shapely.LineString:
         """The shape as a geometry."""
         return shapely.LineString(self.shape)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SumoLink:
-    """Connection between lanes of two normal edges.
-
-    Attributes:
-        via: internal lanes in driving order, if any.
-        junction: empty if no request belongs to it.
-        row: its row in the junction's requests, or -1.
-        signal: id of its traffic light, or empty.
-        signal_index: its place in that light's phases, or -1.
-    """
-
-    from_lane: str
-    to_lane: str
-    via: tuple[str, ...]
-    junction: str
-    row: int
-    state: str
-    signal: str
-    signal_index: int
 
 
 class _Junction(NamedTuple):
@@ -140,14 +119,13 @@ def read_net(path: Path) -> NetContent:
     phases: dict[str, list[str]] = defaultdict(list)
     for programme in root.iter("tlLogic"):
         phases[programme.get("id", "")] += [phase.get("state", "") for phase in programme.iter("phase")]
-    following = _following(root, lanes)
     projection = next((x.get("projParameter", "!") for x in root.iter("location")), "!")
     return NetContent(
         path=path,
         lanes=lanes,
         edges={i: tuple(ids) for i, ids in edges.items()},
-        links=_links(root, following),
-        following=following,
+        links=tuple(links_of(root)),
+        following=_following(root, lanes),
         junctions={j.get("id", ""): _checked(path, j, _junction) for j in root.iter("junction")},
         offset=_checked(path, root, _offset),
         projected=projection.startswith("+proj"),
@@ -197,53 +175,15 @@ def _offset(root: Element) -> FloatArray:
     return np.asarray(offset)
 
 
-def _ends(connection: Element) -> tuple[str, str]:
-    source = f"{connection.get('from')}_{connection.get('fromLane')}"
-    return source, f"{connection.get('to')}_{connection.get('toLane')}"
-
-
 def _following(root: Element, lanes: Mapping[str, SumoLane]) -> dict[str, tuple[str, ...]]:
     following: dict[str, list[str]] = defaultdict(list)
     for connection in root.iter("connection"):
-        source, target = _ends(connection)
+        source, target = lane_ids(connection)
         target = connection.get("via", target)
         both = source in lanes and target in lanes and lanes[source].cars and lanes[target].cars
         if both and _permits_cars(connection):
             following[source].append(target)
     return {i: tuple(ids) for i, ids in following.items()}
-
-
-def _links(root: Element, following: Mapping[str, tuple[str, ...]]) -> tuple[SumoLink, ...]:
-    rows = {
-        lane: (junction.get("id", ""), row)
-        for junction in root.iter("junction")
-        if junction.get("type") != "internal"
-        for row, lane in enumerate(junction.get("intLanes", "").split())
-    }
-    links = []
-    for connection in root.iter("connection"):
-        if connection.get("from", "").startswith(":"):
-            continue
-        source, target = _ends(connection)
-        chain: list[str] = []  # SUMO splits some ways through a junction at an internal one
-        lane = connection.get("via", "")
-        while lane.startswith(":") and lane not in chain:
-            chain.append(lane)
-            lane = next(iter(following.get(lane, ())), "")
-        junction, row = next((rows[lane] for lane in chain if lane in rows), ("", -1))
-        links.append(
-            SumoLink(
-                from_lane=source,
-                to_lane=target,
-                via=tuple(chain),
-                junction=junction,
-                row=row,
-                state=connection.get("state", ""),
-                signal=connection.get("tl", ""),
-                signal_index=int(connection.get("linkIndex", -1)),
-            )
-        )
-    return tuple(links)
 
 
 def _junction(junction: Element) -> _Junction:

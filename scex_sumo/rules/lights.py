@@ -11,7 +11,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.converters.net.sumo_net import points_of
 from scex_sumo.converters.xml import is_left_hand, net_root
-from scex_sumo.rules.links import links_of, signals_of_links
+from scex_sumo.rules.links import junction_links, signals_of_links
 from scex_sumo.scene import STEP_S
 
 LANE_M = 3.2  # SUMO's default width
@@ -33,7 +33,7 @@ def light_bars(net: Path, steps: int, *, known: bool) -> list[LightBar]:
         return []
     root = net_root(net)
     lanes = {lane.get("id", ""): lane for lane in root.iter("lane")}
-    links = [link for link in links_of(root) if link.light is not None]
+    links = [link for link in junction_links(root) if link.light is not None]
     signals, _ = signals_of_links(root, links, known=known)
     shown: dict[str, dict[int, str]] = defaultdict(dict)
     for link in links:

@@ -9,6 +9,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
+from scex_sumo.converters.net.links import links_of
 from scex_sumo.converters.net.sumo_net import RECORDED, LaneTable, points_of
 from scex_sumo.geometry.polylines import heading, without_repeats
 from scex_sumo.road_rules import Passage, Signal
@@ -33,42 +34,26 @@ class Link:
         return heading(self.line, end=False), heading(self.line, end=True)
 
 
-def links_of(root: Element) -> list[Link]:
+def junction_links(root: Element) -> list[Link]:
     """Return the links of a net that lead through junctions."""
     shapes = {lane.get("id", ""): points_of(lane.get("shape", "")) for lane in root.iter("lane")}
-    following = {
-        f"{c.get('from')}_{c.get('fromLane')}": c.get("via")
-        for c in root.iter("connection")
-        if c.get("from", "").startswith(":")
+    responses = {
+        (junction.get("id"), request.get("index")): request.get("response", "")[::-1]
+        for junction in root.iter("junction")
+        for request in junction.iter("request")
     }
-    rows, links = dict(_rows(root)), []
-    for c in root.iter("connection"):
-        if c.get("from", "").startswith(":") or not c.get("via"):
+    links = []
+    for link in links_of(root):
+        points = [shapes[lane] for lane in link.via if lane in shapes]
+        line = without_repeats(np.vstack(points)) if points else np.empty((0, 2))
+        if not link.junction or len(line) < 2:
             continue
-        chain: list[str] = []
-        lane = c.get("via")
-        while lane and lane in shapes and lane not in chain:
-            chain.append(lane)
-            lane = following.get(lane)
-        request = next((rows[lane] for lane in chain if lane in rows), None)
-        line = without_repeats(np.vstack([shapes[lane] for lane in chain])) if chain else np.empty((0, 2))
-        if request is None or len(line) < 2:
-            continue
-        light = (c.get("tl", ""), int(c.get("linkIndex", -1))) if c.get("tl") else None
-        ends = (f"{c.get('from')}_{c.get('fromLane')}", f"{c.get('to')}_{c.get('toLane')}")
-        links.append(Link(line, (ends[0], *chain, ends[1]), *request, c.get("state", ""), light))
+        response = responses.get((link.junction, str(link.row)), "")
+        yields = frozenset(row for row, bit in enumerate(response) if bit == "1")
+        light = (link.signal, link.signal_index) if link.signal else None
+        lanes = (link.from_lane, *link.via, link.to_lane)
+        links.append(Link(line, lanes, link.junction, link.row, yields, link.state, light))
     return links
-
-
-def _rows(root: Element) -> Iterator[tuple[str, tuple[str, int, frozenset[int]]]]:
-    """Yield each internal lane with its junction, its row, and the rows to which it gives way."""
-    for junction in root.iter("junction"):
-        if junction.get("type") != "internal":
-            name, lanes = junction.get("id", ""), junction.get("intLanes", "").split()
-            bits = {r.get("index"): r.get("response", "")[::-1] for r in junction.iter("request")}
-            for row, lane in enumerate(lanes):
-                yields = (k for k, bit in enumerate(bits.get(str(row), "")) if bit == "1")
-                yield lane, (name, row, frozenset(yields))
 
 
 def by_junction(links: Sequence[Link]) -> dict[str, list[Link]]:

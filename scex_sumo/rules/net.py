@@ -16,7 +16,7 @@ from scex_sumo.converters.xml import net_root, unpacked
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.road import Road
 from scex_sumo.road_rules import Passage, Rules
-from scex_sumo.rules.links import Link, by_junction, links_of, passages_of, signals_of_links
+from scex_sumo.rules.links import Link, by_junction, junction_links, passages_of, signals_of_links
 from scex_sumo.scene import SeedScene
 
 BOTH_WAYS = "wZ="  # link states of which two may give way to each other
@@ -79,7 +79,7 @@ def _rules_of_road(road: Road, lanes: LaneTable, net: _NetFile) -> Rules:
 @owner_cache
 def _junctions(road: Road, net: _NetFile) -> dict[str, list[Link]]:
     """Return the links of each junction of a road's net, once for all its moments."""
-    return dict(sorted(by_junction(links_of(net_root(net.path))).items()))
+    return dict(sorted(by_junction(junction_links(net_root(net.path))).items()))
 
 
 def _is_recorded(root: Element) -> bool:
@@ -91,7 +91,7 @@ def read_rules(root: Element, lanes: LaneTable, road: Road) -> Rules:
 
     Lights whose phases are invented, also by netconvert for OpenStreetMap, are unknown.
     """
-    links = links_of(root)
+    links = junction_links(root)
     signals, notes = signals_of_links(root, links, known=road.net is not None and road.phases)
     of_junction, passages = by_junction(links), list[Passage]()
     for junction in root.iter("junction"):

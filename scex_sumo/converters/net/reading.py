@@ -12,6 +12,7 @@ from xml.etree.ElementTree import Element
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, MapError, listed
 from scex_sumo.converters.net.allowed import prune
+from scex_sumo.converters.net.links import links_of
 from scex_sumo.converters.net.sumo_net import HEADER, LANE_WIDTH_M, LaneTable, SumoNet, net_file, points_of
 from scex_sumo.converters.xml import is_utf8, net_root, unpacked, xml_root
 
@@ -64,17 +65,11 @@ def read_lane_table(path: Path) -> LaneTable:
 
 def read_ends(root: Element) -> dict[str, tuple[str, str]]:
     """Return the edges before and after each internal SUMO lane of a net."""
-    ends, within = {}, []
-    for connection in root.iter("connection"):
-        via = connection.get("via")
-        before, after = connection.get("from", ""), connection.get("to", "")
-        if via and not before.startswith(":"):
-            ends[via] = (before, after)
-        elif via:
-            within.append((f"{before}_{connection.get('fromLane', '0')}", via))
-    # Where a vehicle waits within a junction, netconvert cuts its internal lane in two.
-    ends.update({second: ends[first] for first, second in within if first in ends})
-    return ends
+    return {
+        lane: (link.from_lane.rpartition("_")[0], link.to_lane.rpartition("_")[0])
+        for link in links_of(root)
+        for lane in link.via
+    }
 
 
 _BORDERS = {"curbstone", "road_border", "guard_rail", "fence", "wall"}

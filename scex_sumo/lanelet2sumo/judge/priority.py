@@ -11,8 +11,8 @@ import numpy as np
 import shapely
 
 from scex_sumo.base.arrays import BoolArray
+from scex_sumo.converters.net.links import SumoLink
 from scex_sumo.lanelet2sumo.judge.matching import Matching
-from scex_sumo.lanelet2sumo.reader import SumoLink
 
 Pair: TypeAlias = tuple[int, int]
 LinkPair: TypeAlias = tuple[SumoLink, SumoLink]

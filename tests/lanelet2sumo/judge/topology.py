@@ -15,10 +15,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from scex_sumo.base.arrays import BoolArray
+from scex_sumo.converters.net.links import SumoLink
 from scex_sumo.geometry.polylines import length_of
 from scex_sumo.lanelet2sumo.judge.matching import Matching, Stretch
 from scex_sumo.lanelet2sumo.judge.priority import NEAR_M, Pair
-from scex_sumo.lanelet2sumo.reader import NetContent, SumoLink
+from scex_sumo.lanelet2sumo.reader import NetContent
 from scex_sumo.road import Lane
 from scex_sumo.roads.conflicts import runs
 

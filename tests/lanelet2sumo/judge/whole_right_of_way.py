@@ -14,10 +14,10 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from scex_sumo.converters.net.links import SumoLink
 from scex_sumo.geometry.polylines import heading, length_of, wrap
 from scex_sumo.lanelet2sumo.judge.matching import Matching
 from scex_sumo.lanelet2sumo.judge.priority import LinkPair, Pair, RightOfWay
-from scex_sumo.lanelet2sumo.reader import SumoLink
 from tests.lanelet2sumo.judge.conflicts import find_conflicts
 
 ZIPPER = "Z"  # SUMO's state for links that take turns
