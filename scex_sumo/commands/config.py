@@ -87,10 +87,10 @@ def _value(param: Any, value: Any, path: Path, key: str, *, positive: bool) -> A
         if not isinstance(value, bool):
             raise UsageError(f"--config {path}: {key} is {value!r}, needs true or false")
         return value is positive
-    each = [str(entry) for entry in (entries if isinstance(entries, list) else [entries])]
+    words = [str(entry) for entry in (entries if isinstance(entries, list) else [entries])]
     if param.type.name in ("path", "file", "directory"):
-        each = [str(path.parent / entry) for entry in each]
-    return each if several else ",".join(each)
+        words = [str(path.parent / entry) for entry in words]
+    return words if several else ",".join(words)
 
 
 def words_of(command: TyperCommand, ctx: Any) -> list[str]:
@@ -102,13 +102,13 @@ def words_of(command: TyperCommand, ctx: Any) -> list[str]:
         if param.name in SHARED or source is None or source.name not in ("COMMANDLINE", "DEFAULT_MAP"):
             continue
         value = ctx.params[param.name]
-        each = list(value) if isinstance(value, list | tuple) else [value]
+        values = list(value) if isinstance(value, list | tuple) else [value]
         if isinstance(param, TyperArgument):
-            last += map(str, each)
+            last += map(str, values)
         elif getattr(param, "is_flag", False):
             words += (
                 [param.opts[0] if value else param.secondary_opts[0]] if value or param.secondary_opts else []
             )
         else:
-            words += [word for one in each for word in (param.opts[-1], str(one))]
+            words += [word for entry in values for word in (param.opts[-1], str(entry))]
     return [*words, *(["--"] if any(word.startswith("-") for word in last) else []), *last]

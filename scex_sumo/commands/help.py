@@ -61,10 +61,10 @@ def write_example(command: str, formatter: Any) -> None:
 def copyable(command: str, width: int) -> list[str]:
     """Break a command line before options, by backslashes, where it is longer than a width in characters."""
     lines: list[str] = []
-    for part in re.split(r" (?=-)", command):
-        joined = f"{lines[-1]} {part}" if lines else part
+    for piece in re.split(r" (?=-)", command):
+        joined = f"{lines[-1]} {piece}" if lines else piece
         if not lines or len(joined) > width - 2:  # of the backslash
-            lines.append(f"    {part}" if lines else part)
+            lines.append(f"    {piece}" if lines else piece)
         else:
             lines[-1] = joined
     return [*(f"{line} \\" for line in lines[:-1]), lines[-1]]

@@ -59,8 +59,10 @@ def with_options(kinds: Sequence[type]) -> Callable[[Callable[..., Any]], Callab
         signature = inspect.signature(command, eval_str=True)
         own = [p for p in signature.parameters.values() if p.kind is not inspect.Parameter.VAR_KEYWORD]
         hints = {kind: get_type_hints(kind) for kind in kinds}
-        options = ((kind, one) for kind in kinds for one in fields(kind) if "option" in one.metadata)
-        more = [_parameter(one, one.metadata["option"], hints[kind][one.name]) for kind, one in options]
+        options = ((kind, field) for kind in kinds for field in fields(kind) if "option" in field.metadata)
+        more = [
+            _parameter(field, field.metadata["option"], hints[kind][field.name]) for kind, field in options
+        ]
         last = [p for p in own if p.kind is inspect.Parameter.KEYWORD_ONLY]
         first = [p for p in own if p not in last]
         command.__signature__ = signature.replace(parameters=[*first, *more, *last])  # type: ignore[attr-defined]

@@ -91,7 +91,7 @@ def _refuse_other_content(to: str, write: Exporter, request: Request, files: Seq
     """Call another package's exporter once more, with a temporary folder, and compare its files."""
     with TemporaryFolder() as folder:
         again = write(replace(request, out=Path(folder, (request.out or Path("again")).name)))
-        first, second = (list(map(Path, some)) for some in (files, again))
+        first, second = (list(map(Path, written)) for written in (files, again))
         if [x.read_bytes() for x in first if x.is_file()] != [x.read_bytes() for x in second if x.is_file()]:
             raise OwnCodeError(f"export format {to}: it wrote something else when called again")
 

@@ -111,25 +111,25 @@ def _obstacle(number: int, participant: Participant, states: States, first: int)
     box = add(add(element, "shape"), "rectangle")
     add(box, "length", number_text(participant.length))
     add(box, "width", number_text(participant.width))
-    rows = np.stack([states.x, states.y, states.heading, states.speed], axis=1)
-    _state(add(element, "initialState"), rows[0], first)
-    if len(rows) > 1:
+    trajectory = np.stack([states.x, states.y, states.heading, states.speed], axis=1)
+    _state(add(element, "initialState"), trajectory[0], first)
+    if len(trajectory) > 1:
         line = add(element, "trajectory")
-        for t, row in enumerate(rows[1:], start=first + 1):
-            _state(add(line, "state"), row, t)
+        for t, state in enumerate(trajectory[1:], start=first + 1):
+            _state(add(line, "state"), state, t)
     return element
 
 
-def _state(element: ET.Element, row: FloatArray, step: int) -> None:
+def _state(element: ET.Element, state: FloatArray, step: int) -> None:
     point = add(add(element, "position"), "point")
-    add(point, "x", number_text(row[0]))
-    add(point, "y", number_text(row[1]))
-    for tag, value in (("orientation", row[2]), ("time", step), ("velocity", row[3])):
+    add(point, "x", number_text(state[0]))
+    add(point, "y", number_text(state[1]))
+    for tag, value in (("orientation", state[2]), ("time", step), ("velocity", state[3])):
         add(add(element, tag), "exact", str(value) if tag == "time" else number_text(value))
 
 
 def _task(request: Request, future: int, ego: int, number: int) -> ET.Element:
-    states = next(one.states[one.present] for one in request.participants(future) if one.vehicle == ego)
+    states = next(user.states[user.present] for user in request.participants(future) if user.vehicle == ego)
     steps = states.shape[0] - LOGGED_HISTORY
     now, end = states[LOGGED_HISTORY - 1], states[-1]
     task = ET.Element("planningProblem", id=str(number))
@@ -199,7 +199,7 @@ def road_elements(
     signs = {int(element.get("id", "0")) for element in signals.elements}
     crossings = _intersections(road, numbers, max([*numbers.values(), *signs, *taken]) + 1)
     elements = [*lanelets, *signals.elements, *crossings]
-    return elements, {int(part.get("id", "0")) for e in elements for part in (e, *e.iter("incoming"))}
+    return elements, {int(numbered.get("id", "0")) for e in elements for numbered in (e, *e.iter("incoming"))}
 
 
 def _signals(road: Road, numbers: Mapping[int, int], cycles: Cycles, seed_step: int) -> _Signals:
@@ -288,7 +288,7 @@ def _intersections(road: Road, numbers: Mapping[int, int], first: int) -> list[E
                     add(arms[leftmost], f"successors{_turn(lanes[i])}").set("ref", str(numbers[i]))
         for arm in arms.values():
             arm.set("id", str(next(ids)))
-            arm[:] = sorted(arm, key=lambda part: _ORDER.index(part.tag))
+            arm[:] = sorted(arm, key=lambda reference: _ORDER.index(reference.tag))
     return elements
 
 
@@ -304,10 +304,10 @@ def _turn(lane: Lane) -> str:
 
 def _sign(number: int, kind: str, lane: Lane, value: str | None = None) -> ET.Element:
     sign = ET.Element("trafficSign", id=str(number))
-    part = add(sign, "trafficSignElement")
-    add(part, "trafficSignID", kind)
+    element = add(sign, "trafficSignElement")
+    add(element, "trafficSignID", kind)
     if value is not None:
-        add(part, "additionalValue", value)
+        add(element, "additionalValue", value)
     _point(add(sign, "position"), lane.right_bound[0])
     add(sign, "virtual", "false")
     return sign

@@ -40,8 +40,8 @@ class _Future:
         self.index = {int(track): v for v, track in enumerate(scene.track_ids)}
         self.names, self.types = (dict(zip(self.index, x, strict=True)) for x in (scene.names, scene.types))
         rows: Sequence[Row] = request.run.collisions.to_pylist()
-        mine = (row for row in rows if row["future"] == future)
-        self.collisions = [{**row, "time_s": row["time_s"] + seed_s} for row in mine]
+        mine = (collision for collision in rows if collision["future"] == future)
+        self.collisions = [{**collision, "time_s": collision["time_s"] + seed_s} for collision in mine]
 
     def at(self, track: int, time_s: float) -> tuple[float, float, float, float]:
         """Return x, y, heading and speed of a vehicle at a time of the floating car data, s."""
@@ -85,8 +85,8 @@ def write_collisions(request: Request) -> list[Path]:
         yield '<collisions xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" '
         yield f'xsi:noNamespaceSchemaLocation="{schema}">\n'
         here = _Future(request, future)
-        for row in here.collisions:
-            yield _element("    ", "collision", _collision(here, row, lanes))
+        for collision in here.collisions:
+            yield _element("    ", "collision", _collision(here, collision, lanes))
         yield "</collisions>\n"
 
     return request.write_each(".collisions.xml", lambda future: _xml(lines(future)))
@@ -96,39 +96,43 @@ def _xml(lines: Iterable[str]) -> bytes:
     return "".join(('<?xml version="1.0" encoding="UTF-8"?>\n', *lines)).encode()
 
 
-def _conflicts(future: _Future, rows: Sequence[Row]) -> Iterator[str]:
-    hits = {frozenset((row["track_id"], row["other_id"])): row for row in future.collisions}
+def _conflicts(future: _Future, measures: Sequence[Row]) -> Iterator[str]:
+    hits = {frozenset((hit["track_id"], hit["other_id"])): hit for hit in future.collisions}
     pairs: dict[frozenset[int], list[Row]] = {pair: [] for pair in hits}
-    for row in rows:
-        if np.isfinite(row["value"]) and not (row["metric"] == "drac" and row["value"] <= 0):
-            pairs.setdefault(frozenset((row["track_id"], row["other_id"])), []).append(row)
+    for measure in measures:
+        if np.isfinite(measure["value"]) and not (measure["metric"] == "drac" and measure["value"] <= 0):
+            pairs.setdefault(frozenset((measure["track_id"], measure["other_id"])), []).append(measure)
     texts = []
-    for pair, rows_of_pair in pairs.items():
+    for pair, of_pair in pairs.items():
         hit = hits.get(pair)
         until_ms = np.inf if hit is None else 1000 * hit["time_s"]
-        own = [row for row in rows_of_pair if row["timestamp_ms"] < until_ms]
+        before = [measure for measure in of_pair if measure["timestamp_ms"] < until_ms]
         worst: list[Row | None] = []
-        beyond = hit is not None
         for event in CONFLICTS:
-            values = [row for row in own if row["metric"].removesuffix("_path") == event.name]
-            worst.append(max(values, key=lambda row: event.side * row["value"], default=None))
-            beyond |= any(event.side * row["value"] >= event.side * event.threshold for row in values)
-        if beyond:
-            texts.append(_conflict(future, own, worst, hit))
+            own = (measure for measure in before if measure["metric"].removesuffix("_path") == event.name)
+            worst.append(max(own, key=lambda measure: event.side * measure["value"], default=None))
+        beyond = (
+            event.side * most["value"] >= event.side * event.threshold
+            for event, most in zip(CONFLICTS, worst, strict=True)
+            if most is not None
+        )
+        if hit is not None or any(beyond):
+            texts.append(_conflict(future, before, worst, hit))
     yield from (text for _, text in sorted(texts))
 
 
 def _conflict(
-    future: _Future, rows: Sequence[Row], worst: Sequence[Row | None], hit: Row | None
+    future: _Future, measures: Sequence[Row], worst: Sequence[Row | None], hit: Row | None
 ) -> tuple[float, str]:
-    """Return begin and text of the conflict of a pair; ``worst`` are its rows of the `CONFLICTS`."""
+    """Return begin and text of the conflict of a pair; ``worst`` are its measures of the `CONFLICTS`."""
     ttc, drac, pet = worst
     passing = None if pet is None else _passing(future, pet["track_id"], pet["other_id"])
-    leads = next(row for row in (ttc, drac, pet, hit) if row is not None)
+    leads = next(event for event in (ttc, drac, pet, hit) if event is not None)
     ego, foe = leads["track_id"], leads["other_id"]
     if leads is pet and passing is not None:
         ego, foe, _, _ = passing
-    times = [row["timestamp_ms"] / 1000 for row in rows] + ([] if hit is None else [hit["time_s"]])
+    times = [measure["timestamp_ms"] / 1000 for measure in measures]
+    times += [] if hit is None else [hit["time_s"]]
     begin, end = min(times), max([*times, *([] if passing is None else passing[2:3])])
     lines = [_following(future, "minTTC", ego, ttc), _following(future, "maxDRAC", ego, drac)]
     if hit is not None:
@@ -143,12 +147,12 @@ def _conflict(
     return begin, _element("    ", "conflict", head, inside)
 
 
-def _following(future: _Future, tag: str, ego: int, row: Row | None) -> tuple[str, Mapping[str, str]]:
-    if row is None:
+def _following(future: _Future, tag: str, ego: int, measure: Row | None) -> tuple[str, Mapping[str, str]]:
+    if measure is None:
         return tag, _NOTHING
-    time_s, follows = row["timestamp_ms"] / 1000, row["track_id"] == ego
-    place, speed = future.end(row["other_id"], time_s, -1), future.at(ego, time_s)[3]
-    return tag, _measure(time_s, place, FOLLOWER if follows else LEADER, row["value"], speed)
+    time_s, follows = measure["timestamp_ms"] / 1000, measure["track_id"] == ego
+    place, speed = future.end(measure["other_id"], time_s, -1), future.at(ego, time_s)[3]
+    return tag, _measure(time_s, place, FOLLOWER if follows else LEADER, measure["value"], speed)
 
 
 def _measure(time_s: float, place: str, kind: int, value: float, speed: float) -> dict[str, str]:
@@ -156,11 +160,12 @@ def _measure(time_s: float, place: str, kind: int, value: float, speed: float) -
     return dict(zip(_NOTHING, texts, strict=True))
 
 
-def _passing(future: _Future, one: int, other: int) -> tuple[int, int, float, str] | None:
+def _passing(future: _Future, track_id: int, other_id: int) -> tuple[int, int, float, str] | None:
     """Return the vehicle that crosses second, the first one, when the second one is there, and where."""
     states, begin = future.states, LOGGED_HISTORY - 1
     tracks = [
-        np.stack([states.x[v, begin:], states.y[v, begin:]], -1) for v in map(future.index.get, (one, other))
+        np.stack([states.x[v, begin:], states.y[v, begin:]], -1)
+        for v in map(future.index.get, (track_id, other_id))
     ]
     tracks = [track[np.isfinite(track[:, 0])] for track in tracks]  # without arrived vehicles
     lines = [shapely.LineString(track) for track in tracks]
@@ -168,7 +173,7 @@ def _passing(future: _Future, one: int, other: int) -> tuple[int, int, float, st
     if not len(points):
         return None
     point, reached = shapely.Point(points[0]), {}
-    for name, track, line in zip((one, other), tracks, lines, strict=True):
+    for name, track, line in zip((track_id, other_id), tracks, lines, strict=True):
         arcs = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track, axis=0).T))])
         front = max(shapely.line_locate_point(line, point) - future.length[future.index[name]] / 2, 0.0)
         reached[name] = (LOGGED_HISTORY + float(np.searchsorted(arcs, front))) * STEP_S
@@ -176,13 +181,13 @@ def _passing(future: _Future, one: int, other: int) -> tuple[int, int, float, st
     return second, first, reached[second], f"{points[0][0]:.2f},{points[0][1]:.2f}"
 
 
-def _collision(future: _Future, row: Row, lanes: LaneFinder) -> dict[str, str]:
-    collider, victim, time_s = row["track_id"], row["other_id"], row["time_s"]
-    if row["side"] != "front" and row["other_side"] == "front":
+def _collision(future: _Future, collision: Row, lanes: LaneFinder) -> dict[str, str]:
+    collider, victim, time_s = collision["track_id"], collision["other_id"], collision["time_s"]
+    if collision["side"] != "front" and collision["other_side"] == "front":
         collider, victim = victim, collider
     x, y, heading, _ = (np.array([value]) for value in future.at(collider, time_s))
     (lane,), (along,) = lanes.find(x, y, heading, np.array([False]))
-    kind = _TYPES.get(row["kind"], "junction" if lane.startswith(":") else "side")
+    kind = _TYPES.get(collision["kind"], "junction" if lane.startswith(":") else "side")
     values = {"time": f"{time_s:.2f}", "type": kind, "lane": lane, "pos": f"{along:.2f}"}
     both = {"collider": collider, "victim": victim}
     values |= {role: future.names[track] for role, track in both.items()}

@@ -76,8 +76,8 @@ def _first_frame(request: Request) -> int:
 
 def _leading_pair(request: Request) -> tuple[int, ...]:
     """Return the track ids whose trajectories have parameters: the pair asked for, else the first one."""
-    rows = request.run.encounters.slice(0, 1).to_pylist()
-    pair = request.encounter or [row[side] for row in rows for side in ("track_id", "other_id")]
+    first = request.run.encounters.slice(0, 1)
+    pair = request.encounter or first["track_id"].to_pylist() + first["other_id"].to_pylist()
     return tuple(track for track in pair if track != request.ego)
 
 
@@ -140,9 +140,9 @@ def _written(file: Path) -> datetime:
     return moment.replace(tzinfo=None)
 
 
-def _role(one: Participant) -> str:
-    user = road_user(one.kind)
-    if one.vehicle is None:
+def _role(participant: Participant) -> str:
+    user = road_user(participant.kind)
+    if participant.vehicle is None:
         return "other"
     return user if user in PEOPLE else "vehicle"
 

@@ -74,8 +74,8 @@ def _ground_truths(request: Request, future: int, drawn: OpenDrive, betterosi: A
     """Yield the frames of a future, the first logged one at time 0; that one has the lanes, too."""
     users, lanes = list(request.participants(future)), request.road.lanes
     own, numbers, free = _numbers(users, lanes)
-    there = [[[numbers[i] for i in at] for at in _lanes(request, one.states)] for one in users]
-    acceleration = [np.gradient(one.states.speed, STEP_S) for one in users]
+    there = [[[numbers[i] for i in ids] for ids in _lanes(request, user.states)] for user in users]
+    acceleration = [np.gradient(user.states.speed, STEP_S) for user in users]
     static = static_map(request.road, drawn, numbers, free, betterosi)
     lights = _lights(request, drawn, numbers, free)
     frame = {"map_reference": request.road.name, **_frame(drawn, betterosi)}
@@ -87,9 +87,9 @@ def _ground_truths(request: Request, future: int, drawn: OpenDrive, betterosi: A
             version=betterosi.InterfaceVersion(version_major=3, version_minor=8, version_patch=0),
             timestamp=betterosi.Timestamp(seconds=nanos // _NANOS, nanos=nanos % _NANOS),
             moving_object=[
-                _moving(one, number, step, float(a[step]), lane[step], betterosi)
-                for one, number, a, lane in zip(users, own, acceleration, there, strict=True)
-                if one.present[step]
+                _moving(user, number, step, float(a[step]), lane[step], betterosi)
+                for user, number, a, lane in zip(users, own, acceleration, there, strict=True)
+                if user.present[step]
             ],
             traffic_light=[_shown(light, step - LOGGED_HISTORY + 1, betterosi) for light in lights],
             **frame,

@@ -65,27 +65,27 @@ def _lane(
     betterosi: Any,
 ) -> Any:
     """Return the n-th lane of a group; ``sides`` are the numbers of its boundaries."""
-    lane, kind, one = road.lanes[group[n]], betterosi.Lane.Classification, betterosi.Identifier
+    lane, kind, identifier = road.lanes[group[n]], betterosi.Lane.Classification, betterosi.Identifier
     i, driven = lane.lane_id, _INTERSECTION if group[n] in drawn.inside else _DRIVING
     ends = [
-        [one(value=numbers[j]) for j in others if j in numbers] or [None]
+        [identifier(value=numbers[j]) for j in others if j in numbers] or [None]
         for others in (lane.predecessors, lane.successors)
     ]
     return betterosi.Lane(
-        id=one(value=numbers[i]),
+        id=identifier(value=numbers[i]),
         classification=kind(
             type=kind.Type(driven if lane.kind in ("vehicle", "bus") else _NONDRIVING),
             subtype=kind.Subtype(_SUBTYPES.get(lane.kind, _RESTRICTED)),
             centerline=_points(lane.centreline, betterosi),
             centerline_is_driving_direction=True,
-            left_adjacent_lane_id=[one(value=numbers[j]) for j in group[n - 1 : n]],
-            right_adjacent_lane_id=[one(value=numbers[j]) for j in group[n + 1 : n + 2]],
+            left_adjacent_lane_id=[identifier(value=numbers[j]) for j in group[n - 1 : n]],
+            right_adjacent_lane_id=[identifier(value=numbers[j]) for j in group[n + 1 : n + 2]],
             lane_pairing=[
                 kind.LanePairing(antecessor_lane_id=before, successor_lane_id=after)
                 for before, after in product(*ends)
             ],
-            left_lane_boundary_id=[one(value=sides[0])],
-            right_lane_boundary_id=[one(value=sides[1])],
+            left_lane_boundary_id=[identifier(value=sides[0])],
+            right_lane_boundary_id=[identifier(value=sides[1])],
         ),
         source_reference=reference(drawn.places[i], betterosi) if i in drawn.places else [],
     )

@@ -186,8 +186,8 @@ class Request:
         """Yield the vehicles of a future, then the pedestrians and cyclists that are there at some time."""
         scene, states = self.scene, self.states(future)
 
-        def participant(users: SeedScene | Obstacles, k: int, at: States, present: BoolArray) -> Participant:
-            own: dict[str, Any] = {"index": k, "states": at, "present": present, "kind": users.types[k]}
+        def participant(users: SeedScene | Obstacles, k: int, track: States, there: BoolArray) -> Participant:
+            own: dict[str, Any] = {"index": k, "states": track, "present": there, "kind": users.types[k]}
             if isinstance(users, SeedScene):
                 own |= {"label": int(users.track_ids[k]), "name": users.names[k], "vehicle": k}
             else:

@@ -54,16 +54,16 @@ def to_networkx(graph: SceneGraph, future: int = 0) -> DiGraph[int]:
     """
     with extra_for("this export needs networkx", "learned"):
         import networkx
-    rows = np.flatnonzero(graph.future == future)
-    if not len(rows):
+    nodes = np.flatnonzero(graph.future == future)
+    if not len(nodes):
         count = len(np.unique(graph.future))
         raise UsageError(f"scene graph: future {future} of a batch of {count}; choose 0 to {count - 1}")
     result: DiGraph[int] = networkx.DiGraph()
-    for row in rows:
-        place = (int(graph.lane_id[row]), float(graph.arc[row])) if graph.on_road[row] else (None, None)
-        named = dict(zip(graph.node_columns, graph.node[row].tolist(), strict=True))
-        named |= {"history": graph.history[row].copy(), "lane_id": place[0], "arc": place[1]}
-        result.add_node(int(graph.vehicle[row]), **named)
+    for node in nodes:
+        place = (int(graph.lane_id[node]), float(graph.arc[node])) if graph.on_road[node] else (None, None)
+        named = dict(zip(graph.node_columns, graph.node[node].tolist(), strict=True))
+        named |= {"history": graph.history[node].copy(), "lane_id": place[0], "arc": place[1]}
+        result.add_node(int(graph.vehicle[node]), **named)
     source, target = graph.vehicle[graph.edge_index]
     for k in np.flatnonzero(graph.future[graph.edge_index[1]] == future):
         named = dict(zip(graph.edge_columns, graph.edge[k].tolist(), strict=True))

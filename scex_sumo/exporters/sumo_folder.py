@@ -80,13 +80,14 @@ def _write_future(request: Request, future: int, folder: Path) -> Path:
         raise UsageError(f"future {future}: no vehicle is on a mapped lane at its end; choose another one")
     left_out = [name for v, name in enumerate(scene.names) if v not in kept]
     intentions, walks = load_intentions(request.run.folder)
-    if simulated := bool(intentions) and all((one := intentions[v]) and one.saved for v in kept):
+    if simulated := bool(intentions) and all((intention := intentions[v]) and intention.saved for v in kept):
         time_s = float(request.run.info["seed_scene"]["time_s"])
         others = _with_walks(request.scene.obstacles, walks)
         scene = replace(request.scene, obstacles=others, time_s=time_s)
     elif intentions:
-        intentions = tuple(_later(one, edges[v], STEP_S * steps) for v, one in enumerate(intentions))
-        edges = [one.edges if one else edge_list for one, edge_list in zip(intentions, edges, strict=True)]
+        after_s = STEP_S * steps
+        intentions = tuple(_later(intention, edges[v], after_s) for v, intention in enumerate(intentions))
+        edges = [intention.edges if intention else edges[v] for v, intention in enumerate(intentions)]
     scene = replace(scene, intentions=intentions, future=None, future_valid=None)
     scene = scene.reordered(kept, name=scene.name)
     driven = [_driven(scene, n, edges[v], simulated=simulated) for n, v in enumerate(kept)]
@@ -173,8 +174,8 @@ def _own_lights(net: Element) -> list[Element]:
         param = light.find(f"param[@key={SIMULATED!r}]") if light.tag == "tlLogic" else None
         if param is not None:
             own = list(ElementTree.fromstring(f"<own>{param.get('value')}</own>"))
-            saved += [one for one in own if not len(one)]
-            net[k : k + 1] = [one for one in own if len(one)]
+            saved += [element for element in own if not len(element)]
+            net[k : k + 1] = [element for element in own if len(element)]
     prune(net)
     return saved
 

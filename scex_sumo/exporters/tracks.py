@@ -32,9 +32,9 @@ def write_interaction(request: Request) -> list[Path]:
     schema = pq.read_schema(tracks)
     with request.output(path) as file, csv.CSVWriter(file, schema, write_options=options) as writer:
         rows = run.states(futures[0]).x.size
-        for some in (sorted(futures[k : k + _AT_ONCE]) for k in range(0, len(futures), _AT_ONCE)):
-            table = pq.read_table(tracks, filters=[("case_id", "in", some)])
-            if table.num_rows != rows * len(some):
+        for batch in (sorted(futures[k : k + _AT_ONCE]) for k in range(0, len(futures), _AT_ONCE)):
+            table = pq.read_table(tracks, filters=[("case_id", "in", batch)])
+            if table.num_rows != rows * len(batch):
                 raise ResultError(f"{tracks}: does not have {rows} rows of each future; run again")
             writer.write_table(table.filter(table["x"].is_valid()))
     return [path]

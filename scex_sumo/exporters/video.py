@@ -62,8 +62,8 @@ def _write(
     if request.out is not None and request.out.suffix == f".{ending}" and not request.out.is_dir():
         shown = {request.file("", ""): request.futures}
     else:
-        each = [(future,) for future in request.futures]
-        shown = dict(zip(request.files(f".{ending}"), each, strict=True))
+        singles = [(future,) for future in request.futures]
+        shown = dict(zip(request.files(f".{ending}"), singles, strict=True))
     for path, futures in shown.items():
         with request.output(path) as unfinished, mpl.rc_context(STYLE):
             encode(unfinished, request, futures)
@@ -126,7 +126,7 @@ class Film:
         lines = road_lines(run.net.path, (low[0], high[0], low[1], high[1]))
         _draw_lines(self._axes, lines, self._scale)
         driven = ", ".join(models[v] for v in self._pair)
-        title = " · ".join(part for part in (request.name, f"future {future}", words, driven) if part)
+        title = " · ".join(filter(None, (request.name, f"future {future}", words, driven)))
         self._axes.add_artist(self._corner_text(0.008, title))
         self._draw_legend({model: colors[model] for model in sorted(set(models))})
         self._canvas.draw()
@@ -166,20 +166,20 @@ class Film:
         return PolyCollection(list(shapes), linewidths=1, **style)
 
     def _recorded(self, frame: float) -> list[Artist]:
-        recorded, at = self._scene.future, round(frame) - LOGGED_HISTORY
-        if recorded is None or not 0 <= at < recorded.shape[1]:
+        recorded, step = self._scene.future, round(frame) - LOGGED_HISTORY
+        if recorded is None or not 0 <= step < recorded.shape[1]:
             return []
         states = _between(recorded, min(frame - LOGGED_HISTORY, recorded.shape[1] - 1.0))
         valid = self._scene.future_valid
-        there = np.ones(len(self._names), dtype=bool) if valid is None else valid[:, at]
+        there = np.ones(len(self._names), dtype=bool) if valid is None else valid[:, step]
         shapes = outlines(states, self._scene.length, self._scene.width, _BODY)[there]
         return [PolyCollection(list(shapes), facecolors="none", edgecolors=_INK, linewidths=1)]
 
     def _others(self, frame: float) -> list[Artist]:
-        others, at = self._scene.obstacles, round(frame) + 1
-        if others is None or at >= others.present.shape[1]:
+        others, column = self._scene.obstacles, round(frame) + 1
+        if others is None or column >= others.present.shape[1]:
             return []
-        here = others.states[others.present[:, at], at]
+        here = others.states[others.present[:, column], column]
         style: dict[str, Any] = {"facecolor": _shares(OTHER_RGB), "edgecolor": "white"}
         return [Circle(place, 4 / self._scale, **style) for place in zip(here.x, here.y, strict=True)]
 
@@ -239,10 +239,10 @@ def _shares(rgb: Rgb) -> tuple[float, float, float]:
 def _between(states: States, frame: float) -> States:
     low = min(int(frame), states.shape[1] - 1)
     a, b = states[:, low], states[:, min(low + 1, states.shape[1] - 1)]
-    part = frame - low
-    x, y, speed = ((1 - part) * u + part * v for u, v in ((a.x, b.x), (a.y, b.y), (a.speed, b.speed)))
+    share = frame - low
+    x, y, speed = ((1 - share) * u + share * v for u, v in ((a.x, b.x), (a.y, b.y), (a.speed, b.speed)))
     turn = np.angle(np.exp(1j * (b.heading - a.heading)))
-    return States(x=x, y=y, heading=a.heading + part * turn, speed=speed)
+    return States(x=x, y=y, heading=a.heading + share * turn, speed=speed)
 
 
 def _apart(states: States) -> FloatArray:

@@ -55,7 +55,7 @@ class Document:
 
     def filled(self, template: str, **parts: str) -> bytes:
         """Return the page with the parts of a template in ``assets`` as its body; texts are escaped."""
-        return self.html(Template(asset(template)).substitute({k: joined(part) for k, part in parts.items()}))
+        return self.html(Template(asset(template)).substitute({k: joined(text) for k, text in parts.items()}))
 
     def html(self, body: str) -> bytes:
         """Return the page."""
@@ -75,9 +75,9 @@ def _hash(text: str) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
-def card(title: str, *parts: str) -> Html:
+def card(title: str, *children: str) -> Html:
     """Return a card with a heading; plain sentences become paragraphs."""
-    inside = [part if isinstance(part, Html) else element("p.soft", part) for part in parts]
+    inside = [child if isinstance(child, Html) else element("p.soft", child) for child in children]
     return element("section.card", element("h2", title), *inside)
 
 

@@ -29,9 +29,9 @@ def element(kind: str, *children: str, **attributes: str | int | bool) -> Html:
     return Html(f"<{tag}{text}>" if tag in _EMPTY else f"<{tag}{text}>{joined(*children)}</{tag}>")
 
 
-def joined(*parts: str) -> Html:
+def joined(*children: str) -> Html:
     """Return elements and escaped texts in a row."""
-    return Html("".join(part if isinstance(part, Html) else escape(part) for part in parts))
+    return Html("".join(child if isinstance(child, Html) else escape(child) for child in children))
 
 
 def asset(name: str) -> str:

@@ -58,9 +58,9 @@ def plot_command(
 
 def short_names(folders: Sequence[Path]) -> list[str]:
     """Return the last, different parts of paths; raise a `UsageError` for a folder that is named twice."""
-    parts = [folder.resolve().parts for folder in folders]
-    for depth in range(1, max(len(part) for part in parts) + 1):
-        names = ["/".join(part[-depth:]) for part in parts]
+    paths = [folder.resolve().parts for folder in folders]
+    for depth in range(1, max(len(path) for path in paths) + 1):
+        names = ["/".join(path[-depth:]) for path in paths]
         if len(set(names)) == len(names):
             return names
     raise UsageError("plot: a result folder is named twice; name every result once")
@@ -69,14 +69,14 @@ def short_names(folders: Sequence[Path]) -> list[str]:
 def check_comparable(runs: Sequence[Run], labels: Sequence[str]) -> None:
     """Raise a `ResultError` if runs differ in length, metrics or thresholds."""
     for label, run in zip(labels[1:], runs[1:], strict=True):
-        for what, one, first in (
+        for what, own, first in (
             ("steps in a future", run.info["steps"], runs[0].info["steps"]),
             ("metrics", _metrics(run), _metrics(runs[0])),
             ("thresholds", run.thresholds, runs[0].thresholds),
         ):
-            if one != first:
+            if own != first:
                 raise ResultError(
-                    f"{label}: {what} {one}, but {labels[0]} has {first}; run one of them again as the other"
+                    f"{label}: {what} {own}, but {labels[0]} has {first}; run one of them again as the other"
                 )
 
 

@@ -46,16 +46,16 @@ class Happening:
     link: str = ""
 
     @classmethod
-    def of(cls, row: Mapping[str, Any], time_s: float, link: str = "") -> Happening:
+    def of(cls, pair: Mapping[str, Any], time_s: float, link: str = "") -> Happening:
         """Return the happening of a row of ``pairs.parquet``."""
-        words = f"{time_s:g} s, {arrow(row)}: {row['how'] or row['what']}; {once_in(row['probability'])}"
+        words = f"{time_s:g} s, {arrow(pair)}: {pair['how'] or pair['what']}; {once_in(pair['probability'])}"
         return cls(
             time_s=time_s,
-            probability=row["probability"],
-            what=row["what"],
+            probability=pair["probability"],
+            what=pair["what"],
             words=words,
-            x=row["x"],
-            y=row["y"],
+            x=pair["x"],
+            y=pair["y"],
             link=link,
         )
 
@@ -93,10 +93,10 @@ def timeline(
     for power in _LINES:
         parts.append(plane.line(np.array(plane.x), np.full(2, power), "soft", dashed=True))
         parts.append(plane.words(plane.x[0], power + 0.25, f"once in {one_in(10.0**power)}", anchor="start"))
-    for one in happenings:
-        if one.probability >= _FLOOR:
-            x, y = plane.at(one.time_s, float(_level(np.array(one.probability))))
-            parts.append(one.mark(f"M{x:g},{y:g}"))
+    for happening in happenings:
+        if happening.probability >= _FLOOR:
+            x, y = plane.at(happening.time_s, float(_level(np.array(happening.probability))))
+            parts.append(happening.mark(f"M{x:g},{y:g}"))
     figure = plane.figure(title, *parts, marks=tick_seconds(*plane.x))
     first, last = (f"{value:g}" for value in plane.x)
     return element("div.timeline", figure, data_recording=name, data_first=first, data_last=last)
@@ -116,7 +116,10 @@ def place_map(name: str, box: Box, road: Html, happenings: Sequence[Happening]) 
     """Return a map with the places of conflicts, on a road as of `scex_sumo.page.picture.road_svg`."""
     size = (box[1] - box[0]) / _MARKS_M
     scale = f"scale({size:.2f} {-size:.2f})"
-    marks = [one.mark("M0,0", f"translate({one.x:.1f} {one.y:.1f}) {scale}") for one in happenings]
+    marks = [
+        happening.mark("M0,0", f"translate({happening.x:.1f} {happening.y:.1f}) {scale}")
+        for happening in happenings
+    ]
     return element("figure", element("figcaption", name), scene_svg(name, box, road, marks))
 
 

@@ -118,22 +118,22 @@ class Fallible(Driver):
             for future, state in zip(futures, before, strict=True):
                 rng[future].bit_generator.state = state
             of_future = np.searchsorted(futures, vehicles.future)
-            parts = of_future if len(futures) > 1 else np.arange(len(vehicles))
-            return self._ask_each(history, road, vehicles, parts, rng)
+            groups = of_future if len(futures) > 1 else np.arange(len(vehicles))
+            return self._ask_each(history, road, vehicles, groups, rng)
         said = plan.reasons or (BY_ITSELF,) * len(vehicles)
         fell = np.zeros(len(vehicles), bool) if plan.fallback is None else plan.fallback
         reasons = [d or (s if f else "") for d, s, f in zip(defects, said, fell, strict=True)]
         return plan, reasons, np.array([d != "" for d in defects], bool)
 
     def _ask_each(
-        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, part: IntArray, rng: Rngs
+        self, history: SceneHistory, road: Road, vehicles: VehicleIndex, group: IntArray, rng: Rngs
     ) -> Answer:
         count = len(vehicles)
         whole, reasons, bad = _blank(count), np.full(count, "", dtype=object), np.zeros(count, dtype=np.bool_)
-        for number in range(int(part.max()) + 1):
-            at = np.flatnonzero(part == number)
-            plan, reasons[at], bad[at] = self._ask(history, road, vehicles[at], rng)
-            whole.assign(at, plan)
+        for number in range(int(group.max()) + 1):
+            members = np.flatnonzero(group == number)
+            plan, reasons[members], bad[members] = self._ask(history, road, vehicles[members], rng)
+            whole.assign(members, plan)
         return whole, reasons.tolist(), bad
 
 
@@ -141,11 +141,11 @@ def follow_path(history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Pl
     """Plan 3 s for vehicles without a plan: ``calibrated_driver`` on the nearest path, or straight on."""
     paths, straight = chosen_paths(history, road, vehicles, "straight")
     now, arc_length = history.now[vehicles.future, vehicles.vehicle], expected_way(history, vehicles)
-    row, (_, offset, heading) = nearest_paths(
+    path, (_, offset, heading) = nearest_paths(
         paths, straight, vehicles.vehicle, arc_length, now.x, now.y, now.heading
     )
     off = (np.abs(offset) > OFF_PATH_M) | (np.abs(wrap(now.heading - heading)) > AGAINST_PATH_RAD)
-    plan = driven(history, [IdmDriver(CALIBRATED).follow(history, vehicles, paths, row)])[0]
+    plan = driven(history, [IdmDriver(CALIBRATED).follow(history, vehicles, paths, path)])[0]
     speed = np.maximum(now.speed[off], 0.0)[:, None] * np.ones(PLAN_STEPS)
     plan.assign(off, now[off].ahead(speed * STEP_S * np.arange(1, PLAN_STEPS + 1), speed))
     return plan
@@ -179,24 +179,24 @@ def plan_defects(plan: Plan, history: SceneHistory, vehicles: VehicleIndex) -> l
     for key in STATES:
         values, (least, most) = getattr(plan, key), RANGES.get(key, (-np.inf, np.inf))
         finite = np.isfinite(values)
-        for row, step in _first(~(finite & (values >= least) & (values <= most)), reasons):
-            needs = f"{values[row, step]:g} at step {step + 1}; needs {least:g} to {most:g}"
-            reasons[row] = f"plan.{key} is {needs if finite[row, step] else 'not finite'}"
+        for vehicle, step in _first(~(finite & (values >= least) & (values <= most)), reasons):
+            needs = f"{values[vehicle, step]:g} at step {step + 1}; needs {least:g} to {most:g}"
+            reasons[vehicle] = f"plan.{key} is {needs if finite[vehicle, step] else 'not finite'}"
     off, moved, led_m = _motion(plan, history, vehicles)
-    for row, step in _first(off > JUMP_M, reasons):
+    for vehicle, step in _first(off > JUMP_M, reasons):
         where = "starts" if step == 0 else f"jumps at step {step + 1} to"
-        reasons[row] = f"plan {where} {off[row, step]:.1f} m from where the vehicle's motion leads"
+        reasons[vehicle] = f"plan {where} {off[vehicle, step]:.1f} m from where the vehicle's motion leads"
     apart = np.abs(moved - led_m) > np.maximum(JUMP_M, SHARE * np.maximum(np.abs(moved), np.abs(led_m)))
-    for row, _ in _first(apart[:, None], reasons):
-        motion_words = f"leads {led_m[row]:.1f} m ahead, its positions {moved[row]:.1f} m along plan.heading"
-        reasons[row] = f"plan.speed {motion_words}; needs m/s, and rad, 0 along x"
+    for vehicle, _ in _first(apart[:, None], reasons):
+        led = f"leads {led_m[vehicle]:.1f} m ahead, its positions {moved[vehicle]:.1f} m along plan.heading"
+        reasons[vehicle] = f"plan.speed {led}; needs m/s, and rad, 0 along x"
     return reasons
 
 
 def _first(bad: BoolArray, reasons: Sequence[str]) -> list[tuple[int, int]]:
     """Return the first bad step of each plan (n, H) that has no reason yet."""
-    rows = np.flatnonzero(bad.any(axis=1) & np.array([reason == "" for reason in reasons], bool))
-    return [(row, int(np.argmax(bad[row]))) for row in rows.tolist()]
+    vehicles = np.flatnonzero(bad.any(axis=1) & np.array([reason == "" for reason in reasons], bool))
+    return [(vehicle, int(np.argmax(bad[vehicle]))) for vehicle in vehicles.tolist()]
 
 
 def _motion(plan: Plan, history: SceneHistory, vehicles: VehicleIndex) -> tuple[FloatArray, ...]:

@@ -146,14 +146,14 @@ class _Program:
                 left = left[os.write(self._in.fileno(), left) :]
         except OSError:
             raise ScexError(f"the program has ended{self._status()}") from None
-        read, part = bytearray(), b""
-        while b"\n" not in part:
+        read, chunk = bytearray(), b""
+        while b"\n" not in chunk:
             if not _wait(self._out, selectors.EVENT_READ, until):
                 raise late
-            part = os.read(self._out.fileno(), _PIPE)
-            if not part:
+            chunk = os.read(self._out.fileno(), _PIPE)
+            if not chunk:
                 raise ScexError(f"the program has ended{self._status()}")
-            read += part
+            read += chunk
             if len(read) > _MAX_ANSWER:
                 raise ScexError(f"the program answered {_MAX_ANSWER} bytes without the end of a line")
         answer, _, more = bytes(read).partition(b"\n")
@@ -231,13 +231,14 @@ def _question(history: SceneHistory, future: int, vehicle: int) -> str:
 
 def _states(answer: Any) -> States:
     try:
-        rows = {key: np.array(answer[key], dtype=np.float64) for key in _KEYS}
+        columns = {key: np.array(answer[key], dtype=np.float64) for key in _KEYS}
     except (KeyError, TypeError, ValueError):
         keys = ", ".join(_KEYS)
         raise ScexError(f"its answer is not a plan; needs {keys}, {PLAN_STEPS} numbers each") from None
-    if any(row.shape != rows["x"].shape or row.ndim != 1 or len(row) < PLAN_STEPS for row in rows.values()):
+    shape, *others = (values.shape for values in columns.values())
+    if len(shape) != 1 or shape[0] < PLAN_STEPS or any(other != shape for other in others):
         raise ScexError(f"the program answered fewer than {PLAN_STEPS} steps, or not as many of each")
-    return States(**rows)
+    return States(**columns)
 
 
 def split_command(rest: str) -> list[str]:

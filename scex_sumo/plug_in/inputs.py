@@ -101,7 +101,7 @@ def predictor_inputs(
 @cache
 def vehicle_kind(word: str) -> int:
     """Return the index into `KINDS` of a recorded type, e.g. ``truck_bus``."""
-    return next((kind for part, kind in _WORDS.items() if part in word.lower()), KINDS.index("other"))
+    return next((kind for known, kind in _WORDS.items() if known in word.lower()), KINDS.index("other"))
 
 
 def _others(
@@ -127,9 +127,9 @@ def _others(
     nearest, mask = _nearest(distance, surroundings.neighbours, surroundings.radius)
     past = states[vehicles.future[:, None], np.minimum(nearest, scene.vehicles - 1)]
     if obstacles is not None:
-        row, column = np.nonzero(nearest >= scene.vehicles)
-        which = nearest[row, column] - scene.vehicles
-        past.assign((row, column), obstacles.states[which[:, None], steps[row]])
+        observer, neighbour = np.nonzero(nearest >= scene.vehicles)
+        which = nearest[observer, neighbour] - scene.vehicles
+        past.assign((observer, neighbour), obstacles.states[which[:, None], steps[observer]])
     seen = seen_from(now, past)
     seen[~mask] = 0.0
     return {
@@ -171,8 +171,8 @@ def _lanes(road: Road, now: States, surroundings: Surroundings) -> dict[str, NDA
 def _around(now: States, places: FloatArray, radius: float) -> BoolArray:
     """Return which places (R, 2) are within a radius, m, of the box around all vehicles (n,)."""
     near = np.ones(len(places), dtype=np.bool_)
-    for at, place in zip((now.x, now.y), places.T, strict=True):
-        near &= (place >= at.min(initial=np.inf) - radius) & (place <= at.max(initial=-np.inf) + radius)
+    for own, place in zip((now.x, now.y), places.T, strict=True):
+        near &= (place >= own.min(initial=np.inf) - radius) & (place <= own.max(initial=-np.inf) + radius)
     return near
 
 

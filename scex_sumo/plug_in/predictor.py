@@ -82,16 +82,17 @@ class Predictor:
 
             graph = scene_graph(history, road)
         count, calls, predicted = history.now.shape[1], self._calls(vehicles), list[FloatArray]()
-        for at in calls:
-            future = 0 if self.batched else int(vehicles.future[at[0]])
-            given: dict[str, Any] = {name: values[at] for name, values in arrays.items()}
+        for members in calls:
+            asked = vehicles[members]
+            future = 0 if self.batched else int(asked.future[0])
+            given: dict[str, Any] = {name: values[members] for name, values in arrays.items()}
             if graph is not None:
                 given["graph"] = graph if self.batched else graph_of_future(graph, future, count)
             if "node" in self.inputs:
-                given["node"] = (vehicles.future[at] * count if self.batched else 0) + vehicles.vehicle[at]
+                given["node"] = (asked.future * count if self.batched else 0) + asked.vehicle
             if "rng" in self.inputs:
                 given["rng"] = rng[future]
-            predicted.append(trajectories(self.function(**given), len(at)))
+            predicted.append(trajectories(self.function(**given), len(members)))
         whole = np.zeros((len(vehicles), PLAN_STEPS, 4))
         if calls:
             whole[np.concatenate(calls)] = completed(np.concatenate(predicted))

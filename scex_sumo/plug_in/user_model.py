@@ -94,7 +94,7 @@ class SingleVehicle:
         alone = {c: history.part(slice(c, c + 1)) for c in np.unique(vehicles.future).tolist()}
         for c, v in zip(vehicles.future.tolist(), vehicles.vehicle.tolist(), strict=True):
             plans.append(self.model.plan_one(alone[c], road, 0, v, rng[c]))
-            shapes = [np.shape(part) for part in vars(plans[-1]).values()]
+            shapes = [np.shape(values) for values in vars(plans[-1]).values()]
             if any(len(shape) != 1 or shape[0] < PLAN_STEPS for shape in shapes):
                 what = f"behaviour model {type(self.model).__name__}: plan_one returned shapes {shapes}"
                 raise ScexError(f"{what}, needs four of at least ({PLAN_STEPS},)")

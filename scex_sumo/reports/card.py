@@ -96,38 +96,36 @@ def _by_people(line: PairLine) -> float:
 
 def _candidates(run: Run) -> list[PairLine]:
     """Return at most `_MOST` pairs: first that of the verdict, then those that stay on shorter cards."""
-    people = told_pairs(run)
-    stress = [one for one in worst_stress(run) if one.row["collision"] > 0]
-    shares = {frozenset(one.pair): float(one.row["collision"]) for one in stress}
-    known = {frozenset((row["track_id"], row["other_id"])): row for row in people}
-    meeting = {frozenset(one.pair): one.row for one in stress}
+    people = {frozenset((row["track_id"], row["other_id"])): row for row in told_pairs(run)}
+    stress = {frozenset(meeting.pair): meeting.row for meeting in worst_stress(run)}
+    shares = {ids: row["collision"] for ids, row in stress.items() if row["collision"] > 0}
     decided = frozenset((run.decision.pair if run.decision is not None else None) or ())
-    chosen = dict.fromkeys([*known.keys() & {decided}, *[*known][:_FROM_PEOPLE], *meeting, *known])
+    chosen = dict.fromkeys([*people.keys() & {decided}, *[*people][:_FROM_PEOPLE], *shares, *people])
     return [
-        _line(known[pair], people=known[pair]["probability"], stress=shares.get(pair, 0.0))
-        if pair in known
-        else _line(_as_pair(meeting[pair]), people=None, stress=shares[pair])
-        for pair in [*chosen][:_MOST]
+        _line(people[ids] if ids in people else _as_pair(stress[ids]), stress=shares.get(ids, 0.0))
+        for ids in [*chosen][:_MOST]
     ]
 
 
-def _line(row: Mapping[str, Any], *, people: float | None, stress: float | None) -> PairLine:
+def _line(pair: Mapping[str, Any], *, stress: float | None) -> PairLine:
+    """Return the line of a row of ``pairs.parquet``, or of `_as_pair`."""
     return PairLine(
-        label=arrow(row),
-        pair=(row["track_id"], row["other_id"]),
-        what=row["what"],
-        how=row["how"] or "",
-        people=people,
+        label=arrow(pair),
+        pair=(pair["track_id"], pair["other_id"]),
+        what=pair["what"],
+        how=pair["how"] or "",
+        people=pair["probability"],
         stress=stress,
-        after_s=row["conflict_s"],
-        future=row["future"],
+        after_s=pair["conflict_s"],
+        future=pair["future"],
     )
 
 
-def _as_pair(row: Mapping[str, Any]) -> dict[str, Any]:
-    words = cut_set_words(row)
+def _as_pair(encounter: Mapping[str, Any]) -> dict[str, Any]:
+    words = cut_set_words(encounter)
     how = f"if {words[0].partition(' in which ')[2]}" if words and " in which " in words[0] else ""
-    return {**row, "what": row["kind"] or "collision", "how": how, "conflict_s": row["time_s"]}
+    what = encounter["kind"] or "collision"
+    return {**encounter, "what": what, "how": how, "conflict_s": encounter["time_s"], "probability": None}
 
 
 def decided_line(run: Run) -> PairLine | None:
@@ -135,18 +133,19 @@ def decided_line(run: Run) -> PairLine | None:
     decision = run.decision
     if decision is None or decision.pair is None or decision.future is None:
         return None
-    row = _decided_row(run) | {
+    pair = _decided_pair(run) | {
         "what": decision.what or "",
         "how": decision.doubt or decision.how,
         "conflict_s": decision.time_s or 0.0,
         "future": decision.future,
+        "probability": decision.probability,
     }
-    return _line(row, people=decision.probability, stress=None)
+    return _line(pair, stress=None)
 
 
 def any_cells(run: Run) -> list[str]:
     """Return the line of any pair, under the heads of `PairLine.cells`."""
-    shares = [row["probability"] for row in told_pairs(run)]
+    shares = [pair["probability"] for pair in told_pairs(run)]
     saturated = run.collision.value >= SATURATED and not run.info.get("region")
     many = run.info["seed_scene"]["vehicles"] >= MANY
     hint = "one vehicle: --region TRACK" if saturated and many else ""
@@ -174,7 +173,7 @@ def print_closing(run: Run, console: Console) -> None:
         return
     text = Text(VERDICTS[decision.kind].upper(), style=_STYLES[decision.kind])
     if decision.pair is not None:
-        text.append(f"  {arrow(_decided_row(run))}: {once_in(decision.probability)}", style="default")
+        text.append(f"  {arrow(_decided_pair(run))}: {once_in(decision.probability)}", style="default")
     console.print(text, soft_wrap=True)
 
 
@@ -195,10 +194,8 @@ def verdict_lines(run: Run, wide: int) -> list[Text]:
     decision = run.decision
     if decision is None:
         return [Text(line) for line in _wrapped(f"stress test: driven as {driven_as(run)}", wide)]
-    word, (first, _, frequency) = (
-        VERDICTS[decision.kind].upper(),
-        decision.sentence.rstrip(".").partition(_OFTEN),
-    )
+    word = VERDICTS[decision.kind].upper()
+    first, _, frequency = decision.sentence.rstrip(".").partition(_OFTEN)
     lines = _wrapped(f"{word}  {first.partition(': ')[2]}", wide)
     if frequency:
         short = re.sub(r"( of)? such moments| on(?=\))", "", frequency).replace("to test from", "test from")
@@ -224,15 +221,14 @@ def metric_lines(run: Run, wide: int) -> list[Text]:
 
 
 def _own_lines(run: Run, wide: int) -> list[Text]:
-    rows = [
-        f"{name}: {', human-like '.join(row_cell(value) for value in values)}"
-        for name, values in extra_rows(run).items()
+    lines = [
+        f"{name}: {', human-like '.join(map(row_cell, values))}" for name, values in extra_rows(run).items()
     ]
     if counts := run.info.get("fallbacks"):
         from scex_sumo.results.tables.fallbacks import fallback_lines
 
-        rows += fallback_lines(counts)
-    return [Text(part) for line in rows for part in _wrapped(line, wide)]
+        lines += fallback_lines(counts)
+    return [Text(piece) for line in lines for piece in _wrapped(line, wide)]
 
 
 def _doubts(run: Run, wide: int) -> list[Text]:
@@ -245,13 +241,13 @@ def _doubts(run: Run, wide: int) -> list[Text]:
     return [Text(textwrap.shorten(text, wide, placeholder=" …"), style="bright_black")]
 
 
-def _decided_row(run: Run) -> dict[str, Any]:
+def _decided_pair(run: Run) -> dict[str, Any]:
     """Return the row of the pair of the verdict, or its track ids where P is not told."""
     decision = run.decision
     assert decision is not None and decision.pair is not None
-    rows = [*told_pairs(run), *told_pairs(run, doubtful=True)]
+    pairs = [*told_pairs(run), *told_pairs(run, doubtful=True)]
     ids = dict(zip(("track_id", "other_id"), decision.pair, strict=True))
-    return next((row for row in rows if row.items() >= ids.items()), ids)
+    return next((pair for pair in pairs if pair.items() >= ids.items()), ids)
 
 
 def _table(run: Run, lines: Sequence[PairLine], total: Sequence[str], wide: int) -> list[Text]:
@@ -263,13 +259,13 @@ def _table(run: Run, lines: Sequence[PairLine], total: Sequence[str], wide: int)
         folds: dict[str, Any] = {"overflow": "fold"} if k == 1 else {"no_wrap": True}
         table.add_column(Text(_HEADS[k], style="dim"), justify="left" if k < 2 else "right", **folds)
     decided = set(run.decision.pair or ()) if run.decision is not None else set()
-    for one in lines:
-        style = "bold" if set(one.pair) == decided else None
-        table.add_row(*(one.cells[k] for k in shown), style=style)
+    for line in lines:
+        style = "bold" if set(line.pair) == decided else None
+        table.add_row(*(line.cells[k] for k in shown), style=style)
     table.add_row(*(total[k] for k in shown))
     console = Console(width=wide, force_terminal=False, legacy_windows=False)
     rendered = console.render_lines(table, console.options.update(max_width=wide), pad=False)
-    texts = [Text.assemble(*((part.text, part.style or "") for part in line)) for line in rendered]
+    texts = [Text.assemble(*((part.text, part.style or "") for part in parts)) for parts in rendered]
     for text in texts:
         text.rstrip()
     return texts

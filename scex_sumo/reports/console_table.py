@@ -56,8 +56,8 @@ def print_table(table: Table, console: Console, *, breaks: Sequence[str] = ()) -
     if console.measure(table, options=unlimited).maximum > console.width:
         table.box, table.padding, table.pad_edge = None, (0, 1, 0, 0), False
         for column in table.columns:
-            for part in breaks:
-                column.header = Text(str(column.header).replace(part, f"\n{part.strip()}"))
+            for ending in breaks:
+                column.header = Text(str(column.header).replace(ending, f"\n{ending.strip()}"))
         folded = [c for c in table.columns if c.overflow == "fold"]
         spare = sum(max(0, *(cell_len(str(cell)) for cell in c.cells)) - _MIN_FOLDED for c in folded)
         needed = console.measure(table, options=unlimited).maximum

@@ -82,9 +82,8 @@ def meetings(run: Run) -> list[Meeting]:
     the pair alike, as it is critical in the stress test, else as it is in the human-like futures.
     """
     possible = {frozenset((row["track_id"], row["other_id"])): row for row in run.encounters.to_pylist()}
-    encounters, human = [], run.reference
-    for row in [] if human is None else human.encounters.to_pylist():
-        assert human is not None
+    likely: list[Meeting] = []
+    for row in run.reference.encounters.to_pylist() if run.reference is not None else ():
         pair = frozenset((row["track_id"], row["other_id"]))
         stress = possible.get(pair)
         if stress is not None and stress["critical"] > 0:
@@ -93,13 +92,12 @@ def meetings(run: Run) -> list[Meeting]:
             possible[pair] = stress = named_as(row, stress)
         if row["critical"] > 0 or stress is None:
             meets = None if stress is None else Encounter(row=stress, run=run)
-            encounters.append(Meeting(futures=HUMAN_LIKE, run=human, row=row, stress=meets))
-    encounters = [Meeting(futures=STRESS_TEST, run=run, row=row) for row in possible.values()] + encounters
-    encounters.sort(key=lambda meeting: criticality(meeting.row))
-    first: dict[tuple[int, int], int] = {}
-    for number, meeting in enumerate(encounters):
-        first.setdefault(meeting.pair, number)
-    return sorted(encounters, key=lambda meeting: first[meeting.pair])
+            likely.append(Meeting(futures=HUMAN_LIKE, run=run.reference, row=row, stress=meets))
+    both = [*(Meeting(futures=STRESS_TEST, run=run, row=row) for row in possible.values()), *likely]
+    by_pair: dict[tuple[int, int], list[Meeting]] = {}
+    for meeting in sorted(both, key=lambda meeting: criticality(meeting.row)):
+        by_pair.setdefault(meeting.pair, []).append(meeting)
+    return [meeting for of_pair in by_pair.values() for meeting in of_pair]
 
 
 def encounter_cells(meeting: Meeting) -> list[Any]:
@@ -118,11 +116,11 @@ def encounter_cells(meeting: Meeting) -> list[Any]:
     ]
 
 
-def named_as(lead: Mapping[str, Any], row: Mapping[str, Any]) -> dict[str, Any]:
+def named_as(lead: Mapping[str, Any], encounter: Mapping[str, Any]) -> dict[str, Any]:
     """Return a row of a pair with the order of its vehicles and the place of another row of the pair."""
-    if row["track_id"] != lead["track_id"]:
-        row = {name: row[_SWAP.get(name, name)] for name in row}
-    return {**row, "place": lead["place"]}
+    if encounter["track_id"] != lead["track_id"]:
+        encounter = {name: encounter[_SWAP.get(name, name)] for name in encounter}
+    return {**encounter, "place": lead["place"]}
 
 
 def driven_as(run: Run) -> str:
@@ -137,9 +135,9 @@ def worst_stress(run: Run) -> list[Meeting]:
     """Return the worst encounters of the stress test, without vehicles whose baseline is compared."""
     tested = set() if run.baseline is None else {int(track) for track in run.info["under_test"]}
     return [
-        one
-        for one in meetings(run)
-        if one.futures == STRESS_TEST
-        and one.row["critical"] > 0
-        and not (one.doubt or tested & set(one.pair))
+        meeting
+        for meeting in meetings(run)
+        if meeting.futures == STRESS_TEST
+        and meeting.row["critical"] > 0
+        and not (meeting.doubt or tested & set(meeting.pair))
     ]

@@ -34,14 +34,15 @@ def print_details(run: Run, console: Console, *, every: bool = False) -> None:
 def stress_lines(run: Run) -> list[str]:
     """Return the stress test: share of collisions and the worst encounters in words."""
     worst = worst_stress(run)
-    doubts = dict.fromkeys(one.doubt for one in meetings(run) if one.doubt and one.row["critical"] > 0)
+    critical = (meeting for meeting in meetings(run) if meeting.row["critical"] > 0)
+    doubts = dict.fromkeys(meeting.doubt for meeting in critical if meeting.doubt)
     which = "other " if run.baseline is not None else ""
     listed_below = "a vehicle hits or follows → another (how, where, after what time):"
     none = f"no {which}encounter of two vehicles is critical in any future"
     collides = f"a collision in {run.collision.percent} of futures, driven as {driven_as(run)}"
     head = f"{STRESS_TEST}: {collides}; {listed_below if worst else none}"
     left_out = [f"left out as doubtful: {listed(doubts)}"] if doubts else []
-    return [head, *(f"  {one.words()}" for one in worst[:_WORST]), *left_out]
+    return [head, *(f"  {meeting.words()}" for meeting in worst[:_WORST]), *left_out]
 
 
 def expected_injuries(run: Run) -> float:
@@ -66,15 +67,15 @@ def summary_table(run: Run, *, every: bool = False) -> Table:
         shares, intervals = zip(*map(cells, sets), strict=True)
         rows.append((name, *(before or _DASHES), *shares, intervals[-1], defined))
 
-    add("collision", lambda one: _shares(one.collision), _recorded_overlaps(run), "–", "any")
+    add("collision", lambda result: _shares(result.collision), _recorded_overlaps(run), "–", "any")
     for until_s in horizons_of(int(run.info.get("steps", 0))):
         add(f"collision by {until_s:g} s", partial(_early, until_s=until_s), "–", "–", "any")
-    add(SEVERITY, lambda one: (f"{1000 * expected_injuries(one):.2f}", "–"))
+    add(SEVERITY, lambda result: (f"{1000 * expected_injuries(result):.2f}", "–"))
     for name, values in extra_rows(run).items():
         rows.append((name, *_DASHES, *map(row_cell, values[::-1]), "–", "all"))
-    for part in shown_columns(run, every=every):
+    for group in shown_columns(run, every=every):
         rows.append(None)
-        for column in part:
+        for column in group:
             threshold, recorded = run.thresholds.get(column), run.recorded_value(column)
             limit = "–" if threshold is None else f"{run.metric(column).sign} {threshold:.3g}"
             finite = recorded if recorded is None or np.isfinite(recorded) else None
@@ -119,7 +120,7 @@ def _median(run: Run, column: str) -> str:
 
 def _defined(sets: Sequence[Run], column: str) -> str:
     """Return in how many futures of each set a metric is defined."""
-    counts = [(len(one.samples(column)), one.futures) for one in sets]
+    counts = [(len(result.samples(column)), result.futures) for result in sets]
     return "all" if all(n == of for n, of in counts) else "\n".join(f"{n}/{of}" for n, of in counts)
 
 

@@ -55,23 +55,23 @@ def print_under_test(run: Run, console: Console, *, every: bool = False) -> None
 def verdict(tested: UnderTest) -> str:
     """Return collisions and severe injuries before and after, and whether the driver is better, in words."""
     changes = differences(tested)
-    hits = next(((one, p) for one, _, p in changes if one.column == COLLISION), None)
-    main = [each for each in changes if each[0].column in MAIN]
-    changes = main or [each for each in changes if each[0].column != COLLISION]
-    sure = [(tested.metric(one.column).words, one) for one, p, _ in changes if p < _CHANCE]
-    better = [words for words, one in sure if one.better > one.worse]
-    worse = [words for words, one in sure if one.worse > one.better]
+    hits = next(((change, p) for change, _, p in changes if change.column == COLLISION), None)
+    others = [(change, p) for change, p, _ in changes if change.column != COLLISION]
+    main = [(change, p) for change, p in others if change.column in MAIN]
+    sure = [(tested.metric(change.column).words, change) for change, p in main or others if p < _CHANCE]
+    better = [words for words, change in sure if change.better > change.worse]
+    worse = [words for words, change in sure if change.worse > change.better]
     parts = [f"{word} in {', '.join(n)}" for word, n in (("better", better), ("worse", worse)) if n]
     found_words = {(True, True): "mixed", (True, False): "better", (False, True): "worse"}
     word = found_words.get((bool(better), bool(worse)), "no difference shown")
     text = f"under test, {tested.label}, as drawn → under test: "
     if hits is not None:
-        one, p_value = hits
-        assert one.p_critical is not None and one.baseline_p_critical is not None
-        text += f"collides in {one.baseline_p_critical.percent} → {one.p_critical.percent} of futures"
+        hit, p_value = hits
+        assert hit.p_critical is not None and hit.baseline_p_critical is not None
+        text += f"collides in {hit.baseline_p_critical.percent} → {hit.p_critical.percent} of futures"
         text += f" (p {chance_text(p_value)})" if chance_text(p_value) else ""
         if p_value < _CHANCE:
-            word = "worse" if one.newly_critical > one.no_longer_critical else "better"
+            word = "worse" if hit.newly_critical > hit.no_longer_critical else "better"
             parts = [f"collides {'more' if word == 'worse' else 'less'} often", *parts]
     before, after = (1000 * tested.injuries[k].mean() for k in ("baseline", "under_test"))
     text += f", severe injuries per 1000 {before:.2f} → {after:.2f}"
@@ -82,20 +82,20 @@ def own_encounters(run: Run) -> list[str]:
     """Return the most critical encounters of the vehicles under test, with their shares before and after."""
     assert run.baseline is not None
     ids = {int(track) for track in run.info["under_test"]}
-    sides: list[dict[frozenset[int], dict[str, Any]]] = [
-        {frozenset(pair): row for row in one.encounters.to_pylist() if ids & (pair := {*_track_ids(row)})}
-        for one in (run.baseline, run)
-    ]
+    sides: list[dict[frozenset[int], Mapping[str, Any]]] = []
+    for result in (run.baseline, run):
+        by_pair = {frozenset(_track_ids(row)): row for row in result.encounters.to_pylist()}
+        sides.append({pair: row for pair, row in by_pair.items() if pair & ids})
     worst = [min((side[p] for side in sides if p in side), key=criticality) for p in sides[0] | sides[1]]
     lines = []
-    for row in sorted(worst, key=criticality)[:_MOST]:
-        event, words = event_of(row)
-        rows = [side.get(frozenset(_track_ids(row))) for side in sides]
-        shares = ["0 %" if one is None else share_of(one, event).percent for one in rows if event]
-        place = ", ".join(part for part in (row["kind"], row["place"], f"{row['time_s']:.1f} s") if part)
-        if shares:
-            one, other = map(run.name_of, _track_ids(row))
-            lines.append(f"{one} → {other} ({place}): {words} in {' → '.join(shares)}")
+    for encounter in sorted(worst, key=criticality)[:_MOST]:
+        event, words = event_of(encounter)
+        if event:
+            pair = frozenset(_track_ids(encounter))
+            shares = [share_of(side[pair], event).percent if pair in side else "0 %" for side in sides]
+            about = (encounter["kind"], encounter["place"], f"{encounter['time_s']:.1f} s")
+            names = " → ".join(str(run.name_of(track)) for track in _track_ids(encounter))
+            lines.append(f"{names} ({', '.join(filter(None, about))}): {words} in {' → '.join(shares)}")
     return lines
 
 
@@ -106,8 +106,8 @@ def _track_ids(row: Mapping[str, Any]) -> tuple[int, int]:
 def differences(tested: UnderTest) -> list[tuple[Difference, float, float]]:
     """Return by metric the difference, and Holm-corrected p-values of values and critical shares."""
     by_metric = [tested.difference(column) for column in critical_columns(tested.columns)]
-    values = holm([one.p_value for one in by_metric])
-    shares = holm([one.critical_p_value for one in by_metric])
+    values = holm([difference.p_value for difference in by_metric])
+    shares = holm([difference.critical_p_value for difference in by_metric])
     return list(zip(by_metric, values, shares, strict=True))
 
 
@@ -120,17 +120,17 @@ def under_test_table(tested: UnderTest, columns: Sequence[str] | None = None) ->
 def under_test_rows(tested: UnderTest, columns: Sequence[str] | None = None) -> list[list[Any]]:
     """Return the rows of the table of `HEADS`; ``columns`` are those of the metrics shown, None: all."""
     rows: list[list[Any]] = []
-    for one, p_value, p_share in differences(tested):
-        if columns is not None and one.column not in (COLLISION, *columns):
+    for change, p_value, p_share in differences(tested):
+        if columns is not None and change.column not in (COLLISION, *columns):
             continue
-        is_share = one.column == COLLISION
+        is_share = change.column == COLLISION
         rows.append(
             [
-                tested.metric(one.column).titled(),
-                *(None if is_share or math.isnan(v) else v for v in (one.baseline, one.under_test)),
-                f"{one.worse} : {one.better}" if one.futures else None,
+                tested.metric(change.column).titled(),
+                *(None if is_share or math.isnan(v) else v for v in (change.baseline, change.under_test)),
+                f"{change.worse} : {change.better}" if change.futures else None,
                 chance_text(p_value),
-                *(None if p is None else p.value for p in (one.baseline_p_critical, one.p_critical)),
+                *(None if p is None else p.value for p in (change.baseline_p_critical, change.p_critical)),
                 chance_text(p_share),
             ]
         )

@@ -39,7 +39,7 @@ def row_cell(value: float | str | None) -> str:
 def extra_rows(run: Run) -> dict[str, list[float | str | None]]:
     """Return the rows of the extras by title: the value in the stress test, then in the reference."""
     sets = [run] if run.reference is None else [run, run.reference]
-    rows_of = [{row["name"]: row for row in one.info.get("rows", ())} for one in sets]
+    rows_of = [{row["name"]: row for row in result.info.get("rows", ())} for result in sets]
     titles = {name: f" [{row['unit']}]" if row["unit"] else "" for name, row in rows_of[0].items()}
     return {
         f"{name}{unit}": [rows.get(name, {}).get("value") for rows in rows_of]

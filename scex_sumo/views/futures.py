@@ -32,7 +32,7 @@ def write_first(run: Run) -> Path:
         step = round((decision.time_s or 0.0) / STEP_S)
         words = (decision.how or decision.what or "").replace("; ", " · ")  # SUMO takes no semicolon
         return _write(human, [_event_view(human, decision.future, decision.pair, step, words)])
-    met = [row for row in run.encounters.to_pylist() if row["critical"] > 0]
+    met = [encounter for encounter in run.encounters.to_pylist() if encounter["critical"] > 0]
     if met:
         return write_encounter(run, met[0]["track_id"], met[0]["other_id"])
     return write_future(run, 0)
@@ -40,10 +40,10 @@ def write_first(run: Run) -> Path:
 
 def write_encounter(run: Run, first: int, second: int) -> Path:
     """Write a typical future in which two vehicles meet, and return the file to open."""
-    row = run.encounter(first, second).row
-    what, name = ("collides", COLLISION) if row["collision"] > 0 else ("critical", "critical")
-    step, title = round(row["time_s"] / STEP_S), f"{what} in {share_of(row, name).share}"
-    return _write(run, [_event_view(run, row["future"], [first, second], step, title)])
+    encounter = run.encounter(first, second).row
+    what, name = ("collides", COLLISION) if encounter["collision"] > 0 else ("critical", "critical")
+    step, title = round(encounter["time_s"] / STEP_S), f"{what} in {share_of(encounter, name).share}"
+    return _write(run, [_event_view(run, encounter["future"], [first, second], step, title)])
 
 
 def write_grid(run: Run, count: int) -> Path:

@@ -150,12 +150,12 @@ def _delayed(net: Path, by_s: float) -> str:
 def _choose_ids(
     path: Path, groups: Sequence[FcdTracks], future: FutureView, letter_m: float, frame: Frame
 ) -> str:
-    at, here = future.stop_state, [(group, n) for group in groups for n in range(len(group.ids))]
+    step, here = future.stop_state, [(group, n) for group in groups for n in range(len(group.ids))]
     here.sort(key=lambda entry: entry[0] is not groups[0] or entry[1] not in future.event)
-    here = [(group, n) for group, n in here if group.present[n, at]]
+    here = [(group, n) for group, n in here if group.present[n, step]]
     names = [group.ids[n] for group, n in here]
     kinds = ["person" if group.walks[n] else "vehicle" for group, n in here]
-    x, y = (np.array([getattr(group.states, axis)[n, at] for group, n in here]) for axis in ("x", "y"))
+    x, y = (np.array([getattr(group.states, axis)[n, step] for group, n in here]) for axis in ("x", "y"))
     event, beside = list(range(len(future.event))), ""
     kept = readable(names, x, y, letter_m)
     if not set(event) <= set(kept):
@@ -281,10 +281,10 @@ def _crop_shape(element: ElementTree.Element, box: Box, *, closed: bool) -> bool
         return False
     whole = shapely.make_valid(shapely.Polygon(points)) if closed else shapely.LineString(points)
     parts = shapely.get_parts(shapely.clip_by_rect(whole, *box))
-    wanted = [part for part in parts if part.geom_type == ("Polygon" if closed else "LineString")]
+    wanted = [piece for piece in parts if piece.geom_type == ("Polygon" if closed else "LineString")]
     if not wanted:
         return False
-    best = max(wanted, key=lambda part: float(part.length))
+    best = max(wanted, key=lambda piece: float(piece.length))
     if best.length < _SHORTEST_M:
         return False
     line = best.exterior if closed else best

@@ -75,7 +75,7 @@ def _as_given(file: Path) -> OpenDrive:
         offset=(x, y, z, heading),
         inside=frozenset(ids[lane.name] for lane in drawn.lanes if lane.inside),
         lights={ids[lane]: (signal, None) for lane, signal in drawn.signals.items()},
-        flat=not any(float(one.get(name, "0")) for one in root.iter("elevation") for name in "abcd"),
+        flat=not any(float(rise.get(name, "0")) for rise in root.iter("elevation") for name in "abcd"),
     )
 
 
@@ -90,7 +90,9 @@ def opendrive(road: Road) -> OpenDrive:
     objects, signals = placed_crosswalks(road, pieces), placed_signals(road, pieces)
     for piece in pieces:
         element = _add_road(root, piece, road.lanes)
-        element.extend(part[piece.number] for part in (objects, signals.of_roads) if piece.number in part)
+        for elements in (objects, signals.of_roads):
+            if piece.number in elements:
+                element.append(elements[piece.number])
     _add_junctions(root, pieces, priorities(road, pieces))
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode", xml_declaration=False)
@@ -166,11 +168,11 @@ def _plan_view(view: ET.Element, curve: Curve) -> None:
 def _lanes(element: ET.Element, piece: Piece, lanes: Mapping[int, Lane]) -> None:
     ribbon = piece.ribbon
     _lines(element, "laneOffset", ribbon.s, ribbon.offsets[:, 0], "s")
-    part = add(element, "laneSection", s=0)
-    middle = add(add(part, "center"), "lane", id=0, type="none", level="false")
+    section = add(element, "laneSection", s=0)
+    middle = add(add(section, "center"), "lane", id=0, type="none", level="false")
     add(middle, "link")
     _mark(middle, crossed=False)
-    right = add(part, "right")
+    right = add(section, "right")
     for n, i in enumerate(ribbon.group):
         _add_lane(right, piece, n, lanes[i])
 
@@ -188,7 +190,7 @@ def _add_lane(right: ET.Element, piece: Piece, n: int, lane: Lane) -> None:
     add(element, "userData", code=LANE_CODE, value=lane.lane_id)
 
 
-def _lines(parent: ET.Element, tag: str, s: FloatArray, values: FloatArray, at: str) -> None:
+def _lines(parent: ET.Element, tag: str, s: FloatArray, values: FloatArray, station: str) -> None:
     slope = np.diff(values) / np.diff(s)
     written: tuple[float, float, float] | None = None
     for start, value, rise in zip(s[:-1], values[:-1], slope, strict=True):
@@ -197,7 +199,7 @@ def _lines(parent: ET.Element, tag: str, s: FloatArray, values: FloatArray, at: 
             if abs(expected - value) < 1e-5 and abs(written[2] - rise) < 1e-6:
                 continue
         written = (start, value, rise)
-        add(parent, tag, **{at: start, "a": value, "b": rise}, c=0, d=0)
+        add(parent, tag, **{station: start, "a": value, "b": rise}, c=0, d=0)
 
 
 def _mark(lane: ET.Element, *, crossed: bool) -> None:

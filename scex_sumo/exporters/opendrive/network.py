@@ -122,7 +122,7 @@ class _Parts:
 
 def road_network(lanes: Mapping[int, Lane]) -> list[Piece]:
     """Return the linked roads of all lanes."""
-    groups = [part for group in lane_groups(lanes) for part in fitting_groups(lanes, group)]
+    groups = [fitting for group in lane_groups(lanes) for fitting in fitting_groups(lanes, group)]
     cuts = _cuts(lanes, groups)
     ribbons = {group: ribbon_of(lanes, group) for group in groups}
     return _Network(groups, cuts, ribbons | _on_common_edges(lanes, cuts, ribbons)).pieces

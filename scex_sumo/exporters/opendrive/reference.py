@@ -62,10 +62,10 @@ class Curve:
 
 def edge_direction(lines: Sequence[FloatArray], *, end: bool) -> FloatArray:
     """Return the (2,) unit driving direction across the first or last edge of borders, leftmost first."""
-    at = -1 if end else 0
+    index = -1 if end else 0
     ahead = np.sum([_end_direction(line, end=end) for line in (lines[0], lines[-1])], axis=0)
     ahead = ahead / max(float(np.hypot(*ahead)), 1e-9)
-    across = lines[0][at] - lines[-1][at]
+    across = lines[0][index] - lines[-1][index]
     width = float(np.hypot(*across))
     if width < _MIN_EDGE_M:
         return np.asarray(ahead)
@@ -102,8 +102,8 @@ def curve_through(
     turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(heading)))])
     effort = turned / _MAX_PIECE_RAD + arc_lengths(spline(u)) / _MAX_PIECE_M
     pieces = max(_MIN_PIECES, math.ceil(effort[-1]))
-    at = np.interp(np.linspace(0.0, effort[-1], pieces + 1), effort, u)
-    points, slope = spline(at), spline(at, 1)
+    knots = np.interp(np.linspace(0.0, effort[-1], pieces + 1), effort, u)
+    points, slope = spline(knots), spline(knots, 1)
     tangents = slope / np.hypot(slope[:, 0], slope[:, 1])[:, None]
     s = np.concatenate([[0.0], np.cumsum(_sizes(points, tangents))])
     return Curve(s=s, points=points, tangents=tangents)
@@ -121,8 +121,8 @@ def _shifts(ahead: FloatArray, directions: FloatArray) -> FloatArray:
     across = np.stack([-directions[:, 1], directions[:, 0]], axis=1)
     normal = across.sum(axis=0)
     weight = 1 / (np.hypot(*normal) * max(float(np.hypot(*ahead)), 1e-3))
-    row = weight * (across @ normal) * (-1, 1)
-    size = -row * weight * (ahead @ normal) / (row @ row + 0.02**2)
+    turn_per_m = weight * (across @ normal) * (-1, 1)
+    size = -turn_per_m * weight * (ahead @ normal) / (turn_per_m @ turn_per_m + 0.02**2)
     return np.asarray(size[:, None] * across)
 
 

@@ -88,10 +88,10 @@ class Ribbon:
 
     def edge(self, *, end: bool) -> RoadEnd:
         """Return the line across its end (beginning)."""
-        at = -1 if end else 0
-        place, tangent = self.curve.points[at], self.curve.tangents[at]
+        index = -1 if end else 0
+        place, tangent = self.curve.points[index], self.curve.tangents[index]
         across = np.array([-tangent[1], tangent[0]])
-        return RoadEnd(point=place, direction=tangent, tips=place + self.offsets[at][:, None] * across)
+        return RoadEnd(point=place, direction=tangent, tips=place + self.offsets[index][:, None] * across)
 
     def split(self, *shares: float) -> list[Ribbon]:
         """Cut the ribbon at the knots nearest to ascending shares of its length."""
@@ -178,9 +178,9 @@ def _offsets(place: FloatArray, tangent: FloatArray, line: FloatArray) -> FloatA
     nearest = aside[rows, np.abs(ahead).argmin(axis=1)]
     offsets = np.where(crossed.any(axis=1), crossings[rows, best], nearest)
     # A border may cross the end of the road several times; it ends at its own tip.
-    for at, tip in ((0, 1), (-1, -2)):
-        if abs(ahead[at, tip]) < _TIP_M:
-            offsets[at] = aside[at, tip]
+    for station, tip in ((0, 1), (-1, -2)):
+        if abs(ahead[station, tip]) < _TIP_M:
+            offsets[station] = aside[station, tip]
     return np.asarray(offsets)
 
 
@@ -202,12 +202,12 @@ def _thinned(s: FloatArray, offsets: FloatArray) -> tuple[FloatArray, FloatArray
 
 
 def _error(curve: Curve, s: FloatArray, offsets: FloatArray, lines: Sequence[FloatArray]) -> float:
-    worst, at = 0.0, np.linspace(s[0], s[-1], max(9, math.ceil(np.ptp(s) / _STATION_M)))
-    at = np.unique(np.concatenate([at, s]))
-    place, tangent = curve.at(at)
+    worst, stations = 0.0, np.linspace(s[0], s[-1], max(9, math.ceil(np.ptp(s) / _STATION_M)))
+    stations = np.unique(np.concatenate([stations, s]))
+    place, tangent = curve.at(stations)
     left = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
     for column, line in zip(offsets.T, lines, strict=True):
-        border = place + np.interp(at, s, column)[:, None] * left
+        border = place + np.interp(stations, s, column)[:, None] * left
         there = samples(line, 2 * _STATION_M)[1]
         worst = max(worst, float(distances(border, line).max()), float(distances(there, border).max()))
     return worst

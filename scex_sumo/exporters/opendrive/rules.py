@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import itemgetter
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
@@ -84,7 +85,7 @@ class Signals(NamedTuple):
 
 def placed_signals(road: Road, pieces: Sequence[Piece]) -> Signals:
     """Return lights, signs and stop lines, at places of roads."""
-    wanted = [(*one, rule) for rule in road.regulations for one in _wanted(rule) if one[0] in road.lanes]
+    wanted = [(i, kind, rule) for rule in road.regulations for i, kind in _wanted(rule) if i in road.lanes]
     first = {(i, kind): rule for i, kind, rule in reversed(wanted)}
     order = dict.fromkeys((i, kind) for i, kind, _ in wanted)
     signals = Signals({}, {})
@@ -113,8 +114,8 @@ def _wanted(rule: Regulation) -> list[tuple[int, tuple[str, str]]]:
 
 
 def _all(rule: Regulation, lanes: Sequence[int], kind: tuple[str, str]) -> list[tuple[int, tuple[str, str]]]:
-    kinds = (kind, _STOP_LINE) if rule.stop_lines else (kind,)
-    return [(i, one) for i in lanes for one in kinds]
+    signs = (kind, _STOP_LINE) if rule.stop_lines else (kind,)
+    return [(i, sign) for i in lanes for sign in signs]
 
 
 def _where(pieces: Sequence[Piece], lane: Lane, rule: Regulation) -> tuple[Piece, float]:
@@ -136,4 +137,4 @@ def _nearest(pieces: Sequence[Piece], place: FloatArray) -> tuple[Piece, float, 
         s = np.linspace(0.0, piece.ribbon.length, max(2, round(piece.ribbon.length / _STEP_M)))
         gap = np.hypot(*(piece.ribbon.curve.at(s)[0] - place).T)
         candidates.append((piece, float(s[gap.argmin()]), float(gap.min())))
-    return min(candidates, key=lambda one: one[2])
+    return min(candidates, key=itemgetter(2))

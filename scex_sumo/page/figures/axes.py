@@ -51,4 +51,4 @@ def value_range(
 def samples_of_both(run: Run, column: str) -> FloatArray:
     """Return the values (n,) of a metric in the stress test and in the human-like futures."""
     both = (run,) if run.reference is None else (run, run.reference)
-    return np.concatenate([one.samples(column) for one in both])
+    return np.concatenate([result.samples(column) for result in both])

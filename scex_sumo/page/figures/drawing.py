@@ -66,5 +66,5 @@ def draw_vehicles(axes: Axes, scene: SeedScene, **style: Any) -> None:
     axes.add_collection(PolyCollection(list(boxes), linewidths=0.6, **style))
     if scene.obstacles is not None:
         here = scene.obstacles.present[:, HISTORY_STEPS]
-        at = scene.obstacles.states[here, HISTORY_STEPS]
-        axes.scatter(at.x, at.y, s=14, color="#d6189c", edgecolors="white", linewidths=0.5, zorder=6)
+        people = scene.obstacles.states[here, HISTORY_STEPS]
+        axes.scatter(people.x, people.y, s=14, color="#d6189c", edgecolors="white", linewidths=0.5, zorder=6)

@@ -81,22 +81,22 @@ def plot(
             raise UsageError("plot: axes hold one metric; name it with metric=")
         _draw_panel(runs, curve, columns[0], ax)
         return [ax]
-    one, rows = len(columns) == 1, -(-len(columns) // _ACROSS)
+    is_single, rows = len(columns) == 1, -(-len(columns) // _ACROSS)
     with mpl.rc_context(STYLE | _SMALL):
-        size = _COLUMN_IN, _ONE_IN if one else _HEAD_IN + _PANEL_IN * rows
+        size = _COLUMN_IN, _ONE_IN if is_single else _HEAD_IN + _PANEL_IN * rows
         if path is None:
             from matplotlib import pyplot
 
             figure = pyplot.figure(figsize=size, layout="constrained", dpi=200)
         else:
             figure = Figure(figsize=size, layout="constrained")
-        grid = figure.subplots(rows, 1 if one else _ACROSS, squeeze=False)
+        grid = figure.subplots(rows, 1 if is_single else _ACROSS, squeeze=False)
         for axes in grid.flat[len(columns) :]:
             axes.remove()
         panels = list(grid.flat[: len(columns)])
         for axes, column in zip(panels, columns, strict=True):
             _draw_panel(runs, curve, column, axes)
-        if len(runs) == 1 and not one:
+        if len(runs) == 1 and not is_single:
             scene, futures = runs[0].info["seed_scene"], counted(runs[0].futures, "future")
             head = f"{scene['name']}   {counted(scene['vehicles'], 'vehicle')}, {futures}"
             figure.suptitle(head, x=0.01, ha="left", fontsize=7)

@@ -36,7 +36,7 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
     scene = scene or run.scene
     track_ids = [int(track) for track in run.info["seed_scene"]["track_ids"]]
     both = [run] if run.reference is None else [run, run.reference]
-    coded = pa.concat_tables([one.assignments.select(["model"]) for one in both])["model"]
+    coded = pa.concat_tables([result.assignments.select(["model"]) for result in both])["model"]
     coded = coded.combine_chunks().dictionary_encode()
     levels = np.asarray(coded.indices, dtype=np.int64).reshape(-1, len(track_ids))
     models = coded.dictionary.to_pylist()
@@ -51,8 +51,8 @@ def report_contents(run: Run, scene: SeedScene | None = None) -> tuple[dict[str,
         "owner": tracks.owner,
         "which": tracks.which,
         "levels": levels,
-        "values": np.array([np.concatenate([one.values(c) for one in both]) for c in run.columns]),
-        "events": np.concatenate([pair_events(one, pairs) for one in both], axis=1),
+        "values": np.array([np.concatenate([result.values(c) for result in both]) for c in run.columns]),
+        "events": np.concatenate([pair_events(result, pairs) for result in both], axis=1),
         **_recorded_arrays(scene, tracks.start, int(run.info["steps"])),
     }
     left, right, low, high = tracks.box
@@ -75,7 +75,7 @@ def _words(
     scene_info, human = run.info["seed_scene"], run.reference
     command = run.info.get("command") or []
     notes = [*scene_info.get("notes", ()), *run.info.get("net_notes", ()), *run.info.get("run_notes", ())]
-    collided = np.concatenate([one.values(COLLISION) for one in (run, human) if one is not None])
+    collided = np.concatenate([result.values(COLLISION) for result in (run, human) if result is not None])
     return {
         "name": scene_info["name"],
         "time_s": scene_info.get("time_s"),
@@ -125,8 +125,8 @@ def _recorded_arrays(scene: SeedScene, start: IntArray, steps: int) -> dict[str,
 def _steps(values: FloatArray, there: BoolArray, first: int, stop: int) -> FloatArray:
     """Return (N, stop - first) values, far away where nothing was recorded."""
     padded: FloatArray = np.full((len(values), stop - first), FAR_M)
-    part = np.where(there, values, FAR_M)[:, first:stop]
-    padded[:, : part.shape[1]] = part
+    recorded = np.where(there, values, FAR_M)[:, first:stop]
+    padded[:, : recorded.shape[1]] = recorded
     return padded
 
 

@@ -22,7 +22,7 @@ MOST_LINES = 20
 
 def print_encounters(run: Run, encounters: Sequence[Meeting], console: Console) -> None:
     """Print at most `MOST_LINES` lines of the meetings of both sets of futures."""
-    pairs = counted(len({one.pair for one in encounters}), "pair")
+    pairs = counted(len({meeting.pair for meeting in encounters}), "pair")
     human = f" and {run.reference.futures} human-like ones" if run.reference is not None else ""
     scene, futures = run.info["seed_scene"]["name"], counted(run.futures, "future")
     title = f"{scene}: {pairs} of vehicles meet in {futures}{human}"
@@ -33,7 +33,7 @@ def print_encounters(run: Run, encounters: Sequence[Meeting], console: Console) 
         "doubtful: the recording, not the traffic, see --pair"
     )
     heads = [(name, "text" if form == "percent" else form, hint) for name, form, hint in HEADS]
-    cells = (encounter_cells(one) for one in encounters[:MOST_LINES])
+    cells = (encounter_cells(meeting) for meeting in encounters[:MOST_LINES])
     rows = [[cell.share if isinstance(cell, Interval) else cell for cell in row] for row in cells]
     print_table(console_table(title, heads, rows, caption=caption), console)
 

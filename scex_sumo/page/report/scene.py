@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -53,16 +54,17 @@ def packed_tracks(wanted: Sequence[Future], *, budget: int = _BUDGET) -> PackedT
     Futures without a noise of their own share most tracks; of those with noise a page holds a sample.
     """
     wanted = wanted[:_MAX_FUTURES]
-    by_number = sorted(wanted, key=lambda one: one[2])  # row groups of a file in order
-    read = {at: poses_of(run.states(future)[:, LOGGED_HISTORY - 1 :]) for run, future, at in by_number}
-    poses = np.stack([read[at] for _, _, at in wanted])
+    read: dict[int, FloatArray] = {}
+    for run, future, number in sorted(wanted, key=itemgetter(2)):  # row groups of a file in order
+        read[number] = poses_of(run.states(future)[:, LOGGED_HISTORY - 1 :])
+    poses = np.stack([read[number] for _, _, number in wanted])
     start = quantized(poses[0, :, 0], np.array(UNITS))
-    which, number, owner = _different(quantized(poses, np.array(UNITS)).astype(np.int32))
-    some = slice(None, None, max(1, len(owner) // _SAMPLED))
-    codes = coded_motion(start[owner[some]], poses[number[some], owner[some], 1:])
+    which, first, owner = _different(quantized(poses, np.array(UNITS)).astype(np.int32))
+    sample = slice(None, None, max(1, len(owner) // _SAMPLED))
+    codes = coded_motion(start[owner[sample]], poses[first[sample], owner[sample], 1:])
     packed = len(zlib.compress(smallest(codes).tobytes())) / codes.shape[1]
     kept = np.maximum.accumulate(which.max(axis=1)) < max(budget / packed, which[0].max() + 1)
-    futures = np.array([at for _, _, at in wanted])[kept]
+    futures = np.array([number for _, _, number in wanted])[kept]
     order_of = np.argsort(futures)
     used, since = np.unique(which[kept][order_of], return_index=True)
     order = used[np.lexsort((since, owner[used]))]
@@ -75,7 +77,7 @@ def packed_tracks(wanted: Sequence[Future], *, budget: int = _BUDGET) -> PackedT
         futures=futures[order_of],
         which=place[which[kept][order_of]],
         start=start,
-        motion=coded_motion(start[owner[order]], poses[number[order], owner[order], 1:]),
+        motion=coded_motion(start[owner[order]], poses[first[order], owner[order], 1:]),
         owner=owner[order],
         box=(left, right, low, high),
     )

@@ -35,16 +35,16 @@ def event_table(run: Run, track_ids: Sequence[int], sides: Sequence[str]) -> dic
     where = {int(track): index for index, track in enumerate(track_ids)}
     number = {name: index for index, name in enumerate(run.columns)}
 
-    def add(metric: int, row: Mapping[str, Any], step: int, value: float) -> None:
-        vehicles = tuple(where[v] for v in (row["track_id"], row["other_id"]) if v in where)
-        groups.setdefault((metric, vehicles, step, float(f"{value:.3g}")), []).append(row["future"])
+    def add(metric: int, event: Mapping[str, Any], step: int, value: float) -> None:
+        vehicles = tuple(where[v] for v in (event["track_id"], event["other_id"]) if v in where)
+        groups.setdefault((metric, vehicles, step, float(f"{value:.3g}")), []).append(event["future"])
 
-    for row in run.worst.to_pylist():
-        metric, step = number.get(row["metric"]), row["timestamp_ms"] // 100 - LOGGED_HISTORY
-        if metric is not None and (np.isfinite(row["value"]) or sides[metric] == "right"):
-            add(metric, row, step, row["value"])
-    for row in run.collisions.to_pylist():
-        add(_COLLISION, row, row["step"], row["relative_speed"])
+    for event in run.worst.to_pylist():
+        metric, step = number.get(event["metric"]), event["timestamp_ms"] // 100 - LOGGED_HISTORY
+        if metric is not None and (np.isfinite(event["value"]) or sides[metric] == "right"):
+            add(metric, event, step, event["value"])
+    for event in run.collisions.to_pylist():
+        add(_COLLISION, event, event["step"], event["relative_speed"])
     signs = [1 if side == "left" else -1 for side in sides] + [-1]  # the last sign: collisions
     order = sorted(groups.items(), key=lambda item: (item[0][0], signs[item[0][0]] * item[0][3], item[0][2]))
     columns = [
@@ -86,7 +86,8 @@ def pair_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     heads = [("pair", "names", "A vehicle hits or follows → another"), ("what happens", "words", "")]
     heads += [("people", "often", hints[0]), ("stress test", "percent", hints[1]), ("after", "seconds", "")]
     shown = [k for k in range(len(heads)) if run.reference is not None or heads[k][0] != "people"]
-    met = {frozenset(one.pair): one.row["future"] for one in meetings(run)}  # without human-like futures
+    # Where no human-like future shows a pair of people, that of the stress test does.
+    met = {frozenset(meeting.pair): meeting.row["future"] for meeting in meetings(run)}
     rows: list[dict[str, Any]] = []
     for line in lines:
         is_human = line.people is not None and run.reference is not None
@@ -117,30 +118,30 @@ def encounter_table(run: Run, track_ids: Sequence[int]) -> dict[str, Any]:
     futures.
     """
     encounters, where = meetings(run), {int(track): index for index, track in enumerate(track_ids)}
-    both = any(one.futures == HUMAN_LIKE for one in encounters)
+    both = any(meeting.futures == HUMAN_LIKE for meeting in encounters)
     wanted = {"pair", *_SELECTED} | ({"futures"} if both else set())
     places = [place for place, head in enumerate(HEADS) if head[0] in wanted]
-    cells = [[encounter_cells(one)[place] for place in places] for one in encounters]
+    cells = [[encounter_cells(meeting)[place] for place in places] for meeting in encounters]
     columns = table([HEADS[place] for place in places], cells)["columns"]
     for place, column in zip(places, columns, strict=True):
         column |= {"selected": _SELECTED[name]} if (name := HEADS[place][0]) in _SELECTED else {}
     pairs: dict[tuple[int, int], int] = {}
     rows = []
-    for one, mine in zip(encounters, cells, strict=True):
-        row, is_human = one.row, one.futures == HUMAN_LIKE
-        pair = where[row["track_id"]], where[row["other_id"]]
+    for meeting, mine in zip(encounters, cells, strict=True):
+        encounter, is_human = meeting.row, meeting.futures == HUMAN_LIKE
+        pair = where[encounter["track_id"]], where[encounter["other_id"]]
         rows.append(
             {
                 "cells": [_short(cell) for cell in mine],
                 "said": [cell.share if isinstance(cell, Interval) else None for cell in mine],
-                "words": one.words(),
-                "share": row["collision"],
-                "critical": row["critical"] > 0,
+                "words": meeting.words(),
+                "share": encounter["collision"],
+                "critical": encounter["critical"] > 0,
                 "pair": pair,
                 "event": pairs.setdefault((min(pair), max(pair)), len(pairs)),
                 "human": is_human,
-                "future": row["future"] + (run.futures if is_human else 0),
-                "step": round(row["time_s"] / STEP_S),
+                "future": encounter["future"] + (run.futures if is_human else 0),
+                "step": round(encounter["time_s"] / STEP_S),
             }
         )
     return {"columns": columns, "rows": rows, "pairs": list(pairs)}
