@@ -106,9 +106,7 @@ def main() -> None:
         if console.level > 0:
             traceback.print_exc()
         _fail(f"error: {error}", 2 if isinstance(error, UsageError) else 1)
-    except typer.Abort:
-        _fail("interrupted", INTERRUPTED)
-    except KeyboardInterrupt:
+    except (typer.Abort, KeyboardInterrupt):
         _fail("interrupted", INTERRUPTED)
     except BrokenPipeError:
         sys.stderr.close()

@@ -78,22 +78,22 @@ def with_shared(function: Callable[..., Any]) -> Callable[..., Any]:
         callback=_take_config,
         rich_help_panel=OF_EVERY_COMMAND,
     )
-    shared: list[tuple[str, Any, Any]] = [("config", Annotated[str | None, config], None)]
+    more = [_keyword("config", Annotated[str | None, config], None)]
     for *names, text in flags:
         option = Annotated[bool, Option(*names, help=text, is_eager=True, rich_help_panel=OF_EVERY_COMMAND)]
-        shared.append((names[-1].removeprefix("--"), option, False))
+        more.append(_keyword(names[-1].removeprefix("--"), option, False))
 
     @functools.wraps(function)
     def command(**values: Any) -> Any:
         return function(**{name: value for name, value in values.items() if name in signature.parameters})
 
-    more = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
-        for name, kind, default in shared
-    ]
     command.__signature__ = signature.replace(parameters=[*signature.parameters.values(), *more])  # type: ignore[attr-defined]
     command.__annotations__ = {p.name: p.annotation for p in command.__signature__.parameters.values()}  # type: ignore[attr-defined]
     return command
+
+
+def _keyword(name: str, kind: Any, default: Any) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
 
 
 def _take_config(ctx: Any, _param: Any, value: str | None) -> None:

@@ -121,9 +121,7 @@ def _obstacle(number: int, participant: Participant, states: States, first: int)
 
 
 def _state(element: ET.Element, state: FloatArray, step: int) -> None:
-    point = add(add(element, "position"), "point")
-    add(point, "x", number_text(state[0]))
-    add(point, "y", number_text(state[1]))
+    _point(add(element, "position"), state)
     for tag, value in (("orientation", state[2]), ("time", step), ("velocity", state[3])):
         add(add(element, tag), "exact", str(value) if tag == "time" else number_text(value))
 
@@ -142,9 +140,7 @@ def _task(request: Request, future: int, ego: int, number: int) -> ET.Element:
     length, width = _GOAL_M
     for tag, value in (("length", length), ("width", width), ("orientation", float(end.heading))):
         add(box, tag, number_text(value))
-    centre = add(box, "center")
-    add(centre, "x", number_text(float(end.x)))
-    add(centre, "y", number_text(float(end.y)))
+    _point(box, np.array([end.x, end.y]), "center")
     time = add(goal, "time")
     add(time, "intervalStart", str(max(steps - _GOAL_STEPS, 1)))
     add(time, "intervalEnd", str(steps))
@@ -352,7 +348,7 @@ def _lanelet(lane: Lane, numbers: Mapping[int, int], signals: _Signals, *, both:
     return element
 
 
-def _point(parent: ET.Element, place: FloatArray) -> None:
-    point = add(parent, "point")
+def _point(parent: ET.Element, place: FloatArray, tag: str = "point") -> None:
+    point = add(parent, tag)
     add(point, "x", number_text(place[0]))
     add(point, "y", number_text(place[1]))

@@ -17,6 +17,7 @@ import shapely
 from scex_sumo.evaluation.sources import read_source
 from scex_sumo.evaluation.tables import recording_table
 from scex_sumo.exporters.request import Request
+from scex_sumo.geometry.polylines import arc_lengths
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 from scex_sumo.views.fcd import LaneFinder
@@ -174,7 +175,7 @@ def _passing(future: _Future, track_id: int, other_id: int) -> tuple[int, int, f
         return None
     point, reached = shapely.Point(points[0]), {}
     for name, track, line in zip((track_id, other_id), tracks, lines, strict=True):
-        arcs = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(track, axis=0).T))])
+        arcs = arc_lengths(track)
         front = max(shapely.line_locate_point(line, point) - future.length[future.index[name]] / 2, 0.0)
         reached[name] = (LOGGED_HISTORY + float(np.searchsorted(arcs, front))) * STEP_S
     first, second = sorted(reached, key=lambda name: reached[name])

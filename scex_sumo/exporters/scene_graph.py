@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch
 
@@ -16,7 +18,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.importing import extra_for
 from scex_sumo.geometry.rectangles import outlines
 from scex_sumo.graphs.graph import KINDS, RADIUS_M, SceneGraph, scene_graph
-from scex_sumo.page.figures.drawing import draw_road, draw_vehicles, look_at, save, sheet
+from scex_sumo.page.figures.drawing import STYLE, draw_road, draw_vehicles, save
 from scex_sumo.road import Road
 from scex_sumo.scene import SeedScene
 
@@ -130,10 +132,12 @@ def plot_scene_graph(
     centres = np.column_stack([scene.now.x, scene.now.y])
     low, high = centres.min(axis=0) - _MARGIN_M, centres.max(axis=0) + _MARGIN_M
     wide, tall = (high - low) * 9 / max(high - low)
-    with sheet(max(wide, 5.0), max(tall, 2.0) + 0.9) as figure:
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(max(wide, 5.0), max(tall, 2.0) + 0.9), layout="constrained")
         axes = figure.subplots()
         scene_graph_panel(axes, road, scene, graph)
-        look_at(axes, low, high)
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+        axes.set(xlabel="x [m]", ylabel="y [m]")
         off = int((~graph.on_road).sum())
         known = f"{scene.name}: {scene.vehicles} vehicles{f', {off} off the mapped lanes' if off else ''}"
         axes.set_title(title or known, loc="left")

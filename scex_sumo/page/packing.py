@@ -19,7 +19,6 @@ UNITS = (0.02, 0.02, 0.002, 0.02)
 """Of x and y in m, heading in rad, speed in m/s; as in ``assets/data.js``."""
 _LEVEL = 7
 _SHIFT = 128  # values from -128 to 127 have equal upper bytes then
-_EXACT = (int, str)  # the most frequent types, which JSON writes as they are
 
 
 def pack(info: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> str:
@@ -55,9 +54,9 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, list | tuple):
-        return [entry if type(entry) in _EXACT else _plain(entry) for entry in value]
+        return [_plain(entry) for entry in value]
     if isinstance(value, Mapping):
-        return {name: e if type(e) in _EXACT else _plain(e) for name, e in value.items()}
+        return {name: _plain(entry) for name, entry in value.items()}
     return str(value)
 
 

@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 
 from scex_sumo.base.arrays import FloatArray
-from scex_sumo.geometry.polylines import along, arc_lengths, length_of
+from scex_sumo.geometry.polylines import along, arc_lengths, heading, length_of
 from scex_sumo.road import Lane
 
 _MAX_PIECE_M, _MAX_PIECE_RAD = 5.0, 0.1  # length and turn of a piece
@@ -63,7 +63,8 @@ class Curve:
 def edge_direction(lines: Sequence[FloatArray], *, end: bool) -> FloatArray:
     """Return the (2,) unit driving direction across the first or last edge of borders, leftmost first."""
     index = -1 if end else 0
-    ahead = np.sum([_end_direction(line, end=end) for line in (lines[0], lines[-1])], axis=0)
+    headings = np.array([heading(line, end=end) for line in (lines[0], lines[-1])])
+    ahead = np.array([np.cos(headings).sum(), np.sin(headings).sum()])
     ahead = ahead / max(float(np.hypot(*ahead)), 1e-9)
     across = lines[0][index] - lines[-1][index]
     width = float(np.hypot(*across))
@@ -98,8 +99,8 @@ def curve_through(
     spline = CubicSpline(chord, middle, bc_type=(ends[0], ends[1]))
     u = np.linspace(0.0, chord[-1], max(50, math.ceil(chord[-1] / 0.05)) + 1)
     slope = spline(u, 1)
-    heading = np.unwrap(np.arctan2(slope[:, 1], slope[:, 0]))
-    turned = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(heading)))])
+    turns = np.diff(np.unwrap(np.arctan2(slope[:, 1], slope[:, 0])))
+    turned = np.concatenate([[0.0], np.cumsum(np.abs(turns))])
     effort = turned / _MAX_PIECE_RAD + arc_lengths(spline(u)) / _MAX_PIECE_M
     pieces = max(_MIN_PIECES, math.ceil(effort[-1]))
     knots = np.interp(np.linspace(0.0, effort[-1], pieces + 1), effort, u)
@@ -124,13 +125,6 @@ def _shifts(ahead: FloatArray, directions: FloatArray) -> FloatArray:
     turn_per_m = weight * (across @ normal) * (-1, 1)
     size = -turn_per_m * weight * (ahead @ normal) / (turn_per_m @ turn_per_m + 0.02**2)
     return np.asarray(size[:, None] * across)
-
-
-def _end_direction(line: FloatArray, *, end: bool, reach_m: float = 2.0) -> FloatArray:
-    size = length_of(line)
-    a, b = (max(size - reach_m, 0.0), size) if end else (0.0, min(reach_m, size))
-    step = along(line, b) - along(line, a)
-    return np.asarray(step / max(float(np.hypot(*step)), 1e-9))
 
 
 def _sizes(points: FloatArray, tangents: FloatArray) -> FloatArray:

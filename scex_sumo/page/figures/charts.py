@@ -10,7 +10,7 @@ import numpy as np
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.metrics.registry import Metric
 from scex_sumo.page.figures.axes import ticks
-from scex_sumo.page.html import Html, element, joined
+from scex_sumo.page.html import Html, element
 
 _TICKS_PX = 18
 
@@ -50,10 +50,10 @@ class Plane:
         corners = [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
         return element(f"path.area.{kind}", d=self._path(*map(np.array, zip(*corners, strict=True))))
 
-    def words(self, x: float, y: float, text: str, *, anchor: str = "middle", kind: str = "soft") -> Html:
+    def words(self, x: float, y: float, text: str, *, anchor: str = "middle") -> Html:
         """Return a text at a point."""
         px, py = self.at(x, y)
-        return element(f"text.{kind}", text, x=f"{px}", y=f"{py}", text_anchor=anchor)
+        return element("text.soft", text, x=f"{px}", y=f"{py}", text_anchor=anchor)
 
     def _path(self, x: FloatArray, y: FloatArray) -> str:
         points = [self.at(float(px), float(py)) for px, py in zip(x, y, strict=True)]
@@ -77,12 +77,11 @@ def tick_seconds(first: float, last: float) -> list[tuple[float, str]]:
 
 def line_legend(entries: Sequence[tuple[str, str]]) -> Html:
     """Return a legend from kinds and texts."""
-    lines = [element(f"path.line.{kind}", d="M0,5 22,5") for kind, _ in entries]
-    spans = [
-        element("span", element("svg", line, width="22", height="10"), f" {text} ")
-        for line, (_, text) in zip(lines, entries, strict=True)
-    ]
-    return element("p.soft.legend", joined(*spans))
+    spans = []
+    for kind, text in entries:
+        line = element(f"path.line.{kind}", d="M0,5 22,5")
+        spans.append(element("span", element("svg", line, width="22", height="10"), f" {text} "))
+    return element("p.soft.legend", *spans)
 
 
 def metric_title(column: str, metric: Metric) -> str:

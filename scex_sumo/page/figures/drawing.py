@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
-from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import UsageError, one_line
 from scex_sumo.base.outputs import output
 from scex_sumo.geometry.rectangles import outlines
@@ -30,13 +26,6 @@ STYLE: dict[Any, Any] = {
 }
 
 
-@contextmanager
-def sheet(width_in: float, height_in: float) -> Iterator[Figure]:
-    """Yield an empty figure in the common style; draw and save it inside of the block."""
-    with mpl.rc_context(STYLE):
-        yield Figure(figsize=(width_in, height_in), layout="constrained")
-
-
 def save(figure: Figure, path: str | Path, **how: Any) -> None:
     """Write a figure; an unknown format or an unusable path is one line."""
     with output(Path(path)) as temporary:
@@ -44,11 +33,6 @@ def save(figure: Figure, path: str | Path, **how: Any) -> None:
             figure.savefig(temporary, format=Path(path).suffix[1:], **how)
         except ValueError as error:
             raise UsageError(f"{path}: {one_line(error)}") from None
-
-
-def look_at(axes: Axes, low: FloatArray, high: FloatArray) -> None:
-    """Show a map between two corners, m."""
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", xlabel="x [m]", ylabel="y [m]")
 
 
 def draw_road(axes: Axes, road: Road) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from scex_sumo.base.files import write_atomic
-from scex_sumo.page.document import Document
+from scex_sumo.page.document import Document, card
 from scex_sumo.page.html import Html, element, joined
 from scex_sumo.page.report.contents import report_contents
 from scex_sumo.reports.card import title, verdict_lines
@@ -86,4 +86,4 @@ def _note_card(name: str, notes: Sequence[str]) -> Html:
     lines = element("ul", *(element("li", note) for note in notes), id=name.lower())
     if name == "Notes":
         return element("details.card", element("summary", name), lines)
-    return element("section.card", element("h2", name), lines)
+    return card(name, lines)

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from scex_sumo.base.arrays import FloatArray, IntArray
+from scex_sumo.base.arrays import FloatArray, IntArray, distinct
 from scex_sumo.converters.net.reading import AREA, RoadLine
 from scex_sumo.page.packing import UNITS, coded_motion, quantized, smallest
 from scex_sumo.results.run import Run
@@ -59,7 +59,7 @@ def packed_tracks(wanted: Sequence[Future], *, budget: int = _BUDGET) -> PackedT
         read[number] = poses_of(run.states(future)[:, LOGGED_HISTORY - 1 :])
     poses = np.stack([read[number] for _, _, number in wanted])
     start = quantized(poses[0, :, 0], np.array(UNITS))
-    which, first, owner = _different(quantized(poses, np.array(UNITS)).astype(np.int32))
+    which, first, owner = _different(quantized(poses, np.array(UNITS)))
     sample = slice(None, None, max(1, len(owner) // _SAMPLED))
     codes = coded_motion(start[owner[sample]], poses[first[sample], owner[sample], 1:])
     packed = len(zlib.compress(smallest(codes).tobytes())) / codes.shape[1]
@@ -85,17 +85,11 @@ def packed_tracks(wanted: Sequence[Future], *, budget: int = _BUDGET) -> PackedT
 
 def _different(poses: IntArray) -> tuple[IntArray, IntArray, IntArray]:
     """Return (P, V) the track of each vehicle, and of each different track (U,) its future and vehicle."""
-    known: dict[bytes, int] = {}
-    first: list[tuple[int, int]] = []
-    which = np.empty(poses.shape[:2], dtype=np.int64)
-    for number, future in enumerate(poses):
-        for vehicle, track in enumerate(future):
-            place = known.setdefault(vehicle.to_bytes(4, "little") + track.tobytes(), len(known))
-            which[number, vehicle] = place
-            if place == len(first):
-                first.append((number, vehicle))
-    numbers, owner = np.array(first).T
-    return which, numbers, owner
+    futures, vehicles = poses.shape[:2]
+    owner = np.tile(np.arange(vehicles), futures)
+    tracks = np.column_stack([owner, poses.reshape(len(owner), -1)])
+    first, which = distinct(tracks.astype(np.float64))
+    return which.reshape(futures, vehicles), first // vehicles, owner[first]
 
 
 def poses_of(states: States) -> FloatArray:
