@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from typer import Argument, Option
 
@@ -48,9 +48,8 @@ def metrics_command(
     warn(tracks.notes)
     if source.is_dir():
         warn(["the tracks driven are the planned paths, so gap times and metrics along paths differ"])
-    options: dict[str, Any] = {"level": level, "metrics": chosen}
     with as_written(source) if source.is_dir() else nullcontext():
-        table = recording_table(tracks, history=history, **options)
+        table = recording_table(tracks, level=level, metrics=chosen, history=history)
     about = {"level": level}
     # Its rule for leaders is a part of what a number means.
     if presets := [name for name in ("paper", "path") if {*SETS[name]} & {*chosen}]:

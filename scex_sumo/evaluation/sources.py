@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -89,12 +88,6 @@ def read_parquet(path: Path, *, arrivals: bool = False) -> TrackTable:
     for name in ("length", "width"):
         if (columns[name][is_vehicle] <= 0.0).any():
             raise TrackError(f"{path}: {name} of a vehicle is not above 0 m; repair it")
-    ids, names = columns["track_id"]
-    for name in (names[k] for k in np.unique(ids[is_vehicle])):
-        if not re.fullmatch(r"-?\d{1,18}(\.0*)?", name):
-            raise TrackError(
-                f"{path}: track_id {name[:24]!r} of a vehicle is not an integer; number the vehicles"
-            )
     columns["agent_type"] = kind, [name.lower() for name in types]
     # The order of vehicles decides the last bits of metrics.
     tracks = tracks_of(path, [(columns, [])], by_text=True)

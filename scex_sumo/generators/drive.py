@@ -23,8 +23,8 @@ from scex_sumo.scene import HISTORY_STEPS, STEP_S, States
 
 LANE_CHANGE_S = 4.0
 TELEPORT_S = 20.0
-TOLD_EVERY_S = 0.2  # how far SUMO is
-MAX_SILENT = 600  # such times without a step of SUMO
+PROGRESS_S = 0.2  # between two looks at how far SUMO is
+MAX_SILENT = 600  # such looks without a step of SUMO
 MIN_ORIGINS = 60
 MAX_DELAY_S = 15.0
 JUMP_M = 0.5  # beyond the driven way: SUMO moved the vehicle
@@ -139,8 +139,8 @@ def _simulate(folder: Path, options: dict[str, Any], tick: Callable[[float, int]
         *(word for key, value in options.items() for word in (f"--{key}", str(value))),
     ]
     with (
-        (folder / "said.txt").open("w+", encoding="utf-8", errors="replace") as said,
-        subprocess.Popen(command, stdout=said, stderr=said, env=environment()) as sumo,
+        (folder / "log.txt").open("w+", encoding="utf-8", errors="replace") as log,
+        subprocess.Popen(command, stdout=log, stderr=log, env=environment()) as sumo,
     ):
         limit_memory(sumo, options["net-file"].stat().st_size)
         try:
@@ -149,8 +149,8 @@ def _simulate(folder: Path, options: dict[str, Any], tick: Callable[[float, int]
         except BaseException:
             sumo.kill()
             raise
-        said.seek(0)
-        errors = [line.strip() for line in said if line.startswith("Error")]
+        log.seek(0)
+        errors = [line.strip() for line in log if line.startswith("Error")]
     if sumo.returncode:
         reason = errors[0] if errors else f"exit status {sumo.returncode}"
         raise SimulationError(f"{options['net-file'].name}: SUMO cannot populate it: {reason}")
@@ -163,7 +163,7 @@ def _written(fcd: Path, sumo: subprocess.Popen[bytes]) -> Iterator[tuple[float, 
     with fcd.open("rb") as file:
         while not ended:
             with suppress(subprocess.TimeoutExpired):
-                sumo.wait(TOLD_EVERY_S)
+                sumo.wait(PROGRESS_S)
             ended = sumo.poll() is not None
             *lines, rest = (rest + file.read()).split(b"\n")
             silent = 0 if lines else silent + 1

@@ -97,7 +97,6 @@ class LaneCells:
     """
 
     relations: LaneRelations
-    limit: FloatArray
     paths: Paths
     cell_lane: IntArray
     cell_s: FloatArray
@@ -146,7 +145,6 @@ def lane_cells(road: Road) -> LaneCells:
     cell_s = (np.arange(first[-1]) - first[cell_lane] + 0.5) * cell_m
     return LaneCells(
         relations=index,
-        limit=index.speed_limit,
         paths=paths,
         cell_lane=cell_lane,
         cell_s=cell_s,
@@ -413,7 +411,7 @@ def demands(table: LaneCells, vehicles: Placed) -> dict[str, FloatArray]:
     over = (np.abs(distance_m) < vehicles.length[:, None, None] / 2).any(axis=(1, 2))
     return {
         "lateral": 2 * np.abs(wrap(np.diff(heading))).max(axis=1) * vehicles.speed,
-        "over_limit": vehicles.speed / table.limit[vehicles.lane],
+        "over_limit": vehicles.speed / table.relations.speed_limit[vehicles.lane],
         "off_lane": np.where(beside, 0.0, np.abs(vehicles.offset) + (vehicles.width - width) / 2),
         "on_crossing": (over & (vehicles.speed < STANDING_MPS)).astype(np.float64),
     }

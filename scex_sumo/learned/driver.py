@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, distinct
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, distinct, least_of
 from scex_sumo.base.errors import InputError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.base.owned import owner_cache
 from scex_sumo.behaviors.base import PLAN_STEPS, Driver, Sight
 from scex_sumo.behaviors.driving.motion import Intent, driven
-from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths
+from scex_sumo.behaviors.driving.paths import SeedPaths, chosen_paths, upper_edges
 from scex_sumo.graphs.graph import scene_graph
 from scex_sumo.learned.decoding import intent_along, plan_freely, way_of
 from scex_sumo.learned.inputs.path_inputs import PATH_COLUMNS, STANDING_MPS, PathInputs, path_inputs
@@ -37,6 +37,7 @@ OUTPUT_GRID = 2.0**-10  # m/s² and m: rounds away effects of the order of sums,
 DRAW_DIGITS = 2.0**20  # modes are drawn with digits of `route_draw` that paths do not use
 STOPPING_MPS2 = -1.0
 START_M, START_LIKELY = 1.0, 0.5  # a standing vehicle starts if this way in 3 s has this probability
+LEAST_LOGIT = -1e300  # of a path for which the network gives no number
 WAITS_STEPS = 30  # during which it starts only behind a moving leader
 SPEED, LEADER, LEADER_SPEED = (PATH_COLUMNS.index(name) for name in ("speed", "leader", "leader_speed"))
 OFF_MAP = "was not on a mapped lane in the seed scene"
@@ -69,8 +70,8 @@ def loaded(file: Path, kind: str, sha256: str) -> Net:
 
 @dataclass(frozen=True, eq=False)
 class _Choice:
-    likeliest: IntArray  # (V,) row of the most probable path
-    paths: FloatArray  # (V, K) cumulative probability of the paths, 1 after the last one
+    likeliest: IntArray  # (V,) the most probable path
+    paths: FloatArray  # (P,) `upper_edges` of the paths' shares of a draw
     modes: FloatArray  # (P, M) cumulative probability of the modes along each path
 
 
@@ -196,7 +197,7 @@ class LearnedDriver(Driver):
         choice = choice_of(history.scene, self, road)
         if self.profile.mode != "draw":
             return paths, choice.likeliest[mine]
-        return paths, paths.first[mine] + drawn(choice.paths[mine], history.route_draw[vehicles.future, mine])
+        return paths, paths.drawn(mine, history.route_draw[vehicles.future, mine], choice.paths)
 
     def _modes(
         self, history: SceneHistory, road: Road, vehicles: VehicleIndex, path: IntArray, modes: Modes
@@ -216,15 +217,11 @@ def choice_of(scene: SeedScene, driver: LearnedDriver, road: Road) -> _Choice:
     vehicle = np.repeat(np.arange(scene.vehicles), paths.count)
     pairs = VehicleIndex(future=np.zeros_like(vehicle), vehicle=vehicle)
     _, modes = driver.predict(history, road, pairs, paths, np.arange(len(vehicle)))
-    logit = np.nan_to_num(rounded(modes.path_logit), nan=-np.inf) + driver.path_prior(scene, paths)
-    best, upper = paths.first.copy(), np.ones((scene.vehicles, int(paths.count.max(initial=1))))
-    for v, (first, count) in enumerate(zip(paths.first, paths.count, strict=True)):
-        own_logit = logit[first : first + count]
-        best[v] += np.argmax(own_logit)
-        weight = np.exp(own_logit - own_logit.max()) if np.isfinite(own_logit).any() else np.ones(count)
-        upper[v, : count - 1] = (np.cumsum(weight) / weight.sum())[:-1]
+    logit = np.nan_to_num(rounded(modes.path_logit), nan=LEAST_LOGIT) + driver.path_prior(scene, paths)
+    likeliest = least_of(vehicle, -logit)
+    edges = upper_edges(np.exp(logit - logit[likeliest][vehicle]), paths.first, paths.count)
     weight = _weights(modes)
-    return _Choice(best, upper, np.cumsum(weight, 1) / weight.sum(1, keepdims=True))
+    return _Choice(likeliest, edges, np.cumsum(weight, 1) / weight.sum(1, keepdims=True))
 
 
 def _weights(modes: Modes) -> FloatArray:

@@ -264,13 +264,14 @@ def _yielding(
     future, i, j = pairs
     scene, now = history.scene, history.now
     node_i, node_j = future * scene.vehicles + i, future * scene.vehicles + j
-    size, other = (scene.length[i], scene.width[i]), (scene.length[j], scene.width[j])
-    later_states = ((plan[node_i, step], plan[node_j, step]) for step in (TOKEN_STEPS // 2, TOKEN_STEPS - 1))
-    before, *after = (
-        rectangle_distance(Rectangles.of(first, *size), Rectangles.of(second, *other))
-        for first, second in ((now[future, i], now[future, j]), *later_states)
-    )
-    k = np.flatnonzero(np.min(after, axis=0) < np.minimum(before, APART_M))
+
+    def apart(first: States, second: States) -> FloatArray:
+        own = Rectangles.of(first, scene.length[i], scene.width[i])
+        return rectangle_distance(own, Rectangles.of(second, scene.length[j], scene.width[j]))
+
+    before = apart(now[future, i], now[future, j])
+    middle, end = (apart(plan[node_i, k], plan[node_j, k]) for k in (TOKEN_STEPS // 2, TOKEN_STEPS - 1))
+    k = np.flatnonzero(np.minimum(middle, end) < np.minimum(before, APART_M))
     future, i, j, node_i, node_j = (a[k] for a in (future, i, j, node_i, node_j))
     ahead = seen_from(now[future, i], now[future, j])[:, 0] - seen_from(now[future, j], now[future, i])[:, 0]
     return np.unique(np.append(node_i[(ahead >= 0) | both], node_j[(ahead <= 0) | both]))

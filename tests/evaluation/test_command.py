@@ -70,7 +70,7 @@ def test_files_that_cannot_be_read_are_named(
         ("broken.parquet", "cannot be read as Parquet"),
         ("empty", "no tracks.parquet in it"),
         ("holes.parquet", "column vx has missing values"),
-        ("names.parquet", "track_id 'car1' of a vehicle is not an integer"),
+        ("names.parquet", "track_id 'car1' of a car is not an integer"),
     ):
         assert status("metrics", tmp_path / name) == 1
         error = capsys.readouterr().err

@@ -112,7 +112,7 @@ def test_curves_slow_down_before_and_after_them(tmp_path: Path) -> None:
     road = read_road(write_map(tmp_path / "turn.osm", [left_turn()]))
     table = lane_cells(road)
     free = 10 * table.fixed[:, ROAD_COLUMNS.index("free")]
-    limit = table.limit[0]
+    limit = table.relations.speed_limit[0]
     assert free[table.cell_s < 5.0] == pytest.approx(limit)
     in_curve = np.abs(table.cell_s - 68.0) < 2.0
     assert free[in_curve] == pytest.approx(np.sqrt(2.5 * 10.0), rel=0.1)
@@ -191,7 +191,7 @@ def test_demands_of_a_vehicle_on_its_lane(tmp_path: Path) -> None:
     vehicles = placed(
         4,
         s=[middle, middle, middle - 10, middle],
-        speed=[0.0, 7.0, 0.0, 2 * table.limit[0]],
+        speed=[0.0, 7.0, 0.0, 2 * table.relations.speed_limit[0]],
         offset=[0.0, 0.0, 1.5, 0.0],
         length=5.0,
         width=2.0,
@@ -209,10 +209,10 @@ def test_no_vehicle_demands_more_than_nearly_all_recorded_ones(name: str) -> Non
     for number in range(3):
         scene = generated_scene(road, MODEL, vehicles=15, number=number)
         on_lanes, _ = placed_on_lanes(scene, KINDS, np.random.default_rng(0))
-        assert (on_lanes.speed / lane_cells(road).limit[on_lanes.lane]).max() < 1.7
+        assert (on_lanes.speed / lane_cells(road).relations.speed_limit[on_lanes.lane]).max() < 1.7
         found = demands(lane_cells(road), on_lanes)
         assert np.quantile(found["lateral"], 0.9) <= MODEL.meta["bounds"]["lateral"]  # lanes may be others
-        assert scene.now.speed.mean() < 1.5 * lane_cells(road).limit.max()
+        assert scene.now.speed.mean() < 1.5 * lane_cells(road).relations.speed_limit.max()
 
 
 def test_scores_and_draws_are_those_of_the_networks(road: Road) -> None:

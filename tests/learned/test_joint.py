@@ -141,11 +141,11 @@ def test_whoever_comes_first_at_a_crossing_the_other_waits(tmp_path: Path) -> No
 def test_paths_are_as_probable_as_network_and_likely_driver_agree(tmp_path: Path, prior: float) -> None:
     scene = roads.scene_of((8.0, 0.3, 0.02, 6.0))
     network, driver = (model(tmp_path, f"joint_predictor:prior={weight}") for weight in (0.0, prior))
-    alone = choice_of(scene, network, ROAD).paths[0]
+    alone = choice_of(scene, network, ROAD).paths
     edges = path_edges(scene, seed_paths(scene, ROAD), human_parameters())
     both = np.diff(alone, prepend=0.0) * np.diff(edges, prepend=0.0) ** prior
     assert len(both) > 1 and 0.01 < both[0] / both.sum() < 0.99
-    assert np.allclose(choice_of(scene, driver, ROAD).paths[0], np.cumsum(both) / both.sum(), atol=1e-3)
+    assert np.allclose(choice_of(scene, driver, ROAD).paths, np.cumsum(both) / both.sum(), atol=1e-3)
 
 
 @pytest.mark.parametrize(

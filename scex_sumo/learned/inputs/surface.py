@@ -66,13 +66,13 @@ class PathRoom(NamedTuple):
 def lane_outline(lane: Lane) -> FloatArray:
     """Return (L, 2) outline of a lane; if both bounds are one line, its width around the centreline."""
     left, right = lane.left_bound, lane.right_bound
-    if len(left) == len(right) and np.allclose(left, right):
-        step = np.gradient(lane.centreline, axis=0)
-        normal = np.column_stack([-step[:, 1], step[:, 0]])
-        normal /= np.maximum(np.hypot(*normal.T), 1e-9)[:, None]
-        left = lane.centreline + lane.width_m / 2 * normal
-        right = lane.centreline - lane.width_m / 2 * normal
-    return np.concatenate([left, right[::-1]])
+    if len(left) != len(right) or not np.allclose(left, right):
+        return lane.outline
+    step = np.gradient(lane.centreline, axis=0)
+    normal = np.column_stack([-step[:, 1], step[:, 0]])
+    normal /= np.maximum(np.hypot(*normal.T), 1e-9)[:, None]
+    half = lane.width_m / 2 * normal
+    return np.concatenate([lane.centreline + half, (lane.centreline - half)[::-1]])
 
 
 @owner_cache

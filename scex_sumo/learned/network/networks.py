@@ -105,11 +105,7 @@ class JointNet(PairEncoder):
 
 
 Net: TypeAlias = GraphNet | GraphImageNet | JointNet
-KINDS: Mapping[str, type[GraphNet] | type[GraphImageNet] | type[JointNet]] = {
-    "graph": GraphNet,
-    "hybrid": GraphImageNet,
-    "joint": JointNet,
-}
+KINDS: Mapping[str, type[Net]] = {"graph": GraphNet, "hybrid": GraphImageNet, "joint": JointNet}
 
 
 class Tokens(NamedTuple):

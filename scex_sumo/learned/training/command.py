@@ -202,7 +202,7 @@ def _finish(run: Trainer, out: Path, command: str) -> None:
     from scex_sumo.learned.training.loss import score_network
     from scex_sumo.learned.training.networks.graph_image import save_net
 
-    run.mean.load_state_dict(run.best)
+    net = run.finished()
     score = score_network(run.predict_mean, run.validation, run.options.weights)
     sites = run.dataset.sites
     figures = {sites[s]: {"ade_m": score.ade[s], "fde_m": score.fde[s]} for s in score.ade}
@@ -215,7 +215,7 @@ def _finish(run: Trainer, out: Path, command: str) -> None:
         "epoch": run.best_epoch,
         "validation": figures,
     }
-    save_net(out, run.finished(), meta)
+    save_net(out, net, meta)
     print(f"{out}: {run.options.kind}, epoch {run.best_epoch}, {run.seconds:.0f} s")
     for site, errors in figures.items():
         print("  {}: ADE {:.2f} m, FDE {:.2f} m".format(site, *errors.values()))

@@ -78,23 +78,18 @@ def scene_samples(
     assert scenes[0].road is not None
     table = lane_cells(scenes[0].road)
     total_m = float(table.cell_m[inside].sum())
-    rows: list[tuple[Any, ...]] = []
+    samples: list[SceneSamples] = []
     for scene in scenes:
         for _ in range(SUBSETS):
             whole, _ = placed_on_lanes(scene, KINDS, rng)
             if len(whole.lane):
-                rows.append(_subset(table, whole, inside, total_m, rng))
-    if not rows:
-        return None
-    places, values, width, kind = (np.concatenate(column) for column in zip(*rows, strict=True))
-    return SceneSamples(
-        places=places, values=values, width=width, kind=kind.astype(np.int64), site=np.full(len(width), site)
-    )
+                samples.append(_subset(table, whole, inside, total_m, site, rng))
+    return SceneSamples.join(samples) if samples else None
 
 
 def _subset(
-    table: LaneCells, whole: Placed, inside: IntArray, total_m: float, rng: np.random.Generator
-) -> tuple[Any, ...]:
+    table: LaneCells, whole: Placed, inside: IntArray, total_m: float, site: int, rng: np.random.Generator
+) -> SceneSamples:
     count = len(whole.lane)
     kind, share = rng.random(), rng.random()
     few = count**share - 1 if kind < COMPLETE + FIRST else share * count
@@ -109,8 +104,13 @@ def _subset(
     features = features.astype(np.float32)
     places = np.concatenate([features[:n, None], features[n:].reshape(n, ELSEWHERE, -1)], axis=1)
     ratio = np.where(targets.speed < 0.1, 0.0, targets.speed / whole.pace)
-    values = [targets.length, ratio, targets.acceleration, targets.offset, targets.turn]
-    return places, np.column_stack(values), targets.width, targets.kind
+    return SceneSamples(
+        places=places,
+        values=np.column_stack([targets.length, ratio, targets.acceleration, targets.offset, targets.turn]),
+        width=targets.width,
+        kind=targets.kind,
+        site=np.full(n, site),
+    )
 
 
 def known_scenes(table: LaneCells, inside: IntArray, wholes: Sequence[Placed]) -> FloatArray:
@@ -277,19 +277,20 @@ def train_scenes(
     """
     rng = np.random.default_rng(seed)
     sites = sorted({recording.site for recording in recordings})
-    parts: dict[Part, list[SceneSamples | None]] = {"train": [], "validation": []}
+    samples: dict[Part, list[SceneSamples]] = {"train": [], "validation": []}
     known: dict[str, list[FloatArray]] = {}
     needs: dict[str, list[FloatArray]] = {}
     of_maps: dict[Path, dict[tuple[str, Part], list[SeedScene]]] = {}
     for site, here, every_s in loaded_sites(recordings, moments):
-        for loaded, part in itertools.product(here, parts):
+        for loaded, part in itertools.product(here, samples):
             if scenes := part_scenes(loaded, part, split=split, every_s=every_s):
                 of_map = of_maps.setdefault(loaded.recording.map_path, {})
                 of_map.setdefault((site, part), []).extend(scenes)
     for of_map in of_maps.values():
         inside = seen_cells([scene for scenes in of_map.values() for scene in scenes])
         for (site, part), scenes in of_map.items():
-            parts[part].append(scene_samples(scenes, inside, sites.index(site), rng))
+            if drawn := scene_samples(scenes, inside, sites.index(site), rng):
+                samples[part].append(drawn)
             if part != "train":
                 continue
             assert scenes[0].road is not None
@@ -300,11 +301,11 @@ def train_scenes(
                 hardest = needed_deceleration(table, whole, whole).max(axis=1, initial=0.0)
                 for name, value in {"deceleration": hardest, **demands(table, whole)}.items():
                     needs.setdefault(name, []).append(value)
-    if not any(parts["train"]) or not any(parts["validation"]):
+    if not samples["train"] or not samples["validation"]:
         raise TrackError("train scenes: needs scenes for training and for validation; give more recordings")
     tensors, loss = fit(
-        SceneSamples.join([part for part in parts["train"] if part]),
-        SceneSamples.join([part for part in parts["validation"] if part]),
+        SceneSamples.join(samples["train"]),
+        SceneSamples.join(samples["validation"]),
         [np.concatenate(scenes) for scenes in known.values()],
         seed=seed,
         epochs=epochs,

@@ -52,7 +52,7 @@ class TrainOptions:
     mirror: float = 0.5  # share of the batches that are mirrored
     simulated: float = 0.3  # share of an epoch's vehicles that SUMO drove, if there are such
     balance: float = 0.25  # a site counts like the number of its vehicles to the power of 1 minus this
-    sizes: dict[str, Any] = field(default_factory=dict)  # of `Architecture`, other than the shipped ones
+    sizes: Architecture = field(default_factory=Architecture)
     weights: LossWeights = field(default_factory=LossWeights)  # of the parts of the loss
 
     def __post_init__(self) -> None:
@@ -104,7 +104,7 @@ class Trainer:
         self.device = device or torch.device("cuda" if torch.cuda.is_available() else "cpu")
         self.drift = drift if options.rounds else None
         torch.manual_seed(options.seed)
-        self.net: Net = NETWORKS[options.kind](Architecture(**options.sizes))
+        self.net: Net = NETWORKS[options.kind](options.sizes)
         self._fit_inputs()
         self.net.to(self.device)
         self.mean = deepcopy(self.net).requires_grad_(False)
@@ -121,7 +121,7 @@ class Trainer:
         self.validation = Batches(dataset.validation, self.site_weight, self.device)
         self.drifted: list[TrainingSamples] = []  # of the rounds in closed loop
         self.epoch, self.best_loss, self.best_epoch, self.seconds = 0, math.inf, 0, 0.0
-        self.best = {k: v.clone() for k, v in self.mean.state_dict().items()}
+        self.best = deepcopy(self.mean.state_dict())
 
     def _fit_inputs(self) -> None:
         """Fit means and spreads of all inputs, and the classes of recorded motions."""
@@ -144,7 +144,7 @@ class Trainer:
             better = score.loss < self.best_loss
             if better:
                 self.best_loss, self.best_epoch = score.loss, self.epoch
-                self.best = {k: v.clone() for k, v in self.mean.state_dict().items()}
+                self.best = deepcopy(self.mean.state_dict())
             self.seconds = time.monotonic() - begun
             if self.folder is not None:
                 _write_checkpoint(self.folder, self._state())
@@ -240,10 +240,9 @@ class Trainer:
             mean.lerp_(present, 1 - keep)
 
     def finished(self) -> Net:
-        """Return the network with the best weights."""
-        net = deepcopy(self.mean).requires_grad_(False)
-        net.load_state_dict(self.best)
-        return net.cpu().eval()
+        """Return the network with the best weights, which are now the mean ones."""
+        self.mean.load_state_dict(self.best)
+        return self.mean.eval()
 
     def resume(self) -> bool:
         """Go on from the checkpoint in the folder; return False if there is none."""

@@ -18,6 +18,7 @@ from scex_sumo.converters.datasets.find import find_recordings  # noqa: E402
 from scex_sumo.converters.registries import Recording  # noqa: E402
 from scex_sumo.evaluation.recordings import load_recording  # noqa: E402
 from scex_sumo.evaluation.split import Split  # noqa: E402
+from scex_sumo.learned.network.architecture import Architecture  # noqa: E402
 from scex_sumo.learned.network.weights import load_weights  # noqa: E402
 from scex_sumo.learned.training.command import train_command  # noqa: E402
 from scex_sumo.learned.training.data import dataset as dataset_module  # noqa: E402
@@ -54,7 +55,7 @@ def small() -> Dataset:
 
 
 def options(**given: object) -> TrainOptions:
-    usual = {"kind": "graph", "epochs": 2, "rounds": 0, "nodes": 100, "sizes": SMALL}
+    usual = {"kind": "graph", "epochs": 2, "rounds": 0, "nodes": 100, "sizes": Architecture(**SMALL)}
     return TrainOptions(**{**usual, **given})
 
 
@@ -139,7 +140,7 @@ def test_the_hybrid_learns_from_turned_maps(small: Dataset) -> None:
 
 def test_the_joint_network_learns_motions_of_the_recordings(small: Dataset) -> None:
     run, log = trained(
-        small, options(kind="joint", epochs=4, sizes={**SMALL, "accelerations": 9, "sideways": 3})
+        small, options(kind="joint", epochs=4, sizes=Architecture(**SMALL, accelerations=9, sideways=3))
     )
     assert log[-1].parts["motion"] < log[0].parts["motion"] < 2 * np.log(27)
     assert log[-1].parts["whole"] < log[0].parts["whole"]

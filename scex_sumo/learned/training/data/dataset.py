@@ -105,9 +105,15 @@ def make_dataset(
             raise SimulationError(f"{map_path}: no vehicle drives 4 s on it in SUMO; give a larger map")
         parts["train"].append(samples.at(len(sites), np.zeros(2)))
         sites, kinds[name], roads[name] = (*sites, name), "simulated", road
-    named = {"kinds": tuple(kinds[site] for site in sites), "roads": tuple(roads[site] for site in sites)}
-    samples_by = {part: TrainingSamples.concatenate(several) for part, several in parts.items()}
-    return Dataset(sites=sites, recorded=recorded, digest=digest.hexdigest(), **named, **samples_by)  # type: ignore[arg-type]
+    return Dataset(
+        sites=sites,
+        kinds=tuple(kinds[site] for site in sites),
+        roads=tuple(roads[site] for site in sites),
+        train=TrainingSamples.concatenate(parts["train"]),
+        validation=TrainingSamples.concatenate(parts["validation"]),
+        digest=digest.hexdigest(),
+        recorded=recorded,
+    )
 
 
 def map_shift(road: Road, other: Road) -> FloatArray:
@@ -185,20 +191,20 @@ def _samples(
     """Make samples of scenes; ``noisy`` ones are seen as if they were measured, in all copies."""
     rng = np.random.default_rng([0, zlib.crc32(name.encode())])
     exact = 0 if noisy else 1  # the first one, which is as recorded
-    parts = []
+    samples: list[TrainingSamples | None] = []
     for scene in scenes:
         whole = [scene.history, *(perturbed(scene.history, rng) for _ in range(options.copies))]
         seen = [*whole[:exact], *(measured(states, rng) for states in whole[exact:])]
-        parts.append(scene_samples(scene, road, States.stack(whole, 0), seen=States.stack(seen, 0)))
+        samples.append(scene_samples(scene, road, States.stack(whole, 0), seen=States.stack(seen, 0)))
         for _ in range(options.stops):
             stop = add_obstacles(scene, road, learnable(scene), rng)
             if stop is None:
                 break
             now = stop[0].history
             seen_now = measured(now, rng).repeat(1)
-            parts.append(scene_samples(stop[0], road, now.repeat(1), seen=seen_now, blocked=stop[1]))
-    some = [part for part in parts if part is not None]
-    return TrainingSamples.concatenate(some) if some else None
+            samples.append(scene_samples(stop[0], road, now.repeat(1), seen=seen_now, blocked=stop[1]))
+    known = [graphs for graphs in samples if graphs is not None]
+    return TrainingSamples.concatenate(known) if known else None
 
 
 def _digest(paths: Sequence[Path], options: SampleOptions) -> str:

@@ -139,7 +139,7 @@ class GraphImagePredictorNet(nn.Module):
 
 
 Net: TypeAlias = GraphPredictorNet | GraphImagePredictorNet | JointPredictorNet
-NETWORKS: Mapping[str, type[GraphPredictorNet] | type[GraphImagePredictorNet] | type[JointPredictorNet]] = {
+NETWORKS: Mapping[str, type[Net]] = {
     net.kind: net for net in (GraphPredictorNet, GraphImagePredictorNet, JointPredictorNet)
 }
 
