@@ -41,19 +41,19 @@ def needed_braking(
     ``acceleration``: (R, T) of all vehicles, m/s².
     """
     needed = np.zeros((len(shared.own), len(steps)))
-    row, at = np.nonzero(_in_reach(paths, shared, acceleration, steps))
-    needed[row, at] = _needed(paths, shared, acceleration, row, steps[at])
+    pair, look = np.nonzero(_in_reach(paths, shared, acceleration, steps))
+    needed[pair, look] = _needed(paths, shared, acceleration, pair, steps[look])
     return needed
 
 
 def _needed(
-    paths: DrivenPaths, shared: Shared, acceleration: FloatArray, row: IntArray, step: IntArray
+    paths: DrivenPaths, shared: Shared, acceleration: FloatArray, pair: IntArray, step: IntArray
 ) -> FloatArray:
     """Return the needed braking (m,) of the own vehicles of rows (m,) at steps (m,)."""
-    own, other = (shared.own[row], step), (shared.other[row], step)
+    own, other = (shared.own[pair], step), (shared.other[pair], step)
     speed = paths.states.speed[own][:, None]
     gone = paths.arc[other][:, None] + distance(paths.states.speed[other], acceleration[other])
-    enter, leave = (values - paths.arc[own][:, None] for values in _blocked(paths, shared, row, gone))
+    enter, leave = (values - paths.arc[own][:, None] for values in _blocked(paths, shared, pair, gone))
     unbraked = speed * _TIMES_S
     contact = (unbraked >= enter) & (unbraked <= leave)  # False where nothing is blocked
     since = np.logical_or.accumulate(contact, axis=-1)
@@ -119,12 +119,12 @@ def distance(speed: FloatArray, acceleration: FloatArray, times_s: FloatArray = 
 
 
 def _blocked(
-    paths: DrivenPaths, shared: Shared, row: IntArray, arc: FloatArray
+    paths: DrivenPaths, shared: Shared, pair: IntArray, arc: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the stretches (m, K) of rows (m,) that are blocked while the others are at an arc length, m."""
-    node = np.clip(arc / paths.spacing[shared.other[row]][:, None], 0, NODES - 1)
+    node = np.clip(arc / paths.spacing[shared.other[pair]][:, None], 0, NODES - 1)
     below = np.minimum(node.astype(np.int64), NODES - 2)
-    share, flat = node - below, NODES * row[:, None] + below
+    share, flat = node - below, NODES * pair[:, None] + below
     ends = []
     for values, widest in ((shared.enter, np.fmin), (shared.leave, np.fmax)):
         a, b = values.take(flat), values.take(flat + 1)
@@ -157,11 +157,13 @@ class DrivenPaths(Paths):
         reach = np.maximum((arc + HORIZON_S * states.speed).max(axis=1), 1.0)
         line[:, -1] = np.maximum(line[:, -1], line[:, -2] + 1e-3)  # the straight end
         spacing = reach / (NODES - 1)
-        at = spacing[:, None] * np.arange(NODES)
+        even = spacing[:, None] * np.arange(NODES)
         # A row at a time: its values are the same in any batch. Standing vehicles have equal arc lengths, of
         # which np.interp takes the last one.
         x, y, heading = (
-            np.array([np.interp(*row) for row in zip(at, line, v, strict=True)]).reshape(at.shape)
+            np.array([np.interp(*of_vehicle) for of_vehicle in zip(even, line, v, strict=True)]).reshape(
+                even.shape
+            )
             for v in (x, y, heading)
         )
         size = {"length": length, "width": width}
@@ -174,10 +176,10 @@ class DrivenPaths(Paths):
         low = [self.x.min(axis=1) - reach, self.y.min(axis=1) - reach]
         return np.stack([*low, self.x.max(axis=1) + reach, self.y.max(axis=1) + reach])
 
-    def outlines(self, row: IntArray, node: IntArray) -> Rectangles:
+    def outlines(self, path: IntArray, node: IntArray) -> Rectangles:
         """Return outlines of vehicles at samples of their paths."""
-        x, y, heading = (values[row, node] for values in (self.x, self.y, self.heading))
-        size = {"half_length": self.length[row] / 2, "half_width": self.width[row] / 2}
+        x, y, heading = (values[path, node] for values in (self.x, self.y, self.heading))
+        size = {"half_length": self.length[path] / 2, "half_width": self.width[path] / 2}
         return Rectangles(x=x, y=y, heading=heading, **size)
 
 
@@ -218,31 +220,31 @@ class Shared(Rows):
         return np.asarray(np.where(np.isnan(self.enter), np.inf, angle).min(axis=1, initial=np.inf))
 
 
-def shared_stretches(paths: DrivenPaths, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
+def shared_stretches(paths: DrivenPaths, first: IntArray, second: IntArray) -> tuple[Shared, Shared]:
     """Return the shared stretches of pairs of ways (rows, (P,) each): of the first and the second ones.
 
     Pairs that share nothing are left out.
     """
     low, high = paths.box[:2], paths.box[2:]
-    meet = ((low[:, one] <= high[:, two]) & (low[:, two] <= high[:, one])).all(axis=0)
-    one, two = one[meet], two[meet]
+    meet = ((low[:, first] <= high[:, second]) & (low[:, second] <= high[:, first])).all(axis=0)
+    first, second = first[meet], second[meet]
     parts: tuple[list[Shared], list[Shared]] = ([], [])
-    for start in range(0, max(len(one), 1), _AT_ONCE):
-        part = slice(start, start + _AT_ONCE)
-        for shared, some in zip(_of_some(paths, one[part], two[part]), parts, strict=True):
+    for start in range(0, max(len(first), 1), _AT_ONCE):
+        batch = slice(start, start + _AT_ONCE)
+        for shared, some in zip(_of_some(paths, first[batch], second[batch]), parts, strict=True):
             some.append(shared)
     return Shared.join(parts[0]), Shared.join(parts[1])
 
 
-def _of_some(paths: DrivenPaths, one: IntArray, two: IntArray) -> tuple[Shared, Shared]:
-    pair, at, other = _near_nodes(paths, one, two)
-    gaps = separation(paths.outlines(one[pair], at), paths.outlines(two[pair], other))
+def _of_some(paths: DrivenPaths, first: IntArray, second: IntArray) -> tuple[Shared, Shared]:
+    pair, node, other = _near_nodes(paths, first, second)
+    gaps = separation(paths.outlines(first[pair], node), paths.outlines(second[pair], other))
     touch = np.unique(pair[gaps <= 0])
     kept = np.isin(pair, touch)
     hit = np.zeros((len(touch), NODES, NODES), dtype=np.bool_)
-    hit[np.searchsorted(touch, pair[kept]), at[kept], other[kept]] = gaps[kept] <= 0
-    one, two = one[touch], two[touch]
-    return _stretches(paths, one, two, hit.swapaxes(1, 2)), _stretches(paths, two, one, hit)
+    hit[np.searchsorted(touch, pair[kept]), node[kept], other[kept]] = gaps[kept] <= 0
+    first, second = first[touch], second[touch]
+    return _stretches(paths, first, second, hit.swapaxes(1, 2)), _stretches(paths, second, first, hit)
 
 
 def _near_nodes(paths: DrivenPaths, one: IntArray, two: IntArray) -> tuple[IntArray, IntArray, IntArray]:
@@ -286,9 +288,9 @@ def _stretches(paths: DrivenPaths, own: IntArray, other: IntArray, hit: BoolArra
     return Shared(own=own, other=other, enter=edge(first, -1), leave=edge(last, 1))
 
 
-def shares_of_contact(one: Rectangles, then: Rectangles, two: Rectangles) -> FloatArray:
-    """Return the share (n,) of a move, of the first outlines to ``then``, at which contact ends; 0: never."""
-    touching, apart = axis_separations(one, two), axis_separations(then, two)
+def shares_of_contact(box: Rectangles, moved: Rectangles, other: Rectangles) -> FloatArray:
+    """Return the share (n,) of a move, of outlines to ``moved``, at which contact ends; 0: never."""
+    touching, apart = axis_separations(box, other), axis_separations(moved, other)
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.where(apart > 0, touching / (touching - apart), np.inf).min(axis=0)
     return np.where(np.isfinite(share), share, 0.0)

@@ -185,31 +185,33 @@ def braking_at(
 ) -> tuple[FloatArray, FloatArray]:
     """Return (n, k) needed braking of pairs at steps (k,), and that of the first vehicle alone, m/s²."""
     acceleration = recent_acceleration(paths.states.speed)
-    each = [needed_braking(paths, side, acceleration, steps) for side in (own, other)]
-    least = least_braking(*each)
+    alone = [needed_braking(paths, side, acceleration, steps) for side in (own, other)]
+    least = least_braking(*alone)
     facing = np.minimum(own.least_angle(paths), other.least_angle(paths)) >= FACES_RAD
     both = np.maximum(both_braking(paths, own, steps), both_braking(paths, other, steps))
-    return np.where(facing[:, None] & (least > 0), both, least), each[0]
+    return np.where(facing[:, None] & (least > 0), both, least), alone[0]
 
 
-def least_braking(one: FloatArray, two: FloatArray) -> FloatArray:
+def least_braking(first: FloatArray, second: FloatArray) -> FloatArray:
     """Return the needed braking of pairs by that of either vehicle, m/s².
 
     Where both could brake, the lesser. `MOST_MPS2` of one alone means that it can do nothing, and the other
     one's counts; 0 of the other one then means that it gets away.
     """
-    able = [np.where((side > 0) & (side < MOST_MPS2), side, np.inf) for side in (one, two)]
+    able = [np.where((side > 0) & (side < MOST_MPS2), side, np.inf) for side in (first, second)]
     least = np.minimum(*able)
-    hopeless = (one >= MOST_MPS2) & (two >= MOST_MPS2)
+    hopeless = (first >= MOST_MPS2) & (second >= MOST_MPS2)
     return np.asarray(np.where(np.isfinite(least), least, np.where(hopeless, MOST_MPS2, 0.0)))
 
 
-def _gaps(paths: DrivenPaths, one: IntArray, two: IntArray, now: int) -> tuple[FloatArray, IntArray]:
+def _gaps(paths: DrivenPaths, first: IntArray, second: IntArray, now: int) -> tuple[FloatArray, IntArray]:
     """Return (n,) distance of the outlines when the centres are nearest, m, and the steps until then."""
     states = paths.states[:, now:]
-    apart = np.hypot(states.x[one] - states.x[two], states.y[one] - states.y[two])
+    apart = np.hypot(states.x[first] - states.x[second], states.y[first] - states.y[second])
     step = np.argmin(apart, axis=1)
-    boxes = [Rectangles.of(states[side, step], paths.length[side], paths.width[side]) for side in (one, two)]
+    boxes = [
+        Rectangles.of(states[side, step], paths.length[side], paths.width[side]) for side in (first, second)
+    ]
     return rectangle_distance(*boxes), step
 
 
@@ -273,5 +275,5 @@ def _between(
     return np.where(towards == 0, 0.0, leaves + enters)
 
 
-def _box(paths: DrivenPaths, row: IntArray, step: IntArray) -> Rectangles:
-    return Rectangles.of(paths.states[row, step], paths.length[row], paths.width[row])
+def _box(paths: DrivenPaths, path: IntArray, step: IntArray) -> Rectangles:
+    return Rectangles.of(paths.states[path, step], paths.length[path], paths.width[path])

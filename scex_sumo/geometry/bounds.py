@@ -42,5 +42,5 @@ def mean_width_m(left: FloatArray, right: FloatArray) -> float:
 
 def bounds_cross(left: FloatArray, right: FloatArray) -> bool:
     """Test whether two bounds (P, 2), m, of two points or more cross each other or one crosses itself."""
-    one, other = shapely.LineString(left), shapely.LineString(right)
-    return bool(one.crosses(other) or not (one.is_simple and other.is_simple))
+    first, second = shapely.LineString(left), shapely.LineString(right)
+    return bool(first.crosses(second) or not (first.is_simple and second.is_simple))

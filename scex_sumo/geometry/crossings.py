@@ -32,9 +32,9 @@ class Hits:
     sine: FloatArray  # (X,) of the angle between them, without sign
 
 
-def intersect(one: Segments, two: Segments) -> Hits:
+def intersect(first: Segments, second: Segments) -> Hits:
     """Find crossing points of (N,) segments p + u r and q + w s; touching ones cross, parallel ones never."""
-    (px, py, rx, ry), (qx, qy, sx, sy) = one, two
+    (px, py, rx, ry), (qx, qy, sx, sy) = first, second
     area = rx * sy - ry * sx
     gx, gy = qx - px, qy - py
     sign = np.sign(area)
@@ -266,8 +266,8 @@ def segment_crossings(
 ) -> tuple[Hits, IntArray]:
     """Find all crossing points of (N,) segments with one polyline each, and its segments' numbers."""
     which, block = meeting_segments(segment_boxes(x, y, x + dx, y + dy), lines, line)
-    at = (line[which], block)
-    hits = intersect((x[which], y[which], dx[which], dy[which]), lines.segments(at))
+    segments = (line[which], block)
+    hits = intersect((x[which], y[which], dx[which], dy[which]), lines.segments(segments))
     return replace(hits, which=which[hits.which]), block[hits.which]
 
 
@@ -278,6 +278,6 @@ def meeting_segments(own: FloatArray, lines: Polylines, line: IntArray) -> tuple
     for boxes in reversed(lines.boxes[:-1]):
         members, real = _members(block, boxes.shape[3])
         meet = boxes_meet(own[:, :, which, None], boxes[:, :, line[which][:, None], members]) & real
-        row, member = np.nonzero(meet)
-        which, block = which[row], members[row, member]
+        box, member = np.nonzero(meet)
+        which, block = which[box], members[box, member]
     return which, block

@@ -165,69 +165,69 @@ class Paths:
     @cached_property
     def coarse(self) -> FloatArray:
         """(P, 3, M) every `COARSE`-th sample as -2x, -2y, x² + y², relative to `centre`, m."""
-        some = np.stack([self.x[:, ::COARSE], self.y[:, ::COARSE]], -1) - self.centre
-        return np.stack([-2 * some[..., 0], -2 * some[..., 1], (some**2).sum(-1)], 1)
+        shifted = np.stack([self.x[:, ::COARSE], self.y[:, ::COARSE]], -1) - self.centre
+        return np.stack([-2 * shifted[..., 0], -2 * shifted[..., 1], (shifted**2).sum(-1)], 1)
 
     @cached_property
     def bend(self) -> tuple[FloatArray, FloatArray]:
         """(P * N,) curvature and its change to the next sample, 1/m, each contiguous."""
         return np.ascontiguousarray(self.table[:, 5]), np.ascontiguousarray(self.table[:, 11])
 
-    def sample_at(self, row: IntArray, s: FloatArray) -> IntArray:
+    def sample_at(self, path: IntArray, s: FloatArray) -> IntArray:
         """Return flat indices into (P * N) of the last samples before arc lengths (n,), m, on paths (n,)."""
-        index: IntArray = clipped(s / self.spacing[row], 0.0, self.samples - 1.0).astype(np.int64)
-        return row * self.samples + index
+        index: IntArray = clipped(s / self.spacing[path], 0.0, self.samples - 1.0).astype(np.int64)
+        return path * self.samples + index
 
-    def at(self, row: IntArray, s: FloatArray) -> FloatArray:
+    def at(self, path: IntArray, s: FloatArray) -> FloatArray:
         """Return (6, n) `COLUMNS` at arc lengths (n,), m, on paths (n,): linear between samples."""
-        position = s / self.spacing[row]
+        position = s / self.spacing[path]
         index = clipped(position, 0.0, self.samples - 1.0).astype(np.int64)
-        values = np.ascontiguousarray(self.table.take(row * self.samples + index, axis=0).T)
+        values = np.ascontiguousarray(self.table.take(path * self.samples + index, axis=0).T)
         inner: FloatArray = values[:6] + values[6:] * (position - index)
         return inner
 
-    def bend_at(self, row: IntArray, s: FloatArray) -> FloatArray:
+    def bend_at(self, path: IntArray, s: FloatArray) -> FloatArray:
         """Return (n,) curvatures at arc lengths, 1/m."""
-        position = clipped(s / self.spacing[row], 0.0, self.samples - 1.0)
+        position = clipped(s / self.spacing[path], 0.0, self.samples - 1.0)
         index = position.astype(np.int64)
-        at = row * self.samples + index
-        bend: FloatArray = self.bend[0].take(at) + self.bend[1].take(at) * (position - index)
+        sample = path * self.samples + index
+        bend: FloatArray = self.bend[0].take(sample) + self.bend[1].take(sample) * (position - index)
         return bend
 
-    def refine(self, row: IntArray, s: FloatArray, x: FloatArray, y: FloatArray, steps: int) -> Feet:
+    def refine(self, path: IntArray, s: FloatArray, x: FloatArray, y: FloatArray, steps: int) -> Feet:
         """Move first guesses of arc lengths to the foot points."""
         for _ in range(steps):
-            px, py, cos, sin, heading, curvature = self.at(row, s)
+            px, py, cos, sin, heading, curvature = self.at(path, s)
             dx, dy = x - px, y - py
             ahead = cos * dx + sin * dy
             offset = cos * dy - sin * dx
             # Newton; the bound keeps it on this branch where the path bends around the point.
             step = ahead / np.maximum(1 - curvature * offset, 0.3)
-            most = COARSE * self.spacing[row]
+            most = COARSE * self.spacing[path]
             s = s + clipped(step, -most, most)
-        px, py, cos, sin, heading, _ = self.at(row, s)
+        px, py, cos, sin, heading, _ = self.at(path, s)
         return s, cos * (y - py) - sin * (x - px), heading
 
-    def foot_points(self, row: IntArray, x: FloatArray, y: FloatArray, expected: FloatArray) -> Feet:
+    def foot_points(self, path: IntArray, x: FloatArray, y: FloatArray, expected: FloatArray) -> Feet:
         """Project points onto their paths; see `refine` for the result.
 
         ``expected``: (n,) rough arc length, m, which decides where a path passes a place twice.
         """
-        first = np.empty(len(row))
-        for start in range(0, len(row), POINTS_AT_ONCE):
-            part = slice(start, start + POINTS_AT_ONCE)
-            nearest = self._nearest_sample(row[part], x[part], y[part], expected[part])
-            first[part] = nearest * (COARSE * self.spacing[row[part]])
-        return self.refine(row, first, x, y, 4)
+        first = np.empty(len(path))
+        for start in range(0, len(path), POINTS_AT_ONCE):
+            batch = slice(start, start + POINTS_AT_ONCE)
+            nearest = self._nearest_sample(path[batch], x[batch], y[batch], expected[batch])
+            first[batch] = nearest * (COARSE * self.spacing[path[batch]])
+        return self.refine(path, first, x, y, 4)
 
-    def _nearest_sample(self, row: IntArray, x: FloatArray, y: FloatArray, expected: FloatArray) -> IntArray:
-        coarse = self.coarse.take(row, axis=0)
+    def _nearest_sample(self, path: IntArray, x: FloatArray, y: FloatArray, expected: FloatArray) -> IntArray:
+        coarse = self.coarse.take(path, axis=0)
         dx, dy = (x - self.centre[0])[:, None], (y - self.centre[1])[:, None]
         square = coarse[:, 0] * dx
         square += coarse[:, 1] * dy
         square += coarse[:, 2]
         # Two laps of a roundabout differ by centimetres in distance and some 50 m in arc length.
-        off = COARSE * self.spacing[row][:, None] * np.arange(coarse.shape[2]) - expected[:, None]
+        off = COARSE * self.spacing[path][:, None] * np.arange(coarse.shape[2]) - expected[:, None]
         off *= off
         off *= LAP_WEIGHT
         square += off

@@ -50,22 +50,24 @@ def outlines(states: States, length: FloatArray, width: FloatArray, shape: Float
     return np.stack([centre + a * along + b * across for a, b in shape], axis=-2)
 
 
-def relative_pose(one: Rectangles, two: Rectangles) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def relative_pose(
+    first: Rectangles, second: Rectangles
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return centre x, y and direction cos, sin of the second rectangles in the frames of the first."""
-    dx, dy = two.x - one.x, two.y - one.y
-    cos, sin = np.cos(one.heading), np.sin(one.heading)
-    turn = two.heading - one.heading
+    dx, dy = second.x - first.x, second.y - first.y
+    cos, sin = np.cos(first.heading), np.sin(first.heading)
+    turn = second.heading - first.heading
     return cos * dx + sin * dy, cos * dy - sin * dx, np.cos(turn), np.sin(turn)
 
 
-def overlap_area(one: Rectangles, two: Rectangles) -> FloatArray:
+def overlap_area(first: Rectangles, second: Rectangles) -> FloatArray:
     """Return the (N,) area that two rectangles share, m²."""
-    x, y, cos, sin = relative_pose(one, two)
+    x, y, cos, sin = relative_pose(first, second)
     along, across = (np.reshape(sign, (4, *[1] * np.ndim(x))) for sign in _CORNERS)
-    corner_x = x + along * (two.half_length * cos) + across * (-two.half_width * sin)
-    corner_y = y + along * (two.half_length * sin) + across * (two.half_width * cos)
+    corner_x = x + along * (second.half_length * cos) + across * (-second.half_width * sin)
+    corner_y = y + along * (second.half_length * sin) + across * (second.half_width * cos)
     next_x, next_y = corner_x[_NEXT], corner_y[_NEXT]
-    below = _clamped_integral(corner_x, corner_y, next_x, next_y, one.half_length, one.half_width)
+    below = _clamped_integral(corner_x, corner_y, next_x, next_y, first.half_length, first.half_width)
     area: FloatArray = np.maximum(-below[0] - below[1] - below[2] - below[3], 0.0)
     return area
 
@@ -90,33 +92,33 @@ def _clamp_integral(y: FloatArray, b: FloatArray) -> FloatArray:
     return np.where(size <= b, 0.5 * y * y, b * size - 0.5 * b * b)
 
 
-def axis_separations(one: Rectangles, two: Rectangles) -> FloatArray:
+def axis_separations(first: Rectangles, second: Rectangles) -> FloatArray:
     """Return the gaps (4, N) between two rectangles along their four axes, m.
 
     The axes are the first one's length and width, then the second one's. A gap is negative where the
     projections overlap. None exceeds the distance.
     """
-    x, y, cos, sin = relative_pose(one, two)
+    x, y, cos, sin = relative_pose(first, second)
     c, s = np.abs(cos), np.abs(sin)
     gaps = np.empty((4, *np.shape(x)))
-    gaps[0] = np.abs(x) - one.half_length - two.half_length * c - two.half_width * s
-    gaps[1] = np.abs(y) - one.half_width - two.half_length * s - two.half_width * c
-    gaps[2] = np.abs(x * cos + y * sin) - two.half_length - one.half_length * c - one.half_width * s
-    gaps[3] = np.abs(y * cos - x * sin) - two.half_width - one.half_length * s - one.half_width * c
+    gaps[0] = np.abs(x) - first.half_length - second.half_length * c - second.half_width * s
+    gaps[1] = np.abs(y) - first.half_width - second.half_length * s - second.half_width * c
+    gaps[2] = np.abs(x * cos + y * sin) - second.half_length - first.half_length * c - first.half_width * s
+    gaps[3] = np.abs(y * cos - x * sin) - second.half_width - first.half_length * s - first.half_width * c
     return gaps
 
 
-def separation(one: Rectangles, two: Rectangles) -> FloatArray:
+def separation(first: Rectangles, second: Rectangles) -> FloatArray:
     """Return the (N,) largest gap along the four axes, m; 0 or less if the rectangles touch."""
-    gap: FloatArray = axis_separations(one, two).max(axis=0)
+    gap: FloatArray = axis_separations(first, second).max(axis=0)
     return gap
 
 
-def rectangle_distance(one: Rectangles, two: Rectangles) -> FloatArray:
+def rectangle_distance(first: Rectangles, second: Rectangles) -> FloatArray:
     """Return the (N,) smallest distance between two rectangles, m; 0 if they touch or overlap."""
-    directions = np.cos(one.heading), np.sin(one.heading), np.cos(two.heading), np.sin(two.heading)
-    own, other = (one.half_length, one.half_width), (two.half_length, two.half_width)
-    return distance_apart(two.x - one.x, two.y - one.y, directions, own, other)
+    directions = np.cos(first.heading), np.sin(first.heading), np.cos(second.heading), np.sin(second.heading)
+    own, other = (first.half_length, first.half_width), (second.half_length, second.half_width)
+    return distance_apart(second.x - first.x, second.y - first.y, directions, own, other)
 
 
 def distance_apart(

@@ -133,8 +133,8 @@ def project_near(points: FloatArray, line: FloatArray, reach_m: float) -> tuple[
         beside = (np.maximum(line[:-1], line[1:]) >= low) & (np.minimum(line[:-1], line[1:]) <= high)
         segments = np.flatnonzero(beside.all(axis=1))
         if len(segments):
-            part = slice(int(segments[0]), int(segments[-1]) + 2)
-            arc[near], gap[near] = project(points[near], line[part], arc_lengths(line)[part])
+            piece = slice(int(segments[0]), int(segments[-1]) + 2)
+            arc[near], gap[near] = project(points[near], line[piece], arc_lengths(line)[piece])
     return arc, gap
 
 

@@ -95,12 +95,12 @@ class _Drivers:
     """n drivers with their places."""
 
     def __init__(self, vehicles: VehicleIndex, row: IntArray, traffic: Traffic, manner: Manner) -> None:
-        at = vehicles.future, vehicles.vehicle
+        current = vehicles.future, vehicles.vehicle
         self.vehicles, self.row, self.manner = vehicles, row, manner
-        self.front, self.speed = traffic.front[at], traffic.speed[at]
-        self.stood = traffic.slowest[at] < manner.stands_mps
-        self.brakes = traffic.gained[at] < -GAIN_MPS
-        self.goes = (traffic.gained[at] > GAIN_MPS) & (self.speed < SLOW_MPS)
+        self.front, self.speed = traffic.front[current], traffic.speed[current]
+        self.stood = traffic.slowest[current] < manner.stands_mps
+        self.brakes = traffic.gained[current] < -GAIN_MPS
+        self.goes = (traffic.gained[current] > GAIN_MPS) & (self.speed < SLOW_MPS)
 
     def goes_on(self, driver: IntArray, gap: FloatArray) -> BoolArray:
         """Return (m,) whether drivers have decided to go: they gain speed where others would brake."""

@@ -59,11 +59,11 @@ def ruled_ways(paths: SeedPaths, rules: Rules) -> RuledWays:
     boxes = shapely.STRtree([shapely.LineString(p.line) for p in rules.passages])
     stops = shapely.STRtree([shapely.LineString(line) for line in rules.stop_lines])
     marks = _marks(rules)
-    for row, points in enumerate(table[:, :, :2]):
+    for path, points in enumerate(table[:, :, :2]):
         line = shapely.LineString(points)
         for k in np.sort(boxes.query(line, "dwithin", NEAR_M)).tolist():
-            if (place := _place(points, table[row, :, 2:4], *marks[k])) is not None:
-                entries.append((row, k, _stop(points, place[0], rules, stops), *place))
+            if (place := _place(points, table[path, :, 2:4], *marks[k])) is not None:
+                entries.append((path, k, _stop(points, place[0], rules, stops), *place))
     rows, passage = (np.array([e[i] for e in entries], dtype=np.int64) for i in (0, 1))
     stop, begin, end = (np.array([e[i] for e in entries]) for i in (2, 3, 4))
     own, other, spans = _pairs(rules, passage, begin, rows)
@@ -104,13 +104,16 @@ def _place(
 ) -> tuple[float, float] | None:
     """Return the arc lengths where a passage (`_marks`) begins and ends on a path; None if not taken."""
     distance = np.hypot(*(points[:, None] - marks).transpose(2, 0, 1))
-    at = distance.argmin(axis=0)
-    if (distance[at, range(3)] > NEAR_M).any() or not at[0] <= at[1] <= at[2]:
+    sample = distance.argmin(axis=0)
+    if (distance[sample, range(3)] > NEAR_M).any() or not sample[0] <= sample[1] <= sample[2]:
         return None
     step = marks[1] - marks[0]
-    if arcs[at[0]] @ step < 0.5 * np.hypot(*step) or DS_M * (at[2] - at[0]) > LONGER[0] * length + LONGER[1]:
+    if (
+        arcs[sample[0]] @ step < 0.5 * np.hypot(*step)
+        or DS_M * (sample[2] - sample[0]) > LONGER[0] * length + LONGER[1]
+    ):
         return None
-    return DS_M * float(at[0]), DS_M * float(at[2])
+    return DS_M * float(sample[0]), DS_M * float(sample[2])
 
 
 def _stop(points: FloatArray, begin: float, rules: Rules, stops: shapely.STRtree) -> float:
@@ -126,7 +129,7 @@ def _stop(points: FloatArray, begin: float, rules: Rules, stops: shapely.STRtree
 
 
 def _pairs(
-    rules: Rules, passage: IntArray, begin: FloatArray, row: IntArray
+    rules: Rules, passage: IntArray, begin: FloatArray, path: IntArray
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Return pairs of entries of which the first gives way, and the spans (K, 4) of their conflicts."""
     on: dict[int, list[int]] = {}
@@ -140,7 +143,7 @@ def _pairs(
                 if (k, foe) not in span_of:
                     span_of[k, foe] = _span(lines[k], lines[foe])
                 span = span_of[k, foe]
-                if span is not None and row[entry] != row[theirs]:
+                if span is not None and path[entry] != path[theirs]:
                     pairs.append((entry, theirs))
                     spans.append(span + np.repeat([begin[entry], begin[theirs]], 2))
     own, other = np.array(pairs, np.int64).reshape(-1, 2).T
@@ -196,18 +199,18 @@ class Traffic(NamedTuple):
     gained: FloatArray  # (C, V) speed in the last three steps, m/s
 
 
-def traffic_on(history: SceneHistory, paths: SeedPaths, row: IntArray) -> Traffic:
+def traffic_on(history: SceneHistory, paths: SeedPaths, path: IntArray) -> Traffic:
     """Return the places of all vehicles on paths (C, V)."""
     now = history.now
-    s, _, _ = path_positions(history, VehicleIndex.everyone(history), paths, row.ravel())
-    s, half = s.reshape(row.shape), history.scene.length / 2
+    s, _, _ = path_positions(history, VehicleIndex.everyone(history), paths, path.ravel())
+    s, half = s.reshape(path.shape), history.scene.length / 2
     speed = history.states.speed
     slowest, gained = speed.min(axis=2), now.speed - speed[:, :, -1 - GAIN_STEPS]
-    return Traffic(row, s, s + half, s - half, np.maximum(now.speed, 0.0), slowest, gained)
+    return Traffic(path, s, s + half, s - half, np.maximum(now.speed, 0.0), slowest, gained)
 
 
 @owner_cache
 def straight_traffic(history: SceneHistory, paths: SeedPaths) -> Traffic:
     """Return the places of all vehicles on their straightest paths."""
-    row = np.broadcast_to(paths.first + paths.straight, history.now.shape)
-    return traffic_on(history, paths, row)
+    path = np.broadcast_to(paths.first + paths.straight, history.now.shape)
+    return traffic_on(history, paths, path)

@@ -36,13 +36,15 @@ def _relaxed(points: FloatArray, limit: float) -> FloatArray:
     xy, moving = moved[:, window].reshape(-1, 2).T.copy(), inner.copy()
     for _ in range(SWEEPS // SWEEPS_AT_ONCE):
         # One sweep spreads the motion by one point.
-        at = np.flatnonzero(_dilate(moving, SWEEPS_AT_ONCE + 1))
-        beside = np.diff(at) == 1
-        xy[:, at], excess = _swept(xy[:, at], limit, inner.ravel()[at[1:-1]] & beside[1:] & beside[:-1])
+        index = np.flatnonzero(_dilate(moving, SWEEPS_AT_ONCE + 1))
+        beside = np.diff(index) == 1
+        xy[:, index], excess = _swept(
+            xy[:, index], limit, inner.ravel()[index[1:-1]] & beside[1:] & beside[:-1]
+        )
         if excess.max() < ENOUGH:
             break
         moving = np.zeros_like(inner)
-        moving.ravel()[at[1:-1]] = excess > 0
+        moving.ravel()[index[1:-1]] = excess > 0
     moved[:, window] = xy.T.reshape(*inner.shape, 2)
     return moved
 

@@ -222,7 +222,7 @@ def _slowing_for_curves(
 
     def limited(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
         # A moment ahead too, so that the car does not lag behind.
-        here, soon = (speeds[paths.sample_at(row, at + ahead)] for at in (s, s + v * CURVE_TIME_S))
+        here, soon = (speeds[paths.sample_at(row, sample + ahead)] for sample in (s, s + v * CURVE_TIME_S))
         slowing = (np.minimum(here, soon) - v) / CURVE_TIME_S
         return np.minimum(accelerate(step, v, travelled, s), np.maximum(slowing, -CURVE_BRAKING))
 
@@ -315,7 +315,9 @@ def driven(history: SceneHistory, intents: Sequence[Intent], steps: int = PLAN_S
 def _side_by_side(history: SceneHistory, intents: Sequence[Intent], steps: int) -> list[Plan]:
     counts = [len(intent.vehicles) for intent in intents]
     ends = [0, *accumulate(counts)]
-    parts = [(intent.accelerate, slice(*part)) for intent, part in zip(intents, pairwise(ends), strict=True)]
+    parts = [
+        (intent.accelerate, slice(*batch)) for intent, batch in zip(intents, pairwise(ends), strict=True)
+    ]
 
     def accelerate(step: int, v: FloatArray, travelled: FloatArray, s: FloatArray) -> FloatArray:
         return np.concatenate([model(step, v[k], travelled[k], s[k]) for model, k in parts])

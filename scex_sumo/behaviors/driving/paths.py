@@ -210,7 +210,7 @@ def _table(
 def upper_edges(weight: FloatArray, first: IntArray, count: IntArray) -> FloatArray:
     """Return (P,) upper edges in [0, 1] of paths' shares of a vehicle's draw, by their weights (P,)."""
     parts = (weight[begin : begin + n] for begin, n in zip(first, count, strict=True))
-    return np.concatenate([np.cumsum(part) / part.sum() for part in parts])
+    return np.concatenate([np.cumsum(weights) / weights.sum() for weights in parts])
 
 
 def _straight(scene: SeedScene, v: int, ahead: float) -> FloatArray:
@@ -239,11 +239,11 @@ def _straightest(routes: Sequence[CandidatePath]) -> int:
 
 def _of_lanes(road: Road, points: FloatArray, owner: IntArray, samples: int) -> tuple[FloatArray, FloatArray]:
     ids, inverse = np.unique(owner, return_inverse=True)
-    at = np.searchsorted(arc_lengths(points), DS_M * np.arange(samples), side="right") - 1
-    at = inverse[np.clip(at, 0, len(owner) - 1)]
+    owner_index = np.searchsorted(arc_lengths(points), DS_M * np.arange(samples), side="right") - 1
+    owner_index = inverse[np.clip(owner_index, 0, len(owner) - 1)]
     lanes = [road.lanes[int(i)] for i in ids]
     width = np.array([lane.width_m for lane in lanes])
-    return width[at], np.array([lane.speed_limit_mps for lane in lanes])[at]
+    return width[owner_index], np.array([lane.speed_limit_mps for lane in lanes])[owner_index]
 
 
 def expected_way(history: SceneHistory, vehicles: VehicleIndex) -> FloatArray:

@@ -189,18 +189,18 @@ def _stay_apart(view: _View, i: IntArray, j: IntArray, time_s: FloatArray) -> Bo
     """
     others, vehicles, scene = view.others, view.vehicles, view.history.scene
     future, vehicle = vehicles.future[i], vehicles.vehicle[i]
-    one, two = view.history.now[future, vehicle], others.states[future, j]
+    own, other = view.history.now[future, vehicle], others.states[future, j]
     braking = view.braking[future, j]
     t = np.arange(0.0, SAFE_STOP_S + 1e-9, SAFE_STEP_S)
-    braked = np.minimum(t, (np.maximum(two.speed, 0.0) / np.maximum(braking, 1e-9))[:, None])
+    braked = np.minimum(t, (np.maximum(other.speed, 0.0) / np.maximum(braking, 1e-9))[:, None])
     travelled = (
-        np.maximum(one.speed, 0.0)[:, None] * t,
-        np.maximum(two.speed, 0.0)[:, None] * braked - braking[:, None] / 2 * braked**2,
+        np.maximum(own.speed, 0.0)[:, None] * t,
+        np.maximum(other.speed, 0.0)[:, None] * braked - braking[:, None] / 2 * braked**2,
     )
     sizes = (scene.length[vehicle], scene.width[vehicle]), (others.length[j], others.width[j])
     boxes = [
         Rectangles.of(now.ahead(travelled_m, travelled_m), length[:, None], width[:, None])
-        for now, travelled_m, (length, width) in zip((one, two), travelled, sizes, strict=True)
+        for now, travelled_m, (length, width) in zip((own, other), travelled, sizes, strict=True)
     ]
     distance = np.where(t <= time_s[:, None], rectangle_distance(*boxes), np.inf)
     least = np.minimum(SAFE_M, KEPT_SHARE * distance[:, 0])

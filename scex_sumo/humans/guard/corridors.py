@@ -101,15 +101,15 @@ def _along_paths(
     # The rear axle follows the path, as in `drive`.
     length = history.scene.length[vehicles.vehicle]
     axle, expected_m = rear_axle(now, length), expected_way(history, vehicles)
-    row, feet = nearest_paths(paths, straight, vehicles.vehicle, expected_m, *axle, now.heading)
+    path, feet = nearest_paths(paths, straight, vehicles.vehicle, expected_m, *axle, now.heading)
     s, offset, path_heading = feet
     error = wrap(now.heading - path_heading)
     v = np.maximum(now.speed, 0.0)
     drift, fade = v * np.sin(error), np.exp(-t / DRIFT_S)
     # The drift dies out; the offset stays.
     side = offset[:, None] + drift[:, None] * (DRIFT_S * (1 - fade))
-    at = s[:, None] + (v * np.cos(error))[:, None] * t
-    px, py, cos, sin, direction, _ = paths.at(np.repeat(row, len(t)), at.ravel()).reshape(6, *at.shape)
+    arc = s[:, None] + (v * np.cos(error))[:, None] * t
+    px, py, cos, sin, direction, _ = paths.at(np.repeat(path, len(t)), arc.ravel()).reshape(6, *arc.shape)
     heading = direction + error[:, None] * fade
     ahead = (REAR_AXLE_SHARE * length)[:, None]
     x, y = px - sin * side + ahead * np.cos(heading), py + cos * side + ahead * np.sin(heading)

@@ -37,7 +37,7 @@ def offsets_beside(
         s: (n,) arc length of the centre now on the paths, m; ``travelled_m``: (n, H + 1) further way.
         margin: between two boxes, m; ``passing``: to people, who share nothing; None: as to vehicles.
     """
-    history, vehicles, paths, row = on
+    history, vehicles, paths, path = on
     everybody, now = everyone(history), on.now
     others = everybody.states[vehicles.future]
     near = np.hypot(others.x - now.x[:, None], others.y - now.y[:, None]) < NEAR_M
@@ -45,9 +45,9 @@ def offsets_beside(
     near[np.arange(len(vehicles)), vehicles.vehicle] = False
     i, j = np.nonzero(near)
     mine, theirs = ((everybody.length[k], everybody.width[k]) for k in (vehicles.vehicle, j))
-    own = BoxesOnPaths.of(paths.foot_points(row, now.x, now.y, s), now.heading, *mine).take(i)
+    own = BoxesOnPaths.of(paths.foot_points(path, now.x, now.y, s), now.heading, *mine).take(i)
     states = everybody.states[vehicles.future[i], j]
-    other = BoxesOnPaths.of(paths.foot_points(row[i], states.x, states.y, s[i]), states.heading, *theirs)
+    other = BoxesOnPaths.of(paths.foot_points(path[i], states.x, states.y, s[i]), states.heading, *theirs)
     own_speed, speed = np.maximum(now.speed[i], 0.0) * own.cos, np.maximum(states.speed, 0.0) * other.cos
     t: FloatArray = STEP_S * np.arange(travelled_m.shape[1], dtype=np.float64)
     ahead = (other.s - own.s)[:, None] + speed[:, None] * t - travelled_m[i]

@@ -34,19 +34,19 @@ def near_pairs(tracks: SceneTracks, planned: PlannedPaths | None) -> tuple[IntAr
     """
     states, present = tracks.states[:, tracks.first :], tracks.present
     futures, steps, vehicles = states.shape
-    one, two = np.triu_indices(vehicles, 1)
-    if len(one) < MIN_PAIRS or steps < 2 or not futures:
+    first, second = np.triu_indices(vehicles, 1)
+    if len(first) < MIN_PAIRS or steps < 2 or not futures:
         return None
     there = np.ones(states.shape, dtype=np.bool_) if present is None else present[:, tracks.first :]
     low, high = _extent([np.where(there, values, np.nan) for values in (states.x, states.y)])
-    apart = np.maximum(np.maximum(low[:, two] - high[:, one], low[:, one] - high[:, two]), 0.0)
+    apart = np.maximum(np.maximum(low[:, second] - high[:, first], low[:, first] - high[:, second]), 0.0)
     length, width = (np.atleast_2d(size).max(axis=0) for size in (tracks.length, tracks.width))
     circle = np.hypot(length, width) / 2
     seen = np.where(there, surroundings(states.speed, length), 0.0).max(axis=(0, 1))
-    reach = np.maximum(NEAR_M + circle[one] + circle[two], np.maximum(seen[one], seen[two]))
+    reach = np.maximum(NEAR_M + circle[first] + circle[second], np.maximum(seen[first], seen[second]))
     distance = np.hypot(*apart)
     near = (distance <= reach) | _ways_meet(tracks, planned)
-    share = np.count_nonzero(near) / len(one)
+    share = np.count_nonzero(near) / len(first)
     return (np.flatnonzero(near), distance) if share < MAX_SHARE else None
 
 
@@ -61,9 +61,9 @@ def _ways_meet(tracks: SceneTracks, planned: PlannedPaths | None) -> BoolArray:
     speed = np.where(there, np.abs(states.speed), 0.0).max(axis=(0, 1))
     width = np.atleast_2d(tracks.width).max(axis=0)
     ahead = np.maximum(EXTENSION_M, EXTENSION_S * speed) + width + MARGIN_M
-    one, two = np.triu_indices(states.shape[2], 1)
-    apart = np.maximum(low[:, two] - high[:, one], low[:, one] - high[:, two]).max(axis=0)
-    return np.asarray(apart <= np.maximum(ahead[one] + width[two], ahead[two] + width[one]))
+    first, second = np.triu_indices(states.shape[2], 1)
+    apart = np.maximum(low[:, second] - high[:, first], low[:, first] - high[:, second]).max(axis=0)
+    return np.asarray(apart <= np.maximum(ahead[first] + width[second], ahead[second] + width[first]))
 
 
 def _extent(values: Sequence[FloatArray]) -> FloatArray:
@@ -88,7 +88,7 @@ def least_of_near(
     reach = within(float(least)) * (1 + ROUNDING) if np.isfinite(least) else np.inf
     if reach <= NEAR_M:
         return samples
-    (one, two), size = scenes.pairs, np.hypot(scenes.length, scenes.width).max(axis=(1, 2)) / 2
-    some = scenes.near.apart <= reach + size[one] + size[two]
-    some[scenes.near.pair] = True
-    return values(scenes if some.all() else scenes.of_pair_numbers(np.flatnonzero(some)))
+    (first, second), size = scenes.pairs, np.hypot(scenes.length, scenes.width).max(axis=(1, 2)) / 2
+    pairs = scenes.near.apart <= reach + size[first] + size[second]
+    pairs[scenes.near.pair] = True
+    return values(scenes if pairs.all() else scenes.of_pair_numbers(np.flatnonzero(pairs)))

@@ -47,13 +47,13 @@ def bridged(x: FloatArray) -> tuple[FloatArray, BoolArray]:
     column = np.broadcast_to(np.arange(x.shape[1]), x.shape)
     before = np.maximum.accumulate(np.where(known, column, -1), axis=1)
     after = np.minimum.accumulate(np.where(known, column, x.shape[1])[:, ::-1], axis=1)[:, ::-1]
-    some: BoolArray = np.any(known, axis=1)
+    has_any: BoolArray = np.any(known, axis=1)
     left = np.where(before >= 0, before, np.where(after < x.shape[1], after, 0))
     right = np.where(after < x.shape[1], after, left)
     low, high = np.take_along_axis(x, left, axis=1), np.take_along_axis(x, right, axis=1)
     share = (column - left) / np.maximum(right - left, 1)
     filled = np.where(right > left, low + (high - low) * share, low)
-    return np.where(some[:, None], filled, 0.0), some
+    return np.where(has_any[:, None], filled, 0.0), has_any
 
 
 class PathsAhead:
@@ -107,10 +107,10 @@ class PathsAhead:
             crossings = self._crossings(one, two)
             if min_sine > 0:
                 crossings = crossings.take(np.flatnonzero(crossings.sine >= min_sine))
-            part = _first_on_own_path(crossings, 2 * len(one) * count)
-            pair, scene = np.divmod(part.where, count)
+            nearest = _first_on_own_path(crossings, 2 * len(one) * count)
+            pair, scene = np.divmod(nearest.where, count)
             pair += start + np.where(pair < len(one), 0, len(first) - len(one))
-            parts.append(replace(part, where=pair * count + scene))
+            parts.append(replace(nearest, where=pair * count + scene))
         joined = Crossings.join(parts)
         return joined.take(np.argsort(joined.where))
 
@@ -158,28 +158,28 @@ class PathsAhead:
         ordered = np.concatenate([first, second]), np.concatenate([second, first])
         where = meeting_pairs(ordered, self.first_boxes, self.boxes_ahead, self.ahead)
         pair, scene = np.divmod(where, scenes.count)
-        row, theirs = (side[pair] * scenes.count + scene for side in ordered)
+        own, theirs = (side[pair] * scenes.count + scene for side in ordered)
         x, y, dx, dy = (a.reshape(-1) for a in (scenes.x, scenes.y, self.dx, self.dy))
-        mine = x[row], y[row], dx[row], dy[row]
+        mine = x[own], y[own], dx[own], dy[own]
         first_length, offset = self.first_length.reshape(-1), self.offset.reshape(-1)
         hits = intersect(mine, (x[theirs], y[theirs], dx[theirs], dy[theirs]))
-        at = hits.which
+        hit = hits.which
         between_firsts = Crossings(
-            where=where[at],
-            own=hits.first * first_length[row[at]],
-            other=hits.second * first_length[theirs[at]],
+            where=where[hit],
+            own=hits.first * first_length[own[hit]],
+            other=hits.second * first_length[theirs[hit]],
             sine=hits.sine,
         )
         line = self.line.reshape(-1)[theirs]
         hits, segment = segment_crossings(*mine, lines, line)
-        at = hits.which
+        hit = hits.which
         with_plan = Crossings(
-            where=where[at],
-            own=hits.first * first_length[row[at]],
-            other=offset[theirs[at]] + lines.arc_at(line[at], segment, hits.second),
+            where=where[hit],
+            own=hits.first * first_length[own[hit]],
+            other=offset[theirs[hit]] + lines.arc_at(line[hit], segment, hits.second),
             sine=hits.sine,
         )
-        still_ahead = np.flatnonzero(segment >= self.column[where[at] % scenes.shape[1]])
+        still_ahead = np.flatnonzero(segment >= self.column[where[hit] % scenes.shape[1]])
         return between_firsts, with_plan.take(still_ahead)
 
     @cached_property
@@ -191,17 +191,17 @@ class PathsAhead:
         high = np.empty_like(low)
         for k in reversed(range(len(columns))):
             last = k + 1 == len(columns)
-            part = nodes[:, :, columns[k] : None if last else columns[k + 1]]
-            np.min(part, axis=2, out=low[:, k])
-            np.max(part, axis=2, out=high[:, k])
+            until_next = nodes[:, :, columns[k] : None if last else columns[k + 1]]
+            np.min(until_next, axis=2, out=low[:, k])
+            np.max(until_next, axis=2, out=high[:, k])
             if not last:
                 np.minimum(low[:, k], low[:, k + 1], out=low[:, k])
                 np.maximum(high[:, k], high[:, k + 1], out=high[:, k])
         boxes = self.first_boxes.copy()
-        at = which.reshape(-1), self.line
+        current = which.reshape(-1), self.line
         for axis in range(4):
-            np.minimum(boxes[axis, 0], low[axis][at], out=boxes[axis, 0], where=self.has_path)
-            np.maximum(boxes[axis, 1], high[axis][at], out=boxes[axis, 1], where=self.has_path)
+            np.minimum(boxes[axis, 0], low[axis][current], out=boxes[axis, 0], where=self.has_path)
+            np.maximum(boxes[axis, 1], high[axis][current], out=boxes[axis, 1], where=self.has_path)
         return boxes
 
 

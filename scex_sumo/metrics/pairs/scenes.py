@@ -259,16 +259,16 @@ class Scenes:
     def of_some_pairs(self, values: PairValues, wanted: BoolArray | None = None) -> Samples:
         """Return samples of the (P, C, T) wanted pairs; None: of all."""
         table: FloatArray = np.zeros((len(self.pairs[0]), *self.shape))
-        at = np.arange(table.size) if wanted is None else np.flatnonzero(wanted)
-        table.reshape(-1)[at] = self.at_pairs(values, *np.divmod(at, self.count))
+        places = np.arange(table.size) if wanted is None else np.flatnonzero(wanted)
+        table.reshape(-1)[places] = self.at_pairs(values, *np.divmod(places, self.count))
         samples = self.unordered(table)
         return samples if wanted is None else replace(samples, defined=wanted)
 
     def flat_of(self, where: IntArray) -> tuple[IntArray, IntArray]:
         """Convert flat indices into (2P, C, T) to those of both vehicles into (V, C, T)."""
         pair, scene = np.divmod(where, self.count)
-        row, other = self.ordered_pairs
-        return row[pair] * self.count + scene, other[pair] * self.count + scene
+        own, other = self.ordered_pairs
+        return own[pair] * self.count + scene, other[pair] * self.count + scene
 
     def size_of(self, size: FloatArray, vehicle: IntArray, scene: IntArray) -> FloatArray:
         """Pick (N,) sizes from (V, C or 1, 1) by vehicle and flat index into (C, T)."""
@@ -315,9 +315,9 @@ class TrackPairs:
     _bounds: dict[Any, IntArray] = field(default_factory=dict, repr=False)
     _values: dict[Any, tuple[FloatArray, BoolArray]] = field(default_factory=dict, repr=False)
 
-    def of_futures(self, part: slice) -> TrackPairs:
+    def of_futures(self, futures: slice) -> TrackPairs:
         """Return the same pairs of tracks for some futures."""
-        return replace(self, row=self.row[:, part])
+        return replace(self, row=self.row[:, futures])
 
     def per_future(self, make: Any, rows: E) -> E:
         """Repeat rows, made by ``make``, for all futures that contain the pair."""
@@ -329,11 +329,11 @@ class TrackPairs:
         ordered = np.concatenate([self.row, self.row + pairs]).reshape(-1)
         begin = bounds[ordered]
         count = bounds[ordered + 1] - begin
-        some = np.flatnonzero(count)
-        begin, count = begin[some], count[some]
+        filled = np.flatnonzero(count)
+        begin, count = begin[filled], count[filled]
         entry = np.arange(count.sum()) + np.repeat(begin - np.cumsum(count) + count, count)
         arrays = {f.name: getattr(rows, f.name)[entry] for f in fields(rows)}
-        arrays["where"] = np.repeat(some * steps, count) + arrays["where"] % max(steps, 1)
+        arrays["where"] = np.repeat(filled * steps, count) + arrays["where"] % max(steps, 1)
         return replace(rows, **arrays)
 
     def at(self, values: PairValues, pair: IntArray, step: IntArray) -> FloatArray:
