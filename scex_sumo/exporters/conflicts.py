@@ -17,7 +17,7 @@ import shapely
 from scex_sumo.evaluation.sources import read_source
 from scex_sumo.evaluation.tables import recording_table
 from scex_sumo.exporters.request import Request
-from scex_sumo.geometry.polylines import arc_lengths
+from scex_sumo.geometry.polylines import arc_lengths, nearest
 from scex_sumo.metrics.events import EVENTS
 from scex_sumo.scene import LOGGED_HISTORY, STEP_S
 from scex_sumo.views.fcd import LaneFinder
@@ -135,25 +135,25 @@ def _conflict(
     times = [measure["timestamp_ms"] / 1000 for measure in measures]
     times += [] if hit is None else [hit["time_s"]]
     begin, end = min(times), max([*times, *([] if passing is None else passing[2:3])])
-    lines = [_following(future, "minTTC", ego, ttc), _following(future, "maxDRAC", ego, drac)]
+    lines = {"minTTC": _following(future, ego, ttc), "maxDRAC": _following(future, ego, drac)}
     if hit is not None:
         place, speed = f"{hit['x']:.2f},{hit['y']:.2f}", future.at(ego, hit["time_s"])[3]
-        lines[0] = "minTTC", _measure(hit["time_s"], place, COLLISION, 0.0, speed)
-    crossed = _NOTHING
+        lines["minTTC"] = _measure(hit["time_s"], place, COLLISION, 0.0, speed)
+    lines["PET"] = _NOTHING
     if pet is not None and passing is not None:
         _, _, time_s, place = passing
-        crossed = _measure(time_s, place, LEFT, pet["value"], future.at(ego, time_s)[3])
+        lines["PET"] = _measure(time_s, place, LEFT, pet["value"], future.at(ego, time_s)[3])
     head = {"begin": f"{begin:.2f}", "end": f"{end:.2f}", "ego": future.names[ego], "foe": future.names[foe]}
-    inside = "".join(_element("        ", tag, values) for tag, values in (*lines, ("PET", crossed)))
+    inside = "".join(_element("        ", tag, values) for tag, values in lines.items())
     return begin, _element("    ", "conflict", head, inside)
 
 
-def _following(future: _Future, tag: str, ego: int, measure: Row | None) -> tuple[str, Mapping[str, str]]:
+def _following(future: _Future, ego: int, measure: Row | None) -> Mapping[str, str]:
     if measure is None:
-        return tag, _NOTHING
+        return _NOTHING
     time_s, follows = measure["timestamp_ms"] / 1000, measure["track_id"] == ego
     place, speed = future.end(measure["other_id"], time_s, -1), future.at(ego, time_s)[3]
-    return tag, _measure(time_s, place, FOLLOWER if follows else LEADER, measure["value"], speed)
+    return _measure(time_s, place, FOLLOWER if follows else LEADER, measure["value"], speed)
 
 
 def _measure(time_s: float, place: str, kind: int, value: float, speed: float) -> dict[str, str]:
@@ -163,23 +163,20 @@ def _measure(time_s: float, place: str, kind: int, value: float, speed: float) -
 
 def _passing(future: _Future, track_id: int, other_id: int) -> tuple[int, int, float, str] | None:
     """Return the vehicle that crosses second, the first one, when the second one is there, and where."""
-    states, begin = future.states, LOGGED_HISTORY - 1
-    tracks = [
-        np.stack([states.x[v, begin:], states.y[v, begin:]], -1)
-        for v in map(future.index.get, (track_id, other_id))
-    ]
-    tracks = [track[np.isfinite(track[:, 0])] for track in tracks]  # without arrived vehicles
-    lines = [shapely.LineString(track) for track in tracks]
-    points = shapely.get_coordinates(shapely.intersection(*lines))
+    lines = {}
+    for vehicle in (track_id, other_id):
+        states = future.states[future.index[vehicle], LOGGED_HISTORY - 1 :]
+        line = np.stack([states.x, states.y], -1)
+        lines[vehicle] = line[np.isfinite(states.x)]  # until the vehicle arrives
+    points = shapely.get_coordinates(shapely.intersection(*map(shapely.LineString, lines.values())))
     if not len(points):
         return None
-    point, reached = shapely.Point(points[0]), {}
-    for name, track, line in zip((track_id, other_id), tracks, lines, strict=True):
-        arcs = arc_lengths(track)
-        front = max(shapely.line_locate_point(line, point) - future.length[future.index[name]] / 2, 0.0)
-        reached[name] = (LOGGED_HISTORY + float(np.searchsorted(arcs, front))) * STEP_S
-    first, second = sorted(reached, key=lambda name: reached[name])
-    return second, first, reached[second], f"{points[0][0]:.2f},{points[0][1]:.2f}"
+    (x, y), reached = points[0].tolist(), {}
+    for vehicle, line in lines.items():
+        front = max(nearest(line, x, y) - future.length[future.index[vehicle]] / 2, 0.0)
+        reached[vehicle] = (LOGGED_HISTORY + float(np.searchsorted(arc_lengths(line), front))) * STEP_S
+    first, second = sorted(reached, key=lambda vehicle: reached[vehicle])
+    return second, first, reached[second], f"{x:.2f},{y:.2f}"
 
 
 def _collision(future: _Future, collision: Row, lanes: LaneFinder) -> dict[str, str]:

@@ -55,18 +55,9 @@ _GRID_ASPECT = 1.6  # width by height of all tiles, above their legend
 
 
 def write_view(
-    folder: Path,
-    net: SumoNet,
-    scene: SeedScene,
-    futures: Sequence[FutureView],
-    colors: Mapping[str, Rgb],
-    *,
-    snapshots: tuple[tuple[float, str], ...] = (),
+    folder: Path, net: SumoNet, scene: SeedScene, futures: Sequence[FutureView], colors: Mapping[str, Rgb]
 ) -> Path:
-    """Write files that show one future in sumo-gui, or several side by side, and return the file to open.
-
-    Snapshots are times in s and picture names for sumo-gui.
-    """
+    """Write files that show one future in sumo-gui, or several side by side, and return the file to open."""
     grid = len(futures) > 1
     name = f"grid_{len(futures)}" if grid else f"future_{futures[0].number:04d}"
     folder.mkdir(parents=True, exist_ok=True)
@@ -103,9 +94,7 @@ def write_view(
         letter_m=letter_m,
         chosen=True,
         lights=bool(lights),
-        snapshots=snapshots,
-        # A pause at the end would keep a sumo-gui open that only writes snapshots.
-        pause_s=None if snapshots else (futures[0].stop_state + 1) * STEP_S,
+        pause_s=(futures[0].stop_state + 1) * STEP_S,
     )
     return _write_configuration(folder, name, net_file, additional, futures[0].states.shape[1], ids=not grid)
 

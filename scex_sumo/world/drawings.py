@@ -77,7 +77,7 @@ _SETTINGS = """<viewsettings>
         <legend showSizeLegend="1" showColorLegend="0"/>
     </scheme>
     <delay value="{delay}"/>
-{viewport}{snapshots}</viewsettings>
+{viewport}{pause}</viewsettings>
 """
 
 
@@ -298,7 +298,6 @@ def write_view_settings(
     letter_m: float = 0.0,
     chosen: bool = False,
     delay_ms: int = 100,
-    snapshots: tuple[tuple[float, str], ...] = (),
     pause_s: float | None = None,
     lights: bool = False,
     text_px: float | None = None,
@@ -309,14 +308,10 @@ def write_view_settings(
     Args:
         letter_m: height of vehicle ids; 0: no ids.
         chosen: ids of selected vehicles only.
-        snapshots: times in s and file names.
         lights: show traffic lights, as bars at the ends of lanes.
         text_px: size of texts at any zoom; None: that of the frame, in m.
         true_size: vehicles are not exaggerated.
     """
-    pictures = "".join(f'    <snapshot file="{name}" time="{time:.2f}"/>\n' for time, name in snapshots)
-    if pause_s is not None:
-        pictures += f'    <breakpoint time="{pause_s:.2f}"/>\n'
     text = _SETTINGS.format(
         grass=GRASS,
         roads="\n".join(_ENTRY.format(ASPHALT, f' name="{kind}"') for kind in _ROADS),
@@ -330,7 +325,7 @@ def write_view_settings(
         delay=delay_ms,
         viewport='    <viewport zoom="{:.2f}" x="{:.2f}" y="{:.2f}" angle="0"/>\n'.format(*frame.viewport),
         exaggeration=1.0 if true_size else frame.exaggeration,
-        snapshots=pictures,
+        pause="" if pause_s is None else f'    <breakpoint time="{pause_s:.2f}"/>\n',
     )
     path.write_text(text, encoding="utf-8")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -103,7 +104,14 @@ def test_a_future_in_sumo_gui_shows_vehicles_in_the_colour_of_their_model(
     def blue_pixels(blue: str, other: str) -> int:
         future = FutureView(number=1, states=track, models=(blue, other), past=20)
         colors = {"standard_driver": BLUE, "risky_driver": (214, 64, 58)}
-        write_view(tmp_path, crossing, scene(), [future], colors, snapshots=((1.0, "view.png"),))
+        write_view(tmp_path, crossing, scene(), [future], colors)
+        settings = tmp_path / "future_0001.view.xml"
+        # A picture after 1 s in place of the pause, at which sumo-gui would stay open.
+        shown, count = re.subn(
+            "<breakpoint.*/>", '<snapshot file="view.png" time="1"/>', settings.read_text()
+        )
+        assert count == 1
+        settings.write_text(shown)
         program = str(Path(sumo.SUMO_HOME) / "bin" / "sumo-gui")
         run([*display, program, "-c", "future_0001.sumocfg", "--quit-on-end"], tmp_path)
         picture = 255 * imread(tmp_path / "view.png")[..., :3]

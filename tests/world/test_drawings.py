@@ -67,12 +67,11 @@ def test_view_settings_are_well_formed_and_say_what_was_asked(tmp_path: Path) ->
     path = tmp_path / "view.xml"
     frame = frame_of(MAP, [(0, 0)], [])
     zoom, x, y = frame.viewport
-    write_view_settings(path, frame, delay_ms=40, snapshots=((1.0, "a.png"),), pause_s=4.0)
+    write_view_settings(path, frame, delay_ms=40, pause_s=4.0)
     settings = ElementTree.parse(path).getroot()
     found = {e.tag: e.attrib for e in settings}
     assert found["delay"] == {"value": "40"}
     assert found["viewport"] == {"zoom": f"{zoom:.2f}", "x": f"{x:.2f}", "y": f"{y:.2f}", "angle": "0"}
-    assert found["snapshot"] == {"file": "a.png", "time": "1.00"}
     assert found["breakpoint"] == {"time": "4.00"}
     vehicles = settings.find("scheme/vehicles")
     assert vehicles is not None and vehicles.get("vehicleName_show") == "0"

@@ -184,7 +184,7 @@ def _draw_alone(run: Run, curve: str, column: str, axes: Axes) -> None:
         axes.plot(likely.x, _heights(likely, curve), color=_LIKELY, linewidth=1.2)
         ends.append(likely.x)
     _fit_height(curve, axes)
-    _mark([run], [_RECORDED], column, axes, samples_of_both(run, column), np.concatenate(ends))
+    _mark([(run, _RECORDED)], column, axes, samples_of_both(run, column), np.concatenate(ends))
     samples, (_, right) = run.samples(column), axes.get_xlim()
     if run.thresholds.get(column) is not None:
         axes.set_title(f"P = {run.p_critical(column).value:.1%}", loc="right", color=_CRITICAL)
@@ -211,9 +211,7 @@ def _draw_together(runs: Sequence[Run], curve: str, column: str, axes: Axes) -> 
     axes.set_ylim(0.0, 1.0)
     _fit_height(curve, axes)
     samples = np.concatenate([run.samples(column) for run, _ in known])
-    _mark(
-        [run for run, _ in known], [color for _, color in known], column, axes, samples, np.concatenate(ends)
-    )
+    _mark(known, column, axes, samples, np.concatenate(ends))
 
 
 def _heights(drawn: Density, curve: str) -> FloatArray:
@@ -256,14 +254,15 @@ def _draw_atoms(curve: Density, axes: Axes) -> None:
 
 
 def _mark(
-    runs: Sequence[Run], colors: Sequence[str], column: str, axes: Axes, samples: FloatArray, x: FloatArray
+    known: Sequence[tuple[Run, str]], column: str, axes: Axes, samples: FloatArray, x: FloatArray
 ) -> None:
     """Draw threshold and recorded values as vertical lines; keep the view where most futures are."""
-    recorded, threshold = [run.recorded_value(column) for run in runs], runs[0].thresholds.get(column)
+    run, recorded = known[0][0], [run.recorded_value(column) for run, _ in known]
+    threshold = run.thresholds.get(column)
     limits = (float(x.min()), float(x.max()))
     left, right = value_range(samples, *recorded, threshold, limits=limits)
     away = 0
-    for value, color in zip(recorded, colors, strict=True):
+    for value, (_, color) in zip(recorded, known, strict=True):
         if value is not None and left <= value <= right:
             axes.axvline(value, color=color, linewidth=1.2, linestyle="--")
         elif value is not None:
@@ -273,7 +272,7 @@ def _mark(
     if threshold is not None:
         if left < threshold < right:
             axes.axvline(threshold, color=_CRITICAL, linewidth=1)
-        critical = (left, threshold) if runs[0].metric(column).side == "left" else (threshold, right)
+        critical = (left, threshold) if run.metric(column).side == "left" else (threshold, right)
         low, high = max(critical[0], left), min(critical[1], right)
         if low < high:
             axes.axvspan(low, high, color=_CRITICAL, alpha=0.07, linewidth=0)
