@@ -69,9 +69,7 @@ def signals_of_links(
 ) -> tuple[dict[tuple[str, int], Signal], list[str]]:
     """Return the signal of each (light, link index), and notes."""
     notes: list[str] = []
-    programmes: dict[str, Element] = {}
-    for programme in root.iter("tlLogic"):
-        programmes.setdefault(programme.get("id", ""), programme)
+    programmes = {logic.get("id", ""): logic for logic in root.iter("tlLogic")}  # SUMO takes the last one
     used: dict[str, set[int]] = {}
     for link in links:
         if link.light is not None:

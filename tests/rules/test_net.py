@@ -66,6 +66,12 @@ def test_phases_that_netconvert_invents_for_another_map_are_unknown() -> None:
     assert rules.signals[0].at(0.0)[0] == ""
 
 
+def test_of_several_programmes_of_a_light_the_last_one_counts_as_in_sumo() -> None:
+    night = '<tlLogic id="t" programID="night" offset="0"><phase duration="9" state="r"/></tlLogic>'
+    rules, _ = rules_of(**{"LIGHT": 'tl="t" linkIndex="0"', "</tlLogic>": f"</tlLogic>{night}"})
+    assert rules.signals[0].at(0.0)[0] == "r"
+
+
 def test_crosswalks_of_a_map_without_regulations_count_if_there_are_people(tmp_path: Path) -> None:
     walk = Area(area_id=1, kind="crosswalk", outline=np.array([(40.0, -3.0), (43.0, -3.0), (43.0, 3.0)]))
     road = replace(straight(), areas=(walk,))
