@@ -7,7 +7,7 @@ counts. Between steps, positions and headings change linearly.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final, TypeAlias
 
@@ -92,12 +92,9 @@ def find_collisions(tracks: SceneTracks, *, limit_m2: float = OVERLAP_M2) -> Col
     moves = moves.take(_touching(moves))
     at_seed = moves.at_step(np.full(moves.step.size, start)).overlap(np.zeros(moves.step.size))
     limit = np.where(at_seed > limit_m2, max(limit_m2, OVERLAP_M2), limit_m2)
-    at, which = _first_of_pair(moves, *_exceeding(moves, limit))
-    if not len(which):
-        kinds: dict[str, Any] = {"IntArray": np.int64, "BoolArray": np.bool_, "FloatArray": np.float64}
-        return Collisions(**{f.name: np.empty(0, dtype=kinds[str(f.type)]) for f in fields(Collisions)})
+    share, which = _first_of_pair(moves, *_exceeding(moves, limit))
     hits = moves.take(which)
-    return _described(*_impact(hits, at, limit[which]), hits, at, start)
+    return _described(*_impact(hits, share, limit[which]), hits, share, start)
 
 
 class Contacts:
@@ -124,10 +121,12 @@ class Contacts:
         travelled_m = _way(before, after)
         if self._anchor is None or _way(self._anchor, after) > _NEAR_M:
             self._anchor = before
-            near = self._squares(before, ...) <= (self._reach + 2 * max(_NEAR_M, travelled_m)) ** 2
+            reach = self._reach + 2 * max(_NEAR_M, travelled_m)
+            near = _squares(before, ..., self._one, self._two) <= reach**2
             self._rows = np.flatnonzero(near & np.isfinite(self._limit))
         future, pair = np.divmod(self._rows, len(self._one))
-        near = self._squares(after, (future, pair)) <= (self._reach[pair] + 2 * travelled_m) ** 2
+        square = _squares(after, future, self._one[pair], self._two[pair])
+        near = square <= (self._reach[pair] + 2 * travelled_m) ** 2
         future, pair = future[near], pair[near]
         tracks = SceneTracks(
             states=States.stack([before, after], axis=1), length=self._length, width=self._width, first=1
@@ -137,15 +136,11 @@ class Contacts:
         hit = touch[_exceeding(moves.take(touch), self._limit[pair[touch]], only_whether=True)[1]]
         return moves.future[hit], moves.first[hit], moves.second[hit]
 
-    def _squares(self, states: States, rows: Any) -> FloatArray:
-        """Return the squared distance of the centres of pairs (C, P), or of some rows of them, m²."""
-        future, pair = (slice(None), slice(None)) if rows is ... else rows
-        one, two = self._one[pair], self._two[pair]
-        dx, dy = (v[future, two] - v[future, one] for v in (states.x, states.y))
-        dx *= dx
-        dy *= dy
-        dx += dy
-        return dx
+
+def _squares(states: States, future: Any, one: IntArray, two: IntArray) -> FloatArray:
+    """Return squared distances of the centres of pairs in futures (n,), or (C, n) in all (``...``), m²."""
+    dx, dy = states.x[future, two] - states.x[future, one], states.y[future, two] - states.y[future, one]
+    return np.asarray(dx * dx + dy * dy)
 
 
 def _way(before: States, after: States) -> float:
@@ -234,14 +229,12 @@ def near_moves(tracks: SceneTracks, start: int) -> Moves:
     radius = np.hypot(tracks.length, tracks.width) / 2
     radius = np.broadcast_to(radius, (x.shape[0], x.shape[2]))
     present = None if tracks.present is None else tracks.present[:, start:]
-    boxes = []
-    for values in (x, y):
-        low = values if present is None else np.where(present, values, np.inf)
-        high = values if present is None else np.where(present, values, -np.inf)
-        boxes += [low.min(axis=1) - radius, high.max(axis=1) + radius]
     one, two = np.triu_indices(x.shape[2], 1)
     meet = np.ones((x.shape[0], one.size), dtype=bool)
-    for low, high in ((boxes[0], boxes[1]), (boxes[2], boxes[3])):
+    for values in (x, y):  # boxes around all that vehicles drive
+        low = values if present is None else np.where(present, values, np.inf)
+        high = values if present is None else np.where(present, values, -np.inf)
+        low, high = low.min(axis=1) - radius, high.max(axis=1) + radius
         meet &= (low[:, one] <= high[:, two]) & (low[:, two] <= high[:, one])
     future, pair = np.nonzero(meet)
     first, second = one[pair].astype(np.int64), two[pair].astype(np.int64)
@@ -324,10 +317,7 @@ def _exceeding(moves: Moves, limit: FloatArray, *, only_whether: bool = False) -
 def _first_of_pair(moves: Moves, share: FloatArray, which: IntArray) -> tuple[FloatArray, IntArray]:
     vehicles = moves.tracks.states.shape[2]
     key = (moves.future[which] * vehicles + moves.first[which]) * vehicles + moves.second[which]
-    order = np.lexsort((moves.step[which], key))
-    first = np.ones(order.size, dtype=bool)
-    first[1:] = np.diff(key[order]) != 0
-    chosen = order[first]
+    chosen = np.unique(key, return_index=True)[1]  # moves of a pair are in the order of time
     began = (share[chosen] == 0) & _is_seen_first(moves.take(which[chosen]))
     chosen = chosen[~began]
     return share[chosen], which[chosen]
@@ -423,15 +413,14 @@ def _touched(impact: Moves, share: FloatArray) -> tuple[IntArray, IntArray]:
 
 def _grown(hits: Moves, at: FloatArray, start: int) -> FloatArray:
     largest, present = hits.overlap(at), hits.tracks.present
-    hit, steps_after = np.nonzero(hits.step[:, None] < np.arange(start, hits.tracks.states.shape[1]))
-    for begin in range(0, hit.size, _PAIRS_AT_ONCE):
-        rows, step = hit[begin : begin + _PAIRS_AT_ONCE], steps_after[begin : begin + _PAIRS_AT_ONCE] + start
-        part = hits.take(rows).at_step(step)
-        area = part.overlap(np.zeros(rows.size))
+    for step in range(start, hits.tracks.states.shape[1]):
+        later = np.flatnonzero(hits.step < step)
+        moves = hits.take(later).at_step(np.full(later.size, step))
+        area = moves.overlap(np.zeros(later.size))
         if present is not None:
-            there = present[part.future, step, part.first] & present[part.future, step, part.second]
+            there = present[moves.future, step, moves.first] & present[moves.future, step, moves.second]
             area = np.where(there, area, 0.0)
         with np.errstate(invalid="ignore"):  # of vehicles that leave in the step of the impact
-            np.maximum.at(largest, rows, area)
+            largest[later] = np.maximum(largest[later], area)
     seed = hits.at_step(np.full(hits.step.size, start)).overlap(np.zeros(at.size))
     return largest - np.where(np.isfinite(seed), seed, 0.0)
