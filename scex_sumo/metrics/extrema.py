@@ -59,7 +59,7 @@ def extrema(metric: Metric, samples: Samples | Entries, scenes: Scenes) -> tuple
     origin[:, future] = step + scenes.tracks.first, vehicle[row], row if other is None else other[row]
     worst = Worst(
         value=of_futures,
-        defined=defined.any(axis=1),
+        defined=np.asarray(defined.any(axis=1)),
         step=origin[0],
         vehicle=origin[1],
         other=None if other is None else origin[2],

@@ -90,23 +90,15 @@ def wttc(scenes: Scenes) -> Samples:
 
 
 def _disc_times(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
-    if not pair.size:
-        return np.empty(0)
-    radius = np.hypot(scenes.length / 2, scenes.width / 2)
-    x, y, vx, vy = (
-        a.reshape(scenes.vehicles, -1)
-        for a in (scenes.x, scenes.y, scenes.speed * scenes.cos, scenes.speed * scenes.sin)
-    )
-
     def of_chunk(pair: IntArray, scene: IntArray) -> FloatArray:
-        one, two = (side[pair] for side in scenes.pairs)
+        pairs = outline_pairs(scenes, pair, scene)
         return worst_time_to_collision(
-            dx=x[two, scene] - x[one, scene],
-            dy=y[two, scene] - y[one, scene],
-            dvx=vx[two, scene] - vx[one, scene],
-            dvy=vy[two, scene] - vy[one, scene],
-            radius=scenes.size_of(radius, one, scene) + scenes.size_of(radius, two, scene),
-            acceleration=np.full(one.shape, 2 * MAX_ACCELERATION),
+            dx=pairs.dx,
+            dy=pairs.dy,
+            dvx=pairs.dvx,
+            dvy=pairs.dvy,
+            radius=np.hypot(*pairs.own) + np.hypot(*pairs.other),
+            acceleration=np.full(pair.shape, 2 * MAX_ACCELERATION),
         )
 
     return in_chunks(pair, scene, of_chunk)
@@ -128,26 +120,26 @@ def _disc_bounds(scenes: Scenes) -> FloatArray:
     radius = np.hypot(scenes.length / 2, scenes.width / 2)
     vx, vy = scenes.speed * scenes.cos, scenes.speed * scenes.sin
 
-    def of_part(part: slice) -> FloatArray:
-        one, two = (side[part] for side in scenes.pairs)
-        dx, dy, distance = scenes.dx[part], scenes.dy[part], scenes.distance[part]
-        spare = distance - (radius[one] + radius[two])
-        closing = (dx * (vx[two] - vx[one]) + dy * (vy[two] - vy[one])) / np.where(
-            distance > 0, distance, 1.0
-        )
-        both = np.full(spare.shape, 2 * MAX_ACCELERATION)
-        least = _tangent_meets_parabola(np.maximum(spare, 0.0), closing, both)
-        return np.where(scenes.both_present[part], np.where(spare > 0, least, 0.0), np.inf)
+    def approach(pairs: slice) -> tuple[FloatArray, FloatArray]:
+        first, second = (side[pairs] for side in scenes.pairs)
+        dx, dy, distance = scenes.dx[pairs], scenes.dy[pairs], scenes.distance[pairs]
+        closing = dx * (vx[second] - vx[first]) + dy * (vy[second] - vy[first])
+        return distance - (radius[first] + radius[second]), closing / np.where(distance > 0, distance, 1.0)
 
-    return _some_at_once(scenes, of_part)
+    return _bounds(scenes, approach)
 
 
-def _some_at_once(scenes: Scenes, of_part: Callable[[slice], FloatArray]) -> FloatArray:
-    """Return values of all pairs (P, C, T), computed for some pairs at a time."""
+def _bounds(scenes: Scenes, approach: Callable[[slice], tuple[FloatArray, FloatArray]]) -> FloatArray:
+    """Return (P, C, T) lower bounds of the WTTC, s, computed for some pairs at a time.
+
+    ``approach``: returns lower bounds (p, C, T) of the distance of pairs, m, and of its derivative, m/s.
+    """
     table, size = np.empty(scenes.dx.shape), max(CHUNK // max(scenes.count, 1), 1)
     for start in range(0, len(table), size):
-        part = slice(start, start + size)
-        table[part] = of_part(part)
+        pairs = slice(start, start + size)
+        distance, slope = approach(pairs)
+        least = _tangent_meets_parabola(np.maximum(distance, 0.0), slope, 2 * MAX_ACCELERATION)
+        table[pairs] = np.where(scenes.both_present[pairs], np.where(distance > 0, least, 0.0), np.inf)
     return table
 
 
@@ -196,7 +188,7 @@ def _corner_to_box(
     return best, vector_x, vector_y
 
 
-def _tangent_meets_parabola(spare: FloatArray, slope: FloatArray, limit: FloatArray) -> FloatArray:
+def _tangent_meets_parabola(spare: FloatArray, slope: FloatArray, limit: FloatArray | float) -> FloatArray:
     root = np.sqrt(np.maximum(slope * slope + 2 * limit * spare, 0.0))
     closing = root - slope
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -242,19 +234,17 @@ def _shortest(scenes: Scenes, *, bounds: Callable[[Scenes], FloatArray], times: 
 
 
 def _outline_bounds(scenes: Scenes) -> FloatArray:
-    def of_part(part: slice) -> FloatArray:
-        first, second = (side[part] for side in scenes.pairs)
-        distance = scenes.distance[part]
+    def approach(pairs: slice) -> tuple[FloatArray, FloatArray]:
+        first, second = (side[pairs] for side in scenes.pairs)
+        distance = scenes.distance[pairs]
         apart = np.where(distance > 0, distance, 1.0)
-        nx, ny = scenes.dx[part] / apart, scenes.dy[part] / apart
+        nx, ny = scenes.dx[pairs] / apart, scenes.dy[pairs] / apart
         near, closing = distance.copy(), np.zeros(nx.shape)
         for side, sign in ((first, -1.0), (second, 1.0)):
             along = nx * scenes.cos[side] + ny * scenes.sin[side]
             across = ny * scenes.cos[side] - nx * scenes.sin[side]
             near -= scenes.length[side] / 2 * np.abs(along) + scenes.width[side] / 2 * np.abs(across)
             closing += sign * along * scenes.speed[side]
-        both = np.full(near.shape, 2 * MAX_ACCELERATION)
-        least = _tangent_meets_parabola(np.maximum(near, 0.0), closing, both)
-        return np.where(scenes.both_present[part], np.where(near > 0, least, 0.0), np.inf)
+        return near, closing
 
-    return _some_at_once(scenes, of_part)
+    return _bounds(scenes, approach)
