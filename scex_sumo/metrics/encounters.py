@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows
+from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, Rows, least_of
 from scex_sumo.metrics.collisions import Collisions
 from scex_sumo.metrics.events import EVENTS, Event
 from scex_sumo.metrics.formulas.crossing import pet
@@ -86,25 +86,24 @@ def encounters_of(scenes: Scenes, collisions: Collisions, start: int, *, on_path
     low, high = np.minimum(hits.first, hits.second), np.maximum(hits.first, hits.second)
     number = np.zeros((scenes.vehicles, scenes.vehicles), dtype=np.int64)
     number[first, second] = np.arange(len(first))
-    at = number[low, high] * futures + hits.future - start
-    kind[at], impact[at], speed[at] = hits.kind, hits.time_s, hits.relative_speed
-    is_later[at] = hits.consequence
+    hit = number[low, high] * futures + hits.future - start
+    kind[hit], impact[hit], speed[hit] = hits.kind, hits.time_s, hits.relative_speed
+    is_later[hit] = hits.consequence
     hit_by = (hits.first_side == 0).astype(np.int64) - (hits.second_side == 0)  # 1 if the front hits
-    towards[at] = np.where(hits.first == low, hit_by, -hit_by)
+    towards[hit] = np.where(hits.first == low, hit_by, -hit_by)
     # Steps count from the first evaluated one, times from the seed moment before it.
     near = np.where(np.isfinite(gap), gap_step, ttc_step).astype(np.int64)
     critical = np.where(EVENTS["ttc"].happens(ttc), ttc_step, near)
     after = 1 if scenes.tracks.first else 0
     time = np.where(kind != NO_COLLISION, impact, (critical + after) * scenes.tracks.step_s)
     is_near = np.isfinite(gap) | np.isfinite(least_pet) | (cross > 0)
-    rows = np.flatnonzero(is_near | (kind != NO_COLLISION) | (ttc_step >= 0))
-    pair, future = np.divmod(rows, futures)
+    meets = is_near | (kind != NO_COLLISION) | (ttc_step >= 0)
+    future, pair = np.nonzero(meets.reshape(-1, futures).T)
+    rows = pair * futures + future
     step = np.clip(critical[rows], 0, max(steps - 1, 0))
     x[rows] = (scenes.x[first[pair], future, step] + scenes.x[second[pair], future, step]) / 2
     y[rows] = (scenes.y[first[pair], future, step] + scenes.y[second[pair], future, step]) / 2
-    x[at], y[at] = hits.x, hits.y
-    order = np.lexsort((pair, future))
-    rows, pair, future = rows[order], pair[order], future[order]
+    x[hit], y[hit] = hits.x, hits.y
     return Encounters(
         future=future + start,
         first=first[pair],
@@ -157,22 +156,19 @@ def _on_paths(scenes: Scenes) -> tuple[FloatArray, IntArray, FloatArray, IntArra
     key, step = pair * futures + scene // max(steps, 1), scene % max(steps, 1)
     closing = following.follower_speed - following.leader_speed
     time = time_to_collision(gap=following.gap, closing_speed=closing)
-    ttc, at = _extremum(key, step, time, size)
-    some = np.zeros(size, dtype=bool)
-    some[key] = True
+    ttc, ttc_step = _extremum(key, step, time, size)
     drac = np.zeros(size)
     np.maximum.at(drac, key, deceleration_to_avoid_crash(gap=following.gap, closing_speed=closing))
     follows = np.bincount(key, np.where(ordered < len(scenes.pairs[0]), 1.0, -1.0), minlength=size)
-    return ttc, np.where(some, at, -1), drac, np.sign(follows).astype(np.int64)
+    return ttc, ttc_step, drac, np.sign(follows).astype(np.int64)
 
 
 def _extremum(key: IntArray, step: IntArray, value: FloatArray, size: int) -> tuple[FloatArray, IntArray]:
-    least = np.full(size, np.inf)
-    np.minimum.at(least, key, value)
-    first = np.full(size, np.iinfo(np.int64).max)
-    best = np.flatnonzero(value == least[key])
-    np.minimum.at(first, key[best], step[best])
-    return least, np.where(first == np.iinfo(np.int64).max, 0, first)
+    """Return the least values of keys (size,) and their first steps; inf and -1 without a value."""
+    first = least_of(key, value, step)
+    least, at_step = np.full(size, np.inf), np.full(size, -1)
+    least[key[first]], at_step[key[first]] = value[first], step[first]
+    return least, at_step
 
 
 def _cross(scenes: Scenes) -> BoolArray:
