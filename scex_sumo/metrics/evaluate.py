@@ -65,7 +65,7 @@ def evaluate(
             if vehicles is None or metric.pairwise:
                 samples = samples_of(metric, own, quick=True)
             else:
-                samples = _of_vehicles(samples_of(metric, scenes, quick=False), vehicles, scenes)
+                samples = _of_vehicles(dense(samples_of(metric, scenes, quick=False), scenes), vehicles)
             parts[metric.name].append(extrema(metric, samples, scenes))
         if also is not None:
             also(start, scenes)
@@ -205,16 +205,8 @@ def dense(samples: Samples | Entries, scenes: Scenes) -> Samples:
     return scenes.scattered(samples.where, samples.value) if isinstance(samples, Entries) else samples
 
 
-def _of_vehicles(samples: Samples | Entries, vehicles: Collection[int], scenes: Scenes) -> Samples:
-    samples = dense(samples, scenes)
-    wanted = np.array(sorted(vehicles), dtype=np.int64)
-    keep: BoolArray = np.isin(samples.row, wanted)
+def _of_vehicles(samples: Samples, vehicles: Collection[int]) -> Samples:
+    keep = np.isin(samples.row, list(vehicles))
     if samples.other is not None:
-        keep = keep | np.isin(samples.other, wanted)
-    return replace(
-        samples,
-        value=samples.value[keep],
-        defined=samples.defined[keep],
-        row=samples.row[keep],
-        other=None if samples.other is None else samples.other[keep],
-    )
+        keep |= np.isin(samples.other, list(vehicles))
+    return replace(samples, defined=samples.defined & keep[:, None, None])

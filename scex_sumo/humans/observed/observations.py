@@ -119,15 +119,17 @@ class LastSecond(NamedTuple):
     scatter: FloatArray  # of accelerations of single steps, m/s²
     line_error: FloatArray  # present speed of a straight line minus the present speed, m/s
     trust: FloatArray  # share of the acceleration that is not noise
+    turn_rate: FloatArray  # mean of the last `HABIT_STEPS`, rad/s
 
 
 @owner_cache
 def last_second(scene: SeedScene, human: HumanParameters) -> LastSecond:
     """Measure the motion in the last second."""
-    speed = scene.history.speed
+    speed, heading = scene.history.speed, scene.history.heading
     time = STEP_S * (np.arange(speed.shape[1]) - (speed.shape[1] - 1) / 2)
     slope, single = speed @ time / (time @ time), np.diff(speed, axis=1) / STEP_S
     recent = (speed[:, -1] - speed[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
+    turn_rate = wrap(heading[:, -1] - heading[:, -1 - HABIT_STEPS]) / (HABIT_STEPS * STEP_S)
     scatter = np.sqrt(((single - slope[:, None]) ** 2).mean(axis=1))
     trust = 1 / (1 + (scatter / human.half_trust_mps2) ** 2)
     change = trust * recent + (1 - trust) * slope
@@ -138,7 +140,7 @@ def last_second(scene: SeedScene, human: HumanParameters) -> LastSecond:
     sudden = (single[:, -1] - lasting) / (1 + noise2 / human.noisy_mps2**2)
     now = np.maximum(speed[:, -1], 0.0)
     sudden, line = np.where(now < human.standing_mps, 0.0, sudden), speed.mean(axis=1) + slope * time[-1]
-    return LastSecond(now, slope, recent, lasting, sudden, scatter, line - now, trust)
+    return LastSecond(now, slope, recent, lasting, sudden, scatter, line - now, trust, turn_rate)
 
 
 def keep_features(
@@ -259,10 +261,8 @@ def _lateral(view: View) -> FloatArray:
     now, speed = scene.now[vehicle], view.shown.speed[vehicle]
     x, y = rear_axle(now, scene.length[vehicle])
     s, offset, along = paths.foot_points(view.row, x, y, np.full(len(vehicle), BEHIND_M))
-    before = scene.history[vehicle, -1 - HABIT_STEPS].heading
-    turn_rate = wrap(now.heading - before) / (HABIT_STEPS * STEP_S)
     swerve = speed * np.sin(now.heading - along)
-    turning = speed * (turn_rate - speed * paths.bend_at(view.row, s))
+    turning = speed * (view.shown.turn_rate[vehicle] - speed * paths.bend_at(view.row, s))
     limit = np.array([human.max_offset_m, human.max_lateral, human.max_lateral])
     return np.asarray(np.clip(np.column_stack([offset, swerve, turning]), -limit, limit))
 
@@ -291,11 +291,10 @@ def path_features(scene: SeedScene, paths: SeedPaths, human: HumanParameters) ->
 def _after_turn(scene: SeedScene, paths: SeedPaths, human: HumanParameters) -> tuple[FloatArray, FloatArray]:
     """Return (P,) offsets, m, and heading errors, rad, after the turn of the last steps has gone on."""
     vehicle, now, time_s = np.repeat(np.arange(scene.vehicles), paths.count), scene.now, human.turn_goes_on_s
-    before = scene.history[:, -1 - HABIT_STEPS].heading
-    rate = wrap(now.heading - before) / (HABIT_STEPS * STEP_S)
-    turn = np.clip(rate, -human.max_turn_rad_s, human.max_turn_rad_s) * time_s
+    shown = last_second(scene, human)
+    turn = np.clip(shown.turn_rate, -human.max_turn_rad_s, human.max_turn_rad_s) * time_s
     x, y = rear_axle(now, scene.length)
-    distance_m = last_second(scene, human).speed * time_s
+    distance_m = shown.speed * time_s
     chord, course = distance_m * np.sinc(turn / (2 * np.pi)), now.heading + turn / 2
     x, y = x + chord * np.cos(course), y + chord * np.sin(course)
     row = np.arange(len(vehicle))
