@@ -50,7 +50,7 @@ def _read_road(path: Path, **_: Any) -> Road:
         content = json.loads(path.read_bytes())
         segments, crossings = ([*content[key].values()] for key in ("lane_segments", "pedestrian_crossings"))
         drawn = DrawnMap(path=path, lanes=[_lane(segment) for segment in segments])
-        drawn.crosswalks = [[*_points(one["edge1"]), *_points(one["edge2"])[::-1]] for one in crossings]
+        drawn.crosswalks = [[*_points(walk["edge1"]), *_points(walk["edge2"])[::-1]] for walk in crossings]
         return drawn_road(drawn, name=_name(path), country="us")
 
 

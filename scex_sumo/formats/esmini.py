@@ -43,7 +43,7 @@ def _read(path: Path) -> TrackTable:
                 centre = x + c * ahead - s * left, y + s * ahead + c * left
                 names.append(row[name].strip())
                 values.append((time_ms, *centre, speed * c, speed * s, heading, length, width))
-        lengths = {name: row[6] for name, row in zip(names, values, strict=True)}
+        lengths = {name: box[6] for name, box in zip(names, values, strict=True)}
         kinds = {name: "car" if length > _WALKER_M else "pedestrian" for name, length in lengths.items()}
         return box_table(path, names, kinds, np.array(values).reshape(-1, 8))
 

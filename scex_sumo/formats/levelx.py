@@ -176,7 +176,7 @@ def _origin(tracks_path: Path, map_path: Path) -> Place | None:
 
 def _highd(columns: dict[str, Any], of_track: dict[int, dict[str, str]], path: Path) -> dict[str, FloatArray]:
     vx, vy = columns["xVelocity"], -columns["yVelocity"]
-    directions = {i: number(row.get("drivingDirection")) for i, row in of_track.items()}
+    directions = {i: number(meta.get("drivingDirection")) for i, meta in of_track.items()}
     if not set(directions.values()) <= {1.0, 2.0}:
         raise TrackError(f"{levelx_file(path, 'tracksMeta')}: drivingDirection is not 1 or 2 everywhere")
     # 1: the upper lanes, to the left
@@ -259,7 +259,7 @@ def _read_road(path: Path, **_: object) -> Road:
 
 def _markings(path: Path, meta: dict[str, str], name: str) -> FloatArray:
     text = meta.get(name, "")
-    values = np.array([number(part) for part in text.split(";") if part.strip()])
+    values = np.array([number(marking) for marking in text.split(";") if marking.strip()])
     if len(values) < 2 or not np.isfinite(values).all() or not (np.diff(values) > 1.0).all():
         raise MapError(f"{path}: {name} is {text!r}; rising numbers more than 1 m apart expected")
     return values

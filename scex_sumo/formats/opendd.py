@@ -63,7 +63,7 @@ def _drawn(path: Path) -> DrawnMap:
     ):
         if kind == "trafficLane":
             line = shapely.get_coordinates(shapely.from_wkt(geometry))
-            after = [int(float(one)) for one in re.findall(r"[\d.]+", successors or "")]
+            after = [int(float(word)) for word in re.findall(r"[\d.]+", successors or "")]
             drawn.lanes.append(DrawnLane(name=int(name), centre=line, successors=after))
         elif kind == "boundary" and geometry:
             drawn.lines.append(("road_border", "", shapely.get_coordinates(shapely.from_wkt(geometry))))
@@ -93,8 +93,8 @@ def _map_of(path: Path) -> Path:
     place = path.name.split("_")[0]
     file = Path(f"map_{place}", f"map_{place}.sqlite")
     above = path.parent.parent
-    places = [folder / part for folder in (above, above.parent) for part in (file, Path(place) / file)]
-    return next((one for one in places if one.is_file()), places[0])
+    places = [folder / end for folder in (above, above.parent) for end in (file, Path(place) / file)]
+    return next((candidate for candidate in places if candidate.is_file()), places[0])
 
 
 def _recordings(files: Sequence[Path]) -> Iterator[Recording]:

@@ -125,7 +125,7 @@ def _map_text(path: Path) -> tuple[Path, bytes] | None:
 
 def _opendrive(path: Path) -> str | None:
     maps = () if path.suffix == ".osi" else _messages(path, TOPICS["map"])
-    return next((one.open_drive_xml_content for one in maps), None)
+    return next((message.open_drive_xml_content for message in maps), None)
 
 
 def _map_beside(path: Path) -> Path | None:
@@ -134,7 +134,7 @@ def _map_beside(path: Path) -> Path | None:
     if own in maps or len(maps) < 2:
         return own if own in maps else next(iter(maps), None)
     named = next((truth.map_reference for truth in _messages(path, TOPICS["ground_truth"])), "")
-    return next((one for one in maps if one.name == named), None)
+    return next((file for file in maps if file.name == named), None)
 
 
 def _lane_map(path: Path) -> DrawnMap:

@@ -32,15 +32,15 @@ _Key = TypeVar("_Key", bound=Hashable)
 def osi_map(path: Path, truth: Any) -> DrawnMap:
     """Return the lanes and markings of ground truth; a junction without lanes gets one for each movement."""
     drawn = DrawnMap(path=path)
-    bounds = {part.id.value: part for part in truth.lane_boundary}
-    for part in truth.lane:
-        if _kind(part) and len(part.classification.centerline) > 1:
-            drawn.lanes.append(_lane(part, bounds))
+    bounds = {bound.id.value: bound for bound in truth.lane_boundary}
+    for lane in truth.lane:
+        if _kind(lane) and len(lane.classification.centerline) > 1:
+            drawn.lanes.append(_lane(lane, bounds))
     drawn.lanes += _movements(truth.lane, {lane.name: lane for lane in drawn.lanes})
-    for part in bounds.values():
-        kind = int(part.classification.type) if part.classification is not None else 0
+    for bound in bounds.values():
+        kind = int(bound.classification.type) if bound.classification is not None else 0
         if kind in _LINES:
-            drawn.lines.append((*_LINES[kind], _points(p.position for p in part.boundary_line)))
+            drawn.lines.append((*_LINES[kind], _points(p.position for p in bound.boundary_line)))
     drawn.lit = {name: None for light in truth.traffic_light for name in lanes_of(light)}
     return drawn
 
@@ -66,7 +66,7 @@ def _lane(lane: Any, bounds: dict[int, Any]) -> DrawnLane:
     ]
     if not about.centerline_is_driving_direction:
         centre, sides = centre[::-1], sides[::-1]
-    lines = [_along(centre, [_points(p.position for p in part.boundary_line) for part in s]) for s in sides]
+    lines = [_along(centre, [_points(p.position for p in b.boundary_line) for b in side]) for side in sides]
     known, length = all(len(line) > 1 for line in lines), length_of(centre)
     whole = known and all(abs(length_of(line) - length) < MAX_SKEW * length for line in lines)
     return DrawnLane(
@@ -79,17 +79,17 @@ def _lane(lane: Any, bounds: dict[int, Any]) -> DrawnLane:
         inside=about.type == _INTERSECTION,
         closed=tuple(
             side
-            for side, parts in zip(("left", "right"), sides, strict=True)
-            if parts and all(int(part.classification.type) in _CLOSED for part in parts)
+            for side, beside in zip(("left", "right"), sides, strict=True)
+            if beside and all(int(bound.classification.type) in _CLOSED for bound in beside)
         ),
     )
 
 
-def _along(centre: FloatArray, parts: list[FloatArray]) -> FloatArray:
+def _along(centre: FloatArray, lines: list[FloatArray]) -> FloatArray:
     ahead = centre[-1] - centre[0]
-    parts = [part for part in parts if len(part)]
-    turned = [part if (part[-1] - part[0]) @ ahead >= 0 else part[::-1] for part in parts]
-    return np.concatenate([np.empty((0, 2)), *sorted(turned, key=lambda part: float(part[0] @ ahead))])
+    lines = [line for line in lines if len(line)]
+    turned = [line if (line[-1] - line[0]) @ ahead >= 0 else line[::-1] for line in lines]
+    return np.concatenate([np.empty((0, 2)), *sorted(turned, key=lambda line: float(line[0] @ ahead))])
 
 
 def _movements(lanes: Iterable[Any], drawn: dict[Hashable, DrawnLane]) -> Iterator[DrawnLane]:

@@ -123,17 +123,17 @@ def _drawn(path: Path) -> DrawnMap:
     layers: dict[int, list[tuple[int, dict[str, Any], Any]]] = {}
     for number, layer, packed, shape, near in zip(*columns[:3], shapes, keep, strict=True):
         if near and layer in (LANE, GROUP, CROSSWALK, STOP, EDGE, LINE):
-            one = _msgpack().unpackb(packed, object_hook=_array, raw=False, strict_map_key=False)
-            layers.setdefault(layer, []).append((number, one, shape))
-    inside = {number for number, one, _ in layers.get(GROUP, ()) if one["intersection_id"] is not None}
-    drawn = DrawnMap(path=path, lanes=[_lane(number, one, inside) for number, one, _ in layers.get(LANE, ())])
-    drawn.crosswalks = [one["outline"] for _, one, _ in layers.get(CROSSWALK, ())]
-    for _, one, _ in layers.get(STOP, ()):
-        if sign := _SIGNS.get(one["stop_zone_type"]):
-            drawn.stops |= dict.fromkeys(one["lane_ids"], sign)
+            feature = _msgpack().unpackb(packed, object_hook=_array, raw=False, strict_map_key=False)
+            layers.setdefault(layer, []).append((number, feature, shape))
+    inside = {number for number, group, _ in layers.get(GROUP, ()) if group["intersection_id"] is not None}
+    drawn = DrawnMap(path=path, lanes=[_lane(i, lane, inside) for i, lane, _ in layers.get(LANE, ())])
+    drawn.crosswalks = [walk["outline"] for _, walk, _ in layers.get(CROSSWALK, ())]
+    for _, stop, _ in layers.get(STOP, ()):
+        if sign := _SIGNS.get(stop["stop_zone_type"]):
+            drawn.stops |= dict.fromkeys(stop["lane_ids"], sign)
     drawn.lines = [("road_border", "", shapely.get_coordinates(line)) for _, _, line in layers.get(EDGE, ())]
-    for _, one, line in layers.get(LINE, ()):
-        if (kind := one["road_line_type"]) > 0:
+    for _, marking, line in layers.get(LINE, ()):
+        if (kind := marking["road_line_type"]) > 0:
             points = shapely.get_coordinates(line)
             drawn.lines.append(("line_thin", "solid" if kind in _SOLID else "dashed", points))
     if path.name == PY123D_LOG:
@@ -205,7 +205,7 @@ def _ego(path: Path, stamps_ms: FloatArray) -> FloatArray:
     table, meta = _table(file), _meta(file)
     time = _column(table, "timestamp_us").to_numpy() / 1e3
     pose = np.array(_column(table, "imu_se3").to_pylist(), np.float64).reshape(-1, 7)
-    motion = [(row or [np.nan] * 9)[:2] for row in _column(table, "dynamic_state_se3").to_pylist()]
+    motion = [(dynamics or [np.nan] * 9)[:2] for dynamics in _column(table, "dynamic_state_se3").to_pylist()]
     yaw = np.unwrap(yaw_of(*pose[:, 3:7].T))
     c, s = np.cos(yaw), np.sin(yaw)
     (ahead, aside), (u, v) = meta["center_to_imu_se3"][:2], np.reshape(motion, (-1, 2)).T

@@ -20,11 +20,12 @@ import shapely
 
 from scex_sumo.base.arrays import FloatArray
 from scex_sumo.base.errors import InputError, MapError, TrackError, reason_of
+from scex_sumo.converters.lanelet.tags import KMH, MPH
 from scex_sumo.converters.naming import map_name, open_binary
 from scex_sumo.converters.registries import Dataset, MapFormat, own_maps, with_notes
 from scex_sumo.converters.tracks.road_users import road_user
 from scex_sumo.converters.tracks.rows import TrackTable
-from scex_sumo.formats.damage import refusing_damage
+from scex_sumo.formats.damage import MAX_ITEMS, refusing_damage
 from scex_sumo.formats.lane_maps.lane_map import DrawnLane, DrawnMap, drawn_road, polyline
 from scex_sumo.formats.recognition import is_scenarionet
 from scex_sumo.formats.samples.boxes import box_table
@@ -34,11 +35,9 @@ from scex_sumo.geometry.polylines import samples
 from scex_sumo.lanelet2sumo.plan.elements import NetLayout, Programme
 from scex_sumo.road import Road
 
-MPH, KMH = 0.44704, 1 / 3.6
 FILLER_KMH = 100.0  # ScenarioNet writes it for lanes without a limit
 PLAIN_KINDS = "biufSU"  # of NumPy types
 MAX_BYTES = 2**31
-MAX_ITEMS = 10**8  # of a scenario, those of shared lists counted each time
 _TOO_MANY = f"it holds more than {MAX_ITEMS} items, or a list holds itself"
 _RELATIONS = ("exit_lanes", "entry_lanes", "left_neighbor", "right_neighbor")
 _USERS = {"PEDESTRIAN": "pedestrian", "CYCLIST": "bicycle"}
@@ -99,7 +98,7 @@ def _check_opcodes(raw: bytes) -> None:
 def _count(value: Any, counts: dict[int, int]) -> int:
     """Number of items, letters and numbers in nested containers.
 
-    Lists may share lists, so that few bytes hold more items than anybody can visit.
+    Lists may share lists, so that few bytes hold more items than anybody can visit: each counts each time.
     """
     if isinstance(value, (str, bytes)):
         return 1 + len(value)
@@ -110,8 +109,8 @@ def _count(value: Any, counts: dict[int, int]) -> int:
     if id(value) in counts:
         return counts[id(value)]
     counts[id(value)] = MAX_ITEMS  # of a list that holds itself
-    parts = (part for item in value.items() for part in item) if isinstance(value, dict) else value
-    counts[id(value)] = total = 1 + sum(_count(part, counts) for part in parts)
+    contents = (content for item in value.items() for content in item) if isinstance(value, dict) else value
+    counts[id(value)] = total = 1 + sum(_count(content, counts) for content in contents)
     if total > MAX_ITEMS:
         raise pickle.UnpicklingError(_TOO_MANY)
     return total
@@ -202,49 +201,49 @@ def _read_road(path: Path, **_: Any) -> Road:
 def _drawn(path: Path, scenario: Mapping[str, Any]) -> DrawnMap:
     drawn = DrawnMap(path=path)
     features = {str(name): feature for name, feature in scenario["map_features"].items()}
-    lanes = {name: one for name, one in features.items() if str(one["type"]).startswith("LANE_")}
+    lanes = {name: lane for name, lane in features.items() if str(lane["type"]).startswith("LANE_")}
     numbered = all(name.isascii() and name.isdigit() for name in lanes)
     names: dict[str, Hashable] = {name: int(name) if numbered else name for name in lanes}
-    limits = {name: _limit_mps(one) for name, one in lanes.items()}
+    limits = {name: _limit_mps(lane) for name, lane in lanes.items()}
     given = {limit for limit in limits.values() if limit is not None}
     if len(given) == 1 and abs(given.pop() / KMH - FILLER_KMH) < 0.1:
         drawn.remarks.append(f"{FILLER_KMH:g} km/h at every lane is ScenarioNet's word for no limit")
         limits = dict.fromkeys(limits)
     # nuScenes draws areas of lanes, but not of their connectors in intersections.
-    areas = sum("polygon" in one for one in lanes.values()) > 0.2 * len(lanes)
+    areas = sum("polygon" in lane for lane in lanes.values()) > 0.2 * len(lanes)
     # Some converters write empty lists where they know of no relations.
-    used = {key for key in _RELATIONS for one in lanes.values() if key in one and np.size(one[key])}
-    for name, one in lanes.items():
-        after, before, *beside = (_names(one.get(key), names) if key in used else None for key in _RELATIONS)
-        kind = str(one["type"])
-        inside = kind == "LANE_SURFACE_UNSTRUCTURE" or bool(one.get("interpolating"))
+    used = {key for key in _RELATIONS for lane in lanes.values() if key in lane and np.size(lane[key])}
+    for name, lane in lanes.items():
+        after, before, *beside = (_names(lane.get(key), names) if key in used else None for key in _RELATIONS)
+        kind = str(lane["type"])
+        inside = kind == "LANE_SURFACE_UNSTRUCTURE" or bool(lane.get("interpolating"))
         drawn.lanes.append(
             DrawnLane(
                 name=names[name],
-                centre=_line(one.get("polyline", ())),
-                width_m=_width_m(one),
+                centre=_line(lane.get("polyline", ())),
+                width_m=_width_m(lane),
                 kind="bicycle" if "BIKE" in kind else "bus" if "BUS" in kind else "vehicle",
                 subtype="highway" if "FREEWAY" in kind else "road",
                 location="" if "FREEWAY" in kind else "urban",
                 limit_mps=limits[name],
-                inside=inside or (areas and "polygon" not in one),
-                closed=tuple(side for side in ("left", "right") if _is_solid(one, side)),
+                inside=inside or (areas and "polygon" not in lane),
+                closed=tuple(side for side in ("left", "right") if _is_solid(lane, side)),
                 successors=after,
                 predecessors=before,
                 left_neighbours=beside[0],
                 right_neighbours=beside[1],
             )
         )
-    for one in features.values():
-        kind = str(one["type"])
+    for feature in features.values():
+        kind = str(feature["type"])
         if kind == "CROSSWALK":
-            drawn.crosswalks.append(_line(one["polygon"]))
+            drawn.crosswalks.append(_line(feature["polygon"]))
         elif kind == "STOP_SIGN":
-            drawn.stops |= dict.fromkeys(_names(one.get("lane"), names) or (), "stop")
+            drawn.stops |= dict.fromkeys(_names(feature.get("lane"), names) or (), "stop")
         elif "LINE" in kind or "EDGE" in kind or "BOUNDARY" in kind:
             line = "LINE" in kind and "BOUNDARY" not in kind
             subtype = ("dashed" if "BROKEN" in kind else "solid") if line else ""
-            points = _line(one.get("polyline", ()))
+            points = _line(feature.get("polyline", ()))
             drawn.lines.append(("line_thin" if line else "road_border", subtype, points))
     for name, _, place in _lit(scenario):
         if name in names:
@@ -262,13 +261,13 @@ def _names(names: Any, known: Mapping[str, Hashable]) -> list[Hashable] | None:
     """Return the lanes that a feature lists, as ids or dicts; None without a list."""
     if names is None:
         return None
-    named = [one.get("feature_id", one.get("id")) if isinstance(one, Mapping) else one for one in names]
+    named = [item.get("feature_id", item.get("id")) if isinstance(item, Mapping) else item for item in names]
     return [known[str(name)] for name in named if str(name) in known]
 
 
 def _is_solid(lane: Mapping[str, Any], side: str) -> bool:
-    sides = [one for one in lane.get(f"{side}_boundaries") or () if isinstance(one, Mapping)]
-    return bool(sides) and all("SOLID" in str(one.get("boundary_type")) for one in sides)
+    lines = [line for line in lane.get(f"{side}_boundaries") or () if isinstance(line, Mapping)]
+    return bool(lines) and all("SOLID" in str(line.get("boundary_type")) for line in lines)
 
 
 def _limit_mps(lane: Mapping[str, Any]) -> float | None:
@@ -293,7 +292,7 @@ def _lit(scenario: Mapping[str, Any]) -> Iterator[tuple[str, list[str], Any]]:
         state = light["state"]
         lane, place = light.get("lane", name), light.get("stop_point")
         if "lane" in state:  # older files: for each time
-            lane = next((one for one in np.ravel(state["lane"]) if one), name)
+            lane = next((lane_name for lane_name in np.ravel(state["lane"]) if lane_name), name)
         place = state.get("stop_point", [None])[0] if place is None else place
         place = place if len(polyline([place])) else None
         yield str(lane), [str(word) for word in state["object_state"]], place
@@ -359,7 +358,7 @@ def _read_signals(layout: NetLayout, road: Road, path: Path) -> tuple[Programme 
         runs = {}
         for name, words, _ in _lit(scenario):
             times = _times(path, scenario, len(words))
-            letters = [next((_LIGHTS[part] for part in _LIGHTS if part in word), "") for word in words]
+            letters = [next((_LIGHTS[state] for state in _LIGHTS if state in word), "") for word in words]
             if name in ids:
                 runs[ids[name]] = list(zip((times - times[0]).tolist(), letters, strict=True))
         return lane_programme(layout, road, runs, path.name)

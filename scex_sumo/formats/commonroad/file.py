@@ -162,10 +162,10 @@ def signs_of(file: CommonRoadFile, name_of_sign: ReadSign) -> dict[int, tuple[Si
     try:
         for i, element in file.elements("trafficSign").items():
             read = []
-            for part in element.findall("trafficSignElement"):
-                written = (part.findtext("trafficSignID") or "").strip()
-                name = name_of_sign(part, file.country) if written else "UNKNOWN"
-                values = tuple((value.text or "").strip() for value in part.findall("additionalValue"))
+            for entry in element.findall("trafficSignElement"):
+                written = (entry.findtext("trafficSignID") or "").strip()
+                name = name_of_sign(entry, file.country) if written else "UNKNOWN"
+                values = tuple((value.text or "").strip() for value in entry.findall("additionalValue"))
                 if name == "UNKNOWN":
                     file.note("signs that commonroad-io does not know, left out", i)
                 read.append(Sign(name=name, written=written, values=values))

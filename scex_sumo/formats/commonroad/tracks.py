@@ -135,11 +135,11 @@ def _obstacles(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element,
 
 def _states(obstacle: ElementTree.Element) -> FloatArray:
     elements = [*obstacle.findall("initialState"), *obstacle.findall("trajectory/state")]
-    rows = [_state(element) for element in elements]
-    usable = np.isfinite([row[:3] for row in rows]).all() and all(abs(row[0]) < MAX_STEP for row in rows)
-    if not rows or not usable:
+    states = [_state(element) for element in elements]
+    are_known = np.isfinite([state[:3] for state in states]).all()
+    if not states or not are_known or any(abs(state[0]) >= MAX_STEP for state in states):
         return np.empty((0, 5))
-    by_time = {row[0]: row for row in reversed(rows)}
+    by_time = {state[0]: state for state in reversed(states)}
     return np.array([by_time[time] for time in sorted(by_time)])
 
 
@@ -282,17 +282,18 @@ def _stitch(parts: list[tuple[TrackTable, tuple[str, ...]]]) -> tuple[TrackTable
     return replace(tables[0], path=tables[0].path.parent, vehicles=vehicles, others=others), findings
 
 
-def _joined(parts: list[TrackRows], offsets_ms: list[float]) -> TrackRows:
-    labels = sorted({label for part in parts for label in part.labels}, key=lambda label: (len(label), label))
+def _joined(chunks: list[TrackRows], offsets_ms: list[float]) -> TrackRows:
+    labels = sorted({label for chunk in chunks for label in chunk.labels}, key=lambda text: (len(text), text))
     number = {label: k for k, label in enumerate(labels)}
-    kinds = {label: kind for part in parts for label, kind in zip(part.labels, part.types, strict=True)}
+    kinds = {label: kind for chunk in chunks for label, kind in zip(chunk.labels, chunk.types, strict=True)}
     track = np.concatenate(
-        [np.array([number[n] for n in part.labels], np.int64)[part.track] for part in parts]
+        [np.array([number[n] for n in chunk.labels], np.int64)[chunk.track] for chunk in chunks]
     )
     columns = {
-        name: np.concatenate([getattr(part, name) for part in parts]) for name in ("frame_id", *FLOAT_COLUMNS)
+        name: np.concatenate([getattr(chunk, name) for chunk in chunks])
+        for name in ("frame_id", *FLOAT_COLUMNS)
     }
-    columns["timestamp_ms"] += np.repeat(offsets_ms, [len(part) for part in parts])
+    columns["timestamp_ms"] += np.repeat(offsets_ms, [len(chunk) for chunk in chunks])
     order = np.lexsort((columns["timestamp_ms"], track))
     columns = {name: values[order] for name, values in columns.items()}
     return track_rows(track[order], labels, [kinds[label] for label in labels], **columns)

@@ -116,13 +116,13 @@ def overlapping(lanes: Mapping[int, Lane], centres: Mapping[int, FloatArray]) ->
     low = {i: line[:, 2:].min(initial=np.inf) for i, line in centres.items()}
     high = {i: line[:, 2:].max(initial=-np.inf) for i, line in centres.items()}
     overlaps: dict[int, set[int]] = {i: set() for i in ids}
-    for one, other in shapely.STRtree(areas).query(areas, predicate="intersects").T.tolist():
-        a, b = ids[one], ids[other]
+    for i, j in shapely.STRtree(areas).query(areas, predicate="intersects").T.tolist():
+        a, b = ids[i], ids[j]
         beside = (lanes[a].adjacent_left, lanes[a].adjacent_right, lanes[a].reverse_of)
         linked = b in (*beside, *lanes[a].successors, *lanes[a].predecessors) or a == lanes[b].reverse_of
         if a < b and not linked:
             level = max(high[a] - low[b], high[b] - low[a]) < MIN_HEADROOM_M
-            if level or _on_one_level(centres[a], centres[b], shapely.intersection(areas[one], areas[other])):
+            if level or _on_one_level(centres[a], centres[b], shapely.intersection(areas[i], areas[j])):
                 overlaps[a].add(b)
                 overlaps[b].add(a)
     return {i: replace(lane, conflicts=tuple(sorted(overlaps.get(i, ())))) for i, lane in lanes.items()}

@@ -103,7 +103,8 @@ class DrawnMap(Findings):
     @cached_property
     def frame(self) -> FloatArray:
         """(2,) whole kilometres, m, by which coordinates beyond 100 km are moved."""
-        lines = [line for one in self.lanes for part in (one.centre, one.left) if len(line := polyline(part))]
+        drawn = (line for lane in self.lanes for line in (lane.centre, lane.left))
+        lines = [line for line in map(polyline, drawn) if len(line)]
         points = np.concatenate([np.empty((0, 2)), *lines])
         far = self.moved and len(points) and float(np.abs(points).max()) > FAR_M
         return np.floor(points.min(axis=0) / 1000.0) * 1000.0 if far else np.zeros(2)
@@ -254,21 +255,22 @@ def _links(
 
     behind: dict[int, list[int]] = {}
     after, before, left, right = {}, {}, {}, {}
-    for i, one in of.items():
-        after[i] = [j for j in joined.get(i, ()) if one.successors is None or of[j].reverse_of]
-        after[i] += named(one.successors or ())
-        left[i], right[i] = beside(i, one.left_neighbours, left_of), beside(i, one.right_neighbours, right_of)
+    for i, lane in of.items():
+        after[i] = [j for j in joined.get(i, ()) if lane.successors is None or of[j].reverse_of]
+        after[i] += named(lane.successors or ())
+        left[i] = beside(i, lane.left_neighbours, left_of)
+        right[i] = beside(i, lane.right_neighbours, right_of)
         for j in after[i]:
             behind.setdefault(j, []).append(i)
-    for i, one in of.items():
-        before[i] = [j for j in behind.get(i, ()) if one.predecessors is None or of[j].reverse_of]
-        before[i] += named(one.predecessors or ())
+    for i, lane in of.items():
+        before[i] = [j for j in behind.get(i, ()) if lane.predecessors is None or of[j].reverse_of]
+        before[i] += named(lane.predecessors or ())
     return (after, before), (left, right)
 
 
 def _along_most(a: Lane, b: Lane) -> bool:
-    for one, other in ((a, b), (b, a)):
-        _, points = samples(one.centreline, max(length_of(one.centreline) / 10.0, 0.1))
+    for lane, other in ((a, b), (b, a)):
+        _, points = samples(lane.centreline, max(length_of(lane.centreline) / 10.0, 0.1))
         s, gap = project(points, other.centreline)
         short = s[-1] - s[0] < 0.7 * length_of(other.centreline)
         if short or np.median(gap) > 1.5 * max(a.width_m, b.width_m):

@@ -170,16 +170,16 @@ def _links(
     known = {name for road in roads.values() for name in road.names()}
     joints: dict[End, set[End]] = {}
 
-    def join(one: End, other: End) -> None:
-        if one[0] in known and other[0] in known:
-            joints.setdefault(one, set()).add(other)
-            joints.setdefault(other, set()).add(one)
+    def join(first: End, second: End) -> None:
+        if first[0] in known and second[0] in known:
+            joints.setdefault(first, set()).add(second)
+            joints.setdefault(second, set()).add(first)
 
     for road in roads.values():
-        for one, other in (*_through(road), *_onward(road, roads)):
-            join(one, other)
-    for one, other in _connections(root, roads):
-        join(one, other)
+        for first, second in (*_through(road), *_onward(road, roads)):
+            join(first, second)
+    for first, second in _connections(root, roads):
+        join(first, second)
     lengths = {
         (road.name, k): piece.length_m for road in roads.values() for k, piece in enumerate(road.pieces)
     }
@@ -188,9 +188,9 @@ def _links(
         ends = [joints.pop((name, at_end), set()) for at_end in (True, False)]
         for near in (end for partners in ends for end in partners):
             joints[near] -= {(name, True), (name, False)}
-        for one in ends[0]:
-            for other in ends[1] - {one}:
-                join(one, other)
+        for first in ends[0]:
+            for second in ends[1] - {first}:
+                join(first, second)
     after: dict[Name, list[Name]] = {}
     before: dict[Name, list[Name]] = {}
     for (lane, at_end), partners in joints.items():
@@ -207,11 +207,11 @@ def _linked(element: Element, tag: str) -> list[int]:
 
 
 def _through(road: DrawnRoad) -> Iterator[tuple[End, End]]:
-    for k, (one, other) in enumerate(pairwise(road.pieces)):
-        pairs = [(i, i) for i in one.lanes if one.section == other.section]
-        if one.section != other.section:
-            pairs += [(i, j) for i in one.lanes for j in _linked(one.elements[i], "successor")]
-            pairs += [(i, j) for j in other.lanes for i in _linked(other.elements[j], "predecessor")]
+    for k, (piece, following) in enumerate(pairwise(road.pieces)):
+        pairs = [(i, i) for i in piece.lanes if piece.section == following.section]
+        if piece.section != following.section:
+            pairs += [(i, j) for i in piece.lanes for j in _linked(piece.elements[i], "successor")]
+            pairs += [(i, j) for j in following.lanes for i in _linked(following.elements[j], "predecessor")]
         yield from ((((road.name, k, i), True), ((road.name, k + 1, j), False)) for i, j in pairs)
 
 

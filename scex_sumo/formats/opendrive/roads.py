@@ -45,9 +45,9 @@ def number(element: Element, name: str, default: str | None = None) -> float:
     return value
 
 
-def polynomial(records: Sequence[Element], at: str, s: FloatArray) -> FloatArray:
-    """Return the values at stations of cubics that each hold from their own station ``at`` on; else 0."""
-    table = np.array([[number(record, name, "0") for name in (at, *"abcd")] for record in records])
+def polynomial(records: Sequence[Element], key: str, s: FloatArray) -> FloatArray:
+    """Return the values at stations of cubics that each hold from their own station ``key`` on; else 0."""
+    table = np.array([[number(record, name, "0") for name in (key, *"abcd")] for record in records])
     if not len(table):
         return np.zeros(len(s))
     table = table[np.argsort(table[:, 0], kind="stable")]
@@ -87,8 +87,8 @@ class ReferenceLine:
         of = np.clip(np.searchsorted(starts, self.s + SHORT_M, side="right") - 1, 0, None)
         self.places, self.headings = np.empty((len(self.s), 2)), np.empty(len(self.s))
         for k, (start, stretch) in enumerate(parts):
-            at = of == k
-            self.places[at], self.headings[at] = stretch.at(self.s[at] - start)
+            within = of == k
+            self.places[within], self.headings[within] = stretch.at(self.s[within] - start)
 
     def beside(self, t: FloatArray, rows: slice) -> FloatArray:
         """Return the points (n, 2) to the left of stations by ``t`` m."""
@@ -137,11 +137,11 @@ class _Stretch:
     def _by_cubic(self, ds: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         assert self._cubic is not None
         u, v, last, whole = self._cubic
-        p = np.linspace(0.0, last, max(65, min(MAX_POINTS, math.ceil(4 * self.length))))
-        arc = np.append(0.0, np.cumsum(np.hypot(np.diff(polyval(p, u)), np.diff(polyval(p, v)))))
+        grid = np.linspace(0.0, last, max(65, min(MAX_POINTS, math.ceil(4 * self.length))))
+        arc = np.append(0.0, np.cumsum(np.hypot(np.diff(polyval(grid, u)), np.diff(polyval(grid, v)))))
         scale = arc[-1] / max(self.length, SHORT_M) if whole else 1.0
-        at = np.interp(ds * scale, arc, p)
-        return polyval(at, u), polyval(at, v), np.arctan2(_slope(v, at), _slope(u, at))
+        p = np.interp(ds * scale, arc, grid)
+        return polyval(p, u), polyval(p, v), np.arctan2(_slope(v, p), _slope(u, p))
 
 
 def _slope(abcd: Sequence[float], p: FloatArray) -> FloatArray:
@@ -223,11 +223,11 @@ class DrawnRoad:
         ends = [self.line.s[piece.rows.stop - 1] for piece in self.pieces]
         return min(int(np.searchsorted(ends, s)), len(ends) - 1)
 
-    def place(self, piece: int, lane: int, s: float) -> FloatArray:
+    def place(self, index: int, lane: int, s: float) -> FloatArray:
         """Return the middle (2,) of a lane at a station, m."""
-        at = self.pieces[piece]
-        k = at.rows.start + int(np.argmin(np.abs(at.s - s)))
-        middle = at.borders[lane][:, k - at.rows.start].mean(keepdims=True)
+        piece = self.pieces[index]
+        k = piece.rows.start + int(np.argmin(np.abs(piece.s - s)))
+        middle = piece.borders[lane][:, k - piece.rows.start].mean(keepdims=True)
         return np.asarray(self.line.beside(middle, slice(k, k + 1))[0])
 
     def type_at(self, s: float) -> Element:
@@ -255,17 +255,17 @@ class DrawnRoad:
         wide = {i: _wide(elements[i], np.diff(borders[i], axis=0)[0]) for i in driven}
         there = np.array([*wide.values()]).reshape(-1, last + 1 - first)
         cuts = [0]
-        for row in (np.flatnonzero((there[:, 1:] != there[:, :-1]).any(axis=0)) + 1).tolist():
-            if min(s[first + row] - s[first + cuts[-1]], s[last] - s[first + row]) > APART_M:
-                cuts.append(row)
+        for station in (np.flatnonzero((there[:, 1:] != there[:, :-1]).any(axis=0)) + 1).tolist():
+            if min(s[first + station] - s[first + cuts[-1]], s[last] - s[first + station]) > APART_M:
+                cuts.append(station)
         for begin, end in zip(cuts, [*cuts[1:], last - first], strict=True):
-            part = slice(begin, end + 1)
+            span = slice(begin, end + 1)
             yield Piece(
                 rows=slice(first + begin, first + end + 1),
                 s=s[first + begin : first + end + 1],
-                lanes=tuple(i for i in sorted(borders) if i not in wide or wide[i][part].mean() > 0.5),
+                lanes=tuple(i for i in sorted(borders) if i not in wide or wide[i][span].mean() > 0.5),
                 elements=elements,
-                borders={i: both[:, part] for i, both in borders.items()},
+                borders={i: both[:, span] for i, both in borders.items()},
                 section=k,
                 section_s=starts[k],
             )

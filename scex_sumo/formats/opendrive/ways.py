@@ -84,7 +84,7 @@ class Places:
         for lane in drawn.lanes:
             line = polyline(lane.centre)
             for sign, near in ((1, lane.successors), (-1, lane.predecessors)) if len(line) > 1 else ():
-                name, *others = (self.driven(one, sign) for one in (lane.name, *(near or ())))
+                name, *others = (self.driven(lane_name, sign) for lane_name in (lane.name, *(near or ())))
                 self._lines[name], self._beyond[name] = line[::sign], others
         self._names = [*self._lines]
         near = [(line.min(axis=0) - _NEAR_M, line.max(axis=0) + _NEAR_M) for line in self._lines.values()]
@@ -111,8 +111,8 @@ class Places:
         if lane is not None:
             self.known((road, piece, lane, 1))
             t += float(np.interp(s, whole.pieces[piece].s, whole.pieces[piece].borders[lane].mean(axis=0)))
-        rows = (*whole.line.places.T, np.unwrap(whole.line.headings))
-        x, y, heading = (float(np.interp(s, whole.line.s, row)) for row in rows)
+        columns = (*whole.line.places.T, np.unwrap(whole.line.headings))
+        x, y, heading = (float(np.interp(s, whole.line.s, column)) for column in columns)
         name = None if lane is None else (road, piece, lane)
         return Pose(x, y, heading).moved(0.0, t)._replace(lane=name)
 
@@ -128,12 +128,12 @@ class Places:
 
     def lane_of(self, pose: Pose) -> Driven | None:
         """Return the lane on which a pose is: the nearest, driven as it leads before against; else None."""
-        at = np.array(pose[:2])
+        place = np.array(pose[:2])
         if pose.lane is None:
-            beside = ((self._low <= at) & (at <= self._high)).all(axis=1)
+            beside = ((self._low <= place) & (place <= self._high)).all(axis=1)
             names = [self._names[k] for k in np.flatnonzero(beside)]
         else:
-            both = ((*pose.lane, 1), (*pose.lane, -1)) if np.isfinite(at).all() else ()
+            both = ((*pose.lane, 1), (*pose.lane, -1)) if np.isfinite(place).all() else ()
             names = [name for name in both if name in self._lines]
         cost, lane = min(((self._projected(pose, n)[1], n) for n in names), default=(math.inf, None))
         return lane if cost < math.inf else None

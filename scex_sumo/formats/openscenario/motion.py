@@ -48,7 +48,7 @@ class Mover:
 
     def __init__(self, element: Element, places: Places) -> None:
         self.name = element.get("name", "")
-        body = next((one for one in element if one.tag in BODIES), None)
+        body = next((child for child in element if child.tag in BODIES), None)
         if body is None:
             raise ValueError(f"entity {self.name} is no vehicle, pedestrian or object")
         kind = body.get("vehicleCategory", "") or BODIES[body.tag]
@@ -101,8 +101,8 @@ class Mover:
 
     def end(self, action: Action | None) -> None:
         """End an action if it goes on; from the end of a trajectory it drives on."""
-        kinds = [kind for kind, one in self.actions.items() if one is action]
-        self.actions = {kind: one for kind, one in self.actions.items() if kind not in kinds}
+        kinds = [kind for kind, running in self.actions.items() if running is action]
+        self.actions = {kind: running for kind, running in self.actions.items() if kind not in kinds}
         if "across" in kinds and self.way.headings is not None:
             self.put(self.way.at(self.arc, self.left))
 
@@ -231,13 +231,13 @@ def trajectory(action: Element, mover: Mover, now_s: float, pose_at: Callable[[E
     Raises:
         UnknownMotion, ValueError: its shape is not read; it has no two points in the order of their times.
     """
-    line = next((one[0] for one in action.iter("Shape") if len(one)), action)
+    line = next((shape[0] for shape in action.iter("Shape") if len(shape)), action)
     if line.tag == "Polyline":
         vertices = line.findall("Vertex")
         poses = np.array([pose_at(vertex)[:3] for vertex in vertices]).reshape(-1, 3)
-        if len(poses) > 1 and not any(one.find(".//*[@h]") is not None for one in vertices):
+        if len(poses) > 1 and not any(vertex.find(".//*[@h]") is not None for vertex in vertices):
             poses[:, 2] = np.arctan2(*np.gradient(poses[:, :2], axis=0).T[::-1])
-        times = np.array([number(one, "time") if one.get("time") else math.nan for one in vertices])
+        times = np.array([number(vertex, "time") if vertex.get("time") else math.nan for vertex in vertices])
     elif line.tag == "Clothoid":
         poses, times = _clothoid(line, pose_at(line))
     else:

@@ -96,7 +96,8 @@ def _document(path: Path) -> Element:
     if root.tag != "OpenSCENARIO" or root.find("Storyboard") is None or root.find("Catalogs") is not None:
         raise ValueError("it is no scenario of OpenSCENARIO XML 1.0 to 1.3")  # 0.9 names its catalogs so
     entries: dict[tuple[str, ...], Element] = {}
-    folders = [path.parent / one.get("path", "") for one in root.iterfind("CatalogLocations/*/Directory")]
+    places = root.iterfind("CatalogLocations/*/Directory")
+    folders = [path.parent / place.get("path", "") for place in places]
     for file in (file for folder in folders for file in sorted(folder.glob("*.xosc"))):
         for catalog in xml_root(file, remedy=_REMEDY).iter("Catalog"):
             for entry in catalog:
@@ -106,8 +107,8 @@ def _document(path: Path) -> Element:
 
 
 def _fill(element: Element, values: Mapping[str, str], entries: Mapping[tuple[str, ...], Element]) -> None:
-    for one in element.findall("ParameterDeclarations/*"):
-        name, value = _bare(one, "name"), _filled(one.get("value", ""), values)
+    for declaration in element.findall("ParameterDeclarations/*"):
+        name, value = _bare(declaration, "name"), _filled(declaration.get("value", ""), values)
         values = {name: value, **values} if element.tag in _DEFAULTS else {**values, name: value}
     for key, text in element.items():
         element.set(key, _filled(text, values))

@@ -61,13 +61,13 @@ class Storyboard:
         board, self._places = _needed(root, "Storyboard"), places
         self.time_s, self._last_s, self._ticks = 0.0, 0.0, 0
         entities = root.iterfind("Entities/ScenarioObject")
-        self.movers = {one.get("name", ""): Mover(one, places) for one in entities}
+        self.movers = {element.get("name", ""): Mover(element, places) for element in entities}
         self._stop, self._is_settled = board.find("StopTrigger"), False
         self._unknown: UnknownMotion | None = None  # from the first moment on
         first = board.iterfind("Init/Actions/*")  # those that name another one come after it
-        for one in sorted(first, key=lambda one: one.find(".//*[@entityRef]") is not None):
-            movers = [self._mover(one)] if one.tag == "Private" else []
-            for action in one if movers else [one]:
+        for element in sorted(first, key=lambda element: element.find(".//*[@entityRef]") is not None):
+            movers = [self._mover(element)] if element.tag == "Private" else []
+            for action in element if movers else [element]:
                 try:
                     self._begin(action, movers)
                 except UnknownMotion as why:
@@ -146,19 +146,19 @@ class Storyboard:
             event.began_s = math.inf if is_over else event.began_s
             if event.began_s <= now or not self._is_on(event.element.find("StartTrigger"), otherwise=True):
                 continue
-            others = [one for one in events if one.maneuver is event.maneuver]
-            others = [one for one in others if one.began_s <= now < one.ended_s]
-            for one in others if priority in ("override", "overwrite") else ():
-                one.end(now)
+            others = [other for other in events if other.maneuver is event.maneuver]
+            others = [other for other in others if other.began_s <= now < other.ended_s]
+            for other in others if priority in ("override", "overwrite") else ():
+                other.end(now)
             if priority != "skip" or not others:
                 event.began_s, event.times_left = now, event.times_left - 1
                 actors = [self._mover(x) for x in event.group.iterfind("Actors/EntityRef")]
                 actions = event.element.iterfind("Action/*")
-                event.running = tuple(one for action in actions for one in self._begin(action, actors))
+                event.running = tuple(begun for action in actions for begun in self._begin(action, actors))
 
     def _begin(self, action: Element, movers: Sequence[Mover]) -> list[tuple[Mover, Action | None]]:
         """Begin an action of some road users, or of the world."""
-        body = next((one for one in action.iterfind(".//*") if one.tag not in _GROUPS), action)
+        body = next((inner for inner in action.iterfind(".//*") if inner.tag not in _GROUPS), action)
         if body.tag in _STILL:
             return []
         if body.tag == "EntityAction":
@@ -195,7 +195,7 @@ class Storyboard:
                 path = motion.trajectory(action, mover, self.time_s, self._pose)
                 return mover.begin("across", motion.driving, path)
             case "AssignRouteAction" | "AcquirePositionAction":
-                goals = [self._pose(one) for one in [*action.iter("Waypoint")] or [action]]
+                goals = [self._pose(waypoint) for waypoint in [*action.iter("Waypoint")] or [action]]
                 mover.roads = self._places.roads_of(goals)
                 if mover.there:
                     mover.put(mover.pose)
@@ -245,9 +245,9 @@ class Storyboard:
             case "RelativeLanePosition":
                 pose = self._beside(position, self._mover(position).pose)
             case "RoutePosition" if position.find(".//Waypoint/Position/*") is not None:
-                goals = [self._pose(one) for one in position.iter("Waypoint")]
+                goals = [self._pose(waypoint) for waypoint in position.iter("Waypoint")]
                 path = places.way(goals[0], places.roads_of(goals))
-                coordinates = next((one for one in position.iter() if one.get("pathS")), position)
+                coordinates = next((inner for inner in position.iter() if inner.get("pathS")), position)
                 pose = path.at(path.project(goals[0])[0] + number(coordinates, "pathS"))
             case kind:
                 raise UnknownMotion(f"{kind} is not read")
@@ -270,7 +270,7 @@ class Storyboard:
         """Return whether a trigger fires now; ``otherwise`` if there is none."""
         if trigger is None or not len(trigger):
             return otherwise
-        groups = [[self._condition(one) for one in group.findall("Condition")] for group in trigger]
+        groups = [[*map(self._condition, group.findall("Condition"))] for group in trigger]
         unmet = [[result for result in group if result is not True] for group in groups if False not in group]
         if unmet and all(unmet):
             raise UnknownMotion(f"a trigger waits for a {unmet[0][0]}")
@@ -278,12 +278,12 @@ class Storyboard:
 
     def _condition(self, condition: Element) -> bool | str:
         """Return whether a condition is met; the kind of one that is not read."""
-        one, *_ = *condition.iterfind("*/EntityCondition/*"), *condition.iterfind("*/*"), condition
-        if one.tag not in _CONDITIONS or one.find("ByType") is not None:
+        criterion, *_ = *condition.iterfind("*/EntityCondition/*"), *condition.iterfind("*/*"), condition
+        if criterion.tag not in _CONDITIONS or criterion.find("ByType") is not None:
             ahead = [self._mover(x).there for x in condition.iter("EntityRef")]
-            return one.tag if one.tag != "EndOfRoadCondition" or not all(ahead) else False
-        is_state = one.tag.startswith("Story")
-        now, sides = (self._by_state(one), ()) if is_state else self._holds(one, condition)
+            return criterion.tag if criterion.tag != "EndOfRoadCondition" or not all(ahead) else False
+        is_state = criterion.tag.startswith("Story")
+        now, sides = (self._by_state(criterion), ()) if is_state else self._holds(criterion, condition)
         delay = number(condition, "delay", "0")
         before, fires, _ = self._fired.get(condition, (now, math.inf, ()))  # without an edge at first
         edges = {"rising": now > before, "falling": now < before, "risingOrFalling": now != before}
@@ -292,17 +292,17 @@ class Storyboard:
         self._fired = {**self._fired, condition: (now, fires, sides)}
         return self.time_s >= fires - 1e-9 if delay > 0 else met
 
-    def _by_state(self, one: Element) -> bool:
-        kind, wanted, now = one.get("storyboardElementType", "").lower(), one.get("state", ""), self.time_s
-        name = one.get("storyboardElementRef", "").replace("::", "/").rpartition("/")[2]
-        parts: dict[Element, list[Event]] = {}  # of that kind and name, and their events
+    def _by_state(self, criterion: Element) -> bool:
+        kind, wanted = criterion.get("storyboardElementType", "").lower(), criterion.get("state", "")
+        name = criterion.get("storyboardElementRef", "").replace("::", "/").rpartition("/")[2]
+        now, elements = self.time_s, dict[Element, list[Event]]()  # of that kind and name, with their events
         for event in self.events:
-            for part in (*event.within, *event.element.iterfind("Action")):
-                if part.tag.lower() == kind and part.get("name") == name:
-                    parts.setdefault(part, []).append(event)
-        if not parts:
+            for element in (*event.within, *event.element.iterfind("Action")):
+                if element.tag.lower() == kind and element.get("name") == name:
+                    elements.setdefault(element, []).append(event)
+        if not elements:
             raise ValueError(f"{kind[:20]} {name[:40]!r} is not in its storyboard")
-        for events in parts.values():
+        for events in elements.values():
             acts = [self._begun.get(event.act, math.inf) for event in events]
             began = min([event.began_s for event in events] if kind in ("event", "action") else acts)
             last = max(events, key=lambda event: event.ended_s)
@@ -313,56 +313,56 @@ class Storyboard:
                 return True
         return False
 
-    def _holds(self, one: Element, condition: Element) -> tuple[bool, _Sides]:
+    def _holds(self, criterion: Element, condition: Element) -> tuple[bool, _Sides]:
         """Return whether what a condition measures is as it says now, and on which sides it is.
 
         One that is met for less than a step, as near a place, is on another side after it.
         """
-        how = chosen(one, "rule", "greaterThan", _RULES)
-        if one.tag == "SimulationTimeCondition":
-            limit = number(one, "value")
+        how = chosen(criterion, "rule", "greaterThan", _RULES)
+        if criterion.tag == "SimulationTimeCondition":
+            limit = number(criterion, "value")
             return how(self.time_s, limit), ((self.time_s > limit, False),)
-        limit, is_hit = number(one, "value", "0"), one.tag == "CollisionCondition"
-        if one.tag == "ReachPositionCondition" or is_hit:
-            how, limit = _RULES["lessOrEqual"], 0.0 if is_hit else number(one, "tolerance")
+        limit, is_hit = number(criterion, "value", "0"), criterion.tag == "CollisionCondition"
+        if criterion.tag == "ReachPositionCondition" or is_hit:
+            how, limit = _RULES["lessOrEqual"], 0.0 if is_hit else number(criterion, "tolerance")
         entities = _needed(condition, ".//TriggeringEntities")
         movers = [self._mover(x) for x in entities.iterfind("EntityRef")]
-        measured = [self._measured(one, mover) for mover in movers if mover.there]
+        measured = [self._measured(criterion, mover) for mover in movers if mover.there]
         results = [how(value, limit) for value, _ in measured]
         is_met = (all if entities.get("triggeringEntitiesRule") == "all" else any)(results)
         return bool(results) and is_met, tuple((value > limit, is_ahead) for value, is_ahead in measured)
 
-    def _measured(self, one: Element, mover: Mover) -> tuple[float, bool]:
+    def _measured(self, criterion: Element, mover: Mover) -> tuple[float, bool]:
         """Return what a condition measures of a road user, and whether its place is ahead."""
-        named = one if one.get("entityRef") else one.find(".//EntityRef")
+        named = criterion if criterion.get("entityRef") else criterion.find(".//EntityRef")
         other = None if named is None else self._mover(named)
-        match one.tag:
+        match criterion.tag:
             case "SpeedCondition":
                 return mover.speed, False
             case "TraveledDistanceCondition":
                 return mover.travelled, False
             case "RelativeSpeedCondition":
-                return mover.speed - self._mover(one).speed, False
+                return mover.speed - self._mover(criterion).speed, False
             case "ReachPositionCondition":
-                return mover.passed(self._pose(one)), False
-        goal = self._pose(one) if other is None else other.pose
+                return mover.passed(self._pose(criterion)), False
+        goal = self._pose(criterion) if other is None else other.pose
         is_ahead = mover.pose.seen(goal)[0] > 0
-        is_free = one.get("freespace") == "true" or one.tag == "CollisionCondition"
-        apart = self._apart(one, mover, goal, other if is_free else None)
-        if not one.tag.startswith("Time"):
+        is_free = criterion.get("freespace") == "true" or criterion.tag == "CollisionCondition"
+        apart = self._apart(criterion, mover, goal, other if is_free else None)
+        if not criterion.tag.startswith("Time"):
             return apart, is_ahead
-        theirs = 0.0 if other is None or one.tag == "TimeHeadwayCondition" else other.speed
+        theirs = 0.0 if other is None or criterion.tag == "TimeHeadwayCondition" else other.speed
         closing = mover.speed - theirs
         return apart / closing if closing > 1e-6 and is_ahead else math.nan, is_ahead
 
-    def _apart(self, one: Element, mover: Mover, goal: Pose, free: Mover | None) -> float:
+    def _apart(self, criterion: Element, mover: Mover, goal: Pose, free: Mover | None) -> float:
         """Return the distance that a condition means, m; between the boxes if another one is given."""
-        kind, system = one.get("relativeDistanceType", ""), one.get("coordinateSystem", "entity")
-        by_road = one.get("alongRoute") == "true" or system in ("road", "lane", "trajectory")
+        kind, system = criterion.get("relativeDistanceType", ""), criterion.get("coordinateSystem", "entity")
+        by_road = criterion.get("alongRoute") == "true" or system in ("road", "lane", "trajectory")
         dx, dy = mover.pose.seen(goal)
         if kind == "lateral":
             return max(abs(dy) - ((mover.width + free.width) / 2 if free else 0.0), 0.0)
-        if by_road or kind == "longitudinal" or one.tag == "TimeHeadwayCondition":
+        if by_road or kind == "longitudinal" or criterion.tag == "TimeHeadwayCondition":
             apart = abs(mover.ahead(goal) if by_road else dx)
             return max(apart - ((mover.length + free.length) / 2 if free else 0.0), 0.0)
         if free is None:

@@ -54,8 +54,8 @@ def _parked(rows: TrackRows, road: Road) -> BoolArray:
     if not len(rows):
         return np.zeros(0, bool)
     begin = np.flatnonzero(np.append(True, np.diff(rows.track) != 0))
-    parts = [np.split(xy, begin[1:]) for xy in (rows.x, rows.y)]
-    spread = np.array([[np.ptp(np.quantile(part, (0.05, 0.95))) for part in of] for of in parts])
+    xs, ys = (np.split(values, begin[1:]) for values in (rows.x, rows.y))  # by track
+    spread = np.array([[np.ptp(np.quantile(track, (0.05, 0.95))) for track in axis] for axis in (xs, ys)])
     single = np.diff(begin, append=len(rows)) == 1
     leaves = single & (rows.speed[begin] > PARKED_M)  # within a second, by the speed of its only sample
     still = (np.hypot(*spread) < PARKED_M) & ~leaves

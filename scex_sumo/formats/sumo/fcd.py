@@ -232,18 +232,18 @@ def _change_lanes(track: IntArray, table: FloatArray) -> int:
     jumps = np.flatnonzero((np.diff(track) == 0) & (elapsed <= MAX_STEP_S) & driven & lane)
     if not len(jumps):
         return 0
-    at = table[jumps, 0] + elapsed[jumps] / 2
+    change_s = table[jumps, 0] + elapsed[jumps] / 2
     begins, ends = np.searchsorted(track, track[jumps]), np.searchsorted(track, track[jumps] + 1)
-    halfway = np.where(np.diff(track[jumps]) == 0, (at[:-1] + at[1:]) / 2, np.nan)
-    after = np.fmax(table[begins, 0], np.append(np.nan, halfway)[: len(at)])
-    before = np.fmin(table[ends - 1, 0], np.append(halfway, np.nan)[: len(at)])
-    starts = np.maximum(np.minimum(at - LANE_CHANGE_S / 2, before - LANE_CHANGE_S), after)
-    stops = np.minimum(np.maximum(at + LANE_CHANGE_S / 2, after + LANE_CHANGE_S), before)
+    halfway = np.where(np.diff(track[jumps]) == 0, (change_s[:-1] + change_s[1:]) / 2, np.nan)
+    after = np.fmax(table[begins, 0], np.append(np.nan, halfway)[: len(change_s)])
+    before = np.fmin(table[ends - 1, 0], np.append(halfway, np.nan)[: len(change_s)])
+    starts = np.maximum(np.minimum(change_s - LANE_CHANGE_S / 2, before - LANE_CHANGE_S), after)
+    stops = np.minimum(np.maximum(change_s + LANE_CHANGE_S / 2, after + LANE_CHANGE_S), before)
     for k in range(len(jumps)):
         times = table[begins[k] : ends[k], 0]
         rows = begins[k] + np.flatnonzero((times > starts[k]) & (times < stops[k]))
         u, size = (table[rows, 0] - starts[k]) / (stops[k] - starts[k]), aside[jumps[k]]
-        shift = size * (3 * u**2 - 2 * u**3 - (table[rows, 0] > at[k]))
+        shift = size * (3 * u**2 - 2 * u**3 - (table[rows, 0] > change_s[k]))
         slope = size * 6 * (u - u**2) / (stops[k] - starts[k])
         table[rows, 1] -= shift * np.sin(ahead[rows])
         table[rows, 2] += shift * np.cos(ahead[rows])

@@ -138,10 +138,10 @@ def _arrives(edge: ElementTree.Element, arrival: str) -> tuple[tuple[float, floa
         shape, length = points_of(lane.get("shape", "")), float(lane.get("length", "nan"))
         known = {"max": length, "center": length / 2}
         try:
-            at = known[arrival] if arrival in known else float(arrival)
+            place_m = known[arrival] if arrival in known else float(arrival)
         except ValueError:
             return ()  # random, or a place that is left or right of the lane's middle
-        share = min(max(at + length if at < 0 else at, 0.0), length) / length
+        share = min(max(place_m + length if place_m < 0 else place_m, 0.0), length) / length
         (x, y), whole = along(shape, share * length_of(shape)), length_of(shape)
         before, after = along(shape, np.clip(share * whole + np.array([-1.0, 1.0]), 0.0, whole))
         places.append((float(x), float(y), float(np.arctan2(*(after - before)[::-1]))))

@@ -167,10 +167,10 @@ def _put_together(named: Mapping[str, Sequence[LaneletPart]], lanes: Mapping[str
     return joined
 
 
-def _joined(parts: Sequence[tuple[LaneletPart, FloatArray]]) -> FloatArray:
+def _joined(pieces: Sequence[tuple[LaneletPart, FloatArray]]) -> FloatArray:
     lines: list[FloatArray] = []
     reached = -np.inf
-    for stretch, line in sorted(parts, key=lambda part: (part[0].start, -part[0].end)):
+    for stretch, line in sorted(pieces, key=lambda piece: (piece[0].start, -piece[0].end)):
         if stretch.end <= reached + 1e-6:
             continue
         lines.append(cut(line, max(reached - stretch.start, 0.0), length_of(line)))

@@ -116,7 +116,8 @@ def _completed(recorded: Recorded, path: Path, names: Mapping[str, str], scene: 
         return intention, "" if user is None else text_of(user, intention)
 
     intentions = [
-        one and dataclasses.replace(one, saved=saved) for one, saved in map(known, vehicles.values())
+        intention and dataclasses.replace(intention, saved=saved)
+        for intention, saved in map(known, vehicles.values())
     ]
     if road is not None and road.net is not None and any(intentions):
         scene = dataclasses.replace(scene, intentions=with_lanes(road.net, intentions))
