@@ -237,7 +237,7 @@ class SeedVectorEnv(VectorEnv[Any, Any, Any]):
         self._age[index] = 0
         self._ended[index] = False
         self._window.assign(index, self.scene.history.repeat(len(index)))
-        self._crashes.forget(index)
+        self._crashes.crashed[index] = False
 
     def _plan(self) -> None:
         due = (self._age % self.replan == 0) & ~self._ended

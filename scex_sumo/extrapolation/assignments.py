@@ -10,7 +10,7 @@ import numpy as np
 
 from scex_sumo.base.arrays import FloatArray, IntArray
 from scex_sumo.base.cache import cached_bytes
-from scex_sumo.base.errors import UsageError, listed
+from scex_sumo.base.errors import UsageError
 
 MAX_COMBINATIONS = 10_000
 _ASSIGNMENT_STREAM, _ROUTE_STREAM, _PLAN_STREAM, _DESIGN_STREAM, _, _PEOPLE_STREAM = range(6)
@@ -114,12 +114,7 @@ def assignments(
         fixed: model by track id, the same in all futures; it may lie beyond ``weights``.
         keep: use the user's cache.
     """
-    ids = [int(t) for t in track_ids]
-    fixed = dict(fixed or {})
-    unknown = sorted(set(fixed) - set(ids))
-    if unknown:
-        known = f"in the seed scene; its vehicles: {listed(ids, most=12)}"
-        raise UsageError(f"--assign: no vehicle {unknown[0]} {known}")
+    ids, fixed = [int(track) for track in track_ids], fixed or {}
     if futures is None:
         drawn = [i for i, weight in enumerate(weights) if weight > 0]
         picked = all_assignments([1 if t in fixed else len(drawn) for t in ids])

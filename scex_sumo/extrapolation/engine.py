@@ -26,7 +26,7 @@ from scex_sumo.extrapolation.writing import outcome_notes, recorded_info, write_
 from scex_sumo.lanelet2sumo.convert import converted
 from scex_sumo.metrics.registry import thresholds_of
 from scex_sumo.results.folder import ResultFolder
-from scex_sumo.results.info import describe, digest, versions
+from scex_sumo.results.info import digest, versions
 from scex_sumo.results.parts import Part, Parts
 from scex_sumo.results.run import Run
 from scex_sumo.scene import SeedScene
@@ -132,10 +132,7 @@ def _info(job: Job, command: Sequence[str] | None, all_futures: Part) -> dict[st
     info: dict[str, Any] = {
         "scex_sumo": __version__,
         "command": list(command) if command else None,
-        "seed_scene": describe(scene),
-        **job.models.to_json(),
-        **settings.to_json(),
-        "futures": len(job.assignment),
+        **job.info,
         "thresholds": {**thresholds_of(settings.measured), **settings.thresholds},
         "net": job.road.name,
         "net_notes": [*job.net.notes, *(loss.note for loss in job.net.losses)],

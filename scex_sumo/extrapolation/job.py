@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -24,8 +24,9 @@ from scex_sumo.extrapolation.loop.rollout import Batch, Rollout, roll_out
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.metrics.evaluate import evaluate
-from scex_sumo.results.design import design_intervals
-from scex_sumo.results.folder import horizons_of
+from scex_sumo.results.design import intervals_of
+from scex_sumo.results.folder import assignments_table, horizons_of
+from scex_sumo.results.info import describe
 from scex_sumo.results.parts import Part, joined_parts, save_part
 from scex_sumo.results.tables.columns import rows_table
 from scex_sumo.results.tables.outcomes import SMALL, collisions_table, worst_table
@@ -72,16 +73,16 @@ class Job:
         return self.scene.road
 
     @property
-    def fixed(self) -> BoolArray:
-        """Whether vehicles (V,) have a given model or are people: they draw no model of vehicles."""
-        given = np.isin(self.scene.track_ids, list(self.models.fixed))
-        return given if self.scene.people is None else given | self.scene.people
+    def info(self) -> dict[str, Any]:
+        """Entries of ``run.json`` that are known before the futures run."""
+        own = {**self.models.to_json(), **self.settings.to_json(), "futures": len(self.assignment)}
+        return {"seed_scene": describe(self.scene), **own}
 
     @cached_property
     def intervals(self) -> DesignIntervals:
         """Intervals of the run's design."""
-        weights = [spec.weight for spec in self.models.drawn]
-        return design_intervals(self.assignment, weights, self.fixed, self.settings.design)
+        drawn = assignments_table(self.scene, self.assignment, self.models.names)
+        return intervals_of(self.info, drawn, len(self.assignment))
 
     @property
     def apart(self) -> bool:
@@ -124,18 +125,14 @@ def has_rules(scene: SeedScene) -> bool:
     return bool(road.regulations or road.net or meet or crossed or queues or signals_of(scene))
 
 
-def batches_of(futures: Sequence[int], size: int, *, apart: bool = True) -> list[IntArray]:
-    """Cut futures into batches of at most ``size``; with ``apart``, a batch has different slots."""
-    batches: list[list[int]] = []
-    taken: set[int] = set()
-    for future in futures:
-        slot = future % TILE_SLOTS
-        if not batches or len(batches[-1]) >= size or (apart and slot in taken):
-            batches.append([])
-            taken = set()
-        batches[-1].append(future)
-        taken.add(slot)
-    return [np.asarray(batch, dtype=np.int64) for batch in batches]
+def batches_of(futures: Sequence[int] | IntArray, size: int, *, apart: bool) -> list[IntArray]:
+    """Cut futures into batches of at most ``size``; with ``apart``, those of a batch have different slots.
+
+    ``size`` is at most `TILE_SLOTS`, then.
+    """
+    numbers = np.asarray(futures, dtype=np.int64)
+    batch = (numbers if apart else np.arange(len(numbers))) // size
+    return [numbers[batch == number] for number in np.unique(batch)]
 
 
 def batch_size(job: Job, processes: int = 1) -> int:
@@ -152,17 +149,13 @@ def batch_size(job: Job, processes: int = 1) -> int:
 
 
 @contextmanager
-def batch_runner(job: Job, slots: Sequence[int]) -> Iterator[Callable[[IntArray, OnStep], IntArray]]:
-    """Open the simulator of a job; yield the function that runs a batch and saves its part.
+def batch_runner(job: Job, futures: IntArray) -> Iterator[Callable[[IntArray, OnStep], IntArray]]:
+    """Open the simulator of a job for futures; yield the function that runs a batch and saves its part."""
+    with _simulator(job, futures) as simulator:
 
-    Args:
-        slots: tile slots of all futures that may come.
-    """
-    with _simulator(job, slots) as simulator:
-
-        def run(futures: IntArray, on_step: OnStep) -> IntArray:
-            save_part(job.folder, _run_batch(job, simulator, futures, on_step=on_step))
-            return futures
+        def run(batch: IntArray, on_step: OnStep) -> IntArray:
+            save_part(job.folder, _run_batch(job, simulator, batch, on_step=on_step))
+            return batch
 
         yield run
 
@@ -170,12 +163,12 @@ def batch_runner(job: Job, slots: Sequence[int]) -> Iterator[Callable[[IntArray,
 def run_in_memory(job: Job, futures: Sequence[int]) -> Part:
     """Run futures of a job in this process, without saving them."""
     batches = batches_of(futures, batch_size(job), apart=job.apart)
-    slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
-    with _simulator(job, slots) as simulator:
+    with _simulator(job, np.asarray(futures)) as simulator:
         return joined_parts([_run_batch(job, simulator, batch) for batch in batches])
 
 
-def _simulator(job: Job, slots: Sequence[int]) -> Simulator:
+def _simulator(job: Job, futures: IntArray) -> Simulator:
+    slots = np.unique(job.slots(futures)).tolist()
     request = WorldRequest(scene=job.scene, net=job.net, models=job.models.names, slots=slots, gui=job.gui)
     simulator = WORLDS.load(job.settings.world)
     # sumo-gui shows the map as it is.

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from scex_sumo.base.arrays import IntArray
-from scex_sumo.base.errors import UsageError, listed
+from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import sha256_of
 from scex_sumo.base.owned import SentOnce
 from scex_sumo.behaviors.base import BatchBehavior, Driver, driven_by_sumo, layers
@@ -106,12 +106,6 @@ class ModelSet(SentOnce):
         A vehicle under test takes part in the draw: the draw of the others does not depend on it.
         """
         ids = [int(track) for track in scene.track_ids]
-        unknown = sorted(set(self.tested) - set(ids))
-        if unknown:
-            raise UsageError(
-                f"--assign or --under-test: no vehicle {unknown[0]} in the seed scene; "
-                f"its vehicles: {listed(ids, most=12)}"
-            )
         people = self._drawing(scene)
         if futures is None and any(len(self.people[scene.types[k]]) > 1 for k in people):
             raise UsageError("--futures all: people draw models, too; name one model for each kind")

@@ -8,27 +8,12 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray, numbers_in
+from scex_sumo.base.arrays import BoolArray, FloatArray, numbers_in
 from scex_sumo.base.errors import ResultError
 from scex_sumo.metrics.registry import Metric
 from scex_sumo.results.tables.columns import schema
 from scex_sumo.statistics.density import Density, density
 from scex_sumo.statistics.intervals import DesignIntervals
-
-
-def design_intervals(
-    assignment: IntArray, weights: Sequence[float], fixed: BoolArray, design: str
-) -> DesignIntervals:
-    """Return the intervals of the futures of a run.
-
-    Args:
-        assignment: (C, V) model of every vehicle; models that are drawn come first.
-        fixed: (V,) vehicles that always have the same model.
-    """
-    share = np.asarray(weights, dtype=np.float64) / np.sum(weights)
-    levels = np.where(fixed, 0, assignment)
-    shares = [np.ones(1) if always else share for always in fixed]
-    return DesignIntervals(levels, design=design, shares=shares)
 
 
 def intervals_of(info: Mapping[str, Any], assignments: pa.Table | None, futures: int) -> DesignIntervals:
@@ -40,11 +25,11 @@ def intervals_of(info: Mapping[str, Any], assignments: pa.Table | None, futures:
     tracks = info["seed_scene"].get("track_ids", ())
     if assignments is None or not tracks:
         return DesignIntervals(np.zeros((futures, 0), dtype=np.int64), design="random")
-    always = info.get("assign") or {}
+    assigned = info.get("assign") or {}
     models = [entry["model"] for entry in info["models"]]
     coded = assignments["model"].combine_chunks().dictionary_encode()
     walking = {name for weights in info.get("people", {}).values() for name in weights}
-    others = sorted((set(always.values()) | walking) - set(models))
+    others = sorted((set(assigned.values()) | walking) - set(models))
     place = {name: k for k, name in enumerate([*models, *others])}
     names = coded.dictionary.to_pylist()
     if strange := [name for name in names if name not in place]:
@@ -52,8 +37,10 @@ def intervals_of(info: Mapping[str, Any], assignments: pa.Table | None, futures:
     number = np.array([place[name] for name in names], dtype=np.int64)
     drawn = number[np.asarray(coded.indices)].reshape(futures, len(tracks))
     people = info["seed_scene"].get("people", ())
-    fixed = np.array([str(track) in always or track in people for track in tracks], dtype=np.bool_)
-    return design_intervals(drawn, [entry["weight"] for entry in info["models"]], fixed, info["design"])
+    fixed = np.array([str(track) in assigned or track in people for track in tracks], dtype=np.bool_)
+    weights = np.array([entry["weight"] for entry in info["models"]], dtype=np.float64)
+    shares = [np.ones(1) if is_fixed else weights / weights.sum() for is_fixed in fixed]
+    return DesignIntervals(np.where(fixed, 0, drawn), design=info["design"], shares=shares)
 
 
 def is_critical(values: FloatArray, metric: Metric, limit: float) -> BoolArray:

@@ -52,11 +52,6 @@ def test_a_fixed_vehicle_is_left_out_of_the_combinations() -> None:
     assert (picked[:, 1] == 1).all()
 
 
-def test_an_unknown_vehicle_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(UsageError, match="no vehicle 5 in the seed scene; its vehicles: 1, 2"):
-        assignments([1], [1, 2], futures=3, seed=0, fixed={5: 0})
-
-
 def test_route_draws_are_fixed_per_future_and_apart_from_the_plans_draws() -> None:
     draws = route_draws([3, 4], 6, seed=2)
     assert np.array_equal(draws[1], route_draws([4], 6, seed=2)[0])

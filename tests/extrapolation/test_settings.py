@@ -125,6 +125,8 @@ def test_a_vehicle_of_a_simulation_is_named_as_sumo_names_it() -> None:
     settings = RunSettings(models="replay", assign={"main.47": "replay"}, under_test={0: None})
     assert settings.numbered(scene).assign == {0: "replay"}
     assert settings.numbered(scene).under_test == {1: None}  # a name before a track id
+    with pytest.raises(UsageError, match="--assign 7: not in the seed scene; its vehicles: main"):
+        RunSettings(assign={7: "replay"}).numbered(scene)
     with pytest.raises(UsageError, match="--region main4: not in the seed scene; its vehicles"):
         Region(around="main4").vehicles(scene)
     assert Region(around="main.47").vehicles(scene) == (0, 1)

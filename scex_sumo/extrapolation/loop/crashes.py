@@ -41,10 +41,6 @@ class Crashes:
         self._mass = np.where(np.isnan(mass), np.nanmean(mass) if (mass > 0).any() else 1.0, mass)
         self.crashed: BoolArray = np.zeros((futures, scene.vehicles), dtype=np.bool_)
 
-    def forget(self, futures: IntArray) -> None:
-        """Begin some futures again."""
-        self.crashed[futures] = False
-
     def after_step(
         self, before: States, after: States, steps: int
     ) -> tuple[tuple[IntArray, IntArray], States]:

@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from scex_sumo.base.errors import SimulationError, UsageError
 
 if TYPE_CHECKING:
@@ -70,10 +72,10 @@ class Workers:
         """
         from scex_sumo.extrapolation.job import batch_runner
 
-        slots = sorted({int(slot) for batch in batches for slot in job.slots(batch)})
+        futures = np.concatenate(batches)
         if self.pool is not None:
-            self.pool.run(partial(batch_runner, job, slots), batches, on_step, together=together)
+            self.pool.run(partial(batch_runner, job, futures), batches, on_step, together=together)
             return
-        with batch_runner(job, slots) as run_here:
+        with batch_runner(job, futures) as run_here:
             for batch in batches:
                 run_here(batch, on_step)
