@@ -51,16 +51,15 @@ def balanced_assignments(
     shares = np.asarray(weights, dtype=np.float64)[drawn]
     shares /= shares.sum()
 
-    def make() -> IntArray:
+    def make() -> bytes:
         from scex_sumo.statistics.designs import balanced
 
-        return balanced([shares] * vehicles, futures, future_generator(seed, 0, _DESIGN_STREAM))
+        generator = future_generator(seed, 0, _DESIGN_STREAM)
+        return balanced([shares] * vehicles, futures, generator).tobytes()
 
-    if not keep:
-        return drawn[make()].astype(np.int64)
     made_of = repr((shares.tolist(), futures, vehicles, seed)).encode()
-    levels = np.frombuffer(cached_bytes("designs", made_of, lambda: make().tobytes()), dtype=np.int64)
-    return drawn[levels.reshape(futures, vehicles)]
+    levels = cached_bytes("designs", made_of, make) if keep else make()
+    return drawn[np.frombuffer(levels, dtype=np.int64).reshape(futures, vehicles)]
 
 
 def people_assignments(

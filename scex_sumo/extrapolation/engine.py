@@ -41,12 +41,14 @@ def run_scene(
     options: RunOptions,
     models: ModelSet | None = None,
     stale: Sequence[str] = (),
+    label: str = "stress-test futures",
 ) -> tuple[Run, Job]:
     """Simulate and measure the futures of a seed scene that has a road, then let its extras work.
 
     Args:
         models: what `checked_models` returned for these settings; None builds them.
         stale: results of a former run in its folder, which are removed.
+        label: of the progress bar.
 
     Raises:
         ScexError: as of `extrapolate`.
@@ -56,7 +58,7 @@ def run_scene(
     folder, job = _folder_and_job(scene, settings, options, models or checked_models(settings, options), path)
     folder.remove(stale)
     # More threads of matrix products would wait for cores on which workers run.
-    with threadpool_limits(1, user_api="blas"), options.bar("stress-test futures") as tick:
+    with threadpool_limits(1, user_api="blas"), options.bar(label) as tick:
         _run_all(job, workers, tick)
         recorded = measure_recorded(
             job.scene,

@@ -24,7 +24,7 @@ def intervals_of(info: Mapping[str, Any], assignments: pa.Table | None, futures:
     """
     tracks = info["seed_scene"].get("track_ids", ())
     if assignments is None or not tracks:
-        return DesignIntervals(np.zeros((futures, 0), dtype=np.int64), design="random")
+        return DesignIntervals(np.zeros((futures, 0), dtype=np.int64), design="random", shares=())
     assigned = info.get("assign") or {}
     models = [entry["model"] for entry in info["models"]]
     coded = assignments["model"].combine_chunks().dictionary_encode()

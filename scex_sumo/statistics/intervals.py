@@ -47,16 +47,16 @@ class DesignIntervals:
         whole: True if all assignments occur once: then nothing is uncertain.
     """
 
-    def __init__(self, levels: IntArray, *, design: str, shares: Sequence[FloatArray] | None = None) -> None:
+    def __init__(self, levels: IntArray, *, design: str, shares: Sequence[FloatArray]) -> None:
         """Prepare for futures.
 
         Args:
             levels: (C, V) model of each vehicle in each future, whole numbers from 0.
             design: how the assignments were drawn: ``balanced``, ``all`` of them, or ``random``.
-            shares: per vehicle, the intended share of each level; by default equal for all that occur.
+            shares: per vehicle, the intended share of each level.
         """
         self.count = len(levels)
-        factors = _factors(np.asarray(levels, dtype=np.int64), shares)
+        factors = [(levels[:, vehicle], share) for vehicle, share in enumerate(shares) if len(share) > 1]
         self.whole = design == "all"
         enough = MIN_FUTURES <= self.count <= MAX_FUTURES
         self.balanced = design not in ("random", "all") and bool(factors) and enough
@@ -68,11 +68,7 @@ class DesignIntervals:
             self._blocks = [_Block([(level[p], share) for level, share in factors], p) for p in parts]
 
     def variance(self, values: FloatArray) -> FloatArray:
-        """Return (M,) variances of the means of values (C, M) over the futures under the design."""
-        if self.whole:
-            return np.zeros(values.shape[1])
-        if not self.balanced:
-            return np.asarray(values.var(axis=0) / max(self.count, 1))
+        """Return (M,) variances of the means of values (C, M) over the futures under a balanced design."""
         forms = sum(block.forms(values[block.rows]) for block in self._blocks)
         design = sum(block.design for block in self._blocks)
         components = _nonnegative(np.asarray(design), np.asarray(forms))
@@ -156,18 +152,6 @@ def _linearised(values: FloatArray, known: BoolArray) -> FloatArray:
     below = np.where(known[:, None], values[:, None] <= limits, 0.0)
     linear: FloatArray = np.where(known[:, None], below - below.sum(axis=0) / known.sum(), 0.0) / known.mean()
     return linear
-
-
-def _factors(levels: IntArray, shares: Sequence[FloatArray] | None) -> list[tuple[IntArray, FloatArray]]:
-    factors = []
-    for vehicle in range(levels.shape[1] if levels.size else 0):
-        names, level = np.unique(levels[:, vehicle], return_inverse=True)
-        share = np.full(len(names), 1 / len(names))
-        if shares is not None:
-            share, level = np.asarray(shares[vehicle], dtype=np.float64), levels[:, vehicle]
-        if len(share) > 1:
-            factors.append((level.reshape(-1).astype(np.int64), share))
-    return factors
 
 
 class _Block:

@@ -70,26 +70,20 @@ def _run_baseline(job: Job, workers: Workers, options: RunOptions) -> None:
         futures="all" if job.settings.count is None else len(job.assignment),
         under_test=dict.fromkeys(job.settings.under_test),
     )
-    folder, bar = job.folder / BASELINE, lambda label: options.bar("baseline futures")
-    own = dataclasses.replace(options, gui=False, out=folder, overwrite=True, bar=bar, extra=())
-    run_scene(job.scene, settings, workers=workers, options=own)
+    own = dataclasses.replace(options, gui=False, out=job.folder / BASELINE, overwrite=True, extra=())
+    run_scene(job.scene, settings, workers=workers, options=own, label="baseline futures")
 
 
 def _run_reference(job: Job, models: str, workers: Workers, options: RunOptions) -> None:
     """Run the reference with all workers; a finished one is kept."""
-    own = dataclasses.replace(
-        options,
-        out=job.folder / REFERENCE,
-        bar=lambda label: options.bar("human-like futures"),
-        gui=False,
-        overwrite=True,
-        is_reference=True,
-    )
+    folder = job.folder / REFERENCE
+    own = dataclasses.replace(options, gui=False, out=folder, overwrite=True, is_reference=True)
     futures = reference_futures(len(job.assignment), job.settings.steps)
     settings = dataclasses.replace(job.settings, models=models, assign={}, under_test={}, futures=futures)
     drivers = ModelSet.of(settings)
     wanted = dataclasses.replace(settings, world=drivers.world)
-    run_scene(job.scene, wanted, workers=workers, options=own, models=drivers)
+    label = "human-like futures"
+    run_scene(job.scene, wanted, workers=workers, options=own, models=drivers, label=label)
 
 
 def reference_futures(futures: int, steps: int) -> int:

@@ -29,14 +29,14 @@ from scex_sumo.results.tables.encounters import BITS
 from scex_sumo.studies.validate.vehicles import ENCOUNTERS
 from tests.results.tables.test_encounters import LEVELS, MODELS, TRACKS, futures
 from tests.metrics.scenes import find_encounters
-from scex_sumo.statistics.intervals import DesignIntervals
+from tests.statistics.shares import equal_shares
 
 assert "gap" in EVENTS and QUESTIONS[-2:] == ("gap", "critical") and BITS["gap"] == 16
 assert any(hint.startswith("body gap < 0.5 m") for _, _, hint in HEADS) and "gap_happened" in ENCOUNTERS.names
 
 met = find_encounters(futures(LEVELS), None)
 met = dataclasses.replace(met, kind=met.kind * 0 - 1, gap=met.gap * 0 + 0.2, ttc=np.full(len(met), np.inf))
-design = DesignIntervals(LEVELS, design="random")
+design = equal_shares(LEVELS, "random")
 (row,) = encounters_table(met, track_ids=TRACKS, models=MODELS[LEVELS], intervals=design).to_pylist()
 assert row["critical"] == row["gap"] == len(met) / 40 and event_of(row) == ("gap", "gap < 0.5 m")
 outcomes = outcomes_table(met, TRACKS)

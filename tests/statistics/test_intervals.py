@@ -12,7 +12,7 @@ from scex_sumo.base.errors import InputError
 from scex_sumo.statistics.density import dkw_half_width, wilson_of
 from scex_sumo.statistics.designs import balanced
 from scex_sumo.statistics.intervals import DesignIntervals
-from tests.statistics.shares import wilson
+from tests.statistics.shares import equal_shares, wilson
 
 LEVELS, VEHICLES = 4, 5
 SHARES = [np.full(LEVELS, 1 / LEVELS)] * VEHICLES
@@ -29,7 +29,7 @@ def additive(rows: IntArray) -> FloatArray:
 
 
 def test_all_assignments_leave_nothing_uncertain_not_even_of_a_share_of_1() -> None:
-    found = DesignIntervals(ALL[:16], design="all")
+    found = equal_shares(ALL[:16], "all")
     for critical in (np.zeros(16, dtype=bool), np.arange(16) < 3, np.ones(16, dtype=bool)):
         share = found.share(critical)
         assert share.low == share.value == share.high
@@ -39,7 +39,7 @@ def test_all_assignments_leave_nothing_uncertain_not_even_of_a_share_of_1() -> N
 
 def test_random_draws_have_the_ordinary_intervals() -> None:
     rows = drawn(117, 0)
-    found = DesignIntervals(rows, design="random")
+    found = equal_shares(rows, "random")
     critical = additive(rows) > 3
     ordinary = wilson(int(critical.sum()), 117)
     got = found.share(critical)
@@ -49,7 +49,7 @@ def test_random_draws_have_the_ordinary_intervals() -> None:
 
 def test_what_single_vehicles_make_a_balanced_design_knows_nearly_exactly() -> None:
     rows = drawn(128, 1)
-    found = DesignIntervals(rows, design="balanced")
+    found = equal_shares(rows, "balanced")
     values = additive(rows)[:, None]
     independent = values.var() / 128
     assert found.variance(values)[0] < 0.1 * independent
@@ -59,7 +59,7 @@ def test_noise_of_single_futures_is_not_balanced_out() -> None:
     rng = np.random.default_rng(2)
     rows = drawn(300, 2)
     noise = rng.normal(size=(300, 200))
-    ratio = DesignIntervals(rows, design="balanced").variance(noise).mean() * 300
+    ratio = equal_shares(rows, "balanced").variance(noise).mean() * 300
     assert ratio == pytest.approx(1.0, abs=0.25)
 
 
@@ -76,9 +76,7 @@ def test_coverage_and_width_on_functions_with_interactions(count: int) -> None:
     for seed in range(30):
         rows = drawn(count, seed)
         critical = truth_of[np.ravel_multi_index(tuple(rows.T), (LEVELS,) * VEHICLES)]
-        for p, found in zip(
-            truth, DesignIntervals(rows, design="balanced").all_shares(critical), strict=True
-        ):
+        for p, found in zip(truth, equal_shares(rows, "balanced").all_shares(critical), strict=True):
             inside.append(found.low <= p <= found.high)
             width.append(found.high - found.low)
             error.append(found.value - p)
@@ -89,7 +87,7 @@ def test_coverage_and_width_on_functions_with_interactions(count: int) -> None:
 
 def test_a_share_of_0_or_1_keeps_its_interval_of_independent_draws() -> None:
     rows = drawn(117, 4)
-    found = DesignIntervals(rows, design="balanced")
+    found = equal_shares(rows, "balanced")
     none, every = found.all_shares(np.stack([np.zeros(117, dtype=bool), np.ones(117, dtype=bool)], axis=1))
     assert (none.low, none.high) == (0.0, pytest.approx(wilson(0, 117).high))
     assert (every.low, every.high) == (pytest.approx(wilson(117, 117).low), 1.0)
@@ -100,7 +98,7 @@ def test_an_interval_is_never_wider_than_that_of_independent_draws() -> None:
     rows = drawn(60, 5)
     critical = rng.random((60, 50)) < 0.3
     for hits, found in zip(
-        critical.sum(axis=0), DesignIntervals(rows, design="balanced").all_shares(critical), strict=True
+        critical.sum(axis=0), equal_shares(rows, "balanced").all_shares(critical), strict=True
     ):
         ordinary = wilson(int(hits), 60)
         assert ordinary.low - 1e-12 <= found.low <= found.high <= ordinary.high + 1e-12
@@ -108,21 +106,21 @@ def test_an_interval_is_never_wider_than_that_of_independent_draws() -> None:
 
 def test_all_assignments_know_the_share() -> None:
     critical = additive(ALL) > 3
-    found = DesignIntervals(ALL, design="balanced").share(critical)
+    found = equal_shares(ALL, "balanced").share(critical)
     assert found.low == found.value == found.high == critical.mean()
 
 
 def test_few_futures_and_fixed_vehicles_have_the_ordinary_intervals() -> None:
-    assert not DesignIntervals(drawn(20, 0), design="balanced").balanced
-    assert not DesignIntervals(np.tile(ALL, (5, 1)), design="balanced").balanced  # over 4096
-    assert not DesignIntervals(np.zeros((100, 3), dtype=np.int64), design="balanced").balanced
-    assert not DesignIntervals(np.empty((0, 3), dtype=np.int64), design="balanced").balanced
+    assert not equal_shares(drawn(20, 0), "balanced").balanced
+    assert not equal_shares(np.tile(ALL, (5, 1)), "balanced").balanced  # over 4096
+    assert not equal_shares(np.zeros((100, 3), dtype=np.int64), "balanced").balanced
+    assert not equal_shares(np.empty((0, 3), dtype=np.int64), "balanced").balanced
 
 
 def test_undefined_futures_widen_the_band() -> None:
     rows = drawn(200, 6)
     values = additive(rows)
-    found = DesignIntervals(rows, design="balanced")
+    found = equal_shares(rows, "balanced")
     some = np.where(np.random.default_rng(0).random(200) < 0.5, np.nan, values)
     assert found.half_width(values) < found.half_width(some) <= dkw_half_width(int(np.isfinite(some).sum()))
     assert found.half_width(np.full(200, np.nan)) == 1.0
@@ -130,7 +128,7 @@ def test_undefined_futures_widen_the_band() -> None:
 
 def test_long_designs_are_taken_in_blocks() -> None:
     rows = drawn(1100, 7)
-    found = DesignIntervals(rows, design="balanced").share(additive(rows) > 3)
+    found = equal_shares(rows, "balanced").share(additive(rows) > 3)
     ordinary = wilson(int((additive(rows) > 3).sum()), 1100)
     assert 0 < found.high - found.low < 0.6 * (ordinary.high - ordinary.low)
 
@@ -145,7 +143,7 @@ def test_unequal_weights_are_the_designs_own() -> None:
 
 def test_values_must_be_of_the_designs_futures() -> None:
     with pytest.raises(InputError, match="5 values for the 40 futures"):
-        DesignIntervals(drawn(40, 0), design="balanced").share(np.zeros(5, dtype=bool))
+        equal_shares(drawn(40, 0), "balanced").share(np.zeros(5, dtype=bool))
 
 
 def test_an_infinite_number_of_trials_knows_the_share() -> None:

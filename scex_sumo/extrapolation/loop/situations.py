@@ -64,12 +64,14 @@ def _intents(
     models: Mapping[int, BatchBehavior], history: SceneHistory, road: Road, groups: Sequence[VehicleIndex]
 ) -> dict[int, Intent]:
     """Return the intents of the path-following models, once for equal situations."""
-    alike: dict[Hashable, dict[int, DrivesAlong]] = {}
+    alike, intents = dict[Hashable, dict[int, DrivesAlong]](), dict[int, Intent]()
     for index, model in models.items():
-        if isinstance(model, DrivesAlong) and declared(model).sight is not None:
+        if declared(model).sight is None:
+            continue
+        if isinstance(model, DrivesAlong):
             alike.setdefault(model.looks, {})[index] = model
-    learned = {index: _intent(model, history, road, groups[index]) for index, model in models.items()}
-    intents = {index: intent for index, intent in learned.items() if intent is not None}
+        elif (intent := _intent(model, history, road, groups[index])) is not None:
+            intents[index] = intent
     for drivers in alike.values():
         situations = [_situations(model, history, groups[index]) for index, model in drivers.items()]
         few = [groups[index][first] for index, (first, _) in zip(drivers, situations, strict=True)]
@@ -84,8 +86,6 @@ def _intents(
 
 def _intent(model: BatchBehavior, history: SceneHistory, road: Road, vehicles: VehicleIndex) -> Intent | None:
     """Return the intent of a learned driver along paths, once for equal situations; None for other models."""
-    if isinstance(model, DrivesAlong) or declared(model).sight is None:
-        return None
     first, kind = _situations(model, history, vehicles)
     few, asked, futures = _in_few(history, vehicles[first])
     intent: Intent | None = declared(model).intend(few, road, asked)

@@ -12,9 +12,8 @@ from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.collisions import find_collisions
 from scex_sumo.results.tables.encounters import SCHEMA, encounters_table, in_words, precedence_words
 from scex_sumo.scene import States
-from scex_sumo.statistics.intervals import DesignIntervals
 from tests.metrics.scenes import find_encounters
-from tests.statistics.shares import wilson
+from tests.statistics.shares import equal_shares, wilson
 
 TRACKS = np.array([17, 23, 99])
 MODELS = np.array(["constant_velocity", "emergency_brake"])
@@ -45,7 +44,7 @@ LEVELS = np.array([[a, b, 0] for a in (0, 1) for b in (0, 1)] * 10)
 def table():  # type: ignore[no-untyped-def]
     tracks = futures(LEVELS)
     found = find_encounters(tracks, PlannedPaths.from_tracks(tracks))
-    intervals = DesignIntervals(LEVELS, design="random")
+    intervals = equal_shares(LEVELS, "random")
     return encounters_table(found, track_ids=TRACKS, models=MODELS[LEVELS], intervals=intervals)
 
 
@@ -104,7 +103,7 @@ def test_gap_time_and_drivers_are_those_of_one_future() -> None:
         time_s=np.array([0.1, 0.2, 0.3, 0.4, 0.5]),
     )
     models = MODELS[LEVELS[:5]]
-    design = DesignIntervals(LEVELS[:5], design="random")
+    design = equal_shares(LEVELS[:5], "random")
     row = encounters_table(found, track_ids=TRACKS, models=models, intervals=design).to_pylist()[0]
     assert (row["future"], row["gap"], row["time_s"]) == (2, 5.0, 0.3)
     assert (row["model"], row["other_model"]) == ("emergency_brake", "constant_velocity")
