@@ -123,7 +123,6 @@ class ModelSet(SentOnce):
 
     def _drawing(self, scene: SeedScene) -> list[int]:
         """Return the people (indices) that draw a model."""
-        given = {track for track in self.fixed if self.tested.get(track, "") is not None}
         people = [] if scene.people is None else np.flatnonzero(scene.people).tolist()
         kinds = dict(zip(scene.track_ids.tolist(), scene.types, strict=True))
         for track, index in self.fixed.items():
@@ -131,7 +130,7 @@ class ModelSet(SentOnce):
             if moves and kinds.get(track, moves[0]) not in moves:
                 what = f"--assign {track}={self.names[index]}: moves no {kinds[track]}"
                 raise UsageError(f"{what}; give a model of vehicles")
-        return [k for k in people if int(scene.track_ids[k]) not in given]
+        return [k for k in people if int(scene.track_ids[k]) not in self.fixed]
 
     def try_on(self, scene: SeedScene, *, seed: int) -> None:
         """Let every model that may fail plan once; raise a `ScexError` if no plan of one is usable."""
