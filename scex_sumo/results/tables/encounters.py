@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -82,31 +83,27 @@ def encounters_table(
         and ``y`` belong to ``future``, the typical future: its least gap, then its time, is the median of
         those that collide (else have the most frequent event, else meet). Gaps above 10 m are null.
     """
-    vehicles = len(track_ids)
-    pairs, which = np.unique(encounters.first * vehicles + encounters.second, return_inverse=True)
-    which = which.reshape(-1)
-    answers = {name: encounters.happens(event) for name, event in EVENTS.items()}  # a collision is each
-    answers["critical"] = np.any(list(answers.values()), axis=0)
+    number = encounters.first * len(track_ids) + encounters.second
+    order = np.argsort(number, kind="stable")
+    encounters, number = encounters.take(order), number[order]
+    _, begins, which = np.unique(number, return_index=True, return_inverse=True)
     shares = {}
-    for name, answer in answers.items():
-        full = np.zeros((intervals.count, len(pairs)), dtype=np.bool_)  # False where a pair does not meet
+    for name, answer in _answers(encounters).items():
+        full = np.zeros((intervals.count, len(begins)), dtype=np.bool_)  # False where a pair does not meet
         full[encounters.future[answer], which[answer]] = True
         shares[name] = intervals.all_shares(full)
-    order = np.argsort(which, kind="stable")
-    ends = np.searchsorted(which[order], np.arange(len(pairs) + 1))
     injured = _injured(collisions, len(models))
     rows, drawn = [], DrawnModels(track_ids, models)
-    for index in range(len(pairs)):
-        mine = order[ends[index] : ends[index + 1]]
-        row = _row(encounters, mine, answers, drawn)
+    for index, (begin, end) in enumerate(pairwise([*begins.tolist(), len(number)])):
+        row = _row(encounters.take(slice(begin, end)), drawn)
         row["expected_mais3"] = injured.get(frozenset((row["track_id"], row["other_id"])), 0.0)
         for name in QUESTIONS:
             share = shares[name][index]
             row |= {name: share.value, f"{name}_low": share.low, f"{name}_high": share.high}
         rows.append(row)
     if scene is not None and scene.road is not None:
-        number = {track: v for v, track in enumerate(scene.track_ids.tolist())}
-        by_end = ([number[row[name]] for row in rows] for name in ("track_id", "other_id"))
+        vehicle = {track: v for v, track in enumerate(scene.track_ids.tolist())}
+        by_end = ([vehicle[row[name]] for row in rows] for name in ("track_id", "other_id"))
         first, second = (np.array(vehicles, np.int64) for vehicles in by_end)
         places = places_of(scene.road, np.array([(row["x"], row["y"]) for row in rows]).reshape(-1, 2))
         doubts = doubts_of(scene, first, second, names=scene.names)
@@ -144,41 +141,41 @@ def criticality(row: Mapping[str, Any]) -> tuple[float, float, float]:
     return (-row["collision"], -row["critical"], np.inf if gap is None else gap)
 
 
-def _row(
-    encounters: Encounters, mine: IntArray, answers: Mapping[str, BoolArray], drawn: DrawnModels
-) -> dict[str, Any]:
-    track_ids, models = drawn.track_ids, drawn.models
-    first, second = int(encounters.first[mine[0]]), int(encounters.second[mine[0]])
-    worst = next(
-        (subset for name in ("collision", "critical") if (subset := mine[answers[name][mine]]).size), mine
-    )
-    if encounters.towards[worst].sum() < 0:
+def _answers(encounters: Encounters) -> dict[str, BoolArray]:
+    """Return (N,) whether the event of each question happens; a collision is each."""
+    happens = {name: encounters.happens(event) for name, event in EVENTS.items()}
+    return {**happens, "critical": np.any(list(happens.values()), axis=0)}
+
+
+def _row(own: Encounters, drawn: DrawnModels) -> dict[str, Any]:
+    """Return the row of a pair from its encounters in all futures, without shares."""
+    futures, answers = len(drawn.models), _answers(own)
+    first, second = int(own.first[0]), int(own.second[0])
+    worst = [answers[name] for name in ("collision", "critical") if answers[name].any()]
+    if own.towards[worst[0] if worst else slice(None)].sum() < 0:
         first, second = second, first
-    event, _ = event_of({name: answers[name][mine].sum() for name in QUESTIONS})
-    named = mine[answers[event][mine]] if event else mine
-    happens = np.isin(np.arange(len(models)), encounters.future[named])
-    order = np.lexsort((encounters.time_s[named], encounters.gap[named]))
-    typical = named[order[(len(named) - 1) // 2]]
-    future = int(encounters.future[typical])
-    hits = mine[encounters.collided[mine]]
-    futures = len(models)
-    gaps = np.concatenate([encounters.gap[mine], np.full(futures - len(mine), np.inf)])
+    event, _ = event_of({name: answer.sum() for name, answer in answers.items()})
+    named = own.take(answers[event]) if event else own
+    happens = np.isin(np.arange(futures), named.future)
+    typical = np.lexsort((named.time_s, named.gap))[(len(named) - 1) // 2]
+    future, hits = int(named.future[typical]), own.relative_speed[own.collided]
+    gaps = np.concatenate([own.gap, np.full(futures - len(own), np.inf)])
     quantiles = np.quantile(gaps, _GAPS, method="inverted_cdf")
     return {
-        "track_id": int(track_ids[first]),
-        "other_id": int(track_ids[second]),
-        "met": len(mine) / futures,
-        "consequence": float(encounters.consequence[mine].sum() / futures),
-        "kind": KINDS[int(encounters.kind[typical])] if hits.size else None,
-        "relative_speed": float(np.median(encounters.relative_speed[hits])) if hits.size else None,
+        "track_id": int(drawn.track_ids[first]),
+        "other_id": int(drawn.track_ids[second]),
+        "met": len(own) / futures,
+        "consequence": float(own.consequence.sum() / futures),
+        "kind": KINDS[int(named.kind[typical])] if hits.size else None,
+        "relative_speed": float(np.median(hits)) if hits.size else None,
         **{f"gap_p{round(100 * level):02}": _near(gap) for level, gap in zip(_GAPS, quantiles, strict=True)},
         "future": future,
-        "gap": _near(encounters.gap[typical]),
-        "model": str(models[future, first]),
-        "other_model": str(models[future, second]),
-        "time_s": float(encounters.time_s[typical]),
-        "x": float(encounters.x[typical]),
-        "y": float(encounters.y[typical]),
+        "gap": _near(named.gap[typical]),
+        "model": str(drawn.models[future, first]),
+        "other_model": str(drawn.models[future, second]),
+        "time_s": float(named.time_s[typical]),
+        "x": float(named.x[typical]),
+        "y": float(named.y[typical]),
         "cut_sets": drawn.cut_sets((first, second), happens) if event else [],
         "lifts": drawn.lifts((first, second), happens) if event else [],
     }
