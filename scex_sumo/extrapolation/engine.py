@@ -75,7 +75,7 @@ def run_scene(
             work = Work(job=job, part=all_futures, workers=workers, options=options)
             rows, failed = work_of(options.extra, work)
     info = _info(job, options.command, all_futures)
-    info["recorded"] = recorded_info(job.scene, recorded)
+    info["recorded"] = None if recorded is None else recorded_info(job.scene, recorded)
     notes = [*failed, *outcome_notes(job.scene, recorded), *workers.deaths]
     folder.finish(info | {"run_notes": [*notes, *info["run_notes"]], "rows": rows})
     run = Run(folder.path, temporary)

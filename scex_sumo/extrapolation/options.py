@@ -101,9 +101,8 @@ class RunOptions:
             return 1
         if self.workers != AUTO:
             return min(1 if self.workers is None else int(self.workers), settings.count or MAX_FUTURES)
-        tested = [model for model in settings.under_test.values() if model is not None]
-        given = chain.from_iterable(map(model_specs, [*settings.assign.values(), *tested]))
-        if any(map(is_own, chain(settings.drawn, given))):
+        tested = chain.from_iterable(map(model_specs, filter(None, settings.under_test.values())))
+        if any(map(is_own, chain(settings.drawn, tested))):  # own ones of ``assign`` are under test
             return 1
         help_by = (settings.count or MAX_FUTURES) * settings.steps // (FUTURES_EACH * RunSettings.steps)
         return max(1, min(idle_cores(), help_by))

@@ -86,7 +86,7 @@ def _written_tracks(folder: ResultFolder, job: Job) -> Iterator[Part]:
 
 def outcome_notes(scene: SeedScene, recorded: Recorded | None) -> list[str]:
     """Return notes on copies of vehicles, overlapping boxes, and the recording's end."""
-    notes, ids, now = [], [int(track) for track in scene.track_ids], scene.now
+    notes, ids, now = [], scene.track_ids.tolist(), scene.now
     overlaps = overlapping_at_first(scene)
     copies = {(a, b) for a, b in overlaps if math.hypot(now.x[a] - now.x[b], now.y[a] - now.y[b]) < COPY_M}
     if copies:
@@ -108,7 +108,6 @@ def outcome_notes(scene: SeedScene, recorded: Recorded | None) -> list[str]:
     if recorded is None:
         return notes
     info = recorded_info(scene, recorded)
-    assert info is not None
     twins = {frozenset((ids[a], ids[b])) for a, b in (*copies, *nets)}
     seen = [
         f"{a} and {b} at {time_s:.1f} s"
@@ -132,17 +131,15 @@ def outcome_notes(scene: SeedScene, recorded: Recorded | None) -> list[str]:
     return notes
 
 
-def recorded_info(scene: SeedScene, recorded: Recorded | None) -> dict[str, Any] | None:
-    """Return the entry ``recorded`` of ``run.json``; None without a recorded future.
+def recorded_info(scene: SeedScene, recorded: Recorded) -> dict[str, Any]:
+    """Return the entry ``recorded`` of ``run.json``.
 
     ``left``: last step of each vehicle that leaves, by track id. ``overlaps``: two track ids and the time, s.
     """
-    if recorded is None:
-        return None
-    ids, hits = [int(track) for track in scene.track_ids], recorded.overlaps
+    ids, hits = scene.track_ids.tolist(), recorded.overlaps
     pairs = zip(hits.first.tolist(), hits.second.tolist(), hits.time_s.tolist(), strict=True)
-    last = recorded.last_step.tolist()
+    last = zip(ids, recorded.last_step.tolist(), strict=True)
     return {
-        "left": {str(ids[v]): last[v] for v in range(len(ids)) if last[v] < recorded.steps},
+        "left": {str(track): step for track, step in last if step < recorded.steps},
         "overlaps": [[ids[a], ids[b], time_s] for a, b, time_s in pairs],
     }

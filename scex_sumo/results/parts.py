@@ -75,14 +75,11 @@ def remove_broken(folder: Path) -> None:
 
 def _is_whole(file: Path) -> bool:
     try:
-        with file.open("rb") as opened, np.load(opened) as data:
-            arrays = {name: data[name] for name in data}
-            [_unpacked(arrays[name]) for name in TABLES if name in arrays]
-            there = [name for name in (*_ARRAYS, *_STATES) if name in arrays or name != "tested"]
-            rows = {arrays[name].shape[0] for name in there}
-    except Exception:  # of zipfile, numpy or Arrow, by whatever bytes
+        part = _loaded(file)
+    except Exception:  # of zipfile, numpy or Arrow, by whatever bytes; or something is missing
         return False
-    return "worst" in arrays and len(rows) == 1
+    arrays = (part.futures, part.values, part.defined, part.tested, *vars(part.states).values())
+    return len({len(array) for array in arrays if array is not None}) == 1
 
 
 def _unpacked(data: NDArray[np.uint8]) -> pa.Table:
@@ -121,9 +118,10 @@ class Parts:
         return Part(**columns)
 
 
-def _loaded(file: Path, futures: IntArray) -> Part:
-    with np.load(file) as data:
-        rows = np.isin(data["futures"], futures)
+def _loaded(file: Path, futures: IntArray | None = None) -> Part:
+    """Return some futures of a file; None: all."""
+    with file.open("rb") as opened, np.load(opened) as data:
+        rows = slice(None) if futures is None else np.isin(data["futures"], futures)
         columns: dict[str, Any] = {name: data[name][rows] for name in _ARRAYS if name in data}
         columns["states"] = States(**{name: data[name][rows] for name in _STATES})
         mine = pa.array(columns["futures"])

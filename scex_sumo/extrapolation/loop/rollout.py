@@ -102,7 +102,7 @@ def roll_out(
     Args:
         world: holds the seed scene in each of its C tiles.
         steps: of 0.1 s.
-        replan: steps that a plan is followed.
+        replan: steps that a plan is followed, up to 30.
         on_step: called after each step with the number of futures.
         crash: False: vehicles drive on after a contact, as recorded boxes do, which are inexact.
 
@@ -120,7 +120,7 @@ def roll_out(
     plan_x = np.empty((count, rounds, vehicles, PLAN_STEPS))
     plan_y = np.empty_like(plan_x)
     simulated = States.empty((count, steps, vehicles))
-    plan = States.empty((count, vehicles, max(replan, PLAN_STEPS)))
+    plan = States.empty((count, vehicles, PLAN_STEPS))
     replaced: list[Replaced] = []
     for step in range(steps):
         if step % replan == 0:
@@ -128,14 +128,13 @@ def roll_out(
             groups = groups_of(np.where(crashed | gone, -1, batch.assignment), len(batch.models))
             for index, model_plan in plans_of(batch.models, groups, history, road, batch.generators):
                 group = groups[index]
-                usable = checked_plan(model_plan, len(group), plan.shape[2], batch.names[index])
+                usable = checked_plan(model_plan, len(group), PLAN_STEPS, batch.names[index])
                 plan.assign((group.future, group.vehicle), usable)
                 replaced += _replaced(model_plan, group, batch, step, batch.names[index])
             left = crashed | gone
             now = window[:, :, -1][left]
-            plan.assign(np.nonzero(left), slide(now, now.speed, plan.shape[2]))
-            plan_x[:, step // replan] = plan.x[:, :, :PLAN_STEPS]
-            plan_y[:, step // replan] = plan.y[:, :, :PLAN_STEPS]
+            plan.assign(np.nonzero(left), slide(now, now.speed, PLAN_STEPS))
+            plan_x[:, step // replan], plan_y[:, step // replan] = plan.x, plan.y
         before, column = window[:, :, -1], step % replan
         world.move(plan[:, :, column], override | crashed)
         if scene.obstacles is not None:
@@ -151,7 +150,7 @@ def roll_out(
         simulated.assign((slice(None), step), read)
         window = States.concatenate([window[:, :, 1:], read[:, :, None]], axis=2)
         if crashes is not None:
-            who_crash, motion = crashes.after_step(before, read, plan.shape[2] - column - 1)
+            who_crash, motion = crashes.after_step(before, read, PLAN_STEPS - column - 1)
             plan.assign((*who_crash, slice(column + 1, None)), motion)
         if on_step is not None:
             on_step(count)
