@@ -110,9 +110,7 @@ def _folder_and_job(
     signals = signals_of(scene) if settings.obeys else None
     with writing(file):
         net = converted(scene.road, file, keep=options.cache, signals=signals, time_s=scene.time_s)
-    if added:
-        net = dataclasses.replace(net, notes=(*net.notes, *added))
-    scene, net = ruled(scene, net, settings)
+    scene, net = ruled(scene, dataclasses.replace(net, notes=(*net.notes, *added)), settings)
     gui, conflicts = options.gui, options.is_reference
     return folder, Job(scene, net, settings, models, assignment, folder.path, gui, conflicts=conflicts)
 

@@ -108,13 +108,13 @@ def masses(types: Sequence[str], length: FloatArray) -> FloatArray:
     return np.array([np.interp(long, *points) for long, points in zip(length, known, strict=True)])
 
 
-def _injuries(kinds: Sequence[Sequence[str]], share: FloatArray, closing: FloatArray) -> FloatArray:
+def _injuries(kinds: NDArray[np.str_], share: FloatArray, closing: FloatArray) -> FloatArray:
     """Return (2, N) probabilities of a severe injury (MAIS 3+) of one person of each of two road users.
 
     People on foot or bicycle are injured by the closing speed; in a vehicle that hits them nobody is: 0.
 
     Args:
-        kinds: types (N,) of the first and of the second one.
+        kinds: (2, N) types of the first and of the second one.
         share: (2, N) of the other's mass in both masses.
         closing: (N,) speed, m/s.
     """
@@ -143,8 +143,8 @@ def severity_of(
     stands = [np.abs(moves.speed(vehicle, share)) <= _STANDING_MPS for vehicle in pair]
     mass = masses(types, tracks.length)[np.stack(pair)]
     shares = mass[::-1] / mass.sum(axis=0)
-    kinds = [[road_user(types[v]) for v in side.tolist()] for side in pair]
-    walks, covered = (_flags([[k in of for k in side] for side in kinds]) for of in (STRUCK, COVERED))
+    kinds = np.array([[road_user(types[v]) for v in side.tolist()] for side in pair], dtype=np.str_)
+    walks, covered = np.isin(kinds, [*STRUCK]), np.isin(kinds, [*COVERED])
     risks = _injuries(kinds, shares, hits.relative_speed)
     risks = np.where(walks & ~np.stack(stands)[::-1] | covered, risks, np.nan)
     changes = shares * hits.relative_speed
@@ -198,14 +198,11 @@ def _on_road(road: Road, poses: tuple[Rectangles, Rectangles]) -> tuple[list[Boo
     yielding = _yielding(road)
     first, second = ([_with_before(road, lane) for lane in side.tolist()] for side in lanes)
     against = [
-        _flags([not yielding.isdisjoint(product(own, other)) for own, other in zip(*sides, strict=True)])
+        [not yielding.isdisjoint(product(own, other)) for own, other in zip(*sides, strict=True)]
         for sides in ((first, second), (second, first))
     ]
-    return leaves, [against[0] & ~against[1], against[1] & ~against[0]]
-
-
-def _flags(values: Sequence[Any]) -> NDArray[np.bool_]:
-    return np.array(values, dtype=np.bool_)
+    one_yields, other_yields = np.array(against, dtype=np.bool_)
+    return leaves, [one_yields & ~other_yields, other_yields & ~one_yields]
 
 
 def _yielding(road: Road) -> set[tuple[int, int]]:
