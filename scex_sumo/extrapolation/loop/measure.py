@@ -72,8 +72,7 @@ def measure_outcome(
         vehicles: only pairs with one of these (indices) count; None: all.
         on_paths: encounters have TTC, PET and DRAC, too.
     """
-    present = None if counted is None else counted[None].repeat(len(rollout.futures), axis=0)
-    tracks, planned = evaluated_tracks(scene, rollout, present)
+    tracks, planned = evaluated_tracks(scene, rollout, counted)
     hits = find_collisions(tracks, limit_m2=CONTACT_M2)
     # What hits one of these later is no consequence.
     hits = hits.take(np.flatnonzero(~uncounted(scene)[hits.first, hits.second]))
@@ -99,7 +98,7 @@ def measure_conflicts(scene: SeedScene, rollout: Rollout, *, vehicle: int | None
     states, whole = with_everybody(scene, rollout.states), everybody(scene)
     after = rollout.states.shape[1] % rollout.replan or rollout.replan
     plan = np.stack([rollout.plan_x, rollout.plan_y])[:, :, -1, :, after:]
-    left = np.full((len(rollout.futures), whole.vehicles), rollout.states.shape[1])
+    left = np.full((states.shape[0], whole.vehicles), rollout.states.shape[1])
     if rollout.present is not None:
         left[:, : scene.vehicles] = rollout.present.sum(axis=1)
         states, plan = _until_they_leave(states, left, plan)
@@ -167,7 +166,7 @@ def measure_recorded(
         PlainWorld(1, count), scene.road, scene, batch, steps=steps, replan=replan, crash=False
     )
     counted = recorded_steps_of(scene, steps)
-    tracks, planned = evaluated_tracks(scene, rollout, counted[None])
+    tracks, planned = evaluated_tracks(scene, rollout, counted)
     values = evaluate(tracks, planned, metrics=metrics, vehicles=vehicles)
     overlaps, last = _of_pairs(find_collisions(tracks), vehicles), counted.sum(axis=0)
     return Recorded(values=values, overlaps=overlaps, last_step=last, steps=steps)
@@ -190,14 +189,15 @@ def overlapping_at_first(scene: SeedScene) -> list[tuple[int, int]]:
 
 
 def evaluated_tracks(
-    scene: SeedScene, rollout: Rollout, present: BoolArray | None = None
+    scene: SeedScene, rollout: Rollout, counted: BoolArray | None = None
 ) -> tuple[SceneTracks, PlannedPaths]:
-    """Return the tracks and plans of a batch; ``present`` (C, T, V) where vehicles count, None: all."""
+    """Return the tracks and plans of a batch; ``counted`` as of `measure_outcome`."""
     count, steps, _ = rollout.states.shape
     # As many steps as in tracks.parquet, so that both give the same values.
     past = scene.history.repeat(count)[:, :, -LOGGED_HISTORY:].swapaxes(1, 2)
-    if rollout.present is not None:
-        present = rollout.present if present is None else present & rollout.present
+    present = rollout.present
+    if counted is not None:
+        present = counted[None].repeat(count, axis=0) if present is None else counted & present
     if present is not None:
         present = np.concatenate([np.ones(past.shape, dtype=bool), present], axis=1)
     tracks = SceneTracks(

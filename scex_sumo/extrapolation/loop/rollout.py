@@ -32,7 +32,6 @@ class Rollout:
         present: (C, T, V) False of vehicles that have arrived, which stand far away; None: all are there.
     """
 
-    futures: IntArray
     states: States
     plan_x: FloatArray
     plan_y: FloatArray
@@ -155,7 +154,6 @@ def roll_out(
         if on_step is not None:
             on_step(count)
     return Rollout(
-        futures=batch.futures,
         states=simulated,
         plan_x=plan_x,
         plan_y=plan_y,

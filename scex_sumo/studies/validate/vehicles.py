@@ -107,7 +107,7 @@ def pair_events(scene: SeedScene, states: States, first: IntArray, second: IntAr
         np.concatenate(parts, axis=1)[:, at].swapaxes(2, 3)
         for parts in zip((states.x, states.y), further, strict=True)
     )
-    along = Rollout(futures=np.arange(count), states=states, plan_x=plan_x, plan_y=plan_y, replan=_REPLAN)
+    along = Rollout(states=states, plan_x=plan_x, plan_y=plan_y, replan=_REPLAN)
     counted = recorded_steps_of(scene, steps)
     met = measure_outcome(scene, along, metrics=(metric_of("distance"),), counted=counted).encounters
     number = np.full((scene.vehicles, scene.vehicles), -1)

@@ -37,7 +37,6 @@ def test_futures_can_be_measured_for_as_long_as_their_vehicles_were_recorded() -
     valid[1, 10:] = False
     left = dataclasses.replace(scene, future_valid=valid)
     futures = Rollout(
-        futures=np.arange(2),
         states=scene.future[:, :30].repeat(2).swapaxes(1, 2),
         plan_x=np.zeros((2, 6, 2, 30)),
         plan_y=np.zeros((2, 6, 2, 30)),
@@ -57,11 +56,9 @@ def test_the_worst_moment_is_named_by_its_frame() -> None:
     scene = crossing_seed()
     plan = going_on(scene.now, NEXT_S)
     states = plan[:, :30].swapaxes(0, 1)[None]
-    rollout = Rollout(
-        futures=np.array([7]), states=states, plan_x=plan.x[None, None], plan_y=plan.y[None, None], replan=30
-    )
+    rollout = Rollout(states=states, plan_x=plan.x[None, None], plan_y=plan.y[None, None], replan=30)
     values = measure_outcome(scene, rollout).values
-    rows = worst_table(values, futures=rollout.futures, track_ids=scene.track_ids).to_pylist()
+    rows = worst_table(values, futures=np.array([7]), track_ids=scene.track_ids).to_pylist()
     closest = next(row for row in rows if row["metric"] == "distance")
     # They come nearer all the time: the worst step is the last, frame 40 of the case.
     assert closest["future"] == 7
@@ -95,7 +92,6 @@ def test_a_car_that_hits_one_of_two_people_that_touched_is_no_consequence() -> N
     )
     plan = going_on(scene.now, NEXT_S)
     rollout = Rollout(
-        futures=np.zeros(1, dtype=np.int64),
         states=plan[:, :30].swapaxes(0, 1)[None],
         plan_x=plan.x[None, None],
         plan_y=plan.y[None, None],
