@@ -130,7 +130,7 @@ class Run:
 
     @cached_property
     def intervals(self) -> DesignIntervals:
-        """Intervals for the futures's design."""
+        """Intervals of the run's design."""
         there = (self.folder / "assignments.parquet").is_file()
         return intervals_of(self.info, self.assignments if there else None, self.futures)
 

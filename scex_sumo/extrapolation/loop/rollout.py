@@ -111,9 +111,8 @@ def roll_out(
     count, vehicles = batch.assignment.shape
     window = scene.history.repeat(count)
     override = batch.overridden[batch.assignment]
-    crashes = Crashes(scene, count) if crash else None
-    crashed = np.zeros((count, vehicles), dtype=np.bool_) if crashes is None else crashes.crashed
-    arrivals, gone = Arrivals(scene), np.zeros_like(crashed)
+    crashes, arrivals = Crashes(scene, count), Arrivals(scene)
+    crashed, gone = crashes.crashed, np.zeros((count, vehicles), dtype=np.bool_)
     present = np.ones((count, steps, vehicles), dtype=np.bool_)
     rounds = -(-steps // replan)
     plan_x = np.empty((count, rounds, vehicles, PLAN_STEPS))
@@ -124,13 +123,13 @@ def roll_out(
     for step in range(steps):
         if step % replan == 0:
             history = history_at(scene, window, batch.futures, batch.route_draw, step=step)
-            groups = groups_of(np.where(crashed | gone, -1, batch.assignment), len(batch.models))
-            for index, model_plan in plans_of(batch.models, groups, history, road, batch.generators):
-                group = groups[index]
-                usable = checked_plan(model_plan, len(group), PLAN_STEPS, batch.names[index])
-                plan.assign((group.future, group.vehicle), usable)
-                replaced += _replaced(model_plan, group, batch, step, batch.names[index])
             left = crashed | gone
+            groups = groups_of(np.where(left, -1, batch.assignment), len(batch.models))
+            for index, model_plan in plans_of(batch.models, groups, history, road, batch.generators):
+                group, name = groups[index], batch.names[index]
+                usable = checked_plan(model_plan, len(group), PLAN_STEPS, name)
+                plan.assign((group.future, group.vehicle), usable)
+                replaced += _replaced(model_plan, group, batch, step, name)
             now = window[:, :, -1][left]
             plan.assign(np.nonzero(left), slide(now, now.speed, PLAN_STEPS))
             plan_x[:, step // replan], plan_y[:, step // replan] = plan.x, plan.y
@@ -148,9 +147,9 @@ def roll_out(
             before = window[:, :, -1]
         simulated.assign((slice(None), step), read)
         window = States.concatenate([window[:, :, 1:], read[:, :, None]], axis=2)
-        if crashes is not None:
-            who_crash, motion = crashes.after_step(before, read, PLAN_STEPS - column - 1)
-            plan.assign((*who_crash, slice(column + 1, None)), motion)
+        if crash:
+            vehicles_hit, motion = crashes.after_step(before, read, PLAN_STEPS - column - 1)
+            plan.assign((*vehicles_hit, slice(column + 1, None)), motion)
         if on_step is not None:
             on_step(count)
     return Rollout(

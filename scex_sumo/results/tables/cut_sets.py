@@ -94,7 +94,7 @@ class DrawnModels:
         choices = [[(v, m) for m in range(count)] for v in pair]
         for own in [(), *product(chain(*choices)), *product(*choices)]:
             base: _Set = frozenset(own)
-            rows = np.all([self._has[:, v, m] > 0 for v, m in own] or [happens >= 0], axis=0)
+            rows = np.all([np.ones_like(happens), *(self._has[:, v, m] > 0 for v, m in own)], axis=0)
             if happens[rows].sum() < LEAST_FUTURES or any(smaller <= base for smaller in counts):
                 continue
             if happens[rows].all():
