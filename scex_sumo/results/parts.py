@@ -55,12 +55,9 @@ class Part:
 
 def save_part(folder: Path, part: Part) -> None:
     """Save a batch of futures in a result folder."""
-    name = f"{int(part.futures[0]):08d}-{int(part.futures[-1]):08d}.npz"
-    target = folder / PARTS / name
-    known = {name: values for name in (*_ARRAYS, *TABLES) if (values := getattr(part, name)) is not None}
-    arrays: dict[str, Any] = {
-        name: _packed(values) if name in TABLES else values for name, values in known.items()
-    }
+    target = folder / PARTS / f"{int(part.futures[0]):08d}-{int(part.futures[-1]):08d}.npz"
+    arrays: dict[str, Any] = {name: array for name in _ARRAYS if (array := getattr(part, name)) is not None}
+    arrays |= {name: _packed(table) for name in TABLES if (table := getattr(part, name)) is not None}
     with replacing(target) as temporary, temporary.open("wb") as file:
         np.savez(file, **arrays, **vars(part.states))
 
