@@ -139,7 +139,7 @@ class _Strides(NamedTuple):
         step_s: usual time between samples.
         first: row where it begins.
         next: whether the following stride is the same track's and begins where this one ends.
-        moved: (n, 2) by the positions, m; ``said`` by the velocities.
+        moved: (n, 2) by the positions, m; ``integrated`` by the velocities.
     """
 
     rows: TrackRows
@@ -149,7 +149,7 @@ class _Strides(NamedTuple):
     next: BoolArray
     seconds: FloatArray
     moved: FloatArray
-    said: FloatArray
+    integrated: FloatArray
     speed: FloatArray
     course: FloatArray
 
@@ -172,20 +172,20 @@ def _strides(rows: TrackRows) -> _Strides:
     moved, seconds = places[last] - places[first], time_s[last] - time_s[first]
     speed, course = np.hypot(*moved.T) / seconds, np.arctan2(moved[:, 1], moved[:, 0])
     after = np.append(last[:-1] == first[1:], False)[: len(first)]
-    middle, said = (first + last) // 2, driven[last] - driven[first]
-    return _Strides(rows, usual, first, middle, after, seconds, moved, said, speed, course)
+    middle, integrated = (first + last) // 2, driven[last] - driven[first]
+    return _Strides(rows, usual, first, middle, after, seconds, moved, integrated, speed, course)
 
 
 def _speeds(strides: _Strides) -> Check:
     name, usual = "speed of positions / of velocities", f"{1 / FACTOR:.2f} to {FACTOR:.2f}"
     track, tracks = strides.rows.track[strides.first], strides.rows.tracks
-    moved, said = (
-        np.bincount(track, np.hypot(*vectors.T), tracks) for vectors in (strides.moved, strides.said)
+    moved, integrated = (
+        np.bincount(track, np.hypot(*vectors.T), tracks) for vectors in (strides.moved, strides.integrated)
     )
-    judged = np.maximum(moved, said) > PATH_M
+    judged = np.maximum(moved, integrated) > PATH_M
     if not judged.any():
         return Check(name, "-", usual)
-    factor = float(np.median(moved[judged] / np.maximum(said[judged], 1e-3)))
+    factor = float(np.median(moved[judged] / np.maximum(integrated[judged], 1e-3)))
     if 1 / FACTOR <= factor <= FACTOR:
         return Check(name, f"{factor:.2f}", usual)
     if abs(factor * strides.step_s / STEP_S - 1.0) < STEP_FITS:

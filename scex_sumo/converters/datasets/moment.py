@@ -44,8 +44,6 @@ def find_moments(
     Those before or after the window, s, are left out.
     """
     rows = table.vehicles
-    if not len(rows):
-        return []
     complete = (rows.speed > STANDING_MPS) & recorded_throughout(table)
     chosen = rows.frame_id == CASE_FRAME if table.has_cases else np.full(len(rows), True)
     for limit, sign in zip(window, (1, -1), strict=True):

@@ -105,8 +105,6 @@ def _build(
     rows = table.vehicles
     cars = sample_tracks(rows, moment_ms, grid_ms)
     steps = cars.recorded[:, :HISTORY_STEPS].sum(axis=1).astype(np.int64)
-    if not len(steps):
-        raise TrackError(f"{table.path}: no vehicle at {moment_ms / 1000:g} s; choose another moment")
     valid, states = cars.recorded[:, HISTORY_STEPS + 1 :], cars.states
     ids = [number_of(rows.labels[k]) for k in cars.track]
     source = {"kind": "tracks", "tracks": str(table.path.absolute()), "time_s": moment_ms / 1000.0}

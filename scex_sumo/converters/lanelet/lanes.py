@@ -74,7 +74,7 @@ def drawn_vertices(lanelet_map: Map, rules: Rules, map_file: MapFile) -> list[Ve
         lanelet = lanelets[i]
         vertices.append(_vertex(i, lanelet))
         if vertices[-1].usable and rules.canPass(lanelet) and rules.canPass(lanelet.invert()):
-            vertices.append(replace(_vertex(next(new_ids), lanelet.invert()), lanelet_id=i))
+            vertices.append(_vertex(next(new_ids), lanelet.invert()))
     return vertices
 
 

@@ -36,7 +36,7 @@ from scex_sumo.converters.lanelet.lanes import (
 from scex_sumo.converters.lanelet.origin import META_DATA, Place, recorded_origin
 from scex_sumo.converters.lanelet.projection import STRAY_M, distance_m, georeference
 from scex_sumo.converters.lanelet.regulations import attach, regulations
-from scex_sumo.converters.lanelet.repair import repair
+from scex_sumo.converters.lanelet.repair import extended, repair
 from scex_sumo.converters.naming import map_name
 from scex_sumo.geometry.bounds import bounds_cross
 from scex_sumo.road import Area, Lane, MapLoss, Marking, Road
@@ -117,19 +117,14 @@ def read_road(map_path: str | Path, *, origin: Place | None = None, own_corner: 
 
 def _doubts(lanes: Mapping[int, Lane], map_file: MapFile, country: str) -> Findings:
     doubts, drawn = Findings(), {i: lane for i, lane in lanes.items() if lane.reverse_of is None}
-    narrow, unclear = (
-        f"lanelets without subtype, under {MIN_ROAD_M:g} m wide, taken for car lanes",
-        f"speed limits not understood, {tags.COUNTRIES[country].name}'s default taken",
-    )
-    for i, lane in drawn.items():
-        if lane.kind == "vehicle" and not lane.subtype and lane.width_m < MIN_ROAD_M:
-            doubts.note(narrow, i)
+    narrow = (i for i, lane in drawn.items() if lane.kind == "vehicle" and lane.width_m < MIN_ROAD_M)
+    bare = (i for i in narrow if not drawn[i].subtype)
+    doubts.note(f"lanelets without subtype, under {MIN_ROAD_M:g} m wide, taken for car lanes", *bare)
     crossed = (i for i, lane in drawn.items() if bounds_cross(lane.left_bound, lane.right_bound))
     doubts.note("bounds cross each other or themselves, the lane's shape may be off", *crossed)
-    for i in drawn:
-        limits = [*tags.said_limits(map_file.relations[i], map_file)]
-        if limits and not any(map(tags.speed_mps, limits)):
-            doubts.note(unclear, i)
+    limits = {i: [*tags.said_limits(map_file.relations[i], map_file)] for i in drawn}
+    unclear = (i for i, texts in limits.items() if texts and not any(map(tags.speed_mps, texts)))
+    doubts.note(f"speed limits not understood, {tags.COUNTRIES[country].name}'s default taken", *unclear)
     return doubts
 
 
@@ -268,13 +263,7 @@ def _rings(ways: list[tuple[int, ...]]) -> list[tuple[int, ...]]:
     rings = []
     rest = [nodes for nodes in ways if len(nodes) > 1]
     while rest:
-        ring = rest.pop(0)
-        while ring[0] != ring[-1]:
-            step = next((p for p in rest if ring[-1] in (p[0], p[-1])), None)
-            if step is None:
-                break
-            rest.remove(step)
-            ring = ring + (step[1:] if step[0] == ring[-1] else step[-2::-1])
+        ring = extended(rest.pop(0), rest)
         if ring[0] == ring[-1] and len(ring) > 3:
             rings.append(ring)
     return rings

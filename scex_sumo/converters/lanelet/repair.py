@@ -80,7 +80,7 @@ def _lanelets(map_file: MapFile, findings: Findings) -> tuple[dict[int, Relation
         bounds = []
         for side in SIDES:
             pieces = [ref for ref in lanelet.refs(side, "way") if ref in map_file.ways]
-            nodes = chain([map_file.ways[ref].nodes for ref in pieces])
+            nodes = _chain([map_file.ways[ref].nodes for ref in pieces])
             if nodes is None or not _is_line(nodes, map_file):
                 findings.note(
                     "lanelets left out, their bounds are missing, in pieces or shorter than two points", i
@@ -123,24 +123,20 @@ def _is_line(nodes: tuple[int, ...], map_file: MapFile) -> bool:
     return len({(map_file.nodes[n].lat, map_file.nodes[n].lon) for n in nodes}) > 1
 
 
-def chain(pieces: list[tuple[int, ...]]) -> tuple[int, ...] | None:
+def _chain(pieces: list[tuple[int, ...]]) -> tuple[int, ...] | None:
     """Join node sequences of any order and direction end to end; returns None if they do not chain."""
-    rest = [piece for piece in pieces if piece]
+    rest = [piece for piece in pieces if len(piece) > 1]
     if not rest:
         return None
-    line = rest.pop(0)
-    while rest:
-        for piece in rest:
-            if line[-1] in (piece[0], piece[-1]):
-                line = line + (piece[1:] if piece[0] == line[-1] else piece[-2::-1])
-            elif line[0] in (piece[0], piece[-1]):
-                line = (piece[:-1] if piece[-1] == line[0] else piece[:0:-1]) + line
-            else:
-                continue
-            rest.remove(piece)
-            break
-        else:
-            return None
+    line = extended(extended(rest.pop(0), rest)[::-1], rest)[::-1]
+    return None if rest else line
+
+
+def extended(line: tuple[int, ...], rest: list[tuple[int, ...]]) -> tuple[int, ...]:
+    """Join node sequences to the end of another, in place of the rest, until it is closed or none fits."""
+    while line[0] != line[-1] and (piece := next((p for p in rest if line[-1] in (p[0], p[-1])), None)):
+        rest.remove(piece)
+        line += piece[1:] if piece[0] == line[-1] else piece[-2::-1]
     return line
 
 

@@ -34,21 +34,17 @@ def allowed_content(path: Path) -> tuple[bytes, tuple[str, ...]]:
     return content, left_out
 
 
-def refuse_outputs(path: Path) -> None:
-    """Refuse a file that this project once wrote and that now holds more than roads."""
-    if left_out := allowed_content(path)[1]:
-        raise MapError(f"{path}: changed since it was written: {listed(left_out)} in it; run again elsewhere")
-
-
 def open_net(net_path: Path) -> SumoNet:
-    """Open a net that `convert` wrote, with the files beside it."""
+    """Open a net that `convert` wrote, with the files beside it; refuse files that hold more than roads."""
     table, extras = net_file(net_path, ".lanes.csv"), net_file(net_path, ".add.xml")
     for file in (net_path, table):
         if not file.is_file():
             raise MapError(f"{file}: no such file; convert the map again")
     for file in (net_path, extras):
-        if file.is_file():
-            refuse_outputs(file)
+        if file.is_file() and (left_out := allowed_content(file)[1]):
+            raise MapError(
+                f"{file}: changed since it was written: {listed(left_out)} in it; run again elsewhere"
+            )
     return SumoNet(path=net_path, extras=extras if extras.is_file() else None, lanes=read_lane_table(table))
 
 

@@ -168,8 +168,6 @@ class TrackTable:
 
     def case(self, index: int) -> TrackTable:
         """Rows of one case only; ``cases`` stays, so that indices keep their meaning."""
-        if not self.has_cases:
-            return self
         return replace(self, vehicles=self.vehicles.of_case(index), others=self.others.of_case(index))
 
 
@@ -198,7 +196,7 @@ def numbered_again(rows: TrackRows) -> TrackRows:
 
 
 def joined_rows(*chunks: TrackRows) -> TrackRows:
-    """Join the tracks of several recordings or chunks of one, one after the other."""
+    """Join several sets of tracks, one after the other."""
     tracks = np.cumsum([0, *(chunk.tracks for chunk in chunks)])
     segments = np.cumsum([0, *(int(chunk.segment.max(initial=-1)) + 1 for chunk in chunks)])
     shifts = zip(chunks, tracks, segments, strict=False)
