@@ -59,10 +59,10 @@ def fit_to_lanes(samples: TrackRows, road: Road) -> Alignment:
     prior = np.diag([s**-2.0 for s in (SHIFT_SIGMA_M, SHIFT_SIGMA_M, TURN_SIGMA_RAD, LANE_SIGMA_M)])
     independent = min(samples.tracks, INDEPENDENT)
     for _ in range(_ROUNDS):
-        moved, u, sample, offset = matched(samples, road, fit)
+        moved, lane_heading, sample, offset = matched(samples, road, fit)
         if not len(sample):
             return fit
-        nx, ny = -np.sin(u), np.cos(u)
+        nx, ny = -np.sin(lane_heading), np.cos(lane_heading)
         arm = -nx * (moved.y[sample] - centre[1] - fit.dy) + ny * (moved.x[sample] - centre[0] - fit.dx)
         slopes = np.stack((nx, ny, arm, np.ones(len(sample))), axis=1)
         estimate = np.array((fit.dx, fit.dy, fit.turn, habit))

@@ -58,12 +58,12 @@ def _contradictions(
     ahead = np.minimum(np.arange(len(rows)) + reach, end_of)
     moved, integrated = points[ahead] - points, integral[ahead] - integral
     weight = 1.0 / reach  # windows overlap reach-fold
-    tracks = rows.tracks
-    dd = np.bincount(rows.track, np.sum(moved**2, axis=1), tracks)
-    vv = np.bincount(rows.track, np.sum(integrated**2, axis=1), tracks)
-    dv = np.bincount(rows.track, np.sum(moved * integrated, axis=1), tracks)
-    path = np.bincount(rows.track, np.hypot(*moved.T), tracks) * weight
-    integrated_path = np.bincount(rows.track, np.hypot(*integrated.T), tracks) * weight
+    track_count = rows.tracks
+    dd = np.bincount(rows.track, np.sum(moved**2, axis=1), track_count)
+    vv = np.bincount(rows.track, np.sum(integrated**2, axis=1), track_count)
+    dv = np.bincount(rows.track, np.sum(moved * integrated, axis=1), track_count)
+    path = np.bincount(rows.track, np.hypot(*moved.T), track_count) * weight
+    integrated_path = np.bincount(rows.track, np.hypot(*integrated.T), track_count) * weight
     judged = np.maximum(path, integrated_path) > JUDGED_PATH_M
     cosine = dv / np.sqrt(np.maximum(dd * vv, 1e-12))
     factor = np.where(cosine < VELOCITY_COSINE, 0.0, dv / np.maximum(vv, 1e-12))

@@ -178,9 +178,9 @@ def _strides(rows: TrackRows) -> _Strides:
 
 def _speeds(strides: _Strides) -> Check:
     name, usual = "speed of positions / of velocities", f"{1 / FACTOR:.2f} to {FACTOR:.2f}"
-    track, tracks = strides.rows.track[strides.first], strides.rows.tracks
+    track, count = strides.rows.track[strides.first], strides.rows.tracks
     moved, integrated = (
-        np.bincount(track, np.hypot(*vectors.T), tracks) for vectors in (strides.moved, strides.integrated)
+        np.bincount(track, np.hypot(*vectors.T), count) for vectors in (strides.moved, strides.integrated)
     )
     judged = np.maximum(moved, integrated) > PATH_M
     if not judged.any():

@@ -22,12 +22,12 @@ def without_duplicates(rows: TrackRows, duplicate: BoolArray) -> tuple[TrackRows
     first = np.flatnonzero(~duplicate)
     group: IntArray = np.cumsum(~duplicate) - 1
     last = np.append(first[1:], len(rows)) - 1
-    distance, lonely = _off_middle(rows, group, first, last)
+    distance, between_singles = _off_middle(rows, group, first, last)
     spread = np.zeros(len(first))
     np.maximum.at(spread, group, np.hypot(rows.x - rows.x[first[group]], rows.y - rows.y[first[group]]))
     best = np.lexsort((distance, group))[first]
-    kept = np.where(lonely, best, first)
-    unclear = (spread > APART_M) & ~(lonely & (distance[kept] < FIT_M))
+    kept = np.where(between_singles, best, first)
+    unclear = (spread > APART_M) & ~(between_singles & (distance[kept] < FIT_M))
     doubled, track = last > first, rows.track[first]
     run = np.cumsum(np.append(0, (np.diff(track) != 0) | (doubled[1:] != doubled[:-1])))
     shared = np.isin(run, run[unclear]) & doubled

@@ -53,17 +53,17 @@ def find_moments(
         return []
     # one number per pair of case and stamp
     stamps, stamp_index = np.unique(rows.timestamp_ms[chosen], return_inverse=True)
-    keys, number = np.unique(rows.case[chosen] * len(stamps) + stamp_index, return_inverse=True)
-    vehicle_counts = np.bincount(number)
-    complete_counts = np.bincount(number, complete[chosen])
+    keys, moment_number = np.unique(rows.case[chosen] * len(stamps) + stamp_index, return_inverse=True)
+    vehicle_counts = np.bincount(moment_number)
+    complete_counts = np.bincount(moment_number, complete[chosen])
     moments: list[Moment] = []
-    for key, count, whole in zip(keys, vehicle_counts, complete_counts, strict=True):
+    for key, count, complete_count in zip(keys, vehicle_counts, complete_counts, strict=True):
         time_s = float(stamps[key % len(stamps)]) / 1000.0
         case = table.cases[key // len(stamps)]
         same_case = bool(moments) and moments[-1].case == case
         if same_case and time_s - moments[-1].time_s < every_s - STAMP_MS / 1000.0:
             continue
-        moments.append(Moment(case=case, time_s=time_s, vehicles=int(count), complete=int(whole)))
+        moments.append(Moment(case=case, time_s=time_s, vehicles=int(count), complete=int(complete_count)))
     return moments
 
 

@@ -103,10 +103,10 @@ def _build(
     steps_ms = 1000.0 * STEP_S * np.arange(-HISTORY_STEPS, FUTURE_STEPS + 1)
     grid_ms: FloatArray = (moment_ms + steps_ms).astype(np.float64)
     rows = table.vehicles
-    cars = sample_tracks(rows, moment_ms, grid_ms)
-    steps = cars.recorded[:, :HISTORY_STEPS].sum(axis=1).astype(np.int64)
-    valid, states = cars.recorded[:, HISTORY_STEPS + 1 :], cars.states
-    ids = [number_of(rows.labels[k]) for k in cars.track]
+    sampled = sample_tracks(rows, moment_ms, grid_ms)
+    steps = sampled.recorded[:, :HISTORY_STEPS].sum(axis=1).astype(np.int64)
+    valid, states = sampled.recorded[:, HISTORY_STEPS + 1 :], sampled.states
+    ids = [number_of(rows.labels[k]) for k in sampled.track]
     source = {"kind": "tracks", "tracks": str(table.path.absolute()), "time_s": moment_ms / 1000.0}
     if case_id:
         from scex_sumo.converters.datasets.cases import marked_vehicles
@@ -117,15 +117,15 @@ def _build(
         location=location,
         time_s=moment_ms / 1000.0,
         track_ids=np.array(ids, np.int64),
-        types=tuple(_plain_word(rows.types[k].lower()) for k in cars.track),
-        length=cars.length,
-        width=cars.width,
+        types=tuple(_plain_word(rows.types[k].lower()) for k in sampled.track),
+        length=sampled.length,
+        width=sampled.width,
         history=states[:, : HISTORY_STEPS + 1],
         recorded_steps=steps,
         future=states[:, HISTORY_STEPS + 1 :] if valid.any() else None,
         future_valid=valid if valid.any() else None,
         obstacles=_obstacles(table.others, moment_ms, grid_ms, vehicles=ids),
-        notes=tuple(_notes(table, cars, steps, moment_ms, findings)),
+        notes=tuple(_notes(table, sampled, steps, moment_ms, findings)),
         source=source,
     )
 
@@ -155,15 +155,15 @@ def _obstacles(
 
 
 def _notes(
-    table: TrackTable, cars: Sampled, steps: IntArray, moment_ms: float, findings: tuple[str, ...]
+    table: TrackTable, sampled: Sampled, steps: IntArray, moment_ms: float, findings: tuple[str, ...]
 ) -> list[str]:
     notes = []
     if findings:
         notes.append(f"{table.path.name} repaired: {'; '.join(findings)}")
     if other_rate(step_s := table.recorded_step_s or table.step_s):
         notes.append(f"recorded at {1 / step_s:.3g} Hz: interpolated to 10 Hz")
-    elif cars.interpolated:
-        notes.append(f"{cars.interpolated} missing samples interpolated")
+    elif sampled.interpolated:
+        notes.append(f"{sampled.interpolated} missing samples interpolated")
     earliest = float(table.vehicles.stamps_ms[0])
     available = min(HISTORY_STEPS, int((moment_ms - earliest + STAMP_MS) // (1000.0 * STEP_S)))
     if available < HISTORY_STEPS:

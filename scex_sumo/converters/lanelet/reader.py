@@ -122,7 +122,7 @@ def _doubts(lanes: Mapping[int, Lane], map_file: MapFile, country: str) -> Findi
     doubts.note(f"lanelets without subtype, under {MIN_ROAD_M:g} m wide, taken for car lanes", *bare)
     crossed = (i for i, lane in drawn.items() if bounds_cross(lane.left_bound, lane.right_bound))
     doubts.note("bounds cross each other or themselves, the lane's shape may be off", *crossed)
-    limits = {i: [*tags.said_limits(map_file.relations[i], map_file)] for i in drawn}
+    limits = {i: [*tags.limit_texts(map_file.relations[i], map_file)] for i in drawn}
     unclear = (i for i, texts in limits.items() if texts and not any(map(tags.speed_mps, texts)))
     doubts.note(f"speed limits not understood, {tags.COUNTRIES[country].name}'s default taken", *unclear)
     return doubts

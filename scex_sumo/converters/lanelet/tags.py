@@ -130,10 +130,10 @@ def lane_speed_mps(lanelet: Relation, map_file: MapFile) -> float | None:
 
     ``speed_limit`` elements come before the lanelet's own tags, as in Lanelet2.
     """
-    return next(filter(None, map(speed_mps, said_limits(lanelet, map_file))), None)
+    return next(filter(None, map(speed_mps, limit_texts(lanelet, map_file))), None)
 
 
-def said_limits(lanelet: Relation, map_file: MapFile) -> Iterator[str]:
+def limit_texts(lanelet: Relation, map_file: MapFile) -> Iterator[str]:
     """Yield the texts of a lanelet's speed limits, understood or not."""
     for ref in lanelet.refs("regulatory_element", "relation"):
         element = map_file.relations.get(ref)
