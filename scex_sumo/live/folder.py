@@ -47,7 +47,7 @@ def worst_moments(risks: Sequence[Risk]) -> list[tuple[Risk, PairRisk]]:
     """Return the moments with the most probable collisions, each with its pair; see `APART_S`."""
     worst: list[tuple[Risk, PairRisk]] = []
     led = [(risk, pair) for risk in risks if (pair := risk.worst) is not None and pair.human_like > 0]
-    for risk, pair in sorted(led, key=lambda one: -one[1].human_like):
+    for risk, pair in sorted(led, key=lambda moment: -moment[1].human_like):
         near = (
             set(pair.names) == set(other.names) and abs(risk.time_s - then.time_s) < APART_S
             for then, other in worst
@@ -92,7 +92,7 @@ def _lines(risks: Sequence[Risk]) -> list[Html]:
     people = timeline("people: P of the pair that leads", marks, (first, last))
     doubtful = sum(risk.pairs[0].doubt is not None for risk in risks if risk.pairs and risk.worst is None)
     dropped = [element("p.soft", f"{doubtful} moments have doubtful pairs alone.")] if doubtful else []
-    return [shapes_legend(one.what for one in marks), people, *dropped]
+    return [shapes_legend(mark.what for mark in marks), people, *dropped]
 
 
 def _worst(folder: Path, config: Path, risks: Sequence[Risk]) -> list[Html]:

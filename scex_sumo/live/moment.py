@@ -136,12 +136,12 @@ class Moment:
         frames = deque(
             (time_s, *_without(left_out, here, states)) for time_s, here, states in recorded.frames
         )
-        some = {name for _, here, _ in frames for name in here}
+        seen = {name for _, here, _ in frames for name in here}
         recorded = replace(
             recorded,
             frames=frames,
             absent=deque(recorded.absent),
-            users={name: user for name, user in recorded.users.items() if name in some},
+            users={name: user for name, user in recorded.users.items() if name in seen},
         )
         return replace(self, recorded=recorded, counted=frozenset(names[k] for k in counted.tolist()))
 

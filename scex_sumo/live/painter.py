@@ -121,8 +121,8 @@ class Painter:
         self._legend = (place, self._worst)
         (left, low), (_, top) = place
         px = (top - low) / _VIEW_PX
-        row, x = 1.5 * TEXT_PX * px, left + 12 * px
-        y = top - row
+        line_m, x = 1.5 * TEXT_PX * px, left + 12 * px
+        y = top - line_m
         pair = self._worst
         head = "no pair leads"
         if pair is not None:
@@ -130,11 +130,12 @@ class Painter:
             often = once_in(pair.human_like) if pair.human_like else stress
             head = f"{pair.hits} and {pair.other}: {often}"
         self._write("head", head, x, y, px)
-        for number, (rgb, words) in enumerate([*(row[1:] for row in SCALE), _OUTSIDE]):
-            y -= row
-            box = [(x, y - row / 3), (x + row, y - row / 3), (x + row, y + row / 3), (x, y + row / 3)]
+        for number, (rgb, words) in enumerate([*((rgb, words) for _, rgb, words in SCALE), _OUTSIDE]):
+            y -= line_m
+            right, lower, upper = x + line_m, y - line_m / 3, y + line_m / 3
+            box = [(x, lower), (right, lower), (right, upper), (x, upper)]
             self._draw(f"scale.{number}", [*box, box[0]], rgb, None)
-            self._write(f"scale.{number}", words, x + 1.4 * row, y, px)
+            self._write(f"scale.{number}", words, x + 1.4 * line_m, y, px)
 
     def _draw(self, key: str, shape: list[tuple[float, float]], rgb: Rgb, width_m: float | None) -> None:
         name, polygon = f"{_KEY}.{key}", self._sumo.polygon

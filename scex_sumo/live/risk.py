@@ -125,16 +125,16 @@ def assess(moment: Moment, question: Question) -> Risk:
     with TemporaryFolder() as folder:
         scene, net = ruled(scene, converted(scene.road, Path(folder) / "net.net.xml"), settings)
         people = pairs_of_part(scene, human_part(scene, net, seed=question.seed)).to_pylist()
-        part = None
+        stress_test = None
         if question.futures and scene.vehicles >= _MIN_VEHICLES:
             drawn = models.draw(scene, futures=question.futures, seed=question.seed)
             job = Job(scene, net, settings, models, drawn, Path(folder), on_paths=False)
-            part = run_in_memory(job, range(question.futures))
-    pairs = _pairs(scene, names, people, part, question.futures)
+            stress_test = run_in_memory(job, range(question.futures))
+    pairs = _pairs(scene, names, people, stress_test, question.futures)
     pairs = [pair for pair in pairs if moment.counts(pair.names)]
     pairs.sort(key=lambda pair: (pair.doubt is not None, -pair.human_like, -(pair.stress or 0.0)))
     risk = Risk(time_s=scene.time_s, pairs=tuple(pairs), vehicles=tuple(names.values()))
-    ghosts = _ghosts(scene, names, risk.worst, part)
+    ghosts = _ghosts(scene, names, risk.worst, stress_test)
     return replace(risk, ghosts=ghosts)
 
 
@@ -142,44 +142,44 @@ def _pairs(
     scene: SeedScene,
     names: Mapping[int, str],
     people: Sequence[Mapping[str, Any]],
-    part: Part | None,
+    stress_test: Part | None,
     futures: int,
 ) -> list[PairRisk]:
-    stress = _stress(part, futures)
+    stress = _stress(stress_test, futures)
     xy = zip(scene.now.x.tolist(), scene.now.y.tolist(), strict=True)
     place = dict(zip(scene.track_ids.tolist(), xy, strict=True))
     pairs = []
-    for row in people:
-        key = frozenset((row["track_id"], row["other_id"]))
-        if row["probability"] < LEAST and key not in stress:
+    for pair in people:
+        key = frozenset((pair["track_id"], pair["other_id"]))
+        if pair["probability"] < LEAST and key not in stress:
             continue
-        hits, other = ends(row)
-        x, y = place[row["track_id"]]
+        hits, other = ends(pair)
+        x, y = place[pair["track_id"]]
         pairs.append(
             PairRisk(
                 hits=hits,
                 other=other,
-                kind=row["what"],
-                human_like=row["probability"] if row["probability"] >= LEAST else 0.0,
-                stress=None if part is None else stress.pop(key, {"share": 0.0})["share"],
-                how=row["how"] or "",
-                needed_braking=row["needed_braking"] or None,
-                contact_s=row["conflict_s"],
-                doubt=row["doubt"],
+                kind=pair["what"],
+                human_like=pair["probability"] if pair["probability"] >= LEAST else 0.0,
+                stress=None if stress_test is None else stress.pop(key, {"share": 0.0})["share"],
+                how=pair["how"] or "",
+                needed_braking=pair["needed_braking"] or None,
+                contact_s=pair["conflict_s"],
+                doubt=pair["doubt"],
                 x=x,
                 y=y,
             )
         )
-    for row in stress.values():  # people do not collide in these
-        x, y = place[row["track_id"]]
+    for collision in stress.values():  # people do not collide in these
+        x, y = place[collision["track_id"]]
         pairs.append(
             PairRisk(
-                hits=names[row["track_id"]],
-                other=names[row["other_id"]],
-                kind=row["kind"],
+                hits=names[collision["track_id"]],
+                other=names[collision["other_id"]],
+                kind=collision["kind"],
                 human_like=0.0,
-                stress=row["share"],
-                contact_s=row["time_s"],
+                stress=collision["share"],
+                contact_s=collision["time_s"],
                 x=x,
                 y=y,
             )
@@ -187,13 +187,13 @@ def _pairs(
     return pairs
 
 
-def _stress(part: Part | None, futures: int) -> dict[frozenset[int], dict[str, Any]]:
+def _stress(stress_test: Part | None, futures: int) -> dict[frozenset[int], dict[str, Any]]:
     """Return by pair its first collision, with the ``share`` of futures in which the two collide first."""
     stress: dict[frozenset[int], dict[str, Any]] = {}
-    hits = [] if part is None or part.collisions is None else first_contacts(part.collisions).to_pylist()
-    for row in hits:
-        key = frozenset((row["track_id"], row["other_id"]))
-        stress.setdefault(key, row | {"share": 0.0})["share"] += 1.0 / futures
+    collisions = None if stress_test is None else stress_test.collisions
+    for collision in [] if collisions is None else first_contacts(collisions).to_pylist():
+        key = frozenset((collision["track_id"], collision["other_id"]))
+        stress.setdefault(key, collision | {"share": 0.0})["share"] += 1.0 / futures
     return stress
 
 
@@ -210,14 +210,14 @@ def _models(question: Question) -> tuple[RunSettings, ModelSet]:
 
 
 def _ghosts(
-    scene: SeedScene, names: Mapping[int, str], worst: PairRisk | None, part: Part | None
+    scene: SeedScene, names: Mapping[int, str], worst: PairRisk | None, stress_test: Part | None
 ) -> dict[str, FloatArray]:
     """Return outlines of the two vehicles in a typical future in which they collide, else come nearest."""
     tracks = {name: v for v, track in enumerate(scene.track_ids.tolist()) for name in [names[int(track)]]}
-    if worst is None or part is None or not set(worst.names) <= tracks.keys():
+    if worst is None or stress_test is None or not set(worst.names) <= tracks.keys():
         return {}
     both = [tracks[name] for name in worst.names]
-    states = part.states[:, :, both]
+    states = stress_test.states[:, :, both]
     apart = np.hypot(states.x[..., 0] - states.x[..., 1], states.y[..., 0] - states.y[..., 1])
     nearest = apart.min(axis=1)
     future = int(np.argmin(nearest))

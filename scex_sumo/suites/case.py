@@ -33,14 +33,20 @@ _ABOUT: Final = ("name", "kind", "site", "weight", "chance", "stratum")
 
 
 def write_case(
-    folder: Path, driven: Driven, row: Mapping[str, Any], *, maps: Path, formats: Sequence[str], seed: int
+    folder: Path,
+    driven: Driven,
+    candidate: Mapping[str, Any],
+    *,
+    maps: Path,
+    formats: Sequence[str],
+    seed: int,
 ) -> tuple[dict[str, Any], list[str]]:
     """Write the case of a candidate's row, driven by people; return its entry of ``suite.json``, and notes.
 
     Maps of the suite are shared in one folder; ``seed`` is of the draws.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    scene, pair = driven.scene, driven.row_of(row["other_id"])
+    scene, pair = driven.scene, driven.row_of(candidate["other_id"])
     assert scene.road is not None and scene.road.file is not None
     file = Path(scene.road.file)
     shared = {"map": share(maps, file.name, file.read_bytes())}
@@ -48,13 +54,13 @@ def write_case(
         rules = json.dumps(rules_to_json(scene.rules), allow_nan=False).encode()
         shared["rules"] = share(maps, f"{file.stem}.rules.json", rules)
     write_tracks(folder / SEED, scene)
-    content = case_content(driven, row, pair, seed=seed)
+    content = case_content(driven, candidate, pair, seed=seed)
     content["seed_scene"] |= {what: f"../../{MAPS}/{copied.name}" for what, copied in shared.items()}
     write_atomic(folder / CASE, json.dumps(content, indent=1, allow_nan=False).encode())
     digests = {name: sha256_of(folder / name) for name in (CASE, SEED)}
     digests |= {f"../../{MAPS}/{copied.name}": sha256_of(copied) for copied in shared.values()}
     about = {name: content[name] for name in _ABOUT}
-    about |= {"probability": row["probability"], "files": digests}
+    about |= {"probability": candidate["probability"], "files": digests}
     return about, write_exports(folder, driven, pair, formats)
 
 
@@ -71,18 +77,18 @@ def share(folder: Path, name: str, content: bytes) -> Path:
 
 
 def case_content(
-    driven: Driven, row: Mapping[str, Any], pair: Mapping[str, Any], *, seed: int
+    driven: Driven, candidate: Mapping[str, Any], pair: Mapping[str, Any], *, seed: int
 ) -> dict[str, Any]:
     """Return the content of ``case.json``; the pair of `Driven.pairs` is what people come to."""
     scene = driven.scene
     described = describe(scene)
     return {
-        **{name: row[name] for name in _ABOUT},
-        "recording": row["recording"],
-        "recording_case": row["case"],
+        **{name: candidate[name] for name in _ABOUT},
+        "recording": candidate["recording"],
+        "recording_case": candidate["case"],
         "seed_scene": described | {"source": _plain(described["source"])},
-        "function": {"track_id": int(row["track_id"]), "role": "its place is taken by the function"},
-        "other": {"track_id": int(row["other_id"]), "person": row["person"]},
+        "function": {"track_id": int(candidate["track_id"]), "role": "its place is taken by the function"},
+        "other": {"track_id": int(candidate["other_id"]), "person": candidate["person"]},
         "drivers": {
             "of_the_others": PEOPLE,
             "replan_steps": REPLAN,
@@ -90,7 +96,7 @@ def case_content(
             "seed": seed,
             "futures": driven.futures,
         },
-        "people": {"probability": row["probability"]} | {name: pair[name] for name in _TOLD},
+        "people": {"probability": candidate["probability"]} | {name: pair[name] for name in _TOLD},
         "lights": [] if scene.rules is None else lights_to_json(scene.rules),
     }
 

@@ -127,11 +127,11 @@ def catalogue(
         chosen = choose(population, count, seed=seed)
         cases, notes = [], list[str]()
         with progress_of(progress, "cases") as tick:
-            for one in _cases(population, chosen, out, tuple(formats), seed, notes):
-                cases.append(one)
+            for case in _cases(population, chosen, out, tuple(formats), seed, notes):
+                cases.append(case)
                 if tick is not None:
                     tick(len(cases), len(chosen[0]))
-        cases.sort(key=lambda one: str(one[0]["name"]))
+        cases.sort(key=lambda case: str(case[0]["name"]))
         info = _info(population, cases) | {"seed": seed, "futures": FUTURES, "notes": notes}
         info |= {"versions": versions(), "command": list(command) if command else None}
         info |= {"scex_sumo": __version__, "seconds": round(time.perf_counter() - started, 1)}
@@ -147,33 +147,33 @@ def _cases(
     population: Population, chosen: Chosen, out: Path, formats: Sequence[str], seed: int, notes: list[str]
 ) -> Iterator[WrittenCase]:
     """Write the cases, one recording after the other."""
-    recordings = {one.name: one for one in find_recordings(list(population.roots))}
+    recordings = {recording.name: recording for recording in find_recordings(list(population.roots))}
     index, chances_of = chosen
-    rows = [population.rows[k] for k in index.tolist()]
-    for number in sorted(range(len(rows)), key=lambda number: (rows[number]["recording"], number)):
-        row, chance = rows[number], float(chances_of[number])
-        kind = row["conflict"]
-        row = row | {
-            "name": f"{number + 1:03d}-{plain(kind.replace(',', ''))}",
+    drawn = zip((population.rows[k] for k in index.tolist()), chances_of.tolist(), strict=True)
+    by_recording = sorted(enumerate(drawn, 1), key=lambda numbered: numbered[1][0]["recording"])
+    for number, (candidate, chance) in by_recording:
+        kind = candidate["conflict"]
+        candidate = candidate | {
+            "name": f"{number:03d}-{plain(kind.replace(',', ''))}",
             "kind": kind,
-            "site": row["location"],
-            "weight": row["share"] / chance,
+            "site": candidate["location"],
+            "weight": candidate["share"] / chance,
             "chance": chance,
             "stratum": CONFLICTS.index(kind),
         }
-        driven = drive(seed_scene(recordings, row), row["track_id"], None, FUTURES, seed=seed)
+        driven = drive(seed_scene(recordings, candidate), candidate["track_id"], None, FUTURES, seed=seed)
         about, missing = write_case(
-            out / CASES / row["name"], driven, row, maps=out / MAPS, formats=formats, seed=seed
+            out / CASES / candidate["name"], driven, candidate, maps=out / MAPS, formats=formats, seed=seed
         )
         notes += missing
-        pair = driven.row_of(row["other_id"])
-        yield about, catalogue_card(row, pair["how"], shown(driven, pair))
+        pair = driven.row_of(candidate["other_id"])
+        yield about, catalogue_card(candidate, pair["how"], shown(driven, pair))
 
 
 def _info(population: Population, cases: Sequence[WrittenCase]) -> dict[str, Any]:
     """Return the exposure of a population, and its cases."""
     picked = [about["kind"] for about, _ in cases]
-    exposure = [row | {"cases": picked.count(row["kind"])} for row in population.exposure()]
+    exposure = [of_kind | {"cases": picked.count(of_kind["kind"])} for of_kind in population.exposure()]
     return {
         "format": FORMAT,
         "hours": population.hours,
@@ -182,22 +182,22 @@ def _info(population: Population, cases: Sequence[WrittenCase]) -> dict[str, Any
         "candidates": len(population),
         "rare": population.rare,
         "doubtful": population.doubtful,
-        "people": {"collisions_per_hour": sum(row["people_collide_per_hour"] for row in exposure)},
+        "people": {"collisions_per_hour": sum(of_kind["people_collide_per_hour"] for of_kind in exposure)},
         "exposure": exposure,
         "cases": [dict(about) for about, _ in cases],
     }
 
 
-def seed_scene(recordings: Mapping[str, Recording], row: Mapping[str, Any]) -> SeedScene:
+def seed_scene(recordings: Mapping[str, Recording], candidate: Mapping[str, Any]) -> SeedScene:
     """Return the seed scene of a candidate with its rules, without the road's own net.
 
     Raises:
         UsageError: its recording is gone.
     """
-    if (name := row["recording"]) not in recordings:
+    if (name := candidate["recording"]) not in recordings:
         raise UsageError(f"{name}: a recording of the ranking that is not found any more; rank again")
     loaded, net, bare = _loaded(recordings[name])
-    scene = seed_at(loaded, row["time_s"], case=row["case"] or None)
+    scene = seed_at(loaded, candidate["time_s"], case=candidate["case"] or None)
     return replace(ruled(scene, net, RunSettings())[0], road=bare)
 
 

@@ -84,10 +84,10 @@ class Driven:
         return self._contacts((self.conflicts.one == other) | (self.conflicts.two == other))
 
     def _contacts(self, rows: BoolArray) -> Contacts:
-        some = self.conflicts.take(rows)
-        each = law().contact(some, everybody(self.scene).types)
+        conflicts = self.conflicts.take(rows)
+        probability = law().contact(conflicts, everybody(self.scene).types)
         with np.errstate(divide="ignore"):
-            log = np.bincount(some.future, np.log1p(-each), minlength=self.futures)
+            log = np.bincount(conflicts.future, np.log1p(-probability), minlength=self.futures)
         return Contacts(each=np.asarray(-np.expm1(log)))
 
     @property
@@ -111,10 +111,10 @@ class Driven:
 
     def row_of(self, other_id: int) -> Mapping[str, Any]:
         """Return the row of `pairs` with another one; some columns of one if they never come near."""
-        rows = (row for row in self.pairs if other_id in (row["track_id"], row["other_id"]))
+        pairs = (pair for pair in self.pairs if other_id in (pair["track_id"], pair["other_id"]))
         own = int(self.scene.track_ids[self.vehicle])
         apart = {"track_id": own, "other_id": other_id, "future": 0, "needed_braking": 0.0, "conflict_s": 0.0}
-        return next(rows, apart | dict.fromkeys(("what", "how", "time_margin", "gap_m")))
+        return next(pairs, apart | dict.fromkeys(("what", "how", "time_margin", "gap_m")))
 
 
 def drive(scene: SeedScene, track_id: int, spec: ModelSpec | None, futures: int, *, seed: int) -> Driven:
@@ -143,7 +143,7 @@ def drive(scene: SeedScene, track_id: int, spec: ModelSpec | None, futures: int,
     )
     world = PlainWorld(futures, scene.vehicles, length=scene.length)
     rollout = roll_out(world, scene.road, scene, batch, steps=STEPS, replan=REPLAN)
-    replaced = [one for one in rollout.replaced if one.vehicle == index]
+    replaced = [plan for plan in rollout.replaced if plan.vehicle == index]
     if replaced:
         what = f"{len(replaced)} plans cannot be used, the first at {replaced[0].step * STEP_S:g} s"
         raise ScexError(f"{names[-1]}: {what}: {replaced[0].reason}")

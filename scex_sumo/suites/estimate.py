@@ -68,7 +68,7 @@ class Design:
 
     def part(self, ran: BoolArray) -> Design:
         """Return the design of the cases (n,) that ran: those of the same kind stand for the others, too."""
-        whole, left = (np.bincount(self.stratum, self.weight * some) for some in (np.ones(len(ran)), ran))
+        whole, left = (np.bincount(self.stratum, weights) for weights in (self.weight, self.weight * ran))
         more = (whole / np.where(left > 0, left, 1.0))[self.stratum[ran]]
         return Design(
             weight=self.weight[ran] * more,
@@ -83,18 +83,18 @@ class Design:
         Args:
             y: (n,) of the cases; ``drawn`` (n,) its variance by the futures.
         """
-        each = self.weight * y
-        parts = [(float((self.weight**2 * drawn).sum()), math.inf)]
+        weighted = self.weight * y
+        terms = [(float((self.weight**2 * drawn).sum()), math.inf)]
         for group in self._groups():
             left, n = 1 - self.chance[group], len(group)
             if n == 1:  # of one that stands for others nothing is known but its size
-                parts.append((float(left[0] * each[group[0]] ** 2), 1.0))
+                terms.append((float(left[0] * weighted[group[0]] ** 2), 1.0))
             else:
-                mean = (left * each[group]).sum() / left.sum()
-                parts.append((float(n / (n - 1) * (left * (each[group] - mean) ** 2).sum()), n - 1.0))
-        variance = sum(part for part, _ in parts)
-        spread = sum(part**2 / freedom for part, freedom in parts)
-        return float(each.sum()), variance, variance**2 / spread if spread > 0 else math.inf
+                mean = (left * weighted[group]).sum() / left.sum()
+                terms.append((float(n / (n - 1) * (left * (weighted[group] - mean) ** 2).sum()), n - 1.0))
+        variance = sum(term for term, _ in terms)
+        spread = sum(term**2 / freedom for term, freedom in terms)
+        return float(weighted.sum()), variance, variance**2 / spread if spread > 0 else math.inf
 
     def _groups(self) -> list[IntArray]:
         """Return the cases not taken for sure, kind by kind; kinds with one such case are one group."""

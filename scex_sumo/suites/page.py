@@ -86,39 +86,39 @@ def write_case_page(
         options = [element("option", value or "all", value=value) for value in ("", *values)]
         lists.append(element("label", f"{name} ", element("select", *options, data_filter=name)))
     bar = element("div.row", element("b", id="counts"), *lists)
-    page = Document(title, *SCRIPTS)
+    page, table = Document(title, *SCRIPTS), page_table(columns, [case_card.row for case_card in cards])
     parts = [
         *first,
         element("section.card", bar, element("p.soft", _KEYS), element("p.soft", id="said", role="status")),
-        element("div.moments", *(one.html() for one in cards), id="cards"),
-        card("All cases", page.table("all-cases", page_table(columns, [one.row for one in cards]))),
+        element("div.moments", *(case_card.html() for case_card in cards), id="cards"),
+        card("All cases", page.table("all-cases", table)),
     ]
     if last is not None:
         parts.append(card("Candidates and cases", page.table("last", last)))
     page.info["cards"] = [
-        {name: one.shown.get(name) for name in ("outlines", "contact")}
-        | {"name": one.row["name"], "about": {name: one.row[name] for name in filters}}
-        for one in cards
+        {name: case_card.shown.get(name) for name in ("outlines", "contact")}
+        | {"name": case_card.row["name"], "about": {name: case_card.row[name] for name in filters}}
+        for case_card in cards
     ]
     return page.write(path, about, *parts)
 
 
 def write_catalogue_page(path: Path, info: Mapping[str, Any], cards: Sequence[CaseCard]) -> Path:
     """Write the page of a suite and return its path."""
-    kinds, sites = [row["kind"] for row in info["exposure"]], sorted({one.row["site"] for one in cards})
-    filters = {"kind": kinds, "site": sites}
+    sites = sorted({case_card.row["site"] for case_card in cards})
+    filters = {"kind": [of_kind["kind"] for of_kind in info["exposure"]], "site": sites}
     about, last = f"{population_words(info)}.", page_table(COVERAGE, info["exposure"])
     return write_case_page(path, "Catalogue", about, cards, filters=filters, columns=_COLUMNS, last=last)
 
 
-def catalogue_card(row: Mapping[str, Any], how: str | None, shown: Mapping[str, Any]) -> CaseCard:
+def catalogue_card(candidate: Mapping[str, Any], how: str | None, shown: Mapping[str, Any]) -> CaseCard:
     """Return the card of a candidate with its entry of ``suite.json``."""
     facts = [
-        f"{row['recording']}, {row['time_s']:g} s; the function drives {row['track_id']}",
-        f"people: {how or 'nothing happens'}; they collide {once_in(row['probability'])}",
-        stands_for(row["weight"]),
+        f"{candidate['recording']}, {candidate['time_s']:g} s; the function drives {candidate['track_id']}",
+        f"people: {how or 'nothing happens'}; they collide {once_in(candidate['probability'])}",
+        stands_for(candidate["weight"]),
     ]
-    return CaseCard(row=row, title=row["kind"], facts=facts, shown=shown)
+    return CaseCard(row=candidate, title=candidate["kind"], facts=facts, shown=shown)
 
 
 def stands_for(weight: float) -> str:

@@ -57,12 +57,12 @@ class Population:
 
     def column(self, name: str) -> FloatArray:
         """Return the (N,) values of a column."""
-        return np.array([row[name] for row in self.rows], dtype=np.float64)
+        return np.array([candidate[name] for candidate in self.rows], dtype=np.float64)
 
     @property
     def kind(self) -> IntArray:
         """Kind of each candidate (N,), an index into `CONFLICTS`."""
-        return np.array([CONFLICTS.index(row["conflict"]) for row in self.rows], dtype=np.int64)
+        return np.array([CONFLICTS.index(candidate["conflict"]) for candidate in self.rows], dtype=np.int64)
 
     def exposure(self) -> list[dict[str, Any]]:
         """Return by kind the encounters, people's contacts an hour, and the number of candidates."""
@@ -85,7 +85,7 @@ def read_population(folders: Sequence[Path]) -> Population:
     Raises:
         UsageError: one cannot be read, is of an older version, or none has an encounter.
     """
-    pairs: list[Mapping[str, Any]] = []
+    encounters: list[Mapping[str, Any]] = []
     roots, hours, doubtful, moments = [], 0.0, 0, 0
     for folder in folders:
         info, table, times = _read(folder)
@@ -94,34 +94,35 @@ def read_population(folders: Sequence[Path]) -> Population:
         moments += int(info["seeds"])
         sure = table.filter(pc.is_null(table["doubt"]))
         doubtful += len(table) - len(sure)
-        pairs += sure.to_pylist()
-    frequent = {row["conflict"] for row in pairs if row["probability"] >= RARE}
+        encounters += sure.to_pylist()
+    frequent = {encounter["conflict"] for encounter in encounters if encounter["probability"] >= RARE}
     kept = [
-        row
-        for row in pairs
-        if row["conflict"] and (row["probability"] >= RARE or row["conflict"] not in frequent)
+        encounter
+        for encounter in encounters
+        if encounter["conflict"]
+        and (encounter["probability"] >= RARE or encounter["conflict"] not in frequent)
     ]
     if not kept:
         raise UsageError(
             f"{', '.join(map(str, folders))}: no encounter without doubt; nothing to choose from"
         )
     return Population(
-        rows=[one for row in kept for one in candidates_of(row)],
+        rows=[candidate for encounter in kept for candidate in candidates_of(encounter)],
         hours=hours,
         encounters=len(kept),
-        rare=len(pairs) - len(kept),
+        rare=len(encounters) - len(kept),
         doubtful=doubtful,
         roots=roots,
         moments=moments,
     )
 
 
-def candidates_of(row: Mapping[str, Any]) -> list[dict[str, Any]]:
+def candidates_of(encounter: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the one or two candidates of an encounter; a leader and a person do not respond."""
-    if row["person"] is not None or row["conflict"] in LEADING:
-        return [{**row, "share": 1.0}]
-    exchanged = {"track_id": row["other_id"], "other_id": row["track_id"]}
-    return [{**row, "share": 0.5}, {**row, **exchanged, "share": 0.5}]
+    if encounter["person"] is not None or encounter["conflict"] in LEADING:
+        return [{**encounter, "share": 1.0}]
+    exchanged = {"track_id": encounter["other_id"], "other_id": encounter["track_id"]}
+    return [{**encounter, "share": 0.5}, {**encounter, **exchanged, "share": 0.5}]
 
 
 def _read(folder: Path) -> tuple[dict[str, Any], pa.Table, pa.Table]:
@@ -141,7 +142,7 @@ def _read(folder: Path) -> tuple[dict[str, Any], pa.Table, pa.Table]:
 def recorded_hours(moments: pa.Table, every_s: float) -> float:
     """Return the recorded time of moments, from the first to the last one of each recording and case."""
     spans: dict[tuple[str, str], list[float]] = {}
-    for row in moments.select(["recording", "case", "time_s"]).to_pylist():
-        if row["time_s"] is not None:
-            spans.setdefault((row["recording"], row["case"]), []).append(row["time_s"])
+    for moment in moments.select(["recording", "case", "time_s"]).to_pylist():
+        if moment["time_s"] is not None:
+            spans.setdefault((moment["recording"], moment["case"]), []).append(moment["time_s"])
     return sum(max(times) - min(times) + every_s for times in spans.values()) / 3600

@@ -102,14 +102,14 @@ class Suite:
     @cached_property
     def cases(self) -> Sequence[Case]:
         """The cases, by kind and P of people."""
-        return [Case(folder=self.folder / CASES / one["name"], about=one) for one in self.info["cases"]]
+        return [Case(folder=self.folder / CASES / case["name"], about=case) for case in self.info["cases"]]
 
     @property
     def design(self) -> Design:
         """How the cases were drawn."""
         cases = self.info["cases"]
-        weight, chance = (np.array([one[name] for one in cases], np.float64) for name in ("weight", "chance"))
-        stratum = np.array([one["stratum"] for one in cases], np.int64)
+        names = ("weight", "chance", "stratum")
+        weight, chance, stratum = (np.array([case[name] for case in cases]) for name in names)
         return Design(weight=weight, chance=chance, stratum=stratum, hours=float(self.info["hours"]))
 
 
@@ -132,7 +132,7 @@ def open_suite(folder: str | Path) -> Suite:
         raise ResultError(f"{folder}: no suite ({SUITE} is missing); make one with 'scex-sumo catalogue'")
     refuse_special_files(folder)
     info = read_json(file, _SUITE, AGAIN)
-    if len({one["name"] for one in info["cases"]}) < len(info["cases"]):
+    if len({case["name"] for case in info["cases"]}) < len(info["cases"]):
         raise ResultError(f"{file}: a case has the name of another one; {AGAIN}")
     return Suite(folder=folder, info=info)
 
@@ -140,7 +140,7 @@ def open_suite(folder: str | Path) -> Suite:
 def rules_to_json(rules: Rules) -> dict[str, Any]:
     """Return rules without their lights."""
     return {
-        "passages": [_plain(one) for one in rules.passages],
+        "passages": [_plain(passage) for passage in rules.passages],
         "stop_lines": [line.tolist() for line in rules.stop_lines],
         "crosswalks": [outline.tolist() for outline in rules.crosswalks],
     }
@@ -148,11 +148,11 @@ def rules_to_json(rules: Rules) -> dict[str, Any]:
 
 def lights_to_json(rules: Rules) -> list[dict[str, Any]]:
     """Return the lights of rules; one without letters is unknown."""
-    return [_plain(one) for one in rules.signals]
+    return [_plain(light) for light in rules.signals]
 
 
-def _plain(one: Passage | Signal) -> dict[str, Any]:
-    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(one).items()}
+def _plain(rule: Passage | Signal) -> dict[str, Any]:
+    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in vars(rule).items()}
 
 
 def rules_of_json(content: Mapping[str, Any], lights: Sequence[Mapping[str, Any]]) -> Rules:
@@ -162,27 +162,27 @@ def rules_of_json(content: Mapping[str, Any], lights: Sequence[Mapping[str, Any]
         ValueError: they do not fit each other.
     """
     passages = content["passages"]
-    others = max((k for one in passages for k in one["yields_to"]), default=-1)
-    if others >= len(passages) or max((one["signal"] for one in passages), default=-1) >= len(lights):
+    others = max((k for passage in passages for k in passage["yields_to"]), default=-1)
+    if others >= len(passages) or max((passage["signal"] for passage in passages), default=-1) >= len(lights):
         raise ValueError("a passage names a passage or a light that is not there")
-    for one in lights:
-        ends = [0.0, *one["ends_s"]]
-        if ends != sorted({*ends}) or len(one["letters"]) != len(one["ends_s"]):
+    for light in lights:
+        ends = [0.0, *light["ends_s"]]
+        if ends != sorted({*ends}) or len(light["letters"]) != len(light["ends_s"]):
             raise ValueError("a light has not one end for each phase, one after the other")
     return Rules(
         passages=tuple(
             Passage(
-                line=np.array(one["line"]),
-                lanes=tuple(one["lanes"]),
-                state=one["state"],
-                signal=one["signal"],
-                yields_to=tuple(one["yields_to"]),
+                line=np.array(passage["line"]),
+                lanes=tuple(passage["lanes"]),
+                state=passage["state"],
+                signal=passage["signal"],
+                yields_to=tuple(passage["yields_to"]),
             )
-            for one in passages
+            for passage in passages
         ),
         signals=tuple(
-            Signal(letters=one["letters"], ends_s=np.array(one["ends_s"]), start_s=one["start_s"])
-            for one in lights
+            Signal(letters=light["letters"], ends_s=np.array(light["ends_s"]), start_s=light["start_s"])
+            for light in lights
         ),
         stop_lines=tuple(map(np.array, content["stop_lines"])),
         crosswalks=tuple(map(np.array, content["crosswalks"])),

@@ -39,8 +39,8 @@ def _scene(scene: SeedScene) -> dict[str, Any]:
     now = {"x": scene.now.x, "y": scene.now.y, "speed": scene.now.speed, "length": scene.length}
     ids, kinds = scene.track_ids.tolist(), scene.types
     columns = {"track_id": ids, "type": kinds, **{name: values.tolist() for name, values in now.items()}}
-    each = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-    return {"name": scene.name, "time_s": scene.time_s, "vehicles": each}
+    vehicles = [dict(zip(columns, vehicle, strict=True)) for vehicle in zip(*columns.values(), strict=True)]
+    return {"name": scene.name, "time_s": scene.time_s, "vehicles": vehicles}
 
 
 _PLACES = [("recording", "names", ""), ("site", "names", ""), ("vehicles", "text", "")]

@@ -60,9 +60,9 @@ def inspect_command(
         console.print(console_table("plausibility of the recording", heads, rows))
     words = ["scex-sumo", "run", str(map_path), *(["--tracks", str(tracks)] if tracks else [])]
     words += ["--origin", origin] if origin is not None else []
-    moments, each = (recording_moments(loaded, every_s=step) for step in (EVERY_S, STEP_S))
-    best = busiest(each) if each else None  # the moment that run takes
-    full = max([best, *each], key=lambda moment: moment.vehicles) if best is not None else None
+    moments, all_moments = (recording_moments(loaded, every_s=step) for step in (EVERY_S, STEP_S))
+    best = busiest(all_moments) if all_moments else None  # the moment that run takes
+    full = max([best, *all_moments], key=lambda moment: moment.vehicles) if best is not None else None
     marked = {moment for moment in (best, full) if moment is not None}
     if marked - {*moments}:
         moments = sorted({*moments, *marked}, key=lambda moment: moment.time_s)

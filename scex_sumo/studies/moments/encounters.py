@@ -89,8 +89,8 @@ def with_columns(table: pa.Table, columns: Mapping[str, Sequence[Any]]) -> pa.Ta
 
 def pairs_of_moment(scene: SeedScene, net: SumoNet, *, futures: int, seed: int = 0) -> pa.Table:
     """Return the pairs of a ruled scene with a road, see `PAIRS`, the most probable contact first."""
-    part = human_part(scene, net, futures=futures, seed=seed)
-    table = pairs_of_part(scene, part)
-    rows = table.select(["track_id", "other_id", "probability", "future"]).to_pylist()
-    table = table.append_column("to_test", pa.array([is_to_be_tested(row) for row in rows], pa.bool_()))
-    return table.append_column("conflict", pa.array(kinds_of(scene, rows, part), pa.string()))
+    human = human_part(scene, net, futures=futures, seed=seed)
+    table = pairs_of_part(scene, human)
+    pairs = table.select(["track_id", "other_id", "probability", "future"]).to_pylist()
+    table = table.append_column("to_test", pa.array([is_to_be_tested(pair) for pair in pairs], pa.bool_()))
+    return table.append_column("conflict", pa.array(kinds_of(scene, pairs, human), pa.string()))

@@ -50,8 +50,8 @@ def rank_command(
     options["window"] = options.pop("first_s"), options.pop("last_s")
     options["models"] = DEFAULT_MODELS if models is None else models
     ranking = run_study(rank, "futures", **options)
-    rows = ranking.moments.select(["seed", "failure"]).to_pylist()
-    failed = [f"{row['seed']}: failed: {row['failure']}" for row in rows if row["failure"] is not None]
+    columns = (ranking.moments[name].to_pylist() for name in ("seed", "failure"))
+    failed = [f"{name}: failed: {why}" for name, why in zip(*columns, strict=True) if why is not None]
     more = len(failed) - _SHOWN_FAILURES
     warn(failed[:_SHOWN_FAILURES] + ([f"{more} more failed; see moments.csv"] if more > 0 else []))
     _print_top(ranking, top)
@@ -79,9 +79,9 @@ def _print_top(ranking: Ranking, top: int) -> None:
     from scex_sumo.reports.console_table import print_line
     from scex_sumo.studies.rank.page import PRINTED_COLUMNS
 
-    console, rows = output_console(width=160), ranking.table.slice(0, top).to_pylist()
-    rows = [row for row in rows if row["rank"] is not None]
-    print_columns(PRINTED_COLUMNS, rows, console, "encounters worth testing")
+    console, encounters = output_console(width=160), ranking.table.slice(0, top).to_pylist()
+    encounters = [encounter for encounter in encounters if encounter["rank"] is not None]
+    print_columns(PRINTED_COLUMNS, encounters, console, "encounters worth testing")
     about = "people: one of so many such moments ends in a contact within 3 s, and the range of that number"
     stress = "stress: share of the futures of the stress test in which they collide"
     print_line(f"{about}; {stress}", console)

@@ -54,10 +54,10 @@ def with_stress(encounters: pa.Table, shares: Mapping[str, Mapping[tuple[int, in
     Shares are by moment, then by both track ids, ascending; pairs that never meet have none.
     """
     stress: list[float | None] = []
-    for row in encounters.select(["seed", "track_id", "other_id"]).to_pylist():
-        pair = min(row["track_id"], row["other_id"]), max(row["track_id"], row["other_id"])
-        known = shares.get(row["seed"])
-        stress.append(None if known is None else known.get(pair, 0.0))
+    for encounter in encounters.select(["seed", "track_id", "other_id"]).to_pylist():
+        first, second = sorted((encounter["track_id"], encounter["other_id"]))
+        known = shares.get(encounter["seed"])
+        stress.append(None if known is None else known.get((first, second), 0.0))
     return with_columns(encounters, {"stress_p_collision": stress})
 
 
@@ -92,19 +92,21 @@ def read_triage(path: Path) -> Sequence[Mapping[str, str]]:
 def _judged(encounters: pa.Table, triage: Sequence[Mapping[str, str]]) -> pa.Table:
     """Return encounters with the last verdict on their pair that was given for a time within each."""
     given: dict[tuple[str, ...], list[Mapping[str, str]]] = {}
-    for row in triage:
-        given.setdefault(_key(row), []).insert(0, row)
+    for verdict in triage:
+        given.setdefault(_key(verdict), []).insert(0, verdict)
     doubts, verdicts = [], list[Mapping[str, str]]()
     for row in encounters.select(["doubt", "first_s", "last_s", *BOTH]).to_pylist():
         times = (
-            one for one in given.get(_key(row), ()) if row["first_s"] <= float(one["time_s"]) <= row["last_s"]
+            verdict
+            for verdict in given.get(_key(row), ())
+            if row["first_s"] <= float(verdict["time_s"]) <= row["last_s"]
         )
         verdicts.append(next(times, {}))
         doubts.append(SAID if verdicts[-1].get("verdict") == DATA_ERROR else row["doubt"])
-    columns = {name: [one.get(name) or None for one in verdicts] for name in TRIAGE}
+    columns = {name: [verdict.get(name) or None for verdict in verdicts] for name in TRIAGE}
     return with_columns(encounters, {"doubt": doubts, **columns})
 
 
-def _key(row: Mapping[str, Any]) -> tuple[str, ...]:
-    one, other = sorted((str(row["track_id"]), str(row["other_id"])))
-    return str(row["recording"]), str(row["case"]), one, other
+def _key(pair: Mapping[str, Any]) -> tuple[str, ...]:
+    first, second = sorted((str(pair["track_id"]), str(pair["other_id"])))
+    return str(pair["recording"]), str(pair["case"]), first, second

@@ -66,9 +66,9 @@ _KEYS = (
 )
 
 
-def stress_words(row: Row) -> str | None:
+def stress_words(encounter: Row) -> str | None:
     """Return the share of the stress test in which a pair collides; None where no futures were run."""
-    share = row["stress_p_collision"]
+    share = encounter["stress_p_collision"]
     return None if share is None else f"{share:.0%}"
 
 
@@ -119,7 +119,7 @@ def write_ranking_page(
         ranking: the encounters in their order, ``by`` a column, of which so many are ``shown``.
     """
     top = ranking.filter(pc.is_valid(ranking["rank"])).slice(0, shown).to_pylist()
-    names = list(dict.fromkeys(row["seed"] for row in top))
+    names = list(dict.fromkeys(encounter["seed"] for encounter in top))
     refs = [ref for ref in run.refs if ref.moment in names]
     tasks: dict[str, _ReportTask] = {}
     stress: dict[str, Mapping[_Pair, float]] = {}
@@ -131,7 +131,7 @@ def write_ranking_page(
     def asked() -> Iterator[_ReportTask]:
         for task in run.tasks(refs):
             name = task.ref.moment
-            own = [row for row in top if row["seed"] == name]
+            own = [encounter for encounter in top if encounter["seed"] == name]
             site = open_sites.pop(task.ref.location, None)
             command = _command(run, task.ref)
             yield _ReportTask(**vars(task), command=command, pairs=own_pairs[name], rows=own, site=site)
@@ -152,30 +152,30 @@ def write_ranking_page(
         write_atomic(report, html)
     ranking = with_stress(ranking, stress)
     cards = [
-        (row, *_card(row, stages[key], tasks[row["seed"]].command))
-        for row in ranking.slice(0, len(top)).to_pylist()
-        if (key := (row["seed"], row["track_id"], row["other_id"])) in stages
+        (encounter, *_card(encounter, stages[key], tasks[encounter["seed"]].command))
+        for encounter in ranking.slice(0, len(top)).to_pylist()
+        if (key := (encounter["seed"], encounter["track_id"], encounter["other_id"])) in stages
     ]
     rows = ranking.slice(0, max(_ROWS, len(top))).to_pylist()
     page = Document("Encounters worth testing", *SCRIPTS)
     rest = f"The first {_ROWS} of {len(ranking)}; all" if len(ranking) > _ROWS else "All"
     parts = [
-        glance(pairs, places, roads, {f"#encounter-{row['rank']}": row for row, _, _ in cards}),
+        glance(pairs, places, roads, {f"#encounter-{shown['rank']}": shown for shown, _, _ in cards}),
         _bar(),
-        *_lists(ranking, [(row, html) for row, html, _ in cards], by),
+        *_lists(ranking, [(encounter, html) for encounter, html, _ in cards], by),
         card(
             "All encounters",
             f"{rest} with more columns are in ranking.csv and ranking.parquet, moments in moments.csv. "
             "A click on a head sorts.",
             page.table("all-encounters", page_table(PAGE_COLUMNS, rows)),
         ),
-        *failure_card("Failed", {name: one.reason for name, one in failures.items()}),
+        *failure_card("Failed", {name: failure.reason for name, failure in failures.items()}),
     ]
     page.info |= {
         "name": run.folder.identity,
         "verdicts": VERDICTS,
         "cards": [data for _, _, data in cards],
-        "rows": [{name: row[name] for name in (*KEY, *TRIAGE)} for row in rows],
+        "rows": [{name: encounter[name] for name in (*KEY, *TRIAGE)} for encounter in rows],
     }
     page.write(run.folder.path / HTML, _summary(run, ranking), *parts)
     return ranking, {"futures_run": len(stress) * run.settings.futures, "shown": names}, notes
@@ -208,18 +208,21 @@ def _reported(task: _ReportTask, scene: SeedScene) -> _Made:
         info, arrays = report_contents(run, scene)
         info |= {"folder": task.command[-1], "command": shlex.join(task.command)}
         met = [Encounter(row=row, run=run) for row in run.encounters.to_pylist()]
-        stress = {one.pair: one.row["collision"] for one in met}
+        stress = {encounter.pair: encounter.row["collision"] for encounter in met}
         page, notes = filled_report(run, info, arrays), fallback_lines(run.info["fallbacks"])
     scene, net = ruled(scene, net_of(task.road), task.settings.run)
     human = human_part(scene, net, futures=HUMAN_FUTURES, seed=task.settings.run.seed)
-    stages = {(row["track_id"], row["other_id"]): stage_of_future(scene, row, human) for row in task.rows}
+    stages = {
+        (encounter["track_id"], encounter["other_id"]): stage_of_future(scene, encounter, human)
+        for encounter in task.rows
+    }
     assert scene.road is not None
     drawn = None if task.site is None else road_svg(lane_lines(scene.road, task.site))
     return page, stress, notes, stages, drawn
 
 
 def _command(run: MomentRun, ref: MomentRef) -> list[str]:
-    recording = next(one for one in run.recordings if one.name == ref.recording)
+    recording = {recording.name: recording for recording in run.recordings}[ref.recording]
     paths, models = recording.track_paths, run.settings.models
     words = ["scex-sumo", "run", str(recording.map_path)]
     words += ["--tracks", str(paths[0] if len(paths) == 1 else paths[0].parent)]
@@ -245,7 +248,7 @@ def _lists(ranking: pa.Table, shown: Sequence[tuple[Mapping[str, Any], Html]], b
     is_sure = pc.is_valid(ranking["rank"])
     parts = []
     for name, is_tested in (("To be tested", True), ("Not to be tested", False)):
-        own = [html for row, html in shown if row["to_test"] is is_tested]
+        own = [html for encounter, html in shown if encounter["to_test"] is is_tested]
         total = pc.sum(pc.and_(is_sure, pc.equal(ranking["to_test"], is_tested))).as_py() or 0
         if total:
             head = f"{name}: {total}" + (f", {len(own)} of them here" if len(own) < total else "")
@@ -262,50 +265,51 @@ def _lists(ranking: pa.Table, shown: Sequence[tuple[Mapping[str, Any], Html]], b
 def _bar() -> Html:
     save = element("button", "save verdicts (CSV)", id="save")
     read = element("input", type="file", accept=".csv", id="read")
-    row = element("div.row", element("b", id="counts"), save, element("label", "read ", read))
+    buttons = element("div.row", element("b", id="counts"), save, element("label", "read ", read))
     return element(
-        "section.card", row, element("p.soft", _HOW + _KEYS), element("p.soft", id="said", role="status")
+        "section.card", buttons, element("p.soft", _HOW + _KEYS), element("p.soft", id="said", role="status")
     )
 
 
-def _card(row: Mapping[str, Any], stage: Stage, command: Sequence[str]) -> tuple[Html, dict[str, Any]]:
+def _card(encounter: Mapping[str, Any], stage: Stage, command: Sequence[str]) -> tuple[Html, dict[str, Any]]:
     """Return the card of an encounter, and what its scripts need."""
-    title = element("h2", element("b", str(row["rank"])), f" {arrow(row)}, {row['what']}")
+    title = element("h2", element("b", str(encounter["rank"])), f" {arrow(encounter)}, {encounter['what']}")
     buttons = [
         element("button", f"{number} {verdict}", data_verdict=verdict)
         for number, verdict in enumerate(VERDICTS, 1)
     ]
     note = element("input.note", type="search", placeholder="note", aria_label="Note")
-    link = element("a", "Report of the moment", href=f"{REPORTS}/{row['seed']}.html")
+    link = element("a", "Report of the moment", href=f"{REPORTS}/{encounter['seed']}.html")
     html = element(
         "article.card",
         title,
-        element("p.soft", _where(row)),
+        element("p.soft", _where(encounter)),
         stage.picture,
-        element("p.takes", f"{row['how'] or row['what']}: {once_in(row['probability'])}."),
-        element("ul", *(element("li", words) for words in _facts(row))),
+        element("p.takes", f"{encounter['how'] or encounter['what']}: {once_in(encounter['probability'])}."),
+        element("ul", *(element("li", words) for words in _facts(encounter))),
         element("div.row", *buttons, note),
         element("p", link),
         element("details", element("summary", "Run it"), element("code", shlex.join(command))),
-        id=f"encounter-{row['rank']}",
+        id=f"encounter-{encounter['rank']}",
         tabindex="0",
     )
-    return html, {"outlines": stage.outlines, "contact": stage.contact, "row": row["rank"] - 1}
+    return html, {"outlines": stage.outlines, "contact": stage.contact, "row": encounter["rank"] - 1}
 
 
-def _where(row: Mapping[str, Any]) -> str:
-    case = f", case {row['case']}" if row["case"] else ""
-    long = f" ({row['first_s']:g} to {row['last_s']:g} s)" if row["moments"] > 1 else ""
-    return f"{row['location']}, {row['recording']}{case}, {row['time_s']:g} s{long}"
+def _where(encounter: Mapping[str, Any]) -> str:
+    case = f", case {encounter['case']}" if encounter["case"] else ""
+    long = f" ({encounter['first_s']:g} to {encounter['last_s']:g} s)" if encounter["moments"] > 1 else ""
+    return f"{encounter['location']}, {encounter['recording']}{case}, {encounter['time_s']:g} s{long}"
 
 
-def _facts(row: Mapping[str, Any]) -> list[str]:
+def _facts(encounter: Mapping[str, Any]) -> list[str]:
     facts = [
-        f"{span(row)} such moments" + ("; the models disagree" if disagrees(row) else ""),
-        f"as shown in {row['futures']} of {HUMAN_FUTURES} human-like futures, {row['conflict_s']:.1f} s on",
+        f"{span(encounter)} such moments" + ("; the models disagree" if disagrees(encounter) else ""),
+        f"as shown in {encounter['futures']} of {HUMAN_FUTURES} human-like futures, "
+        f"{encounter['conflict_s']:.1f} s on",
     ]
-    if row["stress_p_collision"] is not None:
-        facts.append(f"stress test: collide in {stress_words(row)} of the futures")
+    if encounter["stress_p_collision"] is not None:
+        facts.append(f"stress test: collide in {stress_words(encounter)} of the futures")
     return facts
 
 
@@ -317,16 +321,16 @@ def places_of(ranking: pa.Table) -> dict[str, list[dict[str, Any]]]:
     """Return the encounters that a map shows, by site: the first ones without doubt."""
     is_told = pc.greater_equal(ranking["probability"], TOLD)
     places: dict[str, list[dict[str, Any]]] = {}
-    for row in ranking.filter(pc.and_(pc.is_valid(ranking["rank"]), is_told)).to_pylist():
-        own = places.setdefault(row["location"], [])
+    for encounter in ranking.filter(pc.and_(pc.is_valid(ranking["rank"]), is_told)).to_pylist():
+        own = places.setdefault(encounter["location"], [])
         if len(own) < _PLACES:
-            own.append(row)
+            own.append(encounter)
     return places
 
 
-def box_of(rows: Sequence[Mapping[str, Any]]) -> Box:
+def box_of(encounters: Sequence[Mapping[str, Any]]) -> Box:
     """Return the box of a map with these places, m."""
-    x, y = [row["x"] for row in rows], [row["y"] for row in rows]
+    x, y = [encounter["x"] for encounter in encounters], [encounter["y"] for encounter in encounters]
     return min(x) - _AROUND_M, max(x) + _AROUND_M, min(y) - _AROUND_M, max(y) + _AROUND_M
 
 
@@ -336,32 +340,33 @@ def glance(
     """Return the time lines of the most critical recordings, and maps of `places_of` that have a road."""
     lines, levels = dict[str, list[Happening]](), dict[str, list[float]]()
     for ref, table in pairs:
-        for row in table.filter(pc.is_null(table["doubt"])).slice(0, 1).to_pylist():
-            happening = Happening.of(row, ref.time_s, _link(row, ref.recording, ref.time_s, cards))
+        for pair in table.filter(pc.is_null(table["doubt"])).slice(0, 1).to_pylist():
+            happening = Happening.of(pair, ref.time_s, _link(pair, ref.recording, ref.time_s, cards))
             lines.setdefault(ref.recording, []).append(happening)
             levels.setdefault(ref.location, []).append(happening.probability)
     usual = {ref.recording: usual_level(levels.get(ref.location, ())) for ref, _ in pairs}
-    by_peak = sorted(lines, key=lambda name: -max(one.probability for one in lines[name]))
+    by_peak = sorted(lines, key=lambda name: -max(mark.probability for mark in lines[name]))
     figures, maps = list[Html](), list[Html]()
     for name, marks in lines.items():
         if name in by_peak[:_MOST]:
-            times = [one.time_s for one in marks]
+            times = [mark.time_s for mark in marks]
             figures.append(timeline(name, marks, (min(times), max(times)), name, usual[name]))
-    for site, rows in places.items():
+    for site, encounters in places.items():
         if site in roads:
-            links = (_link(row, row["recording"], row["time_s"], cards) for row in rows)
-            marks = [Happening.of(row, row["time_s"], link) for row, link in zip(rows, links, strict=True)]
-            maps.append(place_map(site, box_of(rows), roads[site], marks))
-    kinds = {one.what for marks in lines.values() for one in marks}
+            links = (_link(shown, shown["recording"], shown["time_s"], cards) for shown in encounters)
+            linked = zip(encounters, links, strict=True)
+            marks = [Happening.of(encounter, encounter["time_s"], link) for encounter, link in linked]
+            maps.append(place_map(site, box_of(encounters), roads[site], marks))
+    kinds = {mark.what for marks in lines.values() for mark in marks}
     legend = shapes_legend(kinds, usual=any(usual.values()))
     more = f" Shown are the {_MOST} most critical of {len(lines)} recordings." if len(lines) > _MOST else ""
     return card("At a glance", _GLANCE + more, legend, *figures, element("div.maps", *maps))
 
 
-def _link(row: Mapping[str, Any], recording: str, time_s: float, cards: Cards) -> str:
-    both = {row["track_id"], row["other_id"]}
-    for address, one in cards.items():
-        is_pair = one["recording"] == recording and {one["track_id"], one["other_id"]} == both
-        if is_pair and one["first_s"] <= time_s <= one["last_s"]:
+def _link(pair: Mapping[str, Any], recording: str, time_s: float, cards: Cards) -> str:
+    both = {pair["track_id"], pair["other_id"]}
+    for address, shown in cards.items():
+        is_pair = shown["recording"] == recording and {shown["track_id"], shown["other_id"]} == both
+        if is_pair and shown["first_s"] <= time_s <= shown["last_s"]:
             return address
     return ""

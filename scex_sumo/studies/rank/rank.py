@@ -93,7 +93,7 @@ def moments_table(run: MomentRun, pairs: Pairs) -> pa.Table:
     for ref, table in pairs:  # P of a contact of any pair whose data are not doubtful
         sure = table.filter(pc.is_null(table["doubt"]))["probability"].to_pylist()
         rows.append(as_row(ref) | {"human_p_collision": any_of(sure)})
-    rows.sort(key=lambda row: (-row["human_p_collision"], row["seed"]))
+    rows.sort(key=lambda moment: (-moment["human_p_collision"], moment["seed"]))
     rows += [as_row(failure) | {"failure": failure.reason} for failure in failed]
     return pa.Table.from_pylist(rows, schema=MOMENTS)
 

@@ -38,14 +38,14 @@ class Stage:
     contact: int
 
 
-def stage_of_future(scene: SeedScene, row: Mapping[str, Any], human: Part) -> Stage:
+def stage_of_future(scene: SeedScene, pair: Mapping[str, Any], human: Part) -> Stage:
     """Return the stage of a row of `scex_sumo.decision.pairs.PAIRS`, from human-like futures of its scene."""
     whole = everybody(scene)
-    other, one = indices_of(whole, (row["other_id"], row["track_id"])).tolist()
-    at = int(np.searchsorted(human.futures, row["future"]))
-    driven = with_everybody(scene, human.states[at : at + 1])[0, HISTORY_STEPS:].swapaxes(0, 1)
-    last = min(round(row["conflict_s"] / STEP_S) + _BEYOND, driven.shape[1] - 1)
-    return stage_of_motion(whole, (other, one), driven[[other, one], : last + 1])
+    other, acting = indices_of(whole, (pair["other_id"], pair["track_id"])).tolist()
+    index = int(np.searchsorted(human.futures, pair["future"]))
+    driven = with_everybody(scene, human.states[index : index + 1])[0, HISTORY_STEPS:].swapaxes(0, 1)
+    last = min(round(pair["conflict_s"] / STEP_S) + _BEYOND, driven.shape[1] - 1)
+    return stage_of_motion(whole, (other, acting), driven[[other, acting], : last + 1])
 
 
 def stage_of_motion(scene: SeedScene, both: tuple[int, int], motion: States) -> Stage:
@@ -54,21 +54,21 @@ def stage_of_motion(scene: SeedScene, both: tuple[int, int], motion: States) -> 
     What was recorded is shown beside it, from 1 s before the moment on.
     """
     assert scene.road is not None
-    one, other = both
+    acting, other = both
     states, known = _recorded(scene)
-    happens = States.concatenate([scene.history[[one, other], :-1], motion], axis=1)
+    happens = States.concatenate([scene.history[[acting, other], :-1], motion], axis=1)
     box = _box(happens[:, -_LAST:])
     begins = int(np.argmax(_inside(happens, box).all(axis=0)))  # fast vehicles have to come near first
     happens, states, known = happens[:, begins:], states[:, begins:], known[:, begins:]
     tracks, shown = [], []
     for v in np.flatnonzero((_inside(states, box) & known).any(axis=1)).tolist():
-        kind = "ghost" if v in (one, other) else "vehicle"
+        kind = "ghost" if v in (acting, other) else "vehicle"
         tracks.append(_outline(states[v], known[v]))
         shown.append(outline_svg(kind, scene.length[v], scene.width[v]))
-    for row_of, v in enumerate((one, other)):
+    for row_of, v in enumerate((acting, other)):
         tracks.append(_outline(happens[row_of], np.ones(happens.shape[1], np.bool_)))
         shown.append(outline_svg(("acts", "responds")[row_of], scene.length[v], scene.width[v]))
-    shown += [element("text.number", str(scene.track_ids[v])) for v in (one, other)]
+    shown += [element("text.number", str(scene.track_ids[v])) for v in (acting, other)]
     road = road_svg(lane_lines(scene.road, box))
     picture = scene_svg("the two vehicles, from above", box, road, shown)
     return Stage(picture=picture, outlines=tracks, contact=happens.shape[1] - 1)
@@ -100,5 +100,5 @@ def _inside(states: States, box: Box) -> BoolArray:
 
 def _outline(states: States, known: BoolArray) -> list[tuple[float, float, float] | None]:
     turn: FloatArray = np.degrees(np.unwrap(states.heading))
-    rows = zip(states.x.round(2).tolist(), states.y.round(2).tolist(), turn.round(1).tolist(), strict=True)
-    return [row if there else None for row, there in zip(rows, known.tolist(), strict=True)]
+    poses = zip(states.x.round(2).tolist(), states.y.round(2).tolist(), turn.round(1).tolist(), strict=True)
+    return [pose if there else None for pose, there in zip(poses, known.tolist(), strict=True)]

@@ -130,8 +130,8 @@ def _run(scene: SeedScene, net: SumoNet, settings: RunSettings, models: ModelSet
     )
 
 
-def _values(part: Part) -> FloatArray:
-    return np.where(part.defined, part.values, np.nan)
+def _values(futures: Part) -> FloatArray:
+    return np.where(futures.defined, futures.values, np.nan)
 
 
 def _futures_table(columns: tuple[str, ...], rows: list[tuple[IntArray, FloatArray, BoolArray]]) -> pa.Table:
@@ -151,4 +151,5 @@ class ForecastFolder(StudyFolder):
 
     def read(self, ref: MomentRef) -> Forecast:
         """Read the forecast of a moment."""
-        return Forecast(**{one.name: self._read(ref, one.name) for one in dataclasses.fields(Forecast)})
+        names = (table.name for table in dataclasses.fields(Forecast))
+        return Forecast(**{name: self._read(ref, name) for name in names})

@@ -68,7 +68,7 @@ def write_validation_page(
         rows: events, pairs, values and positions, see `scex_sumo.studies.validate.scoring`.
     """
     events = rows["events"]
-    usual = [row for row in events if 0.0 < row["happened"] < 1.0]
+    usual = [event for event in events if 0.0 < event["happened"] < 1.0]
     page = Document(f"Validation of {', '.join(info['models'])}")
     sections = [
         _summary(info),
@@ -88,7 +88,7 @@ def write_validation_page(
             "Do probabilities hold?",
             "Where a forecast of 30 % came true 30 % of the time, the dot is on the line; its area is the "
             "number of seed scenes.",
-            plots(*(_diagram(row) for row in usual)) if usual else "No event both happened and did not.",
+            plots(*(_diagram(event) for event in usual)) if usual else "No event both happened and did not.",
         ),
         card(
             "Values",
@@ -126,11 +126,11 @@ def collisions_in(info: Mapping[str, Any]) -> str:
     return f"{info['p_collision']:.2%}{where} (they do in {info['recorded_overlaps']:.2%} of the seed scenes)"
 
 
-def _diagram(row: Mapping[str, Any]) -> Html:
-    total = sum(row["diagram_count"])
+def _diagram(event: Mapping[str, Any]) -> Html:
+    total = sum(event["diagram_count"])
     plane = Plane(x=(-0.1, 1.1), y=(-0.1, 1.1), width=180, height=180)  # the largest dots in the corners, too
     whole = np.array([0.0, 1.0])
-    kinds = zip(row["diagram_forecast"], row["diagram_observed"], row["diagram_count"], strict=True)
+    kinds = zip(event["diagram_forecast"], event["diagram_observed"], event["diagram_count"], strict=True)
     dots = [
         plane.dot(
             p,
@@ -143,4 +143,4 @@ def _diagram(row: Mapping[str, Any]) -> Html:
     ]
     parts = [plane.line(whole, whole, "soft", dashed=True), *dots]
     marks = [(share, f"{share:.0%}") for share in (0.0, 0.5, 1.0)]
-    return plane.figure(row["event"], *parts, marks=marks)
+    return plane.figure(event["event"], *parts, marks=marks)

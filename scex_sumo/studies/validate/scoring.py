@@ -94,7 +94,7 @@ def gathered(scored: Sequence[tuple[MomentRef, Forecast]]) -> Forecasts:
     def row(number: int) -> FloatArray:
         return np.stack([values[future == number][0] for future, values in parts])
 
-    pairs = [one.encounters for _, one in scored]
+    pairs = [forecast.encounters for _, forecast in scored]
     marked = [
         t.append_column("group", pa.array(np.full(len(t), g))) for t, g in zip(pairs, group, strict=True)
     ]
@@ -104,7 +104,7 @@ def gathered(scored: Sequence[tuple[MomentRef, Forecast]]) -> Forecasts:
         recorded=row(RECORDED),
         straight=row(CONSTANT_VELOCITY),
         group=group,
-        vehicles=pa.concat_tables([one.vehicles for _, one in scored]),
+        vehicles=pa.concat_tables([forecast.vehicles for _, forecast in scored]),
         encounters=pa.concat_tables(marked),
     )
 
@@ -192,9 +192,8 @@ def value_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
         for m, values in enumerate(forecasts.futures):
             sample = np.minimum(values[:, column], limit)
             sample = sample[np.isfinite(sample)]
-            y, straight = (
-                float(min(part[m, column], limit)) for part in (forecasts.recorded, forecasts.straight)
-            )
+            truth, rival = forecasts.recorded[m, column], forecasts.straight[m, column]
+            y, straight = float(min(truth, limit)), float(min(rival, limit))
             if np.isfinite(y) and np.isfinite(straight) and len(sample) >= MIN_DEFINED * len(values):
                 cases.append((crps(sample, y), abs(straight - y), covered(sample, y), forecasts.group[m]))
         if cases:
@@ -222,18 +221,20 @@ def position_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
     rows, table = [], forecasts.vehicles
     for second in sorted(set(table["second"].to_pylist())):
         for moving in (True, False):
-            part = table.filter(pc.and_(pc.equal(table["second"], second), pc.equal(table["moving"], moving)))
-            if not len(part):
+            vehicles = table.filter(
+                pc.and_(pc.equal(table["second"], second), pc.equal(table["moving"], moving))
+            )
+            if not len(vehicles):
                 continue
             means = ("error_of_mean_m", "mean_error_m", "least_error_m", "constant_velocity_error_m")
             rows.append(
                 {
                     "second": second,
                     "moving": moving,
-                    "vehicles": len(part),
-                    **{name: float(np.mean(part[name].to_numpy())) for name in means},
+                    "vehicles": len(vehicles),
+                    **{name: float(np.mean(vehicles[name].to_numpy())) for name in means},
                     **{
-                        f"{axis}_coverage": float(np.mean(part[f"{axis}_within"].to_pylist()))
+                        f"{axis}_coverage": float(np.mean(vehicles[f"{axis}_within"].to_pylist()))
                         for axis in ("along", "across")
                     },
                 }
@@ -243,14 +244,16 @@ def position_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
 
 def summary(forecasts: Forecasts, events: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the main figures."""
-    papers = [row for row in events if row["paper"]]
+    papers = [score for score in events if score["paper"]]
     p, overlap = probability(forecasts, next(event for event in EVENTS if event.column == COLLISION))
     return {
         "seeds": len(forecasts.group),
         "recordings": len(set(forecasts.group.tolist())),
-        "mean_brier": float(np.mean([row["brier"] for row in papers])),
-        "mean_brier_base_rate": float(np.mean([row["uncertainty"] for row in papers])),
-        "mean_brier_constant_velocity": float(np.mean([row["brier_constant_velocity"] for row in papers])),
+        "mean_brier": float(np.mean([score["brier"] for score in papers])),
+        "mean_brier_base_rate": float(np.mean([score["uncertainty"] for score in papers])),
+        "mean_brier_constant_velocity": float(
+            np.mean([score["brier_constant_velocity"] for score in papers])
+        ),
         "p_collision": float(p.mean()),
         "p_collision_without_overlap": None if overlap.all() else float(p[~overlap].mean()),
         "recorded_overlaps": float(overlap.mean()),

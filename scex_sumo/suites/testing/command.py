@@ -66,7 +66,7 @@ def test_command(
         print_line(f"  {line}", output_console(width=120))
     print(f"result: {out / RESULT}, {out / SUMMARY}")
     print(f"look:   {out / PAGE}")
-    failed = [words for one in conditions if (words := holding(one, done.result))]
+    failed = [words for condition in conditions if (words := holding(condition, done.result))]
     reason = f"fails by --fail-if {', '.join(failed)}" if failed else ""
     if not failed and done.result["number"] is None:
         reason = "every case failed; the reasons stand above"

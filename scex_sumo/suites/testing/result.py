@@ -76,17 +76,17 @@ def with_verdicts(records: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     A case is worse, or better, if P differs from people's by a factor of `MATTERS` and not by chance, and one
     of both is large enough to be tested.
     """
-    alone = [one.get("p_alone") for one in records]
+    alone = [case.get("p_alone") for case in records]
     corrected = holm([float("nan") if p is None else p for p in alone])
     judged = []
-    for one, p in zip(records, corrected, strict=True):
-        if "reason" in one:
-            judged.append({**one, "verdict": FAILED})
+    for case, p in zip(records, corrected, strict=True):
+        if "reason" in case:
+            judged.append({**case, "verdict": FAILED})
             continue
-        less, more = sorted((one["probability"], one["people"]))
+        less, more = sorted((case["probability"], case["people"]))
         differs = p < CHANCE and more >= TEST_FROM and more >= MATTERS * less
-        changed = WORSE if one["probability"] > one["people"] else BETTER
-        judged.append({**one, "verdict": changed if differs else EQUAL, "p": None if np.isnan(p) else p})
+        changed = WORSE if case["probability"] > case["people"] else BETTER
+        judged.append({**case, "verdict": changed if differs else EQUAL, "p": None if np.isnan(p) else p})
     return judged
 
 
@@ -96,31 +96,31 @@ def number_of(suite: Suite, records: Sequence[Mapping[str, Any]]) -> dict[str, A
     Contacts with the other one of each case count: those with third vehicles belong to other encounters. The
     weights of failed cases go to the others of their kind; a kind without any other is not seen.
     """
-    rows, design = _of_suite(suite, records)
-    if not rows:
+    cases, design = _of_suite(suite, records)
+    if not cases:
         return None
     names = ("pair", "people_pair", "variance", "people_variance", "difference_variance")
-    y, people, drawn, drawn_people, apart = (np.array([row[name] for row in rows]) for name in names)
+    y, people, drawn, drawn_people, apart = (np.array([case[name] for case in cases]) for name in names)
     return {
         "collisions_per_hour": asdict(design.rate(y, drawn)),
         "people_collisions_per_hour": asdict(design.rate(people, drawn_people)),
         "people_of_all": suite.info["people"],
         "difference": asdict(design.difference(y - people, apart)),
-        "cases": len(rows),
+        "cases": len(cases),
     }
 
 
 def _of_suite(suite: Suite, records: Sequence[Mapping[str, Any]]) -> tuple[list[Mapping[str, Any]], Design]:
     """Return the records of the cases that ran, in the order of the suite, and their design."""
-    by_name = {one["name"]: one for one in records if "probability" in one}
+    by_name = {case["name"]: case for case in records if "probability" in case}
     ran = np.array([case.name in by_name for case in suite.cases])
     return [by_name[case.name] for case in suite.cases if case.name in by_name], suite.design.part(ran)
 
 
 def unseen(suite: Suite, records: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return what the suite cannot see, one sentence each."""
-    ran = {one["kind"] for one in records if "reason" not in one}
-    exposure = {row["kind"]: row["encounters"] for row in suite.info["exposure"]}
+    ran = {case["kind"] for case in records if "reason" not in case}
+    exposure = {of_kind["kind"]: of_kind["encounters"] for of_kind in suite.info["exposure"]}
     words = [f"{kind}: no case has run ({n:g} encounters)" for kind, n in exposure.items() if kind not in ran]
     return [
         *words,
@@ -133,20 +133,18 @@ def unseen(suite: Suite, records: Sequence[Mapping[str, Any]]) -> list[str]:
 def compared(suite: Suite, result: Mapping[str, Any], old: Mapping[str, Any]) -> dict[str, Any]:
     """Return which cases became better, worse or failed since an older result, and the paired difference."""
     rank = {BETTER: 0, EQUAL: 1, WORSE: 2, FAILED: 3}
-    before = {one["name"]: one for one in old["cases"]}
-    now = {one["name"]: one for one in result["cases"] if one["name"] in before}
-    change = {name: rank[one["verdict"]] - rank[before[name]["verdict"]] for name, one in now.items()}
-    rows, design = _of_suite(
-        suite, [one for one in now.values() if {"pair", "variance"} <= {*before[one["name"]]}]
-    )
-    pairs = [(row, before[row["name"]]) for row in rows]
-    more = np.array([one["pair"] - other["pair"] for one, other in pairs])
-    drawn = np.array([one["variance"] + other["variance"] for one, other in pairs])
+    before = {case["name"]: case for case in old["cases"]}
+    now = {case["name"]: case for case in result["cases"] if case["name"] in before}
+    change = {name: rank[case["verdict"]] - rank[before[name]["verdict"]] for name, case in now.items()}
+    ran_before = [case for case in now.values() if {"pair", "variance"} <= {*before[case["name"]]}]
+    cases, design = _of_suite(suite, ran_before)
+    more = np.array([case["pair"] - before[case["name"]]["pair"] for case in cases])
+    drawn = np.array([case["variance"] + before[case["name"]]["variance"] for case in cases])
     return {
         "function": old["function"],
         CHANGES[0]: [name for name, by in change.items() if by < 0],
         CHANGES[1]: [name for name, by in change.items() if by > 0],
-        "difference": asdict(design.difference(more, np.where(more == 0, 0.0, drawn))) if rows else None,
+        "difference": asdict(design.difference(more, np.where(more == 0, 0.0, drawn))) if cases else None,
     }
 
 
@@ -176,20 +174,19 @@ def junit_text(result: Mapping[str, Any]) -> str:
         tests=str(len(cases)),
         failures=str(counts[WORSE]),
         errors=str(counts[FAILED]),
-        time=f"{sum(one.get('seconds', 0.0) for one in cases):.2f}",
+        time=f"{sum(case.get('seconds', 0.0) for case in cases):.2f}",
     )
-    for one in cases:
-        kind = str(one["kind"]).replace(" ", "_").replace(",", "")
-        case = ET.SubElement(
-            suite, "testcase", classname=kind, name=one["name"], time=f"{one.get('seconds', 0.0):.2f}"
-        )
-        if one["verdict"] == FAILED:
-            legal = "".join(c if c.isprintable() else " " for c in one["reason"])  # in XML
-            ET.SubElement(case, "error", message=legal)
-        elif one["verdict"] == WORSE:
-            ET.SubElement(case, "failure", message=case_words(one))
+    for case in cases:
+        kind = str(case["kind"]).replace(" ", "_").replace(",", "")
+        seconds = f"{case.get('seconds', 0.0):.2f}"
+        tag = ET.SubElement(suite, "testcase", classname=kind, name=case["name"], time=seconds)
+        if case["verdict"] == FAILED:
+            legal = "".join(c if c.isprintable() else " " for c in case["reason"])  # in XML
+            ET.SubElement(tag, "error", message=legal)
+        elif case["verdict"] == WORSE:
+            ET.SubElement(tag, "failure", message=case_words(case))
         else:
-            ET.SubElement(case, "system-out").text = case_words(one)
+            ET.SubElement(tag, "system-out").text = case_words(case)
     ET.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
 
@@ -220,8 +217,8 @@ def summary_lines(result: Mapping[str, Any]) -> list[str]:
             f"against {change['function']}: {', '.join(words)}; difference, collisions an hour: {difference}"
         )
         lines += [f"{name.replace('_', ' ')}: {case}" for name in CHANGES for case in change[name]]
-    bad = [one for one in result["cases"] if one["verdict"] in (WORSE, FAILED)]
-    return [*lines, *(f"{one['name']}: {case_words(one)}" for one in bad)]
+    bad = [case for case in result["cases"] if case["verdict"] in (WORSE, FAILED)]
+    return [*lines, *(f"{case['name']}: {case_words(case)}" for case in bad)]
 
 
 def number_lines(result: Mapping[str, Any]) -> list[str]:
@@ -250,11 +247,11 @@ _COLUMNS: Final = (
     Column("name", "case", "names"),
     Column("kind", "kind", "words"),
     Column("verdict", "verdict", "words"),
-    Column(lambda one: one.get("probability"), "P(contact)", "often"),
-    Column(lambda one: one.get("people"), "of people", "often"),
-    Column(lambda one: one.get("p"), "p", "real", "Corrected after Holm"),
-    Column(lambda one: one.get("collide"), "collide", "percent", "Share of the futures"),
-    Column(lambda one: one.get("people_collide"), "people", "percent", "Share of the futures"),
+    Column(lambda case: case.get("probability"), "P(contact)", "often"),
+    Column(lambda case: case.get("people"), "of people", "often"),
+    Column(lambda case: case.get("p"), "p", "real", "Corrected after Holm"),
+    Column(lambda case: case.get("collide"), "collide", "percent", "Share of the futures"),
+    Column(lambda case: case.get("people_collide"), "people", "percent", "Share of the futures"),
     Column("weight", "stands for", "tenths", "Encounters of the data set"),
 )
 _SHOWN: Final = "Pictures show the future with the largest P(contact); the function drives the blue vehicle."
@@ -269,8 +266,8 @@ def write_test_page(path: Path, result: Mapping[str, Any], records: Mapping[str,
         path,
         function,
         f"{counts}.",
-        [_card(one, records[one["name"]]) for one in cases],
-        filters={"kind": sorted({one["kind"] for one in cases}), "verdict": VERDICTS},
+        [_card(case, records[case["name"]]) for case in cases],
+        filters={"kind": sorted({case["kind"] for case in cases}), "verdict": VERDICTS},
         columns=_COLUMNS,
         first=[card("The number", element("ul", *(element("li", line) for line in lines)), _SHOWN)],
     )

@@ -156,7 +156,7 @@ def test_suite(
             "suite": suite.folder.resolve().name,
             "suite_digest": digest,
             "futures": futures,
-            "verdicts": {name: sum(one["verdict"] == name for one in rows) for name in VERDICTS},
+            "verdicts": {name: sum(row["verdict"] == name for row in rows) for name in VERDICTS},
             "number": number_of(suite, rows),
             "unseen": unseen(suite, rows),
             "cases": rows,
