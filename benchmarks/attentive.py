@@ -15,7 +15,7 @@ Seed scenes of the part of the time split are driven for 3 s (--steps) in a worl
 - stands: mean error of the vehicles that stay, m;
 - brake: share of vehicle-seconds with braking above 3 m/s² (over half a second), futures and recording, %.
 
-Then near misses of pairs whose recorded boxes are apart: sum of forecasts, count, constant velocity's count;
+Then events of pairs as of `validate`: sum of forecasts, count, constant velocity's count;
 and 95 % intervals: the seed scenes of each row are drawn anew 1000 times.
 
 ``--kept`` keeps the seed scenes and their recorded values in a file, which makes later runs faster. ``--raw``
@@ -35,6 +35,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 from recorded_scenes import INTERACTION, INTERACTION_SITES, NGSIM_TEST
 
 from scex_sumo.base.arrays import FloatArray
@@ -51,15 +52,17 @@ from scex_sumo.humans import driver
 from scex_sumo.humans.guard.side_clearance import box_distances
 from scex_sumo.humans.parameters import HumanParameters
 from scex_sumo.lanelet2sumo.convert import converted
+from scex_sumo.metrics.encounters import Encounters
+from scex_sumo.metrics.events import MEASURED
 from scex_sumo.scene import STEP_S, SeedScene, States
 from scex_sumo.studies.validate.scores import brier, covered
 from scex_sumo.studies.validate.scoring import COLLISION, EVENTS, MIN_DEFINED
-from scex_sumo.studies.validate.vehicles import least_gap, near_pairs, pair_events
+from scex_sumo.studies.validate.vehicles import pair_forecasts
 from scex_sumo.world.plain import PlainWorld
 
 STEPS, REPLAN = 30, 5
 HARD_MPS2, OVER_STEPS = 3.0, 5
-STANDING_MPS, STARTED_M, NEAR_M = 0.5, 1.0, 0.5
+STANDING_MPS, STARTED_M = 0.5, 1.0
 SETTINGS = RunSettings(futures=1)
 DATASETS = ("mona", "taf_bw", "ngsim", str(INTERACTION), "av2", "scenarionet")
 UNSEEN = ("av2", "nuscenes")  # nothing of them is fitted to: test parts
@@ -87,6 +90,8 @@ class Case:
     recorded: FloatArray  # (K,) metric values and collision
     straight: FloatArray  # (K,)
     straight_states: States  # (1, T, V)
+    recorded_pairs: Encounters
+    straight_pairs: Encounters
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,6 +100,7 @@ class Figures:
 
     case: Case
     driven: FloatArray  # (C, K)
+    pairs: Encounters
     states: States  # (C, T, V)
 
 
@@ -143,14 +149,17 @@ def case_of(site: str, scene: SeedScene) -> Case:
     values = np.where(recorded.values.defined, recorded.values.values, np.nan)
     distance = box_distances(scene) + np.diag(np.full(scene.vehicles, np.inf))
     overlap = (len(recorded.overlaps) > 0) | (distance.min() <= 0)
-    real = np.concatenate([values, overlap[:, None]], axis=1)[0]
+    real = np.append(values[0], overlap)
     straight = simulated(scene, "constant_velocity", range(1))
+    straight_values, straight_pairs = measured(scene, straight)
     return Case(
         site=site,
         scene=scene,
         recorded=real,
-        straight=measured(scene, straight)[0],
+        straight=straight_values[0],
         straight_states=straight.states,
+        recorded_pairs=recorded.encounters,
+        straight_pairs=straight_pairs,
     )
 
 
@@ -171,19 +180,20 @@ def simulated(scene: SeedScene, model: str, futures: range, seed: int = 0) -> Ro
     return roll_out(PlainWorld(count, scene.vehicles), road, scene, batch, steps=STEPS, replan=REPLAN)
 
 
-def measured(scene: SeedScene, rollout: Rollout) -> FloatArray:
-    """(C, K) metric values and whether something collides."""
+def measured(scene: SeedScene, rollout: Rollout) -> tuple[FloatArray, Encounters]:
+    """(C, K) metric values and whether something collides; encounters."""
     counted = recorded_steps_of(scene, STEPS)
     found = measure_outcome(scene, rollout, metrics=SETTINGS.measured, counted=counted)
     values = np.where(found.values.defined, found.values.values, np.nan)
     hit = np.zeros(len(values))
     hit[found.collisions.future] = 1.0
-    return np.concatenate([values, hit[:, None]], axis=1)
+    return np.concatenate([values, hit[:, None]], axis=1), found.encounters
 
 
 def figures(case: Case, model: str, futures: int) -> Figures:
     rollout = simulated(case.scene, model, range(futures))
-    return Figures(case=case, driven=measured(case.scene, rollout), states=rollout.states)
+    driven, pairs = measured(case.scene, rollout)
+    return Figures(case=case, driven=driven, pairs=pairs, states=rollout.states)
 
 
 def row_of(found: list[Figures]) -> dict[str, float]:
@@ -288,22 +298,21 @@ def braking(f: Figures) -> tuple[np.ndarray, np.ndarray]:
 
 
 def near_misses(done: list[Figures]) -> str:
-    """Return sums of forecast near misses of pairs, counts, and counts of constant velocity."""
-    total: dict[str, np.ndarray] = {}
+    """Return sums of forecast events of pairs, counts, and counts of constant velocity."""
+    tables = []
     for f in done:
         scene = f.case.scene
-        assert scene.future is not None and scene.future_valid is not None
+        assert scene.future_valid is not None
         judged = np.asarray(scene.future_valid[:, :STEPS].all(axis=1))
-        recorded = scene.future[:, :STEPS].repeat(1).swapaxes(1, 2)
-        first, second = near_pairs(f.states, judged)
-        apart = least_gap(scene, recorded, first, second)[0] > 0
-        first, second = first[apart], second[apart]
-        for column, states in enumerate((f.states, recorded, f.case.straight_states)):
-            events = pair_events(scene, states, first, second)
-            events[f"gap < {NEAR_M} m"] = least_gap(scene, states, first, second) < NEAR_M
-            for name, happened in events.items():
-                total.setdefault(name, np.zeros(3))[column] += happened.mean(axis=0).sum()
-    return "\n".join(f"{name}: {p:.1f} / {o:.0f} / {cv:.0f}" for name, (p, o, cv) in total.items())
+        others = f.case.straight_pairs, f.case.recorded_pairs
+        tables.append(pair_forecasts(scene, f.pairs, *others, judged, futures=len(f.driven)))
+    whole, lines = pa.concat_tables(tables), []
+    for event in MEASURED:
+        p, o, cv = (
+            np.asarray(whole[f"{event.name}_{what}"]).sum() for what in ("forecast", "happened", "straight")
+        )
+        lines.append(f"{event.words}: {p:.1f} / {o:.0f} / {cv:.0f}")
+    return "\n".join(lines)
 
 
 def intervals(found: list[Figures]) -> str:

@@ -47,11 +47,13 @@ class Recorded:
 
     Attributes:
         overlaps: of boxes after the seed moment; recorded boxes are inexact.
+        encounters: one that overlaps has collided.
         last_step: (V,) steps in which a vehicle is recorded.
     """
 
     values: ScenarioValues
     overlaps: Collisions
+    encounters: Encounters
     last_step: IntArray
     steps: int
 
@@ -77,14 +79,27 @@ def measure_outcome(
     # What hits one of these later is no consequence.
     hits = hits.take(np.flatnonzero(~uncounted(scene)[hits.first, hits.second]))
     hits = _of_pairs(hits.with_consequences() if rollout.with_crashes else hits, vehicles)
+    values, met = _evaluated(tracks, planned, hits, metrics, vehicles, on_paths=on_paths)
+    severity = severity_of(tracks, hits, scene.types, scene.road)
+    return Outcome(values=values, collisions=hits, severity=severity, encounters=met)
+
+
+def _evaluated(
+    tracks: SceneTracks,
+    planned: PlannedPaths,
+    hits: Collisions,
+    metrics: Sequence[Metric] | None,
+    vehicles: Collection[int] | None,
+    *,
+    on_paths: bool = True,
+) -> tuple[ScenarioValues, Encounters]:
     met: list[Encounters] = []
 
     def meet(start: int, scenes: Scenes) -> None:
         met.append(_of_pairs(encounters_of(scenes, hits, start, on_paths=on_paths), vehicles))
 
     values = evaluate(tracks, planned, metrics=metrics, vehicles=vehicles, also=meet)
-    severity = severity_of(tracks, hits, scene.types, scene.road)
-    return Outcome(values=values, collisions=hits, severity=severity, encounters=Encounters.join(met))
+    return values, Encounters.join(met)
 
 
 def measure_conflicts(scene: SeedScene, rollout: Rollout, *, vehicle: int | None = None) -> Conflicts:
@@ -167,9 +182,9 @@ def measure_recorded(
     )
     counted = recorded_steps_of(scene, steps)
     tracks, planned = evaluated_tracks(scene, rollout, counted)
-    values = evaluate(tracks, planned, metrics=metrics, vehicles=vehicles)
     overlaps, last = _of_pairs(find_collisions(tracks), vehicles), counted.sum(axis=0)
-    return Recorded(values=values, overlaps=overlaps, last_step=last, steps=steps)
+    values, met = _evaluated(tracks, planned, overlaps, metrics, vehicles)
+    return Recorded(values=values, overlaps=overlaps, encounters=met, last_step=last, steps=steps)
 
 
 def recorded_steps_of(scene: SeedScene, steps: int) -> BoolArray:

@@ -24,13 +24,15 @@ from scex_sumo.extrapolation.loop.measure import measure_recorded, recorded_step
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.humans.parameters import SHIPPED
+from scex_sumo.metrics.encounters import Encounters
 from scex_sumo.results.folder import values_table
 from scex_sumo.results.parts import Part
+from scex_sumo.results.tables.columns import rows_in
 from scex_sumo.results.tables.outcomes import collided
 from scex_sumo.scene import STEP_S, SeedScene
 from scex_sumo.studies.moments.folder import MomentRef, StudyFolder
 from scex_sumo.studies.moments.run import MomentTask, StudySettings, built, net_of
-from scex_sumo.studies.validate.vehicles import ENCOUNTERS, POSITIONS, gap_forecasts, position_forecasts
+from scex_sumo.studies.validate.vehicles import ENCOUNTERS, POSITIONS, pair_forecasts, position_forecasts
 
 ALL = "all"
 
@@ -80,7 +82,7 @@ RECORDED, CONSTANT_VELOCITY = -1, -2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Forecast:
-    """Forecast of a moment, and what happened: see `position_forecasts`, `gap_forecasts`.
+    """Forecast of a moment, and what happened: see `position_forecasts`, `pair_forecasts`.
 
     Rows of ``futures``: metric columns and ``collision`` of each future, and of the two rows beside them.
     """
@@ -105,8 +107,7 @@ def validate_moment(task: MomentTask, scene: SeedScene) -> Forecast:
     futures = run(asked, built(task.settings.models), count)
     straight = run(plain, ModelSet.of(plain), 1)
     recorded = measure_recorded(scene, steps, metrics=asked.measured)
-    assert recorded is not None and scene.future is not None
-    after = scene.future[:, :steps].repeat(1).swapaxes(1, 2)
+    assert recorded is not None
     happened = np.where(recorded.values.defined, recorded.values.values, np.nan)
     rows = [
         (np.arange(count), _values(futures), collided(futures.collisions, futures.futures)),
@@ -116,7 +117,9 @@ def validate_moment(task: MomentTask, scene: SeedScene) -> Forecast:
     return Forecast(
         futures=_futures_table(asked.columns, rows),
         vehicles=position_forecasts(scene, futures.states, straight.states, judged),
-        encounters=gap_forecasts(scene, futures.states, straight.states, after, judged),
+        encounters=pair_forecasts(
+            scene, _encounters(futures), _encounters(straight), recorded.encounters, judged, futures=count
+        ),
     )
 
 
@@ -132,6 +135,11 @@ def _run(scene: SeedScene, net: SumoNet, settings: RunSettings, models: ModelSet
 
 def _values(futures: Part) -> FloatArray:
     return np.where(futures.defined, futures.values, np.nan)
+
+
+def _encounters(futures: Part) -> Encounters:
+    assert futures.encounters is not None
+    return rows_in(Encounters, futures.encounters)
 
 
 def _futures_table(columns: tuple[str, ...], rows: list[tuple[IntArray, FloatArray, BoolArray]]) -> pa.Table:

@@ -79,9 +79,8 @@ def write_validation_page(
         ),
         card(
             "Pairs",
-            "Pairs of vehicles within 10 m of each other in some future. Recording and futures are compared "
-            "along the driven tracks; a collision counts as each event. Pairs whose recorded boxes touch are "
-            "left out.",
+            "Pairs of vehicles within 10 m of each other in some future; a collision counts as each event. "
+            "Pairs whose recorded boxes touch are left out.",
             page.table("pairs", page_table(_PAIR_COLUMNS, rows["pairs"])),
         ),
         card(

@@ -133,12 +133,8 @@ def event_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
 
 
 def pair_scores(forecasts: Forecasts) -> list[dict[str, Any]]:
-    """Return one row for each of `MEASURED` events; empty without pairs within 10 m in some future.
-
-    Pairs whose recorded boxes touch are left out: these boxes are inexact.
-    """
+    """Return one row for each of `MEASURED` events; empty without pairs, see `pair_forecasts`."""
     table = forecasts.encounters
-    table = table.filter(pc.greater(table["recorded_m"], 0.0))
     if not len(table):
         return []
 

@@ -99,17 +99,16 @@ def test_a_recorded_value_outside_of_all_futures_is_not_covered() -> None:
     assert row["coverage"] == 0.0
 
 
-def test_events_of_pairs_are_scored_unless_recorded_boxes_touch() -> None:
-    cases = [(0.8, True, False, 2.0), (0.1, False, False, 3.0), (1.0, False, True, 0.0)]
+def test_events_of_pairs_are_scored() -> None:
+    cases = [(0.8, True, False), (0.1, False, False)]
     rows = [
         {
             **dict.fromkeys(ENCOUNTERS.names),
-            "recorded_m": gap,
             **{f"{event.name}_forecast": p for event in MEASURED},
             **{f"{event.name}_happened": o for event in MEASURED},
             **{f"{event.name}_straight": straight for event in MEASURED},
         }
-        for p, o, straight, gap in cases
+        for p, o, straight in cases
     ]
     one = replace(forecast([4.0], 4.5), encounters=pa.Table.from_pylist(rows, schema=ENCOUNTERS))
     scored = pair_scores(gathered([(ref(0), one)]))
@@ -118,8 +117,7 @@ def test_events_of_pairs_are_scored_unless_recorded_boxes_touch() -> None:
         assert (row["pairs"], row["happened"]) == (2, 0.5)
         assert row["brier"] == pytest.approx(0.025) and row["uncertainty"] == pytest.approx(0.25)
         assert row["skill_constant_velocity"] == pytest.approx(0.95)
-    touching = replace(one, encounters=one.encounters.slice(2))
-    assert pair_scores(gathered([(ref(0), touching)])) == pair_scores(gathered(FOUND)) == []
+    assert pair_scores(gathered(FOUND)) == []
 
 
 def test_the_page_is_one_file_with_all_tables(tmp_path) -> None:  # type: ignore[no-untyped-def]
