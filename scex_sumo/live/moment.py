@@ -63,10 +63,11 @@ class Focus:
         if circle is None:
             if len(names) <= self.busiest:
                 return np.arange(len(names)), np.arange(len(names))
-            nearest = np.argsort(_apart(xy, xy[_middle(xy)]), kind="stable")[: self.busiest]
+            apart = np.hypot(*(xy - xy[_middle(xy)]).T)
+            nearest = np.argsort(apart, kind="stable")[: self.busiest]
             return np.sort(nearest), np.sort(nearest)
         x, y, radius = circle
-        apart = _apart(xy, np.array([x, y]))
+        apart = np.hypot(*(xy - (x, y)).T)
         order = np.argsort(apart, kind="stable")
         kept = order[apart[order] <= radius + MARGIN_M][:_MAX_INSIDE]
         return np.sort(kept), np.sort(kept[apart[kept] <= radius])
@@ -78,11 +79,6 @@ class Focus:
             return 0.0, 0.0, -np.inf  # it is not there, so no vehicle counts
         x, y = xy[names.index(self.region)].tolist()
         return x, y, AROUND_M
-
-
-def _apart(xy: FloatArray, point: FloatArray) -> FloatArray:
-    apart: FloatArray = np.hypot(*(xy - point).T)
-    return apart
 
 
 def _middle(xy: FloatArray) -> int:

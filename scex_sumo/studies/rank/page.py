@@ -36,7 +36,7 @@ from scex_sumo.results.tables.pairs import TOLD, arrow, once_in, one_in
 from scex_sumo.scene import SeedScene
 from scex_sumo.studies.moments.encounters import Pairs
 from scex_sumo.studies.moments.folder import Failure, MomentRef
-from scex_sumo.studies.moments.run import MomentTask, net_of, written
+from scex_sumo.studies.moments.run import MomentTask, net_of, unpack_road, written
 from scex_sumo.studies.moments.study import MomentRun
 from scex_sumo.studies.rank.encounters import KEY, TRIAGE, VERDICTS, with_stress
 from scex_sumo.studies.rank.stage import Stage, stage_of_future
@@ -120,31 +120,28 @@ def write_ranking_page(
     """
     top = ranking.filter(pc.is_valid(ranking["rank"])).slice(0, shown).to_pylist()
     names = list(dict.fromkeys(encounter["seed"] for encounter in top))
-    refs = [ref for ref in run.refs if ref.moment in names]
-    tasks: dict[str, _ReportTask] = {}
+    refs = {ref.moment: ref for ref in run.refs if ref.moment in names}
     stress: dict[str, Mapping[_Pair, float]] = {}
     notes, failures = list[str](), run.unreadable | run.failures
     own_pairs, stages = {ref.moment: table for ref, table in pairs}, dict[tuple[str, int, int], Stage]()
     places, roads = places_of(ranking), dict[str, Html]()
-    open_sites = {site: box_of(rows) for site, rows in places.items()}
 
     def asked() -> Iterator[_ReportTask]:
-        for task in run.tasks(refs):
+        for task in run.tasks([*refs.values()]):
             name = task.ref.moment
             own = [encounter for encounter in top if encounter["seed"] == name]
-            site = open_sites.pop(task.ref.location, None)
             command = _command(run, task.ref)
-            yield _ReportTask(**vars(task), command=command, pairs=own_pairs[name], rows=own, site=site)
+            yield _ReportTask(**vars(task), command=command, pairs=own_pairs[name], rows=own)
 
     for task, reported in run.workers.run_each(_reported, asked()):
-        assert isinstance(task, _ReportTask)
-        tasks[task.ref.moment] = task
+        site = task.ref.location
+        if site in places and site not in roads:
+            roads[site] = road_svg(lane_lines(unpack_road(task.road), box_of(places[site])))
         if isinstance(reported, Failure):
             failures[task.ref.moment] = reported
             notes.append(f"{task.ref.moment}: no futures: {reported.reason}")
             continue
-        html, stress[task.ref.moment], replaced, drawn, road = reported
-        roads |= {task.ref.location: road} if road else {}
+        html, stress[task.ref.moment], replaced, drawn = reported
         stages |= {(task.ref.moment, *both): stage for both, stage in drawn.items()}
         notes += [f"{task.ref.moment}: {line}" for line in replaced]
         report = run.folder.path / REPORTS / f"{task.ref.moment}.html"
@@ -152,15 +149,16 @@ def write_ranking_page(
         write_atomic(report, html)
     ranking = with_stress(ranking, stress)
     cards = [
-        (encounter, *_card(encounter, stages[key], tasks[encounter["seed"]].command))
+        (encounter, *_card(encounter, stages[key], _command(run, refs[encounter["seed"]])))
         for encounter in ranking.slice(0, len(top)).to_pylist()
         if (key := (encounter["seed"], encounter["track_id"], encounter["other_id"])) in stages
     ]
     rows = ranking.slice(0, max(_ROWS, len(top))).to_pylist()
     page = Document("Encounters worth testing", *SCRIPTS)
     rest = f"The first {_ROWS} of {len(ranking)}; all" if len(ranking) > _ROWS else "All"
+    addresses = {f"#encounter-{encounter['rank']}": encounter for encounter, _, _ in cards}
     parts = [
-        glance(pairs, places, roads, {f"#encounter-{shown['rank']}": shown for shown, _, _ in cards}),
+        glance(pairs, places, roads, addresses),
         _bar(),
         *_lists(ranking, [(encounter, html) for encounter, html, _ in cards], by),
         card(
@@ -183,23 +181,19 @@ def write_ranking_page(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _ReportTask(MomentTask):
-    """A moment to be reported: the command that runs it, all its pairs, and encounters of it on the page.
-
-    ``site`` is the part of the road that is drawn as its map.
-    """
+    """A moment to be reported: the command that runs it, all its pairs, and encounters of it on the page."""
 
     command: Sequence[str]
     pairs: pa.Table
     rows: Sequence[Mapping[str, Any]]
-    site: Box | None
 
 
 _Pair: TypeAlias = tuple[int, int]
-_Made: TypeAlias = tuple[bytes, dict[_Pair, float], list[str], dict[_Pair, Stage], Html | None]
+_Made: TypeAlias = tuple[bytes, dict[_Pair, float], list[str], dict[_Pair, Stage]]
 
 
 def _reported(task: _ReportTask, scene: SeedScene) -> _Made:
-    """Return a moment's report, stress test of its pairs, notes, stages of encounters, and map."""
+    """Return a moment's report, stress test of its pairs, notes, and stages of encounters."""
     with TemporaryFolder() as folder:
         options = RunOptions(out=Path(folder) / "run")
         with Workers(1) as alone:
@@ -216,9 +210,7 @@ def _reported(task: _ReportTask, scene: SeedScene) -> _Made:
         (encounter["track_id"], encounter["other_id"]): stage_of_future(scene, encounter, human)
         for encounter in task.rows
     }
-    assert scene.road is not None
-    drawn = None if task.site is None else road_svg(lane_lines(scene.road, task.site))
-    return page, stress, notes, stages, drawn
+    return page, stress, notes, stages
 
 
 def _command(run: MomentRun, ref: MomentRef) -> list[str]:
