@@ -46,7 +46,7 @@ from scex_sumo.converters.datasets.find import find_recordings
 from scex_sumo.drivers.registry import DEFAULT_MODELS, parse_models
 from scex_sumo.evaluation.recordings import load_recording, recording_moments, seed_at
 from scex_sumo.evaluation.split import Split, split_moments
-from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
+from scex_sumo.extrapolation.job import ruled, run_in_memory
 from scex_sumo.extrapolation.loop.measure import measure_recorded
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
@@ -112,14 +112,12 @@ def futures_of(
 ) -> tuple[SeedScene, object]:
     """The scene with its rules, and the futures of a mix of models in a world without SUMO."""
     settings = RunSettings(
-        models=models, futures=futures, steps=steps, world="plain", rules=rules, metrics="gap"
+        models=models, futures=futures, steps=steps, seed=seed, world="plain", rules=rules, metrics="gap"
     )
     assert scene.road is not None
     with tempfile.TemporaryDirectory() as folder:
         scene, net = ruled(scene, converted(scene.road, Path(folder) / "road.net.xml"), settings)
-        models_of = ModelSet.of(settings)
-        drawn = models_of.draw(scene, futures=futures, seed=seed)
-        return scene, run_in_memory(Job(scene, net, settings, models_of, drawn, Path(folder)), range(futures))
+        return scene, run_in_memory(scene, net, settings, ModelSet.of(settings))
 
 
 def recorded(arguments: argparse.Namespace) -> Iterator[tuple[str, SeedScene]]:

@@ -14,7 +14,7 @@ from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.conflicts.pairs import Conflicts
 from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.decision.pairs import pair_table
-from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
+from scex_sumo.extrapolation.job import ruled, run_in_memory
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.lanelet2sumo.convert import converted
@@ -42,10 +42,7 @@ def human_part(scene: SeedScene, net: SumoNet, *, futures: int = FUTURES, seed: 
     Args:
         scene: with its road, ruled.
     """
-    settings, models = _drivers(futures, seed)
-    drawn = models.draw(scene, futures=futures, seed=seed)
-    job = Job(scene, net, settings, models, drawn, net.path.parent, on_paths=False, conflicts=True)
-    return run_in_memory(job, range(futures))
+    return run_in_memory(scene, net, *_drivers(futures, seed), on_paths=False, conflicts=True)
 
 
 @checked

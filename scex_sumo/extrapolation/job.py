@@ -160,8 +160,17 @@ def batch_runner(job: Job, futures: IntArray) -> Iterator[Callable[[IntArray, On
         yield run
 
 
-def run_in_memory(job: Job, futures: Sequence[int]) -> Part:
-    """Run futures of a job in this process, without saving them."""
+def run_in_memory(
+    scene: SeedScene, net: SumoNet, settings: RunSettings, models: ModelSet, **measured: Any
+) -> Part:
+    """Draw models, and run the futures of the settings in this process, without saving them.
+
+    Args:
+        scene: as of `ruled`.
+        measured: fields of `Job`.
+    """
+    drawn = models.draw(scene, futures=settings.count, seed=settings.seed)
+    job, futures = Job(scene, net, settings, models, drawn, net.path.parent, **measured), range(len(drawn))
     batches = batches_of(futures, batch_size(job), apart=job.apart)
     with _simulator(job, np.asarray(futures)) as simulator:
         return joined_parts([_run_batch(job, simulator, batch) for batch in batches])

@@ -15,7 +15,7 @@ from scex_sumo.base.errors import UsageError
 from scex_sumo.base.files import TemporaryFolder
 from scex_sumo.decision.moment import human_part, pairs_of_part
 from scex_sumo.drivers.registry import DEFAULT_MODELS
-from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
+from scex_sumo.extrapolation.job import ruled, run_in_memory
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
 from scex_sumo.geometry.rectangles import BOX, outlines
@@ -127,9 +127,7 @@ def assess(moment: Moment, question: Question) -> Risk:
         people = pairs_of_part(scene, human_part(scene, net, seed=question.seed)).to_pylist()
         stress_test = None
         if question.futures and scene.vehicles >= _MIN_VEHICLES:
-            drawn = models.draw(scene, futures=question.futures, seed=question.seed)
-            job = Job(scene, net, settings, models, drawn, Path(folder), on_paths=False)
-            stress_test = run_in_memory(job, range(question.futures))
+            stress_test = run_in_memory(scene, net, settings, models, on_paths=False)
     pairs = _pairs(scene, names, people, stress_test, question.futures)
     pairs = [pair for pair in pairs if moment.counts(pair.names)]
     pairs.sort(key=lambda pair: (pair.doubt is not None, -pair.human_like, -(pair.stress or 0.0)))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from scex_sumo.converters.net.sumo_net import SumoNet
 from scex_sumo.converters.registries import Recording
 from scex_sumo.evaluation.recordings import LoadedRecording, recording_moments
 from scex_sumo.evaluation.split import PARTS, Split, split_moments
-from scex_sumo.extrapolation.job import Job, ruled, run_in_memory
+from scex_sumo.extrapolation.job import ruled, run_in_memory
 from scex_sumo.extrapolation.loop.measure import measure_recorded, recorded_steps_of
 from scex_sumo.extrapolation.models import ModelSet
 from scex_sumo.extrapolation.settings import RunSettings
@@ -102,10 +101,9 @@ def validate_moment(task: MomentTask, scene: SeedScene) -> Forecast:
         raise TrackError(f"no vehicle is recorded for {steps} steps after the moment; choose another moment")
     plain = RunSettings(models="constant_velocity", futures=1, steps=steps, world=asked.world)
     # Vehicles leave the futures at the step at which they leave the recording.
-    run = partial(_run, scene, net_of(task.road))
-    count = task.settings.futures
-    futures = run(asked, built(task.settings.models), count)
-    straight = run(plain, ModelSet.of(plain), 1)
+    net, count = net_of(task.road), task.settings.futures
+    futures = _run(scene, net, asked, built(task.settings.models))
+    straight = _run(scene, net, plain, ModelSet.of(plain))
     recorded = measure_recorded(scene, steps, metrics=asked.measured)
     assert recorded is not None
     happened = np.where(recorded.values.defined, recorded.values.values, np.nan)
@@ -123,14 +121,10 @@ def validate_moment(task: MomentTask, scene: SeedScene) -> Forecast:
     )
 
 
-def _run(scene: SeedScene, net: SumoNet, settings: RunSettings, models: ModelSet, count: int) -> Part:
+def _run(scene: SeedScene, net: SumoNet, settings: RunSettings, models: ModelSet) -> Part:
     models.try_on(scene, seed=settings.seed)
     scene, net = ruled(scene, net, settings)
-    drawn = models.draw(scene, futures=count, seed=settings.seed)
-    counted = recorded_steps_of(scene, settings.steps)
-    return run_in_memory(
-        Job(scene, net, settings, models, drawn, net.path.parent, counted=counted), range(count)
-    )
+    return run_in_memory(scene, net, settings, models, counted=recorded_steps_of(scene, settings.steps))
 
 
 def _values(futures: Part) -> FloatArray:
