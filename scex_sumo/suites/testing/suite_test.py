@@ -218,7 +218,8 @@ def _run(
 
 
 def _about(case: Case, record: Mapping[str, Any]) -> dict[str, Any]:
-    own = {name: value for name, value in record.items() if name not in _PICTURE}
+    # Sorted as records that were kept are: a test that goes on has the same bytes.
+    own = {name: record[name] for name in sorted(record) if name not in _PICTURE}
     return {name: case.about[name] for name in ("name", "kind", "site", "weight")} | own
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,7 +11,8 @@ import numpy as np
 import pytest
 
 from scex_sumo.suites.drive import Contacts
-from scex_sumo.suites.testing.suite_test import p_alone
+from scex_sumo.suites.suite import Case
+from scex_sumo.suites.testing.suite_test import TestFolder, _about, p_alone
 
 FUTURES = 64
 
@@ -47,3 +50,12 @@ def test_where_people_collide_as_often_collisions_are_no_difference() -> None:
     people = SimpleNamespace(**vars(function) | {"any": Contacts(each=function.any.each[::-1])})
     found = p_alone(function, people)
     assert found is not None and found > 0.5
+
+
+def test_a_case_that_is_kept_is_told_to_the_same_bytes(tmp_path: Path) -> None:
+    about = {"name": "001-merge", "kind": "merge", "site": "here", "weight": 2.0}
+    case, record = Case(folder=tmp_path, about=about), {"probability": 1e-5, "people": 1e-6, "collide": 0.0}
+    with TestFolder(tmp_path / "out", {"suite": "s"}) as folder:
+        folder.keep(case.name, record)
+        kept = folder.record(case.name)
+    assert kept is not None and json.dumps(_about(case, kept)) == json.dumps(_about(case, record))
