@@ -128,7 +128,7 @@ def assess(moment: Moment, question: Question) -> Risk:
         stress_test = None
         if question.futures and scene.vehicles >= _MIN_VEHICLES:
             stress_test = run_in_memory(scene, net, settings, models, on_paths=False)
-    pairs = _pairs(scene, names, people, stress_test, question.futures)
+    pairs = _pairs(scene, names, people, stress_test)
     pairs = [pair for pair in pairs if moment.counts(pair.names)]
     pairs.sort(key=lambda pair: (pair.doubt is not None, -pair.human_like, -(pair.stress or 0.0)))
     risk = Risk(time_s=scene.time_s, pairs=tuple(pairs), vehicles=tuple(names.values()))
@@ -137,13 +137,9 @@ def assess(moment: Moment, question: Question) -> Risk:
 
 
 def _pairs(
-    scene: SeedScene,
-    names: Mapping[int, str],
-    people: Sequence[Mapping[str, Any]],
-    stress_test: Part | None,
-    futures: int,
+    scene: SeedScene, names: Mapping[int, str], people: Sequence[Mapping[str, Any]], stress_test: Part | None
 ) -> list[PairRisk]:
-    stress = _stress(stress_test, futures)
+    stress = {} if stress_test is None else _stress(stress_test)
     xy = zip(scene.now.x.tolist(), scene.now.y.tolist(), strict=True)
     place = dict(zip(scene.track_ids.tolist(), xy, strict=True))
     pairs = []
@@ -185,13 +181,13 @@ def _pairs(
     return pairs
 
 
-def _stress(stress_test: Part | None, futures: int) -> dict[frozenset[int], dict[str, Any]]:
+def _stress(stress_test: Part) -> dict[frozenset[int], dict[str, Any]]:
     """Return by pair its first collision, with the ``share`` of futures in which the two collide first."""
     stress: dict[frozenset[int], dict[str, Any]] = {}
-    collisions = None if stress_test is None else stress_test.collisions
-    for collision in [] if collisions is None else first_contacts(collisions).to_pylist():
+    assert stress_test.collisions is not None
+    for collision in first_contacts(stress_test.collisions).to_pylist():
         key = frozenset((collision["track_id"], collision["other_id"]))
-        stress.setdefault(key, collision | {"share": 0.0})["share"] += 1.0 / futures
+        stress.setdefault(key, collision | {"share": 0.0})["share"] += 1.0 / len(stress_test.futures)
     return stress
 
 
