@@ -211,7 +211,8 @@ def _run(
             now, name = time.perf_counter(), task.ref.moment
             record = {"reason": outcome.reason} if isinstance(outcome, Failure) else dict(outcome)
             records[name], began = record | {"seconds": round(now - began, 2)}, now
-            folder.keep(name, records[name])
+            if not (isinstance(outcome, Failure) and outcome.died):  # of the machine, maybe
+                folder.keep(name, records[name])
             if tick is not None:
                 tick(len(records), len(tasks))
     return records

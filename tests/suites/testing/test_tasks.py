@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,9 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from scex_sumo.studies.moments.folder import Failure
 from scex_sumo.suites.drive import Contacts
 from scex_sumo.suites.suite import Case
-from scex_sumo.suites.testing.suite_test import TestFolder, _about, p_alone
+from scex_sumo.suites.testing.suite_test import TestFolder, _about, _run, p_alone
 
 FUTURES = 64
 
@@ -59,3 +62,20 @@ def test_a_case_that_is_kept_is_told_to_the_same_bytes(tmp_path: Path) -> None:
         folder.keep(case.name, record)
         kept = folder.record(case.name)
     assert kept is not None and json.dumps(_about(case, kept)) == json.dumps(_about(case, record))
+
+
+@pytest.mark.parametrize("died", [False, True])
+def test_a_case_whose_worker_died_runs_again(
+    died: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    failure = Failure(moment="001-merge", location="", recording="", reason="why", died=died)
+
+    def run_each(_: object, tasks: Sequence[Any]) -> Iterator[tuple[Any, Failure]]:
+        return ((task, failure) for task in tasks)
+
+    workers = nullcontext(SimpleNamespace(run_each=run_each))
+    monkeypatch.setattr("scex_sumo.suites.testing.suite_test.MomentWorkers", lambda _: workers)
+    task: Any = SimpleNamespace(ref=SimpleNamespace(moment="001-merge"))
+    with TestFolder(tmp_path / "out", {"suite": "s"}) as folder:
+        assert _run([task], folder, 1, None)["001-merge"]["reason"] == "why"
+        assert (folder.record("001-merge") is None) is died
