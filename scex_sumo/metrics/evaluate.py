@@ -16,7 +16,7 @@ from scex_sumo.metrics.base import PlannedPaths, SceneTracks
 from scex_sumo.metrics.extrema import SceneValues, Worst, extrema, scene_mean
 from scex_sumo.metrics.pairs.near import near_pairs
 from scex_sumo.metrics.pairs.scenes import Entries, Near, Samples, Scenes, TrackPairs
-from scex_sumo.metrics.registry import METRICS, Metric, columns_of, metrics_named
+from scex_sumo.metrics.registry import OURS, Metric, columns_of, metrics_named
 
 BATCH_PAIR_STEPS = 1 << 18  # pair-steps of a batch in which all pairs are near
 NEAR_PAIR_STEPS = 1 << 20  # near ones of a batch of others
@@ -182,7 +182,7 @@ def samples_of(metric: Metric, scenes: Scenes, *, quick: bool) -> Samples | Entr
     try:
         samples = function(scenes)
     except Exception as error:
-        if metric.name in METRICS or isinstance(error, ScexError):
+        if metric.name in OURS or isinstance(error, ScexError):
             raise
         from scex_sumo.base.blame import own_error_reason
 

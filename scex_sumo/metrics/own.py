@@ -10,7 +10,7 @@ from scex_sumo.base.arguments import checked
 from scex_sumo.base.errors import UsageError
 from scex_sumo.metrics import registry
 from scex_sumo.metrics.pairs.scenes import Entries, Samples, Scenes
-from scex_sumo.metrics.registry import METRICS, TAKEN, Metric
+from scex_sumo.metrics.registry import OURS, TAKEN, Metric
 
 F = TypeVar("F", bound=Callable[[Scenes], Samples | Entries])
 
@@ -47,7 +47,7 @@ def metric(
         >>> scex.extrapolate(scene, futures=2, metrics=["slowest"]).metrics.column_names
         ['future', 'slowest', 'slowest_mean', 'collision']
     """
-    if name in METRICS or name in TAKEN:
+    if name in OURS or name in TAKEN:
         raise UsageError(f"metric {name!r}: the name is taken; choose another one")
     if not name or name.endswith("_mean") or any(c in name for c in ",:@=. \t\n"):
         raise UsageError(f"metric {name!r}: a name must not contain , : @ = . or spaces, nor end with _mean")

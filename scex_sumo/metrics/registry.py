@@ -17,7 +17,6 @@ from typing import Any, Final, Literal
 from scex_sumo.base.errors import UsageError, nearest
 from scex_sumo.base.importing import Registry, import_object
 from scex_sumo.metrics.events import EVENTS
-from scex_sumo.metrics.formulas.conflicts import needed_braking, time_margin
 from scex_sumo.metrics.formulas.crossing import gap_time, pet
 from scex_sumo.metrics.formulas.distance import distance, gap, least_gap
 from scex_sumo.metrics.formulas.following import drac, pttc, pttc_path, thw, ttc, ttc_path
@@ -123,22 +122,25 @@ _ON_PATHS = (
     _of("drac", "m/s²", "max", drac, "DRAC", threshold=_DRAC),
     _of("pet", "s", "min", pet, "PET", threshold=_PET),
 )
-_OF_CONFLICTS = (
-    _of("needed_braking", "m/s²", "max", needed_braking, "needed braking", pairwise=True, threshold=_DRAC),
-    _of("time_margin", "s", "min", time_margin, "time margin", pairwise=True, threshold=_PET),
-)
-METRICS: Final[Mapping[str, Metric]] = {
-    each.name: each for each in (*_BY_HEADING, *_ON_PATHS, *_OF_CONFLICTS)
-}
-"""Built-in metrics: the paper's six, those along paths, those of any two that meet."""
+METRICS: Final[Mapping[str, Metric]] = {metric.name: metric for metric in (*_BY_HEADING, *_ON_PATHS)}
+"""Built-in metrics: the paper's six, and those along paths."""
 
-PAPER_METRICS: Final[tuple[str, ...]] = tuple(each.name for each in _BY_HEADING)
+_OF_CONFLICTS: Final[Mapping[str, Mapping[str, Any]]] = {
+    "needed_braking": {"unit": "m/s²", "side": "max", "label": "needed braking", "threshold": _DRAC},
+    "time_margin": {"unit": "s", "side": "min", "label": "time margin", "threshold": _PET},
+}
+"""Metrics of any two that meet, without their formulas, which only a run that asks for them loads."""
+
+OURS: Final[tuple[str, ...]] = (*METRICS, *_OF_CONFLICTS)
+"""Names of all built-in metrics."""
+
+PAPER_METRICS: Final[tuple[str, ...]] = tuple(metric.name for metric in _BY_HEADING)
 BOTH: Final = "both"
-SETS: Final[Mapping[str, tuple[Metric, ...]]] = {
+SETS: Final[Mapping[str, tuple[str | Metric, ...]]] = {
     "paper": _BY_HEADING,
     "path": _ON_PATHS,
     BOTH: (*_BY_HEADING, *_ON_PATHS),
-    "conflicts": _OF_CONFLICTS,
+    "conflicts": tuple(_OF_CONFLICTS),
 }
 """Metrics that a word stands for."""
 
@@ -146,7 +148,7 @@ COLUMNS: Final[tuple[str, ...]] = tuple(c for name in PAPER_METRICS for c in MET
 """The paper's twelve columns of a future; ``ttc`` and ``ttc_mean`` are in 1/s."""
 
 THRESHOLDS: Final[Mapping[str, float]] = {
-    each.name: each.threshold for each in _BY_HEADING if each.threshold is not None
+    metric.name: metric.threshold for metric in _BY_HEADING if metric.threshold is not None
 }
 """The paper's thresholds by column."""
 
@@ -163,7 +165,7 @@ _COLLISIONS = {COLLISION: Metric.described({"name": COLLISION, "critical": "max"
 
 def known_metrics() -> tuple[str, ...]:
     """Return the names of all metrics."""
-    return (*METRICS, *sorted({*_registered, *PACKAGES.paths}))
+    return (*OURS, *sorted({*_registered, *PACKAGES.paths}))
 
 
 def metrics_named(names: Iterable[str | Metric] | None) -> tuple[Metric, ...]:
@@ -183,9 +185,8 @@ def metrics_asked(given: str | Iterable[str | Metric]) -> tuple[Metric, ...]:
 
 
 def _metric(name: str) -> Metric:
-    here = {**METRICS, **_registered}
-    if name in here:
-        return here[name]
+    if (known := _known(name)) is not None:
+        return known
     paths = PACKAGES.paths
     if ":" not in name and name not in paths:
         raise UsageError(f"{_unknown(name)}; a metric of your own is MODULE:FUNCTION")
@@ -193,6 +194,15 @@ def _metric(name: str) -> Metric:
     if not isinstance(metric, Metric):
         raise UsageError(f"metrics: {name} is no metric; decorate it with @scex_sumo.metric(...)")
     return metric
+
+
+def _known(name: str, own: Mapping[str, Metric] = MappingProxyType({})) -> Metric | None:
+    """Return the metric of a name that is built in, of a result's ``own``, or registered; else None."""
+    if name in _OF_CONFLICTS:
+        from scex_sumo.metrics.formulas import conflicts
+
+        return _of(name, formula=getattr(conflicts, name), pairwise=True, **_OF_CONFLICTS[name])
+    return next((known[name] for known in (METRICS, own, _registered) if name in known), None)
 
 
 def _unknown(name: str) -> str:
@@ -209,22 +219,21 @@ def column_named(text: str, columns: Iterable[str] = COLUMNS) -> str:
 
 def columns_of(metrics: Sequence[Metric]) -> tuple[str, ...]:
     """Return the columns of a future."""
-    return tuple(column for each in metrics for column in each.columns)
+    return tuple(column for metric in metrics for column in metric.columns)
 
 
 def thresholds_of(metrics: Iterable[Metric]) -> dict[str, float]:
     """Return thresholds by column."""
-    return {each.name: each.threshold for each in metrics if each.threshold is not None}
+    return {metric.name: metric.threshold for metric in metrics if metric.threshold is not None}
 
 
 def metric_of(column: str, own: Mapping[str, Metric] = MappingProxyType({})) -> Metric:
     """Return the metric of a result column, e.g. of ``ttc_mean``; a result describes its ``own``."""
     name = column.removesuffix("_mean")
-    for metrics in (METRICS, own, _registered, _COLLISIONS):
-        if name in metrics:
-            return metrics[name]
-    # Column names are data of others and never imported.
-    raise UsageError(_unknown(name))
+    metric = _known(name, {**_COLLISIONS, **own})
+    if metric is None:  # column names are data of others and never imported
+        raise UsageError(_unknown(name))
+    return metric
 
 
 def critical_columns(columns: Iterable[str]) -> list[str]:
@@ -236,9 +245,10 @@ def describe_metrics(metrics: Sequence[Metric]) -> list[dict[str, Any]]:
     """Describe metrics for ``run.json``; nothing for the usual sets."""
     if tuple(metrics) in (SETS["paper"], SETS["path"], SETS[BOTH]):
         return []
-    return [each.description() for each in metrics]
+    return [metric.description() for metric in metrics]
 
 
 def described_metrics(descriptions: Iterable[Mapping[str, Any]]) -> dict[str, Metric]:
     """Return by name the metrics of ``run.json``, whose functions this process may not have."""
-    return {each["name"]: Metric.described(each) for each in descriptions if each["name"] not in TAKEN}
+    own = [description for description in descriptions if description["name"] not in TAKEN]
+    return {description["name"]: Metric.described(description) for description in own}
