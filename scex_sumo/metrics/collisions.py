@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,6 @@ _PAIRS_AT_ONCE = 1 << 12
 _SAME_TIME_S = 1e-9
 # outlines at the start of moves, way in x and y, m, and turn, rad
 _Ends: TypeAlias = tuple[Rectangles, FloatArray, FloatArray, FloatArray]
-_NEAR_M = 6.0  # way of a vehicle until `Contacts` looks for near pairs again
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,47 +104,23 @@ class Contacts:
     ) -> None:
         """Begin at the seed moment with states (V,); pairs in ``uncounted`` (V, V) never collide."""
         self._length, self._width = length, width
-        self._one, self._two = np.triu_indices(len(length), 1)
-        self._reach = (np.hypot(length, width) / 2)[self._one] + (np.hypot(length, width) / 2)[self._two]
-        boxes = (Rectangles.of(start[side], length[side], width[side]) for side in (self._one, self._two))
+        one, two = np.triu_indices(len(length), 1)
+        boxes = (Rectangles.of(start[side], length[side], width[side]) for side in (one, two))
         overlap = overlap_area(*boxes)
-        self._limit = np.where(overlap > CONTACT_M2, OVERLAP_M2, CONTACT_M2)
-        self._limit[overlap > OVERLAP_M2] = np.inf
+        self._limit = np.full((len(length), len(length)), np.inf)
+        limit = np.where(overlap > CONTACT_M2, OVERLAP_M2, CONTACT_M2)
+        self._limit[one, two] = np.where(overlap > OVERLAP_M2, np.inf, limit)
         if uncounted is not None:
-            self._limit[uncounted[self._one, self._two]] = np.inf
-        self._anchor: States | None = None
-        self._rows = np.empty(0, dtype=np.int64)  # near pairs, flat index into (C, P)
+            self._limit[uncounted] = np.inf
 
     def in_step(self, before: States, after: States) -> tuple[IntArray, IntArray, IntArray]:
         """Return future and both vehicles of the pairs in contact between two states (C, V)."""
-        travelled_m = _way(before, after)
-        if self._anchor is None or _way(self._anchor, after) > _NEAR_M:
-            self._anchor = before
-            reach = self._reach + 2 * max(_NEAR_M, travelled_m)
-            near = _squares(before, ..., self._one, self._two) <= reach**2
-            self._rows = np.flatnonzero(near & np.isfinite(self._limit))
-        future, pair = np.divmod(self._rows, len(self._one))
-        square = _squares(after, future, self._one[pair], self._two[pair])
-        near = square <= (self._reach[pair] + 2 * travelled_m) ** 2
-        future, pair = future[near], pair[near]
-        tracks = SceneTracks(
-            states=States.stack([before, after], axis=1), length=self._length, width=self._width, first=1
-        )
-        moves = Moves(tracks, future, np.zeros_like(pair), self._one[pair], self._two[pair])
-        touch = _touching(moves)
-        hit = touch[_exceeding(moves.take(touch), self._limit[pair[touch]], only_whether=True)[1]]
+        states = States.stack([before, after], axis=1)
+        moves = near_moves(SceneTracks(states=states, length=self._length, width=self._width, first=1), 0)
+        moves = moves.take(_touching(moves))
+        limit = self._limit[moves.first, moves.second]
+        _, hit = _exceeding(moves, limit, only_whether=True)
         return moves.future[hit], moves.first[hit], moves.second[hit]
-
-
-def _squares(states: States, future: Any, one: IntArray, two: IntArray) -> FloatArray:
-    """Return squared distances of the centres of pairs in futures (n,), or (C, n) in all (``...``), m²."""
-    dx, dy = states.x[future, two] - states.x[future, one], states.y[future, two] - states.y[future, one]
-    return np.asarray(dx * dx + dy * dy)
-
-
-def _way(before: States, after: States) -> float:
-    dx, dy = after.x - before.x, after.y - before.y
-    return float(np.sqrt((dx * dx + dy * dy).max(initial=0.0)))
 
 
 @dataclass(frozen=True, eq=False)
