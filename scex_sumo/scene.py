@@ -99,7 +99,7 @@ class States:
     def joined(parts: Sequence[States], join: Callable[[list[FloatArray]], FloatArray]) -> States:
         """Make each of the four arrays from those of all parts."""
         names = "x", "y", "heading", "speed"
-        return States(**{name: join([getattr(part, name) for part in parts]) for name in names})
+        return States(**{name: join([getattr(states, name) for states in parts]) for name in names})
 
     def assign(self, key: Any, other: States) -> None:
         """Write ``other`` into the arrays at ``key``, in place."""

@@ -82,9 +82,10 @@ def checked(function: F) -> F:
     """Check the arguments of a public function by its annotations before it is called."""
     signature = inspect.signature(function)
     wanted = {
-        one.name: str(one.annotation)
-        for one in signature.parameters.values()
-        if one.annotation is not one.empty and one.kind not in (one.VAR_KEYWORD, one.VAR_POSITIONAL)
+        parameter.name: str(parameter.annotation)
+        for parameter in signature.parameters.values()
+        if parameter.annotation is not parameter.empty
+        and parameter.kind not in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL)
     }
 
     @functools.wraps(function)

@@ -29,7 +29,7 @@ class Rows:
     @classmethod
     def join(cls: type[R], parts: Sequence[R]) -> R:
         """Concatenate the rows of tables."""
-        columns = zip(*(part._columns() for part in parts), strict=True)
+        columns = zip(*(table._columns() for table in parts), strict=True)
         arrays = {column[0][0]: [array for _, array in column] for column in columns}
         return cls(**{name: None if a[0] is None else np.concatenate(a) for name, a in arrays.items()})
 

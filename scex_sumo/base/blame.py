@@ -49,7 +49,7 @@ def alike(one: Any, other: Any) -> bool:
     if type(one) is not type(other):
         return False
     if is_dataclass(one):
-        return all(alike(getattr(one, part.name), getattr(other, part.name)) for part in fields(one))
+        return all(alike(getattr(one, field.name), getattr(other, field.name)) for field in fields(one))
     if isinstance(one, dict):
         return list(one) == list(other) and alike([*one.values()], [*other.values()])
     if isinstance(one, list | tuple):

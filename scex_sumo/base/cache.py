@@ -90,16 +90,16 @@ def pack(value: Any, parts: tuple[type, ...]) -> bytes:
 def unpack(packed: bytes, parts: tuple[type, ...]) -> Any:
     """Return the value of `pack`."""
     head, _, content = packed.partition(b"\n")
-    at, classes = 0, _by_name(parts)
+    offset, classes = 0, _by_name(parts)
 
     def array(kind: str, shape: list[int], order: Literal["C", "F"], scalar: bool) -> Any:
-        nonlocal at
+        nonlocal offset
         dtype = np.dtype(kind)
         if dtype.kind not in "biufU":
             raise ValueError(f"arrays of {kind} are not expected")
         count = math.prod(shape)
-        values = np.frombuffer(content, dtype, count, at) if count else np.empty(0, dtype)
-        at += values.nbytes
+        values = np.frombuffer(content, dtype, count, offset) if count else np.empty(0, dtype)
+        offset += values.nbytes
         return values[0] if scalar else values.reshape(shape, order=order).copy(order="K")
 
     def whole(value: Any) -> Any:
@@ -120,7 +120,7 @@ def unpack(packed: bytes, parts: tuple[type, ...]) -> Any:
 
 
 def _by_name(parts: tuple[type, ...]) -> dict[str, type]:
-    return {part.__name__: part for part in parts}
+    return {kind.__name__: kind for kind in parts}
 
 
 @cache

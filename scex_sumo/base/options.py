@@ -51,16 +51,16 @@ def option(help: str, default: Any = MISSING, *, factory: Any = MISSING, **how: 
 
 def options_of(kind: type) -> dict[str, Option]:
     """Return the options of a dataclass by field."""
-    return {one.name: one.metadata["option"] for one in fields(kind) if "option" in one.metadata}
+    return {entry.name: entry.metadata["option"] for entry in fields(kind) if "option" in entry.metadata}
 
 
 def from_command_line(kind: type, given: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of the options of a dataclass that a command line gives."""
     values = {}
-    for name, one in options_of(kind).items():
+    for name, described in options_of(kind).items():
         value = given.get(name)
-        if name in given and not ((one.takes or one.several) and value in (None, [])):
-            values[name] = value if one.read is None else one.read(value)
+        if name in given and not ((described.takes or described.several) and value in (None, [])):
+            values[name] = value if described.read is None else described.read(value)
     return values
 
 
@@ -70,7 +70,7 @@ def split_options(given: Mapping[str, Any], kinds: Sequence[type]) -> list[dict[
     Raises:
         UsageError: an option belongs to none of them.
     """
-    known = [[one.name for one in fields(kind) if one.init] for kind in kinds]
+    known = [[entry.name for entry in fields(kind) if entry.init] for kind in kinds]
     everything = [name for names in known for name in names]
     for name in given:
         if name not in everything:
@@ -82,8 +82,8 @@ def present_names(arguments: Iterable[str]) -> list[str]:
     """Return arguments with options under their present names, for scripts that use former ones."""
     former = {"--children": "--futures", "--child": "--future", "--plots": "--report"}
     former["--no-plots"] = "--no-report"
-    named = [(one, *one.partition("=")) for one in arguments]
-    return [former[name] + equals + value if name in former else one for one, name, equals, value in named]
+    named = [(word, *word.partition("=")) for word in arguments]
+    return [former[name] + equals + value if name in former else word for word, name, equals, value in named]
 
 
 def number_or_name(text: str) -> int | str:

@@ -47,7 +47,7 @@ def check_output(path: Path, *inputs: Path | None) -> Path:
             return target
         if not path.is_file():  # a pipe of /dev/stdout has no file as its target
             raise ResultError(f"{path}: is {kind_of(path)}; give the name of a file")
-        if any(one is not None and one.exists() and target.samefile(one) for one in inputs):
+        if any(file is not None and file.exists() and target.samefile(file) for file in inputs):
             raise ResultError(f"{path}: is an input of this command; give another name")
         if _fingerprint(target) not in _written():
             raise ResultError(

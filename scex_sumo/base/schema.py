@@ -91,11 +91,11 @@ def faults(value: Any, schema: Schema, place: str = "") -> Iterator[str]:
 def _of_members(value: dict[str, Any], schema: Schema, place: str) -> Iterator[str]:
     known, others = schema.get("properties", {}), schema.get("additionalProperties", True)
     for name, member in value.items():
-        at = f"{place}.{name[:40]}".lstrip(".")
+        where = f"{place}.{name[:40]}".lstrip(".")
         if name in known or isinstance(others, Mapping):
-            yield from faults(member, known.get(name, others), at)
+            yield from faults(member, known.get(name, others), where)
         elif not others:
-            yield f"{at} is unknown"
+            yield f"{where} is unknown"
         if "propertyNames" in schema:
             yield from faults(name, schema["propertyNames"], f"the name {name[:40]!r}")
     missing = [name for name in schema.get("required", ()) if name not in value]

@@ -50,7 +50,7 @@ def read_tensors(
     """
     with _opened(path, again) as opened:
         parts = {name: opened.get_slice(name) for name in opened.keys()}  # noqa: SIM118
-        shapes = {name: tuple(part.get_shape()) for name, part in parts.items()}
+        shapes = {name: tuple(tensor.get_shape()) for name, tensor in parts.items()}
         for name, shape in expected(shapes).items():
             if name not in parts:
                 raise ValueError(f"no {name}")

@@ -41,15 +41,15 @@ def decide(rows: Iterable[Mapping[str, Any]], *, futures: int) -> Decision:
     doubtful = [row for row in every if row["doubt"] and (is_to_be_tested(row) or disagrees(row))]
     tested = [row for row in sure if is_to_be_tested(row)]
     disputed = [row for row in sure if disagrees(row)]
-    for kind, some in (
+    for kind, candidates in (
         (TEST, tested),
         (DISAGREE, disputed),
         (DOUBTFUL, doubtful),
         (NOTHING, sure),
         (DOUBTFUL, every),
     ):
-        if some:
-            row = some[0]
+        if candidates:
+            row = candidates[0]
             same = ("what", "how", "place", "future", "probability", "least", "most", "doubt")
             return Decision(
                 kind=kind,

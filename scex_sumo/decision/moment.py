@@ -73,8 +73,8 @@ def pairs_of_part(scene: SeedScene, part: Part) -> pa.Table:
     assert part.conflicts is not None
 
     def states_of(future: int) -> States:
-        row = int(np.searchsorted(part.futures, future))
-        return with_everybody(scene, part.states[row : row + 1])[0, HISTORY_STEPS:].swapaxes(0, 1)
+        index = int(np.searchsorted(part.futures, future))
+        return with_everybody(scene, part.states[index : index + 1])[0, HISTORY_STEPS:].swapaxes(0, 1)
 
     conflicts = rows_in(Conflicts, part.conflicts)
     return pair_table(scene, conflicts, futures=len(part.futures), states_of=states_of)

@@ -91,15 +91,15 @@ class _Told:
         self._names = _names(whole)
         self._people = whole.people if whole.people is not None else np.zeros(whole.vehicles, np.bool_)
 
-    def row(self, at: int, probability: float) -> dict[str, Any]:
+    def row(self, k: int, probability: float) -> dict[str, Any]:
         """Return the columns of `PAIRS` that one future tells, but for its place, and both indices."""
         conflicts = self._conflicts
-        one, two, future = int(conflicts.one[at]), int(conflicts.two[at]), int(conflicts.future[at])
-        axis, first, step = self._axis(at)
+        one, two, future = int(conflicts.one[k]), int(conflicts.two[k]), int(conflicts.future[k])
+        axis, first, step = self._axis(k)
         own, other = (one, two) if first else (two, one)
         if self._people[own] and not self._people[other]:  # vehicles respond to people
             own, other = other, own
-        kind = what(self._whole, own, other, float(conflicts.meets_rad[at]), person=bool(self._people[other]))
+        kind = what(self._whole, own, other, float(conflicts.meets_rad[k]), person=bool(self._people[other]))
         if kind in (REAR_END, BESIDE) and axis == "gap" and self._is_ahead(own, other):
             own, other = other, own
         row: dict[str, Any] = {
@@ -111,9 +111,9 @@ class _Told:
             "name": self._names[own],
             "other_name": self._names[other],
             "future": future,
-            "needed_braking": float(conflicts.braking[at]),
-            "time_margin": float(conflicts.margin[at]) if np.isfinite(conflicts.margin[at]) else None,
-            "gap_m": float(conflicts.gap[at]),
+            "needed_braking": float(conflicts.braking[k]),
+            "time_margin": float(conflicts.margin[k]) if np.isfinite(conflicts.margin[k]) else None,
+            "gap_m": float(conflicts.gap[k]),
             "conflict_s": STEP_S * step,
             "what": kind,
         }
@@ -135,18 +135,18 @@ class _Told:
         now = self._whole.now
         return bool(now[other].ahead_and_left(now.x[one], now.y[one])[0] > 0)
 
-    def _axis(self, at: int) -> tuple[str, bool, int]:
+    def _axis(self, k: int) -> tuple[str, bool, int]:
         """Return what decides in a row, whether the first vehicle responds, and the step."""
         conflicts = self._conflicts
-        braking, margin, gap = self._parts[:, at].tolist()
-        brakes, later_one = bool(conflicts.brakes_one[at]), bool(conflicts.later_one[at])
-        if conflicts.gap[at] <= 0:
-            return "contact", brakes if conflicts.braking[at] > 0 else later_one, int(conflicts.gap_step[at])
+        braking, margin, gap = self._parts[:, k].tolist()
+        brakes, later_one = bool(conflicts.brakes_one[k]), bool(conflicts.later_one[k])
+        if conflicts.gap[k] <= 0:
+            return "contact", brakes if conflicts.braking[k] > 0 else later_one, int(conflicts.gap_step[k])
         if braking >= max(margin, gap):
-            return "braking", brakes, int(conflicts.braking_step[at])
+            return "braking", brakes, int(conflicts.braking_step[k])
         if margin >= gap:
-            return "margin", later_one, int(conflicts.margin_step[at])
-        return "gap", True, int(conflicts.gap_step[at])
+            return "margin", later_one, int(conflicts.margin_step[k])
+        return "gap", True, int(conflicts.gap_step[k])
 
 
 def indices_of(whole: SeedScene, track_ids: Sequence[int]) -> IntArray:

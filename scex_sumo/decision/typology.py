@@ -72,11 +72,11 @@ def kinds_of(scene: SeedScene, rows: Sequence[Mapping[str, Any]], part: Part) ->
     return kinds
 
 
-def _ways_of(scene: SeedScene, part: Part, row: int) -> DrivenPaths:
-    whole, states = everybody(scene), with_everybody(scene, part.states[row : row + 1])[0].swapaxes(0, 1)
+def _ways_of(scene: SeedScene, part: Part, index: int) -> DrivenPaths:
+    whole, states = everybody(scene), with_everybody(scene, part.states[index : index + 1])[0].swapaxes(0, 1)
     planned = None
     if part.plan_x is not None and part.plan_y is not None and scene.vehicles == whole.vehicles:
-        planned = np.stack([plan[row, -1] for plan in (part.plan_x, part.plan_y)])
+        planned = np.stack([plan[index, -1] for plan in (part.plan_x, part.plan_y)])
     return DrivenPaths.of(states, whole.length, whole.width, planned)
 
 
@@ -103,14 +103,14 @@ def _ahead(scene: SeedScene, paths_by_vehicle: DrivenPaths, v: int) -> States:
     return States(x=x, y=y, heading=heading, speed=np.zeros_like(s))
 
 
-def _beyond(path: States, at: int) -> States:
+def _beyond(path: States, sample: int) -> States:
     """Return where a path is `_BEYOND_M` after a sample."""
-    return path[int(min(at + _BEYOND_M / _SPACING_M, len(path.x) - 1))]
+    return path[int(min(sample + _BEYOND_M / _SPACING_M, len(path.x) - 1))]
 
 
-def _turned(path: States, before: float, at: int) -> float:
+def _turned(path: States, before: float, sample: int) -> float:
     """Return the turn from a heading before until `_BEYOND_M` after a sample, positive to the left, rad."""
-    return float(_beyond(path, at).heading - path.heading[0] + wrap(path.heading[0] - before))
+    return float(_beyond(path, sample).heading - path.heading[0] + wrap(path.heading[0] - before))
 
 
 def _meeting_samples(one: States, other: States) -> tuple[int, int]:
@@ -148,7 +148,7 @@ def _kind(
     assert scene.road is not None
     inwards = -1.0 if scene.road.left_hand else 1.0  # a turn across the oncoming lane
     turned = [inwards * _turned(*given) for given in zip(paths, before, place, strict=True)]
-    here = [(path.x[at], path.y[at]) for path, at in zip(paths, place, strict=True)]
+    here = [(path.x[sample], path.y[sample]) for path, sample in zip(paths, place, strict=True)]
     points = np.array([*here, *((path.x[0], path.y[0]) for path in paths)])
     _, meets, *stands = places_of(scene.road, points)
     apart = float(_apart(*paths).min())
@@ -185,7 +185,7 @@ def _lead_kind(scene: SeedScene, driven: DrivenPaths, lead: int, follower: int) 
 
 def _go_on_together(paths: list[States], place: tuple[int, int]) -> bool:
     """Whether two ways are still one `_BEYOND_M` after they came together."""
-    one, other = (_beyond(path, at) for path, at in zip(paths, place, strict=True))
+    one, other = (_beyond(path, sample) for path, sample in zip(paths, place, strict=True))
     along = abs(wrap(one.heading - other.heading)) < _IN_LINE_RAD
     return bool(along and np.hypot(one.x - other.x, one.y - other.y) < 2 * _MEETING_M)
 

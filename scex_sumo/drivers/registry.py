@@ -147,8 +147,8 @@ def parse_models(text: str) -> list[ModelSpec]:
         >>> [str(spec) for spec in scex.parse_models("standard_driver@2,risky_driver:minimum_gap=3")]
         ['standard_driver', 'risky_driver:minimum_gap=3']
     """
-    mixed = (MIXES[part].split(",") if part in MIXES else [part] for part in _parts(text))
-    specs = [_parse_one(part) for parts in mixed for part in parts if part]
+    mixed = (MIXES[model].split(",") if model in MIXES else [model] for model in _parts(text))
+    specs = [_parse_one(model) for parts in mixed for model in parts if model]
     if not specs:
         raise UsageError(f"no model in {text!r}; give e.g. standard_driver; 'scex-sumo models' lists all")
     _refuse_twice(specs)
@@ -163,12 +163,12 @@ def _parts(text: str) -> list[str]:
     rest: str | None = text
     while rest is not None:
         if _split(rest) is None:
-            part, comma, after = rest.partition(",")
+            model, comma, after = rest.partition(",")
         elif own := _WEIGHED.fullmatch(rest):
-            part, comma, after = own[1], own[2], own[3]
+            model, comma, after = own[1], own[2], own[3]
         else:
-            part, comma, after = rest, "", ""
-        parts.append(part.strip())
+            model, comma, after = rest, "", ""
+        parts.append(model.strip())
         rest = after if comma else None
     return parts
 
@@ -186,7 +186,7 @@ def model_specs(given: Any) -> tuple[ModelSpec, ...]:
     if isinstance(given, str):
         return tuple(parse_models(given))
     if isinstance(given, Sequence):
-        specs = tuple(spec for one in given for spec in model_specs(one))
+        specs = tuple(spec for model in given for spec in model_specs(model))
         _refuse_twice(specs)
         return specs
     if not (isinstance(given, ModelSpec | Behavior) or callable(given)):
@@ -233,7 +233,7 @@ def _split(text: str) -> tuple[str, list[str]] | None:
 
 def _parse_one(text: str) -> ModelSpec:
     weighed = "@" in text and (_split(text) is None or _WEIGHED.fullmatch(text))
-    body, at, weight = text.rpartition("@") if weighed else (text, "", "1")
+    body, _, weight = text.rpartition("@") if weighed else (text, "", "1")
     own = _split(body)
     name, *rest = body.split(":") if own is None else (own[0], *own[1])
     if name == SUMO:
@@ -244,7 +244,7 @@ def _parse_one(text: str) -> ModelSpec:
         name = f"{SUMO}:{rest.pop(0)}"
     elif (
         rest
-        and all(part.isidentifier() for part in (*name.split("."), rest[0]))
+        and all(word.isidentifier() for word in (*name.split("."), rest[0]))
         and not (name in CORE or name in _registered or name in EXTENSIONS.paths)
     ):
         name = f"{name}:{rest.pop(0)}"
@@ -257,7 +257,7 @@ def _parse_one(text: str) -> ModelSpec:
             raise UsageError(f"{text}: parameter {key} is given twice")
         parameters[key] = value
     try:
-        share = float(weight) if at else 1.0
+        share = float(weight)
     except ValueError:
         raise UsageError(f"{text}: weight {weight!r} is not a number; write e.g. @2 or @0.5") from None
     spec = ModelSpec(name=name, parameters=parameters, weight=share)

@@ -126,11 +126,11 @@ def unchanged(accelerate: Accelerate, rows: BoolArray) -> Accelerate:
 def needs(scene: SeedScene, paths: SeedPaths) -> FloatArray:
     """Return (V,) braking that vehicles have needed for 0.4 s, m/s²; 0 for those that brake already."""
     past, now = scene.history, scene.now
-    row = paths.first + paths.straight
-    s, _, _ = paths.foot_points(row, now.x, now.y, np.full(scene.vehicles, BEHIND_M))
+    path = paths.first + paths.straight
+    s, _, _ = paths.foot_points(path, now.x, now.y, np.full(scene.vehicles, BEHIND_M))
     reach = np.maximum(HORIZON_S * now.speed, 1.0)[:, None]
-    at = (s[:, None] + reach * np.linspace(0.05, 1.0, _POINTS)) / DS_M
-    index = row[:, None] * paths.samples + np.clip(np.rint(at), 0, paths.samples - 1).astype(np.int64)
+    sample = (s[:, None] + reach * np.linspace(0.05, 1.0, _POINTS)) / DS_M
+    index = path[:, None] * paths.samples + np.clip(np.rint(sample), 0, paths.samples - 1).astype(np.int64)
     driven = DrivenPaths.of(past, scene.length, scene.width, paths.table[index, :2].transpose(2, 0, 1))
     one, two = np.triu_indices(scene.vehicles, 1)
     acceleration = recent_acceleration(past.speed)

@@ -208,7 +208,7 @@ def spread_factor(features: FloatArray, noise: FloatArray, growth: FloatArray) -
 def node_weights(time_s: float, human: HumanParameters) -> FloatArray:
     """Return (2,) weights of linear interpolation between ``variation_times_s``; the last value goes on."""
     times = human.variation_times_s
-    return np.array([np.interp(time_s, times, row) for row in np.eye(len(times))])
+    return np.array([np.interp(time_s, times, node) for node in np.eye(len(times))])
 
 
 def lateral_offsets(

@@ -81,17 +81,17 @@ class SceneTracks:
         """Number of evaluated steps."""
         return self.states.shape[1] - self.first
 
-    def futures(self, part: slice) -> SceneTracks:
+    def futures(self, index: slice) -> SceneTracks:
         """Select some futures."""
         types = self.types
         return replace(
             self,
-            states=self.states[part],
-            length=self.length[part] if self.length.ndim == 2 else self.length,
-            width=self.width[part] if self.width.ndim == 2 else self.width,
-            present=None if self.present is None else self.present[part],
-            types=types[part] if isinstance(types, np.ndarray) and types.ndim == 2 else types,
-            acceleration=None if self.acceleration is None else self.acceleration[part],
+            states=self.states[index],
+            length=self.length[index] if self.length.ndim == 2 else self.length,
+            width=self.width[index] if self.width.ndim == 2 else self.width,
+            present=None if self.present is None else self.present[index],
+            types=types[index] if isinstance(types, np.ndarray) and types.ndim == 2 else types,
+            acceleration=None if self.acceleration is None else self.acceleration[index],
         )
 
 
@@ -136,6 +136,6 @@ class PlannedPaths:
             driven=True,
         )
 
-    def futures(self, part: slice) -> PlannedPaths:
+    def futures(self, index: slice) -> PlannedPaths:
         """Select some futures."""
-        return replace(self, x=self.x[part], y=self.y[part])
+        return replace(self, x=self.x[index], y=self.y[index])

@@ -217,14 +217,14 @@ def near_moves(tracks: SceneTracks, start: int) -> Moves:
     tx, ty = np.ascontiguousarray(x.transpose(0, 2, 1)), np.ascontiguousarray(y.transpose(0, 2, 1))
     parts = []
     for begin in range(0, future.size, _PAIRS_AT_ONCE):
-        part = slice(begin, begin + _PAIRS_AT_ONCE)
-        c, f, s = future[part], first[part], second[part]
+        chunk = slice(begin, begin + _PAIRS_AT_ONCE)
+        c, f, s = future[chunk], first[chunk], second[chunk]
         near = _way_near(tx[c, s] - tx[c, f], ty[c, s] - ty[c, f], (radius[c, f] + radius[c, s])[:, None])
         if present is not None:
             there = present[c, :, f] & present[c, :, s]
             near &= there[:, 1:] & there[:, :-1]
-        row, step = np.nonzero(near)
-        parts.append(np.stack([c[row], step + start, f[row], s[row]]))
+        near_pair, step = np.nonzero(near)
+        parts.append(np.stack([c[near_pair], step + start, f[near_pair], s[near_pair]]))
     rows = np.concatenate(parts, axis=1) if parts else np.empty((4, 0), dtype=np.int64)
     return Moves(tracks, *rows)
 
@@ -303,8 +303,8 @@ def _is_seen_first(moves: Moves) -> BoolArray:
     seen = before >= max(moves.tracks.first - 1, 0)
     present = moves.tracks.present
     if present is not None:
-        at = np.maximum(before, 0)
-        seen &= present[moves.future, at, moves.first] & present[moves.future, at, moves.second]
+        earlier = np.maximum(before, 0)
+        seen &= present[moves.future, earlier, moves.first] & present[moves.future, earlier, moves.second]
     return np.asarray(~seen)
 
 
@@ -313,8 +313,8 @@ def _impact(hits: Moves, share: FloatArray, limit: FloatArray) -> tuple[Moves, F
     going = np.flatnonzero(hits.separation(np.zeros(share.size)) <= 0)
     touching = np.zeros(share.size, dtype=bool)
     while going.size:
-        part = hits.at_step(step).take(going)
-        began = _is_seen_first(part)
+        still_touching = hits.at_step(step).take(going)
+        began = _is_seen_first(still_touching)
         touching[going[began]] = True
         going = going[~began]
         step[going] -= 1
@@ -333,7 +333,7 @@ def _impact(hits: Moves, share: FloatArray, limit: FloatArray) -> tuple[Moves, F
     return moves, high
 
 
-def _described(impact: Moves, share: FloatArray, hits: Moves, at: FloatArray, start: int) -> Collisions:
+def _described(impact: Moves, share: FloatArray, hits: Moves, found_at: FloatArray, start: int) -> Collisions:
     one, two = impact.poses(share)
     sides = _touched(impact, share)
     angle = np.abs(wrap(two.heading - one.heading))
@@ -355,10 +355,10 @@ def _described(impact: Moves, share: FloatArray, hits: Moves, at: FloatArray, st
         first_side=np.where(swap, sides[1], sides[0]),
         second_side=np.where(swap, sides[0], sides[1]),
         relative_speed=np.hypot(dvx, dvy),
-        overlap=_grown(hits, at, start),
+        overlap=_grown(hits, found_at, start),
         x=(one.x + two.x) / 2,
         y=(one.y + two.y) / 2,
-        consequence=np.zeros(len(at), dtype=np.bool_),
+        consequence=np.zeros(len(found_at), dtype=np.bool_),
     )
     keys = (collisions.second, collisions.first, collisions.time_s, collisions.future)
     return collisions.take(np.lexsort(keys))
@@ -386,8 +386,8 @@ def _touched(impact: Moves, share: FloatArray) -> tuple[IntArray, IntArray]:
     return sides[0], sides[1]
 
 
-def _grown(hits: Moves, at: FloatArray, start: int) -> FloatArray:
-    largest, present = hits.overlap(at), hits.tracks.present
+def _grown(hits: Moves, found_at: FloatArray, start: int) -> FloatArray:
+    largest, present = hits.overlap(found_at), hits.tracks.present
     for step in range(start, hits.tracks.states.shape[1]):
         later = np.flatnonzero(hits.step < step)
         moves = hits.take(later).at_step(np.full(later.size, step))
@@ -397,5 +397,5 @@ def _grown(hits: Moves, at: FloatArray, start: int) -> FloatArray:
             area = np.where(there, area, 0.0)
         with np.errstate(invalid="ignore"):  # of vehicles that leave in the step of the impact
             largest[later] = np.maximum(largest[later], area)
-    seed = hits.at_step(np.full(hits.step.size, start)).overlap(np.zeros(at.size))
+    seed = hits.at_step(np.full(hits.step.size, start)).overlap(np.zeros(found_at.size))
     return largest - np.where(np.isfinite(seed), seed, 0.0)

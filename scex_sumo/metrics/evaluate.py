@@ -69,8 +69,8 @@ def evaluate(
             parts[metric.name].append(extrema(metric, samples, scenes))
         if also is not None:
             also(start, scenes)
-    scene = {name: SceneValues.join([p[0] for p in part]) for name, part in parts.items()}
-    worst = {name: Worst.join([p[1] for p in part]) for name, part in parts.items()}
+    scene = {name: SceneValues.join([p[0] for p in batches]) for name, batches in parts.items()}
+    worst = {name: Worst.join([p[1] for p in batches]) for name, batches in parts.items()}
     values = [
         column
         for m in chosen

@@ -143,9 +143,9 @@ def _across(history: SceneHistory, vehicles: VehicleIndex) -> FloatArray:
     if scene.people is not None:
         comes &= ~scene.people
     soon = np.where(comes, (ahead + np.abs(aside)) / np.maximum(others.speed, STANDING_MPS), np.inf)
-    next_one, row = np.argmin(soon, axis=1), np.arange(len(vehicles))
-    towards = others.heading[next_one] - np.sign(aside[row, next_one]) * (np.pi / 2)
-    return np.where(np.isfinite(soon[row, next_one]), towards, now.heading)
+    next_one, person = np.argmin(soon, axis=1), np.arange(len(vehicles))
+    towards = others.heading[next_one] - np.sign(aside[person, next_one]) * (np.pi / 2)
+    return np.where(np.isfinite(soon[person, next_one]), towards, now.heading)
 
 
 _person = partial(ModelEntry, may_fail=False, is_own=False, takes_guard=False, moves=PEOPLE)

@@ -27,11 +27,11 @@ def walks_on(points: FloatArray, rules: Rules) -> Iterator[tuple[float, float, f
     """Yield path, begin and end of each crosswalk on a path, and the index of the crosswalk."""
     areas = crosswalk_areas(rules)
     tree = shapely.STRtree(areas)
-    for row, line in enumerate(points):
+    for path, line in enumerate(points):
         for k in np.sort(tree.query(shapely.LineString(line), "intersects")).tolist():
             inside = np.flatnonzero(shapely.contains_xy(areas[k], line))
             if len(inside):
-                yield row, DS_M * float(inside[0]), DS_M * float(inside[-1]), k
+                yield path, DS_M * float(inside[0]), DS_M * float(inside[-1]), k
 
 
 def used_crosswalks(history: SceneHistory, asked: IntArray) -> BoolArray:

@@ -100,9 +100,9 @@ def evidence(scene: SeedScene, paths: SeedPaths, rules: Rules) -> FloatArray:
     """Return (G,) log odds of green from the vehicles of the seed scene on their straightest paths."""
     ruled, traffic = ruled_ways(paths, rules), straight_traffic(SceneHistory.of_scene(scene), paths)
     odds = np.zeros(len(rules.signals))
-    for v, row in enumerate((paths.first + paths.straight).tolist()):
+    for v, path in enumerate((paths.first + paths.straight).tolist()):
         front, rear, speed = (float(a[0, v]) for a in (traffic.front, traffic.rear, traffic.speed))
-        for entry in range(int(ruled.first[row]), int(ruled.first[row + 1])):
+        for entry in range(int(ruled.first[path]), int(ruled.first[path + 1])):
             gap, group = float(ruled.stop[entry]) - front, int(ruled.signal[entry])
             if group < 0 or gap > NEAR_M or rear > ruled.end[entry]:
                 continue

@@ -174,9 +174,9 @@ class IdmDriver(DrivesAlong):
         holds = [] if hold is None else [hold]
         situation = np.stack([on.row, leaders.gap, leaders.speed, *holds], axis=1)
         first, kind = distinct(np.concatenate([own_motion(on.history, on.vehicles), situation], axis=1))
-        some = on._replace(vehicles=on.vehicles[first], row=on.row[first])
-        accelerate = self._accelerate(some, leaders.take(first), None if hold is None else hold[first])
-        return Intent(some.vehicles, some.paths, some.row, accelerate, kind)
+        distinct_on = on._replace(vehicles=on.vehicles[first], row=on.row[first])
+        accelerate = self._accelerate(distinct_on, leaders.take(first), None if hold is None else hold[first])
+        return Intent(distinct_on.vehicles, distinct_on.paths, distinct_on.row, accelerate, kind)
 
     def _accelerate(self, on: OnPath, leaders: Leaders, hold: FloatArray | None) -> Accelerate:
         """Return accelerations behind leaders of constant speed, and before places to stop."""

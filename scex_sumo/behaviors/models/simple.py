@@ -85,6 +85,6 @@ class Replay(Driver):
         planned = recorded[:, np.minimum(history.step + h, steps)]
         ending = np.flatnonzero(left < PLAN_STEPS)
         rest = drive_along(history, road, vehicles[ending], "straight", start=end[ending])
-        row, step = np.nonzero(h >= left[ending, None])
-        planned.assign((ending[row], step), rest[row, step - left[ending[row]]])
+        index, step = np.nonzero(h >= left[ending, None])
+        planned.assign((ending[index], step), rest[index, step - left[ending[index]]])
         return Plan(**vars(planned))

@@ -25,18 +25,18 @@ ROUND_M = 1.0  # of a Gaussian filter of the knots' shifts
 
 def redrawn(road: Road, paths: SeedPaths) -> FloatArray:
     """Return the driven lines of the paths that lie on lanes, and the others as they are; see `Redraw`."""
-    driven, at = paths.smooth.copy(), DS_M * np.arange(paths.samples, dtype=np.float64)
-    room = {k: room_of(road, *line, at) for k, line in enumerate(paths.centrelines) if line is not None}
+    driven, s = paths.smooth.copy(), DS_M * np.arange(paths.samples, dtype=np.float64)
+    room = {k: room_of(road, *line, s) for k, line in enumerate(paths.centrelines) if line is not None}
     if room:
         known = list(room)
         driven[known] = driven_lines(driven[known], paths.raw[known], np.stack([*room.values()]), DS_M)
     return driven
 
 
-def room_of(road: Road, points: FloatArray, owner: IntArray, at: FloatArray) -> FloatArray:
+def room_of(road: Road, points: FloatArray, owner: IntArray, s: FloatArray) -> FloatArray:
     """Return (N, 2) distances to the left and right bound of the lanes along a centreline, m.
 
-    ``points`` (M, 2), ``owner`` (M,) the lane under each, ``at`` (N,) arc lengths of the samples, m.
+    ``points`` (M, 2), ``owner`` (M,) the lane under each, ``s`` (N,) arc lengths of the samples, m.
     """
     room = np.empty((len(points), 2))
     lanes = lane_bounds(road)
@@ -45,7 +45,7 @@ def room_of(road: Road, points: FloatArray, owner: IntArray, at: FloatArray) -> 
         where = shapely.points(points[mine])
         room[mine] = np.stack([shapely.distance(where, line) for line in lanes[lane]], axis=1)
     arc = arc_lengths(points)
-    return np.stack([np.interp(at, arc, side) for side in room.T], axis=1)
+    return np.stack([np.interp(s, arc, side) for side in room.T], axis=1)
 
 
 def driven_lines(points: FloatArray, centre: FloatArray, room: FloatArray, ds: float) -> FloatArray:
@@ -63,8 +63,8 @@ def driven_lines(points: FloatArray, centre: FloatArray, room: FloatArray, ds: f
     shift = _band(EVERY * ds, *knots)
     place = np.arange(points.shape[1]) / EVERY
     low = np.minimum(place.astype(np.int64), shift.shape[1] - 2)
-    part = np.minimum(place - low, 1.0)
-    fine = shift[:, low] * (1 - part) + shift[:, low + 1] * part
+    share = np.minimum(place - low, 1.0)
+    fine = shift[:, low] * (1 - share) + shift[:, low + 1] * share
     fine = gaussian(fine[..., None], ROUND_M / ds)
     return np.asarray(points + fine * normal)
 

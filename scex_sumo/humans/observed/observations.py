@@ -229,8 +229,8 @@ def _mean_features(view: View, leaders: Leaders, gap: FloatArray, near: BoolArra
     """Return (P, 8); see `PathObservations`."""
     human, shown, vehicle = view.human, view.shown, view.vehicles.vehicle
     speed, ahead = shown.speed[vehicle], int((BEHIND_M + human.limit_ahead_m) / DS_M)
-    at = view.paths.sample_at(view.row, view.s + human.curve_ahead_s * speed)
-    there = view.paths.curve_curvature.ravel()[at]
+    sample = view.paths.sample_at(view.row, view.s + human.curve_ahead_s * speed)
+    there = view.paths.curve_curvature.ravel()[sample]
     features = (
         shown.acceleration[vehicle],
         idm_acceleration(human.idm, speed, np.full_like(speed, np.inf), gap, leaders.speed),
@@ -338,7 +338,7 @@ def room_at(road: Road, paths: SeedPaths, s: FloatArray) -> FloatArray:
     """
     x, y = paths.at(np.arange(len(s)), s)[:2]
     row = np.repeat(np.arange(len(s)), [len(lanes) for lanes in paths.lanes])
-    lanes = [lane for some in paths.lanes for lane in some]
+    lanes = [lane for lanes_of_path in paths.lanes for lane in lanes_of_path]
     bounds, areas = lane_bounds(road), lane_areas(road)
     inside = shapely.contains_xy(np.array([areas[lane] for lane in lanes], dtype=object), x[row], y[row])
     row, sides = row[inside], [bounds[lane] for lane, there in zip(lanes, inside, strict=True) if there]

@@ -65,9 +65,9 @@ def _pet(scenes: Scenes) -> Entries:
         _area_reach(scenes, crossing),
         strict=True,
     )
-    for at, arc, reach in sides:
-        line = paths.line.reshape(-1)[at]
-        along = arc - paths.offset.reshape(-1)[at]
+    for index, arc, reach in sides:
+        line = paths.line.reshape(-1)[index]
+        along = arc - paths.offset.reshape(-1)[index]
         # A track has one column per step.
         times += [
             paths.lines.column_at(line, along - reach) * scenes.tracks.step_s,

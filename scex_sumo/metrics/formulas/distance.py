@@ -81,8 +81,8 @@ def in_chunks(
     pair: IntArray, scene: IntArray, value: Callable[[IntArray, IntArray], FloatArray]
 ) -> FloatArray:
     """Compute (N,) values, some thousand at a time."""
-    parts = [slice(start, start + CHUNK) for start in range(0, pair.size, CHUNK)]
-    return np.concatenate([np.empty(0), *(value(pair[part], scene[part]) for part in parts)])
+    chunks = [slice(start, start + CHUNK) for start in range(0, pair.size, CHUNK)]
+    return np.concatenate([np.empty(0), *(value(pair[chunk], scene[chunk]) for chunk in chunks)])
 
 
 def gaps_of(scenes: Scenes, pair: IntArray, scene: IntArray) -> FloatArray:
