@@ -172,7 +172,7 @@ def map_format(path: Path) -> MapFormat:
 def is_map(path: Path) -> bool:
     """Whether a file is a map, by its name, else by its beginning."""
     *others, _ = _entries(MapFormat)
-    return path.suffix == ".osm" or any(entry.is_mine(path) for entry in others)
+    return unpacked_name(path).endswith(".osm") or any(entry.is_mine(path) for entry in others)
 
 
 def refuse_other_than_map(path: Path) -> None:

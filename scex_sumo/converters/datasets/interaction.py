@@ -83,9 +83,9 @@ def _map_of(path: Path) -> Path | None:
     folder, stem = path.parent, Path(unpacked_name(path)).stem
     if path.name.startswith("vehicle_tracks_"):
         map_path = folder.parent.parent / "maps" / f"{folder.name}.osm"
-        maps = [plain_or_packed(path.with_name(f"{folder.name}.osm")), *folder.glob("*.osm")]
-        beside = maps[0] or (maps[1] if len(maps) == 2 else None)  # in somebody's own folder
-        return plain_or_packed(map_path) or beside or map_path
+        named = plain_or_packed(map_path) or plain_or_packed(path.with_name(f"{folder.name}.osm"))
+        maps = all_plain_or_packed(folder, "*.osm")
+        return named or (maps[0] if len(maps) == 1 else map_path)  # one map in somebody's own folder
     if folder.name in ("train", "val") and stem.endswith(f"_{folder.name}"):
         map_path = folder.parent / "maps" / f"{stem.removesuffix(f'_{folder.name}')}.osm"
         return plain_or_packed(map_path) or map_path

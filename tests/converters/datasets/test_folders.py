@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import os
 import shutil
@@ -46,6 +47,18 @@ def test_pipes_among_recordings_are_not_waited_for(folder: Path) -> None:
 def test_map_and_tracks_that_are_swapped_are_called_so(folder: Path) -> None:
     with pytest.raises(MapError, match=r"a\.csv: not a map, but \S+a\.osm is one: they are swapped"):
         scex_sumo.read_seed(folder / "a.csv", tracks=folder / "a.osm")
+
+
+def test_a_packed_map_is_found_in_a_folder_and_called_swapped_with_its_tracks(folder: Path) -> None:
+    packed = folder / "a.osm.gz"
+    packed.write_bytes(gzip.compress((folder / "a.osm").read_bytes()))
+    (folder / "a.osm").unlink()
+    tracks = (folder / "a.csv").rename(folder.parent / "b.csv")
+    assert map_and_tracks(folder, tracks) == (packed, tracks)
+    with pytest.raises(MapError, match=r"b\.csv: not a map, but \S+a\.osm\.gz is one: they are swapped"):
+        map_and_tracks(tracks, packed)
+    own = tracks.rename(folder / "vehicle_tracks_000.csv")
+    assert map_and_tracks(folder) == (packed, own)
 
 
 def test_a_recording_in_the_place_of_its_map_names_the_map(folder: Path) -> None:

@@ -144,6 +144,14 @@ def test_a_lanelet_that_cars_use_both_ways_is_two_lanes(tmp_path: Path) -> None:
     assert check_net(net.path, road, net.lanes).problems() == []
 
 
+def test_a_lane_that_ends_where_a_two_way_lanelet_ends_leads_onto_its_opposite_lane(tmp_path: Path) -> None:
+    back = Lanelet(2, left=[(100, -1.5), (50, -1.5)], right=[(100, 1.5), (50, 1.5)])
+    lanes = read(tmp_path, [straight(1, 0, 0, 50, one_way=[], both_ways=["vehicle"]), back]).lanes
+    assert lanes[3].reverse_of == 1
+    assert (lanes[2].successors, lanes[3].predecessors) == ((3,), (2,))
+    assert (lanes[1].successors, lanes[2].predecessors) == ((), ())
+
+
 def test_the_largest_id_has_an_opposite_lane_and_greater_ones_are_left_out(tmp_path: Path) -> None:
     both = {"one_way": [], "both_ways": ["vehicle"]}
     greater = [straight(2**53 - 1, 0, 30, 50, **both)]
