@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ import numpy as np
 from scex_sumo.base.arrays import BoolArray, FloatArray, IntArray
 from scex_sumo.base.errors import SimulationError
 from scex_sumo.base.files import TemporaryFolder
-from scex_sumo.base.sumo.programs import environment, limit_memory, program
+from scex_sumo.base.sumo.programs import run_program
 from scex_sumo.generators.demand import Network, Trip, random_trips, write_curve_limits, write_trips
 from scex_sumo.geometry.polylines import arc_lengths
 from scex_sumo.roads.conflicts import runs
@@ -23,8 +22,7 @@ from scex_sumo.scene import HISTORY_STEPS, STEP_S, States
 
 LANE_CHANGE_S = 4.0
 TELEPORT_S = 20.0
-PROGRESS_S = 0.2  # between two looks at how far SUMO is
-MAX_SILENT = 600  # such looks without a step of SUMO
+LIMIT_S = 600.0  # of SUMO's time
 MIN_ORIGINS = 60
 MAX_DELAY_S = 15.0
 JUMP_M = 0.5  # beyond the driven way: SUMO moved the vehicle
@@ -134,41 +132,27 @@ def _simulate(folder: Path, options: dict[str, Any], tick: Callable[[float, int]
         "no-step-log": "true",
         "no-warnings": "true",
     }
-    command = [
-        program("sumo"),
-        *(word for key, value in options.items() for word in (f"--{key}", str(value))),
-    ]
-    with (
-        (folder / "log.txt").open("w+", encoding="utf-8", errors="replace") as log,
-        subprocess.Popen(command, stdout=log, stderr=log, env=environment()) as sumo,
-    ):
-        limit_memory(sumo, options["net-file"].stat().st_size)
-        try:
-            for time_s, rows in _written(options["fcd-output"], sumo):
-                tick(time_s, rows)
-        except BaseException:
-            sumo.kill()
-            raise
-        log.seek(0)
-        errors = [line.strip() for line in log if line.startswith("Error")]
-    if sumo.returncode:
-        reason = errors[0] if errors else f"exit status {sumo.returncode}"
-        raise SimulationError(f"{options['net-file'].name}: SUMO cannot populate it: {reason}")
+    net, written = options["net-file"], _written(options["fcd-output"])
+    words = [word for key, value in options.items() for word in (f"--{key}", str(value))]
+    said = run_program(
+        "sumo",
+        *words,
+        folder=folder,
+        file_bytes=net.stat().st_size,
+        limit_s=LIMIT_S,
+        on_wait=lambda: tick(*next(written)),
+    )
+    if errors := [line for line in said if line.startswith("Error")]:
+        raise SimulationError(f"{net.name}: SUMO cannot populate it: {errors[0]}")
 
 
-def _written(fcd: Path, sumo: subprocess.Popen[bytes]) -> Iterator[tuple[float, int]]:
-    """Yield the time in s and the number of lines with vehicles that SUMO has written, until it has ended."""
+def _written(fcd: Path) -> Iterator[tuple[float, int]]:
+    """Yield the time in s and the number of lines with vehicles that SUMO has written so far."""
     fcd.touch()
-    time_s, rows, rest, ended, silent = 0.0, 0, b"", False, 0
+    time_s, rows, rest = 0.0, 0, b""
     with fcd.open("rb") as file:
-        while not ended:
-            with suppress(subprocess.TimeoutExpired):
-                sumo.wait(PROGRESS_S)
-            ended = sumo.poll() is not None
+        while True:
             *lines, rest = (rest + file.read()).split(b"\n")
-            silent = 0 if lines else silent + 1
-            if silent > MAX_SILENT:
-                sumo.kill()
             rows += sum(b";;" not in line for line in lines)
             with suppress(ValueError, IndexError):  # no line yet, or the names of the columns
                 time_s = float(lines[-1].split(b";")[0])

@@ -160,7 +160,7 @@ def zigzag(lanelet_id: int, x: float) -> Lanelet:
 def test_a_map_of_kinks_is_populated_soon_and_says_how_far_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("scex_sumo.generators.drive.PROGRESS_S", 0.01)
+    monkeypatch.setattr("scex_sumo.base.sumo.programs.WAIT_S", 0.01)
     road, net = converted(
         write_map(tmp_path / "kinks.osm", [zigzag(k, 120 * k) for k in range(1, 5)]), tmp_path
     )

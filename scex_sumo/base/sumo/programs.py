@@ -6,8 +6,10 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 from scex_sumo.base.errors import SimulationError
@@ -15,6 +17,7 @@ from scex_sumo.base.errors import SimulationError
 # Limits of a program, and what they grow by for each byte of the file that it reads.
 MEMORY_BYTES, MEMORY_PER_BYTE = 3 * 2**29, 150
 TIME_S, TIME_PER_BYTE_S = 60.0, 2e-5
+WAIT_S = 0.2
 
 
 def sumo_home() -> Path:
@@ -37,7 +40,7 @@ def environment() -> dict[str, str]:
     return {**os.environ, "SUMO_HOME": str(sumo_home())}
 
 
-def limit_memory(process: subprocess.Popen[Any], file_bytes: int) -> float:
+def _limit_memory(process: subprocess.Popen[Any], file_bytes: int) -> float:
     """Limit the memory of a program by the size of the file that it reads; return the limit in GiB."""
     limit = MEMORY_BYTES + MEMORY_PER_BYTE * file_bytes
     if sys.platform == "linux":
@@ -49,13 +52,19 @@ def limit_memory(process: subprocess.Popen[Any], file_bytes: int) -> float:
 
 
 def run_program(
-    name: str, *options: str, folder: Path, file_bytes: int, limit_s: float | None = None
+    name: str,
+    *options: str,
+    folder: Path,
+    file_bytes: int,
+    limit_s: float | None = None,
+    on_wait: Callable[[], None] = lambda: None,
 ) -> tuple[str, ...]:
     """Run a program of SUMO in a folder, with a limit of memory.
 
     Args:
         file_bytes: size of the file that it reads; the limits grow with it.
         limit_s: of time, in place of that.
+        on_wait: called every `WAIT_S` until it has ended; an exception stops it.
 
     Returns:
         What it complains about: errors as ``Error: ...``, a crash or a limit as ``Error: NAME ...``.
@@ -65,13 +74,17 @@ def run_program(
     with subprocess.Popen(
         command, stdout=nowhere, stderr=subprocess.PIPE, cwd=folder, env=environment()
     ) as process:
-        limit_gib = limit_memory(process, file_bytes)
+        limit_gib, stop_s, said = _limit_memory(process, file_bytes), monotonic() + limit_s, None
         try:
-            said = process.communicate(timeout=limit_s)[1]
-        except BaseException as error:
+            while said is None:
+                with suppress(subprocess.TimeoutExpired):
+                    said = process.communicate(timeout=min(WAIT_S, limit_s))[1]
+                if said is None and monotonic() > stop_s:
+                    process.kill()
+                    return (f"Error: {name} was stopped after {limit_s:.0f} s",)
+                on_wait()
+        except BaseException:
             process.kill()
-            if isinstance(error, subprocess.TimeoutExpired):
-                return (f"Error: {name} was stopped after {limit_s:.0f} s",)
             raise
     lines = [line.strip() for line in said.decode(errors="replace").splitlines() if line.strip()]
     status = process.returncode

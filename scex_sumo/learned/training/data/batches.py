@@ -71,12 +71,12 @@ class Batches:
         """Return some graphs as one batch."""
         samples = self.samples
         nodes, edges, pairs = samples.nodes[graphs], samples.edges[graphs], samples.pairs[graphs]
-        node = self._index(self.node_start[graphs], nodes)
-        edge = self._index(self.edge_start[graphs], edges)
-        pair = self._index(self.pair_start[graphs], pairs)
+        node = _ranges(self.node_start[graphs], nodes)
+        edge = _ranges(self.edge_start[graphs], edges)
+        pair = _ranges(self.pair_start[graphs], pairs)
         begin = _starts(nodes)
-        edge_index = samples.edge_index[:, edge.cpu().numpy()] + np.repeat(begin, edges)
-        pair_node = samples.pair_node[pair.cpu().numpy()] + np.repeat(begin, pairs)
+        edge_index = samples.edge_index[:, edge] + np.repeat(begin, edges)
+        pair_node = samples.pair_node[pair] + np.repeat(begin, pairs)
         return Batch(
             scene=SceneBatch(
                 node=self._node[node],
@@ -88,10 +88,6 @@ class Batches:
             **{name: values[pair] for name, values in self._pairs.items()},
         )
 
-    def _index(self, start: IntArray, count: IntArray) -> Tensor:
-        index = np.arange(int(count.sum())) + np.repeat(start - _starts(count), count)
-        return torch.as_tensor(index, device=self.device)
-
     def groups(self, order: IntArray, nodes: int) -> list[IntArray]:
         """Cut an order of graphs into batches of about so many nodes."""
         total = np.cumsum(self.samples.nodes[order])
@@ -101,6 +97,10 @@ class Batches:
 
 def _starts(count: IntArray) -> IntArray:
     return np.asarray(np.cumsum(count) - count)
+
+
+def _ranges(start: IntArray, count: IntArray) -> IntArray:
+    return np.asarray(np.arange(int(count.sum())) + np.repeat(start - _starts(count), count))
 
 
 def _signs(columns: Sequence[str], sideways: Sequence[str]) -> Tensor:
