@@ -19,7 +19,9 @@ from scex_sumo.converters.tracks.road_users import MOTOR_TYPES
 from scex_sumo.converters.tracks.rows import TrackTable
 from scex_sumo.scene import LOGGED_HISTORY
 
-MAX_SIZE_M = 1e4
+TEXTS = ("case_id", "track_id", "agent_type")
+NUMBERS = ("frame_id", "x", "y", "vx", "vy", "psi_rad", "length", "width", "timestamp_ms")
+LARGEST = {"frame_id": 1e15, "length": 1e4, "width": 1e4}
 
 
 def read_source(source: Path) -> tuple[TrackTable, int]:
@@ -59,28 +61,10 @@ def read_parquet(path: Path, *, arrivals: bool = False) -> TrackTable:
         raise TrackError(f"{path}: cannot be read as Parquet: {one_line(error)[:160]}") from None
     if arrivals and "x" in table.column_names:
         table = table.filter(table["x"].is_valid())
-    floats = ("x", "y", "vx", "vy", "psi_rad", "length", "width", "timestamp_ms")
-    needed = ("case_id", "track_id", "frame_id", "agent_type", *floats)
-    missing = [name for name in needed if name not in table.column_names]
+    missing = [name for name in (*TEXTS, *NUMBERS) if name not in table.column_names]
     if missing:
         raise TrackError(f"{path}: no column {', '.join(missing)}; give tracks with INTERACTION columns")
-    columns: dict[str, Any] = {}
-    for name in needed:
-        words = name in ("case_id", "track_id", "agent_type")
-        try:
-            column = table[name].cast(pa.string() if words else pa.float64()).combine_chunks()
-        except pa.ArrowException as error:
-            raise TrackError(f"{path}: column {name}: {one_line(error)[:120]}; repair it") from None
-        if column.null_count or (not words and not np.isfinite(column.to_numpy()).all()):
-            raise TrackError(f"{path}: column {name} has missing values; fill or drop those rows")
-        if words:
-            encoded = column.dictionary_encode()
-            columns[name] = np.asarray(encoded.indices, np.int64), encoded.dictionary.to_pylist()
-            continue
-        columns[name] = column.to_numpy()
-        largest = {"frame_id": 1e15, "length": MAX_SIZE_M, "width": MAX_SIZE_M}.get(name)
-        if largest is not None and np.abs(columns[name]).max(initial=0.0) > largest:
-            raise TrackError(f"{path}: column {name} has values beyond {largest:g}; repair them")
+    columns = {name: _column(path, table, name) for name in (*TEXTS, *NUMBERS)}
     if not table.num_rows:
         raise TrackError(f"{path}: no rows; give a file with tracks")
     kind, types = columns["agent_type"]
@@ -100,3 +84,20 @@ def read_parquet(path: Path, *, arrivals: bool = False) -> TrackTable:
         )
     check_values(tracks)
     return tracks
+
+
+def _column(path: Path, table: pa.Table, name: str) -> Any:
+    """Return numbers, or the codes of texts and these texts."""
+    try:
+        column = table[name].cast(pa.string() if name in TEXTS else pa.float64()).combine_chunks()
+    except pa.ArrowException as error:
+        raise TrackError(f"{path}: column {name}: {one_line(error)[:120]}; repair it") from None
+    if column.null_count or (name not in TEXTS and not np.isfinite(column.to_numpy()).all()):
+        raise TrackError(f"{path}: column {name} has missing values; fill or drop those rows")
+    if name in TEXTS:
+        encoded = column.dictionary_encode()
+        return np.asarray(encoded.indices, np.int64), encoded.dictionary.to_pylist()
+    largest = LARGEST.get(name, np.inf)
+    if np.abs(column.to_numpy()).max(initial=0.0) > largest:
+        raise TrackError(f"{path}: column {name} has values beyond {largest:g}; repair them")
+    return column.to_numpy()

@@ -178,9 +178,18 @@ def fit(
 
     ``known``: (S, 3 + R) of `known_scenes` for each site.
     """
+    tensors = _statistics(train, known)
     torch.manual_seed(seed)
-    flat = train.places[:, 0]
-    every = train.places[:, ::8].reshape(-1, flat.shape[1])
+    state, loss = _trained(SceneModel(tensors=tensors, meta={}), train, validation, epochs)
+    for key, value in state.items():  # place.3.weight is the second layer
+        name, layer, kind = key.split(".")
+        tensors[f"{name}.{int(layer) // 3}.{kind}"] = value.numpy()
+    return tensors, loss
+
+
+def _statistics(train: SceneSamples, known: Sequence[FloatArray]) -> dict[str, FloatArray]:
+    """Return the tensors of a `SceneModel` other than those of its networks."""
+    every = train.places[:, ::8].reshape(-1, train.places.shape[2])
     tensors: dict[str, FloatArray] = {"mean": every.mean(axis=0), "spread": every.std(axis=0) + 1e-3}
     scenes = np.concatenate(known)
     tensors["density"] = np.quantile(np.exp(scenes[:, 0]), np.linspace(0, 1, 33))
@@ -193,22 +202,28 @@ def fit(
         tensors[name] = np.stack(
             [_given_length(train, name, by_length == k) for k in range(by_length.max() + 1)]
         )
-    model = SceneModel(tensors=tensors, meta={})
+    return tensors
+
+
+def _trained(
+    model: SceneModel, train: SceneSamples, validation: SceneSamples, epochs: int
+) -> tuple[dict[str, Tensor], float]:
+    """Train the networks; return their best state and its validation loss."""
     nets = nn.ModuleDict({"place": _net(len(COLUMNS), 1)})
     for k, name in enumerate(DRAWN):
-        nets[name] = _net(len(MOTION) + k, len(tensors[f"bins.{name}"]))
+        nets[name] = _net(len(MOTION) + k, len(model.tensors[f"bins.{name}"]))
     share = np.bincount(train.site)[train.site] ** -0.5
     weight = torch.as_tensor(share / share.mean(), dtype=torch.float32)
-    parts = [_tensors(model, samples) for samples in (train, validation)]
+    to_fit, to_validate = _tensors(model, train), _tensors(model, validation)
     optimizer = torch.optim.AdamW(nets.parameters(), lr=2e-3, weight_decay=0.02)
     steps = epochs * (len(weight) // BATCH + 1)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, 4e-3, total_steps=steps + 1)
-    best, state, since = np.inf, copy.deepcopy(nets.state_dict()), 0
-    for epoch in range(epochs):
+    best, best_epoch, state = np.inf, 0, copy.deepcopy(nets.state_dict())
+    for epoch in range(1, epochs + 1):
         nets.train()
         total = 0.0
         for rows in torch.split(torch.randperm(len(weight)), BATCH):
-            loss = (_losses(nets, [t[rows] for t in parts[0]]) * weight[rows, None]).sum(1).mean()
+            loss = (_losses(nets, [t[rows] for t in to_fit]) * weight[rows, None]).sum(1).mean()
             optimizer.zero_grad()
             torch.autograd.backward([loss])
             optimizer.step()
@@ -216,27 +231,22 @@ def fit(
             total += loss.item() * len(rows)
         nets.eval()
         with torch.no_grad():
-            batches = zip(*(torch.split(t, 1024) for t in parts[1]), strict=True)
+            batches = zip(*(torch.split(t, 1024) for t in to_validate), strict=True)
             losses = torch.cat([_losses(nets, [*batch]) for batch in batches])
         score = float(losses.sum(1).mean())
-        words = f"epoch {epoch + 1} loss {total / len(weight):.3f} validation {score:.3f}"
-        print(words, file=sys.stderr)
-        since += 1
+        print(f"epoch {epoch} loss {total / len(weight):.3f} validation {score:.3f}", file=sys.stderr)
         if score < best:
-            best, state, since = score, copy.deepcopy(nets.state_dict()), 0
-        if since >= PATIENCE:
+            best, best_epoch, state = score, epoch, copy.deepcopy(nets.state_dict())
+        if epoch - best_epoch >= PATIENCE:
             break
-    for key, value in state.items():  # place.3.weight is the second layer
-        name, layer, kind = key.split(".")
-        tensors[f"{name}.{int(layer) // 3}.{kind}"] = value.numpy()
-    return tensors, best
+    return state, best
 
 
-def _given_length(samples: SceneSamples, name: str, rows: BoolArray) -> FloatArray:
-    rows = rows if rows.any() else ~rows  # a bin of few samples' lengths may hold none
+def _given_length(samples: SceneSamples, name: str, in_bin: BoolArray) -> FloatArray:
+    in_bin = in_bin if in_bin.any() else ~in_bin  # a bin of few samples' lengths may hold none
     if name == "width":
-        return np.asarray(np.quantile(samples.width[rows], WIDTHS))
-    return np.asarray(np.bincount(samples.kind[rows], minlength=len(KINDS)) / rows.sum())
+        return np.asarray(np.quantile(samples.width[in_bin], WIDTHS))
+    return np.asarray(np.bincount(samples.kind[in_bin], minlength=len(KINDS)) / in_bin.sum())
 
 
 def _net(inputs: int, outputs: int) -> nn.Sequential:
